@@ -80,10 +80,7 @@ class FrameSetup(CouponSetup):
             "shear_angle_deg": angle,
             "normalised_shear_force_N_per_mm": force,
             "closed_form_N_per_mm": float(self.closed_form(strain, np.array([gamma]))[0]),
-            **{
-                n: measures.extremes(self.comm, fields[n])
-                for n in ("shear_angle", "eps_a", "eps_b")
-            },
+            **{name: measures.extremes(self.comm, fields[name]) for name in names},
         }
 
     def pictures(self, result: Result, folder: Path) -> None:

@@ -132,10 +132,8 @@ class Problem:
             self.gain[s], self.linear[s] = 0.0, linear
         # the yarns of points under free tension, and where to start the strain across
         self.along = joined(lambda curve, _: -1 if curve.free is None else curve.free)
-        last = [curve.responses[-1] for curve, _ in parts]
-        begin = np.concatenate([r.values if r.component == 3 else 0 * r.values for r in last])
         points = {along: np.flatnonzero(self.along == along) for along in (0, 1)}
-        self.free = {along: (at, begin[at]) for along, at in points.items() if at.size}
+        self.free = {along: (at, np.zeros(at.size)) for along, at in points.items() if at.size}
         self.angle = float(np.abs(self.strains[self.component == 2, 2]).max(initial=0.0))
         self.extent = max(np.abs(self.strains[:, :2]).max(), 1e-3)
         self.start = np.array([*true_values(DEFAULTS, sheet.balanced).values()])

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from ..readers.units import OWN, UNITS, check_unit, suffixes
 from ..runtime.errors import InputError
+from ..runtime.files import replace_file
 from ..runtime.rules import POSITIVE, Rule, above_zero, did_you_mean, shown, unknown_key
 
 SHEET = {"thickness": above_zero("length"), "density": above_zero("density")}
@@ -69,14 +70,8 @@ def read_toml(path: str | os.PathLike[str], make: Callable[[dict[str, Any]], Any
 
 def write_whole(path: str | os.PathLike[str], text: str) -> None:
     """Write a file whole or not at all; InputError where it cannot be written."""
-    path = Path(path)
-    part = path.parent / f".{path.name}.{os.getpid()}.part"
     try:
-        try:
-            part.write_text(text, encoding="utf-8")
-            os.replace(part, path)
-        finally:
-            part.unlink(missing_ok=True)
+        replace_file(Path(path), text.encode())
     except (OSError, ValueError) as error:
         raise InputError(
             f"{path}: cannot be written ({_reason(error)}); allowed is a folder of this user"

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from ..readers.read import read_surface_mesh
-from ..readers.text_tables import Problems, is_comment, read_lines, table_of, values_of
+from ..readers.text_tables import Problems, read_lines, rows_of, table_of, values_of
 from ..readers.units import factors
 from ..runtime.errors import InputError
 from ..runtime.files import check_file
@@ -43,20 +43,17 @@ def read_outline(path: Path | str, layer: str | None = None) -> tuple[shapely.Po
     check_file(path, "outline", READ)
     if layer is not None and ending != ".dxf":
         raise InputError(f"`layer` is allowed only for a .dxf, not for {source}")
-    notes: list[str] = []
     if ending in TABLES:
-        rings = _table(path, source)
-    elif ending == ".dxf":
-        lines, notes, hint = _drawing(path, source, layer)
-        try:
-            rings = joined(lines, source)
-            return sheet_of(rings, source), notes
-        except InputError as error:
-            raise InputError(f"{error}{hint}") from None
-    else:
-        lines, notes = _boundary(path, source)
-        rings = joined(lines, source)
-    return sheet_of(rings, source), notes
+        return sheet_of(_table(path, source), source), []
+    hint = ""
+    try:
+        if ending == ".dxf":
+            lines, notes, hint = _drawing(path, source, layer)
+        else:
+            lines, notes = _boundary(path, source)
+        return sheet_of(joined(lines, source), source), notes
+    except InputError as error:
+        raise InputError(f"{error}{hint}") from None
 
 
 def read_trim_line(path: Path | str) -> tuple[list[np.ndarray], list[str]]:
@@ -94,13 +91,9 @@ def _table(path, source, names=("x", "y")):
     3)."""
     problems = Problems()
     try:
-        lines = [each for each in enumerate(read_lines(path), 1) if not is_comment(each[1])]
-        filled = [bool(text.strip(" ,;\t")) for _, text in lines]
-        table = table_of(
-            [each for each, is_filled in zip(lines, filled) if is_filled],
-            lambda name: name.lower() in ("x", "y"),
-            ("x", "y"),
-        )
+        lines = read_lines(path)
+        is_known = ("x", "y", "X", "Y").__contains__
+        table = table_of(rows_of(lines), is_known, ("x", "y"))
         if len(names) > len(table.names) and {len(cells) for cells in table.cells} == {3}:
             table = table._replace(names=[*names], units=[*table.units, None])  # without a header
         wanted = _columns(table, names)
@@ -108,8 +101,9 @@ def _table(path, source, names=("x", "y")):
         problems.stop()
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
-    number = dict(zip((row for row, _ in lines), np.cumsum(np.logical_not(filled))))
-    block = np.array([number[row] for row in table.rows])
+    # a comment is no blank line
+    blank = [not text.strip(" ,;\t") for text in lines]
+    block = np.cumsum(blank)[np.array(table.rows) - 1]
     keys = np.column_stack([block, columns.get("ring", 0 * block)])
     _, first, of = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     points = np.column_stack([columns[name] for name in names if name in columns])
@@ -121,18 +115,17 @@ def _columns(table, wanted):
     names = [name.lower() for name in table.names]
     lengths, found = factors("length"), {}
     for name in (*wanted, "ring"):
-        if names.count(name) != 1 and (name not in ("z", "ring") or name in names):
-            raise InputError(
-                f"row {table.top}: there are {names.count(name)} columns {name}; allowed is one"
-            )
-        if name in names:
-            unit = table.units[names.index(name)]
-            if name != "ring" and unit not in (None, *lengths):
+        count = names.count(name)
+        if count > 1 or (not count and name in ("x", "y")):
+            raise InputError(f"row {table.top}: there are {count} columns {name}; allowed is one")
+        if count:
+            at = names.index(name)
+            unit = None if name == "ring" else table.units[at]
+            if unit not in (None, *lengths):
                 raise InputError(
                     f"row {table.top}: unit of {name} is {unit}; allowed is {', '.join(lengths)}"
                 )
-            factor = 1.0 if name == "ring" or unit is None else lengths[unit]
-            found[names.index(name)] = name, factor
+            found[at] = name, lengths.get(unit, 1.0)
     return found
 
 

@@ -59,9 +59,8 @@ def specimen(
         return _unstructured(length, width, max(length / nx, width / ny), cell, lines)
     x, y = np.meshgrid(np.linspace(0, length, nx + 1), np.linspace(0, width, ny + 1), indexing="ij")
     points = np.column_stack([x.ravel(), y.ravel()])
-    i, j = (k.ravel() for k in np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij"))
-    p00, p01 = i * (ny + 1) + j, i * (ny + 1) + j + 1
-    p10, p11 = p00 + ny + 1, p01 + ny + 1
+    p00 = (np.arange(nx)[:, None] * (ny + 1) + np.arange(ny)).ravel()
+    p01, p10, p11 = p00 + 1, p00 + ny + 1, p00 + ny + 2
     cells: list[tuple[np.ndarray, ...]]
     if cell == "quadrilateral":
         cells = [(p00, p10, p11, p01)]

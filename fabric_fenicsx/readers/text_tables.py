@@ -59,18 +59,18 @@ class TextTable(NamedTuple):
 
 def read_lines(path: str | os.PathLike[str]) -> list[str]:
     """The lines of a text file; InputError without the file's name where it is none."""
+    text, reason = "", ""
     try:
         data = Path(path).read_bytes()
-        if data.startswith(_WORKBOOKS):
-            raise ValueError("it is a workbook; save its sheet as CSV")
         text = _decoded(data).lstrip("\ufeff")
-        if not text.strip():
-            raise ValueError("it is empty")
-        if "\0" in text:
-            raise ValueError("it has bytes that are no text")
+        if data.startswith(_WORKBOOKS):
+            reason = "it is a workbook; save its sheet as CSV"
+        elif "\0" in text or not text.strip():
+            reason = "it has bytes that are no text" if text.strip() else "it is empty"
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"cannot be read as text ({reason}); allowed is a CSV file") from None
+        reason = getattr(error, "strerror", None) or str(error)
+    if reason:
+        raise InputError(f"cannot be read as text ({reason}); allowed is a CSV file")
     return text.splitlines()
 
 
@@ -98,15 +98,11 @@ def _is_japanese(data):
     return sum(0x80 <= byte < 0xA0 for byte in data) >= sum(byte >= 0xA0 for byte in data)
 
 
-def is_comment(line: str) -> bool:
-    """True if a line begins with #, maybe in the quotes that a spreadsheet puts around it."""
-    return line.lstrip(' \t"').startswith("#")
-
-
 def rows_of(lines: Iterable[str]) -> list[tuple[int, str]]:
-    """Number and text of the lines that are neither empty nor comments."""
-    numbered = enumerate(lines, 1)
-    return [(row, text) for row, text in numbered if text.strip(" ,;\t") and not is_comment(text)]
+    """Number and text of the lines that are neither empty nor comments, which begin with #, maybe
+    in the quotes that a spreadsheet puts around them."""
+    numbered = [(row, text) for row, text in enumerate(lines, 1) if text.strip(" ,;\t")]
+    return [(row, text) for row, text in numbered if not text.lstrip(' \t"').startswith("#")]
 
 
 def table_of(
@@ -123,8 +119,7 @@ def table_of(
     is_data = [sum(map(_is_number, cells)) >= 2 for _, cells in split]
     known = [k for k, (_, cells) in enumerate(split) if any(is_known(_parted(c)[0]) for c in cells)]
     if known:  # of several headers the first counts, so that no rows are lost above another one
-        after = is_data[known[0] + 1 :]
-        first = known[0] + 1 + (after.index(True) if any(after) else len(after))
+        first = [*is_data, True].index(True, known[0] + 1)
         top = max(k for k in known if k < first)
     else:
         first = _longest_run(is_data)
@@ -209,18 +204,15 @@ def _longest_run(flags):
     return max(runs, key=len)[0] if runs else len(flags)
 
 
-def _grouping(decimal):
-    """A pattern for what stands between thousands, before this sign for decimals."""
-    return f"[{GROUPS}{',' if decimal == '.' else '.'}]"
-
-
-def _pattern(decimal):
-    whole = rf"(?:[1-9]\d{{0,2}}(?:{_grouping(decimal)}\d{{3}})+|\d+)"
-    mark = re.escape(decimal)
-    return re.compile(rf"[+-]?(?:{whole}(?:{mark}\d*)?|{mark}\d+)(?:[eE][+-]?\d+)?")
-
-
-_NUMBERS = {decimal: _pattern(decimal) for decimal in ".,"}
+# by the sign for decimals: what may stand between thousands, and numbers
+_GROUPING = {".": f"[{GROUPS},]", ",": f"[{GROUPS}.]"}
+_NUMBERS = {
+    mark: re.compile(
+        rf"[+-]?(?:(?:[1-9]\d{{0,2}}(?:{between}\d{{3}})+|\d+)(?:[{mark}]\d*)?|[{mark}]\d+)"
+        r"(?:[eE][+-]?\d+)?"
+    )
+    for mark, between in _GROUPING.items()
+}
 
 
 def _plain(cell):
@@ -235,7 +227,7 @@ def number(cell: str, decimal: str) -> float:
     """The number in a cell, nan where it has none; decimal: the sign before decimals."""
     if not _NUMBERS[decimal].fullmatch(_plain(cell)):
         return math.nan
-    return float(re.sub(_grouping(decimal), "", _plain(cell)).replace(decimal, "."))
+    return float(re.sub(_GROUPING[decimal], "", _plain(cell)).replace(decimal, "."))
 
 
 def decimal_signs(table: TextTable, wanted: Iterable[int]) -> list[str]:
