@@ -73,8 +73,7 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     warnings = [
         *(f"{curve.file}: {text}" for curve in curves for text in curve.remarks),
         *(f"{test.file}: {text}" for test in sheet.compaction for text in test.remarks),
-        *_fit_warnings(curves, found, softest, convex),
-        *_parameter_warnings(determined, assumed),
+        *_fit_warnings(curves, found, softest, convex, determined, assumed),
         *filter(None, (toe_warning(*each) for each in fits)),
         *curve_warnings(curves),
         *(compaction.warnings if compaction else ()),
@@ -225,7 +224,7 @@ def _physics(problem, fabric):
     return softest, convex
 
 
-def _fit_warnings(curves, found, softest, convex):
+def _fit_warnings(curves, found, softest, convex, determined, assumed):
     limit = stats.chi2.ppf(0.999, found.dof) / found.dof
     if all(c.noise for c in curves) and found.variance > limit:
         yield (
@@ -236,9 +235,6 @@ def _fit_warnings(curves, found, softest, convex):
         yield f"the shear stiffness falls to {rounded(softest)} MPa over the measured angles"
     if convex is False:
         yield "the energy is not convex in (eps_a, eps_b) over the measured tension"
-
-
-def _parameter_warnings(determined, assumed):
     for name, value in assumed.items():
         if value.source == UNCOUPLED:
             yield (

@@ -125,7 +125,7 @@ def _columns(table, wanted):
                 raise InputError(
                     f"row {table.top}: unit of {name} is {unit}; allowed is {', '.join(lengths)}"
                 )
-            found[at] = name, lengths.get(unit, 1.0)
+            found[at] = name, 1.0 if unit is None else lengths[unit]
     return found
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import tomli_w
 
-from ...runtime.errors import InputError
+from ...runtime.files import unwritable
 from .model import COMPACTION, STRAINS, TESTS, Curve, Sheet, unit_inside, units
 
 SHOWN = {"eps_a": "%", "eps_b": "%", "gamma": "deg"}  # units other than those used inside
@@ -42,9 +42,7 @@ def write(
             keys = {"test": COMPACTION} | _noise(pressed.noise, response.unit)
             _write_table(folder / pressed.file, remarks, keys, columns)
     except OSError as error:
-        raise InputError(
-            f"{folder}: cannot be written ({error.strerror}); allowed is a folder of this user"
-        ) from None
+        raise unwritable(error) from None
 
 
 def _noise(noise, unit):

@@ -1,7 +1,7 @@
 """A law of fabrics: the numbers that every one has, and what is asked of it."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
@@ -65,16 +65,15 @@ class Law(Material, Energy):
     0.5
     """
 
-    thickness: float = field(default=1.0, kw_only=True)
-    density: float = field(default=0.75, kw_only=True)
-    name: str = field(default="", kw_only=True)
-    compaction: Compaction | None = field(default=Compaction(), kw_only=True)
-    fibre_density: float | None = field(default=None, kw_only=True)
+    _: KW_ONLY
+    thickness: float = 1.0
+    density: float = 0.75
+    name: str = ""
+    compaction: Compaction | None = Compaction()
+    fibre_density: float | None = None
     # where numbers are from does not make another fabric
-    assumed: tuple[str, ...] = field(default=(), kw_only=True, compare=False)
-    scatter: Mapping[str, tuple[float, float]] = field(
-        default_factory=dict, kw_only=True, compare=False
-    )
+    assumed: tuple[str, ...] = field(default=(), compare=False)
+    scatter: Mapping[str, tuple[float, float]] = field(default_factory=dict, compare=False)
 
     def __init_subclass__(cls) -> None:
         known, here = LAWS.get(cls.law, cls), (cls.__module__, cls.__qualname__)
@@ -184,10 +183,6 @@ class Law(Material, Energy):
     def decoupled(self) -> Self:
         """A copy with every coupling off: three independent curves, like Abaqus' FABRIC."""
         return self.without(*COUPLINGS)
-
-    def check_shapes(self) -> None:
-        """InputError where closed forms of `derivatives` have not the shapes that it says."""
-        law_checks.check_shapes(self)
 
     def check_rest(self) -> None:
         """InputError where the fabric as it lies, without strain, has energy or stress, where its
