@@ -28,21 +28,3 @@ from .problem import Assumed, Determined, true_values
 from .result import Identification, coverage_lines, result_lines
 from .simulated import identify_simulated
 from .synthetic import PLANS, coverage, synthesise, synthesise_compaction
-
-__all__ = [
-    "PLANS",
-    "Assumed",
-    "CompactionFit",
-    "Determined",
-    "Identification",
-    "coverage",
-    "coverage_lines",
-    "draw",
-    "fit_compaction",
-    "identify",
-    "identify_simulated",
-    "result_lines",
-    "synthesise",
-    "synthesise_compaction",
-    "true_values",
-]

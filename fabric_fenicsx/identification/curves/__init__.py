@@ -26,21 +26,3 @@ from .forces import bias_displacement, bias_force, bias_normalised
 from .model import MIN_POINTS, STRAINS, TESTS, CompactionTest, Curve, Response, Sheet
 from .reading import read, read_sheet
 from .writing import write
-
-__all__ = [
-    "MIN_POINTS",
-    "STRAINS",
-    "TESTS",
-    "CompactionTest",
-    "Curve",
-    "Response",
-    "Sheet",
-    "bias_displacement",
-    "bias_force",
-    "bias_normalised",
-    "check_contradictions",
-    "curve_warnings",
-    "read",
-    "read_sheet",
-    "write",
-]
