@@ -21,10 +21,8 @@ STRETCHED = 0.1  # of the load, in which the yarns are stretched before shear be
 class FrameSetup(CouponSetup):
     """A `PictureFrame` on its mesh; its state is homogeneous."""
 
-    @property
-    def side(self) -> float:
-        """Side of the square [mm]."""
-        return (self.high - self.low)[0]
+    def prepare(self) -> None:
+        self.side = (self.high - self.low)[0]  # of the square [mm]
 
     def state(self, load: float) -> tuple[float, float]:
         """Yarn strain [-] and shear angle [rad] that the frame prescribes at a load factor."""

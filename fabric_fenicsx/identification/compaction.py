@@ -67,13 +67,13 @@ def fit_compaction(sheet: Sheet) -> CompactionFit:
     that is less. The intervals of the others are then those of a fit of all three.
     """
     data, assumed = _data(sheet), {}
-    fit, lowest = _fit(data), float(data.pressure.min())
+    fit, lowest = _fit(*data), float(data[0].min())
     if fit.values["onset"] < 1.01 * PRESSURES * lowest or fit.half["onset"] > WIDEST["onset"]:
         onset = min(Compaction.onset, lowest)
         source = "default" if onset == Compaction.onset else "lowest measured pressure"
         why = "the data do not tell it: they begin too far above it or scatter too much"
         assumed["onset"] = Assumed(onset, UNITS["onset"], source, why, {})
-        all_three, fit = fit, _fit(data, onset)
+        all_three, fit = fit, _fit(*data, onset=onset)
         for kept, of_all in ((fit.error, all_three.error), (fit.half, all_three.half)):
             kept.update({name: max(size, of_all[name]) for name, size in kept.items()})
     determined = {name: _determined(name, fit) for name in fit.half}
@@ -90,20 +90,13 @@ def fit_compaction(sheet: Sheet) -> CompactionFit:
         (t, sheet.measured_thickness(t), sheet.thickness * compaction.thickness(t.pressure))
         for t in sheet.compaction
     ]
-    warnings = [*_warnings(data.pressure, compaction.pressure, determined)]
+    warnings = [*_warnings(data[0], compaction.pressure, determined)]
     return CompactionFit(compaction, determined, assumed, fit.scatter, tests, warnings)
 
 
-class _Data(NamedTuple):
+def _data(sheet):
     """Pressures [MPa], thickness over the sheet's, and its standard deviations over it, up to a
     common factor; (n,) each."""
-
-    pressure: np.ndarray
-    thickness: np.ndarray
-    sd: np.ndarray
-
-
-def _data(sheet):
     tests = sheet.compaction
     if not tests:
         raise InputError("there is no test of compaction; allowed is one or more")
@@ -118,7 +111,7 @@ def _data(sheet):
     sd = np.ones(len(p))
     if all(test.noise for test in tests):
         sd = np.concatenate([_noise(test) for test in tests])
-    return _Data(p, h / sheet.thickness, sd)
+    return p, h / sheet.thickness, sd
 
 
 def _noise(test):
@@ -139,9 +132,8 @@ class _Fit(NamedTuple):
     scatter: float
 
 
-def _fit(data, onset=None):
+def _fit(p, h, sd, onset=None):
     """The three numbers; onset: a fixed one [MPa], None if it is fitted."""
-    p, h, sd = data
     names = [name for name in NAMES if name != "onset" or onset is None]
 
     def log_thickness(p, *x):

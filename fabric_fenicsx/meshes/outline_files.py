@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -160,20 +159,21 @@ def _curves(path, source, layer):
         raise InputError(f"{source} cannot be read ({reason}); allowed is {READ}") from None
     states = {each.dxf.name.lower(): each for each in drawing.layers}
     drawn = [*_drawn(drawing.modelspace(), states, "0", Matrix44())]
-    layers = sorted({each.layer for each in drawn if each.is_curve})
+    curves = [each for each in drawn if _is_curve(each[0])]
+    layers = sorted({layer for _, layer, _ in curves})
     if layer is not None:
         asked = [name.strip().lower() for name in layer.split(",")]
-        known = [name.lower() for name in layers]
-        if missing := [name for name in asked if name not in known]:
+        if missing := [name for name in asked if name not in map(str.lower, layers)]:
             raise InputError(
                 f"`layer` {', '.join(missing)} of {source} has no lines; allowed is one of "
                 f"{', '.join(layers) or 'none, as no layer has any'}"
             )
-        drawn = [each for each in drawn if each.layer.lower() in asked]
-    others = Counter(each.kind for each in drawn if not each.is_curve and each.kind not in TEXTS)
+        drawn = [each for each in drawn if each[1].lower() in asked]
+        curves = [each for each in curves if each[1].lower() in asked]
+    beside = [entity.dxftype() for entity, *_ in drawn if not _is_curve(entity)]
+    others = Counter(kind for kind in beside if kind not in TEXTS)
     found = ", ".join(f"{count} {kind}" for kind, count in sorted(others.items()))
     notes = [f"{source} has {found}, not read; allowed are {', '.join(CURVES)}"] if found else []
-    curves = [each for each in drawn if each.is_curve]
     if not curves:
         more = f", but {found}" if found else ""
         raise InputError(f"{source} has no lines{more}; allowed are {', '.join(CURVES)}, visible")
@@ -194,26 +194,14 @@ def _curves(path, source, layer):
     return lines, unit, notes, hint
 
 
-class _Drawn(NamedTuple):
-    """An entity of a drawing, its layer, and the matrix that puts it in its place."""
-
-    entity: Any
-    layer: str
-    place: Any
-
-    @property
-    def kind(self):
-        return self.entity.dxftype()
-
-    @property
-    def is_curve(self):
-        is_mesh = self.kind == "POLYLINE" and self.entity.dxf.flags & MESH
-        return self.kind in CURVES and not is_mesh
+def _is_curve(entity):
+    kind = entity.dxftype()
+    return kind in CURVES and not (kind == "POLYLINE" and entity.dxf.flags & MESH)
 
 
 def _drawn(entities, states, above, place):
-    """What is visible of entities of a block at a `place` on the layer `above`, and in the blocks
-    that it inserts; `states`: the layers by name.
+    """What is visible of entities of a block at a `place`, a matrix, on the layer `above`, and in
+    the blocks that it inserts: each with its layer and place; `states`: the layers by name.
 
     By products of matrices, as ezdxf loses the shear of scales within scales.
     """
@@ -226,7 +214,7 @@ def _drawn(entities, states, above, place):
             for one in each.multi_insert():
                 yield from _drawn(block, states, layer, one.matrix44() @ place)
         elif not (state and state.is_off()):
-            yield _Drawn(each, layer, place)
+            yield each, layer, place
 
 
 def _unit(drawing, source):

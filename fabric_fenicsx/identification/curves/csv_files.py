@@ -25,7 +25,7 @@ from .model import (
     CompactionTest,
     Curve,
     Response,
-    Stated,
+    Sheet,
     Table,
     column_of,
     unit_inside,
@@ -48,21 +48,20 @@ class _Keys(NamedTuple):
     texts: dict[str, tuple[str, str]]
 
 
-def read_test(path: Path | str, thickness: float, stated: Stated) -> Curve | CompactionTest:
-    """The test in a CSV file, of a sheet of this thickness [mm]; stated: what `sheet.toml` says of
-    the files. InputError by file and row, of all that is wrong."""
-    file, problems = Path(path).name, Problems()
+def read_test(path: Path, sheet: Sheet) -> Curve | CompactionTest:
+    """The test in a CSV file, of a sheet. InputError by file and row, of all that is wrong."""
+    problems = Problems()
     try:
         lines = read_lines(path)
-        keys = _keys(_key_texts(lines, stated.keys.get(file, {}), problems), problems)
+        keys = _keys(_key_texts(lines, sheet.keys.get(path.name, {}), problems), problems)
         with problems:
-            known = {*stated.columns, *COLUMNS}
+            known = {*sheet.columns, *COLUMNS}
             cells = table_of(rows_of(lines), lambda name: bool({name, column_of(name)} & known))
-            table, remarks = _table(cells, keys, stated.columns, thickness, problems)
+            table, remarks = _table(cells, keys, sheet, problems)
         problems.stop()
         if keys.test == COMPACTION:
-            return _compaction_test(file, table, keys, remarks)
-        return _curve(file, table, keys, thickness, remarks)
+            return _compaction_test(path.name, table, keys, remarks)
+        return _curve(path.name, table, keys, sheet.thickness, remarks)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
@@ -233,11 +232,10 @@ def _noise(given, responses, thickness):
 # -- columns
 
 
-def _table(cells, keys, named, thickness, problems):
-    """The `Table` of a file's cells, and a sentence on each column that is not read; named: what
-    `sheet.toml` says of columns."""
+def _table(cells, keys, sheet, problems):
+    """The `Table` of a file's cells, and a sentence on each column that is not read."""
     place, factors, header, unknown = f"row {cells.top}", {}, {}, []
-    test = TESTS[keys.test]
+    test, named = TESTS[keys.test], sheet.columns
     allowed = (*test.strains, *test.optional, *keys.measured, *test.raw)
     counts = [cells.names[: i + 1].count(name) for i, name in enumerate(cells.names)]
     names = [f"{name} {n}" if name and n > 1 else name for name, n in zip(cells.names, counts)]
@@ -256,7 +254,7 @@ def _table(cells, keys, named, thickness, problems):
                 )
             header[column] = (other or [unit])[0]
             _check_column(place, column, header[column], keys, allowed)
-            factors[i] = column, units(column, thickness)[header[column]]
+            factors[i] = column, units(column, sheet.thickness)[header[column]]
     found = set(header) | {column for raw, (column, _) in test.raw.items() if raw in header}
     missing = [column for column in test.strains if column not in found]
     missing += [] if set(test.measured) & found else [" or ".join(test.measured)]

@@ -17,7 +17,7 @@ from ...runtime.errors import InputError
 from ...runtime.rules import unknown_key
 from . import checks
 from .csv_files import read_test
-from .model import COLUMNS, KEYS, CompactionTest, Curve, Sheet, Stated
+from .model import COLUMNS, KEYS, CompactionTest, Curve, Sheet
 
 FILES = ".csv", ".tsv"
 
@@ -33,7 +33,7 @@ def read(path: Path | str) -> tuple[Sheet, tuple[Curve, ...]]:
         )
     folder = path if path.is_dir() else path.parent
     sheet = read_sheet(folder / "sheet.toml")
-    named = sheet.stated.keys
+    named = sheet.keys
     paths = sorted(p for p in folder.iterdir() if p.suffix.lower() in FILES or p.name in named)
     if not paths:
         raise InputError(
@@ -43,7 +43,7 @@ def read(path: Path | str) -> tuple[Sheet, tuple[Curve, ...]]:
     tests, problems = [], Problems()
     for each in paths if path in (folder, folder / "sheet.toml") else [path]:
         with problems:
-            tests.append(read_test(each, sheet.thickness, sheet.stated))
+            tests.append(read_test(each, sheet))
     files = [each.name for each in paths]
     if lost := sorted({*named} - {*files}):
         allowed = f"allowed are {', '.join(files)}"
@@ -64,8 +64,8 @@ def read(path: Path | str) -> tuple[Sheet, tuple[Curve, ...]]:
 def read_sheet(path: Path | str) -> Sheet:
     """Read `sheet.toml`: name, thickness_mm, density_g_per_cm3 or areal_weight_g_per_m2, balanced,
     and optional fibre_density_g_per_cm3, [assumed], [assumed.warp], [assumed.weft] with parameters
-    as in a material file (d_MPa, p_min, ..), and [columns] and [tests."FILE"], see `Stated`. Raises
-    InputError by file and key."""
+    as in a material file (d_MPa, p_min, ..), and [columns] and [tests."FILE"]. Raises InputError by
+    file and key."""
     return read_toml(path, _sheet)
 
 
@@ -90,9 +90,8 @@ def _sheet(document):
     if "density" not in numbers:
         raise InputError("missing density; allowed is density_g_per_cm3 or areal_weight_g_per_m2")
     values = _assumed(assumed, balanced, units)
-    return Sheet(
-        name, balanced=balanced, assumed=values, areal_weight=weight, stated=stated, **numbers
-    )
+    more = {"balanced": balanced, "assumed": values, "areal_weight": weight}
+    return Sheet(name, **more, **stated, **numbers)
 
 
 def _assumed(assumed, balanced, units):
@@ -122,4 +121,4 @@ def _stated(document):
                 raise unknown_key(key, KEYS, f"{where}.{key}")
             if where == "columns" and text.split(" ")[0] not in COLUMNS:
                 raise unknown_key(text, COLUMNS, f"columns.{key} {text!r}")
-    return Stated(tests, columns)
+    return {"keys": tests, "columns": columns}
