@@ -66,14 +66,14 @@ def fit_compaction(sheet: Sheet) -> CompactionFit:
     determine, as where they begin far above it, is the default or the lowest measured pressure, if
     that is less. The intervals of the others are then those of a fit of all three.
     """
-    data, assumed = _data(sheet), {}
-    fit, lowest = _fit(*data), float(data[0].min())
+    (p, h, sd), assumed = _data(sheet), {}
+    fit, lowest = _fit(p, h, sd), float(p.min())
     if fit.values["onset"] < 1.01 * PRESSURES * lowest or fit.half["onset"] > WIDEST["onset"]:
         onset = min(Compaction.onset, lowest)
         source = "default" if onset == Compaction.onset else "lowest measured pressure"
         why = "the data do not tell it: they begin too far above it or scatter too much"
         assumed["onset"] = Assumed(onset, UNITS["onset"], source, why, {})
-        all_three, fit = fit, _fit(*data, onset=onset)
+        all_three, fit = fit, _fit(p, h, sd, onset)
         for kept, of_all in ((fit.error, all_three.error), (fit.half, all_three.half)):
             kept.update({name: max(size, of_all[name]) for name, size in kept.items()})
     determined = {name: _determined(name, fit) for name in fit.half}
@@ -90,7 +90,7 @@ def fit_compaction(sheet: Sheet) -> CompactionFit:
         (t, sheet.measured_thickness(t), sheet.thickness * compaction.thickness(t.pressure))
         for t in sheet.compaction
     ]
-    warnings = [*_warnings(data[0], compaction.pressure, determined)]
+    warnings = [*_warnings(p, compaction.pressure, determined)]
     return CompactionFit(compaction, determined, assumed, fit.scatter, tests, warnings)
 
 
