@@ -8,7 +8,7 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..readers.units import OWN, UNITS, check_unit, suffixes
+from ..readers.units import OWN, UNITS, suffixes
 from ..runtime.errors import InputError
 from ..runtime.files import replace_file
 from ..runtime.rules import POSITIVE, Rule, above_zero, did_you_mean, shown, unknown_key
@@ -94,7 +94,10 @@ def take_units(document: dict[str, Any]) -> dict[str, str]:
     """The table [units], {kind: unit}, taken out of the document; InputError for another unit."""
     units = take_table(document, "units")
     for kind, unit in units.items():
-        check_unit(kind, unit)
+        if kind not in UNITS:
+            raise unknown_key(kind, UNITS, f"units.{kind}")
+        if unit not in list(UNITS[kind]):
+            raise unknown_key(str(unit), UNITS[kind], f"units.{kind} {unit!r}")
     return units
 
 

@@ -23,9 +23,11 @@ atan = singledispatch(np.arctan)
 @singledispatch
 def where(condition: Any, x: Any, y: Any) -> Any:
     """`x` where the condition holds, such as `eps > 0`, and `y` elsewhere."""
-    if isinstance(x, HyperDual) or isinstance(y, HyperDual):
-        return HyperDual.where(condition, x, y)
-    return np.where(condition, x, y)
+    if not isinstance(x, HyperDual) and not isinstance(y, HyperDual):
+        return np.where(condition, x, y)
+    x, y = (v if isinstance(v, HyperDual) else HyperDual(v, 0.0, 0.0) for v in (x, y))
+    pairs = (x.value, y.value), (x.first, y.first), (x.second, y.second)
+    return HyperDual(*(np.where(condition, u, v) for u, v in pairs))
 
 
 @singledispatch

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from ..readers.read import read_surface_mesh
-from ..readers.text_tables import Problems, read_lines, rows_of, table_of, values_of
+from ..readers.text_tables import Problems, read_lines, table_of, values_of
 from ..readers.units import factors
 from ..runtime.errors import InputError
 from ..runtime.files import check_file
@@ -92,7 +92,7 @@ def _table(path, source, names=("x", "y")):
     try:
         lines = read_lines(path)
         is_known = ("x", "y", "X", "Y").__contains__
-        table = table_of(rows_of(lines), is_known, ("x", "y"))
+        table = table_of(lines, is_known, ("x", "y"))
         if len(names) > len(table.names) and {len(cells) for cells in table.cells} == {3}:
             table = table._replace(names=[*names], units=[*table.units, None])  # without a header
         wanted = _columns(table, names)

@@ -98,24 +98,19 @@ def _is_japanese(data):
     return sum(0x80 <= byte < 0xA0 for byte in data) >= sum(byte >= 0xA0 for byte in data)
 
 
-def rows_of(lines: Iterable[str]) -> list[tuple[int, str]]:
-    """Number and text of the lines that are neither empty nor comments, which begin with #, maybe
-    in the quotes that a spreadsheet puts around them."""
-    numbered = [(row, text) for row, text in enumerate(lines, 1) if text.strip(" ,;\t")]
-    return [(row, text) for row, text in numbered if not text.lstrip(' \t"').startswith("#")]
-
-
 def table_of(
-    lines: Iterable[tuple[int, str]], is_known: Callable[[str], bool], usual: Sequence[str] = ()
+    lines: Sequence[str], is_known: Callable[[str], bool], usual: Sequence[str] = ()
 ) -> TextTable:
-    """The table in lines (row, text) without comments; is_known: whether a column of a name is
-    asked for; usual: names of the columns where no header has such a name. InputError by row where
-    there is no table."""
-    lines = list(lines)
-    stated = re.findall("^sep=(.)$", lines[0][1]) if lines else []
-    lines = lines[1:] if stated else lines
-    delimiter = stated[0] if stated else _delimiter(lines)
-    split = [(row, _split(text, delimiter)) for row, text in lines]
+    """The table in lines, without comments; is_known: whether a column of a name is asked for;
+    usual: names of the columns where no header has such a name. InputError by row where there is no
+    table."""
+    rows = [(row, text) for row, text in enumerate(lines, 1) if text.strip(" ,;\t")]
+    # a spreadsheet puts a comment in quotes
+    rows = [(row, text) for row, text in rows if not text.lstrip(' \t"').startswith("#")]
+    stated = re.findall("^sep=(.)$", rows[0][1]) if rows else []
+    rows = rows[1:] if stated else rows
+    delimiter = stated[0] if stated else _delimiter(rows)
+    split = [(row, _split(text, delimiter)) for row, text in rows]
     is_data = [sum(map(_is_number, cells)) >= 2 for _, cells in split]
     known = [k for k, (_, cells) in enumerate(split) if any(is_known(_parted(c)[0]) for c in cells)]
     if known:  # of several headers the first counts, so that no rows are lost above another one
@@ -124,8 +119,8 @@ def table_of(
     else:
         first = _longest_run(is_data)
         if usual:
-            rows, cells = zip(*split[first:]) if split[first:] else ((), ())
-            return TextTable(first - 1, [*usual], [None] * len(usual), [*rows], [*cells])
+            below, cells = zip(*split[first:]) if split[first:] else ((), ())
+            return TextTable(first - 1, [*usual], [None] * len(usual), [*below], [*cells])
         top = first - 1
         while top > 0 and _are_units(split[top][1]):
             top -= 1

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...readers.text_tables import Problems, read_lines, rows_of, table_of, values_of
+from ...readers.text_tables import Problems, read_lines, table_of, values_of
 from ...readers.units import factors
 from ...runtime.errors import InputError
 from ...runtime.rules import unknown_key
@@ -56,7 +56,7 @@ def read_test(path: Path, sheet: Sheet) -> Curve | CompactionTest:
         keys = _keys(_key_texts(lines, sheet.keys.get(path.name, {}), problems), problems)
         with problems:
             known = {*sheet.columns, *COLUMNS}
-            cells = table_of(rows_of(lines), lambda name: bool({name, column_of(name)} & known))
+            cells = table_of(lines, lambda name: bool({name, column_of(name)} & known))
             table, remarks = _table(cells, keys, sheet, problems)
         problems.stop()
         if keys.test == COMPACTION:

@@ -11,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...readers.text_tables import Problems, read_lines, rows_of, table_of, values_of
+from ...readers.text_tables import Problems, read_lines, table_of, values_of
 from ...readers.units import ANGLE, STRAIN, factors
 from ...runtime.errors import InputError
 from ...runtime.formatting import percent
@@ -262,7 +262,7 @@ def read_table(path: Path, columns: Mapping[str, Mapping[str, float]]) -> Curve:
 
 def _curve(lines, columns):
     allowed = ", ".join(f"{name} [{'|'.join(units)}]" for name, units in columns.items())
-    table = table_of(rows_of(lines), columns.__contains__)
+    table = table_of(lines, columns.__contains__)
     if len(table.names) != 2:
         raise InputError(f"row {table.top} is no header of two columns; allowed is {allowed}")
     wanted = {}
