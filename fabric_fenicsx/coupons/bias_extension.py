@@ -47,18 +47,15 @@ class BiasSetup(StripSetup):
                 f"the strip is {rounded(length, 6)} mm long and {rounded(width, 6)} mm wide; "
                 "allowed is a length of 2 widths or more, for a zone of full shear"
             )
-        self._compare_with_theory(length, width)
-        super().prepare()
-
-    def _compare_with_theory(self, length, width):
-        """Set `strip`, of inextensible yarns, and `no_theory`: why it says nothing of this test."""
         data, area = self.data, self.comm.allreduce(self.blank.areas().sum())
         a, self.rest = math.radians(data.fibre_angle), self.membrane.weave_angle
+        # of inextensible yarns, and why it says nothing of this test
         self.strip = PinJointedStrip(length, width, a, a + math.radians(data.yarn_angle))
         whole = abs(area / (length * width) - 1) < 1e-6
         self.no_theory = self.strip.locked if whole else "the sheet is not the whole rectangle"
         at_45 = data.yarn_angle == 90 and data.fibre_angle % 90 == 45 and self.rest is None
         self.at_45 = at_45 and not self.no_theory
+        super().prepare()
 
     def is_compared(self, curve: Curve) -> bool:
         """True for a bias test, and for one of pure shear."""

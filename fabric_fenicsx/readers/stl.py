@@ -25,7 +25,9 @@ def read_stl(path: Path) -> SurfaceMesh:
     data = path.read_bytes()
     count = int.from_bytes(data[HEADER - 4 : HEADER], "little")
     if count and len(data) >= HEADER + FACET * count:
-        corners = _binary(data, count)
+        # a facet is its normal, three corners and two bytes
+        facets = np.frombuffer(data, np.dtype([("x", "<f4", (4, 3)), ("-", "<u2")]), count, HEADER)
+        corners = facets["x"][:, 1:].reshape(-1, 3).astype(float)
     elif FACETS.search(text := data.decode("latin-1")):
         corners = _text(text, path)
     elif b"\0" in data:
@@ -37,12 +39,6 @@ def read_stl(path: Path) -> SurfaceMesh:
         raise OtherFormat("neither facets in words nor a binary STL")
     points, number = np.unique(corners, axis=0, return_inverse=True)
     return SurfaceMesh.collected(points, [("triangle", number.reshape(-1, 3))], {})
-
-
-def _binary(data, count):
-    # a facet is its normal, three corners and two bytes
-    facets = np.frombuffer(data, np.dtype([("x", "<f4", (4, 3)), ("-", "<u2")]), count, HEADER)
-    return facets["x"][:, 1:].reshape(-1, 3).astype(float)
 
 
 def _text(text, path):

@@ -117,7 +117,8 @@ def table_of(
         first = [*is_data, True].index(True, known[0] + 1)
         top = max(k for k in known if k < first)
     else:
-        first = _longest_run(is_data)
+        runs = [[*run] for flag, run in groupby(range(len(split)), is_data.__getitem__) if flag]
+        first = max(runs, key=len)[0] if runs else len(split)
         if usual:
             below, cells = zip(*split[first:]) if split[first:] else ((), ())
             return TextTable(first - 1, [*usual], [None] * len(usual), [*below], [*cells])
@@ -191,12 +192,6 @@ def _delimiter(lines):
     best = max(scores, key=lambda delimiter: scores[delimiter])
     present = (d for d in DELIMITERS[:3] if any(d in text for _, text in lines))
     return best if scores[best][0] else next(present, ",")
-
-
-def _longest_run(flags):
-    """Place at which the longest run of true flags begins; their number without any."""
-    runs = [[*run] for flag, run in groupby(range(len(flags)), flags.__getitem__) if flag]
-    return max(runs, key=len)[0] if runs else len(flags)
 
 
 # by the sign for decimals: what may stand between thousands, and numbers
