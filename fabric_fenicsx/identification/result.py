@@ -11,6 +11,7 @@ from ..material.laws.coupled import WovenFabric
 from ..runtime.formatting import percent, rounded
 from .compaction import CompactionFit
 from .curves import Curve, Response
+from .curves.model import noise_text
 from .problem import Assumed, Determined
 
 
@@ -102,11 +103,6 @@ class Identification:
 
 def _error(curve, response, predicted, _):
     rms = float(np.sqrt(np.mean((predicted - response.values) ** 2)))
-    noise = None
-    if curve.noise:
-        kind, size = curve.noise
-        unit = response.unit
-        noise = f"{size:g} {unit}" if kind == "absolute" else f"{percent(size, 6)} of {kind}"
     return {
         "file": curve.file,
         "test": curve.test,
@@ -115,7 +111,7 @@ def _error(curve, response, predicted, _):
         "points": len(predicted),
         "rms_error": rms,
         "rms_error_of_peak": rms / response.peak,
-        "noise_stated": noise,
+        "noise_stated": curve.noise and noise_text(curve.noise, response.unit),
     }
 
 
