@@ -13,18 +13,7 @@ from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from .compaction import fit_compaction
 from .curves import Curve, Sheet, curve_warnings
-from .problem import (
-    DEFAULTS,
-    NOISE,
-    Assumed,
-    Determined,
-    NotConverged,
-    Problem,
-    base,
-    true_values,
-    unit_of,
-    yarns_of,
-)
+from .problem import NOISE, Assumed, Determined, NotConverged, Problem, base, unit_of, yarns_of
 from .result import Identification
 from .toe import toe_warning
 
@@ -99,7 +88,7 @@ def _determined(problem, k, value, staged, error, half, at_bound):
 def _assumptions(problem, sheet):
     """Values (parameters,) that hold unless they are fitted, their sources {name: source}, and why
     some can't be fitted {number: reason}."""
-    names, values = problem.names, true_values(DEFAULTS, sheet.balanced)
+    names, values = problem.names, dict(zip(problem.names, problem.start))
     source, reason = dict.fromkeys(names, "Table 1 of Schäfer et al."), {}
     for k, name in enumerate(names):
         for key in (base(name), name):
