@@ -69,8 +69,19 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         *fabric.plausibility_warnings(),
     ]
     return Identification(
-        *(fabric, determined, assumed, found.correlation, fits, found.dof, found.variance),
-        *(estimated, softest, convex, warnings, sheet.areal_weight, compaction),
+        fabric,
+        determined,
+        assumed,
+        found.correlation,
+        fits,
+        found.dof,
+        found.variance,
+        estimated,
+        softest,
+        convex,
+        warnings,
+        sheet.areal_weight,
+        compaction,
     )
 
 

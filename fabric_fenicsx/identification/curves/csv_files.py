@@ -102,13 +102,18 @@ def _curve(file, table, keys, thickness, remarks):
         for column in found
     ]
     return Curve(
-        *(file, keys.test, strains, tuple(responses), np.array(table.rows), STRAINS.index(runs)),
-        free=keys.free,
-        noise=_noise(keys.texts.get("noise"), responses, thickness),
-        keys=keys.lengths,
-        remarks=(*remarks, *told),
-        slack=loose,
-        displacement=columns.get("displacement"),
+        file,
+        keys.test,
+        strains,
+        tuple(responses),
+        np.array(table.rows),
+        STRAINS.index(runs),
+        keys.free,
+        _noise(keys.texts.get("noise"), responses, thickness),
+        keys.lengths,
+        (*remarks, *told),
+        loose,
+        columns.get("displacement"),
     )
 
 
