@@ -105,8 +105,9 @@ def _check_response(name, table, column, undeformed):
     if not largest:
         raise InputError(f"row {rows[0]}: {column} is 0 in every row, so there is nothing to fit")
     narrows = column.startswith("eps")
-    # compressed and sheared, k_SC can make it a pull
-    sign = -1 if narrows else 0 if test.sign < 0 and "gamma" in table.columns else test.sign
+    sign = -1 if narrows else test.sign
+    if not narrows and sign < 0 and "gamma" in table.columns:
+        sign = 0  # compressed and sheared, k_SC can make it a pull
     if largest * sign < 0:
         why = "free sides narrow" if narrows else f"of the test {name}"
         allowed = f"at {'least' if sign > 0 else 'most'} 0, {why} (is its sign turned?)"
