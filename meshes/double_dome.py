@@ -144,9 +144,9 @@ def _mirrored(points, triangles, axis):
     return points, np.vstack([triangles, image[triangles][:, ::-1]])
 
 
-def write(path: Path | str, points: np.ndarray, triangles: np.ndarray) -> None:
-    """Write triangles (m, 3) over points (n, 3) [mm] to a file of any format that PyVista (VTP,
-    STL, PLY) or meshio (MSH, VTU, INP, ...) writes.
+def write(path: Path | str, points: np.ndarray, cells: np.ndarray) -> None:
+    """Write triangles (m, 3), or quadrilaterals (m, 4), over points (n, 3) [mm] to a file of any
+    format that PyVista (VTP, STL, PLY) or meshio (MSH, VTU, INP, ...) writes.
 
     Raises InputError where it cannot be written.
     """
@@ -156,11 +156,10 @@ def write(path: Path | str, points: np.ndarray, triangles: np.ndarray) -> None:
     try:
         if str(path).lower().endswith((".vtp", ".stl", ".ply")):
             open(path, "wb").close()  # VTK only logs that it could not write
-            pyvista.PolyData(
-                points, np.column_stack([np.full(len(triangles), 3), triangles]).ravel()
-            ).save(path)
+            pyvista.PolyData.from_regular_faces(points, cells).save(path)
         else:
-            meshio.write(path, meshio.Mesh(points, {"triangle": triangles}))
+            kind = {3: "triangle", 4: "quad"}[cells.shape[1]]
+            meshio.write(path, meshio.Mesh(points, {kind: cells}))
     except (OSError, ValueError, SystemExit, meshio.ReadError, meshio.WriteError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(

@@ -8,7 +8,9 @@ specimen.msh
 import argparse
 import math
 
-from fabric_fenicsx.meshes.specimen import PATTERNS, specimen, write
+from double_dome import write
+
+from fabric_fenicsx.meshes.specimen import PATTERNS, specimen
 from fabric_fenicsx.runtime.errors import InputError
 
 
@@ -28,7 +30,7 @@ def main() -> None:
     )
     parser.add_argument("--cell", choices=("triangle", "quadrilateral"), default="triangle")
     parser.add_argument(
-        "--out", default="specimen.msh", help="file to write, of any format that gmsh writes"
+        "--out", default="specimen.msh", help="file to write, as .msh, .vtu or .stl"
     )
     args = parser.parse_args()
     if not math.isfinite(args.fibre_angle):
@@ -38,19 +40,11 @@ def main() -> None:
             parser.error(f"--{name} is {getattr(args, name)}; allowed is a finite value above 0")
     sizes = args.length, args.width, args.nx, args.ny
     try:
-        points, cells, kind = specimen(
-            *sizes, args.pattern, args.cell, math.radians(args.fibre_angle)
-        )
+        yarns = math.radians(args.fibre_angle)
+        points, cells, _ = specimen(*sizes, args.pattern, args.cell, yarns)
+        write(args.out, points, cells)
     except InputError as error:
         parser.error(str(error))
-    try:
-        open(args.out, "w").close()  # gmsh only logs that it could not write
-    except OSError as error:
-        parser.error(
-            f"--out {args.out} can't be written ({error.strerror}); allowed is a file "
-            "in a folder that is there"
-        )
-    write(args.out, points, cells, kind)
     print(f"{args.out}: {len(points)} nodes, {len(cells)} {args.cell}s")
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 import ezdxf
+import meshio
 import pytest
 from builders import dome
 
@@ -22,7 +23,7 @@ from fabric_fenicsx.identification.curves.model import COLUMNS, KEYS
 from fabric_fenicsx.identification.curves.model import units as units_of
 from fabric_fenicsx.material.laws.base import LAWS
 from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.meshes.specimen import specimen, write
+from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.readers.units import UNITS
 from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT
 
@@ -264,7 +265,8 @@ WITH_COMMANDS = [p for p in PAGES if any(lines for lines, _ in commands(p.read_t
 @pytest.mark.parametrize("page", WITH_COMMANDS, ids=name)
 def test_commands_print_what_their_page_says(run_command, tmp_path, page):
     """A command whose output no page has is run quickly."""
-    write(tmp_path / "blank.msh", *specimen(nx=20, ny=5))
+    points, cells, kind = specimen(nx=20, ny=5)
+    meshio.write_points_cells(tmp_path / "blank.msh", points, [(kind, cells)])
     drawing = ezdxf.new()
     drawing.modelspace().add_circle((0, 0), 0.1)  # m
     drawing.saveas(tmp_path / "ply.dxf")

@@ -47,18 +47,15 @@ class BiasSetup(StripSetup):
                 f"the strip is {rounded(length, 6)} mm long and {rounded(width, 6)} mm wide; "
                 "allowed is a length of 2 widths or more, for a zone of full shear"
             )
-        self._compare_with_theory(length, width)
-        super().prepare()
-
-    def _compare_with_theory(self, length, width):
-        """Set `strip`, of inextensible yarns, and `no_theory`: why it says nothing of this test."""
         data, area = self.data, self.comm.allreduce(self.blank.areas().sum())
         a, self.rest = math.radians(data.fibre_angle), self.membrane.weave_angle
+        # of inextensible yarns, and why it says nothing of this test
         self.strip = PinJointedStrip(length, width, a, a + math.radians(data.yarn_angle))
         whole = abs(area / (length * width) - 1) < 1e-6
         self.no_theory = self.strip.locked if whole else "the sheet is not the whole rectangle"
         at_45 = data.yarn_angle == 90 and data.fibre_angle % 90 == 45 and self.rest is None
         self.at_45 = at_45 and not self.no_theory
+        super().prepare()
 
     def is_compared(self, curve: Curve) -> bool:
         """True for a bias test, and for one of pure shear."""
@@ -89,11 +86,8 @@ class BiasSetup(StripSetup):
         data, blank = self.data, self.blank
         if not (data.in_plane_bending and data.bending_modulus):
             return []
-        near = 1e-6 * (self.high - self.low)[0]
-        ends = [
-            lambda x, at=at: abs(blank.along(x)[0] - at) < near
-            for at in (self.low[0], self.high[0])
-        ]
+        near, sides = 1e-6 * (self.high - self.low)[0], (self.low[0], self.high[0])
+        ends = [lambda x, at=at: abs(blank.along(x)[0] - at) < near for at in sides]
         return [Bending(modulus=data.bending_modulus, in_plane=data.in_plane_bending, clamped=ends)]
 
     def supports(self) -> Supports:
@@ -102,23 +96,22 @@ class BiasSetup(StripSetup):
 
     def quantities(self, result: Result) -> dict[str, Any]:
         """Shear angles by zones, beside theory's, and the shear force as a test derives it."""
-        rows, signed = result.rows, result.fields["shear_angle"]
-        gamma, theory = np.abs(signed), math.nan
+        rows, signed, strip = result.rows, result.fields["shear_angle"], self.strip
+        gamma, theory, found = np.abs(signed), [math.nan], dict[str, Any]()
         if not self.no_theory:
-            theory = abs(float(self.strip.shear_angle(rows[-1]["displacement_mm"], self.rest)))
-        found = {} if self.no_theory else self._by_zones(gamma, signed)
-        if self.at_45 and math.isfinite(theory) and theory > 0:
-            strip, reaction = self.strip, [row["reaction_N"] for row in rows]
-            angles = [abs(strip.shear_angle(row["displacement_mm"], self.rest)) for row in rows]
-            force = bias_normalised(angles, reaction, strip.length, strip.width)
+            theory = [abs(strip.shear_angle(row["displacement_mm"], self.rest)) for row in rows]
+            found = self._by_zones(gamma, signed)
+        known = math.isfinite(theory[-1])
+        if self.at_45 and known and theory[-1] > 0:
+            reaction = [row["reaction_N"] for row in rows]
+            force = bias_normalised(theory, reaction, strip.length, strip.width)
             found["normalised_shear_force_N_per_mm"] = float(force[-1])
         centre = measures.mean(self.comm, gamma, 1.0 * self.near_centre())
         at_centre = math.degrees(centre) if self.has_centre and centre is not None else None
-        found |= self.against_curves(result) | {
-            "centre_shear_angle_deg": at_centre,
-            "theory_shear_angle_deg": math.degrees(theory) if math.isfinite(theory) else None,
-        }
-        if not math.isfinite(theory):
+        found |= self.against_curves(result)
+        found["centre_shear_angle_deg"] = at_centre
+        found["theory_shear_angle_deg"] = math.degrees(theory[-1]) if known else None
+        if not known:
             apart = "the clamps are further apart than inextensible yarns let them"
             found["no_theory_because"] = self.no_theory or apart
         return found | self.ranges(result)
@@ -139,10 +132,10 @@ class BiasSetup(StripSetup):
         found["transition_width_mm"] = transition_width(self.comm, self.strip, x, y, signed)
         return found
 
-    def along_the_axis(self, result: Result) -> np.ndarray | None:
-        """Position [mm] and magnitude of the shear angle [deg] of the cells along the strip's axis,
-        (n, 2) on rank 0: those with their middle within a twentieth of the width, or, of a mesh
-        too coarse for that, those nearest to it."""
+    def tables(self, result: Result, folder: Path) -> None:
+        """axis.csv: position [mm] and magnitude of the shear angle [deg] of the cells along the
+        strip's axis, those with their middle within a twentieth of the width, or, of a mesh too
+        coarse for that, those nearest to it."""
         width = (self.high - self.low)[1]
         x, y = self.blank.midpoints() - self.low[:, None]
         off = np.abs(y - width / 2)
@@ -150,18 +143,11 @@ class BiasSetup(StripSetup):
         near = off <= max(width / 20, nearest * (1 + 1e-6))
         gamma = np.degrees(np.abs(result.fields["shear_angle"]))
         parts = self.comm.gather(np.column_stack([x, y, gamma])[near])
-        if parts is None:
-            return None
-        profile = np.concatenate(parts)
-        return profile[np.lexsort(np.round(profile[:, 1::-1].T, 6))][:, ::2]
-
-    def tables(self, result: Result, folder: Path) -> None:
-        """axis.csv: the shear angle along the axis."""
-        profile = self.along_the_axis(result)
-        if profile is not None:
-            header = "position_mm,shear_angle_deg"
-            file = folder / "axis.csv"
-            np.savetxt(file, profile, fmt="%.9g", delimiter=",", header=header, comments="")
+        if parts:
+            profile = np.concatenate(parts)
+            profile = profile[np.lexsort(np.round(profile[:, 1::-1].T, 6))][:, ::2]
+            how = {"fmt": "%.9g", "delimiter": ",", "comments": ""}
+            np.savetxt(folder / "axis.csv", profile, header="position_mm,shear_angle_deg", **how)
 
     def pictures(self, result: Result, folder: Path) -> None:
         """axis.png, beside theory, on rank 0."""

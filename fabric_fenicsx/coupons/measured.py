@@ -2,15 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..identification import curves
-from ..identification.curves import Curve
 from ..job.job import Result
-from ..runtime.errors import InputError
 from ..runtime.formatting import percent, rounded
 
 
@@ -54,21 +50,3 @@ def measured_lines(result: Result) -> list[str]:
         for found in result.summary["quantities"].get("measured", [])
         if found["rms_N"] is not None
     ]
-
-
-def read_measured(path: Path) -> tuple[curves.Sheet, Sequence[Curve]]:
-    """Sheet and curves of a data set, or of one of its files. Raises InputError for a file that is
-    not there."""
-    if path.name == "sheet.toml":
-        path = path.parent
-    if path.is_dir():
-        return curves.read(path)
-    beside = path.with_name("sheet.toml")
-    for file in (path, beside):
-        if not file.is_file():
-            raise InputError(
-                f"`measured` {path}: there is no {file}; allowed is a CSV file with a sheet.toml "
-                "beside it, or their folder, as `identify` reads them"
-            )
-    sheet = curves.read_sheet(beside)
-    return sheet, (curves.read_curve(path, sheet.thickness, sheet.stated),)

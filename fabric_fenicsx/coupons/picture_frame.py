@@ -21,10 +21,8 @@ STRETCHED = 0.1  # of the load, in which the yarns are stretched before shear be
 class FrameSetup(CouponSetup):
     """A `PictureFrame` on its mesh; its state is homogeneous."""
 
-    @property
-    def side(self) -> float:
-        """Side of the square [mm]."""
-        return (self.high - self.low)[0]
+    def prepare(self) -> None:
+        self.side = (self.high - self.low)[0]  # of the square [mm]
 
     def state(self, load: float) -> tuple[float, float]:
         """Yarn strain [-] and shear angle [rad] that the frame prescribes at a load factor."""
@@ -75,9 +73,9 @@ class FrameSetup(CouponSetup):
 
     def quantities(self, result: Result) -> dict[str, Any]:
         """Shear angle and normalised shear force, beside the law's."""
-        rows, fields = result.rows, result.fields
-        strain, gamma = self.state(rows[-1]["load"])
-        angle, force = self.shear_force(rows[-1])
+        last, fields = result.rows[-1], result.fields
+        strain, gamma = self.state(last["load"])
+        angle, force = self.shear_force(last)
         names = "shear_angle", "eps_a", "eps_b"
         return {
             "shear_angle_deg": angle,

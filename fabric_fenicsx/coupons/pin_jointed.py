@@ -56,18 +56,15 @@ class PinJointedStrip:
         if self.locked:
             return math.nan, math.nan
         la, lb = self._gaps
-        along = [
-            k if s > 0 else k + math.pi for k, s in zip((self.a, self.b), self._coordinates[:, 0])
-        ]
-        x = la * math.cos(along[0]) + lb * math.cos(along[1]) + displacement
-        y = la * math.sin(along[0]) + lb * math.sin(along[1])
-        cosine = (x * x + y * y - la * la - lb * lb) / (2 * la * lb)
+        # directions as complex numbers, both from clamp to clamp
+        a, b = np.exp([1j * self.a, 1j * self.b]) * np.sign(self._coordinates[:, 0])
+        third = la * a + lb * b + displacement
+        cosine = (abs(third) ** 2 - la * la - lb * lb) / (2 * la * lb)
         if abs(cosine) > 1:
             return math.nan, math.nan
-        between = math.copysign(math.acos(cosine), math.sin(along[1] - along[0]))
-        a = math.atan2(y, x) - math.atan2(lb * math.sin(between), la + lb * cosine)
-        turn_a, turn_b = a - along[0], a + between - along[1]
-        return math.remainder(turn_a, 2 * math.pi), math.remainder(turn_b, 2 * math.pi)
+        between = cosine + 1j * math.copysign(math.sqrt(1 - cosine**2), (b / a).imag)
+        turned = third / (la + lb * between)  # yarns a, of any length
+        return float(np.angle(turned / a)), float(np.angle(turned * between / b))
 
     def shear_angle(self, displacement: float, rest: float | None = None) -> float:
         """Shear angle of eq. (8) where both yarns are free [rad], nan as in `turns`.
@@ -88,10 +85,8 @@ class PinJointedStrip:
         return self._sheared(np.where(b_held, 0, turn_a), np.where(a_held, 0, turn_b), rest)
 
     def _sheared(self, turn_a, turn_b, rest):
-        initial = math.acos(math.cos(self.b - self.a))
-        return (initial if rest is None else rest) - np.arccos(
-            np.cos(self.b + turn_b - self.a - turn_a)
-        )
+        initial = math.acos(math.cos(self.b - self.a)) if rest is None else rest
+        return initial - np.arccos(np.cos(self.b + turn_b - self.a - turn_a))
 
     def held(self, x: ArrayLike, y: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Mask (2, n) of yarns a and b through places x, y (n,) that end in a clamp, and distances
@@ -100,12 +95,11 @@ class PinJointedStrip:
         of_length = self.length * self._coordinates[:, :1]
         of_width = self.width * self._coordinates[:, 1:]
         low, high = np.minimum(0, of_width), np.maximum(0, of_width)
-        clamped = [(places >= low + at) & (places <= high + at) for at in (0, of_length)]
-        distance = np.min(
-            [abs(places - edge - at) for edge in (low, high) for at in (0, of_length)], axis=(0, 1)
-        )
+        from_clamps = places, places - of_length
+        clamped, other = [(low <= place) & (place <= high) for place in from_clamps]
+        off = [abs(place - edge) for edge in (low, high) for place in from_clamps]
         # alpha tells which yarn b it is, beta which yarn a
-        return (clamped[0] | clamped[1])[::-1], distance * abs(math.sin(self.b - self.a))
+        return (clamped | other)[::-1], np.min(off, axis=(0, 1)) * abs(math.sin(self.b - self.a))
 
     def beside_clamps(self, x: ArrayLike, y: ArrayLike) -> list[tuple[np.ndarray, np.ndarray]]:
         """Borders of the zones in which yarns a, then yarns b, have turned: for each a mask of the

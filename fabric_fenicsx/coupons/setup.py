@@ -21,6 +21,8 @@ class CouponSetup(Setup):
     `data` is then the description with all defaults filled in. Raises InputError as `lay` does.
     """
 
+    turned = 0.0  # angle from x to the length [rad]
+
     def __init__(self, data: Any, comm: MPI.Comm | None = None) -> None:
         self.comm = comm or MPI.COMM_WORLD
         self.data = data.with_defaults(data.FULL["nx"], **data.SIDES)
@@ -37,11 +39,6 @@ class CouponSetup(Setup):
         self.prepare()
         terms = [self.membrane, *self.terms()]
         super().__init__(self.data, Scene(self.blank, terms, self.supports()), self.warnings)
-
-    @property
-    def turned(self) -> float:
-        """Angle from x to the length [rad]."""
-        return 0.0
 
     def choose(self) -> None:
         """Set defaults of `data` that depend on other fields."""

@@ -1,19 +1,18 @@
 """Built tests of a strip that a moving grip pulls, with measured curves laid over the run's."""
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..identification.curves import Curve
+from ..identification.curves import Curve, read
 from ..job.job import Result
 from ..results import measures
 from ..results.curve import Curves
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from ..scene.scene import Scene
-from .measured import Measured, read_measured
+from .measured import Measured
 from .setup import CouponSetup
 
 SAME = 0.01  # of a length, by which specimens that count as equal may differ
@@ -39,8 +38,8 @@ class StripSetup(CouponSetup):
         raise NotImplementedError
 
     def integration(self) -> str:
-        """Points of P2 cells: inner where cells off the yarns would lock, but not where
-        yarns lie along the load, as their tension does not lock."""
+        """Points of P2 cells: inner where cells off the yarns would lock, but not where yarns lie
+        along the load, as their tension does not lock."""
         data, blank = self.data, self.blank
         if data.integration or not (blank.degree == 2 and blank.triangulated):
             return super().integration()
@@ -66,10 +65,10 @@ class StripSetup(CouponSetup):
     def _measured(self, length, width):
         """The measured curves; InputError for those that can't be compared."""
         file, thickness = self.data.measured, self.data.fabric.thickness
-        sheet, found = read_measured(Path(file))
+        sheet, found = read(file)
         fitting = [curve for curve in found if self.is_compared(curve)]
         if not fitting:
-            tests = " and ".join(sorted({curve.test for curve in found}))
+            tests = " and ".join(sorted({curve.test for curve in found})) or "compaction"
             raise InputError(
                 f"`measured` {file} has no test for this study but {tests}; "
                 f"allowed is {self.data.COMPARED}"
@@ -115,16 +114,15 @@ class StripSetup(CouponSetup):
         """Least and largest strains and shear angles, and those between which 98 % of the area
         lies."""
         fields, found = result.fields, dict[str, Any]()
-        degrees, area = np.degrees(fields["shear_angle"]), self.blank.areas()
-        for name in ("log_eps_11", "log_eps_22", "eps_a", "eps_b"):
-            found[name] = measures.extremes(self.comm, fields[name])
-            found[f"{name}_98_percent"] = measures.bulk(self.comm, fields[name], area)
-        low, high = measures.extremes(self.comm, degrees)
-        return found | {
-            "shear_angle_deg": (low, high),
-            "shear_angle_98_percent_deg": measures.bulk(self.comm, degrees, area),
-            "shear_angle_max_deg": max(-low, high),
-        }
+        area = self.blank.areas()
+        for name in ("log_eps_11", "log_eps_22", "eps_a", "eps_b", "shear_angle"):
+            values, unit = fields[name], ""
+            if name == "shear_angle":
+                values, unit = np.degrees(values), "_deg"
+            found[name + unit] = measures.extremes(self.comm, values)
+            found[f"{name}_98_percent{unit}"] = measures.bulk(self.comm, values, area)
+        low, high = found["shear_angle_deg"]
+        return found | {"shear_angle_max_deg": max(-low, high)}
 
     def reference_curves(self) -> Curves:
         """The measured curves."""

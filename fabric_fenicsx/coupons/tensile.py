@@ -16,10 +16,8 @@ from .strip import StripSetup
 class TensileSetup(StripSetup):
     """A `Tensile` on its mesh."""
 
-    @property
-    def turned(self) -> float:
-        """Angle from x to the length [rad]."""
-        return math.radians(self.data.turned)
+    def choose(self) -> None:
+        self.turned = math.radians(self.data.turned)
 
     def supports(self) -> Supports:
         """Grips at both ends."""

@@ -23,27 +23,8 @@ Compaction is apart from that: `fit_compaction` fits it to tests across the thic
 
 from .compaction import CompactionFit, fit_compaction
 from .fit import identify
-from .parameter import Assumed, Determined
 from .pictures import draw
-from .problem import true_values
+from .problem import Assumed, Determined, true_values
 from .result import Identification, coverage_lines, result_lines
 from .simulated import identify_simulated
 from .synthetic import PLANS, coverage, synthesise, synthesise_compaction
-
-__all__ = [
-    "PLANS",
-    "Assumed",
-    "CompactionFit",
-    "Determined",
-    "Identification",
-    "coverage",
-    "coverage_lines",
-    "draw",
-    "fit_compaction",
-    "identify",
-    "identify_simulated",
-    "result_lines",
-    "synthesise",
-    "synthesise_compaction",
-    "true_values",
-]

@@ -2,23 +2,25 @@
 
 import dataclasses
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import stats
-from scipy.optimize import least_squares
+from scipy.optimize import curve_fit
 
 from ..material.compaction import Compaction, log_compaction
 from ..runtime.errors import InputError, SolverFailure
 from ..runtime.formatting import rounded
 from .curves import CompactionTest, Sheet
-from .parameter import Assumed, Determined
+from .problem import Assumed, Determined
 
 NAMES = "exponent", "onset", "pressure"
 UNITS = {"exponent": "-", "onset": "MPa", "pressure": "MPa"}
 BEYOND = 1.1  # times the measured thicknesses, up to which they show the pressure of the sheet
-WIDEST = {"exponent": 3.0, "onset": 10.0, "pressure": 10.0}  # factor of an interval
+# half width of an interval, in logarithms: factors of 3 and 10
+WIDEST = {"exponent": math.log(3), "onset": math.log(10), "pressure": math.log(10)}
 EXPONENTS = 1.01, 1e3
 PRESSURES = 1e-3  # of the lowest measured pressure: least onset and pressure of the sheet
 EVALUATIONS = 300
@@ -64,22 +66,19 @@ def fit_compaction(sheet: Sheet) -> CompactionFit:
     determine, as where they begin far above it, is the default or the lowest measured pressure, if
     that is less. The intervals of the others are then those of a fit of all three.
     """
-    problem, assumed = _Problem(sheet), {}
-    fit = problem.fit()
-    least = 1.01 * PRESSURES * problem.p.min()
-    if fit.values["onset"] < least or fit.half["onset"] > math.log(WIDEST["onset"]):
-        onset = min(Compaction.onset, float(problem.p.min()))
+    (p, h, sd), assumed = _data(sheet), {}
+    fit, lowest = _fit(p, h, sd), float(p.min())
+    if fit.values["onset"] < 1.01 * PRESSURES * lowest or fit.half["onset"] > WIDEST["onset"]:
+        onset = min(Compaction.onset, lowest)
         source = "default" if onset == Compaction.onset else "lowest measured pressure"
         why = "the data do not tell it: they begin too far above it or scatter too much"
         assumed["onset"] = Assumed(onset, UNITS["onset"], source, why, {})
-        all_three, fit = fit, problem.fit(onset)
-        fit = fit._replace(
-            error={name: max(e, all_three.error[name]) for name, e in fit.error.items()},
-            half={name: max(h, all_three.half[name]) for name, h in fit.half.items()},
-        )
+        all_three, fit = fit, _fit(p, h, sd, onset)
+        for kept, of_all in ((fit.error, all_three.error), (fit.half, all_three.half)):
+            kept.update({name: max(size, of_all[name]) for name, size in kept.items()})
     determined = {name: _determined(name, fit) for name in fit.half}
     for name, half in fit.half.items():
-        if half > math.log(WIDEST[name]):
+        if half > WIDEST[name]:
             low, high = determined[name].interval
             interval = f"{rounded(low, 2)} to {rounded(high, 2)} {UNITS[name]}".removesuffix(" -")
             raise InputError(
@@ -87,12 +86,40 @@ def fit_compaction(sheet: Sheet) -> CompactionFit:
                 "more: of more points, a wider range of pressure or less scatter"
             )
     compaction = Compaction(**fit.values)
-    tests = []
-    for test in sheet.compaction:
-        fitted = sheet.thickness * compaction.thickness(test.pressure)
-        tests.append((test, sheet.measured_thickness(test), fitted))
-    warnings = problem.warnings(compaction, determined)
+    tests = [
+        (t, sheet.measured_thickness(t), sheet.thickness * compaction.thickness(t.pressure))
+        for t in sheet.compaction
+    ]
+    warnings = [*_warnings(p, compaction.pressure, determined)]
     return CompactionFit(compaction, determined, assumed, fit.scatter, tests, warnings)
+
+
+def _data(sheet):
+    """Pressures [MPa], thickness over the sheet's, and its standard deviations over it, up to a
+    common factor; (n,) each."""
+    tests = sheet.compaction
+    if not tests:
+        raise InputError("there is no test of compaction; allowed is one or more")
+    p = np.concatenate([test.pressure for test in tests])
+    h = np.concatenate([sheet.measured_thickness(test) for test in tests])
+    if not h.min() / BEYOND <= sheet.thickness <= h.max() * BEYOND:
+        raise InputError(
+            f"sheet.toml: thickness is {rounded(sheet.thickness, 4)} mm, and plies of the "
+            f"compaction tests have {rounded(h.max(), 4)} to {rounded(h.min(), 4)} mm; allowed is "
+            "that of one ply under a measured pressure (divide that of a stack by its plies)"
+        )
+    sd = np.ones(len(p))
+    if all(test.noise for test in tests):
+        sd = np.concatenate([_noise(test) for test in tests])
+    return p, h / sheet.thickness, sd
+
+
+def _noise(test):
+    """The stated noise over the value, which is that over the thickness (n,)."""
+    kind, size = test.noise
+    values = test.response.values
+    scale = {"absolute": 1.0, "maximum": test.response.peak}.get(kind, values)
+    return np.broadcast_to(size * scale / values, values.shape)
 
 
 class _Fit(NamedTuple):
@@ -105,6 +132,39 @@ class _Fit(NamedTuple):
     scatter: float
 
 
+def _fit(p, h, sd, onset=None):
+    """The three numbers; onset: a fixed one [MPa], None if it is fitted."""
+    names = [name for name in NAMES if name != "onset" or onset is None]
+
+    def log_thickness(p, *x):
+        v = {"onset": onset} | dict(zip(names, np.exp(x)))
+        y = log_compaction(np.array([v["pressure"], *p]) / v["onset"])
+        return (y[0] - y[1:]) / v["exponent"]
+
+    order, edges = np.argsort(h), (PRESSURES * p.min(), p.max() / PRESSURES)
+    bounds = np.log([EXPONENTS if name == "exponent" else edges for name in names]).T
+    # about the pressure under which plies of the tests are as thick as the sheet
+    near = math.exp(np.interp(1.0, h[order], np.log(p[order])))
+    how = {"bounds": bounds, "max_nfev": EVALUATIONS, "full_output": True}
+    how |= dict.fromkeys(("ftol", "xtol", "gtol"), 1e-12)
+    found = []
+    for begin in p.min() * np.array([0.1, 1.0, 10.0]) if onset is None else [onset]:
+        start = {"exponent": 10.0, "onset": begin, "pressure": near}
+        x = np.clip(np.log([start[name] for name in names]), bounds[0] + 1e-6, bounds[1] - 1e-6)
+        with suppress(RuntimeError):  # it did not converge
+            x, covariance, info, *_ = curve_fit(log_thickness, p, np.log(h), x, sd, **how)
+            found.append((info["fvec"] @ info["fvec"], x, covariance, info["fvec"]))
+    if not found:
+        raise SolverFailure(f"the fit of compaction did not converge in {EVALUATIONS} evaluations")
+    _, x, covariance, residual = min(found, key=lambda each: each[0])
+    dof = len(p) - len(names)
+    error = dict(zip(names, np.sqrt(np.diag(covariance)).tolist()))
+    half = {name: float(stats.t.ppf(0.975, dof)) * each for name, each in error.items()}
+    values = {"onset": onset} | dict(zip(names, np.exp(x).tolist()))
+    scatter = float(np.sqrt(np.sum((residual * sd) ** 2) / dof))
+    return _Fit({name: values[name] for name in NAMES}, error, half, scatter)
+
+
 def _determined(name, fit):
     value, half = fit.values[name], fit.half[name]
     interval = value * math.exp(-half), value * math.exp(half)
@@ -113,92 +173,16 @@ def _determined(name, fit):
     return Determined(value, value * fit.error[name], interval, UNITS[name], value, weak, at_bound)
 
 
-class _Problem:
-    """Residuals in the logarithms of exponent, onset and pressure."""
-
-    def __init__(self, sheet: Sheet) -> None:
-        if not sheet.compaction:
-            raise InputError("there is no test of compaction; allowed is one or more")
-        self.t = sheet.thickness
-        self.p = np.concatenate([test.pressure for test in sheet.compaction])
-        self.h = np.concatenate([sheet.measured_thickness(test) for test in sheet.compaction])
-        low, high = self.h.min(), self.h.max()
-        if not low / BEYOND <= self.t <= high * BEYOND:
-            raise InputError(
-                f"sheet.toml: thickness is {rounded(self.t, 4)} mm, and plies of the compaction "
-                f"tests have {rounded(high, 4)} to {rounded(low, 4)} mm; allowed is a thickness of "
-                "one ply under a measured pressure (divide that of a stack by its plies)"
-            )
-        self.sd = np.ones(len(self.p))
-        if all(test.noise for test in sheet.compaction):
-            self.sd = np.concatenate([_noise(test) for test in sheet.compaction])
-
-    def residual(self, x: np.ndarray) -> np.ndarray:
-        """Residuals of all points (n,), in standard deviations."""
-        n, onset, pressure = np.exp(x)
-        y = log_compaction(np.array([pressure, *self.p]) / onset)
-        return (np.log(self.t / self.h) + (y[0] - y[1:]) / n) / self.sd
-
-    def fit(self, onset: float | None = None) -> _Fit:
-        """The three numbers; onset: a fixed one [MPa], None if it is fitted."""
-        free = [k for k, name in enumerate(NAMES) if name != "onset" or onset is None]
-        edges = PRESSURES * self.p.min(), self.p.max() / PRESSURES
-        low, high = np.log([EXPONENTS, edges, edges]).T[:, free]
-        order = np.argsort(self.h)
-        # about the pressure under which plies of the tests are as thick as the sheet
-        near = math.exp(np.interp(self.t, self.h[order], np.log(self.p[order])))
-        found: list[tuple[float, int, np.ndarray, Any]] = []
-        starts = np.array([0.1, 1.0, 10.0]) * self.p.min()
-        for begin in starts if onset is None else [onset]:
-            x = np.log([10.0, begin, near])
-            solved = least_squares(
-                lambda v, x=x: self.residual(_with(x, free, v)),
-                np.clip(x[free], low + 1e-6, high - 1e-6),
-                bounds=(low, high),
-                **dict.fromkeys(("ftol", "xtol", "gtol"), 1e-12),
-                max_nfev=EVALUATIONS,
-            )
-            found.append((solved.cost, len(found), _with(x, free, solved.x), solved))
-        _, _, x, solved = min(found)
-        if solved.status <= 0:
-            raise SolverFailure(
-                f"the fit of compaction did not converge in {solved.nfev} evaluations"
-            )
-        dof = len(self.p) - len(free)
-        variance = 2 * solved.cost / dof
-        _, s, Vt = np.linalg.svd(solved.jac, full_matrices=False)
-        spread = np.sqrt(((Vt.T / np.maximum(s, 1e-8 * s.max())) ** 2).sum(1) * variance)
-        scatter = float(np.sqrt(np.sum((solved.fun * self.sd) ** 2) / dof))
-        error = dict(zip([NAMES[k] for k in free], spread.tolist()))
-        half = {name: float(stats.t.ppf(0.975, dof)) * each for name, each in error.items()}
-        return _Fit(dict(zip(NAMES, np.exp(x).tolist())), error, half, scatter)
-
-    def warnings(self, compaction: Compaction, determined: dict[str, Determined]) -> list[str]:
-        """Doubts about the fit."""
-        found, p = [], compaction.pressure
-        if not self.p.min() / 1.1 <= p <= self.p.max() * 1.1:
-            found.append(
-                "by the compaction tests the fabric has the thickness of sheet.toml under "
-                f"{rounded(p)} MPa; they measured from {rounded(self.p.min())} to "
-                f"{rounded(self.p.max())} MPa"
-            )
-        for name, each in determined.items():
-            if each.at_bound:
-                found.append(f"compaction.{name} is held by a bound")
-            elif each.weak and name != "onset":  # forces hardly depend on the onset
-                found.append(f"compaction.{name} is weakly determined")
-        return found
-
-
-def _with(x, at, values):
-    x = x.copy()
-    x[at] = values
-    return x
-
-
-def _noise(test):
-    """The stated noise over the value, which is that over the thickness (n,)."""
-    kind, size = test.noise
-    values = test.response.values
-    scale = {"absolute": 1.0, "maximum": test.response.peak}.get(kind, values)
-    return np.broadcast_to(size * scale / values, values.shape)
+def _warnings(measured, pressure, determined):
+    """Doubts about the fit."""
+    if not measured.min() / BEYOND <= pressure <= measured.max() * BEYOND:
+        yield (
+            f"by the compaction tests the fabric has the thickness of sheet.toml under "
+            f"{rounded(pressure)} MPa; they measured from {rounded(measured.min())} to "
+            f"{rounded(measured.max())} MPa"
+        )
+    for name, each in determined.items():
+        if each.at_bound:
+            yield f"compaction.{name} is held by a bound"
+        elif each.weak and name != "onset":  # forces hardly depend on the onset
+            yield f"compaction.{name} is weakly determined"

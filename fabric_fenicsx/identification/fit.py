@@ -8,14 +8,13 @@ import numpy as np
 from scipy import stats
 
 from ..material.homogeneous import nominal_tangent
-from ..material.laws.coupled import SHEAR, YARN, WovenFabric, Yarn
+from ..material.laws.coupled import SHEAR, WovenFabric, Yarn
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from .compaction import fit_compaction
-from .curves import Curve, Sheet, angle_warnings, unit_warnings
+from .curves import Curve, Sheet, curve_warnings
 from .friction import fit_friction
-from .parameter import Assumed, Determined
-from .problem import DEFAULTS, NOISE, NotConverged, Problem, base, true_values, unit_of
+from .problem import NOISE, Assumed, Determined, NotConverged, Problem, base, unit_of, yarns_of
 from .result import Identification
 from .toe import toe_warning
 
@@ -64,13 +63,11 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     predicted = problem.predict(theta)
     fits = [(curve, response, predicted[s], sd[s]) for (curve, response), s in problem.parts]
     warnings = [
-        *_remarks(curves),
-        *_remarks(sheet.compaction),
-        *_fit_warnings(curves, found, softest, convex),
-        *_parameter_warnings(determined, assumed),
+        *(f"{curve.file}: {text}" for curve in curves for text in curve.remarks),
+        *(f"{test.file}: {text}" for test in sheet.compaction for text in test.remarks),
+        *_fit_warnings(curves, found, softest, convex, determined, assumed),
         *filter(None, (toe_warning(*each) for each in fits)),
-        *angle_warnings(curves),
-        *unit_warnings(curves),
+        *curve_warnings(curves),
         *(compaction.warnings if compaction else ()),
         *_friction_warnings(curves, friction),
         *fabric.plausibility_warnings(),
@@ -101,11 +98,6 @@ def _friction_warnings(curves, friction):
             yield f"{name} is weakly determined, as its interval is wider than a factor of 2"
 
 
-def _remarks(tests):
-    """Sentences on what was left out of the files of tests."""
-    return [f"{test.file}: {text}" for test in tests for text in test.remarks]
-
-
 def _determined(problem, k, value, staged, error, half, at_bound):
     """Parameter k, fitted."""
     high = value + half
@@ -120,7 +112,7 @@ def _determined(problem, k, value, staged, error, half, at_bound):
 def _assumptions(problem, sheet):
     """Values (parameters,) that hold unless they are fitted, their sources {name: source}, and why
     some can't be fitted {number: reason}."""
-    names, values = problem.names, true_values(DEFAULTS, sheet.balanced)
+    names, values = problem.names, dict(zip(problem.names, problem.start))
     source, reason = dict.fromkeys(names, "Table 1 of Schäfer et al."), {}
     for k, name in enumerate(names):
         for key in (base(name), name):
@@ -199,11 +191,11 @@ def _statistics(problem, theta, free, sd):
     variance = float(residual @ residual) / dof
     J = problem.jacobian(theta, free) * problem.natural[free] / sd[:, None]
     inverse = np.linalg.inv(np.linalg.qr(J, "r"))
-    covariance = variance * inverse @ inverse.T
-    error = np.sqrt(np.diag(covariance)) * problem.natural[free]
-    spread = np.sqrt(np.diag(inverse @ inverse.T))
-    correlation = inverse @ inverse.T / np.outer(spread, spread)
+    covariance = inverse @ inverse.T  # over the variance
+    spread = np.sqrt(np.diag(covariance))
+    error = math.sqrt(variance) * spread * problem.natural[free]
     half = stats.t.ppf(0.975, dof) * error
+    correlation = covariance / np.outer(spread, spread)
     return _Statistics(free, dof, variance, error, half, correlation, J)
 
 
@@ -222,10 +214,7 @@ def _moves(problem, theta, found, sd, k):
 def _fabric(value, sheet, compaction, assumed):
     """The fabric of values {name: number} and of a fit of compaction, if there is one; assumed:
     names of values that were not fitted."""
-    warp, weft = (
-        Yarn(**{n: value[n] if n in value else value[f"{yarn}.{n}"] for n in YARN})
-        for yarn in ("warp", "weft")
-    )
+    warp, weft = (Yarn(**yarn) for yarn in yarns_of(value))
     known: dict[str, Any] = {n: value[n] for n in SHEAR}
     known |= {n: getattr(sheet, n) for n in ("thickness", "density", "fibre_density", "name")}
     known |= {"compaction": compaction.compaction} if compaction else {}
@@ -248,7 +237,7 @@ def _physics(problem, fabric):
     return softest, convex
 
 
-def _fit_warnings(curves, found, softest, convex):
+def _fit_warnings(curves, found, softest, convex, determined, assumed):
     limit = stats.chi2.ppf(0.999, found.dof) / found.dof
     if all(c.noise for c in curves) and found.variance > limit:
         yield (
@@ -259,9 +248,6 @@ def _fit_warnings(curves, found, softest, convex):
         yield f"the shear stiffness falls to {rounded(softest)} MPa over the measured angles"
     if convex is False:
         yield "the energy is not convex in (eps_a, eps_b) over the measured tension"
-
-
-def _parameter_warnings(determined, assumed):
     for name, value in assumed.items():
         if value.source == UNCOUPLED:
             yield (
@@ -270,12 +256,12 @@ def _parameter_warnings(determined, assumed):
                 "but maybe too soft, and does not neck; measure the strain across (eps_a or "
                 "eps_b), or hold the sides"
             )
-    for name, parameter in determined.items():
-        if parameter.at_bound:
-            yield f"{name} is held by a bound from physics"
-    for name, parameter in determined.items():
-        if parameter.weak:
-            yield f"{name} is weakly determined, as its interval is wider than +-100 %"
+    held = [name for name, parameter in determined.items() if parameter.at_bound]
+    weak = [name for name, parameter in determined.items() if parameter.weak]
+    yield from (f"{name} is held by a bound from physics" for name in held)
+    yield from (
+        f"{name} is weakly determined, as its interval is wider than +-100 %" for name in weak
+    )
 
 
 def _regression(problem, default, reason, source):

@@ -13,8 +13,7 @@ from scipy.optimize import least_squares
 
 from ..material.friction import ShearFriction
 from .curves import Curve
-from .parameter import Determined
-from .problem import NOISE
+from .problem import NOISE, Determined
 
 WIDEST = math.log(3.0)  # of an interval's factor, beyond which loops do not tell a number
 PLACES = 0.03, 0.1, 0.3  # of the loop's angle, at which elements begin to slide in a first guess

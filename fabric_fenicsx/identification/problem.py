@@ -1,7 +1,8 @@
-"""Residuals of test curves in the parameters of the law, and what the curves determine."""
+"""The parameters of the law, residuals of test curves in them, and what the curves determine."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -40,11 +41,57 @@ def unit_of(name: str) -> str:
 def true_values(fabric: WovenFabric, balanced: bool) -> dict[str, float]:
     """Parameters of `fabric` by the names used here: 10 if balanced, otherwise 17 with warp. and
     weft. before the yarns'."""
-    own = {name: getattr(fabric, name) for name in SHEAR}
-    own |= {name: getattr(fabric.warp, name) for name in YARN}
-    for yarn in ("warp", "weft"):
-        own |= {f"{yarn}.{name}": getattr(getattr(fabric, yarn), name) for name in YARN}
-    return {name: own[name] for name in names_of(balanced)}
+    return {
+        name: getattr(getattr(fabric, yarn or "warp") if own in YARN else fabric, own)
+        for name in names_of(balanced)
+        for yarn, _, own in [name.rpartition(".")]
+    }
+
+
+def yarns_of(values: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Parameters of warp and of weft in `values` by the names used here."""
+    return [
+        {n: values[n] if n in values else values[f"{yarn}.{n}"] for n in YARN}
+        for yarn in ("warp", "weft")
+    ]
+
+
+@dataclass(frozen=True)
+class Determined:
+    """A fitted parameter: value, standard error and 95 % interval (t-distribution, from the
+    linearised joint fit, bounds not applied; upwards that of c is at least as wide in its
+    logarithm), all in `unit`; two_stage: its value before the joint fit; weak: the interval is
+    wider than +-100 %; at_bound: a bound from physics holds it, so the interval is a rough guide.
+    """
+
+    value: float
+    standard_error: float
+    interval: tuple[float, float]
+    unit: str
+    two_stage: float
+    weak: bool
+    at_bound: bool
+
+
+@dataclass(frozen=True)
+class Assumed:
+    """A parameter that was not fitted: value in `unit`, where that is from, and why the data don't
+    determine it.
+
+    moves: changes of fitted parameters, in their units, if this one were 10 % larger. Only those
+    beyond half the width of their intervals are listed: the intervals hold for the assumed values.
+    """
+
+    value: float
+    unit: str
+    source: str
+    reason: str
+    moves: dict[str, float]
+
+    def __str__(self) -> str:
+        moves = [f"{n} by {v:+.3g} {unit_of(n)}".removesuffix(" -") for n, v in self.moves.items()]
+        more = f"; 10 % more of it moves {', '.join(moves)}" if moves else ""
+        return f"assumed ({self.source}): {self.reason}{more}"
 
 
 class NotConverged(SolverFailure):
@@ -96,10 +143,8 @@ class Problem:
             self.gain[s], self.rubbed[s], self.linear[s] = 0.0, 0.0, linear
         # the yarns of points under free tension, and where to start the strain across
         self.along = joined(lambda curve, _: -1 if curve.free is None else curve.free)
-        last = [curve.responses[-1] for curve, _ in parts]
-        begin = np.concatenate([r.values if r.component == 3 else 0 * r.values for r in last])
         points = {along: np.flatnonzero(self.along == along) for along in (0, 1)}
-        self.free = {along: (at, begin[at]) for along, at in points.items() if at.size}
+        self.free = {along: (at, np.zeros(at.size)) for along, at in points.items() if at.size}
         self.angle = float(np.abs(self.strains[self.component == 2, 2]).max(initial=0.0))
         self.extent = max(np.abs(self.strains[:, :2]).max(), 1e-3)
         self.start = np.array([*true_values(DEFAULTS, sheet.balanced).values()])
@@ -108,12 +153,10 @@ class Problem:
 
     def material(self, theta: np.ndarray) -> WovenFabric:
         """A fabric without its checks, so that derivatives can be taken at bounds."""
-        v = dict(zip(self.names, theta))
-        fabric = DEFAULTS.symbols(float)
-        vars(fabric).update({n: v[n] for n in SHEAR}, thickness=self.thickness)
-        for yarn in ("warp", "weft"):
-            numbers = {n: v[n] if n in v else v[f"{yarn}.{n}"] for n in YARN}
-            vars(getattr(fabric, yarn)).update(numbers)
+        values, fabric = dict(zip(self.names, theta)), DEFAULTS.symbols(float)
+        vars(fabric).update({n: values[n] for n in SHEAR}, thickness=self.thickness)
+        for yarn, numbers in zip((fabric.warp, fabric.weft), yarns_of(values)):
+            vars(yarn).update(numbers)
         return fabric
 
     def predict(self, theta: np.ndarray) -> np.ndarray:

@@ -11,8 +11,9 @@ from ..material.laws.coupled import WovenFabric
 from ..runtime.formatting import percent, rounded
 from .compaction import CompactionFit
 from .curves import Curve, Response
+from .curves.model import noise_text
 from .friction import FrictionFit
-from .parameter import Assumed, Determined
+from .problem import Assumed, Determined
 
 
 @dataclass(frozen=True)
@@ -106,11 +107,6 @@ class Identification:
 
 def _error(curve, response, predicted, _):
     rms = float(np.sqrt(np.mean((predicted - response.values) ** 2)))
-    noise = None
-    if curve.noise:
-        kind, size = curve.noise
-        unit = response.unit
-        noise = f"{size:g} {unit}" if kind == "absolute" else f"{percent(size, 6)} of {kind}"
     return {
         "file": curve.file,
         "test": curve.test,
@@ -119,7 +115,7 @@ def _error(curve, response, predicted, _):
         "points": len(predicted),
         "rms_error": rms,
         "rms_error_of_peak": rms / response.peak,
-        "noise_stated": noise,
+        "noise_stated": curve.noise and noise_text(curve.noise, response.unit),
     }
 
 

@@ -11,6 +11,7 @@ from ..material.homogeneous import lateral_strain, nominal
 from ..material.laws.coupled import WovenFabric
 from . import curves as data
 from .curves import CompactionTest, Curve, Response, Sheet
+from .curves.model import unit_inside
 from .fit import identify
 from .problem import true_values
 
@@ -61,33 +62,27 @@ def synthesise(
     balanced = fabric.is_balanced if balanced is None else balanced
     curves = []
     for name, (test, ends) in PLANS[plan].items():
-        runs = data.TESTS[test].strains
+        kind = data.TESTS[test]
+        places = [data.STRAINS.index(c) for c in kind.strains]
         along = 1 - ends.index(None) if None in ends else None
-        ramp = np.arange(1, points + 1) / points
-        reached = zip(data.STRAINS, ends)
-        columns = [ramp * (e or 0) if c in runs else np.full(points, e or 0.0) for c, e in reached]
-        strains = np.stack([*columns[:2], np.radians(columns[2])], -1)
+        strains = np.tile([e or 0.0 for e in ends], (points, 1)) * [1, 1, np.pi / 180]
+        strains[:, places] *= np.arange(1, points + 1)[:, None] / points
         exact = strains.copy()
         if along is not None:
             exact[:, 1 - along] = lateral_strain(fabric, along, strains[:, along])
         stress = dict(zip(("sigma_a", "sigma_b", "tau"), nominal(fabric, exact).T))
-        measured = {"biaxial": ("sigma_a", "sigma_b"), "shear": ("tau",)}
-        values = {c: stress[c] for c in measured.get(test, (f"sigma_{test[-1]}",))}
+        values = {c: stress[c] for c in kind.measured if c in stress}
         if along is not None:
             values[data.STRAINS[1 - along]] = exact[:, 1 - along]
         responses = []
         for c, v in values.items():
-            unit = "-" if c.startswith("eps") else "MPa"
             v = v + noise * np.abs(v).max() * random.standard_normal(points)
-            responses.append(Response(c, unit, v, np.ones(points)))
-        places = [data.STRAINS.index(c) for c in runs]
+            responses.append(Response(c, unit_inside(c), v, np.ones(points)))
         abscissa = max(places, key=lambda k: np.ptp(strains[:, k]))
-        rows = np.arange(points)
-        file = f"{name}.csv"
-        curves.append(Curve(file, test, strains, tuple(responses), rows, abscissa, along, stated))
-    sheet = Sheet(
-        fabric.name, fabric.thickness, fabric.density, balanced, fibre_density=fabric.fibre_density
-    )
+        what = f"{name}.csv", test, strains, tuple(responses), np.arange(points), abscissa
+        curves.append(Curve(*what, along, stated))
+    known = fabric.name, fabric.thickness, fabric.density, balanced
+    sheet = Sheet(*known, fibre_density=fabric.fibre_density)
     if plan == "all" and fabric.compaction:
         pressed = synthesise_compaction(sheet, fabric.compaction, noise, seed, points)
         sheet = dataclasses.replace(sheet, compaction=(pressed,))

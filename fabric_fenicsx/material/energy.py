@@ -69,12 +69,11 @@ class Energy:
         except InputError:
             raise
         except Exception as error:
-            text = f"energy of law {self.law} fails ({type(error).__name__}: {error})"
-            raise InputError(f"{text}; {ALLOWED}") from error
-        for part in (a, b, shear):  # where NumPy takes numbers for objects it gives an array
-            if isinstance(part, np.ndarray) and not isinstance(eps_a, np.ndarray):
-                text = f"energy of law {self.law} has a part of type {type(part).__name__}"
-                raise InputError(f"{text}; {ALLOWED}")
+            words = f"fails ({type(error).__name__}: {error})"
+            raise InputError(f"energy of law {self.law} {words}; {ALLOWED}") from error
+        # where NumPy takes numbers for objects it gives an array
+        if np.ndarray in map(type, (a, b, shear)) and not isinstance(eps_a, np.ndarray):
+            raise InputError(f"energy of law {self.law} has a part of type ndarray; {ALLOWED}")
         return a, b, shear
 
     def derivatives(

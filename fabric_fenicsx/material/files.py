@@ -8,11 +8,13 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..readers.units import UNITS, check_unit, suffixes
+from ..readers.units import OWN, UNITS, suffixes
 from ..runtime.errors import InputError
+from ..runtime.files import replace_file
 from ..runtime.rules import POSITIVE, Rule, above_zero, did_you_mean, shown, unknown_key
 
 SHEET = {"thickness": above_zero("length"), "density": above_zero("density")}
+OWN_UNITS = {kind: OWN[kind] for kind in ("stress", "length", "density")}  # of files we write
 FIBRES = {"fibre_density": above_zero("density")}
 
 
@@ -68,14 +70,8 @@ def read_toml(path: str | os.PathLike[str], make: Callable[[dict[str, Any]], Any
 
 def write_whole(path: str | os.PathLike[str], text: str) -> None:
     """Write a file whole or not at all; InputError where it cannot be written."""
-    path = Path(path)
-    part = path.parent / f".{path.name}.{os.getpid()}.part"
     try:
-        try:
-            part.write_text(text, encoding="utf-8")
-            os.replace(part, path)
-        finally:
-            part.unlink(missing_ok=True)
+        replace_file(Path(path), text.encode())
     except (OSError, ValueError) as error:
         raise InputError(
             f"{path}: cannot be written ({_reason(error)}); allowed is a folder of this user"
@@ -98,7 +94,10 @@ def take_units(document: dict[str, Any]) -> dict[str, str]:
     """The table [units], {kind: unit}, taken out of the document; InputError for another unit."""
     units = take_table(document, "units")
     for kind, unit in units.items():
-        check_unit(kind, unit)
+        if kind not in UNITS:
+            raise unknown_key(kind, UNITS, f"units.{kind}")
+        if unit not in list(UNITS[kind]):
+            raise unknown_key(str(unit), UNITS[kind], f"units.{kind} {unit!r}")
     return units
 
 

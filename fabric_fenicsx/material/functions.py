@@ -23,9 +23,11 @@ atan = singledispatch(np.arctan)
 @singledispatch
 def where(condition: Any, x: Any, y: Any) -> Any:
     """`x` where the condition holds, such as `eps > 0`, and `y` elsewhere."""
-    if isinstance(x, HyperDual) or isinstance(y, HyperDual):
-        return HyperDual.where(condition, x, y)
-    return np.where(condition, x, y)
+    if not isinstance(x, HyperDual) and not isinstance(y, HyperDual):
+        return np.where(condition, x, y)
+    x, y = (v if isinstance(v, HyperDual) else HyperDual(v, 0.0, 0.0) for v in (x, y))
+    pairs = (x.value, y.value), (x.first, y.first), (x.second, y.second)
+    return HyperDual(*(np.where(condition, u, v) for u, v in pairs))
 
 
 @singledispatch
@@ -40,30 +42,20 @@ def negative(x: Any) -> Any:
     return where(x > 0, 0.0, x)
 
 
-def _chain(function: Any, derivatives: Any) -> None:
-    """Let a function of one argument take hyper-dual numbers; derivatives: x to f, f', f''."""
-    function.register(HyperDual, lambda x: x.chain(*derivatives(x.value)))
+def _of_hyper_dual(function: Any, slopes: Any) -> None:
+    """Let a function f take hyper-dual numbers; slopes: (x, f(x)) to its first two derivatives."""
+
+    def chained(x: HyperDual) -> HyperDual:
+        f = function(x.value)
+        return x.chain(f, *slopes(x.value, f))
+
+    function.register(HyperDual, chained)
 
 
-def _exp(x):
-    f = np.exp(x)
-    return f, f, f
-
-
-def _sqrt(x):
-    f = np.sqrt(x)
-    return f, 0.5 / f, -0.25 / (f * x)
-
-
-def _tan(x):
-    f = np.tan(x)
-    return f, 1 + f * f, 2 * f * (1 + f * f)
-
-
-_chain(exp, _exp)
-_chain(sqrt, _sqrt)
-_chain(tan, _tan)
-_chain(log, lambda x: (np.log(x), 1 / x, -1 / (x * x)))
-_chain(cos, lambda x: (np.cos(x), -np.sin(x), -np.cos(x)))
-_chain(sin, lambda x: (np.sin(x), np.cos(x), -np.sin(x)))
-_chain(atan, lambda x: (np.arctan(x), 1 / (1 + x * x), -2 * x / (1 + x * x) ** 2))
+_of_hyper_dual(exp, lambda x, f: (f, f))
+_of_hyper_dual(log, lambda x, f: (1 / x, -1 / (x * x)))
+_of_hyper_dual(sqrt, lambda x, f: (0.5 / f, -0.25 / (f * x)))
+_of_hyper_dual(cos, lambda x, f: (-np.sin(x), -f))
+_of_hyper_dual(sin, lambda x, f: (np.cos(x), -f))
+_of_hyper_dual(tan, lambda x, f: (1 + f * f, 2 * f * (1 + f * f)))
+_of_hyper_dual(atan, lambda x, f: (1 / (1 + x * x), -2 * x / (1 + x * x) ** 2))

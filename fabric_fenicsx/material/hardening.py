@@ -90,15 +90,12 @@ class Swift(Hardening):
     n: float
 
     def stress(self, p: np.ndarray) -> np.ndarray:
-        """Yield stress [MPa]."""
         return self.K * (self.eps0 + p) ** self.n
 
     def slope(self, p: np.ndarray) -> np.ndarray:
-        """Its derivative [MPa]."""
         return self.n * self.K * (self.eps0 + p) ** (self.n - 1)
 
     def work(self, p: np.ndarray) -> np.ndarray:
-        """Its integral from 0 [N mm/mm^3]."""
         power = self.n + 1
         return self.K / power * ((self.eps0 + p) ** power - self.eps0**power)
 
@@ -137,15 +134,12 @@ class Voce(Hardening):
     b: float
 
     def stress(self, p: np.ndarray) -> np.ndarray:
-        """Yield stress [MPa]."""
         return self.Y0 - self.Q * np.expm1(-self.b * p)
 
     def slope(self, p: np.ndarray) -> np.ndarray:
-        """Its derivative [MPa]."""
         return self.Q * self.b * np.exp(-self.b * p)
 
     def work(self, p: np.ndarray) -> np.ndarray:
-        """Its integral from 0 [N mm/mm^3]."""
         return (self.Y0 + self.Q) * p + self.Q * np.expm1(-self.b * p) / self.b
 
 
@@ -193,9 +187,7 @@ class HardeningTable(Hardening):
 
     eps: tuple[float, ...]
     sigma: tuple[float, ...]
-    _curve: Any = field(init=False, repr=False, compare=False)
-    _slope: Any = field(init=False, repr=False, compare=False)
-    _work: Any = field(init=False, repr=False, compare=False)
+    _curves: Any = field(init=False, repr=False, compare=False)  # stress, slope and work
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -204,36 +196,31 @@ class HardeningTable(Hardening):
                 "hardening.eps and sigma differ in length or are too short; allowed are two lists "
                 "of 2 or more numbers"
             )
-        last = -np.inf, 0.0
-        for k, (p, stress) in enumerate(zip(self.eps, self.sigma)):
-            rises = p > last[0] if k else p == 0
-            if not (rises and stress > 0 and stress >= last[1]):
-                raise InputError(
-                    f"hardening: point {k + 1} is {(p, stress)}; allowed are strains that rise "
-                    "from 0 and stresses above 0 that do not fall"
-                )
-            last = p, stress
+        fits = (np.diff(self.eps, prepend=-1) > 0) & (np.diff(self.sigma, prepend=0) >= 0)
+        fits &= np.array(self.sigma) > 0
+        fits[0] &= self.eps[0] == 0
+        for k in np.flatnonzero(~fits)[:1]:
+            raise InputError(
+                f"hardening: point {k + 1} is {(self.eps[k], self.sigma[k])}; allowed are strains "
+                "that rise from 0 and stresses above 0 that do not fall"
+            )
         from scipy.interpolate import PchipInterpolator  # takes long to import
 
         curve = PchipInterpolator(self.eps, self.sigma)
         slope = max(float(curve(self.eps[-1], 1)), 0.0)
         end = [0, 0, slope, self.sigma[-1]]  # a straight line, which goes on
         curve.extend(np.reshape(end, (4, 1)), [self.eps[-1] + 1])
-        object.__setattr__(self, "_curve", curve)
-        object.__setattr__(self, "_slope", curve.derivative())
-        object.__setattr__(self, "_work", curve.antiderivative())
+        curves = curve, curve.derivative(), curve.antiderivative()
+        object.__setattr__(self, "_curves", curves)
 
     def stress(self, p: np.ndarray) -> np.ndarray:
-        """Yield stress [MPa]."""
-        return self._curve(p)
+        return self._curves[0](p)
 
     def slope(self, p: np.ndarray) -> np.ndarray:
-        """Its derivative [MPa]."""
-        return self._slope(p)
+        return self._curves[1](p)
 
     def work(self, p: np.ndarray) -> np.ndarray:
-        """Its integral from 0 [N mm/mm^3]."""
-        return self._work(p)
+        return self._curves[2](p)
 
 
 def hardening_from(table: dict[str, Any], units: Mapping[str, str]) -> Hardening:

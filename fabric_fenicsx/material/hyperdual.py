@@ -34,13 +34,6 @@ class HyperDual:
             found.append(cls(value, first, np.zeros((6, *value.shape))))
         return found
 
-    @staticmethod
-    def where(condition: Any, x: Any, y: Any) -> "HyperDual":
-        """`x` where the condition holds, `y` elsewhere; one of them may be a plain number."""
-        x, y = (v if isinstance(v, HyperDual) else HyperDual(v, 0.0, 0.0) for v in (x, y))
-        pairs = (x.value, y.value), (x.first, y.first), (x.second, y.second)
-        return HyperDual(*(np.where(condition, u, v) for u, v in pairs))
-
     def chain(self, f: Any, f1: Any, f2: Any) -> "HyperDual":
         """A function of this number, from its value and derivatives there."""
         d = self.first

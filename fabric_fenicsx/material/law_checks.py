@@ -102,14 +102,13 @@ def check_shapes(law: Energy) -> None:
     """InputError where closed forms of `derivatives` have other shapes than `Derivatives`."""
     none, right = np.zeros(2), [(2, 3), (3, 2), (6, 2)]
     for second in (True, False):
-        shapes: list[object] = []
+        given: Any = None
         try:
-            given: Any = law.derivatives(none, none, none, second)
-            shapes += [np.shape(each) for each in given]
-            fits = isinstance(given, Derivatives) and shapes[: 2 + second] == right[: 2 + second]
+            given = law.derivatives(none, none, none, second)
+            shapes: list[object] = [np.shape(each) for each in given]
         except TypeError as error:
-            fits, shapes = False, [error]
-        if not fits:
+            shapes = [error]
+        if not isinstance(given, Derivatives) or shapes[: 2 + second] != right[: 2 + second]:
             raise InputError(
                 f"`derivatives` of law {law.law} gives {', '.join(map(str, shapes))} at n = 2 "
                 f"states with second={second}; allowed is `Derivatives` of parts (n, 3), first "
@@ -119,12 +118,10 @@ def check_shapes(law: Energy) -> None:
 
 def implausible(label: str, values: Mapping[str, float | None]) -> list[str]:
     """A sentence on each value {name: value}, of a material `label`, outside of `PLAUSIBLE`."""
-    found = []
-    for name, value in values.items():
-        low, high, unit = PLAUSIBLE[name]
-        if value is not None and not low <= value <= high:
-            found.append(
-                f"{name} of material {label} is {value:g} {unit}, fabrics have {low:g} to "
-                f"{high:g}; look at its unit"
-            )
-    return found
+    known = [(name, value, *PLAUSIBLE[name]) for name, value in values.items() if value is not None]
+    return [
+        f"{name} of material {label} is {value:g} {unit}, fabrics have {low:g} to {high:g}; "
+        "look at its unit"
+        for name, value, low, high, unit in known
+        if not low <= value <= high
+    ]

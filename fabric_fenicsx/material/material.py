@@ -11,8 +11,8 @@ from typing import Any, ClassVar, Self
 import tomli_w
 
 from ..runtime.errors import InputError
-from ..runtime.rules import POSITIVE, unknown_key
-from .files import read_toml, write_whole
+from ..runtime.rules import POSITIVE, Rule, shown, unknown_key
+from .files import SHEET, read_toml, write_whole
 
 # fields of materials that have no part in the energy of the membrane
 NO_ENERGY = "density", "fibre_density", "compaction", "bending", "bending_friction"
@@ -23,10 +23,12 @@ class Parameters:
     """Numbers with rules: `rules` names those fields that are checked, and how."""
 
     rules: ClassVar[Mapping[str, Any]] = {}
+    prefix: ClassVar[str] = ""  # of names in messages
 
     def __post_init__(self) -> None:
         for name, rule in self.rules.items():
-            object.__setattr__(self, name, rule.check(name, getattr(self, name)))
+            number = rule.check(self.prefix + name, getattr(self, name))
+            object.__setattr__(self, name, number)
 
     def __rmul__(self, factor: float) -> Self:
         """A copy with all stresses times a factor."""
@@ -59,27 +61,37 @@ class Material(Parameters):
     its lowest and highest value}; factors: {name: fields that it multiplies together}."""
 
     thickness: float
+    name: str
     scatter: Mapping[str, tuple[float, float]]
     factors: ClassVar[Mapping[str, tuple[str, ...]]] = {}
 
-    @classmethod
-    def numbers(cls) -> Mapping[str, Any]:
-        """The rules of the numbers that `changed` takes and that may scatter, by name."""
-        return cls.rules
-
-    def check_scatter(self) -> None:
-        """InputError for an interval that its number, or 1 of a factor, lies outside of."""
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, rule in SHEET.items():
+            object.__setattr__(self, name, rule.check(name, getattr(self, name)))
+        if not isinstance(self.name, str):
+            raise InputError(f"name is {shown(self.name)}; allowed is a text")
         for name, (low, high) in self.scatter.items():
-            value = 1.0 if name in self.factors else self.number(name)
+            value, *others = [1.0] if name in self.factors else self.values(name)
+            if others:
+                raise InputError(
+                    f"scatter.{name} is of both yarns, and {name} of warp and weft differ; allowed "
+                    "is yarn_factor"
+                )
             if not low <= value <= high:
                 raise InputError(
                     f"scatter.{name} is from {low:g} to {high:g}, and {name} is {value:g}; allowed "
                     "is an interval around it"
                 )
 
-    def number(self, name: str) -> float:
-        """The number of that name."""
-        return getattr(self, name)
+    @classmethod
+    def numbers(cls) -> Mapping[str, Rule]:
+        """The rules of the numbers that `changed` takes and that may scatter, by name."""
+        return {**cls.rules, **SHEET}
+
+    def values(self, name: str) -> list[float]:
+        """The number of that name, or two where warp and weft differ in it."""
+        return [getattr(self, name)]
 
     def changed(self, numbers: Mapping[str, Any]) -> Self:
         """A copy with these `numbers`, in the package's units, or with fields times a factor of
@@ -107,17 +119,21 @@ class Material(Parameters):
     @property
     def label(self) -> str:
         """The material's name in sentences."""
-        return getattr(self, "name", "") or getattr(self, "law", "material")
+        return self.name or getattr(self, "law", "material")
 
     def replace(self, **changes: Any) -> Self:
         """A changed copy, without the intervals of what is changed; InputError for an unknown
         name."""
-        own = [field.name for field in dataclasses.fields(self)]
+        known = dict.fromkeys([*(f.name for f in dataclasses.fields(self)), *self.numbers()])
         for key in changes:
-            if key not in own:
-                raise unknown_key(key, own, f"replace: {key}")
+            if key not in known:
+                raise unknown_key(key, known, f"replace: {key}")
         kept = {name: ends for name, ends in self.scatter.items() if name not in changes}
-        return dataclasses.replace(self, **{"scatter": kept} | changes)
+        return dataclasses.replace(self, **{"scatter": kept} | self._fields(changes))
+
+    def _fields(self, changes):
+        """Fields that have these numbers."""
+        return changes
 
     def table(self) -> dict[str, Any]:
         """The content of a material file."""

@@ -7,10 +7,16 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Self
 
-from ..readers.units import UNITS
 from ..runtime.errors import InputError
 from ..runtime.rules import Rule, above_zero, check_complete, shown
-from .files import SHEET, preset_or_file, read_scatter, read_sheet_numbers, take_table, take_units
+from .files import (
+    OWN_UNITS,
+    preset_or_file,
+    read_scatter,
+    read_sheet_numbers,
+    take_table,
+    take_units,
+)
 from .hardening import Hardening, Swift, hardening_from
 from .material import Material
 
@@ -53,7 +59,6 @@ class Metal(Material):
     rules: ClassVar[Mapping[str, Rule]] = {
         "E": above_zero("stress"),
         "nu": Rule("a number from 0 to 0.5", lambda v: 0 <= v <= 0.5),
-        **SHEET,
     }
     factors = {"yield_factor": ("hardening",)}
 
@@ -71,31 +76,24 @@ class Metal(Material):
             raise InputError(
                 f"hardening is {shown(self.hardening)}; allowed is a Swift, Voce or HardeningTable"
             )
-        if not isinstance(self.name, str):
-            raise InputError(f"name is {shown(self.name)}; allowed is a text")
-        self.check_scatter()
 
     def table(self) -> dict[str, Any]:
-        """The content of a material file."""
-        units = {kind: next(iter(UNITS[kind])) for kind in ("stress", "length", "density")}
-        numbers = {name: getattr(self, name) for name in self.rules}
-        head = {"law": LAW, "name": self.name} | numbers
-        head |= {"scatter": dict(self.scatter)} if self.scatter else {}
-        return head | {"units": units, "hardening": self.hardening.table()}
+        numbers = {name: getattr(self, name) for name in ("name", *self.numbers())}
+        scatter = {"scatter": dict(self.scatter)} if self.scatter else {}
+        more = {"units": OWN_UNITS, "hardening": self.hardening.table()}
+        return {"law": LAW} | numbers | scatter | more
 
     @classmethod
     def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
-        """The metal of a TOML document; InputError by field."""
         law = document.pop("law", None)
         if law != LAW:
             raise InputError(f"law is {shown(law)}; allowed for a metal is {shown(LAW)}")
         name = document.pop("name", "")
         units, curve = take_units(document), take_table(document, "hardening")
-        scatter = read_scatter(document, cls.rules, cls.factors, units)
-        own = {key: rule for key, rule in cls.rules.items() if key not in SHEET}
+        scatter = read_scatter(document, cls.numbers(), cls.factors, units)
         also = ("law", "name", "units", "hardening")
-        numbers = read_sheet_numbers(document, units, also, own)[0]
-        check_complete(numbers, [*own, "thickness"], "", "at the top of the file")
+        numbers = read_sheet_numbers(document, units, also, cls.rules)[0]
+        check_complete(numbers, [*cls.rules, "thickness"], "", "at the top of the file")
         return cls(**numbers, hardening=hardening_from(curve, units), name=name, scatter=scatter)
 
 

@@ -57,11 +57,7 @@ def load(source: str | os.PathLike[str]) -> Law:
     (1.0, 667.5)
     """
 
-    def read(path):
-        folder = Path(path).parent
-        return read_toml(path, lambda document: _law(document).from_document(document, folder))
-
-    return preset_or_file("material", source, PRESETS, read)
+    return preset_or_file("material", source, PRESETS, _read)
 
 
 def read_laws(path: str | os.PathLike[str]) -> None:
@@ -93,9 +89,12 @@ def checked_fabric(name: str, fabric: Any) -> Law:
     return fabric
 
 
-def _law(document: dict[str, Any]) -> type[Law]:
-    name = document.get("law", "tabulated" if document.get("model") == "fabric" else "coupled")
-    if not isinstance(name, str) or name not in LAWS:
-        known = unknown_key(name, LAWS, f"law {shown(name)}")
-        raise InputError(f"{known}, and own ones that were imported before, or by `--law-file`")
-    return LAWS[name]
+def _read(path):
+    def fabric(document):
+        name = document.get("law", "tabulated" if document.get("model") == "fabric" else "coupled")
+        if not isinstance(name, str) or name not in LAWS:
+            known = unknown_key(name, LAWS, f"law {shown(name)}")
+            raise InputError(f"{known}, and own ones that were imported before, or by `--law-file`")
+        return LAWS[name].from_document(document, Path(path).parent)
+
+    return read_toml(path, fabric)

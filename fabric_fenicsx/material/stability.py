@@ -51,9 +51,8 @@ def invariants(
 ) -> np.ndarray:
     """I4, I6, I8, I10 (..., 4) of eqs (5)-(8) from yarn strains [-], shear angle and initial angle
     between the yarns [rad]."""
-    ea, eb, g, rest = np.broadcast_arrays(
-        *(np.asarray(v, float) for v in (eps_a, eps_b, gamma, angle))
-    )
+    each = (np.asarray(v, float) for v in (eps_a, eps_b, gamma, angle))
+    ea, eb, g, rest = np.broadcast_arrays(*each)
     la, lb = 1 + ea, 1 + eb
     return np.stack([la**2, la * lb * np.cos(rest - g), lb**2, g], -1)
 
@@ -78,14 +77,8 @@ def evaluate(fabric: Law, invariants: ArrayLike) -> Stability:
     W, Q, out_of_plane = _second(fabric, given.reshape(-1, 4))
     hessian, (acoustic, direction) = _hessian(W), smallest_eigenvalue(Q)
     rest = _hessian(_in_strains(fabric, np.ones(1), np.ones(1), np.zeros(1)))[0]
-    values = (
-        hessian / (rest or 1.0),
-        acoustic / (fabric.shear_stiffness or 1.0),
-        hessian,
-        acoustic,
-        direction,
-        out_of_plane,
-    )
+    convexity, ellipticity = hessian / (rest or 1.0), acoustic / (fabric.shear_stiffness or 1.0)
+    values = convexity, ellipticity, hessian, acoustic, direction, out_of_plane
     return Stability(*(v.reshape(given.shape[:-1]) for v in values))
 
 
@@ -93,9 +86,8 @@ def least_ellipticity(fabric: Law, invariants: ArrayLike) -> float:
     """The least of `evaluate`'s ellipticity indicators over all states, at about half the cost; inf
     without states."""
     _, Q, _ = _second(fabric, np.asarray(invariants, float).reshape(-1, 4))
-    return float(smallest_eigenvalue(Q, only_least=True)[0].min(initial=np.inf)) / (
-        fabric.shear_stiffness or 1.0
-    )
+    least = float(smallest_eigenvalue(Q, only_least=True)[0].min(initial=np.inf))
+    return least / (fabric.shear_stiffness or 1.0)
 
 
 def _in_strains(fabric, I4, I8, gamma):
@@ -136,10 +128,8 @@ def _acoustic(W, la, lb, now, rest):
     # along and across each yarn: eps'' = across^2 / l, gamma' = across_a / la - across_b / lb,
     # gamma'' = -+2 along across / l^2
     off_a, off_b = ag / la - Wg / la**2, Wg / lb**2 - bg / lb
-    A, B = (
-        block(aa, off_a, off_a, gg / la**2 + Wa / la),
-        block(bb, off_b, off_b, gg / lb**2 + Wb / lb),
-    )
+    A = block(aa, off_a, off_a, gg / la**2 + Wa / la)
+    B = block(bb, off_b, off_b, gg / lb**2 + Wb / lb)
     C, S = c * c - s * s, 2 * c * s
     B = B[0], B[1] * C - B[2] * S, B[1] * S + B[2] * C  # turned from b's frame to a's
     x, y, z, w = ab, -ag / lb, bg / la, -gg / (la * lb)
@@ -147,17 +137,15 @@ def _acoustic(W, la, lb, now, rest):
     # (N·b0)^2 and (N·a0)(N·b0) in cos and sin of 2 theta
     c0, s0 = np.cos(rest), np.sin(rest)
     C0, S0 = c0 * c0 - s0 * s0, 2 * c0 * s0
-    Q = np.array(
-        [
-            [(p + q) / 2 + r * c0, (p + q * C0) / 2 + r * c0, q * S0 / 2 + r * s0]
-            for p, q, r in zip(A, B, X)
-        ]
-    )
+
+    def harmonics(p, q, r):
+        return (p + q) / 2 + r * c0, (p + q * C0) / 2 + r * c0, q * S0 / 2 + r * s0
+
     # the same for m out of the plane, where only lengths and angle change
     with np.errstate(invalid="ignore", divide="ignore"):
         p, q, r = Wa / la - Wg * c / (s * la**2), Wb / lb - Wg * c / (s * lb**2), Wg / (s * la * lb)
-    tension = (p + q) / 2 + r * c0 - np.hypot((p + q * C0) / 2 + r * c0, q * S0 / 2 + r * s0)
-    return Q, tension
+    mean, *rest = harmonics(p, q, r)
+    return np.array([harmonics(*each) for each in zip(A, B, X)]), mean - np.hypot(*rest)
 
 
 def smallest_eigenvalue(Q: np.ndarray, only_least: bool = False) -> tuple[np.ndarray, np.ndarray]:
@@ -173,16 +161,13 @@ def smallest_eigenvalue(Q: np.ndarray, only_least: bool = False) -> tuple[np.nda
     """
     n = Q.shape[2]
     (t0, t1, t2), (h0, h1, h2), (o0, o1, o2) = Q
-    half, off = (
-        (t1 * t1 - h1 * h1 - o1 * o1 - t2 * t2 + h2 * h2 + o2 * o2) / 2,
-        t1 * t2 - h1 * h2 - o1 * o2,
-    )
+    half = (t1 * t1 - h1 * h1 - o1 * o1 - t2 * t2 + h2 * h2 + o2 * o2) / 2
+    off = t1 * t2 - h1 * h2 - o1 * o2
     # difference of the quadratic's two curvatures; axis of the smaller one
     gap, turn = 2 * np.hypot(half, off), (np.arctan2(off, half) + np.pi) / 2
     c, s = np.cos(turn), np.sin(turn)
-    (t1, t2), (h1, h2), (o1, o2) = (
-        (x * c + y * s, y * c - x * s) for x, y in ((t1, t2), (h1, h2), (o1, o2))
-    )
+    pairs = (t1, t2), (h1, h2), (o1, o2)
+    (t1, t2), (h1, h2), (o1, o2) = ((x * c + y * s, y * c - x * s) for x, y in pairs)
     tiny = np.finfo(float).tiny
     # from the least half trace, which no larger eigenvalue is below, so that a negative det means
     # one eigenvalue below l, never both
@@ -192,35 +177,28 @@ def smallest_eigenvalue(Q: np.ndarray, only_least: bool = False) -> tuple[np.nda
     if only_least and n:
         first = value.argmin()
         value = np.minimum(value, smallest_eigenvalue(Q[:, :, first : first + 1])[0])
-    close = 1e-14 * (np.abs(Q[0]).sum(0) + np.abs(Q[1]).sum(0) + np.abs(Q[2]).sum(0))
+    close = 1e-14 * np.abs(Q).sum((0, 1))
     q, live = np.array([t0, t1, t2, h0, h1, h2, o0, o1, o2, gap, close]), np.arange(n)
     shift = np.zeros(n)
     for _ in range(OUTER):
         t0, t1, t2, h0, h1, h2, o0, o1, o2, gap, close = q
         t = t0 - value[live]
         b1, b2 = t * t1 - h0 * h1 - o0 * o1, t * t2 - h0 * h2 - o0 * o2
-        low = np.maximum(
-            np.maximum(np.abs(b1), np.abs(b2) - gap), tiny
-        )  # from here Newton's method does not overshoot
+        # from here Newton's method does not overshoot
+        low = np.maximum(np.maximum(np.abs(b1), np.abs(b2) - gap), tiny)
         shift = np.maximum(shift, low)
         for _ in range(INNER):
             r1, r2 = (b1 / shift) ** 2, (b2 / (shift + gap)) ** 2
             length = r1 + r2
-            shift = np.maximum(
-                shift
-                + length
-                * (np.sqrt(length) - 1)
-                / np.maximum(r1 / shift + r2 / (shift + gap), tiny),
-                low,
-            )
+            slope = np.maximum(r1 / shift + r2 / (shift + gap), tiny)
+            shift = np.maximum(shift + length * (np.sqrt(length) - 1) / slope, low)
         y2 = np.clip(-b2 / (shift + gap), -1, 1)
         y1 = -np.copysign(np.sqrt(1 - y2 * y2), b1)
         h, o = h0 + h1 * y1 + h2 * y2, o0 + o1 * y1 + o2 * y2
         new = t0 + t1 * y1 + t2 * y2 - np.sqrt(h * h + o * o)
         less = new < value[live]
-        more = (new < value[live] - close) | (
-            (np.abs(length - 1) > 1e-6) & (shift > low)
-        )  # the latter: shift is still on its way
+        moves = (np.abs(length - 1) > 1e-6) & (shift > low)  # shift is still on its way
+        more = (new < value[live] - close) | moves
         at = live[less]
         value[at], x1[at], x2[at] = new[less], y1[less], y2[less]
         live, q, shift = live[more], q[:, more], shift[more]

@@ -8,7 +8,7 @@ from .functions import atan, sqrt
 
 # nominal strain by which yarns are shorter under compression where a real ply rather wrinkles
 SHORTENED = 0.02
-WEAVE_ANGLE = Rule("an angle above 0 and below pi", lambda v: 0 < v < math.pi)
+WEAVE_ANGLE = Rule("an angle above 0 and below pi", lambda v: 0 < v < math.pi)  # [rad]
 
 
 def share_name(strain: float) -> str:

@@ -3,13 +3,12 @@
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 
 from ..readers.read import read_surface_mesh
-from ..readers.text_tables import Problems, is_comment, read_lines, table_of, values_of
+from ..readers.text_tables import Problems, read_lines, table_of, values_of
 from ..readers.units import factors
 from ..runtime.errors import InputError
 from ..runtime.files import check_file
@@ -43,20 +42,17 @@ def read_outline(path: Path | str, layer: str | None = None) -> tuple[shapely.Po
     check_file(path, "outline", READ)
     if layer is not None and ending != ".dxf":
         raise InputError(f"`layer` is allowed only for a .dxf, not for {source}")
-    notes: list[str] = []
     if ending in TABLES:
-        rings = _table(path, source)
-    elif ending == ".dxf":
-        lines, notes, hint = _drawing(path, source, layer)
-        try:
-            rings = joined(lines, source)
-            return sheet_of(rings, source), notes
-        except InputError as error:
-            raise InputError(f"{error}{hint}") from None
-    else:
-        lines, notes = _boundary(path, source)
-        rings = joined(lines, source)
-    return sheet_of(rings, source), notes
+        return sheet_of(_table(path, source), source), []
+    hint = ""
+    try:
+        if ending == ".dxf":
+            lines, notes, hint = _drawing(path, source, layer)
+        else:
+            lines, notes = _boundary(path, source)
+        return sheet_of(joined(lines, source), source), notes
+    except InputError as error:
+        raise InputError(f"{error}{hint}") from None
 
 
 def read_trim_line(path: Path | str) -> tuple[list[np.ndarray], list[str]]:
@@ -94,13 +90,9 @@ def _table(path, source, names=("x", "y")):
     3)."""
     problems = Problems()
     try:
-        lines = [each for each in enumerate(read_lines(path), 1) if not is_comment(each[1])]
-        filled = [bool(text.strip(" ,;\t")) for _, text in lines]
-        table = table_of(
-            [each for each, is_filled in zip(lines, filled) if is_filled],
-            lambda name: name.lower() in ("x", "y"),
-            ("x", "y"),
-        )
+        lines = read_lines(path)
+        is_known = ("x", "y", "X", "Y").__contains__
+        table = table_of(lines, is_known, ("x", "y"))
         if len(names) > len(table.names) and {len(cells) for cells in table.cells} == {3}:
             table = table._replace(names=[*names], units=[*table.units, None])  # without a header
         wanted = _columns(table, names)
@@ -108,8 +100,9 @@ def _table(path, source, names=("x", "y")):
         problems.stop()
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
-    number = dict(zip((row for row, _ in lines), np.cumsum(np.logical_not(filled))))
-    block = np.array([number[row] for row in table.rows])
+    # a comment is no blank line
+    blank = [not text.strip(" ,;\t") for text in lines]
+    block = np.cumsum(blank)[np.array(table.rows) - 1]
     keys = np.column_stack([block, columns.get("ring", 0 * block)])
     _, first, of = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     points = np.column_stack([columns[name] for name in names if name in columns])
@@ -121,18 +114,17 @@ def _columns(table, wanted):
     names = [name.lower() for name in table.names]
     lengths, found = factors("length"), {}
     for name in (*wanted, "ring"):
-        if names.count(name) != 1 and (name not in ("z", "ring") or name in names):
-            raise InputError(
-                f"row {table.top}: there are {names.count(name)} columns {name}; allowed is one"
-            )
-        if name in names:
-            unit = table.units[names.index(name)]
-            if name != "ring" and unit not in (None, *lengths):
+        count = names.count(name)
+        if count > 1 or (not count and name in ("x", "y")):
+            raise InputError(f"row {table.top}: there are {count} columns {name}; allowed is one")
+        if count:
+            at = names.index(name)
+            unit = None if name == "ring" else table.units[at]
+            if unit not in (None, *lengths):
                 raise InputError(
                     f"row {table.top}: unit of {name} is {unit}; allowed is {', '.join(lengths)}"
                 )
-            factor = 1.0 if name == "ring" or unit is None else lengths[unit]
-            found[names.index(name)] = name, factor
+            found[at] = name, 1.0 if unit is None else lengths[unit]
     return found
 
 
@@ -167,20 +159,21 @@ def _curves(path, source, layer):
         raise InputError(f"{source} cannot be read ({reason}); allowed is {READ}") from None
     states = {each.dxf.name.lower(): each for each in drawing.layers}
     drawn = [*_drawn(drawing.modelspace(), states, "0", Matrix44())]
-    layers = sorted({each.layer for each in drawn if each.is_curve})
+    curves = [each for each in drawn if _is_curve(each[0])]
+    layers = sorted({layer for _, layer, _ in curves})
     if layer is not None:
         asked = [name.strip().lower() for name in layer.split(",")]
-        known = [name.lower() for name in layers]
-        if missing := [name for name in asked if name not in known]:
+        if missing := [name for name in asked if name not in map(str.lower, layers)]:
             raise InputError(
                 f"`layer` {', '.join(missing)} of {source} has no lines; allowed is one of "
                 f"{', '.join(layers) or 'none, as no layer has any'}"
             )
-        drawn = [each for each in drawn if each.layer.lower() in asked]
-    others = Counter(each.kind for each in drawn if not each.is_curve and each.kind not in TEXTS)
+        drawn = [each for each in drawn if each[1].lower() in asked]
+        curves = [each for each in curves if each[1].lower() in asked]
+    beside = [entity.dxftype() for entity, *_ in drawn if not _is_curve(entity)]
+    others = Counter(kind for kind in beside if kind not in TEXTS)
     found = ", ".join(f"{count} {kind}" for kind, count in sorted(others.items()))
     notes = [f"{source} has {found}, not read; allowed are {', '.join(CURVES)}"] if found else []
-    curves = [each for each in drawn if each.is_curve]
     if not curves:
         more = f", but {found}" if found else ""
         raise InputError(f"{source} has no lines{more}; allowed are {', '.join(CURVES)}, visible")
@@ -201,26 +194,14 @@ def _curves(path, source, layer):
     return lines, unit, notes, hint
 
 
-class _Drawn(NamedTuple):
-    """An entity of a drawing, its layer, and the matrix that puts it in its place."""
-
-    entity: Any
-    layer: str
-    place: Any
-
-    @property
-    def kind(self):
-        return self.entity.dxftype()
-
-    @property
-    def is_curve(self):
-        is_mesh = self.kind == "POLYLINE" and self.entity.dxf.flags & MESH
-        return self.kind in CURVES and not is_mesh
+def _is_curve(entity):
+    kind = entity.dxftype()
+    return kind in CURVES and not (kind == "POLYLINE" and entity.dxf.flags & MESH)
 
 
 def _drawn(entities, states, above, place):
-    """What is visible of entities of a block at a `place` on the layer `above`, and in the blocks
-    that it inserts; `states`: the layers by name.
+    """What is visible of entities of a block at a `place`, a matrix, on the layer `above`, and in
+    the blocks that it inserts: each with its layer and place; `states`: the layers by name.
 
     By products of matrices, as ezdxf loses the shear of scales within scales.
     """
@@ -233,7 +214,7 @@ def _drawn(entities, states, above, place):
             for one in each.multi_insert():
                 yield from _drawn(block, states, layer, one.matrix44() @ place)
         elif not (state and state.is_off()):
-            yield _Drawn(each, layer, place)
+            yield each, layer, place
 
 
 def _unit(drawing, source):

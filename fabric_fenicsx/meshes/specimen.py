@@ -3,14 +3,13 @@ of triangles or quadrilaterals."""
 
 import math
 from collections.abc import Iterable
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial import Delaunay
 
 from ..runtime.errors import InputError
 from ..runtime.rules import COUNT, POSITIVE
-from .gmsh_cells import KINDS, meshed, own_model
+from .gmsh_cells import meshed, own_model
 
 PATTERNS = ("crossed", "graded", "left", "right", "along", "unstructured", "yarns")
 CELLS = "triangle", "quadrilateral"
@@ -60,9 +59,8 @@ def specimen(
         return _unstructured(length, width, max(length / nx, width / ny), cell, lines)
     x, y = np.meshgrid(np.linspace(0, length, nx + 1), np.linspace(0, width, ny + 1), indexing="ij")
     points = np.column_stack([x.ravel(), y.ravel()])
-    i, j = (k.ravel() for k in np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij"))
-    p00, p01 = i * (ny + 1) + j, i * (ny + 1) + j + 1
-    p10, p11 = p00 + ny + 1, p01 + ny + 1
+    p00 = (np.arange(nx)[:, None] * (ny + 1) + np.arange(ny)).ravel()
+    p01, p10, p11 = p00 + 1, p00 + ny + 1, p00 + ny + 2
     cells: list[tuple[np.ndarray, ...]]
     if cell == "quadrilateral":
         cells = [(p00, p10, p11, p01)]
@@ -118,32 +116,29 @@ def _along(
     edges."""
     sides = np.array([length, width])
     half = math.ceil(math.hypot(length, width) / 2 / size) + 1
-    count = 2 * half + 1
     axes = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
-    grid = np.indices((count, count)).reshape(2, -1).T - half
-    grid = size * (grid - 0.5) @ axes + sides / 2
-    inside = (np.minimum(grid, sides - grid) > EDGE * size).all(1)
-    number = np.where(inside, np.cumsum(inside) - 1, -1).reshape(count, count)
+    grid = np.indices((2 * half + 1, 2 * half + 1)).reshape(2, -1).T
+    places = size * (grid - half - 0.5) @ axes + sides / 2
+    inside = (np.minimum(places, sides - places) > EDGE * size).all(1)
+    grid, places = grid[inside], places[inside]
     x, y = (np.linspace(0, side, max(1, round(side / size)) + 1) for side in sides)
     edges = [np.column_stack([x, 0 * x + at]) for at in (0, width)]
     edges += [np.column_stack([0 * y + at, y])[1:-1] for at in (0, length)]
-    points = np.concatenate([grid[inside], *edges])
+    points = np.concatenate([places, *edges])
     cells = Delaunay(points).simplices
     area = np.linalg.det(points[cells[:, 1:]] - points[cells[:, :1]])
     cells = cells[abs(area) > 1e-6 * size**2]  # flat ones lie along the edges
     # of each square both triangles, whichever diagonal they have
-    square = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], -1)
-    square = square[(square >= 0).all(2)]
-    halves = {tuple(sorted(cell)): n for n, cell in enumerate(cells.tolist())}
-    gone, whole = [], []
-    for corners in square.tolist():
-        for k in range(2):
-            pair = [sorted(corners[k : k + 3]), sorted((corners[2 + k :] + corners[: k + 1])[:3])]
-            found = [halves[each] for each in map(tuple, pair) if each in halves]
-            if len(found) == 2:
-                gone += found
-                whole.append(corners)
-    corners = np.array(whole, dtype=np.int64).reshape(-1, 4)
+    nowhere = np.full((len(points) - len(grid), 2), -2)
+    at = np.concatenate([grid, nowhere])[cells]
+    halves = np.flatnonzero((at.max(1) - at.min(1) == 1).all(1))
+    squares, of, count = np.unique(
+        at.min(1)[halves], axis=0, return_inverse=True, return_counts=True
+    )
+    gone, (i, j) = halves[count[of.ravel()] == 2], squares[count == 2].T
+    number = np.zeros((2 * half + 1, 2 * half + 1), dtype=np.int64)
+    number[tuple(grid.T)] = np.arange(len(grid))
+    corners = np.stack([number[i, j], number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]], -1)
     centre = len(points) + np.arange(len(corners))
     crossed = [(corners[:, k], corners[:, (k + 1) % 4], centre) for k in range(4)]
     points = np.concatenate([points, points[corners].mean(1)])
@@ -168,28 +163,3 @@ def _unstructured(
             occ.fragment([(2, sheet)], edges)
         occ.synchronize()
         return *meshed(gmsh, corners), "quad" if corners == 4 else "triangle"
-
-
-def write(path: Path | str, points: np.ndarray, cells: np.ndarray, kind: str) -> None:
-    """Write what `specimen` gives, and its four edges, as physical groups (sheet, left, right,
-    bottom, top) to a .msh file."""
-    import gmsh
-
-    with own_model(gmsh):
-        sheet = gmsh.model.addDiscreteEntity(2)
-        gmsh.model.mesh.addNodes(2, sheet, np.arange(1, len(points) + 1), points.ravel())
-        number = KINDS[4 if kind == "quad" else 3]
-        gmsh.model.mesh.addElementsByType(sheet, number, [], (cells + 1).ravel())
-        gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [sheet]), "sheet")
-        sides = np.sort(np.stack([cells, np.roll(cells, -1, 1)], 2).reshape(-1, 2), 1)
-        sides, count = np.unique(sides, axis=0, return_counts=True)
-        sides = sides[count == 1]
-        low, high = points.min(0), points.max(0)
-        tolerance = 1e-9 * (high - low).max()
-        edges = {"left": (0, low), "right": (0, high), "bottom": (1, low), "top": (1, high)}
-        for name, (axis, value) in edges.items():
-            on = (np.abs(points[sides][:, :, axis] - value[axis]) <= tolerance).all(1)
-            edge = gmsh.model.addDiscreteEntity(1)
-            gmsh.model.mesh.addElementsByType(edge, 1, [], (sides[on] + 1).ravel())
-            gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, [edge]), name)
-        gmsh.write(str(path))

@@ -33,9 +33,8 @@ def by_meshio(path: Path) -> SurfaceMesh:
     if path.suffix.lower() not in meshio.extension_to_filetypes:
         raise NotMine
     mesh = meshio.read(path)
-    told = (
-        re.search(rb"\nCELLS\s+(\d+)", path.read_bytes()) if path.suffix.lower() == ".vtk" else None
-    )
+    data = path.read_bytes() if path.suffix.lower() == ".vtk" else b""
+    told = re.search(rb"\nCELLS\s+(\d+)", data)
     if told and int(told[1]) != sum(map(len, mesh.cells)):
         raise OtherFormat(f"not all of its {int(told[1])} cells")
     blocks, others = [], {}

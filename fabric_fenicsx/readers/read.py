@@ -94,9 +94,8 @@ def _reason(error):
     kind, text = type(error).__name__, " ".join(str(error).split())
     if kind in ("SystemExit", "VTKExecutionError"):  # what it follows from is printed
         return ""
-    return (
-        text if not text or kind in ("Exception", "ReadError", "OtherFormat") else f"{kind}: {text}"
-    )
+    is_whole = not text or kind in ("Exception", "ReadError", "OtherFormat")
+    return text if is_whole else f"{kind}: {text}"
 
 
 def _first_of_vtk(lines):

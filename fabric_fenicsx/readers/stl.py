@@ -11,6 +11,7 @@ from .surface_mesh import OtherFormat, SurfaceMesh
 
 HEADER, FACET = 84, 50  # bytes
 END = 1000  # letters in which a text ends
+SPELLED = str.maketrans(",dD", ".ee")  # decimal commas, exponents of Fortran
 FACETS = re.compile(r"(?<!\S)facet\s+normal(?!\S)", re.IGNORECASE)
 VERTICES = re.compile(r"(?<!\S)vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 
@@ -24,7 +25,9 @@ def read_stl(path: Path) -> SurfaceMesh:
     data = path.read_bytes()
     count = int.from_bytes(data[HEADER - 4 : HEADER], "little")
     if count and len(data) >= HEADER + FACET * count:
-        corners = _binary(data, count)
+        # a facet is its normal, three corners and two bytes
+        facets = np.frombuffer(data, np.dtype([("x", "<f4", (4, 3)), ("-", "<u2")]), count, HEADER)
+        corners = facets["x"][:, 1:].reshape(-1, 3).astype(float)
     elif FACETS.search(text := data.decode("latin-1")):
         corners = _text(text, path)
     elif b"\0" in data:
@@ -38,12 +41,6 @@ def read_stl(path: Path) -> SurfaceMesh:
     return SurfaceMesh.collected(points, [("triangle", number.reshape(-1, 3))], {})
 
 
-def _binary(data, count):
-    # a facet is its normal, three corners and two bytes
-    facets = np.frombuffer(data, np.dtype([("x", "<f4", (4, 3)), ("-", "<u2")]), count, HEADER)
-    return facets["x"][:, 1:].reshape(-1, 3).astype(float)
-
-
 def _text(text, path):
     facets, vertices = len(FACETS.findall(text)), VERTICES.findall(text)
     if len(vertices) != 3 * facets or "endsolid" not in text[-END:].lower():
@@ -51,18 +48,10 @@ def _text(text, path):
             f"STL file {path} has {len(vertices)} vertices in {facets} facets; allowed are three "
             "in each, and `endsolid` at the end: it may be cut off"
         )
-    numbers = [word for vertex in vertices for word in vertex]
     try:
-        found = np.array(numbers, dtype=float)
-    except ValueError:  # a decimal comma, or an exponent of Fortran
-        found = np.array([_number(word, path) for word in numbers])
-    return found.reshape(-1, 3)
-
-
-def _number(word, path):
-    try:
-        return float(re.sub("[dD]", "e", word.replace(",", ".")))
-    except ValueError:
+        return np.array([[word.translate(SPELLED) for word in each] for each in vertices], float)
+    except ValueError as error:
+        word = str(error).split(": ")[-1]
         raise InputError(
-            f"STL file {path} has a coordinate {word!r}; allowed are numbers in mm"
+            f"STL file {path} has a coordinate {word}; allowed are numbers in mm"
         ) from None

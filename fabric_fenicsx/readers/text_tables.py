@@ -59,18 +59,18 @@ class TextTable(NamedTuple):
 
 def read_lines(path: str | os.PathLike[str]) -> list[str]:
     """The lines of a text file; InputError without the file's name where it is none."""
+    text, reason = "", ""
     try:
         data = Path(path).read_bytes()
-        if data.startswith(_WORKBOOKS):
-            raise ValueError("it is a workbook; save its sheet as CSV")
         text = _decoded(data).lstrip("\ufeff")
-        if not text.strip():
-            raise ValueError("it is empty")
-        if "\0" in text:
-            raise ValueError("it has bytes that are no text")
+        if data.startswith(_WORKBOOKS):
+            reason = "it is a workbook; save its sheet as CSV"
+        elif "\0" in text or not text.strip():
+            reason = "it has bytes that are no text" if text.strip() else "it is empty"
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"cannot be read as text ({reason}); allowed is a CSV file") from None
+        reason = getattr(error, "strerror", None) or str(error)
+    if reason:
+        raise InputError(f"cannot be read as text ({reason}); allowed is a CSV file")
     return text.splitlines()
 
 
@@ -98,39 +98,30 @@ def _is_japanese(data):
     return sum(0x80 <= byte < 0xA0 for byte in data) >= sum(byte >= 0xA0 for byte in data)
 
 
-def is_comment(line: str) -> bool:
-    """True if a line begins with #, maybe in the quotes that a spreadsheet puts around it."""
-    return line.lstrip(' \t"').startswith("#")
-
-
-def rows_of(lines: Iterable[str]) -> list[tuple[int, str]]:
-    """Number and text of the lines that are neither empty nor comments."""
-    numbered = enumerate(lines, 1)
-    return [(row, text) for row, text in numbered if text.strip(" ,;\t") and not is_comment(text)]
-
-
 def table_of(
-    lines: Iterable[tuple[int, str]], is_known: Callable[[str], bool], usual: Sequence[str] = ()
+    lines: Sequence[str], is_known: Callable[[str], bool], usual: Sequence[str] = ()
 ) -> TextTable:
-    """The table in lines (row, text) without comments; is_known: whether a column of a name is
-    asked for; usual: names of the columns where no header has such a name. InputError by row where
-    there is no table."""
-    lines = list(lines)
-    stated = re.findall("^sep=(.)$", lines[0][1]) if lines else []
-    lines = lines[1:] if stated else lines
-    delimiter = stated[0] if stated else _delimiter(lines)
-    split = [(row, _split(text, delimiter)) for row, text in lines]
+    """The table in lines, without comments; is_known: whether a column of a name is asked for;
+    usual: names of the columns where no header has such a name. InputError by row where there is no
+    table."""
+    rows = [(row, text) for row, text in enumerate(lines, 1) if text.strip(" ,;\t")]
+    # a spreadsheet puts a comment in quotes
+    rows = [(row, text) for row, text in rows if not text.lstrip(' \t"').startswith("#")]
+    stated = re.findall("^sep=(.)$", rows[0][1]) if rows else []
+    rows = rows[1:] if stated else rows
+    delimiter = stated[0] if stated else _delimiter(rows)
+    split = [(row, _split(text, delimiter)) for row, text in rows]
     is_data = [sum(map(_is_number, cells)) >= 2 for _, cells in split]
     known = [k for k, (_, cells) in enumerate(split) if any(is_known(_parted(c)[0]) for c in cells)]
     if known:  # of several headers the first counts, so that no rows are lost above another one
-        after = is_data[known[0] + 1 :]
-        first = known[0] + 1 + (after.index(True) if any(after) else len(after))
+        first = [*is_data, True].index(True, known[0] + 1)
         top = max(k for k in known if k < first)
     else:
-        first = _longest_run(is_data)
+        runs = [[*run] for flag, run in groupby(range(len(split)), is_data.__getitem__) if flag]
+        first = max(runs, key=len)[0] if runs else len(split)
         if usual:
-            rows, cells = zip(*split[first:]) if split[first:] else ((), ())
-            return TextTable(first - 1, [*usual], [None] * len(usual), [*rows], [*cells])
+            below, cells = zip(*split[first:]) if split[first:] else ((), ())
+            return TextTable(first - 1, [*usual], [None] * len(usual), [*below], [*cells])
         top = first - 1
         while top > 0 and _are_units(split[top][1]):
             top -= 1
@@ -203,24 +194,15 @@ def _delimiter(lines):
     return best if scores[best][0] else next(present, ",")
 
 
-def _longest_run(flags):
-    """Place at which the longest run of true flags begins; their number without any."""
-    runs = [[*run] for flag, run in groupby(range(len(flags)), flags.__getitem__) if flag]
-    return max(runs, key=len)[0] if runs else len(flags)
-
-
-def _grouping(decimal):
-    """A pattern for what stands between thousands, before this sign for decimals."""
-    return f"[{GROUPS}{',' if decimal == '.' else '.'}]"
-
-
-def _pattern(decimal):
-    whole = rf"(?:[1-9]\d{{0,2}}(?:{_grouping(decimal)}\d{{3}})+|\d+)"
-    mark = re.escape(decimal)
-    return re.compile(rf"[+-]?(?:{whole}(?:{mark}\d*)?|{mark}\d+)(?:[eE][+-]?\d+)?")
-
-
-_NUMBERS = {decimal: _pattern(decimal) for decimal in ".,"}
+# by the sign for decimals: what may stand between thousands, and numbers
+_GROUPING = {".": f"[{GROUPS},]", ",": f"[{GROUPS}.]"}
+_NUMBERS = {
+    mark: re.compile(
+        rf"[+-]?(?:(?:[1-9]\d{{0,2}}(?:{between}\d{{3}})+|\d+)(?:[{mark}]\d*)?|[{mark}]\d+)"
+        r"(?:[eE][+-]?\d+)?"
+    )
+    for mark, between in _GROUPING.items()
+}
 
 
 def _plain(cell):
@@ -235,7 +217,7 @@ def number(cell: str, decimal: str) -> float:
     """The number in a cell, nan where it has none; decimal: the sign before decimals."""
     if not _NUMBERS[decimal].fullmatch(_plain(cell)):
         return math.nan
-    return float(re.sub(_grouping(decimal), "", _plain(cell)).replace(decimal, "."))
+    return float(re.sub(_GROUPING[decimal], "", _plain(cell)).replace(decimal, "."))
 
 
 def decimal_signs(table: TextTable, wanted: Iterable[int]) -> list[str]:

@@ -2,8 +2,6 @@
 
 import math
 
-from ..runtime.rules import unknown_key
-
 # kind -> unit -> power of ten to the first one of its kind, which is the package's own
 UNITS = {
     "stress": {"MPa": 0, "kPa": -3, "Pa": -6, "GPa": 3},
@@ -14,6 +12,7 @@ UNITS = {
     "curvature": {"1/mm": 0, "1/m": -3},
     "line_moment": {"N": 0, "mN": -3},
 }
+OWN = {kind: next(iter(known)) for kind, known in UNITS.items()}  # the package's own units
 DEG = math.pi / 180
 ANGLE = {"rad": 1.0, "deg": DEG}
 STRAIN = {"-": 1.0, "%": 0.01}
@@ -22,14 +21,6 @@ STRAIN = {"-": 1.0, "%": 0.01}
 def factors(kind: str) -> dict[str, float]:
     """Factor from each unit of a kind to the package's own."""
     return {unit: float(f"1e{power}") for unit, power in UNITS[kind].items()}
-
-
-def check_unit(kind: str, unit: object) -> None:
-    """InputError unless `unit` is one of the kind."""
-    if kind not in UNITS:
-        raise unknown_key(kind, UNITS, f"units.{kind}")
-    if unit not in list(UNITS[kind]):
-        raise unknown_key(str(unit), UNITS[kind], f"units.{kind} {unit!r}")
 
 
 def suffixes(kind: str) -> dict[str, int]:

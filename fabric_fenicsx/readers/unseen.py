@@ -40,19 +40,15 @@ def check_coordinate_systems(path: Path) -> None:
     the libraries take all places for basic ones."""
     with open(path, encoding="latin-1") as file:
         for line in file:
-            free = "," in line  # the third field, in free, large or small fields
-            card = line.strip() if free else line.expandtabs(8)
-            word = (card.split(",")[0] if free else card[:8]).strip()
+            fields = line.split(",")
+            if len(fields) == 1:  # of 8 columns, or of 16
+                card, wide = line.expandtabs(8), 16 if "*" in line[:8] else 8
+                fields = [card[:8], card[8 : 8 + wide], card[8 + wide : 8 + 2 * wide]]
+            word, _, system = (each.strip() for each in [*fields, "", ""][:3])
             name = word.rstrip(" *").upper()
-            if name not in ("GRID", "GRDSET"):
-                continue
-            if free:
-                system = (card.split(",") + ["", ""])[2]
-            else:
-                system = card[24:40] if word.endswith("*") else card[16:24]
-            if system.strip().isdecimal() and int(system):
+            if name in ("GRID", "GRDSET") and system.isdecimal() and int(system):
                 raise InputError(
-                    f"mesh file {path} has a {name} in coordinate system {system.strip()} "
+                    f"mesh file {path} has a {name} in coordinate system {system} "
                     f"({' '.join(line.split())}); allowed are basic ones, 0 or none"
                 )
 

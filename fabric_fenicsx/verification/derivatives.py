@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from mpi4py import MPI
 
+from ..material.law_checks import check_shapes
 from ..material.laws import Law
 from ..mechanics.assembly import Assembly
 from ..mechanics.term import Term, overrides
@@ -150,7 +151,7 @@ def _stresses(law, x):
 
 def _of_law(law, at):
     x, rest, none = _states(at), np.zeros((1, 3)), "at (0, 0, 0)"
-    law.check_shapes()
+    check_shapes(law)
     every = np.vstack([rest, x])
     W = _energy(law, every)
     for lost in every[~np.isfinite(W)]:

@@ -3,6 +3,7 @@
 import csv
 import json
 
+import meshio
 import numpy as np
 import pytest
 from builders import COARSE, COMM, dome
@@ -11,7 +12,7 @@ from mpi4py import MPI
 import fabric_fenicsx as ff
 from fabric_fenicsx.forming.build import FormingScene
 from fabric_fenicsx.job.error_run import FOLDERS, coarsened
-from fabric_fenicsx.meshes.specimen import specimen, write
+from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.results.error import ORDERS, SAFETY, bound, curve_errors
 from fabric_fenicsx.runtime.formatting import rounded
 
@@ -84,14 +85,16 @@ def test_a_coarser_run_that_was_stopped_goes_on(folder):
 
 
 def test_an_own_mesh_has_no_coarser_one(tmp_path):
-    write(tmp_path / "strip.msh", *specimen(nx=8, ny=2))
+    points, cells, kind = specimen(nx=8, ny=2)
+    meshio.write_points_cells(tmp_path / "strip.msh", points, [(kind, cells)])
     job = ff.Tensile(mesh=str(tmp_path / "strip.msh")).job(error=True)
     with pytest.raises(ff.InputError, match="none is known; allowed is a rectangle .* `coarser`"):
         job.run()
 
 
 def test_a_study_on_an_own_mesh_says_so(launch, tmp_path):
-    write(tmp_path / "strip.msh", *specimen(nx=8, ny=2))
+    points, cells, kind = specimen(nx=8, ny=2)
+    meshio.write_points_cells(tmp_path / "strip.msh", points, [(kind, cells)])
     done = launch("tensile", "--mesh", tmp_path / "strip.msh", "--error")
     assert done.status == 2
     assert "--error needs a mesh twice as coarse, and none is known" in done.err

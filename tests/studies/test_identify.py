@@ -152,7 +152,7 @@ def test_a_weft_of_which_nothing_is_known_is_refused(launch, strip_data, tmp_pat
     ("options", "sentence"),
     [
         ((), "--data is missing; allowed is a folder with test curves"),
-        (("--data", "none"), "none is not a folder; allowed is one with a sheet.toml"),
+        (("--data", "none"), "none does not exist; allowed is a folder with a sheet"),
         (
             ("--data", ".", "--out", "x.json"),
             "--out is x.json; allowed is a file that ends in .toml",

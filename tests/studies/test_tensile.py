@@ -6,6 +6,7 @@ import sys
 from functools import partial
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 import pyvista
@@ -335,12 +336,16 @@ def test_a_comparison_goes_on_where_it_was_killed(launch):
 
 
 def test_another_mesh_is_not_resumed(launch, tmp_path):
-    from fabric_fenicsx.meshes.specimen import specimen, write
+    from fabric_fenicsx.meshes.specimen import specimen
 
-    write(tmp_path / "s.msh", *specimen(nx=20, ny=5))
+    def write(nx, ny):
+        points, cells, kind = specimen(nx=nx, ny=ny)
+        meshio.write_points_cells(tmp_path / "s.msh", points, [(kind, cells)])
+
+    write(20, 5)
     options = ("--quick", "--no-pictures", "--mesh", "s.msh")
     assert launch("tensile", *options).status == 0
-    write(tmp_path / "s.msh", *specimen(nx=24, ny=6))
+    write(24, 6)
     again = launch("tensile", *options, "--resume", ranks=2)
     assert again.status == 2 and "another mesh" in again.err
 
@@ -400,15 +405,11 @@ def test_what_is_said_first_holds_as_the_mesh_is_refined(launch):
 
 
 def test_a_sheet_without_a_middle(launch, tmp_path):
-    from fabric_fenicsx.meshes.specimen import specimen, write
+    from fabric_fenicsx.meshes.specimen import specimen
 
     x, cells, kind = specimen(nx=20, ny=5)
-    write(
-        tmp_path / "holed.msh",
-        x,
-        cells[np.linalg.norm(x[cells].mean(1) - [100, 25, 0], axis=1) > 8],
-        kind,
-    )
+    cells = cells[np.linalg.norm(x[cells].mean(1) - [100, 25, 0], axis=1) > 8]
+    meshio.write_points_cells(tmp_path / "holed.msh", x, [(kind, cells)])
     for study, name in (
         ("tensile", "log_eps_22_middle"),
         ("bias_extension", "centre_shear_angle_deg"),

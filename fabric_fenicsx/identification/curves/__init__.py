@@ -21,28 +21,8 @@ dW/d(eps_i), tau = dW/d(gamma); a force per width (N/mm) is divided by the sheet
 start at right angles. Noise is the standard deviation of a test.
 """
 
-from .checks import angle_warnings, check_contradictions, unit_warnings
+from .checks import check_contradictions, curve_warnings
 from .forces import bias_displacement, bias_force, bias_normalised
 from .model import MIN_POINTS, STRAINS, TESTS, CompactionTest, Curve, Response, Sheet
-from .reading import read, read_curve, read_sheet
+from .reading import read, read_sheet
 from .writing import write
-
-__all__ = [
-    "MIN_POINTS",
-    "STRAINS",
-    "TESTS",
-    "CompactionTest",
-    "Curve",
-    "Response",
-    "Sheet",
-    "angle_warnings",
-    "bias_displacement",
-    "bias_force",
-    "bias_normalised",
-    "check_contradictions",
-    "read",
-    "read_curve",
-    "read_sheet",
-    "unit_warnings",
-    "write",
-]

@@ -1,15 +1,16 @@
 """Values that a test curve cannot have, and curves that contradict each other."""
 
-import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations, product
 
 import numpy as np
 
 from ...readers.text_tables import Problems
 from ...runtime.errors import InputError
 from .branch import NOISE
-from .model import STRAINS, TESTS, CompactionTest, Curve, Sheet, Table, unit_inside, units
+from .model import STRAINS, TESTS, Curve, Table, unit_inside, units
 
 # beyond it a wrong unit is the likely reason
 _RANGE = {"eps_a": 0.5, "eps_b": 0.5, "gamma": math.radians(85)}
@@ -25,8 +26,8 @@ _DIFFERENCE = 0.25  # of the larger peak, r.m.s., beyond which curves contradict
 _EXCHANGED = {"eps_a": "eps_b", "eps_b": "eps_a", "sigma_a": "sigma_b", "sigma_b": "sigma_a"}
 
 
-def _fault(row: int, text: str) -> InputError:
-    return InputError(f"row {row}: {text}")
+def _refused(row: int, text: str, allowed: str) -> InputError:
+    return InputError(f"row {row}: {text}; allowed is {allowed}")
 
 
 def _first(flags: np.ndarray) -> np.ndarray:
@@ -41,23 +42,23 @@ def _value(value: float, column: str) -> str:
 def check_length(table: Table, least: int) -> None:
     """InputError for a table of fewer rows than `least`."""
     if len(table.rows) < least:
-        end = f"the file ends after {len(table.rows)} points"
-        raise _fault([table.top, *table.rows][-1], f"{end}; allowed is {least} or more")
+        text = f"the file ends after {len(table.rows)} points"
+        raise _refused([table.top, *table.rows][-1], text, f"{least} or more")
 
 
 def check_values(name: str, table: Table, runs: str, measured: Sequence[str]) -> None:
     """InputError by row for all values that the test `name` cannot have; runs: the strain that is
     raised; measured: what the law is fitted to."""
     problems = Problems()
-    for column in STRAINS:
+    strains = [column for column in STRAINS if column in table.columns]
+    for column in strains:
         with problems:
             _check_strain(name, table, column)
     with problems:
         x = table.columns[runs]
         _check_monotone(table, runs, np.sign(x[-1] - x[0]), "rise or fall")
         _check_reach(table, runs)
-    strains = [table.columns[c] for c in STRAINS if c in table.columns and c not in measured]
-    undeformed = ~np.any(strains, axis=0)
+    undeformed = ~np.any([table.columns[c] for c in strains if c not in measured], axis=0)
     for column in measured:
         with problems:
             _check_response(name, table, column, undeformed)
@@ -66,16 +67,13 @@ def check_values(name: str, table: Table, runs: str, measured: Sequence[str]) ->
 
 def _check_strain(name, table, column):
     """A strain that is too large or of the wrong sign."""
-    if column not in table.columns:
-        return
-    test, rows = TESTS[name], table.rows
-    values, most, unit = table.columns[column], _RANGE[column], unit_inside(column)
+    test, rows, values, most = TESTS[name], table.rows, table.columns[column], _RANGE[column]
     for k in _first(np.abs(values) > most):
-        allowed = f"within +-{most:.3g} (is the unit in the header right?)"
-        raise _fault(rows[k], f"{column} is {values[k]:.4g} {unit}; allowed is {allowed}")
+        text = f"{column} is {values[k]:.4g} {unit_inside(column)}"
+        raise _refused(rows[k], text, f"within +-{most:.3g} (is the unit in the header right?)")
     for k in _first((column == test.strains[0]) & (test.sign * values < 0)):
         allowed = f"{'at least' if test.sign > 0 else 'at most'} 0 in the test {name}"
-        raise _fault(rows[k], f"{column} is {values[k]:.4g}; allowed is {allowed}")
+        raise _refused(rows[k], f"{column} is {values[k]:.4g}", allowed)
 
 
 def _check_monotone(table, runs, sign, way, unit=""):
@@ -83,9 +81,8 @@ def _check_monotone(table, runs, sign, way, unit=""):
     x, onward = table.columns[runs], sign * table.columns[runs]
     for far in _first(np.maximum.accumulate(onward) - onward > NOISE * np.ptp(x)):
         k = int(onward[:far].argmax()) + 1
-        allowed = f"to {way} (keep one loading branch)"
-        text = f"{runs} is {x[k]:.6g}{unit} after {x[k - 1]:.6g}{unit}; allowed is {allowed}"
-        raise _fault(table.rows[k], text)
+        text = f"{runs} is {x[k]:.6g}{unit} after {x[k - 1]:.6g}{unit}"
+        raise _refused(table.rows[k], text, f"to {way} (keep one loading branch)")
 
 
 def _check_reach(table, runs):
@@ -94,11 +91,9 @@ def _check_reach(table, runs):
     least, other = _LEAST.get(unit, (0.0, ""))
     if x.max() < least:
         factor = units(runs)[unit]
-        raise _fault(
-            table.rows[int(x.argmax())],
-            f"{runs} reaches {x.max() / factor:.3g} {unit} only; allowed is {least / factor:.3g} "
-            f"{unit} or more (is the unit {other} rather than {unit}?)",
-        )
+        text = f"{runs} reaches {x.max() / factor:.3g} {unit} only"
+        allowed = f"{least / factor:.3g} {unit} or more (is the unit {other} rather than {unit}?)"
+        raise _refused(table.rows[int(x.argmax())], text, allowed)
 
 
 def _check_response(name, table, column, undeformed):
@@ -106,85 +101,69 @@ def _check_response(name, table, column, undeformed):
     falls."""
     test, values, rows = TESTS[name], table.columns[column], table.rows
     peak = int(np.abs(values).argmax())
-    if not values[peak]:
-        raise _fault(rows[0], f"{column} is 0 in every row, so there is nothing to fit")
+    largest = values[peak]
+    if not largest:
+        raise InputError(f"row {rows[0]}: {column} is 0 in every row, so there is nothing to fit")
     narrows = column.startswith("eps")
     sign = -1 if narrows else test.sign
-    if not narrows and test.sign < 0 and "gamma" in table.columns:
+    if not narrows and sign < 0 and "gamma" in table.columns:
         sign = 0  # compressed and sheared, k_SC can make it a pull
-    if values[peak] * sign < 0:
+    if largest * sign < 0:
         why = "free sides narrow" if narrows else f"of the test {name}"
         allowed = f"at {'least' if sign > 0 else 'most'} 0, {why} (is its sign turned?)"
-        text = f"{column} is {_value(values[peak], column)}; allowed is {allowed}"
-        raise _fault(rows[peak], text)
-    for k in _first(undeformed & (np.abs(values) > _OFFSET * abs(values[peak]))):
-        allowed = f"up to {100 * _OFFSET:g} % of its peak there (take the offset off)"
+        raise _refused(rows[peak], f"{column} is {_value(largest, column)}", allowed)
+    for k in _first(undeformed & (np.abs(values) > _OFFSET * abs(largest))):
         text = f"{column} is {_value(values[k], column)} before anything is strained"
-        raise _fault(rows[k], f"{text}; allowed is {allowed}")
-    if name.startswith("uniaxial") and abs(values[-1]) < _FALLEN * abs(values[peak]):
-        share = f"{100 * values[-1] / values[peak]:.0f} % of its value in row {rows[peak]}"
+        allowed = f"up to {100 * _OFFSET:g} % of its peak there (take the offset off)"
+        raise _refused(rows[k], text, allowed)
+    if name.startswith("uniaxial") and abs(values[-1]) < _FALLEN * abs(largest):
+        share = f"{100 * values[-1] / largest:.0f} % of its value in row {rows[peak]}"
         allowed = f"{100 * _FALLEN:g} % or more (keep the rows before yarns break)"
-        raise _fault(rows[-1], f"{column} has fallen to {share}; allowed is {allowed}")
+        raise _refused(rows[-1], f"{column} has fallen to {share}", allowed)
 
 
-def angle_warnings(curves: Sequence[Curve]) -> list[str]:
-    """Sentences on bias tests whose shear angles are from the displacement, and beyond `TRUSTED`,
-    where the specimen is not simulated."""
-    return [
-        f"{curve.file}: from row {curve.rows[k]} on shear angles are above {TRUSTED:g} deg by the "
-        "displacement, where those of a real strip are less: simulate the specimen, which needs "
-        "DOLFINx, measure them, or leave these rows out"
-        for curve in curves
-        if curve.is_raw and curve.responses[0].linear is None
-        for k in _first(np.abs(curve.strains[:, 2]) > math.radians(TRUSTED))
-    ]
-
-
-def check_compaction(table: Table) -> None:
-    """InputError by row for values that a test of compaction cannot have."""
+def check_compaction(table: Table, column: str) -> None:
+    """InputError by row for values that a test of compaction, with this measured `column`, cannot
+    have."""
     columns, rows = table.columns, table.rows
     if len(columns) > 2:
-        raise _fault(
-            table.top, "both columns thickness and fibre_volume_fraction; allowed is one of them"
-        )
+        text = "both columns thickness and fibre_volume_fraction"
+        raise _refused(table.top, text, "one of them")
     check_length(table, _PRESSED)
-    (column,) = (name for name in columns if name != "pressure")
     is_share = column == "fibre_volume_fraction"
     for name, values in columns.items():
-        most = 1.0 if name == "fibre_volume_fraction" else math.inf
-        for k in _first((values <= 0) | (values >= most)):
-            below = " and below 1" if most == 1 else ""
-            raise _fault(rows[k], f"{name} is {_value(values[k], name)}; allowed is above 0{below}")
+        below = name == "fibre_volume_fraction"
+        for k in _first((values <= 0) | (below & (values >= 1))):
+            allowed = "above 0 and below 1" if below else "above 0"
+            raise _refused(rows[k], f"{name} is {_value(values[k], name)}", allowed)
     _check_monotone(table, "pressure", 1, "rise", " MPa")
     p, v = columns["pressure"], columns[column]
     if p[-1] < _RANGE_OF_PRESSURE * p[0]:
-        end = f"pressure ends at {p[-1] / p[0]:.2g} times the first"
-        raise _fault(rows[-1], f"{end}; allowed is {_RANGE_OF_PRESSURE:g} times or more")
+        text = f"pressure ends at {p[-1] / p[0]:.2g} times the first"
+        raise _refused(rows[-1], text, f"{_RANGE_OF_PRESSURE:g} times or more")
     if (v[-1] <= v[0]) if is_share else (v[-1] >= v[0]):
         low, high = (_value(each, column) for each in v[[0, -1]])
         text = f"{column} is {high} under the highest pressure and {low} under the lowest"
-        raise _fault(rows[-1], f"{text}; allowed is {'more' if is_share else 'less'}")
+        raise _refused(rows[-1], text, "more" if is_share else "less")
 
 
-def check_fibres(tests: Sequence[CompactionTest], sheet: Sheet) -> None:
-    """InputError for fibre volume fractions of a sheet without a fibre density."""
-    for test in tests:
-        if test.response.column == "fibre_volume_fraction" and sheet.fibre_density is None:
-            raise InputError(
-                f"{test.file}: the column fibre_volume_fraction needs the fibres' density; allowed "
-                "is a line fibre_density_g_per_cm3 = 2.54 in sheet.toml, for example"
+def curve_warnings(curves: Sequence[Curve]) -> Iterator[str]:
+    """Sentences on bias tests whose shear angles are from the displacement, and beyond `TRUSTED`,
+    where the specimen is not simulated; and on curves that may be in a wrong unit."""
+    for curve in curves:
+        if curve.is_raw and curve.responses[0].linear is None:
+            for k in _first(np.abs(curve.strains[:, 2]) > math.radians(TRUSTED)):
+                yield (
+                    f"{curve.file}: from row {curve.rows[k]} on shear angles are above {TRUSTED:g} "
+                    "deg by the displacement, where those of a real strip are less: simulate the "
+                    "specimen, which needs DOLFINx, measure them, or leave these rows out"
+                )
+    for curve in curves:
+        if (strain := curve.strains[:, :2].max(initial=0)) > _LONGEST:
+            yield (
+                f"{curve.file}: a yarn is stretched by {100 * strain:.3g} %, where fabrics have up "
+                f"to {100 * _LONGEST:g} %; look at the unit"
             )
-
-
-def unit_warnings(curves: Sequence[Curve]) -> list[str]:
-    """Sentences on curves that may be in a wrong unit."""
-    longest = {curve.file: curve.strains[:, :2].max(initial=0) for curve in curves}
-    return [
-        f"{file}: a yarn is stretched by {100 * strain:.3g} %, where fabrics have up to "
-        f"{100 * _LONGEST:g} %; look at the unit"
-        for file, strain in longest.items()
-        if strain > _LONGEST
-    ]
 
 
 def check_contradictions(curves: Sequence[Curve], balanced: bool) -> None:
@@ -196,36 +175,28 @@ def check_contradictions(curves: Sequence[Curve], balanced: bool) -> None:
     a strip that is stiffer with free sides than with held ones: k_TC <= 1 where the yarns across
     contract (eq. 17).
     """
-    for i, one in enumerate(curves):
-        for two in curves[i + 1 :]:
-            _check_copy(one, two)
-            _check_pair(one, two, "")
-            if balanced:
-                hint = "; if warp and weft differ, say balanced = false"
-                _check_pair(one, _exchanged(two), hint)
+    for one, two in combinations(curves, 2):
+        mine, theirs = ([c.strains, *(r.values for r in c.responses)] for c in (one, two))
+        if len(mine) == len(theirs) and all(map(np.array_equal, mine, theirs)):
+            raise InputError(
+                f"{two.file} has the values of {one.file}, row by row; allowed is each test once, "
+                "and as one kind of test"
+            )
+        _check_pair(one, two, "")
+        if balanced:
+            _check_pair(one, _exchanged(two), "; if warp and weft differ, say balanced = false")
 
 
 def _exchanged(curve):
     """The curve with the names a and b exchanged."""
-    responses = [
-        dataclasses.replace(r, column=_EXCHANGED.get(r.column, r.column)) for r in curve.responses
-    ]
-    return dataclasses.replace(
+    responses = [replace(r, column=_EXCHANGED.get(r.column, r.column)) for r in curve.responses]
+    return replace(
         curve,
         strains=curve.strains[:, [1, 0, 2]],
         responses=tuple(responses),
         abscissa=(1, 0, 2)[curve.abscissa],
         free=None if curve.free is None else 1 - curve.free,
     )
-
-
-def _check_copy(one, two):
-    mine, theirs = ([c.strains, *(r.values for r in c.responses)] for c in (one, two))
-    if len(mine) == len(theirs) and all(map(np.array_equal, mine, theirs)):
-        raise InputError(
-            f"{two.file} has the values of {one.file}, row by row; allowed is each test once, "
-            "and as one kind of test"
-        )
 
 
 def _check_pair(one, two, hint):
@@ -248,18 +219,16 @@ def _compare(one, two, hint, softer=False):
     common = np.flatnonzero((x >= along[0]) & (x <= along[-1]))
     if common.size < 3:
         return
-    for k in range(3):
-        other = np.interp(x[common], along, there[:, k])
-        size = max(np.abs(one.strains[:, k]).max(), np.abs(there[:, k]).max())
-        if np.any(np.abs(one.strains[common, k] - other) > 0.05 * size):
-            return
-    for r, q in ((r, q) for r in one.responses for q in two.responses):
+    x, here = x[common], one.strains[common]
+    other = np.transpose([np.interp(x, along, strain) for strain in there.T])
+    if np.any(np.abs(here - other) > 0.05 * np.abs([*one.strains, *there]).max(0)):
+        return
+    for r, q in product(one.responses, two.responses):
         plain = r.half is None and q.half is None
         if r.component != q.component or not (plain or one.keys == two.keys):
             continue
-        mine = r.values / r.gain if plain else r.values
-        theirs = (q.values / q.gain if plain else q.values)[order]
-        gap = np.interp(x[common], along, theirs) - mine[common]
+        mine, theirs = (each.values / (each.gain if plain else 1) for each in (r, q))
+        gap = np.interp(x, along, theirs[order]) - mine[common]
         gap = np.maximum(gap, 0) if softer else np.abs(gap)
         peak = max(np.abs(mine[common]).max(), np.abs(theirs).max())
         noises = [c.noise for c in (one, two) if c.noise]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...readers.text_tables import Problems, read_lines, rows_of, table_of, values_of
+from ...readers.text_tables import Problems, read_lines, table_of, values_of
 from ...readers.units import factors
 from ...runtime.errors import InputError
 from ...runtime.rules import unknown_key
@@ -26,7 +26,7 @@ from .model import (
     CompactionTest,
     Curve,
     Response,
-    Stated,
+    Sheet,
     Table,
     column_of,
     unit_inside,
@@ -49,21 +49,20 @@ class _Keys(NamedTuple):
     texts: dict[str, tuple[str, str]]
 
 
-def read_test(path: Path | str, thickness: float, stated: Stated) -> Curve | CompactionTest:
-    """The test in a CSV file, of a sheet of this thickness [mm]; stated: what `sheet.toml` says of
-    the files. InputError by file and row, of all that is wrong."""
-    file, problems = Path(path).name, Problems()
+def read_test(path: Path, sheet: Sheet) -> Curve | CompactionTest:
+    """The test in a CSV file, of a sheet. InputError by file and row, of all that is wrong."""
+    problems = Problems()
     try:
         lines = read_lines(path)
-        keys = _keys(_key_texts(lines, stated.keys.get(file, {}), problems), problems)
+        keys = _keys(_key_texts(lines, sheet.keys.get(path.name, {}), problems), problems)
         with problems:
-            known = {*stated.columns, *COLUMNS}
-            cells = table_of(rows_of(lines), lambda name: bool({name, column_of(name)} & known))
-            table, remarks = _table(cells, keys, stated.columns, thickness, problems)
+            known = {*sheet.columns, *COLUMNS}
+            cells = table_of(lines, lambda name: bool({name, column_of(name)} & known))
+            table, remarks = _table(cells, keys, sheet, problems)
         problems.stop()
         if keys.test == COMPACTION:
-            return _compaction_test(file, table, keys, remarks)
-        return _curve(file, table, keys, thickness, remarks)
+            return _compaction_test(path.name, table, keys, remarks)
+        return _curve(path.name, table, keys, sheet.thickness, remarks)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
@@ -92,20 +91,18 @@ def _curve(file, table, keys, thickness, remarks):
         values = table.columns[machine]
         table.columns[column] = of_fabric(machine, values, keys.test, keys.lengths, thickness)
         table.header[column] = unit_inside(column)
-    columns, rows = table.columns, table.rows
+    columns = table.columns
     found = [column for column in keys.measured if column in columns]
     if {"tau", "F_sh"} <= set(found):
         raise InputError("both columns tau and F_sh are given; allowed is one of them")
     checks.check_length(table, MIN_POINTS)
     checks.check_values(keys.test, table, runs, found)
-    strains = np.zeros((len(rows), 3))
-    for column in (*test.strains, *test.optional):
-        if column in columns:
-            strains[:, STRAINS.index(column)] = columns[column]
+    none = np.zeros(len(table.rows))
+    strains = np.column_stack([none if c in found else columns.get(c, none) for c in STRAINS])
     given, back = (keys.test, keys.lengths, thickness), None
     responses = [response(column, columns[column], strains[:, 2], *given) for column in found]
     if keys.test in FRAMES:
-        less = way_back(whole, runs, rows[-1])
+        less = way_back(whole, runs, table.rows[-1])
         if len(less.rows) >= MIN_POINTS:
             angles, (column,) = less.columns[runs] - loose, found
             back = angles, response(column, less.columns[column], angles, *given)
@@ -115,7 +112,7 @@ def _curve(file, table, keys, thickness, remarks):
         keys.test,
         strains,
         tuple(responses),
-        np.array(rows),
+        np.array(table.rows),
         STRAINS.index(runs),
         keys.free,
         _noise(keys.texts.get("noise"), responses, thickness),
@@ -130,8 +127,8 @@ def _curve(file, table, keys, thickness, remarks):
 def _compaction_test(file, table, keys, remarks):
     table, told = from_zero(table, "pressure", 1)
     table, left_out = loading_branch(table, "pressure")
-    checks.check_compaction(table)
-    (column,) = (name for name in table.columns if name != "pressure")
+    column = next(name for name in table.columns if name != "pressure")
+    checks.check_compaction(table, column)
     values = table.columns[column]
     response = Response(column, unit_inside(column), values, np.ones(len(values)))
     noise = _noise(keys.texts.get("noise"), [response], math.nan)
@@ -154,18 +151,22 @@ def _key_texts(lines, stated, problems):
             problems.append(f"row {row}: the key {key} is repeated; allowed is once")
         elif key in KEYS:
             texts[key] = f"row {row}", value
-        elif near := difflib.get_close_matches(key, KEYS, 1, 0.75):
-            hint = f"(did you mean {near[0]}?); allowed are {', '.join(KEYS)}"
-            problems.append(f"row {row}: the key {key} is unknown {hint}")
+        elif difflib.get_close_matches(key, KEYS, 1, 0.75):
+            problems.append(str(unknown_key(key, KEYS, f"row {row}: the key {key}")))
     return texts
 
 
 def _keys(texts, problems):
     """The test that the texts of keys state; InputError of all problems if it is not known."""
-    try:
-        name = _test_of(texts)
-    except InputError as error:
-        problems.append(str(error))
+    place, name = texts.pop("test", ("", None))
+    if name is None:
+        problems.append(
+            f"no line `# test: ...` states the test; allowed are {', '.join(TESTS)}, in the file "
+            'or in its table [tests."NAME"] of sheet.toml'
+        )
+    elif name not in TESTS:
+        problems.append(str(unknown_key(name, TESTS, f"{place}: test {name!r}")))
+    if name not in TESTS:
         problems.stop()
     test, lengths = TESTS[name], {}
     known = ("noise", *test.all_keys)
@@ -192,33 +193,18 @@ def _keys(texts, problems):
     return _Keys(name, free, (*test.measured, *across), others, lengths, texts)
 
 
-def _test_of(texts):
-    """The name of the test, taken out of the texts."""
-    if "test" not in texts:
-        raise InputError(
-            f"no line `# test: ...` states the test; allowed are {', '.join(TESTS)}, in the file "
-            'or in its table [tests."NAME"] of sheet.toml'
-        )
-    place, name = texts.pop("test")
-    if name not in TESTS:
-        raise InputError(f"{place}: {unknown_key(name, TESTS, f'test {name!r}')}")
-    return name
-
-
 def _lateral(name, place, lateral):
     """The yarns with free sides (0, 1 or None), columns that may be measured besides, and a
     sentence on a column that is 0, for the text of the key `lateral`."""
-    a, b = ("a", "b") if name[-1] == "a" else ("b", "a")
-    zero_and_measured = {"held": (f"eps_{b}", f"sigma_{b}"), "free": (f"sigma_{b}", f"eps_{b}")}
-    if lateral not in zero_and_measured:
+    if lateral not in ("held", "free"):
         raise InputError(f"{place}: lateral is {lateral!r}; allowed is held or free")
-    zero, measured = zero_and_measured[lateral]
-    other = "free" if lateral == "held" else "held"
+    across, held = "ba"["ab".index(name[-1])], lateral == "held"
+    zero, measured = (f"eps_{across}", f"sigma_{across}")[:: 1 if held else -1]
     text = (
-        f"lateral: {lateral} says that {zero} is 0, but there is a column {zero}; "
-        f"allowed is `# lateral: {other}`, or the test biaxial if it was prescribed"
+        f"lateral: {lateral} says that {zero} is 0, but there is a column {zero}; allowed is "
+        f"`# lateral: {'free' if held else 'held'}`, or the test biaxial if it was prescribed"
     )
-    return "ab".index(a) if lateral == "free" else None, (measured,), {zero: text}
+    return None if held else "ab".index(name[-1]), (measured,), {zero: text}
 
 
 def _quantity(key, given, factors, zero=False):
@@ -258,20 +244,19 @@ def _noise(given, responses, thickness):
 # -- columns
 
 
-def _table(cells, keys, named, thickness, problems):
-    """The `Table` of a file's cells, and a sentence on each column that is not read; named: what
-    `sheet.toml` says of columns."""
+def _table(cells, keys, sheet, problems):
+    """The `Table` of a file's cells, and a sentence on each column that is not read."""
     place, factors, header, unknown = f"row {cells.top}", {}, {}, []
-    test = TESTS[keys.test]
+    test, named = TESTS[keys.test], sheet.columns
     allowed = (*test.strains, *test.optional, *keys.measured, *test.raw)
-    names = _numbered(cells.names)
+    counts = [cells.names[: i + 1].count(name) for i, name in enumerate(cells.names)]
+    names = [f"{name} {n}" if name and n > 1 else name for name, n in zip(cells.names, counts)]
     stated = {named[name] for name in names if name in named}
     for i, (name, unit) in enumerate(zip(names, cells.units)):
-        meant = named.get(name, column_of(name))
-        column, *other = re.findall(r"[^\s\[\]]+", meant) or [name]
-        is_second = name not in named and (column in stated or name not in cells.names)
+        column, *other = re.findall(r"[^\s\[\]]+", named.get(name, column_of(name))) or [name]
+        is_second = name not in named and (column in stated or counts[i] > 1)
         if column not in COLUMNS or is_second:
-            unknown.append(name)
+            unknown.append((name, cells.names[i]))
             continue
         with problems:
             if column in header:
@@ -281,11 +266,15 @@ def _table(cells, keys, named, thickness, problems):
                 )
             header[column] = (other or [unit])[0]
             _check_column(place, column, header[column], keys, allowed)
-            factors[i] = column, units(column, thickness)[header[column]]
-    missing = _missing(keys, header)
-    once = [name for name in unknown if name in cells.names and name not in COLUMNS]
-    near = [name for name in once if difflib.get_close_matches(name, allowed, 1)]
-    if wrong := unknown if missing and unknown else near:
+            factors[i] = column, units(column, sheet.thickness)[header[column]]
+    found = set(header) | {column for raw, (column, _) in test.raw.items() if raw in header}
+    missing = [column for column in test.strains if column not in found]
+    missing += [] if set(test.measured) & found else [" or ".join(test.measured)]
+    wrong = [name for name, _ in unknown]
+    if not missing:  # one that may be misspelled
+        once = [name for name, own in unknown if name == own and name not in COLUMNS]
+        wrong = [name for name in once if difflib.get_close_matches(name, allowed, 1)]
+    if wrong:
         problems.append(f"{place}: {_unknown(wrong, allowed)}")
     elif missing:
         problems.append(
@@ -297,25 +286,17 @@ def _table(cells, keys, named, thickness, problems):
     ):
         cells.rows.pop(), cells.cells.pop()  # of a longer test beside this one
     columns = values_of(cells, factors, problems)
-    unread = [
-        f"column {name!r} is not read" + _in_place(name, cells.names) for name in unknown if name
-    ]
+    unread = [_unread(*each) for each in unknown if each[0]]
     return Table(columns, header, cells.rows, cells.top), unread
 
 
-def _numbered(names):
-    """Names of a header, of which the next of one name gets a number, as `Force 2`."""
-    counts = [names[: i + 1].count(name) for i, name in enumerate(names)]
-    return [f"{name} {n}" if name and n > 1 else name for name, n in zip(names, counts)]
-
-
-def _in_place(name, names):
-    """How a column is read in place of the first one of its name."""
-    first = re.sub(r" \d+$", "", name)
-    if name in names or column_of(first) not in COLUMNS:
-        return ""
+def _unread(name, first):
+    """A sentence on a column that is not read, as the next of the name `first`."""
+    text = f"column {name!r} is not read"
+    if name == first or column_of(first) not in COLUMNS:
+        return text
     line = f'a line `"{name}" = "{column_of(first)}"` in [columns] of sheet.toml'
-    return f", which is the next {first!r}; {line} reads it in place of the first"
+    return f"{text}, which is the next {first!r}; {line} reads it in place of the first"
 
 
 def _check_column(place, column, unit, keys, allowed):
@@ -333,8 +314,7 @@ def _check_column(place, column, unit, keys, allowed):
             f"[{unit_inside(column)}], for example, or a row of units below"
         )
     if unit not in units(column):
-        label = f"{place}: unit [{unit}] of column {column}"
-        raise unknown_key(unit, units(column), label)
+        raise unknown_key(unit, units(column), f"{place}: unit [{unit}] of column {column}")
 
 
 def _unknown(names, allowed):
@@ -344,14 +324,6 @@ def _unknown(names, allowed):
         return f"{unknown_key(names[0], allowed, f'column {names[0]!r}')}, or {line}"
     columns = ", ".join(map(repr, names))
     return f"columns {columns} are unknown; allowed are {', '.join(allowed)}, or {line}"
-
-
-def _missing(keys, header):
-    """Columns that a header lacks, in words."""
-    test = TESTS[keys.test]
-    known = set(header) | {column for raw, (column, _) in test.raw.items() if raw in header}
-    missing = [column for column in test.strains if column not in known]
-    return missing + ([] if set(test.measured) & known else [" or ".join(test.measured)])
 
 
 def _check_raw(place, keys, header, problems):

@@ -58,6 +58,12 @@ def unit_inside(column: str) -> str:
     return next(iter(_UNIT[column]))
 
 
+def noise_text(noise: tuple[str, float], unit: str) -> str:
+    """The noise of a `Curve` as files state it; unit: of what is measured."""
+    kind, size = noise
+    return f"{size:g} {unit}" if kind == "absolute" else f"{100 * size:g} % of {kind}"
+
+
 class Kind(NamedTuple):
     """The columns and keys of a kind of test."""
 
@@ -181,21 +187,12 @@ class CompactionTest:
 
 
 @dataclass(frozen=True)
-class Stated:
-    """Statements of `sheet.toml` on the CSV files: keys {file: {key: text}} of its tables
-    [tests."FILE"], and columns {name in a header: column, maybe with a unit in brackets} of its
-    table [columns]."""
-
-    keys: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    columns: Mapping[str, str] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
 class Sheet:
     """The content of `sheet.toml`: thickness [mm], density [g/cm3], whether warp and weft are tied
     (`balanced`), values to assume for parameters that the data don't determine, as {"p_min": ..} or
     {"warp.p_min": ..}, the areal weight [g/m2] if the density is from one, and the fibre density
-    [g/cm3] if known. compaction: tests across the thickness; stated: on the CSV files."""
+    [g/cm3] if known. compaction: tests across the thickness. Of the CSV files: keys {file: {key:
+    text}}, and columns {name in a header: column, maybe with a unit in brackets}."""
 
     name: str
     thickness: float
@@ -205,7 +202,8 @@ class Sheet:
     areal_weight: float | None = None
     fibre_density: float | None = None
     compaction: tuple[CompactionTest, ...] = field(default=(), compare=False)  # has arrays
-    stated: Stated = Stated()
+    keys: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    columns: Mapping[str, str] = field(default_factory=dict)
 
     def measured_thickness(self, test: CompactionTest) -> np.ndarray:
         """Thickness of one ply at each point of a test, (n,) [mm]."""

@@ -17,21 +17,23 @@ from ...runtime.errors import InputError
 from ...runtime.rules import unknown_key
 from . import checks
 from .csv_files import read_test
-from .model import COLUMNS, COMPACTION, KEYS, CompactionTest, Curve, Sheet, Stated
+from .model import COLUMNS, KEYS, CompactionTest, Curve, Sheet
 
 FILES = ".csv", ".tsv"
 
 
-def read(folder: Path | str) -> tuple[Sheet, tuple[Curve, ...]]:
-    """Sheet, which has the tests of compaction, and curves of a data set; InputError by file, row
-    and reason, also for two curves that contradict."""
-    folder = Path(folder)
-    if not folder.is_dir():
+def read(path: Path | str) -> tuple[Sheet, tuple[Curve, ...]]:
+    """Sheet, which has the tests of compaction, and curves of a data set: of a folder, or of one of
+    its CSV files. InputError by file, row and reason, also for two curves that contradict."""
+    path = Path(path)
+    if not path.exists():
         raise InputError(
-            f"{folder} is not a folder; allowed is one with a sheet.toml and a CSV file a test"
+            f"{path} does not exist; allowed is a folder with a sheet.toml and a CSV file a test, "
+            "or one of these files"
         )
+    folder = path if path.is_dir() else path.parent
     sheet = read_sheet(folder / "sheet.toml")
-    named = sheet.stated.keys
+    named = sheet.keys
     paths = sorted(p for p in folder.iterdir() if p.suffix.lower() in FILES or p.name in named)
     if not paths:
         raise InputError(
@@ -39,10 +41,10 @@ def read(folder: Path | str) -> tuple[Sheet, tuple[Curve, ...]]:
             'table [tests."NAME"] each in sheet.toml'
         )
     tests, problems = [], Problems()
-    for path in paths:
+    for each in paths if path in (folder, folder / "sheet.toml") else [path]:
         with problems:
-            tests.append(read_test(path, sheet.thickness, sheet.stated))
-    files = [path.name for path in paths]
+            tests.append(read_test(each, sheet))
+    files = [each.name for each in paths]
     if lost := sorted({*named} - {*files}):
         allowed = f"allowed are {', '.join(files)}"
         problems.append(f"{folder / 'sheet.toml'}: tests.{lost[0]!r} is no file; {allowed}")
@@ -50,15 +52,20 @@ def read(folder: Path | str) -> tuple[Sheet, tuple[Curve, ...]]:
     curves = tuple(test for test in tests if isinstance(test, Curve))
     checks.check_contradictions(curves, sheet.balanced)
     compaction = tuple(test for test in tests if isinstance(test, CompactionTest))
-    checks.check_fibres(compaction, sheet)
+    for test in compaction:
+        if test.response.column == "fibre_volume_fraction" and sheet.fibre_density is None:
+            raise InputError(
+                f"{test.file}: the column fibre_volume_fraction needs the fibres' density; allowed "
+                "is a line fibre_density_g_per_cm3 = 2.54 in sheet.toml, for example"
+            )
     return dataclasses.replace(sheet, compaction=compaction), curves
 
 
 def read_sheet(path: Path | str) -> Sheet:
     """Read `sheet.toml`: name, thickness_mm, density_g_per_cm3 or areal_weight_g_per_m2, balanced,
     and optional fibre_density_g_per_cm3, [assumed], [assumed.warp], [assumed.weft] with parameters
-    as in a material file (d_MPa, p_min, ..), and [columns] and [tests."FILE"], see `Stated`. Raises
-    InputError by file and key."""
+    as in a material file (d_MPa, p_min, ..), and [columns] and [tests."FILE"]. Raises InputError by
+    file and key."""
     return read_toml(path, _sheet)
 
 
@@ -83,9 +90,8 @@ def _sheet(document):
     if "density" not in numbers:
         raise InputError("missing density; allowed is density_g_per_cm3 or areal_weight_g_per_m2")
     values = _assumed(assumed, balanced, units)
-    return Sheet(
-        name, balanced=balanced, assumed=values, areal_weight=weight, stated=stated, **numbers
-    )
+    more = {"balanced": balanced, "assumed": values, "areal_weight": weight}
+    return Sheet(name, **more, **stated, **numbers)
 
 
 def _assumed(assumed, balanced, units):
@@ -115,16 +121,4 @@ def _stated(document):
                 raise unknown_key(key, KEYS, f"{where}.{key}")
             if where == "columns" and text.split(" ")[0] not in COLUMNS:
                 raise unknown_key(text, COLUMNS, f"columns.{key} {text!r}")
-    return Stated(tests, columns)
-
-
-def read_curve(path: Path | str, thickness: float, stated: Stated | None = None) -> Curve:
-    """Read and check one CSV file of a test in the sheet's plane; thickness [mm] of the sheet turns
-    shear forces into stresses; stated: what `sheet.toml` says of the file. InputError by file and
-    row."""
-    found = read_test(path, thickness, stated or Stated())
-    if isinstance(found, CompactionTest):
-        raise InputError(
-            f"{path}: the test is {COMPACTION}, across the sheet; allowed is one in its plane"
-        )
-    return found
+    return {"keys": tests, "columns": columns}

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import tomli_w
 
-from ...runtime.errors import InputError
-from .model import COMPACTION, STRAINS, TESTS, Curve, Sheet, unit_inside, units
+from ...runtime.files import unwritable
+from .model import COMPACTION, STRAINS, TESTS, Curve, Sheet, noise_text, unit_inside, units
 
 SHOWN = {"eps_a": "%", "eps_b": "%", "gamma": "deg"}  # units other than those used inside
 
@@ -34,25 +34,18 @@ def write(
             keys = {"test": curve.test} | {k: f"{v:g} mm" for k, v in curve.keys.items()}
             if "lateral" in test.keys:
                 keys["lateral"] = "held" if curve.free is None else "free"
-            keys |= _noise(curve.noise, curve.responses[0].unit)
+            if curve.noise:
+                keys["noise"] = noise_text(curve.noise, curve.responses[0].unit)
             _write_table(folder / curve.file, remarks, keys, columns)
         for pressed in sheet.compaction:
             response = pressed.response
             columns = {"pressure": pressed.pressure, response.column: response.values}
-            keys = {"test": COMPACTION} | _noise(pressed.noise, response.unit)
+            keys = {"test": COMPACTION}
+            if pressed.noise:
+                keys["noise"] = noise_text(pressed.noise, response.unit)
             _write_table(folder / pressed.file, remarks, keys, columns)
     except OSError as error:
-        raise InputError(
-            f"{folder}: cannot be written ({error.strerror}); allowed is a folder of this user"
-        ) from None
-
-
-def _noise(noise, unit):
-    """The key of a noise, none if it is not stated."""
-    if not noise:
-        return {}
-    kind, size = noise
-    return {"noise": f"{size:g} {unit}" if kind == "absolute" else f"{100 * size:g} % of {kind}"}
+        raise unwritable(error) from None
 
 
 def _write_table(path, remarks, keys, columns):

@@ -9,7 +9,5 @@ from pkgutil import iter_modules
 
 from .base import COUPLINGS, LAWS, Law, Range, coupling_variants
 
-__all__ = ["COUPLINGS", "LAWS", "Law", "Range", "coupling_variants"]
-
 for _module in iter_modules(__path__):
     import_module(f"{__name__}.{_module.name}")

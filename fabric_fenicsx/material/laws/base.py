@@ -1,20 +1,20 @@
 """A law of fabrics: the numbers that every one has, and what is asked of it."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 
-from ...readers.units import UNITS
+from ...readers.units import OWN
 from ...runtime.errors import InputError
 from ...runtime.rules import Rule, check_complete, shown, unknown_key
 from .. import law_checks
 from ..bending import MeasuredBending, bending_of
 from ..compaction import Compaction, compaction_of, table_of
 from ..energy import Derivatives, Energy, Range, stresses_of_energy
-from ..files import FIBRES, SHEET, read_scatter, read_sheet_numbers, take_units
+from ..files import FIBRES, OWN_UNITS, SHEET, read_scatter, read_sheet_numbers, take_units
 from ..friction import FRICTIONS, BendingFriction, ShearFriction, frictions_of
 from ..law_checks import COUPLINGS, check_couplings
 from ..material import Material
@@ -72,19 +72,18 @@ class Law(Material, Energy):
     0.5
     """
 
-    thickness: float = field(default=1.0, kw_only=True)
-    density: float = field(default=0.75, kw_only=True)
-    name: str = field(default="", kw_only=True)
-    compaction: Compaction | None = field(default=Compaction(), kw_only=True)
-    shear_friction: ShearFriction | None = field(default=None, kw_only=True)
-    bending_friction: BendingFriction | None = field(default=None, kw_only=True)
-    bending: MeasuredBending | None = field(default=None, kw_only=True)
-    fibre_density: float | None = field(default=None, kw_only=True)
+    _: KW_ONLY
+    thickness: float = 1.0
+    density: float = 0.75
+    name: str = ""
+    compaction: Compaction | None = Compaction()
+    shear_friction: ShearFriction | None = None
+    bending_friction: BendingFriction | None = None
+    bending: MeasuredBending | None = None
+    fibre_density: float | None = None
     # where numbers are from does not make another fabric
-    assumed: tuple[str, ...] = field(default=(), kw_only=True, compare=False)
-    scatter: Mapping[str, tuple[float, float]] = field(
-        default_factory=dict, kw_only=True, compare=False
-    )
+    assumed: tuple[str, ...] = field(default=(), compare=False)
+    scatter: Mapping[str, tuple[float, float]] = field(default_factory=dict, compare=False)
 
     def __init_subclass__(cls) -> None:
         known, here = LAWS.get(cls.law, cls), (cls.__module__, cls.__qualname__)
@@ -109,11 +108,6 @@ class Law(Material, Energy):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        known = FIBRES if self.fibre_density is not None else {}
-        for name, rule in (SHEET | known).items():
-            object.__setattr__(self, name, rule.check(name, getattr(self, name)))
-        if not isinstance(self.name, str):
-            raise InputError(f"name is {shown(self.name)}; allowed is a text")
         if not isinstance(self.compaction, Compaction | None):
             raise InputError(
                 f"compaction is {shown(self.compaction)}; allowed is one, as `Compaction(16.0)`"
@@ -122,8 +116,11 @@ class Law(Material, Energy):
             if not isinstance(given := getattr(self, field_name), kind | None):
                 raise InputError(f"{field_name} is {shown(given)}; allowed is a {kind.__name__}")
         object.__setattr__(self, "assumed", self._checked_assumed())
-        self.check_scatter()
-        if self.fibre_density is not None and not self.fibre_density > self.density:
+        if self.fibre_density is None:
+            return
+        fibres = FIBRES["fibre_density"].check("fibre_density", self.fibre_density)
+        object.__setattr__(self, "fibre_density", fibres)
+        if not fibres > self.density:
             raise InputError(
                 f"fibre_density is {self.fibre_density:g} g/cm3; allowed is more than the fabric's "
                 f"density of {self.density:g} g/cm3, as fibres do not fill all of it"
@@ -144,11 +141,6 @@ class Law(Material, Energy):
         """Names of the law's numbers."""
         return tuple(self.rules)
 
-    @classmethod
-    def numbers(cls) -> Mapping[str, Rule]:
-        """As of `Material`: the law's and the sheet's."""
-        return {**cls.rules, **SHEET}
-
     def require(self, names: Iterable[str], label: str) -> None:
         """InputError, which calls this fabric `label`, unless its law has these parameters."""
         if missing := [name for name in names if name not in self.parameters]:
@@ -158,12 +150,12 @@ class Law(Material, Energy):
             )
 
     def assumed_values(self) -> dict[str, str]:
-        """Numbers that act and that no test has determined, {name: value with unit}."""
-        return {name: self._value_text(name) for name in self.assumed if self._acts(name)}
-
-    def _value_text(self, name):
-        unit = self.rules[name].unit
-        return f"{getattr(self, name):g}" + (f" {next(iter(UNITS[unit]))}" if unit else "")
+        units = {name: OWN.get(rule.unit, "") for name, rule in self.numbers().items()}
+        return {
+            name: " and ".join(f"{value:g} {units[name]}".strip() for value in self.values(name))
+            for name in self.assumed
+            if self._acts(name)
+        }
 
     def _acts(self, name):
         """True if a number has an effect."""
@@ -205,10 +197,6 @@ class Law(Material, Energy):
         """A copy with every coupling off: three independent curves, like Abaqus' FABRIC."""
         return self.without(*COUPLINGS)
 
-    def check_shapes(self) -> None:
-        """InputError where closed forms of `derivatives` have not the shapes that it says."""
-        law_checks.check_shapes(self)
-
     def check_rest(self) -> None:
         """InputError where the fabric as it lies, without strain, has energy or stress, where its
         stiffness is negative there, and for `derivatives` of other shapes."""
@@ -227,10 +215,8 @@ class Law(Material, Energy):
         return law_checks.implausible(self.label, values | sheet)
 
     def table(self) -> dict[str, Any]:
-        """The content of a material file."""
-        units = {kind: next(iter(names)) for kind, names in UNITS.items() if kind != "areal_weight"}
         numbers = {name: getattr(self, name) for name in self.rules}
-        return {"law": self.law} | self.sheet_table() | numbers | {"units": units}
+        return {"law": self.law} | self.sheet_table() | numbers | {"units": OWN_UNITS}
 
     def sheet_table(self) -> dict[str, Any]:
         """A material file's content but for the law and its numbers."""
@@ -244,7 +230,6 @@ class Law(Material, Energy):
 
     @classmethod
     def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
-        """The fabric of a TOML document that lies in `folder`; InputError by field."""
         document.pop("law", None)
         found = sheet_fields(cls, document, take_units(document), ("law", "units"), cls.rules)
         return cls(**found)

@@ -2,9 +2,8 @@
 
 import dataclasses
 import math
-import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
@@ -12,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...readers.text_tables import Problems, read_lines, rows_of, table_of, values_of
+from ...readers.text_tables import Problems, read_lines, table_of, values_of
 from ...readers.units import ANGLE, STRAIN, factors
 from ...runtime.errors import InputError
 from ...runtime.formatting import percent
@@ -64,19 +63,18 @@ class Curve(Parameters):
     def __post_init__(self) -> None:
         x, y = np.asarray(self.x, float), np.asarray(self.y, float)
         for k, (e, stress) in enumerate(zip(x, y)):
-            point = f"point {k + 1}"
+            words = ""
             if not (math.isfinite(e) and math.isfinite(stress)):
-                raise InputError(f"{point} is ({e}, {stress}); allowed are finite numbers")
-            if e * stress < 0:
-                raise InputError(
-                    f"{point}: the stress is {stress:.6g} MPa at the strain {e:.6g}; allowed is "
-                    "one of the same sign"
+                words = f" is ({e}, {stress}); allowed are finite numbers"
+            elif e * stress < 0:
+                words = (
+                    f": the stress is {stress:.6g} MPa at the strain {e:.6g}; allowed is one of "
                 )
-            if k and e <= x[k - 1]:
-                before = f"{x[k - 1]:.6g}"
-                raise InputError(
-                    f"{point}: {e:.6g} comes after {before}; allowed are rising strains"
-                )
+                words += "the same sign"
+            elif k and e <= x[k - 1]:
+                words = f": {e:.6g} comes after {x[k - 1]:.6g}; allowed are rising strains"
+            if words:
+                raise InputError(f"point {k + 1}{words}")
         if len(x) < MIN_POINTS:
             raise InputError(f"the curve has {len(x)} points; allowed is {MIN_POINTS} or more")
         if (0.0, 0.0) not in zip(x, y):
@@ -187,7 +185,6 @@ class TabulatedFabric(Law):
     def derivatives(
         self, eps_a: np.ndarray, eps_b: np.ndarray, gamma: np.ndarray, second: bool = True
     ) -> Derivatives:
-        """In closed form."""
         pairs = (self.warp, eps_a), (self.weft, eps_b), (self._both, gamma)
         (A, A_a, A_aa), (B, B_b, B_bb), (H, H_g, H_gg) = (c.derivatives(e) for c, e in pairs)
         zero = np.zeros_like(A)
@@ -197,13 +194,12 @@ class TabulatedFabric(Law):
     def ranges(self) -> tuple[Range, ...]:
         """Strains that the tables cover. Yarns of a table without compression have none, which
         `plausibility_warnings` says."""
-        found = []
-        for name, strain in CURVES.items():
-            curve = getattr(self, name)
-            low = curve.x[0] if curve.x[0] < 0 else -math.inf
-            beyond = _BEYOND[curve.extrapolation]
-            found.append(Range(strain, f"the table of {name}", low, curve.x[-1], beyond))
-        return tuple(found)
+        curves = [(name, strain, getattr(self, name)) for name, strain in CURVES.items()]
+        lows = [c.x[0] if c.x[0] < 0 else -math.inf for *_, c in curves]
+        return tuple(
+            Range(strain, f"the table of {name}", low, c.x[-1], _BEYOND[c.extrapolation])
+            for (name, strain, c), low in zip(curves, lows)
+        )
 
     def plausibility_warnings(self) -> list[str]:
         """Sentences on numbers that fabrics hardly have, and on tables without compression or with
@@ -227,11 +223,10 @@ class TabulatedFabric(Law):
 
     def table(self) -> dict[str, Any]:
         """The curves and the sheet; a material file names CSV files in the place of the points."""
-        curves = {name: getattr(self, name) for name in CURVES}
-        tables = {
-            name: {"x": list(c.x), "y": list(c.y), "extrapolation": c.extrapolation}
-            for name, c in curves.items()
-        }
+        tables = {}
+        for name, curve in ((name, getattr(self, name)) for name in CURVES):
+            points = {"x": list(curve.x), "y": list(curve.y)}
+            tables[name] = points | {"extrapolation": curve.extrapolation}
         return {"model": "fabric"} | self.sheet_table() | tables
 
     @classmethod
@@ -249,28 +244,25 @@ class TabulatedFabric(Law):
                 raise InputError(
                     f"{key} is {own[key]!r}; allowed is the name of a CSV file beside this one"
                 )
-            curve = read_table(folder / own[key], "shear" if key == "shear" else "yarn")
+            curve = read_table(folder / own[key], _SHEAR if key == "shear" else _YARN)
             if own["extrapolation"] is not None:
                 curve = dataclasses.replace(curve, extrapolation=own["extrapolation"])
             fields[key] = curve
         return cls(**fields)
 
 
-def read_table(path: str | os.PathLike[str], kind: str) -> Curve:
-    """Curve from a CSV file with a header of names and units; kind: "yarn" or "shear".
-
-    Raises InputError by file and row.
-    """
+def read_table(path: Path, columns: Mapping[str, Mapping[str, float]]) -> Curve:
+    """The curve in a CSV file with two `columns`, {name: factors of its units}. InputError by file
+    and row."""
     try:
-        return _curve(read_lines(path), _SHEAR if kind == "shear" else _YARN)
+        return _curve(read_lines(path), columns)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
 
 def _curve(lines, columns):
-    """The curve in the lines of a file; columns: {name: factors of its units}."""
     allowed = ", ".join(f"{name} [{'|'.join(units)}]" for name, units in columns.items())
-    table = table_of(rows_of(lines), columns.__contains__)
+    table = table_of(lines, columns.__contains__)
     if len(table.names) != 2:
         raise InputError(f"row {table.top} is no header of two columns; allowed is {allowed}")
     wanted = {}
@@ -282,8 +274,8 @@ def _curve(lines, columns):
     problems = Problems()
     x, y = values_of(table, wanted, problems).values()
     if len(x) > MAX_POINTS:
-        allowed = f"{MIN_POINTS} to {MAX_POINTS}, so thin it out"
-        problems.append(f"has {len(x)} points; allowed are {allowed}")
+        allowed = f"allowed are {MIN_POINTS} to {MAX_POINTS}, so thin it out"
+        problems.append(f"has {len(x)} points; {allowed}")
     problems.stop()
     try:
         return Curve(tuple(x.tolist()), tuple(y.tolist()))

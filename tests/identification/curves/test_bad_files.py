@@ -376,7 +376,7 @@ def test_bad_sheets(tmp_path, old, new, sentence):
 
 
 def test_bad_folders(tmp_path):
-    with pytest.raises(InputError, match="none is not a folder; allowed is one with a sheet.toml"):
+    with pytest.raises(InputError, match="none does not exist; allowed is a folder with a sheet"):
         data.read(tmp_path / "none")
     with pytest.raises(InputError, match=r"sheet.toml: cannot be read \(No such file"):
         data.read(tmp_path)

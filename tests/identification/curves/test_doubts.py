@@ -24,7 +24,7 @@ def test_long_strains_are_doubted(tmp_path):
         .replace("2.5,41.1", "0.4,41.1")
     )
     _, curves = data.read(folder(tmp_path, warp=text.replace("0.0.25", "0.25")))
-    (warning,) = data.unit_warnings(curves)
+    (warning,) = data.curve_warnings(curves)
     assert warning.startswith(
         "warp.csv: a yarn is stretched by 40 %, where fabrics have up to 20 %"
     )

@@ -366,7 +366,7 @@ def test_a_toe_of_a_tension_curve_is_named(tmp_path):
 
 def test_angles_beyond_those_that_a_displacement_tells_are_doubted(tmp_path):
     _, (curve,) = data.read(folder(tmp_path, bias=KEYS + HEAD + POINT + "\n30;2000\n32;2400\n"))
-    (words,) = data.angle_warnings([curve])
+    (words,) = data.curve_warnings([curve])
     assert words.startswith(
         "bias.csv: from row 10 on shear angles are above 30 deg by the displacement"
     )

@@ -84,11 +84,11 @@ def test_areal_weight_is_a_density(tmp_path):
 )
 def test_forces_per_width_are_divided_by_the_thickness(tmp_path, text, column, unit, factor):
     text = text.replace("2 % of maximum", "0.3 MPa")
-    first, second = (tmp_path / name for name in ("first.csv", "second.csv"))
+    first, second = (folder(tmp_path) / name for name in ("first.csv", "second.csv"))
     first.write_text(text)
     per_width = scaled(text, factor).replace(f"{column} [MPa]", f"{column} [{unit}]")
     second.write_text(per_width.replace("0.3 MPa", f"{0.3 * factor} {unit}"))
-    one, two = (data.read_curve(path, 1.2) for path in (first, second))
+    (one,), (two,) = (data.read(path)[1] for path in (first, second))
     assert two.responses[0].values == pytest.approx(one.responses[0].values, rel=1e-5)
     assert two.responses[0].unit == "MPa"
     assert (one.noise is None) == (two.noise is None)
@@ -97,14 +97,14 @@ def test_forces_per_width_are_divided_by_the_thickness(tmp_path, text, column, u
 
 def test_what_a_machine_writes_is_strain_stress_and_shear_angle(tmp_path):
     """Of a strip 200 mm long and 50 mm wide, and of the bias strip of `BIAS`."""
-    (tmp_path / "plain.csv").write_text(FREE)
+    folder(tmp_path, plain=FREE)
     head = "# length: 20 cm\n# width: 50 mm\ndisplacement [cm],F [kN]\n"
     raw = "".join(
         f"{0.2 * e:.6g},{0.06 * s:.6g}\n"
         for e, s in ((0.5, 6.9), (1, 14.5), (1.5, 22.8), (2, 31.6), (2.5, 41.1))
     )
     (tmp_path / "raw.csv").write_text(FREE.split("eps_a")[0] + head + raw)
-    one, two = (data.read_curve(tmp_path / f"{name}.csv", 1.2) for name in ("plain", "raw"))
+    (one,), (two,) = (data.read(tmp_path / f"{name}.csv")[1] for name in ("plain", "raw"))
     assert two.strains == pytest.approx(one.strains)
     assert two.responses[0].values == pytest.approx(one.responses[0].values)
     assert (two.responses[0].column, two.keys) == ("sigma_a", {"length": 200.0, "width": 50.0})
@@ -115,7 +115,7 @@ def test_what_a_machine_writes_is_strain_stress_and_shear_angle(tmp_path):
     for degrees, mm in zip((10, 20, 30, 35, 40), moved):
         text = text.replace(f"\n{degrees},", f"\n{mm:.9g},")
     (tmp_path / "bias.csv").write_text(text)
-    curve = data.read_curve(tmp_path / "bias.csv", 1.2)
+    (curve,) = data.read(tmp_path / "bias.csv")[1]
     assert curve.strains[:, 2] == pytest.approx(gamma)
     assert curve.responses[0].values.tolist() == [1, 2, 3, 4, 5]
 
