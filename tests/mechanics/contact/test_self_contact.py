@@ -1,0 +1,201 @@
+"""Contact of a sheet with itself."""
+
+import numpy as np
+import pytest
+from builders import COMM, Elastic, everywhere, near, off_differences
+from builders import sheet as rectangle
+from mpi4py import MPI
+from petsc4py import PETSc
+from scipy.integrate import solve_ivp
+from scipy.optimize import fsolve
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.mechanics.contact.pressure_law import PERMITTED, SMOOTHING, Rigid
+
+T, PENALTY, LENGTH, WIDTH = 4.0, 20.0, 60.0, 8.0
+
+
+def folded(turns, gap=0.0):
+    """Shape of a strip that is folded by half a turn at each {place along it: 1 up or -1 down},
+    with layers at a `gap` between their faces [mm]."""
+    r = (T + gap) / 2
+    s = np.linspace(0, LENGTH, 100001)
+    angle = 0 * s + sum(
+        way * (np.clip((s - at) / r, -np.pi / 2, np.pi / 2) + np.pi / 2)
+        for at, way in turns.items()
+    )
+    middle = 0.5 * (angle[1:] + angle[:-1])
+    x, z = (np.append(0, np.cumsum(f(middle) * s[1])) for f in (np.cos, np.sin))
+    return lambda X: np.array([np.interp(X[0], s, x), X[1], np.interp(X[0], s, z)])
+
+
+def scene_of(turns, gap, comm=COMM, nx=30, degree=1, **options):
+    """A folded strip that has accepted that, and its contact."""
+    blank = rectangle(LENGTH, WIDTH, nx, 4, "crossed", comm, spatial=True, degree=degree)
+    contact = ff.SelfContact(T, **{"penalty": PENALTY} | options)
+    scene = ff.Scene(blank, [Elastic(), contact])
+    lead(blank, folded(turns, gap))
+    scene.accept()
+    return scene, contact
+
+
+def lead(blank, shape):
+    X = blank.coordinates()
+    blank.u.x.array[:] = (shape(X.T).T - X).ravel()
+
+
+def forces_of(scene, contact):
+    """Of the contact on the owned nodes (nodes, 3), their flat places, and where they are."""
+    f = scene.u.duplicate()
+    with f.localForm() as local:
+        local.set(0)
+        contact.add_forces(local.array)
+    f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    forces, X = -f.array.reshape(-1, 3), scene.blank.coordinates()
+    return forces, X[: len(forces)], (X + scene.blank.nodal_displacement())[: len(forces)]
+
+
+FOLDS = {
+    "up": {LENGTH / 2: 1},
+    "down": {LENGTH / 2: -1},
+    "both": {LENGTH / 3: 1, 2 * LENGTH / 3: -1},
+}
+
+
+# -- where a sheet touches itself
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("fold", FOLDS)
+def test_layers_press_each_other_with_what_the_law_says(fold, degree):
+    """Away from folds and ends the pressure is that of the overlap; a layer in the middle is
+    pressed on both faces."""
+    turns, depth = FOLDS[fold], 0.2
+    _, contact = scene_of(turns, -depth, degree=degree, nx=30 // degree)
+    points, known = contact.points, contact.state()
+    pressure = points.of_all(contact.faces.now, known.pressure).reshape(
+        len(points.part.cells), -1, 2, 3
+    )
+    x = contact.blank.midpoints()[0]
+    off = np.min([abs(x - at) for at in (0, *turns, LENGTH)], axis=0) > 7
+    expected = float(Rigid(PENALTY, SMOOTHING * PERMITTED * T)(np.array(depth))[1])
+    layer = (x[:, None] > np.array(list(turns))).sum(1)
+    for k in range(len(turns) + 1):
+        at = off & (layer == k)
+        assert COMM.allreduce(int(at.sum())) > 10
+        faces = [turns.get(side) for side in (list(turns)[k - 1 : k] + list(turns)[k : k + 1])]
+        for face, way in enumerate((1, -1)):
+            wanted = expected if way in faces else 0.0
+            assert pressure[at][:, :, face] == pytest.approx(wanted, rel=1e-3, abs=1e-9)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("fold", FOLDS)
+def test_action_is_reaction_with_its_moment(fold):
+    scene, contact = scene_of(FOLDS[fold], -0.2)
+    forces, _, x = forces_of(scene, contact)
+    total, moment = COMM.allreduce(np.array([forces.sum(0), np.cross(x, forces).sum(0)]))
+    size = COMM.allreduce(contact.normal_forces().sum())
+    assert size > 100
+    assert abs(total).max() < 1e-12 * size
+    assert abs(moment).max() < 1e-3 * size * T  # triangles are flat, the face is not
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("shape", [{}, {LENGTH / 2: 1}], ids=["flat", "round its thickness"])
+def test_a_sheet_that_is_bent_no_further_than_it_can_be_is_free(shape):
+    _, contact = scene_of(shape, 0.05 * T, nx=60)
+    assert COMM.allreduce(len(contact.faces.now.points)) > 0 or not shape
+    assert not contact.state().pressure.any() and contact.largest_depth() == 0.0
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_limb_that_came_through_is_pressed_back(way):
+    """As it lay on the other side in the accepted state."""
+    scene, contact = scene_of({LENGTH / 2: way}, 0.2)
+    u, X = scene.blank.u.x.array.reshape(-1, 3), scene.blank.coordinates()
+    beyond = X[:, 0] > LENGTH / 2 + T
+    u[beyond, 2] -= way * (T + 1.0)
+    assert scene.update_lagged()
+    forces, X, _ = forces_of(scene, contact)
+    far = X[:, 0] > LENGTH / 2 + 2 * T
+    pushed = COMM.allreduce(forces[far].sum(0))
+    assert way * pushed[2] > 0.9 * PENALTY * T * (LENGTH / 2 - 2 * T) * WIDTH
+
+
+@pytest.mark.mpi
+def test_ranks_share_what_one_finds(by_position):
+    found = []
+    for comm in (COMM, MPI.COMM_SELF):
+        scene, contact = scene_of(FOLDS["both"], -0.2, comm, friction=0.3)
+        scene.blank.u.x.array[:] *= 1.001
+        scene.update_lagged()
+        forces, X, _ = forces_of(scene, contact)
+        found.append([by_position(comm, X, forces)[1], comm.allreduce(contact.stored())])
+    assert abs(found[0][0] - found[1][0]).max() < 1e-9 * abs(found[1][0]).max()
+    assert found[0][1] == pytest.approx(found[1][1], rel=1e-9)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("fold", FOLDS)
+def test_forces_and_tangent_are_derivatives(fold, friction, degree):
+    scene, contact = scene_of(FOLDS[fold], -0.1, nx=30 // degree, degree=degree, friction=friction)
+    forces, stiffness = off_differences(scene, contact)
+    assert (contact.state().pressure > 0).any()
+    assert forces < 1e-6 and stiffness < 1e-6
+
+
+@pytest.mark.mpi
+def test_a_run_goes_on_from_what_it_remembers(by_position):
+    scene, contact = scene_of(FOLDS["up"], -0.1, friction=0.3)
+    scene.blank.u.x.array.reshape(-1, 3)[:, 0] *= 1.002
+    scene.accept()
+    again, _ = scene_of({}, 0.0, friction=0.3)
+    again.blank.u.x.array[:] = scene.blank.u.x.array
+    again.recall(scene.memory())
+    again.set_load(0.0)
+    again.accept()
+    other = again.terms[1]
+    assert COMM.allreduce(contact.energies()["friction"]) > 0
+    assert other.energies() == pytest.approx(contact.energies(), rel=1e-9)
+    assert other.largest_depth() == pytest.approx(contact.largest_depth())
+    for name, rows in contact.cell_memory().items():
+        assert other.cell_memory()[name] == pytest.approx(rows, abs=1e-9 * abs(rows).max(initial=1))
+
+
+# -- what bad input gets
+
+
+@pytest.mark.parametrize(
+    "make, options, words",
+    [
+        (
+            lambda: ff.Stack([(rectangle(9, 9, 2, 2, spatial=True), T, n) for n in "ab"]),
+            {"penalty": 1.0},
+            "asked of a stack; allowed is one sheet, as by `.on('a')`",
+        ),
+        (lambda: rectangle(9, 9, 2, 2), {"penalty": 1.0}, "can't leave its plane or is curved"),
+        (
+            lambda: rectangle(9, 9, 2, 2, spatial=True),
+            {"penalty": 1.0, "thickness": None},
+            "self-contact needs a thickness, a number above 0",
+        ),
+        (
+            lambda: rectangle(9, 9, 2, 2, spatial=True),
+            {},
+            "self-contact needs a penalty, a number above 0, as the sheet has not a fabric or",
+        ),
+        (
+            lambda: rectangle(9, 9, 2, 2, cell="quadrilateral", spatial=True),
+            {"penalty": 1.0},
+            "on other cells; allowed are P1",
+        ),
+    ],
+)
+def test_sheets_that_cannot_touch_themselves(make, options, words):
+    with pytest.raises(ff.InputError) as error:
+        ff.Scene(make(), [Elastic(), ff.SelfContact(**{"thickness": T} | options)])
+    assert words in str(error.value)
