@@ -57,11 +57,14 @@ class SelfPoints(SheetPoints):
         """Take the places found last as those of the accepted state."""
         self._partners = self._partners_now
 
-    def _over(self, points, normals):
+    def _over(self):
         face, many = self._own, len(self._places)
         cells, near = self._opposed()
         rows = (cells[:, None] * many + np.arange(many)).ravel()
-        near, sides, normals = near.repeat(many, axis=0), self._sides[rows], normals[rows]
+        near, sides = near.repeat(many, axis=0), self._sides[rows]
+        points = face.points(self._weights[rows], self._flat[rows])
+        corners = face.normals[face.triangles[face.own_triangles[cells]]]
+        normals = np.einsum("kc,nci->nki", self._places, corners).reshape(-1, 3)
         # heights from which on a triangle counts: any or none, if it lay on this or the other side
         others = rows + (sides * many / 2).astype(int)
         here, there = (
@@ -75,7 +78,7 @@ class SelfPoints(SheetPoints):
             return ((along * normals[at]).sum(1) < 0) & (sides[at] * height > least[at, k])
 
         triangle, y = np.full(self.count, -1), np.zeros((self.count, 3))
-        triangle[rows], y[rows] = face.seek(points[rows], np.arange(len(rows)), near, fits)
+        triangle[rows], y[rows] = face.seek(points, np.arange(len(rows)), near, fits)
         over = face.over(triangle, y, self._reach)
         at = np.flatnonzero(over.triangle >= 0)
         self._partners_now = np.full((self.count, 3), np.inf)

