@@ -226,11 +226,7 @@ class Face:
         return np.take_along_axis(near, np.lexsort((near, away.round(6)), axis=1), 1)
 
     def seek(
-        self,
-        points: np.ndarray,
-        rows: np.ndarray,
-        triangles: np.ndarray,
-        fits: Callable[..., Any],
+        self, points: np.ndarray, rows: np.ndarray, triangles: np.ndarray, fits: Callable[..., Any]
     ) -> tuple[np.ndarray, np.ndarray]:
         """The first of `triangles` (k, many) that each of `rows` (k,) of the points lies over, -1
         for none; two coordinates in it and a height, over its normal's length (k, 3). fits: a

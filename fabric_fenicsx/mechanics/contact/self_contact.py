@@ -25,24 +25,19 @@ REACH = 2.0  # thicknesses between mid-surfaces, up to which points are followed
 
 class SelfPoints(SheetPoints):
     """Points in the triangles of a sheet that look to both sides for another place of it whose same
-    face looks at them: the top at the top, the bottom at the bottom.
+    face looks back: the top at the top, the bottom at the bottom.
 
-    Each point stands for half of its area on either side, as the other place's points look back.
-    Triangles with a common node do not face each other, nor do those nearer than `TURN` thicknesses
-    in the flat sheet: only a sheet bent more sharply than round its own thickness would touch there,
-    and bending resists that. What lay on one side of a point in the accepted state counts as there,
-    also if it has come through the sheet since.
+    Either place has points, so each stands for half of its area. Triangles with a common node do
+    not face each other, nor do those nearer than `TURN` thicknesses in the flat sheet: a sheet can
+    touch itself there only if it is bent more sharply than round its own thickness, which bending
+    resists. What lay on one side of a point in the accepted state counts as there, also if it has
+    come through the sheet since.
     """
 
     SIDES = 2
 
     def __init__(
-        self,
-        part: Part,
-        rule: int,
-        thickness: float,
-        thickening: float,
-        symmetric: Sequence[Where],
+        self, part: Part, rule: int, thickness: float, thickening: float, symmetric: Sequence[Where]
     ) -> None:
         super().__init__(part, part, rule, [thickness] * 2, [thickening] * 2, symmetric)
         corners = self._own.X[self._own.triangles]
@@ -116,8 +111,9 @@ class SelfPoints(SheetPoints):
 class SelfContact(FaceContact):
     """Contact of a sheet with itself, where it folds over or rolls up.
 
-    As `SheetContact`, by the same laws, at points of both faces (`SelfPoints`). It costs next to
-    nothing as long as no fold closes. On a stack each sheet has its own: `SelfContact().on("upper")`.
+    As `SheetContact`, by the same laws, at points of both faces (`SelfPoints`). As long as no fold
+    closes it only looks for one, after each solve. On a stack each sheet has its own:
+    `SelfContact().on("upper")`.
 
     Parameters
     ----------
@@ -165,8 +161,8 @@ class SelfContact(FaceContact):
             )
         if blank.mesh.geometry.dim < 3 or not blank.is_flat():
             raise InputError(
-                f"{self.name} is asked of {blank.name}, which can't leave its plane or is curved as "
-                "it lies; allowed is a flat sheet that is `spatial`"
+                f"{self.name} is asked of {blank.name}, which can't leave its plane or is curved "
+                "as it lies; allowed is a flat sheet that is `spatial`"
             )
         material = material_of(scene, part)
         t = self._given or part.thickness or (material and material.thickness_under(0.0))

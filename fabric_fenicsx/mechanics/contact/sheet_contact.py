@@ -1,7 +1,6 @@
 """Contact of two sheets: pressure at points of one over the smooth face of the other."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -52,9 +51,7 @@ class FaceContact(Interaction):
         self._symmetric = [symmetric] if callable(symmetric) else list(symmetric)
         super().__init__(friction, name)
         if self.coulomb and isinstance(self.coulomb.coefficient, Mapping):
-            raise InputError(
-                f"{name} has friction of several sheets; allowed is one number from 0"
-            )
+            raise InputError(f"{name} has friction of several sheets; allowed is one number from 0")
 
     def _begin(self, scene, points, *face_laws):
         """Let the faces of these laws press at the points."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from builders import COMM, Elastic, everywhere, near, off_differences
+from builders import COMM, Elastic, near, off_differences
 from builders import sheet as rectangle
 from mpi4py import MPI
 from petsc4py import PETSc
