@@ -54,12 +54,15 @@ class SelfPoints(SheetPoints):
 
     def _over(self):
         face, many = self._own, len(self._places)
-        cells, near = self._opposed()
+        corners = face.places[face.triangles]
+        middles, across = corners.mean(1), facet_normals(face.places, face.triangles)[0]
+        size = np.linalg.norm(corners - middles[:, None], axis=2).max()
+        cells, near = self._opposed(middles, across, self._reach + 2 * size)
         rows = (cells[:, None] * many + np.arange(many)).ravel()
         near, sides = near.repeat(many, axis=0), self._sides[rows]
         points = face.points(self._weights[rows], self._flat[rows])
-        corners = face.normals[face.triangles[face.own_triangles[cells]]]
-        normals = np.einsum("kc,nci->nki", self._places, corners).reshape(-1, 3)
+        at_corners = face.normals[face.triangles[face.own_triangles[cells]]]
+        normals = np.einsum("kc,nci->nki", self._places, at_corners).reshape(-1, 3)
         # heights from which on a triangle counts: any or none, if it lay on this or the other side
         others = rows + (sides * many / 2).astype(int)
         here, there = (
@@ -68,6 +71,11 @@ class SelfPoints(SheetPoints):
         )
         known = np.minimum(here, there) < 2 * self._edge
         least = np.where(known, np.where(here < there, -np.inf, np.inf), 0.0)
+        # leave out those that the point is clearly beside or on the wrong side of
+        off = points[:, None] - middles[near]
+        height = (off * across[near]).sum(2)
+        beside = np.linalg.norm(off, axis=2) > np.hypot(height, size + abs(height) / 2)
+        near[beside | (sides[:, None] * height < least - size)] = -1
 
         def fits(at, k, height, along):
             return ((along * normals[at]).sum(1) < 0) & (sides[at] * height > least[at, k])
@@ -76,9 +84,13 @@ class SelfPoints(SheetPoints):
         triangle[rows], y[rows] = face.seek(points, np.arange(len(rows)), near, fits)
         over = face.over(triangle, y, self._reach)
         at = np.flatnonzero(over.triangle >= 0)
+        # in a bend, past its centre, the place found is the farthest one, not the nearest
+        turned = abs(over.gap[at]) * np.linalg.norm(over.curvature[at], axis=(1, 2))
+        over.triangle[at[turned > 1]] = -1
+        at = at[turned <= 1]
         self._partners_now = np.full((self.count, 3), np.inf)
-        corners = face.X[face.triangles[over.triangle[at]]]
-        self._partners_now[at] = np.einsum("nc,nci->ni", over.weights[at], corners)
+        flat = face.X[face.triangles[over.triangle[at]]]
+        self._partners_now[at] = np.einsum("nc,nci->ni", over.weights[at], flat)
         side = self._sides[:, None]
         return over._replace(
             gap=side[:, 0] * over.gap,
@@ -86,24 +98,20 @@ class SelfPoints(SheetPoints):
             curvature=side[:, :, None] * over.curvature,
         )
 
-    def _opposed(self):
-        """Numbers (k,) of this rank's triangles that have others near with normals opposed to
-        theirs, and numbers of these, the nearest first, (k, NEIGHBOURS), -1 for none."""
-        face, mine = self._own, self._own.own_triangles
-        corners = face.places[face.triangles]
-        centres, normals = corners.mean(1), facet_normals(face.places, face.triangles)[0]
-        size = np.linalg.norm(corners - centres[:, None], axis=2).max()
-        centres /= self._reach + 2 * size
-        # within the reach, and more than 90 deg off
-        tree, farthest = cKDTree(np.hstack([centres, normals])), np.sqrt(1 + 2)
-        asked = np.hstack([centres, -normals])[mine]
+    def _opposed(self, middles, normals, reach):
+        """Numbers (k,) of this rank's triangles that have others within `reach` with normals
+        opposed to theirs, and numbers of these, the nearest first, (k, NEIGHBOURS), -1 for none.
+        middles, normals (m, 3): of all triangles."""
+        triangles, mine, count = self._own.triangles, self._own.own_triangles, len(middles)
+        tree, farthest = cKDTree(np.hstack([middles / reach, normals])), np.sqrt(1 + 2)
+        asked = np.hstack([middles / reach, -normals])[mine]
         near = tree.query(asked, range(1, NEIGHBOURS + 1), distance_upper_bound=farthest)[1]
-        cells = np.flatnonzero(near[:, 0] < len(centres))
+        cells = np.flatnonzero(near[:, 0] < count)
         near, mine = near[cells], mine[cells]
-        found = np.minimum(near, len(centres) - 1)
-        shared = face.triangles[found][..., None] == face.triangles[mine][:, None, None]
+        found = np.minimum(near, count - 1)
+        shared = triangles[found][..., None] == triangles[mine][:, None, None]
         away = np.linalg.norm(self._centres[found] - self._centres[mine][:, None], axis=2)
-        near = np.where(shared.any((2, 3)) | (away < self._apart) | (near > found), -1, near)
+        near[shared.any((2, 3)) | (away < self._apart) | (near == count)] = -1
         kept = (near >= 0).any(1)
         return cells[kept], near[kept]
 
