@@ -292,3 +292,44 @@ def test_an_elastica_that_touches_itself():
 def test_without_contact_it_passes_through_itself():
     with pytest.raises(ff.SolverFailure, match="passes through itself at"):
         strip(CELLS[0], end=12.0).run()
+
+
+# -- a fold that a plate presses flat
+
+
+def pressed_fold(contact):
+    """Job of a folded strip of faces 6 mm apart between a table and a plate, which a force lowers.
+    The lower limb is held at its end."""
+    t, high, force = 6.0, 16.0, 30.0
+    blank = rectangle(LENGTH, 4.0, 60, 2, "left", spatial=True)
+    lead(blank, folded({LENGTH / 2: 1}, high - t - T))
+    plate = ff.Tool(
+        ff.Plane((0, 0, high - t / 2), (0, 0, -1)),
+        force=lambda load: (0, 0, -1 - load * (force - 1)),
+        name="plate",
+    )
+    table = ff.Tool(ff.Plane((0, 0, -t / 2), (0, 0, 1)), name="table")
+    terms = [Elastic(500.0), ff.Bending(D, D_t=2 * D, clamped=near(0, 0.0))]
+    terms += [ff.Contact(tool, t, 20.0, friction=0.3) for tool in (plate, table)]
+    held = [ff.Support("end", near(0, 0.0), (0, 2)), ff.Support("side", near(1, 0.0), (1,))]
+    return ff.Job(ff.Scene(blank, terms + contact, held), steps=8), force, t
+
+
+@pytest.mark.mpi
+def test_a_fold_closes_and_bears_the_load():
+    """Its limbs press each other with what the stiff bend does not bear, no deeper than they may;
+    energies and work agree."""
+    contact = ff.SelfContact(6.0, penalty=20.0, friction=0.3)
+    job, force, t = pressed_fold([contact])
+    result = job.run()
+    assert 0.9 * force < contact.totals[3] < force
+    assert contact.largest_depth() < PERMITTED * t
+    found = result.summary["self_contact"]["blank"]
+    assert found["normal_force_N"] == contact.totals[3]
+    assert result.rows[-1]["energy_imbalance"] < 0.03
+    assert np.nanmax(result.fields["sheet_pressure"], initial=0) > 0 or COMM.size > 1
+
+
+def test_without_contact_the_fold_is_pressed_through_itself():
+    with pytest.raises(ff.SolverFailure, match="passes through itself at"):
+        pressed_fold([])[0].run()
