@@ -1,6 +1,7 @@
 """The smooth face of a sheet of flat triangles, and places of points over it."""
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -181,13 +182,22 @@ class Face:
         moved = self._blank.nodal_displacement()[: self._count]
         self.displacement = self.gathered(moved)
         self.places = self.X + self.displacement
+        self._tree: cKDTree | None = None
+        for name in ("normals", "_bulge"):
+            vars(self).pop(name, None)
+
+    @cached_property
+    def normals(self) -> np.ndarray:
+        """Unit normals at the nodes, (n, 3)."""
         normals = vertex_normals(self.places, self.triangles)
         for at, plane in self._planes:
             normals[at] -= (normals[at] @ plane)[:, None] * plane
             normals[at] /= np.linalg.norm(normals[at], axis=1)[:, None]
-        self.normals = normals
-        self._bulge = self._bulges @ self.displacement
-        self._tree: cKDTree | None = None
+        return normals
+
+    @cached_property
+    def _bulge(self):
+        return self._bulges @ self.displacement
 
     def points(self, weights: sparse.csr_matrix, flat: np.ndarray) -> np.ndarray:
         """Places (n, 3) [mm] on the face, now, of points with these `weights` that lay at `flat`
@@ -246,7 +256,9 @@ class Face:
         n = len(triangle)
         empty = np.zeros((n, 3)), np.full(n, np.inf), np.zeros((n, 3)), np.zeros((n, 3, 3))
         found = Over(triangle, *empty)
-        self._fill(np.flatnonzero(triangle >= 0), y, found)
+        at = np.flatnonzero(triangle >= 0)
+        if len(at):
+            self._fill(at, y, found)
         found.triangle[~(abs(found.gap) <= reach)] = -1
         return found
 

@@ -54,10 +54,14 @@ class SelfPoints(SheetPoints):
 
     def _over(self):
         face, many = self._own, len(self._places)
+        triangle, y = np.full(self.count, -1), np.zeros((self.count, 3))
+        self._partners_now = np.full((self.count, 3), np.inf)
         corners = face.places[face.triangles]
         middles, across = corners.mean(1), facet_normals(face.places, face.triangles)[0]
         size = np.linalg.norm(corners - middles[:, None], axis=2).max()
         cells, near = self._opposed(middles, across, self._reach + 2 * size)
+        if not len(cells):
+            return face.over(triangle, y, self._reach)
         rows = (cells[:, None] * many + np.arange(many)).ravel()
         near, sides = near.repeat(many, axis=0), self._sides[rows]
         points = face.points(self._weights[rows], self._flat[rows])
@@ -80,7 +84,6 @@ class SelfPoints(SheetPoints):
         def fits(at, k, height, along):
             return ((along * normals[at]).sum(1) < 0) & (sides[at] * height > least[at, k])
 
-        triangle, y = np.full(self.count, -1), np.zeros((self.count, 3))
         triangle[rows], y[rows] = face.seek(points, np.arange(len(rows)), near, fits)
         over = face.over(triangle, y, self._reach)
         at = np.flatnonzero(over.triangle >= 0)
@@ -88,15 +91,12 @@ class SelfPoints(SheetPoints):
         turned = abs(over.gap[at]) * np.linalg.norm(over.curvature[at], axis=(1, 2))
         over.triangle[at[turned > 1]] = -1
         at = at[turned <= 1]
-        self._partners_now = np.full((self.count, 3), np.inf)
         flat = face.X[face.triangles[over.triangle[at]]]
         self._partners_now[at] = np.einsum("nc,nci->ni", over.weights[at], flat)
-        side = self._sides[:, None]
-        return over._replace(
-            gap=side[:, 0] * over.gap,
-            normal=side * over.normal,
-            curvature=side[:, :, None] * over.curvature,
-        )
+        over.gap[at] *= self._sides[at]
+        over.normal[at] *= self._sides[at, None]
+        over.curvature[at] *= self._sides[at, None, None]
+        return over
 
     def _opposed(self, middles, normals, reach):
         """Numbers (k,) of this rank's triangles that have others within `reach` with normals
