@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from .material.presets import load
     from .mechanics.contact.coulomb import Coulomb
     from .mechanics.contact.holder_pressure import BlankHolderPressure
+    from .mechanics.contact.self_contact import SelfContact
     from .mechanics.contact.sheet_contact import SheetContact
     from .mechanics.contact.tool_contact import Contact
     from .mechanics.load import DeadPressure, EdgeTension

@@ -15,6 +15,7 @@ from ..job.setup import Setup
 from ..mechanics.contact.coulomb import Coulomb
 from ..mechanics.contact.holder_pressure import BlankHolderPressure
 from ..mechanics.contact.interaction import ToolInteraction
+from ..mechanics.contact.self_contact import SelfContact
 from ..mechanics.contact.tool_contact import Contact
 from ..mechanics.fingerprint import plain
 from ..mechanics.load import EdgeTension
@@ -60,7 +61,7 @@ def build(press: Press, comm: MPI.Comm | None = None) -> "FormingScene":
     bench = Bench(press, laid, placed, warnings)
     between = bench.between()
     terms = [*bench.membranes(), *bench.bending(), *bench.contacts(), *bench.metals()]
-    terms += [*bench.holders(between), *between]
+    terms += [*bench.holders(between), *between, *bench.folds()]
     scene = Scene(laid.blank, terms, bench.supports())
     data = press.replace(sheets=laid.sheets)
     made = FormingScene(data, scene, warnings, laid, placed)
@@ -224,6 +225,21 @@ class Bench:
         if not self.stack:
             return []
         return stack.between(self.stack, self.laid.sheets, self.press.interface, self.planes)
+
+    def folds(self) -> list[Term]:
+        """Contact of each sheet with itself, if asked for."""
+        interface = self.press.interface
+        if not interface.self:
+            return []
+        found = [
+            SelfContact(
+                penalty=interface.penalty,
+                symmetric=self.planes,
+                friction=interface.coulomb(sheet.friction_to(sheet)),
+            )
+            for sheet in self.laid.sheets
+        ]
+        return [t.on(s.name) if self.stack else t for t, s in zip(found, self.laid.sheets)]
 
     def holders(self, between: Sequence[Term]) -> list[Term]:
         """The terms of all holders; between: contacts of the sheets."""

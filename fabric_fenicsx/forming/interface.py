@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..runtime.fields import check_fields, number
+from ..runtime.fields import check_fields, number, switch
 from ..runtime.rules import FROM_ZERO, POSITIVE
 
 if TYPE_CHECKING:
@@ -37,6 +37,8 @@ class Interface:
         makes its faces rigid.
     permitted
         Largest penetration of rigid faces [mm], enforced by the augmented Lagrangian method.
+    self
+        True: each sheet touches itself where a fold closes, see `SelfContact`.
 
     Raises
     ------
@@ -72,6 +74,7 @@ class Interface:
         "largest penetration of rigid faces, which augmented contact keeps (any) [mm]",
         "tools",
     )
+    self: bool = switch("let each sheet touch itself where a fold closes", "tools")
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -10,7 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..job.job import Job, Result
-from ..mechanics.contact.sheet_contact import SheetContact
+from ..mechanics.contact.sheet_contact import FaceContact, SheetContact
 from ..mechanics.contact.thickness import PlyThickness
 from ..mechanics.materials import fabric_of, materials_of
 from ..mechanics.output import Value
@@ -120,7 +120,7 @@ def _memory(terms):
     pressure goes, the energy of its elastic slip would be lost without being counted."""
     memory = memory_of(terms)
     for i, term in enumerate(terms):
-        if isinstance(term, SheetContact) and term.friction:
+        if isinstance(term, FaceContact) and term.friction:
             for name in ("slip", "energy"):
                 memory[f"{OF_CELLS}{i} {name}"] *= 0.0
     return memory

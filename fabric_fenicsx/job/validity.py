@@ -76,13 +76,16 @@ def _cure(scene):
 
 
 def _passed_through(scene):
-    """A sentence for each sheet that has passed through itself, which nothing resists."""
+    """A sentence for each sheet that has passed through itself."""
+    from ..mechanics.contact.self_contact import SelfContact
+
     blank = scene.blank
+    touching = any(isinstance(term, SelfContact) for term in scene.terms)
+    cure = "smaller cells or steps" if touching else "`SelfContact`, a press's `self = true`,"
     found = {part: self_crossings(part) for part in blank.parts.values() or [blank.whole]}
     return [
         f"sheet {part.name or blank.name} passes through itself at {len(places)} places, as at "
-        f"{coordinates(places[0])} mm; allowed is none, as contact of a "
-        "sheet with itself is not modelled"
+        f"{coordinates(places[0])} mm; allowed is none: {cure} may help"
         for part, places in found.items()
         if len(places)
     ]

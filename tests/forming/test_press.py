@@ -638,3 +638,19 @@ def test_a_run_whose_earlier_stages_differ_is_not_gone_on_with(tmp_path, stages,
 def test_unloading_may_be_added_to_a_run():
     with_it = hemisphere("blank.nx=4", stages=[FIRST, ff.Stage(unload=True)])
     assert with_it.fingerprint() == hemisphere("blank.nx=4", stages=[FIRST]).fingerprint()
+
+
+@pytest.mark.parametrize("name", ["hemisphere", "laminate"])
+def test_sheets_touch_themselves_if_asked(tmp_path, name):
+    for asked in (False, True):
+        press = ff.Press.read(name, ["blank.nx=4", *["contact.self=true"] * asked])
+        press.write(tmp_path / "press.toml")
+        assert ff.Press.read(tmp_path / "press.toml").interface.self is asked
+        made = press.build()
+        found = [each for each in made.scene.terms if isinstance(each, ff.SelfContact)]
+        assert len(found) == len(made.sheets) * asked
+        assert [t.coulomb.coefficient for t in found] == [
+            0.25 if s.metal else 0.334 for s in made.sheets
+        ] * asked
+    with pytest.raises(ff.InputError, match=r"contact.self is 1; allowed is true or false"):
+        ff.Press.read(name, ["contact.self=1"])

@@ -1,6 +1,8 @@
 """The smooth face of a sheet of flat triangles, and places of points over it."""
 
-from typing import NamedTuple
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -60,7 +62,8 @@ class Face:
     continuous, too. It points to `side` (1 or -1) times the z axis of the undeformed sheet; there
     the gap is positive.
 
-    - nodes (n,): global numbers; triangles (m, 3): corners, by their places in `nodes`
+    - nodes (n,): global numbers; X (n, 3): undeformed places [mm]
+    - triangles (m, 3): corners, by their places in `nodes`
     - own_triangles (cells,): numbers of this rank's cells among `triangles`
     - symmetric: as in `Bending`, functions of points that mark edges on planes of symmetry
 
@@ -78,7 +81,7 @@ class Face:
         self.nodes, triangles = np.unique(triangles, return_inverse=True)
         self._count = index_map.size_local
         self._comm, self._blank = comm, blank
-        self._X = X = self.gathered(blank.coordinates()[: self._count])
+        self.X = X = self.gathered(blank.coordinates()[: self._count])
         # in an order that does not depend on the ranks: of two triangles at an edge one is found
         order = np.lexsort(X[triangles.reshape(-1, 3)].mean(1).round(9).T)
         self.triangles = triangles.reshape(-1, 3)[order]
@@ -116,7 +119,7 @@ class Face:
     def _bulge_operator(self, share):
         """Edges opposite the corners of each triangle (m, 3), and the matrix (edges, nodes) from
         displacements to (G_i - G_k) (X_k - X_i) / 2, times the `share` (n,) at its ends."""
-        X, triangles, n = self._X[:, :2], self.triangles, len(self.nodes)
+        X, triangles, n = self.X[:, :2], self.triangles, len(self.nodes)
         p, q, r = X[triangles].swapaxes(0, 1)
         twice = _cross(q - p, r - p)
         # gradients of the barycentric coordinates times twice the area, (m, 3, 2)
@@ -167,25 +170,34 @@ class Face:
     def flat(self, N: np.ndarray, values: np.ndarray | None = None) -> np.ndarray:
         """Values (nodes, i), by default undeformed places [mm], at the points of `own_weights` in
         the flat triangles, (cells k, i)."""
-        corners = (self._X if values is None else values)[self.triangles[self.own_triangles]]
+        corners = (self.X if values is None else values)[self.triangles[self.own_triangles]]
         return np.einsum("kc,nci->nki", N, corners).reshape(-1, corners.shape[2])
 
     def flat_height(self) -> float:
         """z of the undeformed sheet [mm]."""
-        return float(self._X[:, 2].mean())
+        return float(self.X[:, 2].mean())
 
     def take(self) -> None:
         """Take the shape from the present displacement."""
         moved = self._blank.nodal_displacement()[: self._count]
         self.displacement = self.gathered(moved)
-        self.places = self._X + self.displacement
+        self.places = self.X + self.displacement
+        self._tree: cKDTree | None = None
+        for name in ("normals", "_bulge"):
+            vars(self).pop(name, None)
+
+    @cached_property
+    def normals(self) -> np.ndarray:
+        """Unit normals at the nodes, (n, 3)."""
         normals = vertex_normals(self.places, self.triangles)
         for at, plane in self._planes:
             normals[at] -= (normals[at] @ plane)[:, None] * plane
             normals[at] /= np.linalg.norm(normals[at], axis=1)[:, None]
-        self.normals = normals
-        self._bulge = self._bulges @ self.displacement
-        self._tree: cKDTree | None = None
+        return normals
+
+    @cached_property
+    def _bulge(self):
+        return self._bulges @ self.displacement
 
     def points(self, weights: sparse.csr_matrix, flat: np.ndarray) -> np.ndarray:
         """Places (n, 3) [mm] on the face, now, of points with these `weights` that lay at `flat`
@@ -198,20 +210,18 @@ class Face:
         """The `Over` of points (n, 3) [mm], up to `reach` [mm] away. guess (n,): triangles to
         look in first, -1 for none; ahead (n, 3): if given, triangles are passed over whose normal
         is more than 90 deg off this one."""
+
+        def fits(rows, k, height, along):
+            return ahead is None or (along * ahead[rows]).sum(1) > 0
+
         at = np.flatnonzero(guess >= 0)
         triangle, y = np.full(len(points), -1), np.zeros((len(points), 3))
-        triangle[at], y[at] = self._seek(points, at, guess[at, None], ahead)
+        triangle[at], y[at] = self.seek(points, at, guess[at, None], fits)
         rest = np.flatnonzero(triangle < 0)
         if len(rest):
-            triangle[rest], y[rest] = self._seek(
-                points, rest, self._near(points[rest], reach), ahead
-            )
-        n = len(points)
-        empty = np.zeros((n, 3)), np.full(n, np.inf), np.zeros((n, 3)), np.zeros((n, 3, 3))
-        found = Over(triangle, *empty)
-        self._fill(np.flatnonzero(triangle >= 0), y, found)
-        found.triangle[~(abs(found.gap) <= reach)] = -1
-        return found
+            near = self._near(points[rest], reach)
+            triangle[rest], y[rest] = self.seek(points, rest, near, fits)
+        return self.over(triangle, y, reach)
 
     def _near(self, points, reach):
         """Numbers of the triangles near points (n, 3), the nearest first, (n, k)."""
@@ -225,20 +235,35 @@ class Face:
         # of equally near ones in their order, on any ranks
         return np.take_along_axis(near, np.lexsort((near, away.round(6)), axis=1), 1)
 
-    def _seek(self, points, rows, triangles, ahead):
+    def seek(
+        self, points: np.ndarray, rows: np.ndarray, triangles: np.ndarray, fits: Callable[..., Any]
+    ) -> tuple[np.ndarray, np.ndarray]:
         """The first of `triangles` (k, many) that each of `rows` (k,) of the points lies over, -1
-        for none; two coordinates in it and a height, over its normal's length (k, 3)."""
+        for none; two coordinates in it and a height, over its normal's length (k, 3). fits: a
+        function of places among the rows, the place among `many`, heights, and normals (., 3), to
+        whether that may be (.,)."""
         found, y = np.full(len(rows), -1), np.zeros((len(rows), 3))
-        for candidates in triangles.T:
+        for k, candidates in enumerate(triangles.T):
             at = np.flatnonzero((found < 0) & (candidates >= 0))
-            place, fits, along = self._over(points[rows[at]], candidates[at])
-            if ahead is not None:
-                fits &= (along * ahead[rows[at]]).sum(1) > 0
-            found[at[fits]], y[at[fits]] = candidates[at[fits]], place[fits]
+            place, within, along = self._over(points[rows[at]], candidates[at])
+            within &= fits(rows[at], k, place[:, 2], along)
+            found[at[within]], y[at[within]] = candidates[at[within]], place[within]
         return found, y
 
+    def over(self, triangle: np.ndarray, y: np.ndarray, reach: float) -> Over:
+        """The `Over` of points up to `reach` [mm] away over places y (n, 3) of triangles (n,), as
+        `seek` gives them."""
+        n = len(triangle)
+        empty = np.zeros((n, 3)), np.full(n, np.inf), np.zeros((n, 3)), np.zeros((n, 3, 3))
+        found = Over(triangle, *empty)
+        at = np.flatnonzero(triangle >= 0)
+        if len(at):
+            self._fill(at, y, found)
+        found.triangle[~(abs(found.gap) <= reach)] = -1
+        return found
+
     def _over(self, points, triangle):
-        """The places (n, 3), as in `_seek`, of triangles (n,) whose interpolated normals go through
+        """The places (n, 3), as in `seek`, of triangles (n,) whose interpolated normals go through
         points (n, 3), by Newton's method; whether they are within the triangle; and those normals.
         They are not the nearest ones, as the triangle is not curved with its normals."""
         corners, e, normals, m = self._corners_and_edges(triangle)

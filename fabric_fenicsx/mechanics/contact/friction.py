@@ -76,7 +76,11 @@ class FrictionState:
         infinite `lag` nothing is taken."""
         if np.isinf(self.law.lag):
             return False
-        now, limit = sliding(), self.coefficient * normal_forces
+        limit = self.coefficient * normal_forces
+        rubs = bool(limit.any() or self.limit.any() or self._limit.any())
+        if not self._comm.allreduce(rubs, MPI.LOR):
+            return False
+        now = sliding()
         slip = self._slip_at(exact, now)
         changes = self.law.potential(slip, limit)[1] - self.forces()
         sums = np.array([np.linalg.norm(changes, axis=1).sum(), limit.sum()])

@@ -1,4 +1,4 @@
-"""Places where a sheet passes through itself, which no term resists, or through another one."""
+"""Places where a sheet passes through itself or through another one."""
 
 import numpy as np
 from scipy.spatial import cKDTree

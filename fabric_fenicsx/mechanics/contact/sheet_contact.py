@@ -1,7 +1,6 @@
 """Contact of two sheets: pressure at points of one over the smooth face of the other."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -25,133 +24,79 @@ from .thickness import PlyThickness
 LAG = 0.01  # of the contact's forces, by which those of the faces as they are may differ
 
 
-class SheetContact(Interaction):
-    """Contact of two sheets of a stack, by an energy of points of one over the other.
-
-    Without pressure a sheet's face is half its thickness off its smooth `Face`. The pressure
-    follows from the depth to which both faces overlap, see `between_faces`: fabric is `Compacted`,
-    metal is `Rigid`. It acts at points of the sheet of smaller cells, the upper one if they are
-    equal, over their areas, and reacts on the corners of the triangle below each point,
-    so that forces balance exactly. Uniform pressure loads the nodes of the one sheet exactly, those
-    of the other as well as the points integrate it: with cells in the ratio 1 : 1.37, 6 points are
-    0.8 % off, 3 points 1.9 %. Within a solve the gap is a paraboloid in the relative displacement,
-    of `LaggedFaces`.
-
-    Parameters
-    ----------
-    lower, upper
-        Names of the sheets.
-    penalty
-        [N/mm^3]; makes fabric rigid, too. By default metal has `default_penalty` with the scene's
-        tightest tool.
-    points
-        1, 3 or 6 in each triangle.
-    lag
-        Faces are taken anew after a solve, and it is repeated, if that changes the contact's forces
-        by more than this share of their sum.
-    symmetric
-        As in `Bending`.
-    friction
-        Its coefficient, or a `Coulomb`. It acts at the same points, at the faces (`FaceSliding`).
-
-    Raises
-    ------
-    InputError
-        For one sheet given twice, another number of points, and values not above 0; as the scene is
-        made, for parts that are not sheets of a stack, for other cells than triangles, and for
-        sheets that overlap or of which none lies over the other.
-
-    Examples
-    --------
-    >>> contact = ff.SheetContact("lower", "upper", friction=0.3)
-    >>> contact.name, contact.coulomb.lag
-    ('contact of lower and upper', 0.002)
-    """
+class FaceContact(Interaction):
+    """Contact of faces of sheets at points of one over the smooth `Face` of the other, whose depth
+    in one another gives the pressure. A subclass names the sheets and gives their `points` to
+    `_begin`. penalty, points, lag, friction: as in `SheetContact`."""
 
     energy_kind = "contact"
+    LACKING = "not both sheets have"
 
     def __init__(
         self,
-        lower: str,
-        upper: str,
-        penalty: float | None = None,
-        points: int = 3,
-        lag: float = LAG,
-        symmetric: Where | Sequence[Where] = (),
-        friction: float | Coulomb = 0.0,
+        name: str,
+        penalty: float | None,
+        points: int,
+        lag: float,
+        symmetric: Where | Sequence[Where],
+        friction: float | Coulomb,
     ) -> None:
-        self.sheets = lower, upper
-        self.name = f"contact of {lower} and {upper}"
-        for name, value in (("penalty", penalty), ("lag", lag)):
+        self.name = name
+        for what, value in (("penalty", penalty), ("lag", lag)):
             if value is not None:
-                POSITIVE.check(f"{name} of the {self.name}", value)
+                POSITIVE.check(f"{what} of the {name}", value)
         one_of = Rule(f"one of {', '.join(map(str, POINTS))}", lambda v: v in POINTS, int)
-        points = one_of.check(f"points in a cell of the {self.name}", points)
-        if lower == upper:
-            raise InputError(f"{self.name} is of one sheet; allowed are two different ones")
-        self._penalty, self._lag, self._points_of_cell = penalty, lag, points
+        self._points_of_cell = one_of.check(f"points in a cell of the {name}", points)
+        self._penalty, self._lag = penalty, lag
         self._symmetric = [symmetric] if callable(symmetric) else list(symmetric)
-        super().__init__(friction, self.name)
+        super().__init__(friction, name)
         if self.coulomb and isinstance(self.coulomb.coefficient, Mapping):
-            raise InputError(
-                f"{self.name} has friction of several sheets; allowed is one number from 0"
-            )
+            raise InputError(f"{name} has friction of several sheets; allowed is one number from 0")
 
-    def set_up(self, scene: SceneFacts) -> None:
-        lower, upper = parts = [scene.blank.part(name) for name in self.sheets]
-        thicknesses, self.face_laws, powers = zip(*(self._face(scene, part) for part in parts))
-        self.thickness = min(thicknesses)
-        self._law = between_faces(*self.face_laws)
+    def _begin(self, scene, points, *face_laws):
+        """Let the faces of these laws press at the points."""
+        self.points, self.face_laws = points, face_laws
+        self._law = between_faces(*face_laws)
         self.rigid = isinstance(self._law, Rigid)
         self.plies = PlyThickness(scene, rigid=bool(self._penalty))
-        faces = thicknesses, powers, self._symmetric
-        self.points = SheetPoints(lower, upper, self._points_of_cell, *faces)
-        self.faces = LaggedFaces(self.points, self._lag, 3 * self.points.nodes.count)
-        self.depth, self._load = np.zeros(self.points.count), 0.0
-        self.taken = self._accepted_taken = np.zeros(self.points.count)
+        self.faces = LaggedFaces(points, self._lag, 3 * points.nodes.count)
+        self.depth, self._load = np.zeros(points.count), 0.0
+        self.taken = self._accepted_taken = np.zeros(points.count)
         # the last displacement and faces, and what was found there
         self._found: tuple[np.ndarray, Facing, Pressed] | None = None
         # the faces whose nodes are coupled, and their number
-        self._coupled: tuple[Any, ...] = None, None
+        self._coupled: list[Facing] = []
         self._pattern = 0
-        self.first = self.faces.accepted
         # in the last accepted state, before faces were taken anew
         self.totals = self._totals()
         self._check_start()
         self._start_friction()
 
-    def _face(self, scene, part):
-        """Thickness of a sheet without pressure [mm], the law of its face, and its thickening."""
-        t, k, material = part.thickness, self._penalty, material_of(scene, part)
-        if t is None:
-            raise InputError(
-                f"{self.name} is asked of {part.name}, a patch; allowed are sheets of a stack"
-            )
-        if k:
-            return t, Rigid(k, SMOOTHING * PERMITTED * t), 0.0
-        if not material:
-            raise InputError(
-                f"{self.name} needs a penalty, a number above 0, as not both sheets have a fabric "
-                "or metal"
-            )
-        tools = [term.tool for term in scene.terms if overrides(term, "may_press")]
-        radius = min((min(tool.surface.radii) for tool in tools if tool), default=np.inf)
-        law = face_of(material, radius)
-        return material.thickness_under(0.0), law, thickening_of(material)
-
     def _check_start(self):
-        comm, gap = self.blank.mesh.comm, self.first.gap
-        if not comm.allreduce(len(gap)):
-            raise InputError(
-                f"{self.name} finds no place of one over the other; allowed are sheets that lie on "
-                "one another"
-            )
-        deepest = -comm.allreduce(gap.min(initial=np.inf), MPI.MIN)
+        """Raise InputError for faces that overlap at the start."""
+        gap = self.faces.accepted.gap
+        deepest = -self.blank.mesh.comm.allreduce(gap.min(initial=np.inf), MPI.MIN)
         if deepest > self.thickness / 4:
             raise InputError(
                 f"{self.name} begins with sheets that overlap by {rounded(deepest)} mm; allowed "
                 "are sheets laid on one another with their thicknesses"
             )
+
+    def _face(self, scene, part, t):
+        """Thickness of a sheet without pressure [mm], of t if its fabric does not say, the law of
+        its face, and its thickening."""
+        k, material = self._penalty, material_of(scene, part)
+        if k:
+            return t, Rigid(k, SMOOTHING * PERMITTED * t), 0.0
+        if not material:
+            raise InputError(
+                f"{self.name} needs a penalty, a number above 0, as {self.LACKING} a fabric or "
+                "metal"
+            )
+        tools = [term.tool for term in scene.terms if overrides(term, "may_press")]
+        radius = min((min(tool.surface.radii) for tool in tools if tool), default=np.inf)
+        law = face_of(material, radius)
+        return material.thickness_under(0.0), law, thickening_of(material)
 
     def where_deepest(self) -> str:
         return self.name
@@ -181,10 +126,6 @@ class SheetContact(Interaction):
         """Overlap of the faces [mm] under a pressure [MPa]."""
         return float(self._law.depth(np.array(pressure)))
 
-    def force(self) -> np.ndarray:
-        """Force by which the lower sheet presses the upper one, of all ranks, (3,) [N]."""
-        return self._totals()[:3]
-
     def _totals(self):
         """Force by which the lower sheet presses the upper one, and sum of normal forces, (4,)."""
         now = self.state()
@@ -201,8 +142,9 @@ class SheetContact(Interaction):
 
     @property
     def pattern(self) -> int:  # type: ignore[override]
-        coupled = self.faces.now, self.friction and self.friction.sliding.start
-        if any(each is not known for each, known in zip(coupled, self._coupled)):
+        facings = self.faces.now, self.friction and self.friction.sliding.start
+        coupled = [each for each in facings if each and len(each.points)]
+        if list(map(id, coupled)) != list(map(id, self._coupled)):
             self._coupled, self._pattern = coupled, self._pattern + 1
         return self._pattern
 
@@ -294,6 +236,106 @@ class SheetContact(Interaction):
 
     # -- output
 
+    def _pressures(self):
+        """Pressures of all points (count,) [MPa], and the field of the largest of both faces of
+        each cell."""
+        points = self.points
+        pressure = points.of_all(self.faces.now, self.state().pressure)
+        return pressure, largest(points.part.spread(points.means(pressure).max(1)), "MPa")
+
+    def _depths(self, law, pressure):
+        """Thickness that a face of this law loses at all points, (count,) [mm]."""
+        growth = self.points.of_all(self.faces.now, self.faces.now.growth, 1.0)
+        return growth * (0.0 if isinstance(law, Rigid) else law.depth(pressure))
+
+
+class SheetContact(FaceContact):
+    """Contact of two sheets of a stack, by an energy of points of one over the other.
+
+    Without pressure a sheet's face is half its thickness off its smooth `Face`. The pressure
+    follows from the depth to which both faces overlap, see `between_faces`: fabric is `Compacted`,
+    metal is `Rigid`. It acts at points of the sheet of smaller cells, the upper one if they are
+    equal, over their areas, and reacts on the corners of the triangle below each point,
+    so that forces balance exactly. Uniform pressure loads the nodes of the one sheet exactly, those
+    of the other as well as the points integrate it: with cells in the ratio 1 : 1.37, 6 points are
+    0.8 % off, 3 points 1.9 %. Within a solve the gap is a paraboloid in the relative displacement,
+    of `LaggedFaces`.
+
+    Parameters
+    ----------
+    lower, upper
+        Names of the sheets.
+    penalty
+        [N/mm^3]; makes fabric rigid, too. By default metal has `default_penalty` with the scene's
+        tightest tool.
+    points
+        1, 3 or 6 in each triangle.
+    lag
+        Faces are taken anew after a solve, and it is repeated, if that changes the contact's forces
+        by more than this share of their sum.
+    symmetric
+        As in `Bending`.
+    friction
+        Its coefficient, or a `Coulomb`. It acts at the same points, at the faces (`FaceSliding`).
+
+    Raises
+    ------
+    InputError
+        For one sheet given twice, another number of points, and values not above 0; as the scene is
+        made, for parts that are not sheets of a stack, for other cells than triangles, and for
+        sheets that overlap or of which none lies over the other.
+
+    Examples
+    --------
+    >>> contact = ff.SheetContact("lower", "upper", friction=0.3)
+    >>> contact.name, contact.coulomb.lag
+    ('contact of lower and upper', 0.002)
+    """
+
+    def __init__(
+        self,
+        lower: str,
+        upper: str,
+        penalty: float | None = None,
+        points: int = 3,
+        lag: float = LAG,
+        symmetric: Where | Sequence[Where] = (),
+        friction: float | Coulomb = 0.0,
+    ) -> None:
+        self.sheets = lower, upper
+        name = f"contact of {lower} and {upper}"
+        super().__init__(name, penalty, points, lag, symmetric, friction)
+        if lower == upper:
+            raise InputError(f"{name} is of one sheet; allowed are two different ones")
+
+    def set_up(self, scene: SceneFacts) -> None:
+        lower, upper = parts = [scene.blank.part(name) for name in self.sheets]
+        for part in parts:
+            if part.thickness is None:
+                raise InputError(
+                    f"{self.name} is asked of {part.name}, a patch; allowed are sheets of a stack"
+                )
+        known = (self._face(scene, part, part.thickness) for part in parts)
+        thicknesses, laws, powers = zip(*known)
+        self.thickness = min(thicknesses)
+        faces = thicknesses, powers, self._symmetric
+        self._begin(scene, SheetPoints(lower, upper, self._points_of_cell, *faces), *laws)
+
+    def _check_start(self):
+        self.first = self.faces.accepted
+        if not self.blank.mesh.comm.allreduce(len(self.first.gap)):
+            raise InputError(
+                f"{self.name} finds no place of one over the other; allowed are sheets that lie on "
+                "one another"
+            )
+        super()._check_start()
+
+    def force(self) -> np.ndarray:
+        """Force by which the lower sheet presses the upper one, of all ranks, (3,) [N]."""
+        return self._totals()[:3]
+
+    # -- output
+
     def sliding(self) -> np.ndarray:
         """Distance by which the face at each point has slid along that of the other sheet from the
         place that it lay on at the start, (points, 3) [mm]; NaN where it lay or lies over none."""
@@ -307,26 +349,21 @@ class SheetContact(Interaction):
     def cell_fields(self) -> dict[str, Value]:
         """Means over the cells of the sheet that has the points: pressure, and the sliding on the
         other sheet, as a vector and its size; of two other sheets the larger."""
-        points = self.points
-        shape = len(points.part.cells), points.per_cell
-        pressure = points.of_all(self.faces.now, self.state().pressure)
-        slid = np.nan_to_num(self.sliding()).reshape(*shape, 3).mean(1)
+        points, (pressure, field) = self.points, self._pressures()
+        slid = points.means(np.nan_to_num(self.sliding()))[:, 0]
         return {
-            "sheet_pressure": largest(points.part.spread(pressure.reshape(shape).mean(1)), "MPa"),
+            "sheet_pressure": field,
             "sliding": largest(points.part.spread(slid), "mm"),
             "sliding_size": size_of("sliding", "mm"),
         } | self.plies.fields(self._lost(pressure))
 
     def _lost(self, pressure):
         """Thickness that both sheets lose on these faces, (owned cells,) [mm]."""
-        points, laws = self.points, self.face_laws
-        growth = points.of_all(self.faces.now, self.faces.now.growth, 1.0)
-        above, below = (
-            np.zeros(points.count) if isinstance(law, Rigid) else growth * law.depth(pressure)
-            for law in (laws[::-1] if points.side > 0 else laws)
-        )
+        points = self.points
+        laws = self.face_laws[::-1] if points.side > 0 else self.face_laws
+        above, below = (self._depths(law, pressure) for law in laws)
         lost = self.blank.cell_means(points.below(self.faces.now, below))
-        lost[points.part.cells] += above.reshape(-1, points.per_cell).mean(1)
+        lost[points.part.cells] += points.means(above)[:, 0]
         return lost
 
     def summary(self) -> dict[str, Value]:

@@ -74,6 +74,8 @@ class SheetPoints:
     - nodes: of the whole blank
     """
 
+    SIDES = 1
+
     def __init__(
         self,
         lower: Part,
@@ -93,12 +95,13 @@ class SheetPoints:
         self._share = thickness[over] / sum(thickness)  # of the distance, by which the face is off
         self.side = 1.0 if over else -1.0  # the face below the points looks at them
         self._face = Face(parts[1 - over], self.side, list(symmetric))
-        self._own = Face(self.part, 1.0, list(symmetric))
+        self._own = Face(self.part, 1.0, list(symmetric)) if self.SIDES == 1 else self._face
         # other sheets may lie between them
         apart = abs(self._own.flat_height() - self._face.flat_height())
         self._reach = apart + REACH * self._distance
         places, weights = basix.make_quadrature(basix.CellType.triangle, POINTS[rule])
-        N = np.column_stack([1 - places.sum(1), places])
+        N = np.tile(np.column_stack([1 - places.sum(1), places]), (self.SIDES, 1))
+        weights = np.tile(weights, self.SIDES)
         many = self.blank.triangles(self.part.cells).shape[1]
         self.per_cell = many * len(N)
         self._weights = self._own.own_weights(N)
@@ -121,22 +124,17 @@ class SheetPoints:
         return self._found[1]
 
     def _faced(self):
-        face, own = self._face, self._own
-        face.take()
-        own.take()
-        points = own.points(self._weights, self._flat)
-        # a sheet that is folded over shows its back to points of the other one
-        ahead = self.side * own.flat(self._places, own.normals)
-        over = face.below(points, self._below, self._reach, ahead)
-        self._below = over.triangle
+        for face in dict.fromkeys((self._face, self._own)):
+            face.take()
+        over = self._over()
         at = np.flatnonzero(over.triangle >= 0)
         corners = self._corners(over, at)
         pairs = Pairs(self.blank, corners)
-        areas = self.areas * np.repeat(self.blank.area_ratios()[self.part.cells], self.per_cell)
+        areas = self.areas[at] * self.blank.area_ratios()[self.part.cells[at // self.per_cell]]
         growth = self._growth(over, at)
         return Facing(
             at,
-            areas[at],
+            areas,
             growth,
             over.gap[at] - self._distance * growth,
             over.normal[at],
@@ -145,6 +143,16 @@ class SheetPoints:
             pairs.relative(),
             corners,
         )
+
+    def _over(self):
+        """The `Over` of all points."""
+        own = self._own
+        points = own.points(self._weights, self._flat)
+        # a sheet that is folded over shows its back to points of the other one
+        ahead = self.side * own.flat(self._places, own.normals)
+        over = self._face.below(points, self._below, self._reach, ahead)
+        self._below = over.triangle
+        return over
 
     def _growth(self, over, at):
         """`growth` of the `Facing` of the points `at`."""
@@ -172,6 +180,12 @@ class SheetPoints:
         found = np.full((self.count, *values.shape[1:]), other)
         found[facing.points] = values
         return found
+
+    def means(self, values: np.ndarray) -> np.ndarray:
+        """Means of values of all points (count, ...) over each cell, on each side that points look
+        to, (cells, SIDES, ...)."""
+        sides = self.SIDES, len(self._places) // self.SIDES
+        return values.reshape(len(self.part.cells), -1, *sides, *values.shape[1:]).mean((1, 3))
 
     def of_cells(self, rows: np.ndarray) -> np.ndarray:
         """Values of all points by `rows` of the blank's owned cells, (count, k), or (count,) of one

@@ -1,0 +1,204 @@
+"""Contact of a sheet with itself, as where a fold closes."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ...runtime.errors import InputError
+from ...runtime.rules import POSITIVE
+from ...sheets.blank import Part
+from ...sheets.stack import Stack
+from ...tools.facets import facet_normals
+from ..materials import material_of
+from ..output import Value, joined
+from ..shell.morley import Where
+from ..term import SceneFacts
+from .coulomb import Coulomb
+from .faces import NEIGHBOURS
+from .sheet_contact import LAG, FaceContact
+from .sheet_points import SheetPoints
+
+TURN = np.pi / 2  # thicknesses along a sheet that is folded on itself, from face to face
+REACH = 2.0  # thicknesses between mid-surfaces, up to which points are followed
+
+
+class SelfPoints(SheetPoints):
+    """Points in the triangles of a sheet that look to both sides for another place of it whose same
+    face looks back: the top at the top, the bottom at the bottom.
+
+    Either place has points, so each stands for half of its area. Triangles with a common node do
+    not face each other, nor do those nearer than `TURN` thicknesses in the flat sheet: a sheet can
+    touch itself there only if it is bent more sharply than round its own thickness, which bending
+    resists. What lay on one side of a point in the accepted state counts as there, also if it has
+    come through the sheet since.
+    """
+
+    SIDES = 2
+
+    def __init__(
+        self, part: Part, rule: int, thickness: float, thickening: float, symmetric: Sequence[Where]
+    ) -> None:
+        super().__init__(part, part, rule, [thickness] * 2, [thickening] * 2, symmetric)
+        corners = self._own.X[self._own.triangles]
+        self._centres, self._apart = corners.mean(1), TURN * thickness
+        self._edge = np.linalg.norm(np.diff(corners, axis=1), axis=2).max()
+        self._reach = REACH * thickness + self._edge / 2
+        self._sides = np.resize(np.repeat([1.0, -1.0], len(self._places) // 2), self.count)
+        # flat places that the points lay over in the accepted state, and last
+        self._partners = self._partners_now = np.full((self.count, 3), np.inf)
+
+    def remember(self) -> None:
+        """Take the places found last as those of the accepted state."""
+        self._partners = self._partners_now
+
+    def _over(self):
+        face, many = self._own, len(self._places)
+        triangle, y = np.full(self.count, -1), np.zeros((self.count, 3))
+        self._partners_now = np.full((self.count, 3), np.inf)
+        corners = face.places[face.triangles]
+        middles, across = corners.mean(1), facet_normals(face.places, face.triangles)[0]
+        size = np.linalg.norm(corners - middles[:, None], axis=2).max()
+        cells, near = self._opposed(middles, across, self._reach + 2 * size)
+        if not len(cells):
+            return face.over(triangle, y, self._reach)
+        rows = (cells[:, None] * many + np.arange(many)).ravel()
+        near, sides = near.repeat(many, axis=0), self._sides[rows]
+        points = face.points(self._weights[rows], self._flat[rows])
+        at_corners = face.normals[face.triangles[face.own_triangles[cells]]]
+        normals = np.einsum("kc,nci->nki", self._places, at_corners).reshape(-1, 3)
+        # heights from which on a triangle counts: any or none, if it lay on this or the other side
+        others = rows + (sides * many / 2).astype(int)
+        here, there = (
+            np.linalg.norm(self._centres[near] - self._partners[each][:, None], axis=2)
+            for each in (rows, others)
+        )
+        known = np.minimum(here, there) < 2 * self._edge
+        least = np.where(known, np.where(here < there, -np.inf, np.inf), 0.0)
+        # leave out those that the point is clearly beside or on the wrong side of
+        off = points[:, None] - middles[near]
+        height = (off * across[near]).sum(2)
+        beside = np.linalg.norm(off, axis=2) > np.hypot(height, size + abs(height) / 2)
+        near[beside | (sides[:, None] * height < least - size)] = -1
+
+        def fits(at, k, height, along):
+            return ((along * normals[at]).sum(1) < 0) & (sides[at] * height > least[at, k])
+
+        triangle[rows], y[rows] = face.seek(points, np.arange(len(rows)), near, fits)
+        over = face.over(triangle, y, self._reach)
+        at = np.flatnonzero(over.triangle >= 0)
+        # in a bend, past its centre, the place found is the farthest one, not the nearest
+        turned = abs(over.gap[at]) * np.linalg.norm(over.curvature[at], axis=(1, 2))
+        over.triangle[at[turned > 1]] = -1
+        at = at[turned <= 1]
+        flat = face.X[face.triangles[over.triangle[at]]]
+        self._partners_now[at] = np.einsum("nc,nci->ni", over.weights[at], flat)
+        over.gap[at] *= self._sides[at]
+        over.normal[at] *= self._sides[at, None]
+        over.curvature[at] *= self._sides[at, None, None]
+        return over
+
+    def _opposed(self, middles, normals, reach):
+        """Numbers (k,) of this rank's triangles that have others within `reach` with normals
+        opposed to theirs, and numbers of these, the nearest first, (k, NEIGHBOURS), -1 for none.
+        middles, normals (m, 3): of all triangles."""
+        triangles, mine, count = self._own.triangles, self._own.own_triangles, len(middles)
+        tree, farthest = cKDTree(np.hstack([middles / reach, normals])), np.sqrt(1 + 2)
+        asked = np.hstack([middles / reach, -normals])[mine]
+        near = tree.query(asked, range(1, NEIGHBOURS + 1), distance_upper_bound=farthest)[1]
+        cells = np.flatnonzero(near[:, 0] < count)
+        near, mine = near[cells], mine[cells]
+        found = np.minimum(near, count - 1)
+        shared = triangles[found][..., None] == triangles[mine][:, None, None]
+        away = np.linalg.norm(self._centres[found] - self._centres[mine][:, None], axis=2)
+        near[shared.any((2, 3)) | (away < self._apart) | (near == count)] = -1
+        kept = (near >= 0).any(1)
+        return cells[kept], near[kept]
+
+
+class SelfContact(FaceContact):
+    """Contact of a sheet with itself, where it folds over or rolls up.
+
+    As `SheetContact`, by the same laws, at points of both faces (`SelfPoints`). As long as no fold
+    closes it only looks for one, after each solve. On a stack each sheet has its own:
+    `SelfContact().on("upper")`.
+
+    Parameters
+    ----------
+    thickness
+        Of the sheet [mm]; by default that of the scene's fabric or metal, on a patched sheet of the
+        first one.
+    penalty, points, lag, symmetric, friction
+        As in `SheetContact`. A fold that closes on its mirror image is not noticed.
+
+    Raises
+    ------
+    InputError
+        For another number of points, and values not above 0; as the scene is made, for several
+        sheets at once, for a sheet in a plane or curved, for other cells than triangles, and where
+        a thickness or penalty is needed.
+
+    Examples
+    --------
+    >>> ff.SelfContact(friction=0.3).on("upper").name
+    'self-contact of upper'
+    """
+
+    LACKING = "the sheet has not"
+
+    def __init__(
+        self,
+        thickness: float | None = None,
+        penalty: float | None = None,
+        points: int = 3,
+        lag: float = LAG,
+        symmetric: Where | Sequence[Where] = (),
+        friction: float | Coulomb = 0.0,
+    ) -> None:
+        super().__init__("self-contact", penalty, points, lag, symmetric, friction)
+        if thickness is not None:
+            POSITIVE.check("thickness of the self-contact", thickness)
+        self._given = thickness
+
+    def set_up(self, scene: SceneFacts) -> None:
+        part, blank = self.part, self.blank
+        if isinstance(blank, Stack) and part.is_whole:
+            raise InputError(
+                f"{self.name} is asked of a stack; allowed is one sheet, as by "
+                f"`.on({next(iter(blank.parts))!r})`"
+            )
+        if blank.mesh.geometry.dim < 3 or not blank.is_flat():
+            raise InputError(
+                f"{self.name} is asked of {blank.name}, which can't leave its plane or is curved "
+                "as it lies; allowed is a flat sheet that is `spatial`"
+            )
+        material = material_of(scene, part)
+        t = self._given or part.thickness or (material and material.thickness_under(0.0))
+        if not t:
+            raise InputError(f"{self.name} needs a thickness, a number above 0 [mm]")
+        self.thickness, law, thickening = self._face(scene, part, t)
+        rule = self._points_of_cell
+        points = SelfPoints(part, rule, self.thickness, thickening, self._symmetric)
+        self._begin(scene, points, law, law)
+
+    def accept(self) -> None:
+        super().accept()
+        self.points.remember()
+
+    def cell_fields(self) -> dict[str, Value]:
+        """Mean pressure of the face of each cell that is pressed more, and what `PlyThickness`
+        has."""
+        pressure, field = self._pressures()
+        lost = np.zeros(len(self.blank.areas()))
+        lost[self.points.part.cells] = self.points.means(
+            self._depths(self.face_laws[0], pressure)
+        ).sum(1)
+        return {"sheet_pressure": field} | self.plies.fields(lost)
+
+    def summary(self) -> dict[str, Value]:
+        """Normal force and penetration."""
+        found = {
+            "normal_force_N": float(self.totals[3]),
+            "penetration_of_thickness": self.penetration_of_thickness(),
+        }
+        return {"self_contact": joined({self.part.name or self.blank.name: found})}

@@ -1,0 +1,335 @@
+"""Contact of a sheet with itself."""
+
+import numpy as np
+import pytest
+from builders import COMM, Elastic, near, off_differences
+from builders import sheet as rectangle
+from mpi4py import MPI
+from petsc4py import PETSc
+from scipy.integrate import solve_ivp
+from scipy.optimize import fsolve
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.mechanics.contact.pressure_law import PERMITTED, SMOOTHING, Rigid
+
+T, PENALTY, LENGTH, WIDTH = 4.0, 20.0, 60.0, 8.0
+
+
+def folded(turns, gap=0.0):
+    """Shape of a strip that is folded by half a turn at each {place along it: 1 up or -1 down},
+    with layers at a `gap` between their faces [mm]."""
+    r = (T + gap) / 2
+    s = np.linspace(0, LENGTH, 100001)
+    angle = 0 * s + sum(
+        way * (np.clip((s - at) / r, -np.pi / 2, np.pi / 2) + np.pi / 2)
+        for at, way in turns.items()
+    )
+    middle = 0.5 * (angle[1:] + angle[:-1])
+    x, z = (np.append(0, np.cumsum(f(middle) * s[1])) for f in (np.cos, np.sin))
+    return lambda X: np.array([np.interp(X[0], s, x), X[1], np.interp(X[0], s, z)])
+
+
+def scene_of(turns, gap, comm=COMM, nx=30, degree=1, **options):
+    """A folded strip that has accepted that, and its contact."""
+    blank = rectangle(LENGTH, WIDTH, nx, 4, "crossed", comm, spatial=True, degree=degree)
+    contact = ff.SelfContact(T, **{"penalty": PENALTY} | options)
+    scene = ff.Scene(blank, [Elastic(), contact])
+    lead(blank, folded(turns, gap))
+    scene.accept()
+    return scene, contact
+
+
+def lead(blank, shape):
+    X = blank.coordinates()
+    blank.u.x.array[:] = (shape(X.T).T - X).ravel()
+
+
+def forces_of(scene, contact):
+    """Of the contact on the owned nodes (nodes, 3), their flat places, and where they are."""
+    f = scene.u.duplicate()
+    with f.localForm() as local:
+        local.set(0)
+        contact.add_forces(local.array)
+    f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    forces, X = -f.array.reshape(-1, 3), scene.blank.coordinates()
+    return forces, X[: len(forces)], (X + scene.blank.nodal_displacement())[: len(forces)]
+
+
+FOLDS = {
+    "up": {LENGTH / 2: 1},
+    "down": {LENGTH / 2: -1},
+    "both": {LENGTH / 3: 1, 2 * LENGTH / 3: -1},
+}
+
+
+# -- where a sheet touches itself
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("fold", FOLDS)
+def test_layers_press_each_other_with_what_the_law_says(fold, degree):
+    """Away from folds and ends the pressure is that of the overlap; a layer in the middle is
+    pressed on both faces."""
+    turns, depth = FOLDS[fold], 0.2
+    _, contact = scene_of(turns, -depth, degree=degree, nx=30 // degree)
+    points, known = contact.points, contact.state()
+    pressure = points.of_all(contact.faces.now, known.pressure).reshape(
+        len(points.part.cells), -1, 2, 3
+    )
+    x = contact.blank.midpoints()[0]
+    off = np.min([abs(x - at) for at in (0, *turns, LENGTH)], axis=0) > 7
+    expected = float(Rigid(PENALTY, SMOOTHING * PERMITTED * T)(np.array(depth))[1])
+    layer = (x[:, None] > np.array(list(turns))).sum(1)
+    for k in range(len(turns) + 1):
+        at = off & (layer == k)
+        assert COMM.allreduce(int(at.sum())) > 10
+        faces = [turns.get(side) for side in (list(turns)[k - 1 : k] + list(turns)[k : k + 1])]
+        for face, way in enumerate((1, -1)):
+            wanted = expected if way in faces else 0.0
+            assert pressure[at][:, :, face] == pytest.approx(wanted, rel=1e-3, abs=1e-9)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("fold", FOLDS)
+def test_action_is_reaction_with_its_moment(fold):
+    scene, contact = scene_of(FOLDS[fold], -0.2)
+    forces, _, x = forces_of(scene, contact)
+    total, moment = COMM.allreduce(np.array([forces.sum(0), np.cross(x, forces).sum(0)]))
+    size = COMM.allreduce(contact.normal_forces().sum())
+    assert size > 100
+    assert abs(total).max() < 1e-12 * size
+    assert abs(moment).max() < 0.01 * size * T  # triangles are flat, the face is not
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("shape", [{}, {LENGTH / 2: 1}], ids=["flat", "round its thickness"])
+def test_a_sheet_that_is_bent_no_further_than_it_can_be_is_free(shape):
+    _, contact = scene_of(shape, 0.05 * T, nx=60)
+    assert COMM.allreduce(len(contact.faces.now.points)) > 0 or not shape
+    assert not contact.state().pressure.any() and contact.largest_depth() == 0.0
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_limb_that_came_through_is_pressed_back(way):
+    """As it lay on the other side in the accepted state."""
+    scene, contact = scene_of({LENGTH / 2: way}, 0.2)
+    u, X = scene.blank.u.x.array.reshape(-1, 3), scene.blank.coordinates()
+    beyond = X[:, 0] > LENGTH / 2 + T
+    u[beyond, 2] -= way * (T + 1.0)
+    assert scene.update_lagged()
+    forces, X, _ = forces_of(scene, contact)
+    far = X[:, 0] > LENGTH / 2 + 2 * T
+    pushed = COMM.allreduce(forces[far].sum(0))
+    assert way * pushed[2] > 0.9 * PENALTY * T * (LENGTH / 2 - 2 * T) * WIDTH
+
+
+@pytest.mark.mpi
+def test_ranks_share_what_one_finds(by_position):
+    found = []
+    for comm in (COMM, MPI.COMM_SELF):
+        scene, contact = scene_of(FOLDS["both"], -0.2, comm, friction=0.3)
+        scene.blank.u.x.array[:] *= 1.001
+        scene.update_lagged()
+        forces, X, _ = forces_of(scene, contact)
+        found.append([by_position(comm, X, forces)[1], comm.allreduce(contact.stored())])
+    assert abs(found[0][0] - found[1][0]).max() < 1e-9 * abs(found[1][0]).max()
+    assert found[0][1] == pytest.approx(found[1][1], rel=1e-9)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("fold", FOLDS)
+def test_forces_and_tangent_are_derivatives(fold, friction, degree):
+    scene, contact = scene_of(FOLDS[fold], -0.1, nx=30 // degree, degree=degree, friction=friction)
+    forces, stiffness = off_differences(scene, contact)
+    assert (contact.state().pressure > 0).any()
+    assert forces < 1e-6 and stiffness < 1e-6
+
+
+@pytest.mark.mpi
+def test_a_run_goes_on_from_what_it_remembers(by_position):
+    scene, contact = scene_of(FOLDS["up"], -0.1, friction=0.3)
+    scene.blank.u.x.array.reshape(-1, 3)[:, 0] *= 1.002
+    scene.accept()
+    again, _ = scene_of({}, 0.0, friction=0.3)
+    again.blank.u.x.array[:] = scene.blank.u.x.array
+    again.recall(scene.memory())
+    again.set_load(0.0)
+    again.accept()
+    other = again.terms[1]
+    assert COMM.allreduce(contact.energies()["friction"]) > 0
+    assert other.energies() == pytest.approx(contact.energies(), rel=1e-9)
+    assert other.largest_depth() == pytest.approx(contact.largest_depth())
+    for name, rows in contact.cell_memory().items():
+        assert other.cell_memory()[name] == pytest.approx(rows, abs=1e-9 * abs(rows).max(initial=1))
+
+
+# -- what bad input gets
+
+
+@pytest.mark.parametrize(
+    "make, options, words",
+    [
+        (
+            lambda: ff.Stack([(rectangle(9, 9, 2, 2, spatial=True), T, n) for n in "ab"]),
+            {"penalty": 1.0},
+            "asked of a stack; allowed is one sheet, as by `.on('a')`",
+        ),
+        (lambda: rectangle(9, 9, 2, 2), {"penalty": 1.0}, "can't leave its plane or is curved"),
+        (
+            lambda: rectangle(9, 9, 2, 2, spatial=True),
+            {"penalty": 1.0, "thickness": None},
+            "self-contact needs a thickness, a number above 0",
+        ),
+        (
+            lambda: rectangle(9, 9, 2, 2, spatial=True),
+            {},
+            "self-contact needs a penalty, a number above 0, as the sheet has not a fabric or",
+        ),
+        (
+            lambda: rectangle(9, 9, 2, 2, cell="quadrilateral", spatial=True),
+            {"penalty": 1.0},
+            "on other cells; allowed are P1",
+        ),
+    ],
+)
+def test_sheets_that_cannot_touch_themselves(make, options, words):
+    with pytest.raises(ff.InputError) as error:
+        ff.Scene(make(), [Elastic(), ff.SelfContact(**{"thickness": T} | options)])
+    assert words in str(error.value)
+
+
+# -- a strip whose clamped ends are pushed together until it touches itself
+
+
+L, W, D, CELLS = 100.0, 8.0, 8.33, (40, 80)
+START, END = 40.0, 17.0  # mm between the ends
+EULER = (2 * np.pi / L) ** 2  # load of the flat strip over D
+
+
+def half(P, M, R=0.0):
+    """Half of the elastica, from the force and the moment at its clamped end and the force R
+    between the limbs at the neck, all over D: angle, its slope and place in the middle, and x of
+    the neck."""
+
+    def slope(s, y, force):
+        return [y[1], -force * np.sin(y[0]), np.cos(y[0]), np.sin(y[0])]
+
+    def upright(s, y, force):
+        return y[0] - np.pi / 2
+
+    upright.terminal = True
+    how = {"rtol": 1e-9, "atol": 1e-9}
+    first = solve_ivp(slope, (0, L / 2), [0, M, 0, 0], args=(P,), events=upright, **how)
+    s, y = first.t[-1], first.y[:, -1]
+    rest = solve_ivp(slope, (s, L / 2), y, args=(P - R,), dense_output=True, **how)
+    return rest.y[:, -1], y[2]
+
+
+def elastica(end):
+    """Forces P at the ends, at the distance `end`, and R at the neck, over D; from where limbs of
+    the thickness T begin to touch on."""
+    unknown = [1.74 * EULER, 0.138, 0.0]
+    for distance in np.linspace(19.98, end, 4):
+
+        def missing(unknown, distance=distance):
+            middle, neck = half(*unknown)
+            return [middle[0], middle[2] - distance / 2, neck - (distance - T) / 2]
+
+        unknown, _, found, words = fsolve(missing, unknown, full_output=True)
+        assert found == 1, words
+    return unknown[0], unknown[2]
+
+
+def strip(nx, *terms, end=END):
+    """Job of that strip. It begins bent in a sine, which the first solve lets go."""
+    blank = rectangle(L, W, nx, 1, "left", spatial=True)
+
+    def pushed(x, load):
+        return np.array([START - L + load * (end - START), 0, 0])[:, None] + 0 * x
+
+    supports = [
+        ff.Support("end", near(0, 0.0), (0, 2)),
+        ff.Support("pushed end", near(0, L), (0, 2), pushed),
+        ff.Support("middle", near(0, L / 2), (0,), lambda x, load: pushed(x, load) / 2),
+        ff.Support("side", near(1, 0.0), (1,)),
+    ]
+    clamped = lambda x: near(0, 0.0)(x) | near(0, L)(x)  # noqa: E731
+    bending = ff.Bending(D, D_t=2 * D, clamped=clamped)
+    lead(blank, begun)
+    scene = ff.Scene(blank, [Elastic(500.0), bending, *terms], supports)
+    return ff.Job(scene, steps=12)
+
+
+def begun(X):
+    """A loop about as the strip lies at first."""
+    s = np.linspace(0, L, 1001)
+    angle = 1.7 * np.sin(2 * np.pi * s / L)
+    steps = np.array([np.cos(angle), np.sin(angle)])[:, 1:] * s[1]
+    x, z = np.column_stack([[0, 0], np.cumsum(steps, axis=1)])
+    x *= START / x[-1]
+    return np.array([np.interp(X[0], s, x), X[1], np.interp(X[0], s, z)])
+
+
+def test_an_elastica_that_touches_itself():
+    """Forces at the ends and at the neck, of second order in the cells; beyond the first contact
+    they are twice those of the strip that is free."""
+    P, R = elastica(END)
+    errors = []
+    for nx in CELLS:
+        contact = ff.SelfContact(T, penalty=1.0)
+        result = strip(nx, contact).run()
+        pushed, pressed = abs(result.rows[-1]["reaction_N"]), contact.totals[3]
+        errors.append([1 - pushed / (P * D * W), 1 - pressed / (R * D * W)])
+        assert contact.largest_depth() < PERMITTED * T
+        assert result.rows[-1]["energy_imbalance"] < 0.005
+    coarse, fine = abs(np.array(errors))
+    assert (fine < [0.06, 0.1]).all() and (fine < coarse / 2.5).all()
+
+
+def test_without_contact_it_passes_through_itself():
+    with pytest.raises(ff.SolverFailure, match="passes through itself at"):
+        strip(CELLS[0], end=12.0).run()
+
+
+# -- a fold that a plate presses flat
+
+
+def pressed_fold(contact):
+    """Job of a folded strip of faces 6 mm apart between a table and a plate, which a force lowers.
+    The lower limb is held at its end."""
+    t, high, force = 6.0, 16.0, 30.0
+    blank = rectangle(LENGTH, 4.0, 60, 2, "left", spatial=True)
+    lead(blank, folded({LENGTH / 2: 1}, high - t - T))
+    plate = ff.Tool(
+        ff.Plane((0, 0, high - t / 2), (0, 0, -1)),
+        force=lambda load: (0, 0, -1 - load * (force - 1)),
+        name="plate",
+    )
+    table = ff.Tool(ff.Plane((0, 0, -t / 2), (0, 0, 1)), name="table")
+    terms = [Elastic(500.0), ff.Bending(D, D_t=2 * D, clamped=near(0, 0.0))]
+    terms += [ff.Contact(tool, t, 20.0, friction=0.3) for tool in (plate, table)]
+    held = [ff.Support("end", near(0, 0.0), (0, 2)), ff.Support("side", near(1, 0.0), (1,))]
+    return ff.Job(ff.Scene(blank, terms + contact, held), steps=8), force, t
+
+
+@pytest.mark.mpi
+def test_a_fold_closes_and_bears_the_load():
+    """Its limbs press each other with what the stiff bend does not bear, no deeper than they may;
+    energies and work agree."""
+    contact = ff.SelfContact(6.0, penalty=20.0, friction=0.3)
+    job, force, t = pressed_fold([contact])
+    result = job.run()
+    assert 0.9 * force < contact.totals[3] < force
+    assert contact.largest_depth() < PERMITTED * t
+    found = result.summary["self_contact"]["blank"]
+    assert found["normal_force_N"] == contact.totals[3]
+    assert result.rows[-1]["energy_imbalance"] < 0.03
+    assert np.nanmax(result.fields["sheet_pressure"], initial=0) > 0 or COMM.size > 1
+
+
+def test_without_contact_the_fold_is_pressed_through_itself():
+    with pytest.raises(ff.SolverFailure, match="passes through itself at"):
+        pressed_fold([])[0].run()
