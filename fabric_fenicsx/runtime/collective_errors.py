@@ -1,14 +1,32 @@
-"""Errors on some ranks alone end all of them, which would otherwise wait for ever."""
+"""Errors on some ranks alone: they are raised on all, or end all, which would wait for ever."""
 
 import sys
 import time
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TypeVar
 
 from mpi4py import MPI
 
+from .errors import InputError
+
+T = TypeVar("T")
 PATIENCE = 10.0  # s, for the others
+
+
+def on_root(comm: MPI.Comm, make: Callable[[], T]) -> T:
+    """What make() gives on rank 0, on all ranks; an InputError there is raised on all."""
+    found, error = None, ""
+    if comm.rank == 0:
+        try:
+            found = make()
+        except InputError as e:
+            error = str(e)
+    found, error = comm.bcast((found, error))
+    if error:
+        raise InputError(error)
+    return found  # type: ignore[return-value]
 
 
 def is_alone(comm: MPI.Comm) -> bool:

@@ -36,7 +36,8 @@ def documented(kind: Kind) -> Kind:
     head += "" if "\nParameters\n" in head else "\n\nParameters\n----------"
     for each in declared(kind):
         usual = "" if each.default is None else f"; by default {each.default}"
-        head += f"\n{each.name}\n    {each.metadata['help']}{usual}"
+        kind_of = f" : {each.metadata['rule'].kind.__name__}" if "rule" in each.metadata else ""
+        head += f"\n{each.name}{kind_of}\n    {each.metadata['help']}{usual}"
     kind.__doc__ = head + mark + rest
     return kind
 

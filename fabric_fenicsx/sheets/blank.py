@@ -15,13 +15,14 @@ from numpy.typing import ArrayLike
 
 from .. import dolfinx_compat as compat
 from ..meshes.specimen import specimen
+from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
 from ..runtime.rules import COUNT, POSITIVE
 from .cells import CELLS
 from .fibres import Direction
 from .layout import Layout, axes_of, blank_options
 from .mesh_checks import MeshArrays, checked_mesh
-from .mesh_files import on_root, read_mesh
+from .mesh_files import read_mesh
 from .part import Part
 from .sheet_mesh import SheetMesh
 
@@ -102,10 +103,8 @@ class Blank(SheetMesh):
     def part(self, name: str = "") -> Part:
         """The part of that name, "" for all of the blank. Raises InputError if there is none."""
         if name and name not in self.parts:
-            raise InputError(
-                f"{self.name} has no part {name!r}; allowed is one of "
-                f"{', '.join(self.parts) or 'none, as it is one sheet'}"
-            )
+            known = ", ".join(self.parts) or "none, as it is one sheet"
+            raise InputError(f"{self.name} has no part {name!r}; allowed is one of {known}")
         return self.parts[name] if name else self.whole
 
     def divide(self, patches: Mapping[str, Callable[[np.ndarray], np.ndarray]], rest: str) -> None:
@@ -124,9 +123,8 @@ class Blank(SheetMesh):
             For a patch without cells, for a cell in two, and for a blank that has parts.
         """
         if self.parts:
-            raise InputError(
-                f"{self.name} has parts {', '.join(self.parts)} already: it is divided only once"
-            )
+            known = ", ".join(self.parts)
+            raise InputError(f"{self.name} has parts {known} already: it is divided only once")
         middles = self.mesh.geometry.x[compat.geometry_dofmap(self.mesh)].mean(1).T
         masks = {name: np.asarray(where(middles), bool) for name, where in patches.items()}
         taken = np.sum(list(masks.values()), axis=0)
@@ -138,9 +136,8 @@ class Blank(SheetMesh):
                 at = np.flatnonzero(mask)
                 self.parts[name] = Part(self, name, at, orthogonal=self.orthogonal)
             elif name != rest:
-                raise InputError(
-                    f"patch {name} of {self.name} has no cells; allowed are one or more"
-                )
+                patch = f"patch {name} of {self.name}"
+                raise InputError(f"{patch} has no cells; allowed are one or more")
 
     @classmethod
     def from_arrays(
@@ -187,12 +184,17 @@ class Blank(SheetMesh):
     def _made(cls, comm, make, source, spatial, options):
         """Blank of what `make` returns on rank 0, checked."""
 
+        mine = None
+
         def checked():
+            nonlocal mine
             raw = make()
             mesh = checked_mesh(raw.points, raw.cells, raw.kind, source, spatial)
-            return mesh._replace(warnings=[*raw.warnings, *mesh.warnings])
+            mine = mesh._replace(warnings=[*raw.warnings, *mesh.warnings])
+            return mine._replace(points=mesh.points[:0], cells=mesh.cells[:0])  # of other ranks
 
-        points, nodes, kind, warnings = on_root(comm, checked)
+        empty = on_root(comm, checked)
+        points, nodes, kind, warnings = mine or empty
         how = CELLS[kind]
         nodes = nodes[:, compat.to_dolfinx_order(how.cell, nodes.shape[1])]
         blank = cls(compat.create_mesh(comm, nodes, points, how.cell, how.degree), **options)
@@ -294,10 +296,8 @@ class Blank(SheetMesh):
         from ..meshes.rings import sheet_of
 
         options, nx = blank_options(layout), COUNT.check("`nx`", nx)
-        if (layout.get("element") or "P")[0] != "P":
-            raise InputError(
-                f"`element` is {layout['element']}; allowed for an outline are triangles (P)"
-            )
+        if (element := layout.get("element") or "P")[0] != "P":
+            raise InputError(f"`element` is {element}; allowed for an outline are triangles (P)")
         pattern = pattern or ("along" if spatial else "unstructured")
         yarns = options["a"], options.get("b", options["a"] + math.pi / 2)
         given: Any = outline
@@ -305,11 +305,10 @@ class Blank(SheetMesh):
         source = f"outline {outline}" if is_file else "the outline"
 
         def made():
-            sheet, notes = (
-                read_outline(given, layer)
-                if is_file
-                else (sheet_of([np.asarray(ring, float) for ring in given], source), [])
-            )
+            if is_file:
+                sheet, notes = read_outline(given, layer)
+            else:
+                sheet, notes = sheet_of([np.asarray(ring, float) for ring in given], source), []
             low, high = np.reshape(sheet.bounds, (2, 2))
             edge = (high - low)[0] / nx if size is None else size
             try:

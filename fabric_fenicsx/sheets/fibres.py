@@ -51,10 +51,8 @@ def _midpoints(mesh, up):
 def _tangent(mesh, centre, normal, direction, name):
     gdim, n = mesh.geometry.dim, len(centre)
     if np.ndim(direction) == 0 and not callable(direction) and abs(float(direction)) > 2 * np.pi:
-        raise InputError(
-            f"fibre direction {name} is {direction:g}, an angle in radians; allowed is from -2 pi "
-            "to 2 pi, as `numpy.radians` gives of degrees"
-        )
+        found = f"fibre direction {name} is {direction:g}, an angle in radians"
+        raise InputError(f"{found}; allowed is from -2 pi to 2 pi")
     value = np.asarray(direction(centre.T) if callable(direction) else direction, dtype=float)
     if value.ndim == 0 or value.shape == (n,) and callable(direction):
         value = np.stack(np.broadcast_arrays(np.cos(value), np.sin(value), 0.0), -1)
@@ -64,10 +62,8 @@ def _tangent(mesh, centre, normal, direction, name):
     if value.shape[1] == 2:
         value = np.column_stack([value, np.zeros(n)])
     if value.shape[1] != 3:
-        raise InputError(
-            f"fibre direction {name} has {value.shape[1]} components; allowed is an angle or "
-            f"{gdim} components"
-        )
+        found = f"fibre direction {name} has {value.shape[1]} components"
+        raise InputError(f"{found}; allowed is an angle or {gdim} components")
 
     def refuse(bad, flaw):
         _refuse(mesh, bad, centre, f"fibre direction {name} {flaw}")
@@ -86,9 +82,7 @@ def _tangent(mesh, centre, normal, direction, name):
 
 def _refuse(mesh, bad, centre, flaw):
     """Raise the same InputError on all ranks if any rank has a bad cell."""
-    mine = tuple(centre[np.flatnonzero(bad)[0]].round(6).tolist()) if bad.any() else None
-    found = [where for where in mesh.comm.allgather(mine) if where is not None]
-    if found:
-        raise InputError(
-            f"{flaw} in the cell at {found[0]} mm; allowed are directions in its tangent plane"
-        )
+    mine = centre[bad][:1].round(6).tolist()
+    if found := sum(mesh.comm.allgather(mine), []):
+        where = f"in the cell at {tuple(found[0])} mm"
+        raise InputError(f"{flaw} {where}; allowed are directions in its tangent plane")

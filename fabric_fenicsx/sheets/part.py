@@ -121,10 +121,8 @@ class Part:
         sides = sides[np.isin([cells.links(side)[0] for side in sides], self.cells)]
         if mesh.comm.allreduce(len(sides), MPI.SUM) == 0:
             where = f"{self.name}, part of {self.blank.name}" if self.name else self.blank.name
-            raise InputError(
-                f"the edge marks no side of {where}; allowed is a function of points (3, n) that "
-                "is true at both ends of some sides"
-            )
+            allowed = "a function of points (3, n) that is true at both ends of some sides"
+            raise InputError(f"the edge marks no side of {where}; allowed is {allowed}")
         tags = meshtags(mesh, 1, sides, np.ones(len(sides), dtype=np.int32))
         metadata = {} if degree is None else {"quadrature_degree": degree}
         return ufl.Measure("ds", mesh, subdomain_data=tags, subdomain_id=1, metadata=metadata)

@@ -42,12 +42,10 @@ class SheetMesh:
         self.mesh, self.name = mesh, name
         self.a0, self.b0 = fibre_fields(mesh, a, b, up)
         self.frame = np.eye(gdim) if frame is None else np.asarray(frame, dtype=float)
-        if self.frame.shape != (gdim, gdim) or not np.allclose(
-            self.frame @ self.frame.T, np.eye(gdim), atol=1e-12
-        ):
-            raise InputError(
-                f"frame of the blank is {self.frame.tolist()}; allowed are {gdim} orthonormal rows"
-            )
+        square = self.frame.shape == (gdim, gdim)
+        if not (square and np.allclose(self.frame @ self.frame.T, np.eye(gdim), atol=1e-12)):
+            found = f"frame of the blank is {self.frame.tolist()}"
+            raise InputError(f"{found}; allowed are {gdim} orthonormal rows")
         self._turned = not np.array_equal(self.frame, np.eye(gdim))
         # no numbers of the form, so that all angles share a compiled one
         self._axes = fem.Constant(mesh, self.frame.T.copy())
@@ -138,10 +136,8 @@ class SheetMesh:
     def check_triangulated(self, what: str) -> None:
         """Raise InputError, on all ranks, unless `triangles` are all of the sheet's shape."""
         if not self.triangulated:
-            raise InputError(
-                f"{what} of {self.name} is asked for on other cells; allowed are P1, and P2 with "
-                "straight sides"
-            )
+            found = f"{what} of {self.name} is asked for on other cells"
+            raise InputError(f"{found}; allowed are P1, and P2 with straight sides")
 
     def triangles(self, cells: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Local nodes of `u` at the corners of the flat triangles that contact and bending take

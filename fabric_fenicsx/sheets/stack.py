@@ -104,9 +104,8 @@ def _sheet(given):
     try:
         blank, thickness, name = given
     except (TypeError, ValueError):
-        raise InputError(
-            f"a sheet of the stack is {shown(given)}; allowed are blank, thickness [mm] and name"
-        ) from None
+        found, allowed = shown(given), "blank, thickness [mm] and name"
+        raise InputError(f"a sheet of the stack is {found}; allowed are {allowed}") from None
     return Sheet(blank, POSITIVE.check(f"thickness of sheet {name} of the stack", thickness), name)
 
 
@@ -122,27 +121,21 @@ def _check(sheets):
     for sheet in sheets:
         blank, where = sheet.blank, f"sheet {sheet.name} of the stack"
         if blank.mesh.geometry.dim != 3 or not np.array_equal(blank.frame, np.eye(3)):
-            raise InputError(
-                f"{where} lies in a plane mesh or along turned axes; allowed is a sheet in space "
-                "(`spatial=True`)"
-            )
+            flaw = "lies in a plane mesh or along turned axes"
+            raise InputError(f"{where} {flaw}; allowed is a sheet in space (`spatial=True`)")
         if not (blank.degree == 1 or blank.triangulated) or compat.geometry_degree(blank.mesh) > 1:
             raise InputError(f"{where} has other cells; allowed are P1, P2 and Q1, not curved")
         low, high = blank.extent()
         if high[2] - low[2] > FLAT * (high - low).max():
-            raise InputError(
-                f"{where} is {rounded(high[2] - low[2], 4)} mm high; allowed is a flat sheet, z = "
-                "const"
-            )
+            height = rounded(high[2] - low[2], 4)
+            raise InputError(f"{where} is {height} mm high; allowed is a flat sheet, z = const")
     extents = [sheet.blank.extent() for sheet in sheets]
     for k, (low, high) in enumerate(extents):
         others = extents[:k] + extents[k + 1 :]
         apart = [((low >= h) | (high <= l))[:2].any() for l, h in others]
         if others and all(apart):
-            raise InputError(
-                f"sheet {sheets[k].name} of the stack lies beside all others; allowed is one that "
-                "has another above or below it"
-            )
+            flaw = f"sheet {sheets[k].name} of the stack lies beside all others"
+            raise InputError(f"{flaw}; allowed is one that has another above or below it")
 
 
 def _merged(sheets, lifts, comm):

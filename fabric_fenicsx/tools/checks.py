@@ -40,36 +40,33 @@ def check_triangles(
 ) -> None:
     """Raise InputError for a surface `name` that is no surface or too coarse for a ply of this
     thickness [mm]; call `warn` with a sentence for what can only be doubted."""
-    x = surface.points
-    if len(surface.forks):
-        raise InputError(
-            f"{name} has {len(surface.forks)} edges with more than two triangles, one at "
-            f"{coordinates(x[surface.forks[0]].mean(0))}; allowed are at most two at an edge"
-        )
+
+    def middle(nodes):
+        return coordinates(surface.points[nodes].mean(0))
+
+    if count := len(surface.forks):
+        flaw = f"has {count} edges with more than two triangles, one at {middle(surface.forks[0])}"
+        raise InputError(f"{name} {flaw}; allowed are at most two at an edge")
     if not surface.two_sided:
-        raise InputError(
-            f"{name} has only one side, as a Moebius strip; allowed is a surface with two"
-        )
+        flaw = "has only one side, as a Moebius strip"
+        raise InputError(f"{name} {flaw}; allowed is a surface with two")
     if surface.turned:
-        warn(
-            f"{name}: {surface.turned} of {len(surface.triangles)} triangles were turned round to "
-            "agree with the others"
-        )
+        some = f"{surface.turned} of {len(surface.triangles)} triangles"
+        warn(f"{name}: {some} were turned round to agree with the others")
     off = 0.75 * surface.curved.patches.bulge  # more than the patches themselves
     worst = int(off.argmax())
     if off[worst] > thickness:
+        flaw = f"has facets that are {rounded(off[worst])} mm off the curved surface through their"
         raise InputError(
-            f"{name} has facets that are {rounded(off[worst])} mm off the curved surface through "
-            f"their corners, at {coordinates(x[surface.triangles[worst]].mean(0))}; allowed is up "
-            f"to the ply's thickness {thickness:g} mm"
+            f"{name} {flaw} corners, at {middle(surface.triangles[worst])}; allowed is up to the "
+            f"ply's thickness {thickness:g} mm"
         )
     edges, turn = surface.curved.turns()
     if len(turn) and np.degrees(turn.max()) > COARSE:
-        worst = int(turn.argmax())
+        sharpest = f"{np.degrees(turn.max()):.0f} deg at {middle(edges[turn.argmax()])}"
         warn(
-            f"{name} is coarse: its facets turn by {np.degrees(turn[worst]):.0f} deg at "
-            f"{coordinates(x[edges[worst]].mean(0))} where it is to be smooth; beyond {COARSE:g} "
-            "deg its curvature is a guess"
+            f"{name} is coarse: its facets turn by {sharpest} where it is to be smooth; beyond "
+            f"{COARSE:g} deg its curvature is a guess"
         )
 
 
@@ -96,10 +93,8 @@ def check_equation(tool: Tool, places: np.ndarray, comm: MPI.Comm) -> None:
         gap, bound = abs(surface.evaluate(x.T).gap), surface.bound(surface.value(x), x)
     name, lost = f"surface {type(surface).__name__} of {tool.name}", ~np.isfinite(F)
     if lost.mean() > 0.5:
-        raise InputError(
-            f"F of {name} is not a number at {coordinates(x[:, lost][:, 0])}; allowed is a finite "
-            "one"
-        )
+        place = coordinates(x[:, lost.argmax()])
+        raise InputError(f"F of {name} is not a number at {place}; allowed is a finite one")
     least = np.nanmax(abs(of_F), initial=0.0)
     for which, given, found, floor in (
         ("gradient", gradient, of_F, 1e-6 * least),
@@ -108,19 +103,15 @@ def check_equation(tool: Tool, places: np.ndarray, comm: MPI.Comm) -> None:
         off, size = (abs(each).reshape(-1, x.shape[1]).max(0) for each in (given - found, found))
         wrong = off > WRONG[0] * (size + floor)
         if wrong.mean() > WRONG[1]:
-            raise InputError(
-                f"the {which} of {name} is not that of its F, as at "
-                f"{coordinates(x[:, wrong][:, 0])}; allowed are exact derivatives, which "
-                "`check_derivatives` compares with differences"
-            )
+            flaw = f"is not that of its F, as at {coordinates(x[:, wrong.argmax()])}"
+            allowed = "allowed is an exact one (see `check_derivatives`)"
+            raise InputError(f"the {which} of {name} {flaw}; {allowed}")
     beyond = np.where(bound > (1 + WRONG[0]) * gap + STEP, bound - gap, 0.0)
     if beyond.any():
         worst = int(beyond.argmax())
-        raise InputError(
-            f"`bound` of {name} is {rounded(bound[worst])} mm at {coordinates(x[:, worst])}, which "
-            f"is {rounded(gap[worst])} mm off the surface; allowed is up to the distance, or no "
-            "`bound`"
-        )
+        told, place = f"{rounded(bound[worst])} mm", coordinates(x[:, worst])
+        real = f"which is {rounded(gap[worst])} mm off the surface"
+        raise InputError(f"`bound` of {name} is {told} at {place}, {real}; allowed is up to that")
 
 
 def check_start(tool: Tool, places: np.ndarray, thickness: float, comm: MPI.Comm) -> None:
@@ -131,11 +122,9 @@ def check_start(tool: Tool, places: np.ndarray, thickness: float, comm: MPI.Comm
     gap = tool.evaluate(places, reach=thickness).gap
     lost = places[np.isnan(gap)][:1].tolist()
     if lost := sum(comm.allgather(lost), []):
-        raise InputError(
-            f"the gap of surface {type(tool.surface).__name__} of {tool.name} is not a number at "
-            f"{coordinates(lost[0])}, where the sheet is before anything moves; allowed is a "
-            "finite one"
-        )
+        name = f"surface {type(tool.surface).__name__} of {tool.name}"
+        where = f"at {coordinates(lost[0])}, where the sheet is before anything moves"
+        raise InputError(f"the gap of {name} is not a number {where}; allowed is a finite one")
     deep = gap < -thickness / 2  # may be a bound
     exact = tool.evaluate(places[deep]).gap
     gap[deep] = np.where(np.isnan(exact), gap[deep], exact)
@@ -145,8 +134,7 @@ def check_start(tool: Tool, places: np.ndarray, thickness: float, comm: MPI.Comm
     deep_in = thickness / 2 - off
     if deep_in > (0.5 + 1e-6) * thickness:
         raise InputError(
-            f"{tool.name} is {rounded(deep_in)} mm deep in the sheet's face at "
-            f"{coordinates(place)} before anything moves; allowed is up to {thickness / 2:g} mm, "
-            "half the thickness: begin its path further off, or turn it round with `Reversed` if "
-            "its normals point away from the sheet"
+            f"{tool.name} is {rounded(deep_in)} mm deep in the sheet's face at {coordinates(place)}"
+            f" before anything moves; allowed is up to {thickness / 2:g} mm, half the thickness: "
+            "begin its path further off, or turn it round with `Reversed`"
         )

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..runtime.errors import InputError
-from ..runtime.fields import KnowsItsFields, check_fields, number
+from ..runtime.fields import KnowsItsFields, check_fields, documented, number
 from ..runtime.rules import FROM_ZERO, POSITIVE, Rule
 from . import dome_equation as equation
 from .implicit import ImplicitSurface
@@ -16,6 +16,7 @@ from .implicit import ImplicitSurface
 WALL = Rule("an angle from 0, below 90 deg", lambda v: 0 <= v < 90)
 
 
+@documented
 @dataclass(frozen=True)
 class DoubleDome(KnowsItsFields, ImplicitSurface):
     """Two round domes joined by a lower, narrower saddle, on a flange z = 0.
@@ -31,27 +32,6 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
     profile of that cut; H lowers the saddle. The normals are continuous; the curvature jumps
     between the parts. The body is beneath; `Flipped` turns it upside down. The saddle also flattens
     fillet and rounding: `radii` has the least radii.
-
-    Parameters
-    ----------
-    dome_distance : float
-        Between the centres of the domes [mm].
-    dome_radius : float
-        Of a dome's outline [mm].
-    waist : float
-        Half width of the outline at the middle [mm].
-    depth : float
-        Height of the domes over the flange [mm].
-    wall_angle : float
-        Of the wall from the vertical [deg].
-    top_radius : float
-        Of the rounding between top and wall [mm].
-    entry_radius : float
-        Of the fillet between wall and flange [mm].
-    saddle_depth : float
-        By which the top is lower at the middle [mm].
-    saddle_length : float
-        Along x, over which the top is lowered [mm].
 
     Raises
     ------
@@ -115,35 +95,27 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
         # half width at the middle where the circles overlap
         least = math.sqrt(max(0.0, R * R - c * c))
         if w <= least or w > R:
-            yield (
-                f"waist is {w:g}; allowed is above {least:g} and at most dome_radius = {R:g}, with "
-                f"dome_distance {2 * c:g}"
-            )
+            ends = f"above {least:g} and at most dome_radius = {R:g}"
+            yield f"waist is {w:g}; allowed is {ends}, with dome_distance {2 * c:g}"
         elif 2 * (R - w) * entry * tangent >= (turn := c * c + w * w - R * R):
-            yield (
-                f"waist is {w:g}; allowed is larger, as the fillet's foot, {entry * tangent:g} "
-                "outside the outline, must not reach the centre of the outline's concave arc of "
-                f"radius {turn / (2 * (R - w)):g} there"
-            )
+            arc = f"the outline's concave arc of radius {turn / (2 * (R - w)):g} there"
+            foot = f"the fillet's foot, {entry * tangent:g} outside the outline"
+            why = f"as {foot}, must not reach the centre of {arc}"
+            yield f"waist is {w:g}; allowed is larger, {why}"
         if self.saddle_depth >= depth:
             yield f"saddle_depth is {self.saddle_depth:g}; allowed is below depth = {depth:g}"
         room = 1 - math.sin(radians)
         if (top + entry) * room > depth:
-            yield (
-                f"top_radius + entry_radius is {top + entry:g}; allowed is at most "
-                f"{depth / room:g}, so that they fit between top and flange with depth {depth:g} "
-                f"and wall_angle {angle:g}"
-            )
+            most, why = depth / room, "so that they fit between top and flange"
+            why = f"{why} with depth {depth:g} and wall_angle {angle:g}"
+            yield f"top_radius + entry_radius is {top + entry:g}; allowed is at most {most:g}, {why}"
         if slope >= w:
-            yield (
-                f"wall_angle is {angle:g}; allowed is below {math.degrees(math.atan(w / depth)):g},"
-                f" as the walls of depth {depth:g} must not meet within waist {w:g}"
-            )
+            most = math.degrees(math.atan(w / depth))
+            why = f"as the walls of depth {depth:g} must not meet within waist {w:g}"
+            yield f"wall_angle is {angle:g}; allowed is below {most:g}, {why}"
         elif top * tangent >= w - slope:
-            yield (
-                f"top_radius is {top:g}; allowed is below {(w - slope) / tangent:g}, so that it "
-                f"leaves a flat top within waist {w:g} at wall_angle {angle:g}"
-            )
+            why = f"so that it leaves a flat top within waist {w:g} at wall_angle {angle:g}"
+            yield f"top_radius is {top:g}; allowed is below {(w - slope) / tangent:g}, {why}"
 
     @property
     def roundings(self) -> tuple[float, float]:
@@ -154,23 +126,20 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
     def plan(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Signed distance (n,) [mm] to the outline, its gradient (2, n), curvature (n,) [1/mm] of
         its level lines."""
-        found = equation.plans(self._shape, *np.array([x, y], dtype=float))
-        return found[0], found[1:3], found[3]
+        d, dx, dy, bend = equation.plans(self._shape, *np.array([x, y], dtype=float))
+        return d, np.array([dx, dy]), bend
 
     def height(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """H (n,) and its first and second derivative at x (n,) [mm]; H is 1 beyond the saddle."""
         return tuple(equation.heights(self._shape, np.array(x, dtype=float)))
 
     def value(self, x: np.ndarray) -> np.ndarray:
-        """F (n,) [mm] at x (3, n) [mm]."""
         return equation.value(self._shape, np.ascontiguousarray(x.T, dtype=float))
 
     def implicit(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """F (n,) [mm], its gradient (3, n) and Hessian (3, 3, n) [1/mm] at x (3, n) [mm]."""
         return equation.implicit(self._shape, np.ascontiguousarray(x.T, dtype=float))
 
     def bound(self, F: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """As in `ImplicitSurface`."""
         # |F| is at most the distance times the largest gradient between the point and the surface,
         # at any x.
         least = 1 - self.saddle_depth / self.depth
@@ -205,18 +174,9 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
         a, b = (s - rounding) / self.top_radius, (flange - s) / self.entry_radius
         where = [s <= rounding, s <= wall, s <= fillet, s <= flange]
         it, down = self._shape, s - fillet
-        ds = [
-            s,
-            it.d1 + it.top * np.sin(a),
-            it.d2 - it.entry * it.m + it.n * down,
-            it.d2 - it.entry * np.sin(b),
-        ]
-        zs = [
-            self.depth,
-            it.z1 + it.top * np.cos(a),
-            it.z2 - it.entry * it.n - it.m * down,
-            it.z2 - it.entry * np.cos(b),
-        ]
+        on_wall = it.d2 - it.entry * it.m + it.n * down, it.z2 - it.entry * it.n - it.m * down
+        ds = [s, it.d1 + it.top * np.sin(a), on_wall[0], it.d2 - it.entry * np.sin(b)]
+        zs = [self.depth, it.z1 + it.top * np.cos(a), on_wall[1], it.z2 - it.entry * np.cos(b)]
         d, z = np.select(where, ds, s - flange + it.d2), np.select(where, zs, 0.0)
         x = x + (d - s) * normal[0]
         return np.column_stack([x, y + (d - s) * normal[1], z * self.height(x)[0]])

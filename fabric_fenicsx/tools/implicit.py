@@ -47,10 +47,8 @@ class ImplicitSurface(Surface):
 
     def implicit(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """F (n,), its gradient (3, n) and Hessian (3, 3, n) at x (3, n) [mm]."""
-        raise InputError(
-            f"surface {type(self).__name__} has no `implicit`; allowed is one that gives F, its "
-            "gradient and its Hessian at points (3, n)"
-        )
+        name = type(self).__name__
+        raise InputError(f"surface {name} has no `implicit`; allowed is one that gives it")
 
     def bound(self, F: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Lower bound of the distance (n,) [mm] from x (3, n) [mm], where `value` is F (n,). Points
@@ -58,7 +56,6 @@ class ImplicitSurface(Surface):
         return np.zeros_like(F)
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
-        """As in `Surface`."""
         x = np.ascontiguousarray(points.T)
         F = self._fitting("`value`", self.value(x), x.shape[1:])
         bound = self._fitting("`bound`", self.bound(F, x), x.shape[1:])
@@ -88,32 +85,25 @@ class ImplicitSurface(Surface):
     def derivatives(self, x: np.ndarray) -> list[np.ndarray]:
         """Arrays that `implicit` gives at x (3, n); InputError if they are not as they must be."""
         given, n = self.implicit(x), x.shape[1]
-        if not (isinstance(given, (tuple, list)) and len(given) == 3):
-            found = f"{len(given)} arrays" if isinstance(given, (tuple, list)) else "no tuple"
-            raise InputError(
-                f"`implicit` of surface {type(self).__name__} gives {found}; allowed are three: F, "
-                "its gradient and its Hessian"
-            )
         shapes = {"F": (n,), "gradient": (3, n), "Hessian": (3, 3, n)}
-        return [self._fitting(name, each, shapes[name]) for name, each in zip(shapes, given)]
+        if isinstance(given, (tuple, list)) and len(given) == 3:
+            return [self._fitting(name, each, shapes[name]) for name, each in zip(shapes, given)]
+        found = f"{len(given)} arrays" if isinstance(given, (tuple, list)) else "no tuple"
+        name = type(self).__name__
+        raise InputError(f"`implicit` of surface {name} gives {found}; allowed are three arrays")
 
     def _fitting(self, name, given, shape):
         """`given` as an array of this shape; InputError, which calls it `name`, if it is none."""
         try:
             array = np.asarray(given, float)
+            if array.shape in (shape, (*shape[:-1], 1)):  # the same at all points is given once
+                return np.array(np.broadcast_to(array, shape))
+            found = f"of shape {array.shape}"
         except (TypeError, ValueError):
-            array = None
-        # what is the same at all points may be given once
-        if array is not None and array.shape == (*shape[:-1], 1):
-            return np.repeat(array, shape[-1], -1)
-        if array is not None and array.shape == shape:
-            return array
-        found = "no array of numbers" if array is None else f"of shape {array.shape}"
+            found = "no array of numbers"
+        what = f"{name} of surface {type(self).__name__} is {found} at n = {shape[-1]} points"
         allowed = "(n,)" if len(shape) == 1 else f"({', '.join(map(str, shape[:-1]))}, n)"
-        raise InputError(
-            f"{name} of surface {type(self).__name__} is {found} at n = {shape[-1]} points; "
-            f"allowed is {allowed}"
-        )
+        raise InputError(f"{what}; allowed is {allowed}")
 
     def _project(self, x, rows, found):
         """Put what belongs to the nearest points of x (n, 3) into `rows` of `found`."""

@@ -41,7 +41,6 @@ class Plane(Surface):
         self.normal = checked_vector("normal", normal, unit=True)
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
-        """As in `Surface`."""
         normal = np.tile(self.normal, (len(points), 1))
         return Nearest((points - self.point) @ self.normal, normal, np.zeros((len(points), 3, 3)))
 
@@ -162,7 +161,6 @@ class Torus(Surface):
         self._bar = Cylinder(self.centre, self.axis, self.ring)
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
-        """As in `Surface`."""
         height = (points - self.centre) @ self.axis
         out, radial, turn = self._bar.nearest(points, reach)
         up = np.broadcast_to(self.axis, points.shape)
@@ -211,9 +209,7 @@ class Plate(Surface):
         centre: ArrayLike = (0.0, 0.0, 0.0),
     ) -> None:
         if width is None and corner is not None:
-            raise InputError(
-                f"corner is {corner}, but a round opening has none: `corner` needs `width`"
-            )
+            raise InputError(f"corner is {corner}, but a round opening has none: give `width`, too")
         self.length = POSITIVE.check("length", length)
         self.width = self.length if width is None else POSITIVE.check("width", width)
         half = min(self.length, self.width) / 2
@@ -230,7 +226,6 @@ class Plate(Surface):
         return _from_rectangle(x, y, self.length, self.width, self.corner)
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
-        """As in `Surface`."""
         x, y, z = (points - self.centre).T
         d, slope, bend = self.plan(x, y)
         e, f = d - self.entry, z + self.entry

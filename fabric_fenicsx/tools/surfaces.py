@@ -1,9 +1,4 @@
-"""Base class of rigid surfaces: signed distance, normal and curvature at many points at once; and
-surfaces that are moved, turned or seen from behind.
-
-A surface bounds a body; its normal points out of it, and the gap (signed distance) is positive
-outside.
-"""
+"""Base class of rigid surfaces, and surfaces that are moved, turned or seen from behind."""
 
 from __future__ import annotations
 
@@ -91,7 +86,8 @@ class Surface:
         finite = np.isfinite(x).all(1)
         if finite.all():
             return self.nearest(x, reach)
-        found = Nearest(*(np.full((len(x), *shape), np.nan) for shape in ((), (3,), (3, 3))))
+        n = len(x)
+        found = Nearest(*(np.full(shape, np.nan) for shape in ((n,), (n, 3), (n, 3, 3))))
         for whole, part in zip(found, self.nearest(x[finite], reach)):
             whole[finite] = part
         return found
@@ -145,10 +141,8 @@ class Surface:
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         """As `evaluate`, at points (n, 3) [mm] that are finite; every surface gives it."""
-        raise InputError(
-            f"surface {type(self).__name__} has no `nearest`; allowed is one that gives it, or an "
-            "`ImplicitSurface`"
-        )
+        name = type(self).__name__
+        raise InputError(f"surface {name} has no `nearest`; allowed is one that gives it")
 
 
 def radii_of(surface: Surface) -> tuple[float, float]:
@@ -157,12 +151,10 @@ def radii_of(surface: Surface) -> tuple[float, float]:
         inside, outside = (float(radius) for radius in surface.radii)
     except (TypeError, ValueError):
         inside = outside = math.nan
-    if not (inside > 0 and outside > 0):
-        raise InputError(
-            f"`radii` of surface {type(surface).__name__} are {shown(surface.radii)}; allowed are "
-            "two numbers above 0, the least radii from inside and from outside [mm]"
-        )
-    return inside, outside
+    if inside > 0 and outside > 0:
+        return inside, outside
+    name, found = type(surface).__name__, shown(surface.radii)
+    raise InputError(f"`radii` of surface {name} are {found}; allowed are two numbers above 0 [mm]")
 
 
 class _Changed(Surface):
@@ -218,12 +210,10 @@ class Offset(_Changed):
         self.radii = (inside + self.distance, outside - self.distance)
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
-        """As in `Surface`."""
         gap, normal, curvature = self.surface.nearest(points, reach + abs(self.distance))
         return Nearest(gap - self.distance, normal, curvature)
 
     def mesh(self, low: ArrayLike, high: ArrayLike, size: float) -> Drawn:
-        """As in `Surface`."""
         room = abs(self.distance)
         low, high = np.subtract(low, room), np.add(high, room)
         points, normals, triangles = self.surface.mesh(low, high, size)
@@ -250,15 +240,12 @@ class Reversed(_Changed):
         self.surface, self.radii = surface.from_behind(), radii_of(surface)[::-1]
 
     def from_behind(self) -> Surface:
-        """As in `Surface`."""
         return self
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
-        """As in `Surface`."""
         return Nearest(*(-a for a in self.surface.nearest(points, reach)))
 
     def mesh(self, low: ArrayLike, high: ArrayLike, size: float) -> Drawn:
-        """As in `Surface`."""
         points, normals, triangles = self.surface.mesh(low, high, size)
         return points, -normals, triangles[:, ::-1]
 
@@ -267,6 +254,9 @@ class _Rigid(_Changed):
     """A surface turned or mirrored about the origin, by the matrix `_turn` (3, 3)."""
 
     _turn: np.ndarray
+
+    def __init__(self, surface: Surface) -> None:
+        self.surface, self.radii = surface, radii_of(surface)
 
     def back(self, points: np.ndarray) -> np.ndarray:
         return points @ self._turn
@@ -301,9 +291,6 @@ class Flipped(_Rigid):
 
     _turn = np.diag([1.0, 1.0, -1.0])
 
-    def __init__(self, surface: Surface) -> None:
-        self.surface, self.radii = surface, radii_of(surface)
-
 
 class Turned(_Rigid):
     """A surface turned about the origin.
@@ -329,7 +316,7 @@ class Turned(_Rigid):
     """
 
     def __init__(self, surface: Surface, angles: ArrayLike) -> None:
-        self.surface, self.radii = surface, radii_of(surface)
+        super().__init__(surface)
         self.angles = checked_vector("angles of the turn [deg]", angles)
         # of a column of coordinates
         self._turn = Rotation.from_euler("xyz", self.angles, degrees=True).as_matrix()

@@ -11,6 +11,7 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 
+from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
 from ..runtime.graph import connected
 from ..runtime.rules import BELOW_180, POSITIVE
@@ -19,7 +20,7 @@ from .curved_triangles import CurvedTriangles, row_dots
 from .files import read_triangles
 from .projection import Projection
 from .radii import least_radii
-from .surfaces import Nearest, Surface
+from .surfaces import Drawn, Nearest, Surface
 from .triangles import repaired
 
 CREASE = 35.0  # deg
@@ -142,17 +143,8 @@ class TriangulatedSurface(Surface):
             If the file cannot be read or has no triangle, or for a chord that is not above 0.
         """
         path, chord = Path(path), POSITIVE.check("chord", chord)
-        found, wrong = None, ""
-        if comm.rank == 0:
-            try:
-                found = read_triangles(path, chord)
-            except InputError as error:
-                wrong = str(error)
-        found, wrong = comm.bcast((found, wrong))
-        if found is None:
-            raise InputError(wrong)
+        points, triangles, normals = on_root(comm, lambda: read_triangles(path, chord))
         try:
-            points, triangles, normals = found
             return cls(points, triangles, normals, crease)
         except InputError as error:
             raise InputError(f"surface file {path}: {error}") from None
@@ -176,10 +168,7 @@ class TriangulatedSurface(Surface):
         own = vertices.normals[vertices.name]
         return TriangulatedSurface(self.points, self.triangles[keep], own[keep], self.crease)
 
-    def mesh(
-        self, low: ArrayLike, high: ArrayLike, size: float
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As in `Surface`: all of its own triangles."""
+    def mesh(self, low: ArrayLike, high: ArrayLike, size: float) -> Drawn:
         # a point of the drawing for each smooth vertex, so that sharp edges look sharp
         vertices = self.curved.vertices
         points = np.empty_like(vertices.normals)
@@ -187,7 +176,7 @@ class TriangulatedSurface(Surface):
         return points, vertices.normals, vertices.name
 
     def from_behind(self) -> TriangulatedSurface:
-        """As in `Surface`: the gap beyond the rim has the other sign."""
+        """The same, but the gap beyond the rim has the other sign."""
         seen = copy(self)
         seen._rim_side, seen._known = -self._rim_side, {}
         seen._projection = self._projection.from_behind()
@@ -209,7 +198,6 @@ class TriangulatedSurface(Surface):
     __hash__ = Surface.__hash__
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
-        """As in `Surface`."""
         curved, (known, moved) = self.curved, self._known_of(points)
         sought = np.flatnonzero(known.clear - moved <= reach)
         row, triangle, weights, distance = closest(
