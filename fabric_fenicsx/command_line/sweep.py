@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..runtime.errors import InputError, Interrupted, SolverFailure
+from ..runtime.files import unwritable
 from ..runtime.rules import COUNT, Rule
 from ..sweep import varied
 from ..sweep.folder import SweepFolder, check_quantity, read_press
@@ -87,11 +88,7 @@ def main(argv: Sequence[str], program: type[Form] = Form) -> int:
         print(f"{NAME}: {text.removeprefix('stopped: ')}", file=sys.stderr, flush=True)
         return status
     except OSError as error:
-        print(
-            f"{NAME}: error: {error.filename} can't be read or written ({error.strerror}); allowed "
-            "is a file in a folder of this user, with space left",
-            file=sys.stderr,
-        )
+        print(f"{NAME}: {exit_status(unwritable(error))[1]}", file=sys.stderr)
         return 2
     return 0
 
@@ -103,10 +100,8 @@ def _parted(argv):
     passed = words[cut + 1 :]
     for word in passed:
         if word.split("=")[0] in TAKEN:
-            raise InputError(
-                f"option {word} is behind --; allowed are options of fabric form but "
-                f"{', '.join(TAKEN)}"
-            )
+            allowed = f"options of fabric form but {', '.join(TAKEN)}"
+            raise InputError(f"option {word} is behind --; allowed are {allowed}")
     return words[:cut], passed
 
 
@@ -181,14 +176,13 @@ def _check_together(args, lists):
         raise InputError(f"--minimise varies {len(lists)} numbers; allowed is one or two --vary")
     if args.scatter:
         if not lists:
+            allowed = "a table [scatter] in a material file, or --vary KEY=LOW..HIGH"
+            raise InputError(f"nothing scatters; allowed is {allowed}")
+        least = 2 * len(lists) + 2
+        if args.scatter < least:
+            allowed = f"{1 << (least - 1).bit_length()} or more"
             raise InputError(
-                "nothing scatters; allowed is a table [scatter] in a material file, or --vary "
-                "KEY=LOW..HIGH"
-            )
-        if args.scatter < 2 * len(lists) + 2:
-            raise InputError(
-                f"--scatter is {args.scatter}; allowed for {len(lists)} numbers is "
-                f"{1 << (2 * len(lists) + 1).bit_length()} or more"
+                f"--scatter is {args.scatter}; allowed for {len(lists)} numbers is {allowed}"
             )
     if not args.below or args.scatter or args.minimise:
         return
@@ -216,15 +210,12 @@ def _announce(values, runner):
 
 def _finer(changes, evaluate):
     """The `Finer` mesh that these changes of a press make, None without any."""
-    from ..sweep import optimum
-
-    if not changes:
-        return None
+    from ..sweep.optimum import Finer
 
     def done(values):
         return evaluate([{**each, **changes} for each in values])
 
-    return optimum.Finer(varied.label(changes), done)
+    return Finer(varied.label(changes), done) if changes else None
 
 
 def _evaluated(runner, asked, values):

@@ -20,7 +20,7 @@ from petsc4py import PETSc
 
 from ..runtime import timing
 from ..runtime.errors import InputError
-from ..runtime.files import LOCK_FILE, lock_folder, replace_file
+from ..runtime.files import LOCK_FILE, lock_folder, read_summary, replace_file
 from ..runtime.logs import MARKED, LogFile, log
 from ..runtime.version import __version__
 
@@ -44,15 +44,6 @@ def finite(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [finite(each) for each in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def read_summary(path: Path) -> dict[str, Any]:
-    """The summary in `path`, {} if there is none."""
-    try:
-        summary = json.loads(path.read_text())
-    except (OSError, ValueError):
-        return {}
-    return summary if isinstance(summary, dict) else {}
 
 
 def failure_reason(path: Path) -> str:

@@ -1,10 +1,11 @@
 """Files to read, files that are complete at any moment, and folders that one run has locked."""
 
 import fcntl
+import json
 import os
 from contextlib import suppress
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 from .errors import InputError
 
@@ -17,6 +18,15 @@ def check_file(path: Path, what: str, allowed: str) -> None:
         raise InputError(f"{what} {path} does not exist or is not a file; allowed is {allowed}")
     if not path.stat().st_size:
         raise InputError(f"{what} {path} is empty; allowed is {allowed}")
+
+
+def read_summary(path: Path) -> dict[str, Any]:
+    """The summary in `path`, {} if there is none."""
+    try:
+        summary = json.loads(path.read_text())
+    except (OSError, ValueError):
+        return {}
+    return summary if isinstance(summary, dict) else {}
 
 
 def lock_folder(folder: Path) -> IO | None:

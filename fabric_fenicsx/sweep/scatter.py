@@ -79,12 +79,9 @@ def spread(runs: Sequence[Run], ranges: Sequence[Range], quantity: str) -> Sprea
         Effect(name, r.low, r.high, float(b), float(e), float(share))
         for name, r, b, e, share in zip(names, ranges, slopes[1:], errors[1:], parts / whole)
     ]
-    low, high = np.quantile(y, BOUNDS)
     ordered = sorted(effects, key=lambda each: -each.share)
-    deviation = float(y.std(ddof=1))
-    return Spread(
-        len(y), float(y.mean()), deviation, (float(low), float(high)), ordered, rest / whole
-    )
+    mean, deviation, bounds = float(y.mean()), float(y.std(ddof=1)), np.quantile(y, BOUNDS)
+    return Spread(len(y), mean, deviation, tuple(bounds.tolist()), ordered, rest / whole)
 
 
 def told(
@@ -98,20 +95,15 @@ def told(
     known = [run for run in runs if run.is_believed()]
     if len(known) < len(ranges) + 3:
         raise SolverFailure(f"{len(known)} of {len(runs)} runs are believed, too few to tell more")
-    found = {
-        name: spread(known, ranges, name)
-        for name in labels
-        if all(name in run.numbers() for run in known)
-    }
+    names = [name for name in labels if all(name in run.numbers() for run in known)]
+    found = {name: spread(known, ranges, name) for name in names}
     sentences = [each.words(labels[name]) for name, each in found.items()]
     for name, limit in limits:
         count = sum(run.number(name) < limit for run in known)
         sentences.append(f"{name} below {rounded(limit, 5)}: in {count} of {len(known)} runs")
-    if len(known) < len(runs):
-        sentences.append(
-            f"{len(runs) - len(known)} of {len(runs)} runs are not believed and left out: what is "
-            "told is of the others, which may lie on one side"
-        )
+    if lost := len(runs) - len(known):
+        left_out = f"{lost} of {len(runs)} runs are not believed and left out"
+        sentences.append(f"{left_out}: what is told is of the others, of one side perhaps")
     facts = {
         name: s._asdict() | {"effects": [e._asdict() for e in s.effects]}
         for name, s in found.items()

@@ -108,7 +108,8 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
         if (top + entry) * room > depth:
             most, why = depth / room, "so that they fit between top and flange"
             why = f"{why} with depth {depth:g} and wall_angle {angle:g}"
-            yield f"top_radius + entry_radius is {top + entry:g}; allowed is at most {most:g}, {why}"
+            both = f"top_radius + entry_radius is {top + entry:g}"
+            yield f"{both}; allowed is at most {most:g}, {why}"
         if slope >= w:
             most = math.degrees(math.atan(w / depth))
             why = f"as the walls of depth {depth:g} must not meet within waist {w:g}"
