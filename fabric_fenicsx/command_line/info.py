@@ -7,9 +7,6 @@ is told in words.
 import os
 import platform
 import re
-import signal
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -17,9 +14,10 @@ from contextlib import suppress
 from functools import partial
 from importlib import import_module
 from importlib.metadata import version as installed
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from unittest.mock import patch
 
+from ..runtime.child import in_child
 from ..runtime.signals import end_with_reader
 from ..runtime.version import __version__
 
@@ -111,40 +109,20 @@ def _reason(error):
     return text if isinstance(error, Broken) else f"{type(error).__name__}: {text}"
 
 
-def _attribute(module):
-    return str(import_module(module).__version__)
-
-
-def _petsc():
-    return ".".join(map(str, import_module("petsc4py.PETSc").Sys.getVersion()))
-
-
-def _mpi():
-    library = import_module("mpi4py.MPI").Get_library_version()
-    return re.split(r"[,\n]", library)[0].strip()
-
-
-def _vtk():
-    return str(import_module("vtkmodules.vtkCommonCore").vtkVersion.GetVTKVersion())
-
-
-VERSIONS: dict[str, Callable[[], str]] = {
+# by name: a function that returns the version
+VERSIONS: dict[str, Callable[[], Any]] = {
     "fabric_fenicsx": lambda: __version__,
     "python": platform.python_version,
-    "dolfinx": partial(_attribute, "dolfinx"),
-    "ufl": partial(_attribute, "ufl"),
-    "petsc": _petsc,
-    "petsc4py": partial(_attribute, "petsc4py"),
-    "mpi4py": partial(_attribute, "mpi4py"),
-    "MPI library": _mpi,
-    "numpy": partial(_attribute, "numpy"),
-    "scipy": partial(_attribute, "scipy"),
-    "gmsh": partial(_attribute, "gmsh"),
-    "meshio": partial(installed, "meshio"),
-    "pyvista": partial(installed, "pyvista"),
-    "VTK": _vtk,
-    "ezdxf": partial(installed, "ezdxf"),
-    "shapely": partial(installed, "shapely"),
+    **{
+        name: lambda name=name: import_module(name).__version__
+        for name in ("dolfinx", "ufl", "petsc4py", "mpi4py", "numpy", "scipy", "gmsh")
+    },
+    "petsc": lambda: ".".join(map(str, import_module("petsc4py.PETSc").Sys.getVersion())),
+    "MPI library": lambda: re.split(
+        r"[,\n]", import_module("mpi4py.MPI").Get_library_version().strip()
+    )[0],
+    "VTK": lambda: import_module("vtkmodules.vtkCommonCore").vtkVersion.GetVTKVersion(),
+    **{name: partial(installed, name) for name in ("meshio", "pyvista", "ezdxf", "shapely")},
 }
 
 
@@ -165,9 +143,8 @@ def _mumps(comm):
     n = 20
     A = PETSc.Mat().createAIJ((n, n), nnz=3, comm=comm)
     for i in range(*A.getOwnershipRange()):
-        for j, value in ((i - 1, -1.0), (i, 2.0), (i + 1, -1.0)):
-            if 0 <= j < n:
-                A.setValue(i, j, value)
+        near = [j for j in (i - 1, i, i + 1) if 0 <= j < n]
+        A.setValues(i, near, [2.0 if j == i else -1.0 for j in near])
     A.assemble()
     A.setOption(PETSc.Mat.Option.SPD, True)
     x, b = A.createVecs()
@@ -242,23 +219,11 @@ def _gmsh(comm):
 
 def _pyvista(comm):
     """Draw in a process of its own, as VTK may take it down where there is no screen."""
-    of_mpi = "OMPI_", "PMIX_", "PMI_", "MPI_"
-    alone = {k: v for k, v in os.environ.items() if not k.startswith(of_mpi)}
-    command = [sys.executable, "-c", DRAWING]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, env=alone)
-    except subprocess.TimeoutExpired:
-        raise Broken(f"nothing was drawn within {PATIENCE} s") from None
-    if done.returncode < 0:
-        name = signal.Signals(-done.returncode).name
-        raise Broken(
-            f"VTK ended the process by {name}: it found nothing to draw on (libegl1 on Debian 12, "
-            "xvfb on 13)"
-        )
-    if done.returncode:
-        lines = done.stderr.strip().splitlines()
-        reason = re.sub(r"^[\w.]*(InputError|Broken): ", "", lines[-1]) if lines else ""
-        raise Broken(reason or f"it ended with status {done.returncode}")
+        in_child(exec, DRAWING, patience=PATIENCE)
+    except RuntimeError as error:
+        hint = "found nothing to draw on? (libegl1 on Debian 12, xvfb on 13)"
+        raise Broken(f"{error}; VTK {hint}" if "crashed" in str(error) else str(error)) from None
     return ""
 
 

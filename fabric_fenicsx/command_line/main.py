@@ -5,11 +5,11 @@ import ast
 import runpy
 import sys
 import textwrap
-from importlib import import_module
 from pathlib import Path
 
 from ..runtime.cache_folders import is_first
 from ..runtime.errors import InputError
+from ..runtime.files import unwritable
 from ..runtime.rules import unknown_key
 from ..runtime.signals import end_with_reader
 from ..runtime.status import shown, task
@@ -24,7 +24,7 @@ COMMANDS = {
     "view": "DIR: formed plies and tools in a window, or a page for a browser (--help)",
     "sweep": "runs of a press file with several values, side by side; see its --help",
 }
-PARSED = ("export", "pattern", "view")  # those with options, each a module here with `run(words)`
+PARSED = ("export", "pattern", "view")  # those with options
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -53,11 +53,13 @@ def main(argv: list[str] | None = None) -> int:
         if command == "info":
             return info.show(comm)
         if first and command in PARSED:
-            import_module(f"{__package__}.{command}").run(argv[1:])
+            from . import results
+
+            results.run(command, argv[1:])
         elif first:
             print(_listed(scripts.values()))
-    except InputError as error:
-        status, text = exit_status(error)
+    except (InputError, OSError) as error:
+        status, text = exit_status(unwritable(error) if isinstance(error, OSError) else error)
         if first:
             print(f"fabric: {text}", file=sys.stderr, flush=True)
     if comm is not None:

@@ -20,7 +20,7 @@ from petsc4py import PETSc
 
 from ..runtime import timing
 from ..runtime.errors import InputError
-from ..runtime.files import LOCK_FILE, lock_folder, read_summary, replace_file
+from ..runtime.files import LOCK_FILE, lock_folder, replace_file
 from ..runtime.logs import MARKED, LogFile, log
 from ..runtime.version import __version__
 
@@ -44,13 +44,6 @@ def finite(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [finite(each) for each in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def failure_reason(path: Path) -> str:
-    """Reason why the run of the summary in `path` did not end well, "" if it did or there is
-    none."""
-    summary = read_summary(path)
-    return "" if summary.get("converged", True) else str(summary.get("reason", "no reason given"))
 
 
 class Output:

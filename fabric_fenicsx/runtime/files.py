@@ -29,6 +29,13 @@ def read_summary(path: Path) -> dict[str, Any]:
     return summary if isinstance(summary, dict) else {}
 
 
+def failure_reason(path: Path) -> str:
+    """Reason why the run of the summary in `path` did not end well, "" if it did or there is
+    none."""
+    summary = read_summary(path)
+    return "" if summary.get("converged", True) else str(summary.get("reason", "no reason given"))
+
+
 def lock_folder(folder: Path) -> IO | None:
     """Lock `folder` for this process until the returned file is closed or the process ends; None if
     another process has locked it. A file system without locks locks nothing. Raises OSError if the
@@ -62,8 +69,6 @@ def replace_file(path: Path, content: str | bytes, lasting: bool = False) -> Non
 
 
 def unwritable(error: OSError) -> InputError:
-    """The InputError of a file that a command can't write."""
-    return InputError(
-        f"{error.filename} can't be written ({error.strerror}); allowed is a file in a folder of "
-        "this user"
-    )
+    """The InputError of a file that a command can't read or write."""
+    flaw = f"{error.filename or 'a file'} can't be read or written ({error.strerror})"
+    return InputError(f"{flaw}; allowed is a file in a folder of this user, with space left")
