@@ -109,14 +109,16 @@ def _reason(error):
     return text if isinstance(error, Broken) else f"{type(error).__name__}: {text}"
 
 
+def _attribute(module):
+    return import_module(module).__version__
+
+
 # by name: a function that returns the version
+IMPORTED = "dolfinx", "ufl", "petsc4py", "mpi4py", "numpy", "scipy", "gmsh"
 VERSIONS: dict[str, Callable[[], Any]] = {
     "fabric_fenicsx": lambda: __version__,
     "python": platform.python_version,
-    **{
-        name: lambda name=name: import_module(name).__version__
-        for name in ("dolfinx", "ufl", "petsc4py", "mpi4py", "numpy", "scipy", "gmsh")
-    },
+    **{name: partial(_attribute, name) for name in IMPORTED},
     "petsc": lambda: ".".join(map(str, import_module("petsc4py.PETSc").Sys.getVersion())),
     "MPI library": lambda: re.split(
         r"[,\n]", import_module("mpi4py.MPI").Get_library_version().strip()

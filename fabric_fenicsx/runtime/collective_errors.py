@@ -26,7 +26,7 @@ def on_root(comm: MPI.Comm, make: Callable[[], T]) -> T:
     found, error = comm.bcast((found, error))
     if error:
         raise InputError(error)
-    return found  # type: ignore[return-value]
+    return found
 
 
 def is_alone(comm: MPI.Comm) -> bool:

@@ -96,6 +96,11 @@ def switch(text: str, group: str = "test") -> Any:
     return field(default=False, metadata={"switch": True, "help": text, "group": group})
 
 
+def repeated(words: str, metavar: str, group: str = "test") -> Any:
+    """A field: several texts, none by default."""
+    return field(default=(), metadata={"repeated": metavar, "help": words, "group": group})
+
+
 def text(default: str | None, words: str, metavar: str, group: str = "test") -> Any:
     """A field: a name, as of a file."""
     meta = {"metavar": metavar, "help": words, "group": group}

@@ -83,6 +83,7 @@ def _tangent(mesh, centre, normal, direction, name):
 def _refuse(mesh, bad, centre, flaw):
     """Raise the same InputError on all ranks if any rank has a bad cell."""
     mine = centre[bad][:1].round(6).tolist()
-    if found := sum(mesh.comm.allgather(mine), []):
+    found: list = sum(mesh.comm.allgather(mine), [])
+    if found:
         where = f"in the cell at {tuple(found[0])} mm"
         raise InputError(f"{flaw} {where}; allowed are directions in its tangent plane")

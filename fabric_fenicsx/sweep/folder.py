@@ -119,12 +119,13 @@ class SweepFolder:
             self._refuse_another(known, press)
         try:
             path.mkdir(parents=True, exist_ok=True)
-            self._lock = lock_folder(path)
+            lock = lock_folder(path)
         except OSError as error:
             flaw = f"can't be written to ({error.strerror})"
             raise InputError(f"--out {path} {flaw}; allowed is a folder that can be made") from None
-        if not self._lock:
+        if not lock:
             raise InputError(f"--out {path} is in use by another sweep; allowed is another folder")
+        self._lock = lock
         runs = [Run(**each | {"folder": path / each["folder"]}) for each in known.get("runs", ())]
         self.runs = {run.folder.name: run for run in runs if not overwrite}
         if overwrite:
