@@ -95,10 +95,8 @@ class FieldSeries:
         self._units = dict(UNITS)
         self._tools = output.tools(scene)
         self._parts = list(self.blank.parts.values()) or [self.blank.whole]
-        extent = self.blank.extent()
-        self._surfaces = (
-            [triangulated(tool, *extent) for tool in self._tools] if self.comm.rank == 0 else []
-        )
+        extent, first = self.blank.extent(), self.comm.rank == 0
+        self._surfaces = [triangulated(tool, *extent) for tool in self._tools if first]
         cells, types, points = compat.vtk_mesh(self.blank.V)
         self._ranks = [rank for rank, n in enumerate(self.comm.allgather(len(types))) if n]
         yarns = yarn_coordinates(self.blank)

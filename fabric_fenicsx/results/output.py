@@ -19,6 +19,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from ..runtime import timing
+from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
 from ..runtime.files import LOCK_FILE, lock_folder, replace_file
 from ..runtime.logs import MARKED, LogFile, log
@@ -113,19 +114,8 @@ class Output:
         Raises InputError if it can't be written to, if another run uses it, or if it holds results
         and neither resume nor overwrite is set.
         """
-        path, error = self.path / part, None
-        if self.comm.rank == 0:
-            try:
-                self._make(path)
-            except InputError as e:
-                error = str(e)
-            except OSError as e:
-                error = (
-                    f"`out` {path} can't be written to ({e.strerror}); allowed is a folder that is "
-                    "there or can be made"
-                )
-        if error := self.comm.bcast(error):
-            raise InputError(error)
+        path = self.path / part
+        on_root(self.comm, lambda: self._make(path))
         self.begun = True
         if part and part not in self.parts:
             self.parts.append(part)
@@ -134,12 +124,15 @@ class Output:
     def _make(self, path):
         """Make the folder and, the first time, lock it."""
         old = [] if self._lock else self._allowed_results(path)
-        path.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=path):
-            pass
-        if self._lock:
-            return
-        self._lock = lock_folder(self.path)
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=path).close()
+            if self._lock:
+                return
+            self._lock = lock_folder(self.path)
+        except OSError as error:
+            flaw = f"`out` {path} can't be written to ({error.strerror})"
+            raise InputError(f"{flaw}; allowed is a folder that can be made") from None
         # another run may have begun, or even ended, since we looked for results
         if not self._lock or self._results() != old:
             raise self._is_used()
@@ -153,24 +146,19 @@ class Output:
         """Results in the folder, which this run may go on with or lose."""
         old, out = self._results(), self.path
         if self.resume and not {"checkpoint.npz", "done.json"} & {file.name for file in old}:
-            raise InputError(
-                f"`resume=True` finds no checkpoint in {path}; allowed is the `out` of a run that "
-                "was begun"
-            )
+            flaw = f"`resume=True` finds no checkpoint in {path}"
+            raise InputError(f"{flaw}; allowed is the `out` of a run that was begun")
         if old and not (self.resume or self.overwrite):
             if (out / LOCK_FILE).exists() and not lock_folder(out):
                 raise self._is_used()
-            raise InputError(
-                f"`out` {out} holds results ({old[0].relative_to(out)}); allowed is another "
-                "folder, `resume=True` to go on with them, `overwrite=True` to lose them"
-            )
+            found = f"`out` {out} holds results ({old[0].relative_to(out)})"
+            allowed = "`resume=True` to go on with them, `overwrite=True` to lose them"
+            raise InputError(f"{found}; allowed is another folder, {allowed}")
         return old
 
     def _is_used(self):
-        return InputError(
-            f"`out` {self.path} is in use by another run; allowed is another folder, or this one "
-            "when that run has ended"
-        )
+        allowed = "another folder, or this one when that run has ended"
+        return InputError(f"`out` {self.path} is in use by another run; allowed is {allowed}")
 
     def _results(self):
         """Files in the folder by which it is known to hold results."""
@@ -193,23 +181,24 @@ class Output:
 
     def _read_done(self, problem):
         """Results of `once` of the run that is resumed."""
-        path, found = self.folder() / "done.json", None
-        if self.comm.rank == 0 and self.resume and path.is_file():
+        path = self.folder() / "done.json"
+
+        def read():
+            if not (self.resume and path.is_file()):
+                return {"problem": problem, "done": {}}
             try:
-                found = json.loads(path.read_text())
-                found = {name: dict(found[name]) for name in ("problem", "done")}
+                known = json.loads(path.read_text())
+                return {name: dict(known[name]) for name in ("problem", "done")}
             except (ValueError, TypeError, KeyError) as e:
-                reason = f"{type(e).__name__}: {e}"
-                found = f"{path} cannot be read ({reason}); allowed is one that a study wrote"
-        found = self.comm.bcast(found) or {"problem": problem, "done": {}}
-        if isinstance(found, str):
-            raise InputError(found)
+                flaw = f"{path} cannot be read ({type(e).__name__}: {e})"
+                raise InputError(f"{flaw}; allowed is one that a study wrote") from None
+
+        found = on_root(self.comm, read)
         for name, value in problem.items():
             if (before := found["problem"].get(name)) != value:
-                raise InputError(
-                    f"{path} was made with {name} = {before}, now it is {value}; allowed is the "
-                    "same problem, or a run that begins anew (`overwrite`)"
-                )
+                flaw = f"{path} was made with {name} = {before}, now it is {value}"
+                allowed = "the same problem, or a run that begins anew (`overwrite`)"
+                raise InputError(f"{flaw}; allowed is {allowed}")
         return found
 
     def where(self, folder: Path, whole: bool = False) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 from ..material.strains import SHORTENED, share_name
 from ..mechanics.materials import fabric_of
 from ..mechanics.shell.bending import Bending, shortest_wave
+from ..runtime.collective_errors import on_root
 from ..runtime.formatting import of_sheet, percent, rounded
 from ..sheets.blank import Part
 from . import measures
@@ -90,10 +91,8 @@ def shape(
     of `wrinkles.height_map`."""
     from ..postprocess.wrinkles import wrinkles
 
-    comm, found = result.scene.comm, None
-    if comm.rank == 0:
-        found = wrinkles(result.grids[part.name], over_tools)
-    return {"draw_in": result.draw_in(part.name), "wrinkles": comm.bcast(found)}
+    found = on_root(result.scene.comm, lambda: wrinkles(result.grids[part.name], over_tools))
+    return {"draw_in": result.draw_in(part.name), "wrinkles": found}
 
 
 def stack_quantities(
@@ -129,15 +128,15 @@ def middle_quantities(result: Result, name: str) -> dict[str, float]:
     of `shape.contrast` [deg]."""
     from ..postprocess import shape
 
-    comm, found = result.scene.comm, {}
-    if comm.rank == 0:
+    def found():
         grid = result.grids[name]
         path = shape.along_paths(grid, (45,))[45]
-        found = {
+        return {
             "shear_angle_on_45_deg_path_deg": float(abs(path.shear_angle).max()),
             "shear_contrast_deg": float(np.degrees(shape.contrast(grid, "shear_angle"))),
         }
-    return comm.bcast(found)
+
+    return on_root(result.scene.comm, found)
 
 
 # -- shear and shortening
@@ -223,10 +222,11 @@ def fabric_warnings(result: Result) -> list[str]:
         shares = fields.get("fibre_volume_fraction", np.full(len(blank.areas()), np.nan))
         most = _known(np.fmax, result.scene.comm, shares[part.cells])
         if most and most > PACKED:
+            flaw = f"more than round ones can ({rounded(PACKED)})"
             sentences.append(
                 f"fibres of {part.name or blank.name} fill up to {rounded(most)} of its volume, "
-                f"more than round ones can ({rounded(PACKED)}): too much pressure or shear, or the "
-                "fabric's thickness, `density`, `fibre_density` or `compaction` is wrong"
+                f"{flaw}: too much pressure or shear, or the fabric's thickness, "
+                "`density`, `fibre_density` or `compaction` is wrong"
             )
     return sentences
 
