@@ -75,9 +75,8 @@ def setup_picture(
     draw on.
     """
     motions = {name: np.asarray(v, float) for name, v in (motions or {}).items() if np.any(v)}
-    scene = _scene(
-        {name: space.surface_of(grid, formed=False) for name, grid in plies.items()}, tools
-    )
+    flat = {name: space.surface_of(grid, formed=False) for name, grid in plies.items()}
+    scene = _scene(flat, tools)
     pixels = space.image(partial(_draw_setup, scene=scene, motions=motions), VIEW, scene.bounds)
     page = plt.figure(figsize=(16, 12))
     ax = page.add_axes((0.02, 0.4, 0.96, 0.54))
@@ -166,14 +165,11 @@ def _draw_setup(plotter, scene, motions):
             plotter.add_mesh(edges, color=colour, line_width=2)
         if name in motions:
             start = np.array([high[0] + (0.05 + 0.07 * k) * size, low[1], surface.center[2]])
-            plotter.add_mesh(_arrow(start, motions[name], size), color=colour)
-
-
-def _arrow(start, motion, size):
-    length = float(np.linalg.norm(motion))
-    wide = min(0.008 * size / length, 0.1)
-    tip = {"tip_radius": 2.5 * wide, "tip_length": min(0.4, 7 * wide)}
-    return pyvista.Arrow(start=start, direction=motion, scale=length, shaft_radius=wide, **tip)
+            length = float(np.linalg.norm(motions[name]))
+            wide = min(0.008 * size / length, 0.1)
+            tip = {"tip_radius": 2.5 * wide, "tip_length": min(0.4, 7 * wide)}
+            place = {"start": start, "direction": motions[name], "scale": length}
+            plotter.add_mesh(pyvista.Arrow(shaft_radius=wide, **place, **tip), color=colour)
 
 
 def _draw_state(plotter, scene, limit, spacing):
@@ -241,11 +237,12 @@ def _captions(history):
     force = "reaction_of_whole_N" if rows and "reaction_of_whole_N" in rows[0] else "reaction_N"
     large = max((abs(float(row[force])) for row in rows), default=0.0) or 1.0
     digits = 2 - int(np.floor(np.log10(large)))  # of three that count in the largest
-    return {
-        float(row["load"]): f"stroke {rounded(float(row['displacement_mm']))} mm, "
-        f"{rounded(round(float(row[force]), digits), 9)} N"
-        for row in rows
-    }
+    texts = {}
+    for row in rows:
+        newtons = rounded(round(float(row[force]), digits), 9)
+        stroke = rounded(float(row["displacement_mm"]))
+        texts[float(row["load"])] = f"stroke {stroke} mm, {newtons} N"
+    return texts
 
 
 def _strip(path, images, texts, limit):

@@ -52,9 +52,8 @@ def along_paths(
     cell_at = plan.get_trifinder()
     factors = {"log_eps_11": 1.0, "log_eps_22": 1.0, "shear_angle": 180 / np.pi}
     at_nodes = [factor * ply.at_nodes(ply.fields[name]) for name, factor in factors.items()]
-    formed, values = (
-        [LinearTriInterpolator(plan, v, cell_at) for v in each] for each in (ply.formed.T, at_nodes)
-    )
+    of = [LinearTriInterpolator(plan, v, cell_at) for v in (*ply.formed.T, *at_nodes)]
+    formed, values = of[:3], of[3:]
     paths = {}
     for angle in angles_deg:
         direction = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
@@ -62,10 +61,8 @@ def along_paths(
         s = np.arange(0, np.linalg.norm(ply.x[:, :2], axis=1).max() + spacing, spacing / fine)
         outside = cell_at(*np.outer(direction, s)) < 0
         if outside[0]:
-            raise InputError(
-                "the ply does not cover the origin, where paths start; allowed is one around it, "
-                "or a quarter that begins there"
-            )
+            flaw = "the ply does not cover the origin, where paths start"
+            raise InputError(f"{flaw}; allowed is one around it, or a quarter that begins there")
         low, high = s[outside.argmax() - 1 : outside.argmax() + 1]
         while high - low > SAME / 10:
             middle = (low + high) / 2
@@ -103,9 +100,8 @@ def write_paths(file: File, paths: Mapping[float, Path]) -> None:
         names = "distance_mm", "formed_distance_mm", "log_eps_11", "log_eps_22", "shear_angle_deg"
         writer.writerow(["path_deg", *names])
         for angle, values in paths.items():
-            writer.writerows(
-                [f"{angle:g}", *(f"{v:.8g}" for v in row)] for row in zip(*values[:-1])
-            )
+            for row in zip(*values[:-1]):
+                writer.writerow([f"{angle:g}", *(f"{v:.8g}" for v in row)])
 
 
 class Outline(NamedTuple):

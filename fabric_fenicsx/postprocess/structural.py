@@ -107,10 +107,8 @@ def checked(path: Path | str) -> Path:
     """The path of a file to write; InputError if its ending is none of those known."""
     path = Path(path)
     if path.suffix not in WRITERS:
-        raise InputError(
-            f"the ending of {path} is unknown; allowed are {', '.join(WRITERS)} (VTK, Abaqus, "
-            "LS-DYNA, Nastran)"
-        )
+        allowed = f"{', '.join(WRITERS)} (VTK, Abaqus, LS-DYNA, Nastran)"
+        raise InputError(f"the ending of {path} is unknown; allowed are {allowed}")
     return path
 
 
@@ -132,10 +130,8 @@ def export(
         return plies
     unknown = [name or "the ply" for name, ply in plies.items() if "thickness" not in ply.fields]
     if unknown and path.suffix != ".inp":
-        raise InputError(
-            f"the thickness of {unknown[0]} is not known, which {path} needs; allowed are results "
-            "of a run with tools, or .inp and .vtu"
-        )
+        flaw = f"the thickness of {unknown[0]} is not known, which {path} needs"
+        raise InputError(f"{flaw}; allowed are results of a run with tools, or .inp and .vtu")
     replace_file(path, "".join(WRITERS[path.suffix](plies)))
     return plies
 
@@ -182,10 +178,8 @@ def _abaqus(plies):
         yield f"*ELEMENT, TYPE=S{cells.shape[1]}, ELSET={label}\n"
         yield from _rows(elements, cells)
         if "thickness" in fields:
-            mean = f"{fields['thickness'].mean():.9g}"
-            yield from _distribution(
-                f"{label}_thickness", LENGTH, mean, elements, fields["thickness"]
-            )
+            own, t = f"{label}_thickness", fields["thickness"]
+            yield from _distribution(own, LENGTH, f"{t.mean():.9g}", elements, t)
         if "yarn_a" in fields:
             shear = np.degrees(fields["shear_angle"])
             yield from _distribution(f"{label}_shear_angle", ANGLE, "0.0", elements, shear)
