@@ -69,10 +69,9 @@ def setup_picture(
     """The flat plies and the tools where they are now, in space and in sections through the centre:
     1600 x 1200 pixels.
 
-    plies: {name: grid}, as of `flat_grids` (before a run) or of a run's states; they are drawn as
-    they were cut. tools: {name: tool}, drawn around the blank, or {name: surface}. motions: {name
-    of a tool: (3,)}, where it goes from there [mm]. Raises InputError where VTK finds nothing to
-    draw on.
+    plies: {name: grid}, as of `flat_grids` or of a run's states, drawn as they were cut; tools:
+    {name: tool}, drawn around the blank, or {name: surface}; motions: {name of a tool: (3,)}, where
+    it goes [mm]. Raises InputError where VTK finds nothing to draw on.
     """
     motions = {name: np.asarray(v, float) for name, v in (motions or {}).items() if np.any(v)}
     flat = {name: space.surface_of(grid, formed=False) for name, grid in plies.items()}

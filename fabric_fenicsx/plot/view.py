@@ -8,7 +8,6 @@ import zipfile
 from collections.abc import Callable
 from html import escape
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyvista

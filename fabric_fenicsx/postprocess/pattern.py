@@ -54,10 +54,10 @@ def flat_pattern(grid: Grid, trim: Plane | Sequence[np.ndarray], reach: float) -
     which its normal points; of a quarter that of the whole ply.
 
     trim: lines (n, 3) in space, each point of which counts where the ply is nearest, or (n, 2),
-    which are projected along z [mm]; they form closed rings, of which the largest is the outline
-    and the others are holes. Holes of the ply stay. reach: distance from the ply up to which a line
-    counts as on it [mm]. Raises InputError for a line that is further away or leaves the ply, with
-    all places, is open, or crosses itself in the flat, and for a plane that does not cut the ply.
+    projected along z [mm]; of the closed rings that they form the largest is the outline, others
+    are holes. Holes of the ply stay. reach: distance from the ply up to which a line counts [mm].
+    Raises InputError for a line that is further away or leaves the ply, with all places, is open,
+    or crosses itself in the flat, and for a plane that does not cut the ply.
     """
     ply = whole(ply_of(grid))
     if isinstance(trim, Plane):

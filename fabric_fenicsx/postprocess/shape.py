@@ -42,10 +42,9 @@ def along_paths(
     to x; a point each `spacing` [mm] and one at the edge.
 
     A value is linear between the nodes of a cell, and at a node the mean over the cells around it
-    by their areas (a mean over these cells is what Fig. 16 of the paper shows). On a plane of
-    symmetry these are the cells on one side: a shear angle that the mirror reverses (yarns along x
-    and y) is not 0 there, as the mean of both sides is, but what the cells beside the plane have.
-    Raises InputError if the origin is not on the ply.
+    by their areas (as in Fig. 16 of the paper), on a plane of symmetry those on its one side: a
+    shear angle that the mirror reverses is not 0 there. Raises InputError if the origin is not on
+    the ply.
     """
     ply, fine = ply_of(grid), 20  # points of the line on the formed ply for each point of the path
     plan = Triangulation(*ply.x[:, :2].T, ply.triangles)

@@ -115,13 +115,10 @@ def checked(path: Path | str) -> Path:
 def export(
     grids: Mapping[str, Grid], path: Path | str, modelled: bool = False
 ) -> dict[str, FormedPly]:
-    """Write the formed plies {name: grid} with their yarn directions to `path`; returns them.
-
-    Plies and yarn directions are mirrored in the planes of symmetry, unless `modelled`.
-    docs/howto/structural_analysis.md says what is in each file: `.vtu` for VTK's readers, `.inp` as
-    Abaqus input, `.k` for LS-DYNA, `.bdf` for Nastran. Raises InputError for another ending, if no
-    ply has yarns, and for the last two if a thickness is not known.
-    """
+    """Write the formed plies {name: grid} with their yarn directions, mirrored in the planes of
+    symmetry unless `modelled`, to `path`; returns them. The ending says how: docs/howto/
+    structural_analysis.md. Raises InputError for another one, if no ply has yarns, and for LS-DYNA
+    and Nastran if a thickness is not known."""
     path, plies = checked(path), {n: formed_ply(grid, modelled) for n, grid in grids.items()}
     if not any("yarn_a" in ply.fields for ply in plies.values()):
         raise InputError("no sheet has yarns; allowed is at least one ply of fabric")

@@ -89,12 +89,9 @@ def _interpolated(at, values, places):
 
 def estimate(result: Result, coarser: Sequence[Result], names: Iterable[str]) -> dict[str, float]:
     """Estimated absolute errors {quantity: error} of a run, from one or two on meshes that are each
-    twice as coarse as the one before.
-
-    They are those of the reaction, strain energy, `names` of further quantities, the curve (at
-    most) and the FIELDS (root mean square over the area). The rows of the result get the curve's as
-    `error_N`, its fields those of the FIELDS as `error_...`.
-    """
+    twice as coarse as the one before: of the reaction, strain energy, `names` of quantities, the
+    curve (at most) and the FIELDS (root mean square over the area). The result's rows get the
+    curve's as `error_N`, its fields those of the FIELDS as `error_...`."""
     runs, errors = [result, *coarser], dict[str, float]()
     for name in ("reaction_N", "strain_energy_Nmm", *names):
         values = [value for run in runs if (value := run.number(name)) is not None]

@@ -75,16 +75,14 @@ def yarn_coordinates(blank: Blank) -> np.ndarray:
 
 class FieldSeries:
     """`DIR/fields.pvd` with one unstructured grid a state and rank: undeformed geometry, in VTK's
-    cells of the displacement's degree; displacement `u`, `yarn_coordinates` and the scene's nodal
-    fields at the points, its cell fields on the cells, `rank`. Sheets of a stack
-    and patches have a grid each, with its name, and the number `part`.
+    cells of the displacement's degree, `u`, `yarn_coordinates` and the scene's fields, `rank`. Each
+    sheet of a stack and each patch has a grid with its name, and the number `part`. If tools may
+    touch, `DIR/tools.pvd` has a block with the name and surface of each tool where that then is.
 
-    If the sheet may touch tools, `DIR/tools.pvd` has for each state a block with the name of each
-    tool, its surface where that then is. Times are load factors. The name of each array ends with
-    its unit, see `postprocess.states.save`; the field data `symmetry` names the axes x and y to
-    which planes of symmetry are perpendicular. states: those kept of a run that is resumed. Each
-    file is whole at any moment and listed after it is there. Raises OSError, on all ranks, that
-    names the file which can't be written.
+    Times are load factors. The name of each array ends with its unit, see `states.save`; the field
+    data `SYMMETRIC` are the axes to which planes of symmetry are perpendicular. states: those kept
+    of a run that is resumed. Each file is whole at any moment and listed after it is there. Raises
+    OSError, on all ranks, that names the file which can't be written.
     """
 
     def __init__(self, directory: Path, scene: Scene, states: Iterable[Sequence] = ()) -> None:
@@ -114,10 +112,8 @@ class FieldSeries:
         self._together(self._begin)
 
     def write(self, load: float, fields: Fields | None = None) -> None:
-        """Append the scene's present state at `load`; one at the same load gives way to it.
-
-        fields: its cell fields, if they are known already.
-        """
+        """Append the scene's present state at `load`, in place of one at that load; fields: its
+        cell fields, if they are known already."""
         if self.states and self.states[-1][0] == load:
             self.states.pop()
         cells = output.cell_fields(self.scene) if fields is None else fields

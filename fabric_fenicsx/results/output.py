@@ -48,12 +48,10 @@ def finite(value: Any) -> Any:
 
 
 class Output:
-    """Output folder `path` of a run called `name`, with a subfolder for each part of it.
-
-    resume: go on with the results there; overwrite: lose them. command: what log.txt begins with;
-    translated: function of a message to its text with parameters as the reader writes them. `facts`
-    are what every summary of the run repeats.
-    """
+    """Output folder `path` of a run called `name`, with a subfolder for each part of it. resume: go
+    on with the results there; overwrite: lose them. command: what log.txt begins with; translated:
+    function of a message to its text with parameters as the reader writes them. `facts` are what
+    every summary of the run repeats."""
 
     def __init__(
         self,
@@ -97,10 +95,8 @@ class Output:
             self.say(f"no test has determined these numbers of {name}: {', '.join(new)}")
 
     def warn(self, text: str) -> None:
-        """Print once, on rank 0, what the user should look at; the summary repeats it.
-
-        An empty text is nothing.
-        """
+        """Print once, on rank 0, what the user should look at; the summary repeats it. An empty
+        text is nothing."""
         text = self.translated(text)
         if text and text not in self.warnings:
             self.warnings.append(text)
@@ -109,11 +105,9 @@ class Output:
         self._warned.add(text)
 
     def folder(self, part: str = "") -> Path:
-        """Make the folder, or its subfolder `part`, and return it.
-
-        Raises InputError if it can't be written to, if another run uses it, or if it holds results
-        and neither resume nor overwrite is set.
-        """
+        """Make the folder, or its subfolder `part`, and return it. Raises InputError if it can't be
+        written to, another run uses it, or it holds results and neither resume nor overwrite is
+        set."""
         path = self.path / part
         on_root(self.comm, lambda: self._make(path))
         self.begun = True
@@ -167,10 +161,8 @@ class Output:
         ]
 
     def once(self, key: str, make: Callable[[], Any], problem: Mapping[str, Any]) -> Any:
-        """make(), which JSON must hold; a resumed run takes what make() gave before.
-
-        Raises InputError if what is resumed was another `problem`.
-        """
+        """make(), which JSON must hold; a resumed run takes what make() gave before. Raises
+        InputError if that was another `problem`."""
         if not self._done:
             self._done = self._read_done(json.loads(json.dumps(problem)))
         if key not in self._done["done"]:

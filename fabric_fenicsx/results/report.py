@@ -74,11 +74,9 @@ def page(
     ending: str,
     log: Path | None = None,
 ) -> str:
-    """HTML, with its pictures in it, of runs {name: (path of the summary, paths of pictures)}; what
-    is not there is left out.
-
-    description: of the study; ending: "done", or the reason why it ended; log: path of a text.
-    """
+    """HTML, with its pictures in it, of runs {name: (path of the summary, paths of pictures)}, as
+    far as they are there. description: of the study; ending: "done", or the reason why it ended;
+    log: path of a text."""
     shown = [_shown(name, *files) for name, files in runs.items()]
     return rendered(
         Path(__file__).with_name("report.html.jinja"),

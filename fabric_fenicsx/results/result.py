@@ -113,12 +113,9 @@ class Result:
 
     def draw_in(self, sheet: str = "") -> dict[str, Any]:
         """Ways [mm] that the edge of the sheet, or of the one of this name in a stack, went inwards
-        in plan, by the names of `postprocess.shape.draw_in`, on all ranks.
-
-        An edge on x = 0 or y = 0 that supports hold along its normal alone is a plane of symmetry.
-        Raises InputError for a name that is none, for a stack without one, and for a sheet that was
-        not flat in a plane z = const at first.
-        """
+        in plan, by the names of `postprocess.shape.draw_in`, on all ranks. An edge on x = 0 or
+        y = 0 that supports hold along its normal alone is a plane of symmetry. Raises InputError
+        for a name that is none, a stack without one, and a sheet that was not flat in z = const."""
         part, blank = self._sheet("draw-in", sheet), self.scene.blank
         z = blank.coordinates()[: len(part.nodes), 2][part.nodes]
         low, high = measures.extremes(self.scene.comm, z)

@@ -19,12 +19,9 @@ TIMEOUT = 1  # seconds that FFCx waits for another process: after that `compiled
 
 
 def compiled(comm: MPI.Comm, make: Callable[[], T]) -> T:
-    """Call `make`, which compiles a form, on all ranks of `comm`, and return its result.
-
-    FFCx gives up after a time if another process compiles the same form, and for ever if one was
-    killed while it did. Here others are waited for, however long they take, and an unfinished file
-    is removed when nobody compiles.
-    """
+    """Call `make`, which compiles a form, on all ranks of `comm`, and return its result. FFCx gives
+    up after a time if another process compiles the same form, and for ever if one was killed while
+    it did. Here others are waited for, and an unfinished file is removed when nobody compiles."""
     logging.disable(logging.INFO)  # the C compiler's command lines
     try:
         with phase("compile"), task("compiling forms, which are kept for later runs"):

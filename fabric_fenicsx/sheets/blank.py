@@ -108,20 +108,9 @@ class Blank(SheetMesh):
         return self.parts[name] if name else self.whole
 
     def divide(self, patches: Mapping[str, Callable[[np.ndarray], np.ndarray]], rest: str) -> None:
-        """Name patches as `parts`.
-
-        Parameters
-        ----------
-        patches : dict of functions
-            From the cells' centres (3, n) [mm] to a mask (n,).
-        rest : str
-            The part of what none of them marks, if there is any.
-
-        Raises
-        ------
-        InputError
-            For a patch without cells, for a cell in two, and for a blank that has parts.
-        """
+        """Name `patches` {name: function of the cells' centres (3, n) [mm] to a mask (n,)} as
+        `parts`, and `rest` what none of them marks. Raises InputError for a patch without cells,
+        for a cell in two, and for a blank that has parts."""
         if self.parts:
             known = ", ".join(self.parts)
             raise InputError(f"{self.name} has parts {known} already: it is divided only once")
@@ -168,11 +157,8 @@ class Blank(SheetMesh):
         **options
             Those of `Blank`.
 
-        Raises
-        ------
-        InputError
-            On all ranks, for a mesh that is no sheet, see `mesh_checks.checked_mesh`; doubts about
-            one that is used all the same stand in `warnings`.
+        Raises InputError, on all ranks, for a mesh that is no sheet, see `checked_mesh`; doubts
+        stand in `warnings`.
         """
 
         def given():
@@ -333,21 +319,8 @@ class Blank(SheetMesh):
         **options: Any,
     ) -> Self:
         """Blank from a mesh in mm that meshio, gmsh or PyVista reads: .msh, .inp, .bdf, .unv, .vtk,
-        .vtu, .stl, .xdmf and others.
-
-        Parameters
-        ----------
-        path
-            The file.
-        spatial, **options
-            As in `from_arrays`.
-
-        Raises
-        ------
-        InputError
-            As `from_arrays`, and for a file that cannot be read or has solid, mixed or unknown
-            cells.
-        """
+        .vtu, .stl, .xdmf and others; spatial, **options: as in `from_arrays`. Raises InputError as
+        that, and for a file that cannot be read or has solid, mixed or unknown cells."""
         blank = cls._made(comm, lambda: read_mesh(path), str(path), spatial, options)
         blank.from_file = True
         return blank

@@ -157,7 +157,7 @@ class SheetMesh:
         return _areas(self.corners())
 
     def area_ratios(self) -> np.ndarray:
-        """Areas of the owned cells now over those of the flat sheet, both as `areas`, (cells,)."""
+        """Areas of the owned cells now over those of the flat sheet, (cells,)."""
         x = self.coordinates()[:, : self.mesh.geometry.dim] + self.nodal_displacement()
         return _areas(x[self.cell_nodes[:, self.around]]) / self.areas()
 

@@ -33,19 +33,16 @@ class Stack(Blank):
     ----------
     sheets : list of (Blank, float, str)
         Flat sheets in space, their thicknesses [mm] and the names of their parts.
-    bottom : float
-        Height z of the lowest face [mm]; by default the first sheet stays where it is.
-    play : float
-        Between sheets [mm].
+    bottom, play : float
+        Height z of the lowest face, by default that of the first sheet; between sheets [mm].
     name : str
         The stack's name in messages.
 
     Raises
     ------
     InputError
-        Without sheets, for names that are empty or the same, and for a thickness that is not above
-        0; for sheets in a plane mesh, not flat in z, of other cells than P1, P2 and Q1 or of
-        different kinds, and for a sheet that lies beside all others.
+        For sheets in a plane mesh, not flat in z, of other cells than P1, P2 and Q1 or of different
+        kinds, without a name of their own or a thickness above 0, or beside all others.
 
     Examples
     --------
@@ -64,11 +61,10 @@ class Stack(Blank):
     ) -> None:
         self.sheets = [_sheet(sheet) for sheet in sheets]
         _check(self.sheets)
-        play = FINITE.check("`play` of the stack", play)
+        self.play = play = FINITE.check("`play` of the stack", play)
         if bottom is not None:
             bottom = FINITE.check("`bottom` of the stack", bottom)
         comm = self.sheets[0].blank.mesh.comm
-        self.play = play
         lower_faces = np.cumsum([0.0, *(s.thickness + play for s in self.sheets[:-1])])
         middles = lower_faces + [s.thickness / 2 for s in self.sheets]
         low = [sheet.blank.extent()[0][2] for sheet in self.sheets]
@@ -84,11 +80,9 @@ class Stack(Blank):
         self.number = number[:, 0].astype(np.int32)
         self.from_file = any(sheet.blank.from_file for sheet in self.sheets)
         self.warnings = [text for sheet in self.sheets for text in sheet.blank.warnings]
-        for k, sheet in enumerate(self.sheets):
+        for k, (blank, thickness, part) in enumerate(self.sheets):
             at = np.flatnonzero(self.number == k)
-            self.parts[sheet.name] = Part(
-                self, sheet.name, at, sheet.thickness, sheet.blank.orthogonal
-            )
+            self.parts[part] = Part(self, part, at, thickness, blank.orthogonal)
 
     def is_flat(self) -> bool:
         """True, as its sheets are."""

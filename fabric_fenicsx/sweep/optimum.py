@@ -75,15 +75,14 @@ def minimise(
     limits: Limits = (),
     finer: Finer | None = None,
 ) -> Optimum:
-    """The least value of a quantity over one or two ranges, by `evaluate`, which has the runs of
-    values done, several of them side by side; of runs that keep to the `limits`.
+    """The least value of a quantity over one or two ranges, of runs that keep to the `limits`, by
+    `evaluate`, which has the runs of values done, several of them side by side.
 
     One number: both ends, then bounded minimisation by Brent's method; two: Nelder and Mead's
-    simplex in the bounds (both of scipy). Runs that are not believed count as infinitely bad, and
-    runs beyond a limit as worse the further they are. On the `finer` mesh the best place and those
-    about it are run again, until the least is among them.
-
-    Raises SolverFailure if no run is believed, or none keeps to the limits.
+    simplex in the bounds (both of scipy). Runs that are not believed count as infinitely bad, those
+    beyond a limit as worse the further they are. On the `finer` mesh the best place and those about
+    it are run again, until the least is among them. Raises SolverFailure if no run is believed, or
+    none keeps to the limits.
     """
     from scipy import optimize  # takes long to import
 

@@ -74,8 +74,7 @@ class ImplicitSurface(Surface):
         return found
 
     def _tell_far(self, x, F, rows, reach, found):
-        """Put a gap beyond the reach into those `rows` of `found`, of points x (3, n) where no
-        nearest point was found, around which F does not change its sign."""
+        """Put a gap beyond the reach into those `rows` around whose x (3, n) F has one sign."""
         around = (x[:, :, None] + 2 * reach * AROUND.T[:, None]).reshape(3, -1)
         far = (self.value(around).reshape(len(rows), -1) * F[:, None] > 0).all(1)
         at = rows[far]

@@ -16,19 +16,8 @@ ROUNDING = 1 + 1e-12
 
 
 class Plane(Surface):
-    """Plane with the body behind it.
-
-    Parameters
-    ----------
-    point : (3,)
-        Any point of the plane [mm].
-    normal : (3,)
-        Out of the body, of any length.
-
-    Raises
-    ------
-    InputError
-        Unless both are three finite numbers, `normal` not all 0.
+    """Plane with the body behind it, by any `point` (3,) on it [mm] and its `normal` (3,) out of
+    the body, of any length. Raises InputError for other values.
 
     Examples
     --------
@@ -46,8 +35,7 @@ class Plane(Surface):
 
 
 class _Round(Surface):
-    """Sphere or cylinder: distance from its centre in the space that `_across` (3, 3) projects
-    on."""
+    """Sphere or cylinder, by the distance from its centre that `_across` (3, 3) projects on."""
 
     _across: np.ndarray
     _any: np.ndarray
@@ -68,19 +56,7 @@ class _Round(Surface):
 
 
 class Sphere(_Round):
-    """Ball.
-
-    Parameters
-    ----------
-    radius : float
-        Above 0 [mm].
-    centre : (3,)
-        [mm]
-
-    Raises
-    ------
-    InputError
-        For values out of their range.
+    """Ball of a `radius` above 0 about a `centre` (3,) [mm]. Raises InputError for other values.
 
     Examples
     --------
@@ -96,21 +72,8 @@ class Sphere(_Round):
 
 
 class Cylinder(_Round):
-    """Endless round bar.
-
-    Parameters
-    ----------
-    point : (3,)
-        Any point of its axis [mm].
-    axis : (3,)
-        Direction, of any length.
-    radius : float
-        Above 0 [mm].
-
-    Raises
-    ------
-    InputError
-        For values out of their range.
+    """Endless round bar, by a `point` (3,) on its axis [mm], the direction `axis` (3,), of any
+    length, and its `radius` above 0 [mm]. Raises InputError for other values.
 
     Examples
     --------
@@ -127,23 +90,9 @@ class Cylinder(_Round):
 
 
 class Torus(Surface):
-    """Ring of round cross-section.
-
-    Parameters
-    ----------
-    centre : (3,)
-        [mm]
-    axis : (3,)
-        Direction that it goes round, of any length.
-    ring : float
-        Radius of the circle in the middle of the tube, above `tube` [mm].
-    tube : float
-        Radius of the tube, above 0 [mm].
-
-    Raises
-    ------
-    InputError
-        For values out of their range.
+    """Ring of round cross-section, about a `centre` (3,) [mm] and around an `axis` (3,), of any
+    length: `ring` is the radius of the circle in the middle of the tube, above that of the `tube`
+    itself, above 0 [mm]. Raises InputError for other values.
 
     Examples
     --------

@@ -30,25 +30,14 @@ class Net(NamedTuple):
 
 
 class Projection:
-    """Projects points on to the patches of a surface.
-
-    surface: the `CurvedTriangles`; side: 1.0 or -1.0, of the gap beyond the rim of an open surface.
-    """
+    """Projects points on to the patches of a `surface`; side: 1.0 or -1.0, of the gap beyond the
+    rim of an open one."""
 
     def __init__(self, surface: CurvedTriangles, side: float = 1.0) -> None:
         self.side = side
-        across, (ring, starts) = surface.across, surface.corners_at
-        self._net = Net(
-            surface.patches,
-            surface.triangles,
-            surface.facets,
-            across.triangle,
-            across.edge,
-            surface.normals,
-            surface.on_rim,
-            ring,
-            starts,
-        )
+        across, of = surface.across, surface
+        around = of.normals, of.on_rim, *of.corners_at
+        self._net = Net(of.patches, of.triangles, of.facets, across.triangle, across.edge, *around)
 
     def from_behind(self) -> "Projection":
         """The same, for the body on the other side."""

@@ -17,11 +17,9 @@ SAMPLES, SEEDS, WITHIN = 60_000, 2000, 25  # points on a surface, where it is as
 
 def least_radii(surface: CurvedTriangles, length: float = 0.0) -> tuple[float, float]:
     """Least radius of curvature [mm] as seen from inside the body and from outside, but for the
-    last of the surface's turning; infinite where nothing bends to that side.
-
-    It is that of the patches. Where these turn to and fro within a `length` [mm], or two edges, as
-    on slivers of scans and of marching cubes, it is that of the facets' mean turning over it.
-    """
+    last of the surface's turning; infinite where nothing bends to that side. Where patches turn to
+    and fro within a `length` [mm], or two edges, as on slivers of scans and of marching cubes, it
+    is that of the facets' mean turning over it."""
     larger, smaller = curvatures(surface.patches)
     bent, area = np.maximum([larger, -smaller], 0.0), surface.areas
     inside, outside = (_least_radius(each, area, BENT) for each in bent)

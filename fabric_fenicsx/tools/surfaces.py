@@ -19,16 +19,8 @@ Drawn = tuple[np.ndarray, np.ndarray, np.ndarray]  # points, normals and triangl
 
 
 class Nearest(NamedTuple):
-    """Gap to a surface and its first and second derivative, at n points.
-
-    Parameters
-    ----------
-    gap : (n,)
-        Signed distance, positive outside the body [mm].
-    normal : (n, 3)
-        Its gradient, which points out of the body.
-    curvature : (n, 3, 3)
-        Its Hessian [1/mm].
+    """At n points the gap (n,) [mm] to a surface, positive outside the body, its gradient `normal`
+    (n, 3), which points out of the body, and its Hessian `curvature` (n, 3, 3) [1/mm].
 
     Examples
     --------
@@ -65,20 +57,11 @@ class Surface:
     Infinite where unknown."""
 
     def evaluate(self, points: ArrayLike, reach: float = math.inf) -> Nearest:
-        """Gap, normal and curvature at points; rows are NaN where a point is not finite.
+        """Gap, normal and curvature at points (n, 3) [mm]; rows are NaN where one is not finite.
 
-        Parameters
-        ----------
-        points : (n, 3)
-            Places [mm].
-        reach : float
-            Where |gap| surely exceeds it [mm], the gap need only do so too, with the right sign,
-            and normal and curvature need only be finite; so far points cost little.
-
-        Raises
-        ------
-        InputError
-            For points of another shape and for a reach below 0.
+        Where |gap| surely exceeds the reach [mm], the gap need only do so too, with the right sign,
+        and normal and curvature need only be finite; so far points cost little. Raises InputError
+        for points of another shape and for a reach below 0.
         """
         x = checked_points(points)
         if not reach >= 0:
@@ -181,19 +164,8 @@ def innermost(surface: Surface, points: np.ndarray) -> tuple[Surface, np.ndarray
 
 
 class Offset(_Changed):
-    """A surface moved along its normals.
-
-    Parameters
-    ----------
-    surface : Surface
-        Of any kind.
-    distance : float
-        Out of the body, or into it if negative [mm].
-
-    Raises
-    ------
-    InputError
-        If a radius of the surface would shrink to 0, where that is known.
+    """A `surface` moved along its normals by a `distance` out of the body, or into it if negative
+    [mm]. Raises InputError if a radius of it would shrink to 0, where that is known.
 
     Examples
     --------
@@ -221,11 +193,7 @@ class Offset(_Changed):
 
 
 class Reversed(_Changed):
-    """A surface with the body on its other side.
-
-    Parameters
-    ----------
-    surface : Surface
+    """A `surface` with the body on its other side.
 
     Examples
     --------
@@ -276,12 +244,7 @@ class _Rigid(_Changed):
 
 
 class Flipped(_Rigid):
-    """A surface upside down: mirrored in the plane z = 0, the normal still pointing out of the
-    body.
-
-    Parameters
-    ----------
-    surface : Surface
+    """A `surface` upside down: mirrored in the plane z = 0, the normal still out of the body.
 
     Examples
     --------
@@ -293,20 +256,9 @@ class Flipped(_Rigid):
 
 
 class Turned(_Rigid):
-    """A surface turned about the origin.
-
-    Parameters
-    ----------
-    surface : Surface
-        Of any kind.
-    angles : (3,)
-        First about the axis x, then about y, then about z, the axes standing still; anticlockwise
-        as seen from the axis' end [deg].
-
-    Raises
-    ------
-    InputError
-        Unless the angles are three finite numbers.
+    """A `surface` turned about the origin by `angles` (3,) [deg]: first about the axis x, then
+    about y, then about z, the axes standing still; anticlockwise as seen from the axis' end. Raises
+    InputError unless these are three finite numbers.
 
     Examples
     --------

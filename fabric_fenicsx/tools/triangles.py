@@ -37,25 +37,22 @@ def repaired(points: ArrayLike, triangles: ArrayLike, normals: ArrayLike | None 
     """
     x, cells = checked_points(points, "points of the surface"), np.asarray(triangles)
     if not (finite := np.isfinite(x).all(1)).all():
-        first = int(finite.argmin())
-        raise InputError(
-            f"points of the surface: {len(x) - finite.sum()} of {len(x)} are not finite, as number "
-            f"{first}, {x[first].tolist()}; allowed are finite ones"
-        )
+        first, lost = int(finite.argmin()), len(x) - finite.sum()
+        flaw = f"{lost} of {len(x)} are not finite, as number {first}, {x[first].tolist()}"
+        raise InputError(f"points of the surface: {flaw}; allowed are finite ones")
     if cells.ndim != 2 or cells.shape[1] != 3 or cells.dtype.kind not in "iu":
         raise InputError(f"triangles have the shape {cells.shape}; allowed is (m, 3), of integers")
     if cells.size and not 0 <= cells.min() <= cells.max() < len(x):
-        raise InputError(
-            f"triangles name points {cells.min()} to {cells.max()}; allowed are numbers from 0 to "
-            f"{len(x) - 1}"
-        )
+        found, last = f"{cells.min()} to {cells.max()}", len(x) - 1
+        raise InputError(f"triangles name points {found}; allowed are numbers from 0 to {last}")
     given = None if normals is None else np.asarray(normals, dtype=float)
     if given is not None and given.shape != (*cells.shape, 3):
         raise InputError(f"normals have the shape {given.shape}; allowed is {(*cells.shape, 3)}")
-    x, number = _merged(x)
-    cells = number[cells]
-    x, number = _closed(x, cells)
-    cells = number[cells]
+    x, number = np.unique(x, axis=0, return_inverse=True)
+    cells = number.ravel()[cells]
+    same = cKDTree(x).query_pairs(SAME * abs(x).max(initial=0), output_type="ndarray")
+    x, cells = _joined(x, cells, same)
+    x, cells = _joined(x, cells, _cracks(x, cells))
     corners = x[cells]
     edges = np.roll(corners, -1, 1) - corners
     longest = (edges**2).sum(2).max(1, initial=0)
@@ -77,39 +74,30 @@ def repaired(points: ArrayLike, triangles: ArrayLike, normals: ArrayLike | None 
     return Repaired(x[used], cells, given, int(turn.sum()), two_sided)
 
 
-def _merged(x):
-    """Points without those that are others up to rounding, and the number among them of each."""
-    x, number = np.unique(x, axis=0, return_inverse=True)
-    pairs = cKDTree(x).query_pairs(SAME * abs(x).max(initial=0), output_type="ndarray")
-    x, one = _joined(x, pairs)
-    return x, one[number.ravel()]
-
-
-def _closed(x, cells):
-    """Points with cracks between triangles closed, as CAD programs leave them between faces, and
-    the number among them of each."""
+def _cracks(x, cells):
+    """Pairs (k, 2) of points at both sides of a crack, as CAD programs leave them between faces."""
     ends = np.sort(np.stack([cells, np.roll(cells, -1, 1)], -1).reshape(-1, 2), 1)
     ends = ends[ends[:, 0] != ends[:, 1]]
     ends, sharing = np.unique(ends, axis=0, return_counts=True)
     rim = np.unique(ends[sharing == 1])
     if not rim.size:
-        return x, np.arange(len(x))
+        return rim
     length = np.linalg.norm(x[ends[:, 1]] - x[ends[:, 0]], axis=1)
     near = np.full(len(x), CRACK * np.median(length))
     for end in ends.T:
         np.minimum.at(near, end, SHORT * length)
     pairs = rim[cKDTree(x[rim]).query_pairs(near[rim].max(), output_type="ndarray")]
     apart = np.linalg.norm(x[pairs[:, 1]] - x[pairs[:, 0]], axis=1)
-    return _joined(x, pairs[apart <= near[pairs].min(1)])
+    return pairs[apart <= near[pairs].min(1)]
 
 
-def _joined(x, pairs):
-    """Points without the later ones of pairs (k, 2) that are one, and the number of each."""
+def _joined(x, cells, pairs):
+    """Points without the later ones of pairs (k, 2) that are one, and cells of these."""
     if not len(pairs):
-        return x, np.arange(len(x))
+        return x, cells
     _, one = connected(len(x), pairs.T)
     _, first = np.unique(one, return_index=True)
-    return x[first], one
+    return x[first], one[cells]
 
 
 def _agreeing(triangles):

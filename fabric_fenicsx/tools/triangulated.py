@@ -29,8 +29,8 @@ KEPT = 4  # sets of points that are remembered, of so many different numbers
 
 
 class Known(NamedTuple):
-    """Memory of n points from their last search: `place` (n, 3), least distance `clear` (n,) from
-    the surface [mm] and `side` (n,) of those beyond the reach, closest `triangle` (n,)."""
+    """n points at their last search: `place` (n, 3), least distance `clear` (n,) from the surface
+    [mm] and `side` (n,) of those beyond the reach, closest `triangle` (n,)."""
 
     place: np.ndarray
     clear: np.ndarray
@@ -122,25 +122,12 @@ class TriangulatedSurface(Surface):
         crease: float = CREASE,
         comm: MPI.Comm = MPI.COMM_SELF,
     ) -> Self:
-        """The surface in a file, in mm.
+        """The surface in a file, in mm: STL, VTP, MSH, or any other that meshio, gmsh or PyVista
+        reads, where larger cells are cut; or STEP, IGES or BREP, whose faces gmsh meshes.
 
-        Parameters
-        ----------
-        path
-            STL, VTP, MSH, or any other that meshio, gmsh or PyVista reads, where larger cells are
-            cut; or STEP, IGES or BREP, whose faces gmsh meshes.
-        chord : float
-            Distance of that mesh from the faces [mm].
-        crease : float
-            As for the surface [deg].
-        comm
-            Rank 0 reads: gmsh meshes the same faces a little differently each time, and all ranks
-            need one tool.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be read or has no triangle, or for a chord that is not above 0.
+        chord: distance of that mesh from the faces [mm]; crease: as for the surface [deg]; comm:
+        its rank 0 reads, as gmsh meshes the same faces a little differently each time. Raises
+        InputError if the file cannot be read or has no triangle, or for a chord not above 0.
         """
         path, chord = Path(path), POSITIVE.check("chord", chord)
         points, triangles, normals = on_root(comm, lambda: read_triangles(path, chord))
