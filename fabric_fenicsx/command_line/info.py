@@ -181,10 +181,8 @@ def describe_blas(files: list[str]) -> str:
     names = ", ".join(files)
     if "openblas" in names:
         return f"OpenBLAS ({names})"
-    if "/libblas.so" in names:
-        faster = "MUMPS is up to five times faster with OpenBLAS (apt install libopenblas0-serial)"
-        return f"reference ({names}); {faster}"
-    return names
+    faster = "MUMPS is up to five times faster with OpenBLAS (apt install libopenblas0-serial)"
+    return f"reference ({names}); {faster}" if "/libblas.so" in names else names
 
 
 def _jit(comm):

@@ -69,10 +69,13 @@ def main(argv: list[str] | None = None) -> int:
 
 def _parsed(argv, scripts):
     """The command of the words; InputError for others."""
+    head = "Runs a study (fabric tensile --help tells its options) or one of these:"
+    lines = [head, *(f"  {name:8}{words}" for name, words in COMMANDS.items()), ""]
+    lines += textwrap.wrap(f"studies: {', '.join(scripts)}", 100)
     parser = Parser(
         prog="fabric",
         usage="fabric [-h] command, or fabric STUDY [option ...]",
-        description=_description(scripts),
+        description="\n".join(lines),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("command", help=argparse.SUPPRESS)
@@ -83,13 +86,6 @@ def _parsed(argv, scripts):
     if given.files:
         raise InputError(f"behind {given.command} is {' '.join(given.files)}; allowed is nothing")
     return given.command
-
-
-def _description(studies):
-    """The commands and the names of the studies."""
-    head = "Runs a study (fabric tensile --help tells its options) or one of these:"
-    lines = [f"  {name:8}{words}" for name, words in COMMANDS.items()]
-    return "\n".join([head, *lines, "", *textwrap.wrap(f"studies: {', '.join(studies)}", 100)])
 
 
 def _listed(scripts):

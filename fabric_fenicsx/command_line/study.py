@@ -26,15 +26,7 @@ from ..runtime.files import unwritable
 from ..runtime.logs import Console
 from ..solve.limits import Limits
 from ..solve.settings import Settings
-from .options import (
-    HelpFormatter,
-    Parser,
-    exit_status,
-    option_type,
-    program,
-    restart_command,
-    spelled,
-)
+from .options import Parser, exit_status, option_type, program, restart_command, spelled
 
 log = logging.getLogger("fabric_fenicsx")
 LAW_FILE = "Python file with the classes of your own laws"
@@ -51,12 +43,7 @@ def parser(
     define the problem.
     """
     name = name or test.NAME
-    p = Parser(
-        prog=program(name),
-        usage="%(prog)s [option ...]",
-        description=description,
-        formatter_class=HelpFormatter,
-    )
+    p = Parser(prog=program(name), usage="%(prog)s [option ...]", description=description)
     for owner in (test, *parts):
         add_fields(p, owner, test)
     p.group("material")

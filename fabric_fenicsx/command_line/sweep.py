@@ -7,7 +7,6 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.files import unwritable
@@ -15,15 +14,13 @@ from ..runtime.rules import COUNT, Rule
 from ..sweep import varied
 from ..sweep.folder import SweepFolder, check_quantity, read_press
 from ..sweep.processes import Form, Runner
-from .options import HelpFormatter, Parser, exit_status, option_type
+from .options import Parser, exit_status, option_type
 
 NAME = "fabric sweep"
 DESCRIPTION = (
-    "Runs `fabric form` with all combinations of values of a press file, side by side on the cores "
-    "there are, looks for the least value of a quantity, or lets numbers scatter. Called again, it "
-    "goes on. DIR gets "
-    "table.csv, curves.png, trends.png, maps.png and report.html, and a folder a run. Options "
-    "behind -- go to `fabric form`."
+    "Runs `fabric form` with all combinations of values of a press file, side by side, looks for "
+    "the least value of a quantity, or lets numbers scatter. Called again, it goes on. DIR gets "
+    "table.csv, pictures, report.html, and a folder a run. Options behind -- go to `fabric form`."
 )
 # what a sweep gives each of its runs, or tells it by itself
 TAKEN = ("--set", "--out", "--resume", "--overwrite")
@@ -32,46 +29,31 @@ RANKS = "OMPI_COMM_WORLD_SIZE", "PMI_SIZE"
 
 def parser() -> Parser:
     """The parser of the command."""
-    p = Parser(
-        prog=NAME,
-        usage="%(prog)s press.toml --vary KEY=VALUES [option ...] [-- option of form ...]",
-        description=DESCRIPTION,
-        formatter_class=HelpFormatter,
-    )
+    usage = "%(prog)s press.toml --vary KEY=VALUES [option ...] [-- option of form ...]"
+    p = Parser(prog=NAME, usage=usage, description=DESCRIPTION)
     p.add_argument("press", metavar="press.toml", type=Path, help="the press file")
     several = Rule("a whole number of 3 or more", lambda v: v >= 3, int)
     power = Rule("a power of 2 from 8 on", lambda v: v >= 8 and v.bit_count() == 1, int)
-    options: dict[str, tuple[str, dict[str, Any]]] = {
-        "--vary": (
-            'as "holder.pressure=0.01,0.05,0.2"; with --minimise and --scatter as '
-            '"holder.pressure=0.01..0.2"; several are combined',
-            {"metavar": "KEY=VALUES", "action": "append", "default": []},
-        ),
-        "--out": ("default results/sweep_PRESS", {"metavar": "DIR", "type": Path}),
-        "--jobs": (
-            "runs at a time, of one core each",
-            {"metavar": "N", "type": option_type(COUNT), "default": len(os.sched_getaffinity(0))},
-        ),
-        "--below": (
-            "say where a quantity is below x over the one number that is varied; with --minimise "
-            "look only there, with --scatter count the runs",
-            {"metavar": "QUANTITY=X", "action": "append", "default": []},
-        ),
-        "--minimise": ("look for its least value", {"metavar": "QUANTITY"}),
-        "--scatter": (
-            "N runs, 16, 32 or 64, over intervals of [scatter] of the material files and of --vary",
-            {"metavar": "N", "type": option_type(power)},
-        ),
-        "--evaluations": (
-            "most runs of --minimise (12 for each number)",
-            {"metavar": "N", "type": option_type(several)},
-        ),
-        "--no-finer": ("do not find the answer again on finer cells", {"action": "store_true"}),
-        "--overwrite": ("delete the sweep in --out first", {"action": "store_true"}),
-        "--no-pictures": ("draw nothing", {"action": "store_true"}),
-    }
-    for name, (text, how) in options.items():
-        p.add_argument(name, help=text, **how)
+    cores, more = len(os.sched_getaffinity(0)), {"action": "append", "default": []}
+    words = 'as "holder.pressure=0.01,0.05,0.2"; with --minimise and --scatter as '
+    words += '"holder.pressure=0.01..0.2"; several are combined'
+    p.add_argument("--vary", metavar="KEY=VALUES", help=words, **more)
+    p.add_argument("--out", metavar="DIR", type=Path, help="default results/sweep_PRESS")
+    words = "runs at a time, of one core each"
+    p.add_argument("--jobs", metavar="N", type=option_type(COUNT), default=cores, help=words)
+    words = "say where a quantity is below x over the one number that is varied; with --minimise "
+    words += "look only there, with --scatter count the runs"
+    p.add_argument("--below", metavar="QUANTITY=X", help=words, **more)
+    p.add_argument("--minimise", metavar="QUANTITY", help="look for its least value")
+    words = "N runs, 16, 32 or 64, over intervals of [scatter] of the material files and of --vary"
+    p.add_argument("--scatter", metavar="N", type=option_type(power), help=words)
+    words = "most runs of --minimise (12 for each number)"
+    p.add_argument("--evaluations", metavar="N", type=option_type(several), help=words)
+    words = "do not find the answer again on finer cells"
+    p.add_argument("--no-finer", action="store_true", help=words)
+    words = "delete the sweep in --out first"
+    p.add_argument("--overwrite", action="store_true", help=words)
+    p.add_argument("--no-pictures", action="store_true", help="draw nothing")
     return p
 
 
@@ -198,11 +180,9 @@ def _announce(values, runner):
     runs = [runner.folder.run(each) for each in values]
     passed = runner.program.options
     done = [run for run in runs if run.is_done(passed)]
-    print(
-        f"{len(runs)} runs, {len(done)} done before, {min(runner.jobs, len(runs))} at a time; "
-        f"folder {runner.folder.path}",
-        flush=True,
-    )
+    count, jobs = len(runs), min(runner.jobs, len(runs))
+    where = f"{jobs} at a time; folder {runner.folder.path}"
+    print(f"{count} runs, {len(done)} done before, {where}", flush=True)
     others = {shlex.join(run.options) for run in done} - {shlex.join(passed)}
     for each in sorted(others):
         print(f"warning: some were made with other options: {each or 'none'}", file=sys.stderr)

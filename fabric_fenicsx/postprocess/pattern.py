@@ -64,20 +64,12 @@ def flat_pattern(grid: Grid, trim: Plane | Sequence[np.ndarray], reach: float) -
         part = _beside(ply, trim)
         return FlatPattern(_sheet(part), part, 0.0)
     edge = float(np.sqrt(2 * plan_area(ply.x, ply.triangles).mean()))
-    lines = [
-        shapely.get_coordinates(
-            shapely.segmentize(shapely.LineString(line), FINE * edge), include_z=line.shape[1] == 3
-        )
-        for line in trim
-    ]
-    ends = np.cumsum([len(line) for line in lines])
-    number = np.repeat(np.arange(len(lines)), np.diff(ends, prepend=0))
-    project = _nearest if lines[0].shape[1] == 3 else _below
-    places, off = project(ply, np.vstack(lines), reach, number)
-    flat = [
-        shapely.get_coordinates(shapely.LineString(each).simplify(STRAIGHT * edge))
-        for each in np.split(places, ends[:-1])
-    ]
+    in_space = trim[0].shape[1] == 3
+    fine = shapely.segmentize([*map(shapely.LineString, trim)], FINE * edge)
+    points, number = shapely.get_coordinates(fine, include_z=in_space, return_index=True)
+    places, off = (_nearest if in_space else _below)(ply, points, reach, number)
+    lines = shapely.linestrings(places, indices=number)
+    flat = [shapely.get_coordinates(line) for line in shapely.simplify(lines, STRAIGHT * edge)]
     source = "the trim line, on the flat ply,"
     net = sheet_of(joined(flat, source), source).intersection(_sheet(ply))
     return FlatPattern(net, _inside(ply, net), off)

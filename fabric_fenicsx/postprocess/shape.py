@@ -146,10 +146,9 @@ def draw_in(grid: Grid) -> dict[str, Any]:
     edges = outline(grid)
     # without the last point of a closed one, which is its first
     closed = [np.array_equal(edge.formed[0], edge.formed[-1]) for edge in edges]
-    place, inwards = (
-        np.concatenate([getattr(e, name)[: len(e.inwards) - c] for e, c in zip(edges, closed)])
-        for name in ("undeformed", "inwards")
-    )
+    counts = [len(edge.inwards) - c for edge, c in zip(edges, closed)]
+    place = np.concatenate([edge.undeformed[:n] for edge, n in zip(edges, counts)])
+    inwards = np.concatenate([edge.inwards[:n] for edge, n in zip(edges, counts)])
     undeformed = place[:, :2].round(6) + 0.0
     place, cut = place[:, :2], ply_of(grid).planes
     centre = (place.min(0) + place.max(0)) / 2

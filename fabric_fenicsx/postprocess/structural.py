@@ -10,6 +10,7 @@ import pyvista
 
 from ..runtime.errors import InputError
 from ..runtime.files import replace_file
+from ..tools.facets import unit
 from .ply import SAME, Grid, areas, grid_of, image_of, planes_of
 from .states import save, set_labels
 
@@ -54,8 +55,8 @@ def formed_ply(grid: Grid, modelled: bool = False) -> FormedPly:
     # not VTK's compute_cell_sizes, which crashed on Debian 13
     ratio = areas(points[cells]) / areas(x[cells])
     if "a" in grid.cell_data:
-        a, b = (_unit(np.asarray(grid.cell_data[name], dtype=float)) for name in "ab")
-        fields = {"yarn_a": a, "yarn_b": b, "normal": _unit(np.cross(a, b))}
+        a, b = (unit(np.asarray(grid.cell_data[name], dtype=float)) for name in "ab")
+        fields = {"yarn_a": a, "yarn_b": b, "normal": unit(np.cross(a, b))}
         fields["shear_angle"] = np.asarray(grid.cell_data["shear_angle"])
         p, q, r = points[cells[:, 0]], points[cells[:, 1]], points[cells[:, -1]]
         behind = (np.cross(q - p, r - p) * fields["normal"]).sum(1) < 0
@@ -89,7 +90,7 @@ def _yarns_of_image(ply, a, b, mirror):
     flat = []  # directions of yarns on the flat ply
     for yarn in (ply.fields["yarn_a"], ply.fields["yarn_b"]):
         shares = np.linalg.solve(square, (sides @ yarn[:, :, None]))
-        flat.append(_unit((shares * before).sum(1)))
+        flat.append(unit((shares * before).sum(1)))
     along, across = (abs((flat[0] * mirror * each).sum(1)).mean() for each in flat)
     swapped = int(across > along)
     images = [flat[swapped] * mirror, flat[1 - swapped] * mirror]
@@ -97,10 +98,6 @@ def _yarns_of_image(ply, a, b, mirror):
     a, b = ((b, a) if swapped else (a, b))[0] * senses[0], (a if swapped else b) * senses[1]
     shear = ply.fields["shear_angle"] * (1 if swapped else -1)
     return {"yarn_a": a, "yarn_b": b, "shear_angle": shear}
-
-
-def _unit(vectors):
-    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
 def checked(path: Path | str) -> Path:

@@ -22,6 +22,7 @@ from ..runtime.files import replace_file
 from ..scene import output
 from ..scene.scene import Scene
 from ..sheets.blank import Blank
+from ..sheets.sheet_mesh import bounds
 from .measures import planes_of_symmetry
 
 # of the arrays that are there with any terms
@@ -42,8 +43,7 @@ def yarn_coordinates(blank: Blank) -> np.ndarray:
     mesh, comm = blank.mesh, blank.mesh.comm
     gdim = mesh.geometry.dim
     fibres = np.column_stack([f.x.array.reshape(-1, gdim) for f in (blank.a0, blank.b0)])
-    low = comm.allreduce(fibres.min(0, initial=np.inf), np.minimum)
-    high = comm.allreduce(fibres.max(0, initial=-np.inf), np.maximum)
+    low, high = bounds(comm, fibres.T)
     if (high - low).max() < 1e-12:
         a, b = low[:gdim], low[gdim:]
         across = np.column_stack([b - (a @ b) * a, a - (a @ b) * b])
@@ -134,10 +134,9 @@ class FieldSeries:
         if degree < 3:
             return values
         shape = getattr(basix.CellType, compat.cell_name(self.blank.mesh))
-        ours, vtk = (
-            basix.create_element(basix.ElementFamily.P, shape, degree, variant)
-            for variant in (variants.gll_warped, variants.equispaced)
-        )
+        kinds = basix.ElementFamily.P, shape, degree
+        ours = basix.create_element(*kinds, variants.gll_warped)
+        vtk = basix.create_element(*kinds, variants.equispaced)
         cells = compat.dofmap(self.blank.V)[: self.blank.mesh.topology.index_map(2).size_local]
         at, moved = ours.tabulate(0, vtk.points)[0, :, :, 0], values.copy()
         moved[cells] = np.einsum("pq,cqk->cpk", at, values[cells])

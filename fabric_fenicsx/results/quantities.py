@@ -38,6 +38,7 @@ def fabric_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
     fields = {name: values[cells] for name, values in result.fields.items()}
     ellipticity, states = fields["stability_ellipticity"], fields["strain_state"]
     extremes, areas = partial(measures.extremes, comm), result.scene.blank.areas()[cells]
+    shares = [measures.mean(comm, (states == k) * 1.0, areas) for k in (1, 2, 3, 4)]
     return {
         "shear_angle_deg": extremes(np.degrees(fields["shear_angle"])),
         **shear_quantities(result, parts),
@@ -46,9 +47,7 @@ def fabric_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
         "log_eps_22": extremes(fields["log_eps_22"]),
         "stability_ellipticity_min": extremes(ellipticity)[0],
         "cells_that_lost_ellipticity": comm.allreduce(int((ellipticity < 0).sum())),
-        "share_of_state_1_to_4": [
-            measures.mean(comm, (states == k) * 1.0, areas) for k in (1, 2, 3, 4)
-        ],
+        "share_of_state_1_to_4": shares,
         "thickness_min_mm": _known(np.fmin, comm, fields.get("thickness_under_pressure")),
         "fibre_volume_fraction_max": _known(np.fmax, comm, fields.get("fibre_volume_fraction")),
     }
@@ -239,27 +238,24 @@ def _shortest_wave(scene, part):
         return ""
     length = shortest_wave(fabric, bending[0].stiffnesses[:2].max(), SHORTENED)
     doubt = ", and no test has determined d" if "d" in fabric.assumed_values() else ""
-    return (
-        f". At {percent(SHORTENED, 6)} no wave shorter than {rounded(length)} mm forms, on any "
-        f"mesh: stiffness in bending and in compression decide that{doubt}"
-    )
+    least = f"no wave shorter than {rounded(length)} mm forms, on any mesh"
+    why = f"stiffness in bending and in compression decide that{doubt}"
+    return f". At {percent(SHORTENED, 6)} {least}: {why}"
 
 
 def _sentences(name: str, found: Mapping[str, Any], wave: str = "") -> Iterable[str]:
     share, lost = found[share_name(SHORTENED)], found["excess_length_mm"]
     if share > AREA:
+        most = f"{percent(found['shortening_max'], 3)}, as at"
+        most = f"{most} {of_sheet(found['shortening_max_at_mm'])}"
+        wide = f"by more than {percent(SHORTENED, 6)} in {percent(share, 3)} of the area"
         excess = "" if lost is None else f"; a yarn loses up to {rounded(lost)} mm of its length"
-        yield (
-            f"compression shortens yarns of {name} by up to {percent(found['shortening_max'], 3)}, "
-            f"as at {of_sheet(found['shortening_max_at_mm'])}, and by more than "
-            f"{percent(SHORTENED, 6)} in {percent(share, 3)} of the area{excess}. The law stores "
-            f"as shortening what a real ply folds into wrinkles{wave}"
-        )
-    if found["shortening_at_shear_angle_max"] > CRUMPLED:
-        yield (
-            f"the largest shear angle of {name}, {rounded(found['shear_angle_max_deg'])} deg at "
-            f"{of_sheet(found['shear_angle_max_at_mm'])}, lies where yarns are shortened by "
-            f"{percent(found['shortening_at_shear_angle_max'])}: cells crumple there, and it "
-            "depends on mesh and contact; 99 % of the area stay below "
-            f"{rounded(found['shear_angle_99_percent_deg'])} deg"
-        )
+        law = f"The law stores as shortening what a real ply folds into wrinkles{wave}"
+        yield f"compression shortens yarns of {name} by up to {most}, and {wide}{excess}. {law}"
+    if (there := found["shortening_at_shear_angle_max"]) > CRUMPLED:
+        most = f"{rounded(found['shear_angle_max_deg'])} deg at"
+        most = f"{most} {of_sheet(found['shear_angle_max_at_mm'])}"
+        where = f"lies where yarns are shortened by {percent(there)}: cells crumple there"
+        below = f"99 % of the area stay below {rounded(found['shear_angle_99_percent_deg'])} deg"
+        why = "and it depends on mesh and contact"
+        yield f"the largest shear angle of {name}, {most}, {where}, {why}; {below}"

@@ -59,11 +59,8 @@ class ImplicitSurface(Surface):
         x = np.ascontiguousarray(points.T)
         F = self._fitting("`value`", self.value(x), x.shape[1:])
         bound = self._fitting("`bound`", self.bound(F, x), x.shape[1:])
-        found = Nearest(
-            np.copysign(bound, F),
-            np.tile([0.0, 0.0, 1.0], (len(points), 1)),
-            np.zeros((len(points), 3, 3)),
-        )
+        up, n = np.array([0.0, 0.0, 1.0]), len(points)
+        found = Nearest(np.copysign(bound, F), np.tile(up, (n, 1)), np.zeros((n, 3, 3)))
         near = np.flatnonzero(bound <= reach)
         # blocks that stay in the cache
         for part in np.array_split(near, max(1, len(near) // 4096)):

@@ -105,10 +105,8 @@ class TriangulatedSurface(Surface):
         self.triangles: np.ndarray = curved.triangles
         self.facets, self.areas, self.normals = curved.facets, curved.areas, curved.normals
         across, sharp = curved.across, curved.vertices.sharp
-        self.rim, self.forks, self.sharp = (
-            curved.ends(which)
-            for which in (across.sharing == 1, across.sharing > 2, sharp & (across.triangle >= 0))
-        )
+        self.rim, self.forks = curved.ends(across.sharing == 1), curved.ends(across.sharing > 2)
+        self.sharp = curved.ends(sharp & (across.triangle >= 0))
         self.radii = least_radii(curved)
         self._boxes, self._projection = boxes_around(curved), Projection(curved)
         self._rim_side = 1.0
@@ -175,12 +173,10 @@ class TriangulatedSurface(Surface):
 
     def __eq__(self, other: object) -> bool:
         """Equality of crease and triangles."""
-        return (
-            isinstance(other, TriangulatedSurface)
-            and self.crease == other.crease
-            and np.array_equal(self.points, other.points)
-            and np.array_equal(self.triangles, other.triangles)
-        )
+        if not isinstance(other, TriangulatedSurface) or self.crease != other.crease:
+            return False
+        same = np.array_equal(self.points, other.points)
+        return same and np.array_equal(self.triangles, other.triangles)
 
     __hash__ = Surface.__hash__
 
