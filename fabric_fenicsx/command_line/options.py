@@ -69,9 +69,7 @@ def option_type(rule: Rule) -> Callable[[str], Any]:
 
 class Parser(argparse.ArgumentParser):
     """An argument parser that raises InputError, where argparse would print its usage and leave.
-
-    `free`: names of the options that a resumed run may change; all others define the problem.
-    """
+    `free`: names of the options that a resumed run may change; all others define the problem."""
 
     # what messages say of a parameter: `name`, `name=value` or, of what is believed, `Limits.name`
     PARAMETER = re.compile(r'`(Limits\.)?(\w+)(?:=(\w+|"[^"`]*"))?`')

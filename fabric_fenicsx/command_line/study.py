@@ -38,10 +38,8 @@ def parser(
 ) -> Parser:
     """The parser of study `name` (the test's own by default): the fields of the class `test` and of
     the `parts` it is made of, and the options that all studies share; `defaults` override theirs.
-
-    An option that a resumed run may change says `free=True` where it is declared; all others
-    define the problem.
-    """
+    An option that a resumed run may change says `free=True` where it is declared; all others define
+    the problem."""
     name = name or test.NAME
     p = Parser(prog=program(name), usage="%(prog)s [option ...]", description=description)
     for owner in (test, *parts):
@@ -153,10 +151,8 @@ class Checked(Exception):
 
 class Study:
     """A study under way: parsed options `args`, `fabric`, `comm`, and the `output` of its runs.
-
     Construction checks options and material as a whole; it raises InputError on all ranks before
-    anything is written.
-    """
+    anything is written."""
 
     def __init__(self, name: str, options: Parser, argv: list[str] | None = None) -> None:
         self.comm = comm = MPI.COMM_WORLD
@@ -272,10 +268,8 @@ def _end(number, frame):
 
 def run(name: str, options: Parser, main: Callable[[Any], Any], kind: type[Study] = Study) -> None:
     """Run main(study of that kind) and leave with the contract's exit status: 0 done, 2 bad input,
-    3 the solver gave up.
-
-    All ranks leave together, rank 0 speaks; a rank that fails alone ends the others.
-    """
+    3 the solver gave up. All ranks leave together, rank 0 speaks; a rank that fails alone ends the
+    others."""
     comm, study = MPI.COMM_WORLD, None
     description = " ".join((sys.modules["__main__"].__doc__ or "").split())
     signal.signal(signal.SIGTERM, _end)

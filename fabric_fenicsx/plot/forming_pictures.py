@@ -41,11 +41,8 @@ def paths_picture(
     path: File, runs: Mapping[str, Mapping[float, Path]], marks: Mapping[str, Any] | None = None
 ) -> None:
     """Strains and shear angle over the distance on the flat ply, a row a path, of runs {label:
-    `along_paths`}.
-
-    marks: {label: distances on the paths [mm], or one for all}, drawn as vertical lines where that
-    is on the path; NaN for none.
-    """
+    `along_paths`}. marks: {label: distances on the paths [mm], or one for all}, drawn as vertical
+    lines where that is on the path; NaN for none."""
     angles = list(dict.fromkeys(angle for paths in runs.values() for angle in paths))
     marks = {label: np.broadcast_to(at, len(angles)) for label, at in (marks or {}).items()}
     size, shared = (11, 2.6 * len(angles) + 0.6), {"sharex": "row", "sharey": "col"}
@@ -96,11 +93,8 @@ def outline_picture(path: File, runs: Mapping[str, Grid]) -> None:
 
 def state_map(path: File, grid: Grid, formed: bool = False, edges: Sequence[Outline] = ()) -> None:
     """Plan maps of the strain states of eq. (13) and of the shear angle, on the flat or the formed
-    ply.
-
-    The legend gives each state's share of the flat ply's area. edges: of other sheets, drawn as
-    they are formed.
-    """
+    ply. The legend gives each state's share of the flat ply's area. edges: of other sheets, drawn
+    as they are formed."""
     ply = ply_of(grid)
     corners = (ply.formed if formed else ply.x)[ply.triangles, :2]
     area, state = plan_area(ply.x, ply.triangles), ply.fields["strain_state"]

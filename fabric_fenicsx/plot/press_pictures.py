@@ -67,12 +67,9 @@ def setup_picture(
     motions: Mapping[str, Any] | None = None,
 ) -> None:
     """The flat plies and the tools where they are now, in space and in sections through the centre:
-    1600 x 1200 pixels.
-
-    plies: {name: grid}, as of `flat_grids` or of a run's states, drawn as they were cut; tools:
-    {name: tool}, drawn around the blank, or {name: surface}; motions: {name of a tool: (3,)}, where
-    it goes [mm]. Raises InputError where VTK finds nothing to draw on.
-    """
+    1600 x 1200 pixels. plies: {name: grid}, as of `flat_grids` or of a run's states, drawn as they
+    were cut; tools: {name: tool}, drawn around the blank, or {name: surface}; motions: {name of a
+    tool: (3,)}, where it goes [mm]. Raises InputError where VTK finds nothing to draw on."""
     motions = {name: np.asarray(v, float) for name, v in (motions or {}).items() if np.any(v)}
     flat = {name: space.surface_of(grid, formed=False) for name, grid in plies.items()}
     scene = _scene(flat, tools)
@@ -92,11 +89,9 @@ def setup_picture(
 def filmstrip(path: File, folder: Path | str, loads: ArrayLike = SHOWN) -> None:
     """The stroke of the run in `folder` as states side by side, coloured by the magnitude of the
     shear angle on one scale: the plies, of several each cut away further than the one below, the
-    tools below them, and the rear half of those above, translucent.
-
-    loads: shares of the load that was reached, near which states are shown. Raises InputError for a
-    folder without states, and where VTK finds nothing to draw on.
-    """
+    tools below them, and the rear half of those above, translucent. loads: shares of the load that
+    was reached, near which states are shown. Raises InputError for a folder without states, and
+    where VTK finds nothing to draw on."""
     known = states(folder)
     at = np.array([state.load for state in known])
     wanted = at[-1] * np.asarray(loads, dtype=float)

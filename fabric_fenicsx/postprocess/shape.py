@@ -39,13 +39,10 @@ def along_paths(
     grid: Grid, angles_deg: Sequence[float] = (0, 45, 90), spacing: float = 5.0
 ) -> dict[float, Path]:
     """{angle: `Path`} from the origin to the ply's edge, straight on the flat ply, at `angles_deg`
-    to x; a point each `spacing` [mm] and one at the edge.
-
-    A value is linear between the nodes of a cell, and at a node the mean over the cells around it
-    by their areas (as in Fig. 16 of the paper), on a plane of symmetry those on its one side: a
-    shear angle that the mirror reverses is not 0 there. Raises InputError if the origin is not on
-    the ply.
-    """
+    to x; a point each `spacing` [mm] and one at the edge. A value is linear between the nodes of a
+    cell, and at a node the mean over the cells around it by their areas (as in Fig. 16 of the
+    paper), on a plane of symmetry those on its one side: a shear angle that the mirror reverses is
+    not 0 there. Raises InputError if the origin is not on the ply."""
     ply, fine = ply_of(grid), 20  # points of the line on the formed ply for each point of the path
     plan = Triangulation(*ply.x[:, :2].T, ply.triangles)
     cell_at = plan.get_trifinder()

@@ -34,12 +34,10 @@ ALONG = 100.0
 
 def yarn_coordinates(blank: Blank) -> np.ndarray:
     """Distance from the origin across the yarns a and across the yarns b [mm] at the local nodes,
-    (nodes, 2): where it is constant runs a yarn of the undeformed sheet.
-
-    For straight yarns that is exact. Curved ones get the functions whose slope along the yarns is
-    nearest to 0 and, with 1 / `ALONG` of the weight, across them nearest to 1: between yarns that
-    converge distances cannot stay.
-    """
+    (nodes, 2): where it is constant runs a yarn of the undeformed sheet. For straight yarns that is
+    exact. Curved ones get the functions whose slope along the yarns is nearest to 0 and, with 1 /
+    `ALONG` of the weight, across them nearest to 1: between yarns that converge distances cannot
+    stay."""
     mesh, comm = blank.mesh, blank.mesh.comm
     gdim = mesh.geometry.dim
     fibres = np.column_stack([f.x.array.reshape(-1, gdim) for f in (blank.a0, blank.b0)])

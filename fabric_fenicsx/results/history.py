@@ -25,10 +25,8 @@ OF_TERMS = ("min_stability",)  # of these the columns that terms fill
 
 class History:
     """Rows with `COLUMNS` and, after them, those of the scene's further energies and terms, kept as
-    dicts in `rows` on every rank and flushed one by one to `path` on rank 0.
-
-    rows: those of a run that is resumed.
-    """
+    dicts in `rows` on every rank and flushed one by one to `path` on rank 0. rows: those of a run
+    that is resumed."""
 
     def __init__(self, path: Path, comm: MPI.Comm, rows: Iterable[dict[str, Any]] = ()) -> None:
         self.rows = list(rows)

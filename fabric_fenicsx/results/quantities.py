@@ -182,9 +182,7 @@ def shortening_quantities(result: Result, parts: Sequence[Part]) -> dict[str, An
 def excess_length(result: Result, part: Part) -> float | None:
     """The length that a yarn of the `part` has lost at most [mm], in what is modelled: a real one
     would have to put it into a wrinkle. None where yarns are not straight on the flat sheet.
-
-    Shortening is gathered over strips along the yarns, `STRIP` cells wide, of both directions.
-    """
+    Shortening is gathered over strips along the yarns, `STRIP` cells wide, of both directions."""
     comm, blank = result.scene.comm, result.scene.blank
     if not part.straight:
         return None

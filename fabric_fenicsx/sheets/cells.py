@@ -116,10 +116,8 @@ def one_sense(
 
 
 def check_shapes(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str) -> None:
-    """Raise InputError for a cell that is flat, not convex or turned over somewhere.
-
-    x: points (n, 3) [mm]; cells: (m, k), of kind `how`; source: what errors call the mesh.
-    """
+    """Raise InputError for a cell that is flat, not convex or turned over somewhere. x: points (n,
+    3) [mm]; cells: (m, k), of kind `how`; source: what errors call the mesh."""
     corners = x[cells[:, : how.corners]]
     edges = np.roll(corners, -1, 1) - corners
     # twice the area of the triangle at each corner

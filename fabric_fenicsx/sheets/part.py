@@ -86,11 +86,8 @@ class Part:
         """Integration over the part, exact for polynomials of this degree on cells with straight
         sides; None: what UFL estimates. The square of a displacement on P1 needs 2, on P2 4; with
         less, nothing tells that the energy is off. drawn: distance of the points from the cells'
-        centres, over those of that rule.
-
-        All parts of a blank share a subdomain number, and so compiled forms: a form must not mix
-        parts.
-        """
+        centres, over those of that rule. All parts of a blank share a subdomain number, and so
+        compiled forms: a form must not mix parts."""
         metadata: dict[str, Any] = {} if degree is None else {"quadrature_degree": degree}
         if degree is not None and drawn != 1:
             points, weights = compat.quadrature(self.blank.mesh, degree, drawn)

@@ -15,11 +15,9 @@ ELEMENTS = "P1", "P2", "P3", "Q1", "Q2"
 
 @dataclass(frozen=True, kw_only=True)
 class SheetFields(KnowsItsFields):
-    """Material, mesh and yarns of a sheet, as data; a subclass adds its sides.
-
-    Lengths in mm, angles in deg. None stands for a default that depends on other fields. Raises
-    InputError for a value that is not allowed, and for fields that contradict each other.
-    """
+    """Material, mesh and yarns of a sheet, as data; a subclass adds its sides. Lengths in mm,
+    angles in deg. None stands for a default that depends on other fields. Raises InputError for a
+    value that is not allowed, and for fields that contradict each other."""
 
     OF_OUTLINE: ClassVar[str] = "unstructured"  # default of `pattern` for an outline
 

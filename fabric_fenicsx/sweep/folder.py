@@ -101,11 +101,9 @@ def flat(values: Mapping[str, Any], before: str = "") -> dict[str, float]:
 
 class SweepFolder:
     """The folder `path` of a sweep of the press file `press` over `keys`, locked while it is open.
-
     runs: {folder's name: Run}, with those of earlier calls; facts: what else sweep.json keeps.
-    Raises InputError, before anything is written, if it is another sweep's or press's
-    (`overwrite` loses that), or if it holds what no sweep wrote, or is in use.
-    """
+    Raises InputError, before anything is written, if it is another sweep's or press's (`overwrite`
+    loses that), or if it holds what no sweep wrote, or is in use."""
 
     def __init__(
         self, path: Path, press: Path, keys: Sequence[str], overwrite: bool = False

@@ -197,11 +197,9 @@ def _checked(best, again, finer):
 
 def below(runs: Sequence[Run], quantity: str, limit: float, finer: Finer | None = None) -> str:
     """Sentence on where `quantity` is below `limit`, over the one number that the runs vary.
-
-    Between runs that are believed it is linear, over the logarithm where numbers are far apart.
-    On the `finer` mesh the runs beside each crossing are run again, and as long as a run is on the
-    other side there those beside it.
-    """
+    Between runs that are believed it is linear, over the logarithm where numbers are far apart. On
+    the `finer` mesh the runs beside each crossing are run again, and as long as a run is on the
+    other side there those beside it."""
     (key,) = runs[0].values
     ordered = sorted(runs, key=lambda run: float(run.values[key]))
     known = [run for run in ordered if run.is_believed()]

@@ -135,11 +135,9 @@ class Runner:
         self._under_way: list[tuple[Run, subprocess.Popen, float]] = []
 
     def all(self, values: Iterable[Values]) -> list[Run]:
-        """Have the runs with these values all done; returns them.
-
-        Raises InputError with the sentence of a run that met bad input, and Interrupted on SIGINT,
-        SIGTERM or SIGHUP, after all processes have ended.
-        """
+        """Have the runs with these values all done; returns them. Raises InputError with the
+        sentence of a run that met bad input, and Interrupted on SIGINT, SIGTERM or SIGHUP, after
+        all processes have ended."""
         runs = [self.folder.run(each) for each in values]
         self._todo = [run for run in runs if not run.is_done(self.program.options)]
         for run in self._todo:  # before any starts, so that one that another one ends is known, too

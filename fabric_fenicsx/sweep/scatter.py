@@ -60,12 +60,9 @@ def design(ranges: Sequence[Range], count: int) -> list[Values]:
 
 
 def spread(runs: Sequence[Run], ranges: Sequence[Range], quantity: str) -> Spread:
-    """The `Spread` of a quantity over believed runs.
-
-    Effects are of the regression that is linear in all numbers at once, which few runs determine.
-    What it leaves is told, so that a reader sees whether straight lines do; ranks, or Sobol'
-    indices of a fitted surface, would hide that.
-    """
+    """The `Spread` of a quantity over believed runs. Effects are of the regression that is linear
+    in all numbers at once, which few runs determine. What it leaves is told, so that a reader sees
+    whether straight lines do; ranks, or Sobol' indices of a fitted surface, would hide that."""
     y = np.array([run.number(quantity) for run in runs])
     X = np.array([[r.share(float(run.values[r.key])) for r in ranges] for run in runs]) - 0.5
     A = np.column_stack([np.ones(len(y)), X])

@@ -291,10 +291,8 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
 
     def lift(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Points (n, 3) [mm] on the surface from their places x, y (n,) [mm] in the developed plan.
-
         There the arc length of the profile takes the place of the distance from the outline, so
-        that walls are not seen edge-on; flat top and plan coincide.
-        """
+        that walls are not seen edge-on; flat top and plan coincide."""
         s, normal, _ = self.plan(x, y)
         rounding, wall, fillet, flange = self.developed
         a, b = (s - rounding) / self.top_radius, (flange - s) / self.entry_radius

@@ -58,10 +58,8 @@ def _triangles(mesh):
 
 def _mesh_of_model(path, chord):
     """Triangles on the faces of a CAD model, whose edges lie up to `chord` off the faces, and the
-    faces' normals at their corners.
-
-    A first mesh finds the curvature, from which the sizes of the second follow.
-    """
+    faces' normals at their corners. A first mesh finds the curvature, from which the sizes of the
+    second follow."""
     import gmsh
 
     gmsh.initialize(readConfigFiles=False)

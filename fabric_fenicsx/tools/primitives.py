@@ -263,11 +263,9 @@ def _from_rectangle(x, y, length, width, corner):
 
 
 def _of_profile(gap, slope, bend, m, n, turn):
-    """`Nearest` of a gap (n,) that depends on height and distance in the plan.
-
-    slope (2, n), bend (n,): gradient and curvature of that distance; m, n: parts of the normal
-    along it and up; turn: curvature of the profile's level lines (n,).
-    """
+    """`Nearest` of a gap (n,) that depends on height and distance in the plan. slope (2, n), bend
+    (n,): gradient and curvature of that distance; m, n: parts of the normal along it and up; turn:
+    curvature of the profile's level lines (n,)."""
     out = np.column_stack([*slope, np.zeros(len(gap))])
     along = np.column_stack([-slope[1], slope[0], np.zeros(len(gap))])
     up = np.array([0.0, 0.0, 1.0])

@@ -58,11 +58,9 @@ class Surface:
 
     def evaluate(self, points: ArrayLike, reach: float = math.inf) -> Nearest:
         """Gap, normal and curvature at points (n, 3) [mm]; rows are NaN where one is not finite.
-
         Where |gap| surely exceeds the reach [mm], the gap need only do so too, with the right sign,
         and normal and curvature need only be finite; so far points cost little. Raises InputError
-        for points of another shape and for a reach below 0.
-        """
+        for points of another shape and for a reach below 0."""
         x = checked_points(points)
         if not reach >= 0:
             raise InputError(f"reach is {reach}; allowed is at least 0")

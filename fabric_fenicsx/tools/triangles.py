@@ -31,10 +31,8 @@ class Repaired(NamedTuple):
 
 def repaired(points: ArrayLike, triangles: ArrayLike, normals: ArrayLike | None = None) -> Repaired:
     """The `Repaired` triangles (m, 3) over points (n, 3) [mm], with normals (m, 3, 3) if given.
-
     Raises InputError if no triangle has an area, or for points, triangles or normals of a wrong
-    shape or not finite.
-    """
+    shape or not finite."""
     x, cells = checked_points(points, "points of the surface"), np.asarray(triangles)
     if not (finite := np.isfinite(x).all(1)).all():
         first, lost = int(finite.argmin()), len(x) - finite.sum()

@@ -121,12 +121,10 @@ class TriangulatedSurface(Surface):
         comm: MPI.Comm = MPI.COMM_SELF,
     ) -> Self:
         """The surface in a file, in mm: STL, VTP, MSH, or any other that meshio, gmsh or PyVista
-        reads, where larger cells are cut; or STEP, IGES or BREP, whose faces gmsh meshes.
-
-        chord: distance of that mesh from the faces [mm]; crease: as for the surface [deg]; comm:
-        its rank 0 reads, as gmsh meshes the same faces a little differently each time. Raises
-        InputError if the file cannot be read or has no triangle, or for a chord not above 0.
-        """
+        reads, where larger cells are cut; or STEP, IGES or BREP, whose faces gmsh meshes. chord:
+        distance of that mesh from the faces [mm]; crease: as for the surface [deg]; comm: its rank
+        0 reads, as gmsh meshes the same faces a little differently each time. Raises InputError if
+        the file cannot be read or has no triangle, or for a chord not above 0."""
         path, chord = Path(path), POSITIVE.check("chord", chord)
         points, triangles, normals = on_root(comm, lambda: read_triangles(path, chord))
         try:
