@@ -97,7 +97,6 @@ class _Neighbours:
 
     def check(self):
         """Warnings, a sentence each; raises InputError for what no sheet has."""
-        self._twice()
         self._crowded()
         self._sheets()
         if self.middles is not None:
@@ -118,14 +117,6 @@ class _Neighbours:
     def _wrong(self, flaw, allowed):
         return InputError(f"{self.source} {flaw}; allowed {allowed}")
 
-    def _twice(self):
-        corners = np.sort(self.cells[:, : self.how.corners], 1)
-        _, first, number = np.unique(corners, axis=0, return_index=True, return_inverse=True)
-        first = first[number.ravel()]
-        again = np.flatnonzero(first != np.arange(len(corners)))
-        if again.size:
-            one, other = self._cell(again[0]), first[again[0]]
-            raise self._wrong(f"holds {one} twice, as number {other} too", "is each cell once")
 
     def _crowded(self):
         many = np.flatnonzero(self.count > 2)
