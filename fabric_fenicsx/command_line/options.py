@@ -75,7 +75,8 @@ class Parser(argparse.ArgumentParser):
     PARAMETER = re.compile(r'`(Limits\.)?(\w+)(?:=(\w+|"[^"`]*"))?`')
 
     def __init__(self, **settings: Any) -> None:
-        super().__init__(**{"allow_abbrev": False, "formatter_class": HelpFormatter} | settings)
+        usual: dict[str, Any] = {"allow_abbrev": False, "formatter_class": HelpFormatter}
+        super().__init__(**usual | settings)
         self.free: set[str] = set()
         self._names: set[str] = set()
         self._groups: dict[str, Any] = {}

@@ -232,10 +232,6 @@ class Study:
             raise Checked
         return job.run(self.output, part, problem=self._problem, pictures=pictures)
 
-    def once(self, key: str, make: Callable[[], Any]) -> Any:
-        """Call `Output.once` for the problem of the options."""
-        return self.output.once(key, make, self.problem(self.fabric))
-
     def summarise(self, folder: Path | None, **facts: Any) -> dict[str, Any]:
         """Summarise the study as a whole, see `Output.summarise`."""
         self._note_facts()

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.files import unwritable
@@ -34,7 +35,8 @@ def parser() -> Parser:
     p.add_argument("press", metavar="press.toml", type=Path, help="the press file")
     several = Rule("a whole number of 3 or more", lambda v: v >= 3, int)
     power = Rule("a power of 2 from 8 on", lambda v: v >= 8 and v.bit_count() == 1, int)
-    cores, more = len(os.sched_getaffinity(0)), {"action": "append", "default": []}
+    cores = len(os.sched_getaffinity(0))
+    more: dict[str, Any] = {"action": "append", "default": []}
     words = 'as "holder.pressure=0.01,0.05,0.2"; with --minimise and --scatter as '
     words += '"holder.pressure=0.01..0.2"; several are combined'
     p.add_argument("--vary", metavar="KEY=VALUES", help=words, **more)

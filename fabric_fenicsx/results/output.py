@@ -79,7 +79,6 @@ class Output:
         self._said: set[tuple[str, str]] = set()  # assumed numbers
         self._lock: IO | None = None
         self._log: LogFile | None = None
-        self._done: dict[str, dict[str, Any]] = {}
 
     def say(self, text: str) -> None:
         """Print on rank 0, and to log.txt."""
@@ -159,39 +158,6 @@ class Output:
         return [
             f for name in RESULTS for f in (*self.path.glob(name), *self.path.glob(f"*/{name}"))
         ]
-
-    def once(self, key: str, make: Callable[[], Any], problem: Mapping[str, Any]) -> Any:
-        """make(), which JSON must hold; a resumed run takes what make() gave before. Raises
-        InputError if that was another `problem`."""
-        if not self._done:
-            self._done = self._read_done(json.loads(json.dumps(problem)))
-        if key not in self._done["done"]:
-            self._done["done"][key] = make()
-            if self.comm.rank == 0:
-                replace_file(self.path / "done.json", json.dumps(self._done))
-        return self._done["done"][key]
-
-    def _read_done(self, problem):
-        """Results of `once` of the run that is resumed."""
-        path = self.folder() / "done.json"
-
-        def read():
-            if not (self.resume and path.is_file()):
-                return {"problem": problem, "done": {}}
-            try:
-                known = json.loads(path.read_text())
-                return {name: dict(known[name]) for name in ("problem", "done")}
-            except (ValueError, TypeError, KeyError) as e:
-                flaw = f"{path} cannot be read ({type(e).__name__}: {e})"
-                raise InputError(f"{flaw}; allowed is one that a study wrote") from None
-
-        found = on_root(self.comm, read)
-        for name, value in problem.items():
-            if (before := found["problem"].get(name)) != value:
-                flaw = f"{path} was made with {name} = {before}, now it is {value}"
-                allowed = "the same problem, or a run that begins anew (`overwrite`)"
-                raise InputError(f"{flaw}; allowed is {allowed}")
-        return found
 
     def where(self, folder: Path, whole: bool = False) -> str:
         """Text that tells where the results are, if they are kept; whole: of the full load."""

@@ -117,7 +117,6 @@ class _Neighbours:
     def _wrong(self, flaw, allowed):
         return InputError(f"{self.source} {flaw}; allowed {allowed}")
 
-
     def _crowded(self):
         many = np.flatnonzero(self.count > 2)
         if many.size:
