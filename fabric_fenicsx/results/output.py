@@ -21,7 +21,7 @@ from petsc4py import PETSc
 from ..runtime import timing
 from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
-from ..runtime.files import LOCK_FILE, lock_folder, replace_file
+from ..runtime.files import lock_folder, replace_file
 from ..runtime.logs import MARKED, LogFile, log
 from ..runtime.version import __version__
 
@@ -116,7 +116,10 @@ class Output:
 
     def _make(self, path):
         """Make the folder and, the first time, lock it."""
-        old = [] if self._lock else self._allowed_results(path)
+        resumable = {"checkpoint.npz", "done.json"} & {file.name for file in self._results()}
+        if self.resume and not (self._lock or resumable):
+            flaw = f"`resume=True` finds no checkpoint in {path}"
+            raise InputError(f"{flaw}; allowed is the `out` of a run that was begun")
         try:
             path.mkdir(parents=True, exist_ok=True)
             tempfile.TemporaryFile(dir=path).close()
@@ -126,32 +129,20 @@ class Output:
         except OSError as error:
             flaw = f"`out` {path} can't be written to ({error.strerror})"
             raise InputError(f"{flaw}; allowed is a folder that can be made") from None
-        # another run may have begun, or even ended, since we looked for results
-        if not self._lock or self._results() != old:
-            raise self._is_used()
+        if not self._lock:
+            allowed = "another folder, or this one when that run has ended"
+            raise InputError(f"`out` {self.path} is in use by another run; allowed is {allowed}")
+        old = self._results()  # now that no other run adds to them
+        if old and not (self.resume or self.overwrite):
+            self.close()
+            found = f"`out` {self.path} holds results ({old[0].relative_to(self.path)})"
+            allowed = "`resume=True` to go on with them, `overwrite=True` to lose them"
+            raise InputError(f"{found}; allowed is another folder, {allowed}")
         if self.overwrite:
             for file in (*old, *self.path.glob("*.png"), self.path / "report.html"):
                 file.unlink(missing_ok=True)
         self._log = LogFile(self.path / "log.txt", "a" if self.resume else "w", self.command)
         log.addHandler(self._log)
-
-    def _allowed_results(self, path):
-        """Results in the folder, which this run may go on with or lose."""
-        old, out = self._results(), self.path
-        if self.resume and not {"checkpoint.npz", "done.json"} & {file.name for file in old}:
-            flaw = f"`resume=True` finds no checkpoint in {path}"
-            raise InputError(f"{flaw}; allowed is the `out` of a run that was begun")
-        if old and not (self.resume or self.overwrite):
-            if (out / LOCK_FILE).exists() and not lock_folder(out):
-                raise self._is_used()
-            found = f"`out` {out} holds results ({old[0].relative_to(out)})"
-            allowed = "`resume=True` to go on with them, `overwrite=True` to lose them"
-            raise InputError(f"{found}; allowed is another folder, {allowed}")
-        return old
-
-    def _is_used(self):
-        allowed = "another folder, or this one when that run has ended"
-        return InputError(f"`out` {self.path} is in use by another run; allowed is {allowed}")
 
     def _results(self):
         """Files in the folder by which it is known to hold results."""
