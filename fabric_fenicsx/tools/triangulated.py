@@ -18,7 +18,7 @@ from ..runtime.rules import BELOW_180, POSITIVE
 from .closest_triangles import boxes_around, closest
 from .curved_triangles import CurvedTriangles, row_dots
 from .files import read_triangles
-from .projection import Projection
+from .projection import nearest, net_of
 from .radii import least_radii
 from .surfaces import Drawn, Nearest, Surface
 from .triangles import repaired
@@ -108,7 +108,7 @@ class TriangulatedSurface(Surface):
         self.rim, self.forks = curved.ends(across.sharing == 1), curved.ends(across.sharing > 2)
         self.sharp = curved.ends(sharp & (across.triangle >= 0))
         self.radii = least_radii(curved)
-        self._boxes, self._projection = boxes_around(curved), Projection(curved)
+        self._boxes, self._net = boxes_around(curved), net_of(curved)
         self._rim_side = 1.0
         self._known: dict[int, Known] = {}
 
@@ -162,7 +162,6 @@ class TriangulatedSurface(Surface):
         """The same, but the gap beyond the rim has the other sign."""
         seen = copy(self)
         seen._rim_side, seen._known = -self._rim_side, {}
-        seen._projection = self._projection.from_behind()
         return seen
 
     def fingerprint(self) -> dict[str, Any]:
@@ -212,7 +211,9 @@ class TriangulatedSurface(Surface):
         rest = np.ones(len(row), dtype=bool)
         rest[over[inside]] = False
         at = row[rest]
-        gap, normal, curvature = self._projection.nearest(points[at], triangle[rest], weights[rest])
+        gap, normal, curvature = nearest(
+            self._net, self._rim_side, points[at], triangle[rest], weights[rest]
+        )
         if curved.parts > 1:  # the nearest one counts
             order = np.argsort(-abs(gap), kind="stable")
             order = order[abs(gap[order]) < least[at[order]]]
