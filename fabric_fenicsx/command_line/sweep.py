@@ -79,14 +79,12 @@ def main(argv: Sequence[str], program: type[Form] = Form) -> int:
 
 def _parted(argv):
     """The sweep's own words, and those behind `--`."""
-    words = list(argv)
-    cut = words.index("--") if "--" in words else len(words)
-    passed = words[cut + 1 :]
-    for word in passed:
-        if word.split("=")[0] in TAKEN:
-            allowed = f"options of fabric form but {', '.join(TAKEN)}"
-            raise InputError(f"option {word} is behind --; allowed are {allowed}")
-    return words[:cut], passed
+    cut = argv.index("--") if "--" in argv else len(argv)
+    words, passed = list(argv[:cut]), list(argv[cut + 1 :])
+    if taken := [word for word in passed if word.split("=")[0] in TAKEN]:
+        allowed = f"options of fabric form but {', '.join(TAKEN)}"
+        raise InputError(f"option {taken[0]} is behind --; allowed are {allowed}")
+    return words, passed
 
 
 def _sweep(args, passed, program):

@@ -66,19 +66,14 @@ def formed_ply(grid: Grid, modelled: bool = False) -> FormedPly:
             fields["thickness"] = np.asarray(grid.cell_data[name])
     ply = FormedPly(points, x, cells, fields | {"area_ratio": ratio})
     for axis in () if modelled else planes_of(grid):
-        ply = _with_image(ply, axis)
+        mirror, off, images = image_of(ply.flat, ply.cells, axis)
+        points, flat = (np.vstack([x, x[off] * mirror]) for x in (ply.points, ply.flat))
+        new = {name: v * mirror if v.ndim == 2 else v for name, v in ply.fields.items()}
+        if "yarn_a" in new:
+            new |= _yarns_of_image(ply, new["yarn_a"], new["yarn_b"], mirror)
+        fields = {name: np.concatenate([v, new[name]]) for name, v in ply.fields.items()}
+        ply = FormedPly(points, flat, np.vstack([ply.cells, images]), fields)
     return ply
-
-
-def _with_image(ply, axis):
-    """The ply with its image in the plane of symmetry that is perpendicular to `axis`."""
-    mirror, off, images = image_of(ply.flat, ply.cells, axis)
-    points, flat = (np.vstack([x, x[off] * mirror]) for x in (ply.points, ply.flat))
-    new = {name: v * mirror if v.ndim == 2 else v for name, v in ply.fields.items()}
-    if "yarn_a" in new:
-        new |= _yarns_of_image(ply, new["yarn_a"], new["yarn_b"], mirror)
-    fields = {name: np.concatenate([v, new[name]]) for name, v in ply.fields.items()}
-    return FormedPly(points, flat, np.vstack([ply.cells, images]), fields)
 
 
 def _yarns_of_image(ply, a, b, mirror):

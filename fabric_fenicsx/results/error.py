@@ -70,7 +70,12 @@ def field_differences(result: Result, other: Result) -> dict[str, np.ndarray]:
         order = np.lexsort(at.T)  # the same on any number of ranks
         fields = np.column_stack([other.fields[name][theirs.cells] for name in names])
         values = np.concatenate(comm.allgather(fields))
-        for name, column in zip(names, _interpolated(at[order], values[order], _centres(part)).T):
+        known_at, places = (at[order], values[order]), _centres(part)
+        if not len(places):
+            continue
+        columns = LinearNDInterpolator(*known_at)(places)
+        columns = np.where(np.isnan(columns), NearestNDInterpolator(*known_at)(places), columns)
+        for name, column in zip(names, columns.T):
             found[name][part.cells] = np.abs(result.fields[name][part.cells] - column)
     return found
 
@@ -78,13 +83,6 @@ def field_differences(result: Result, other: Result) -> dict[str, np.ndarray]:
 def _centres(part: Part) -> np.ndarray:
     """Undeformed centres of this rank's cells of a part, (cells, 2) [mm]."""
     return part.blank.midpoints()[:2, part.cells].T.round(9)
-
-
-def _interpolated(at, values, places):
-    if not len(places):
-        return np.zeros((0, values.shape[1]))
-    found = LinearNDInterpolator(at, values)(places)
-    return np.where(np.isnan(found), NearestNDInterpolator(at, values)(places), found)
 
 
 def estimate(result: Result, coarser: Sequence[Result], names: Iterable[str]) -> dict[str, float]:

@@ -29,7 +29,9 @@ def compiled(comm: MPI.Comm, make: Callable[[], T]) -> T:
                 with _lock(comm, fcntl.LOCK_SH):
                     return make()
             except (TimeoutError, RuntimeError) as error:  # RuntimeError where there are more ranks
-                file = comm.bcast(_unfinished(error))
+                # the file that FFCx waited for in vain
+                named = "timed out" in str(error) and re.search(r"remove (.+?\.c)\)", str(error))
+                file = comm.bcast(Path(named[1]) if named else None)
                 if not file:
                     raise
             with _lock(comm, fcntl.LOCK_EX):
@@ -38,12 +40,6 @@ def compiled(comm: MPI.Comm, make: Callable[[], T]) -> T:
                 return make()
     finally:
         logging.disable(logging.NOTSET)
-
-
-def _unfinished(error: Exception) -> Path | None:
-    """The file that FFCx waited for in vain."""
-    named = "timed out" in str(error) and re.search(r"remove (.+?\.c)\)", str(error))
-    return Path(named[1]) if named else None
 
 
 @contextmanager

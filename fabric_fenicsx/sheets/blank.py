@@ -19,12 +19,11 @@ from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
 from ..runtime.rules import COUNT, POSITIVE
 from .cells import CELLS
-from .fibres import Direction
 from .layout import Layout, axes_of, blank_options
 from .mesh_checks import MeshArrays, checked_mesh
 from .mesh_files import read_mesh
 from .part import Part
-from .sheet_mesh import SheetMesh
+from .sheet_mesh import Direction, SheetMesh
 
 
 class Blank(SheetMesh):

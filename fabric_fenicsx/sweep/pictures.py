@@ -138,7 +138,12 @@ def _draw_maps(path, runs):
     sheets = [_sheet(run.folder) for run in drawn]
     fields = {name: [values[name] for _, values in sheets] for name in sheets[0][1]}
     fields = {name: f for name, f in fields.items() if np.isfinite(np.concatenate(f)).any()}
-    columns = _columns(runs) if len(drawn) == len(runs) else min(COLUMNS, len(drawn))
+    # all values of the last key in a row where two keys make a full table, else what fits
+    counts = [len({run.values[key] for run in drawn}) for key in drawn[0].values]
+    is_full = len(counts) == 2 and counts[0] * counts[1] == len(drawn) == len(runs)
+    columns = min(COLUMNS, len(drawn))
+    if is_full and counts[1] <= 2 * COLUMNS:
+        columns = counts[1]
     rows = -(-len(drawn) // columns)
     sides = [np.ptp(polygons.reshape(-1, 2), axis=0) for polygons, _ in sheets]
     length, width = np.max(sides, axis=0)
@@ -156,11 +161,3 @@ def _draw_maps(path, runs):
             for ax in mine.flat[len(drawn) :]:
                 ax.set_axis_off()
             page.colorbar(cells, ax=list(mine.flat), label=name, shrink=0.9)
-
-
-def _columns(runs):
-    """Maps in a row: all values of the last key where two keys make a full table, else what
-    fits."""
-    counts = [len({run.values[key] for run in runs}) for key in runs[0].values]
-    full = len(counts) == 2 and counts[0] * counts[1] == len(runs)
-    return counts[1] if full and counts[1] <= 2 * COLUMNS else min(COLUMNS, len(runs))

@@ -66,17 +66,13 @@ class ImplicitSurface(Surface):
         for part in np.array_split(near, max(1, len(near) // 4096)):
             self._project(points[part], part, found)
         lost = near[np.isnan(found.gap[near])]
-        if len(lost) and 0 < reach < math.inf:
-            self._tell_far(x[:, lost], F[lost], lost, reach, found)
+        if len(lost) and 0 < reach < math.inf:  # where F has one sign around, the surface is far
+            around = (x[:, lost, None] + 2 * reach * AROUND.T[:, None]).reshape(3, -1)
+            signs = self.value(around).reshape(len(lost), -1) * F[lost, None]
+            far = lost[(signs > 0).all(1)]
+            found.gap[far] = np.copysign(1.01 * reach, F[far])
+            found.normal[far], found.curvature[far] = up, 0.0
         return found
-
-    def _tell_far(self, x, F, rows, reach, found):
-        """Put a gap beyond the reach into those `rows` around whose x (3, n) F has one sign."""
-        around = (x[:, :, None] + 2 * reach * AROUND.T[:, None]).reshape(3, -1)
-        far = (self.value(around).reshape(len(rows), -1) * F[:, None] > 0).all(1)
-        at = rows[far]
-        found.gap[at] = np.copysign(1.01 * reach, F[far])
-        found.normal[at], found.curvature[at] = (0.0, 0.0, 1.0), 0.0
 
     def derivatives(self, x: np.ndarray) -> list[np.ndarray]:
         """Arrays that `implicit` gives at x (3, n); InputError if they are not as they must be."""
