@@ -145,10 +145,6 @@ def add_output(p: Parser, name: str) -> None:
         p.option(option, action="store_true", help=words, free=True)
 
 
-class Checked(Exception):
-    """A dry run is done."""
-
-
 class Study:
     """A study under way: parsed options `args`, `fabric`, `comm`, and the `output` of its runs.
     Construction checks options and material as a whole; it raises InputError on all ranks before
@@ -229,7 +225,7 @@ class Study:
         if self.args.dry_run:
             for line in checked(job, self.output, part, pictures):
                 self.say(line)
-            raise Checked
+            sys.exit(0)
         return job.run(self.output, part, problem=self._problem, pictures=pictures)
 
     def summarise(self, folder: Path | None, **facts: Any) -> dict[str, Any]:
@@ -258,24 +254,18 @@ def _in_words(options):
     return {k: str(v) if isinstance(v, Path) else v for k, v in options.items()}
 
 
-def _end(number, frame):
-    raise KeyboardInterrupt
-
-
 def run(name: str, options: Parser, main: Callable[[Any], Any], kind: type[Study] = Study) -> None:
     """Run main(study of that kind) and leave with the contract's exit status: 0 done, 2 bad input,
     3 the solver gave up. All ranks leave together, rank 0 speaks; a rank that fails alone ends the
     others."""
     comm, study = MPI.COMM_WORLD, None
     description = " ".join((sys.modules["__main__"].__doc__ or "").split())
-    signal.signal(signal.SIGTERM, _end)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         with status.shown(first=comm.rank == 0), status.task(program(name)):
             study = kind(name, options)
             main(study)
             study.write_report(description, "done")
-        return
-    except Checked:
         return
     except (InputError, SolverFailure, Interrupted) as error:
         code, text = exit_status(error)

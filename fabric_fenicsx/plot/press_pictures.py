@@ -19,6 +19,7 @@ from ..postprocess.states import states, triangulated
 from ..runtime.formatting import rounded
 from ..sheets.blank import Blank
 from ..sheets.stack import Stack
+from ..tools.facets import unit
 from ..tools.tool import Tool
 from . import space
 from .pictures import figure, plt
@@ -171,7 +172,8 @@ def _draw_state(plotter, scene, limit, spacing):
     space.draw_plies(plotter, list(scene.plies.values()), limit, spacing)
     for name, surface in scene.tools.items():
         if not scene.above[name]:
-            plotter.add_mesh(surface.translate(-3 * space.unit(VIEW)), color=space.TOOL, **SOLID)
+            behind = surface.translate(-3 * unit(np.array(VIEW)))
+            plotter.add_mesh(behind, color=space.TOOL, **SOLID)
             continue
         rear = surface.clip(normal=(0, 1, 0), origin=(0, 0, 0), invert=False)
         if rear.n_cells:

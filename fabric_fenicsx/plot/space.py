@@ -16,6 +16,7 @@ from vtkmodules.vtkCommonCore import vtkLogger
 from ..postprocess.ply import SAME, Grid, ply_of, whole
 from ..postprocess.shape import File
 from ..runtime.errors import InputError
+from ..tools.facets import unit
 from .pictures import plt
 
 SCREEN = (2400, 1500)  # pixels drawn
@@ -73,11 +74,6 @@ def drawing(size: tuple[int, int] = SCREEN) -> Iterator[pyvista.Plotter]:
             vtkLogger.SetStderrVerbosity(verbosity)
 
 
-def unit(vector: Sequence[float]) -> np.ndarray:
-    """The vector (3,) with length 1."""
-    return np.asarray(vector, dtype=float) / np.linalg.norm(vector)
-
-
 def image(
     draw: Callable[[pyvista.Plotter], None],
     view: Sequence[float],
@@ -95,7 +91,7 @@ def image(
             plotter.renderer.SetUseDepthPeeling(True)
             plotter.renderer.SetMaximumNumberOfPeels(8)
         draw(plotter)
-        plotter.view_vector(unit(view), viewup=(0, 0, 1))
+        plotter.view_vector(unit(np.array(view)), viewup=(0, 0, 1))
         if bounds is not None:
             plotter.reset_camera(bounds=bounds)
             plotter.renderer.ResetCameraClippingRange()  # what is beyond the bounds is drawn, too
@@ -217,7 +213,7 @@ def formed_picture(
         if tool is not None:
             whole = mirrored(tool, surfaces[0].field_data["planes"])
             # away from the camera, so that it looks the same but does not show through the ply
-            behind = whole.translate(-3 * unit(VIEW))
+            behind = whole.translate(-3 * unit(np.array(VIEW)))
             look = {"color": TOOL, "ambient": 0.35, "diffuse": 0.75}
             plotter.add_mesh(behind, smooth_shading=True, **look)
 

@@ -1,7 +1,6 @@
 """Triangles as files and users give them: checked, doubles merged, turned the same way round."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,22 +16,13 @@ SAME = 2e-7  # distance of points that are one, over the largest coordinate: fil
 CRACK, SHORT = 2e-3, 0.1
 
 
-class Repaired(NamedTuple):
+def repaired(
+    points: ArrayLike, triangles: ArrayLike, normals: ArrayLike | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, int, bool]:
     """Points (n, 3) [mm] and triangles (m, 3) without doubles and triangles without area, turned
     the same way round; normals (m, 3, 3) at their corners if given, 0 where there is none; how many
-    triangles were `turned`; two_sided: False where no way to turn them makes all agree."""
-
-    points: np.ndarray
-    triangles: np.ndarray
-    normals: np.ndarray | None
-    turned: int
-    two_sided: bool
-
-
-def repaired(points: ArrayLike, triangles: ArrayLike, normals: ArrayLike | None = None) -> Repaired:
-    """The `Repaired` triangles (m, 3) over points (n, 3) [mm], with normals (m, 3, 3) if given.
-    Raises InputError if no triangle has an area, or for points, triangles or normals of a wrong
-    shape or not finite."""
+    triangles were turned; False where no way to turn them makes all agree. Raises InputError if
+    none has an area, and for points, triangles or normals of a wrong shape or not finite."""
     x, cells = checked_points(points, "points of the surface"), np.asarray(triangles)
     if not (finite := np.isfinite(x).all(1)).all():
         first, lost = int(finite.argmin()), len(x) - finite.sum()
@@ -69,7 +59,7 @@ def repaired(points: ArrayLike, triangles: ArrayLike, normals: ArrayLike | None 
         # at poles of a CAD model's faces there is none
         known = (given * facets).sum(2)[..., None] > math.cos(math.pi / 3)
         given = np.where(known, given, 0.0)
-    return Repaired(x[used], cells, given, int(turn.sum()), two_sided)
+    return x[used], cells, given, int(turn.sum()), two_sided
 
 
 def _cracks(x, cells):

@@ -96,11 +96,8 @@ class TriangulatedSurface(Surface):
         crease: float = CREASE,
     ) -> None:
         self.crease = BELOW_180.check("crease", crease)
-        found = repaired(points, triangles, normals)
-        self.turned, self.two_sided = found.turned, found.two_sided
-        self.curved = curved = CurvedTriangles(
-            found.points, found.triangles, math.radians(self.crease), found.normals
-        )
+        x, cells, given, self.turned, self.two_sided = repaired(points, triangles, normals)
+        self.curved = curved = CurvedTriangles(x, cells, math.radians(self.crease), given)
         self.points: np.ndarray = curved.points
         self.triangles: np.ndarray = curved.triangles
         self.facets, self.areas, self.normals = curved.facets, curved.areas, curved.normals
