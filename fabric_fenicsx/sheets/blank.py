@@ -138,26 +138,14 @@ class Blank(SheetMesh):
         spatial: bool = False,
         **options: Any,
     ) -> Self:
-        """Blank from arrays on rank 0 (None elsewhere).
+        """Blank from arrays on rank 0 (None elsewhere): points (n, 2 or 3) [mm] and cells (m, k) by
+        their nodes, in gmsh's order, of a kind that meshio calls "triangle", "triangle6", "quad" or
+        "quad9".
 
-        Parameters
-        ----------
-        points : (n, 2 or 3)
-            [mm]
-        cells : (m, k)
-            Numbers of their nodes, in gmsh's order.
-        kind : {"triangle", "triangle6", "quad", "quad9"}
-            meshio's name of the cells.
-        source : str
-            What messages call the mesh.
-        spatial : bool
-            True: free to leave its plane. A sheet in a plane z = const is otherwise meshed in R^2,
-            so its displacement has two components; any other is a manifold mesh in R^3.
-        **options
-            Those of `Blank`.
-
-        Raises InputError, on all ranks, for a mesh that is no sheet, see `checked_mesh`; doubts
-        stand in `warnings`.
+        source: what messages call the mesh. spatial: free to leave its plane; a sheet in a plane
+        z = const is otherwise meshed in R^2, so its displacement has two components, and any other
+        is a manifold mesh in R^3. options: those of `Blank`. Raises InputError, on all ranks, for a
+        mesh that is no sheet, see `checked_mesh`; doubts stand in `warnings`.
         """
 
         def given():

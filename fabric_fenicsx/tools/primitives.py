@@ -126,22 +126,10 @@ class Torus(Surface):
 class Plate(Surface):
     """Thick plate with an opening through it, like a die, its face up.
 
-    Parameters
-    ----------
-    length, width : float
-        Of the opening along x and y, without the rounding [mm]; without `width` it is round, of
-        diameter `length`.
-    corner : float
-        Radius of the opening's corners in the plan [mm], 0 by default: sharp. Not of a round one.
-    entry : float
-        Radius of the rounding between the face and the opening's upright walls [mm].
-    centre : (3,)
-        Of the opening, in the plane of the face [mm].
-
-    Raises
-    ------
-    InputError
-        For values out of their range.
+    length, width: of the opening along x and y, without the rounding; without `width` it is round,
+    of diameter `length`. corner: radius of its corners in the plan, 0 by default: sharp. entry:
+    radius of the rounding between the face and the upright walls. centre (3,): of the opening, in
+    the plane of the face; all in mm. Raises InputError for values out of their range.
 
     Examples
     --------
@@ -190,21 +178,9 @@ class Plate(Surface):
 class Block(Surface):
     """Block with all its edges rounded, like the punch of a box.
 
-    Parameters
-    ----------
-    length, width, height : float
-        Along x, y and z, over all [mm].
-    radius : float
-        Of the edges around top and bottom [mm].
-    corner : float
-        Radius of the upright edges in the plan, from `radius`, which it is by default [mm].
-    centre : (3,)
-        Of the top face, in the plane z = centre[2] [mm].
-
-    Raises
-    ------
-    InputError
-        For values out of their range.
+    length, width, height: along x, y and z, over all. radius: of the edges around top and bottom;
+    corner: of the upright edges in the plan, from `radius`, which it is by default. centre (3,): of
+    the top face; all in mm. Raises InputError for values out of their range.
 
     Examples
     --------
