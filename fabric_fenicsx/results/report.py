@@ -14,13 +14,10 @@ from ..runtime.formatting import percent, rounded
 
 # picture -> what it shows, in the order of a report
 CAPTIONS = {
-    "setup": "The tools and the flat blank before anything moves, in space and in sections through "
-    "the centre; arrows are as long as the motions",
-    "curve": "Reaction, or force of the punch, over displacement; a band is its estimated error, "
-    "squares are measured, if they are there",
+    "setup": "Tools and flat blank before anything moves; arrows are as long as the motions",
+    "curve": "Force over displacement; a band is its estimated error, squares are measured",
     "filmstrip": "The stroke: magnitude of the shear angle, yarns and tools in states on the way",
-    "maps": "Logarithmic strains along both yarns and shear angle, with its sign (negative where "
-    "the angle from yarns a to b grows), on the deformed sheet",
+    "maps": "Logarithmic strains, and shear angle (negative where that from yarns a to b grows)",
     "axis": "Magnitude of the shear angle along the strip's axis",
     "measured": "Normalised shear force, simulated and measured",
     "compare": "Variants of the couplings: strains and shear angle",

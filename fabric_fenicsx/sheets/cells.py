@@ -109,10 +109,9 @@ def one_sense(
         return cells, []
     cells = cells.copy()
     cells[turn] = turned_over(cells[turn], how)
-    return cells, [
-        f"{source} has {turn.size} of {len(cells)} cells turned over, the first number {turn[0]} "
-        f"{at_place(corners[turn[0]].mean(0))}; they were turned to agree with the others"
-    ]
+    first = f"the first number {turn[0]} {at_place(corners[turn[0]].mean(0))}"
+    flaw = f"{source} has {turn.size} of {len(cells)} cells turned over, {first}"
+    return cells, [f"{flaw}; they were turned to agree with the others"]
 
 
 def check_shapes(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str) -> None:

@@ -24,25 +24,14 @@ class Sheet(NamedTuple):
 
 
 class Stack(Blank):
-    """Sheets, the lowest first, each laid on the one below: a blank whose `parts` they are.
+    """Sheets, the lowest first, each laid on the one below: a blank whose `parts` they are. They
+    may differ in outline, cells and yarns, not in kind of cells; if one is of degree 2, all are.
 
-    Sheets may differ in outline, cells and yarns, not in the kind of cells; if one is of degree 2,
-    all are.
-
-    Parameters
-    ----------
-    sheets : list of (Blank, float, str)
-        Flat sheets in space, their thicknesses [mm] and the names of their parts.
-    bottom, play : float
-        Height z of the lowest face, by default that of the first sheet; between sheets [mm].
-    name : str
-        The stack's name in messages.
-
-    Raises
-    ------
-    InputError
-        For sheets in a plane mesh, not flat in z, of other cells than P1, P2 and Q1 or of different
-        kinds, without a name of their own or a thickness above 0, or beside all others.
+    sheets: list of flat blanks in space, their thicknesses [mm] and the names of their parts;
+    bottom: height z of the lowest face, by default that of the first sheet, play: between sheets
+    [mm]; name: of the stack in messages. Raises InputError for sheets in a plane mesh, not flat in
+    z, of other cells than P1, P2 and Q1 or of different kinds, without a name of their own or a
+    thickness above 0, or beside all others.
 
     Examples
     --------

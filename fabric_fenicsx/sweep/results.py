@@ -24,11 +24,9 @@ HEADLINES = {
     "shear_angle_99_percent_deg": "shear angle, 99 % of the area below [deg]",
 }
 CAPTIONS = {
-    "trends": "Headline quantities over what is varied; of runs at full load; a cross is one "
-    "that is not believed",
+    "trends": "Headline quantities of runs at full load; a cross is one that is not believed",
     "curves": "Force over displacement of all runs; dashed is one that is not believed",
-    "maps": "Magnitude of the shear angle, and shortening of yarns (the larger of both), seen from "
-    "above [mm], on one scale",
+    "maps": "Magnitude of the shear angle, and larger shortening of both yarns, seen from above",
 }
 
 

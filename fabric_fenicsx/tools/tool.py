@@ -17,19 +17,16 @@ OfLoad = Callable[[float], ArrayLike]  # from the load factor to (3,)
 
 
 class Tool:
-    """A rigid body that moves without turning: along a path, or along a line by force.
+    """A rigid body, bounded by a `surface`, that moves without turning: along a path, or along a
+    line by force. `name` is the tool's in summaries and errors.
 
     Parameters
     ----------
-    surface : Surface
-        The body's boundary.
     path : (3,) or function of the load factor to (3,)
         Its displacement [mm]; three numbers are that at full load, to which it grows in proportion.
     force : (3,) or function of the load factor to (3,)
         If given, on the tool [N], always along one direction; the tool moves on that line by
         `travel` [mm], beyond the path, which its contact finds.
-    name : str
-        The tool's name in summaries and errors.
 
     Raises
     ------
