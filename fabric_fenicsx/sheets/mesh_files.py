@@ -17,8 +17,8 @@ GEOMETRY = (".geo", ".step", ".stp", ".iges", ".igs", ".brep")  # what gmsh make
 def read_mesh(path: Path | str) -> MeshArrays:
     """The mesh in a file, not checked yet; InputError as in `Blank.read`."""
     if not isinstance(path, (str, os.PathLike)):
-        given = type(path).__name__
-        raise InputError(f"mesh file is given as {given}; allowed is its name, a text or a path")
+        flaw = f"mesh file is given as {type(path).__name__}"
+        raise InputError(f"{flaw}; allowed is its name, as a text or a path")
     path = Path(path)
     file, ending = f"mesh file {path}", path.suffix.lower()
     if ending in GEOMETRY:
