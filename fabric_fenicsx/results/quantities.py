@@ -244,15 +244,15 @@ def _shortest_wave(scene, part):
 def _sentences(name: str, found: Mapping[str, Any], wave: str = "") -> Iterable[str]:
     share, lost = found[share_name(SHORTENED)], found["excess_length_mm"]
     if share > AREA:
-        most = f"{percent(found['shortening_max'], 3)}, as at"
-        most = f"{most} {of_sheet(found['shortening_max_at_mm'])}"
+        place = of_sheet(found["shortening_max_at_mm"])
+        most = f"{percent(found['shortening_max'], 3)}, as at {place}"
         wide = f"by more than {percent(SHORTENED, 6)} in {percent(share, 3)} of the area"
         excess = "" if lost is None else f"; a yarn loses up to {rounded(lost)} mm of its length"
         law = f"The law stores as shortening what a real ply folds into wrinkles{wave}"
         yield f"compression shortens yarns of {name} by up to {most}, and {wide}{excess}. {law}"
     if (there := found["shortening_at_shear_angle_max"]) > CRUMPLED:
-        most = f"{rounded(found['shear_angle_max_deg'])} deg at"
-        most = f"{most} {of_sheet(found['shear_angle_max_at_mm'])}"
+        place = of_sheet(found["shear_angle_max_at_mm"])
+        most = f"{rounded(found['shear_angle_max_deg'])} deg at {place}"
         where = f"lies where yarns are shortened by {percent(there)}: cells crumple there"
         below = f"99 % of the area stay below {rounded(found['shear_angle_99_percent_deg'])} deg"
         why = "and it depends on mesh and contact"

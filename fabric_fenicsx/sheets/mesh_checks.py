@@ -137,8 +137,8 @@ class _Neighbours:
         k = self.how.corners
         both = np.intersect1d(self.cells[:, :k], self.cells[:, k:])
         if both.size:
-            flaw = "at the corner of one cell and inside an edge or cell of another"
-            flaw = f"has a node, number {self._node(both[0])}, {flaw}"
+            where = "at the corner of one cell and inside an edge or cell of another"
+            flaw = f"has a node, number {self._node(both[0])}, {where}"
             raise self._wrong(flaw, "are cells that meet at whole edges")
         middle = middles[self.pairs]
         torn = np.flatnonzero(middle[:, 0] != middle[:, 1])
@@ -210,8 +210,8 @@ class _Neighbours:
         inside = (turn > NEAR[self.how.degree]).all(1) & (whole[part] != own[place])
         if inside.any():
             at, other = place[inside.argmax()], whole[part[inside.argmax()]]
-            flaw = f"overlaps itself {at_place(places[at])}"
-            flaw = f"{flaw}: cell {own[at]} reaches into cell {other}"
+            reach = f"cell {own[at]} reaches into cell {other}"
+            flaw = f"overlaps itself {at_place(places[at])}: {reach}"
             raise self._wrong(flaw, "is a sheet without overlap")
 
     def _slits(self, ends):
