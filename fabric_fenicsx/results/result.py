@@ -180,7 +180,10 @@ class Result:
         kept = on_root(comm, lambda: {*self.grid.cell_data, *self.grid.point_data})
         drawn = [each for each in known if each in kept]
         if name not in drawn:
-            raise InputError(f"there is no field {name} to draw; allowed are {', '.join(drawn)}")
+            known = ", ".join(drawn)
+            raise InputError(
+                f"there is no field {name} to draw; allowed are the fields of the run {known}"
+            )
         if comm.rank == 0:
             from ..plot.pictures import OUTLIERS, maps
 
