@@ -180,10 +180,8 @@ class Result:
         kept = on_root(comm, lambda: {*self.grid.cell_data, *self.grid.point_data})
         drawn = [each for each in known if each in kept]
         if name not in drawn:
-            known = ", ".join(drawn)
-            raise InputError(
-                f"there is no field {name} to draw; allowed are the fields of the run {known}"
-            )
+            fields = f"the fields of the run {', '.join(drawn)}"
+            raise InputError(f"there is no field {name} to draw; allowed are {fields}")
         if comm.rank == 0:
             from ..plot.pictures import OUTLIERS, maps
 
