@@ -3,6 +3,7 @@ runs are drawn at random, by --seed; mesh, element and steps are their own."""
 
 from bench import error_cases
 from bench.forming_cost import dome
+from bench.once import once
 from tqdm import tqdm
 
 from fabric_fenicsx.command_line.study import parser, run
@@ -44,7 +45,7 @@ def main(study):
             return []
 
     for case in tqdm(chosen, disable=None, leave=False):
-        rows += study.once(str(case), lambda case=case: compared(case))
+        rows += once(study, str(case), lambda case=case: compared(case))
     judged = error_cases.judge(rows)
     study.write_table(folder / "errors.csv", rows)
     study.write_table(folder / "coverage.csv", judged)

@@ -4,6 +4,7 @@ reason."""
 import textwrap
 
 from bench.hard_cases import CASES, Setting, run_case
+from bench.once import once
 
 from fabric_fenicsx.command_line.study import parser, run
 from fabric_fenicsx.coupons.coupon import Coupon
@@ -51,7 +52,7 @@ def main(study):
     folder, rows = study.folder(), []
     setting = Setting(study.comm, study.fabric, args.integration or "full", args.quick)
     for letter in args.only:
-        rows.append(study.once(letter, lambda letter=letter: run_case(letter, setting)))
+        rows.append(once(study, letter, lambda letter=letter: run_case(letter, setting)))
         study.say(said(rows[-1]))
     failed = [row["case"] for row in rows if not row["holds"]]
     quantities = {row["case"]: row for row in rows}

@@ -4,6 +4,7 @@ other runs are measured by. Mesh, element and steps are the scenes' own."""
 import shlex
 import sys
 
+from bench.once import once
 from bench.reference import convergence, make_reference, solve_member
 from bench.strips import STRIPS
 
@@ -23,7 +24,7 @@ def main(study):
 
     def solve(name, strip, how):
         problem = study.comm, study.fabric, strip, how, args.tolerance, args.linear_solver
-        member = study.once(f"{name} {how}", lambda: solve_member(*problem))
+        member = once(study, f"{name} {how}", lambda: solve_member(*problem))
         study.say(
             f"{name}  {how!s:28s} {member['dofs']:7d} dofs {member['iterations']:4d} iterations "
             f"{member['wall_s']:7.1f} s  reaction {member['values']['reaction_N']:.8g} N"

@@ -12,6 +12,7 @@ from pathlib import Path
 from bench import fronts
 from bench.cost import cost
 from bench.cost_plan import Configuration, plan, plan_forming, plan_sizes
+from bench.once import once
 from bench.own_process import run_apart
 from bench.reference import read_references
 from bench.strips import STRIPS
@@ -51,7 +52,7 @@ def rows_of(study, runs):
     command += ["--material", args.material, "--model", args.model]
     command += [word for coupling in args.without for word in ("--without", coupling)]
     for c in tqdm(runs, disable=None, leave=False):
-        yield (row := study.once(str(asdict(c)), lambda c=c: run_apart(c, command, args.limit)))
+        yield (row := once(study, str(asdict(c)), lambda c=c: run_apart(c, command, args.limit)))
         if row["reason"]:
             tqdm.write(f"{c}: {row['reason']}", file=sys.stderr)
 

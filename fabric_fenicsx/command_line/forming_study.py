@@ -3,9 +3,11 @@
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, ClassVar
+
+from mpi4py import MPI
 
 from ..forming.build import FormingScene
 from ..forming.holders import GROUP, HOLDERS, Holder, PressureHolder
@@ -17,12 +19,12 @@ from ..material.files import read_toml
 from ..material.laws import Law
 from ..material.metal import load_metal
 from ..runtime.errors import InputError
-from ..runtime.fields import check_fields, number, one_of, switch, text
+from ..runtime.fields import check_fields, number, one_of, repeated, switch, text
 from ..runtime.files import check_file
 from ..runtime.rules import POSITIVE, SHARE
 from ..tools.double_dome import DoubleDome
 from .options import Parser
-from .study import Study, of_kind, parser
+from .study import Study, options_of, parser
 
 DIMENSIONS = tuple(each.name for each in fields(DoubleDome))
 FILES = "mesh", "outline"  # fields of a sheet
@@ -72,13 +74,8 @@ class DomeTest:
     stroke: float | None = number(
         None, POSITIVE, "travel of the punch (by default its height) [mm]", "tools"
     )
-    dome: Sequence[str] = field(
-        default=(),
-        metadata={
-            "repeated": "NAME=VALUE",
-            "help": f"dimension of the double dome: {', '.join(DIMENSIONS)}",
-            "group": "tools",
-        },
+    dome: Sequence[str] = repeated(
+        f"dimension of the double dome: {', '.join(DIMENSIONS)}", "NAME=VALUE", "tools"
     )
     punch: str | None = text(
         None, "punch from a file (STL, VTP, MSH, STEP, IGES) [mm]", "FILE", "tools"
@@ -87,10 +84,7 @@ class DomeTest:
         0.1, POSITIVE, "largest distance of triangles from faces of STEP and IGES [mm]", "tools"
     )
     clearance: float | None = number(
-        None,
-        POSITIVE,
-        "distance of punch and die when closed (by default 1.2 thicknesses) [mm]",
-        "tools",
+        None, POSITIVE, "of punch and die when closed (by default 1.2 thicknesses) [mm]", "tools"
     )
     holder: Holder = one_of(PressureHolder(), HOLDERS, "what holds the rim of the ply", GROUP)
 
@@ -151,11 +145,28 @@ class DomeTest:
         if not self.stroke or self.stroke == depth:
             return
         if depth and self.stroke > depth:
-            raise InputError(
-                f"`stroke` is {self.stroke:g}; allowed is up to {depth:g} mm, the punch's height"
-            )
+            raise self._too_far(depth)
         del stage["close"]
         stage["moves"] = {"punch": self.stroke}
+
+    def _too_far(self, depth):
+        allowed = f"up to {depth:.6g} mm, the punch's height"
+        return InputError(f"`stroke` is {self.stroke:g}; allowed is {allowed}")
+
+    def build(
+        self, fabric: Law, sheet: Mapping[str, Any], interface: Interface, comm: MPI.Comm
+    ) -> FormingScene:
+        """The scene of the `press`. How deep a punch from a file goes is known once it is placed;
+        InputError for more."""
+        if not (self.punch and self.stroke):
+            return self.press(fabric, sheet, interface).build(comm)
+        closed = replace(self, stroke=None).press(fabric, sheet, interface).build(comm)
+        depth = closed.schedule.travel(1.0)
+        if abs(self.stroke - depth) < ROUNDED * closed.thickness:
+            return closed
+        if self.stroke > depth:
+            raise self._too_far(depth)
+        return self.press(fabric, sheet, interface).build(comm)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,10 +182,7 @@ class LaminateTest(DomeTest):
         "dc04", "metal of the outer sheets: preset or material file", "FILE", "laminate"
     )
     metal_thickness: float | None = number(
-        None,
-        POSITIVE,
-        "thickness of each sheet of metal, in place of the material's [mm]",
-        "laminate",
+        None, POSITIVE, "of each sheet of metal, in place of the material's [mm]", "laminate"
     )
     metal_area: float = number(
         AREA, SHARE, "area of a sheet of metal, as a share of a ply's", "laminate"
@@ -185,10 +193,8 @@ class LaminateTest(DomeTest):
     ) -> dict[str, Any]:
         """As in `DomeTest`."""
         if given := [name for name in FILES if sheet.get(name) and not self.stack]:
-            raise InputError(
-                f"`{given[0]}` is not allowed, as a laminate's plies are rectangles; allowed is "
-                f"`stack`, whose plies may each have {given[0]}"
-            )
+            flaw = f"`{given[0]}` is not allowed, as a laminate's plies are rectangles"
+            raise InputError(f"{flaw}; allowed is `stack`, whose plies may each have {given[0]}")
         document = super().document(document, fabric, sheet, interface)
         share, blank = self.metal_area**0.5, document["blank"]
         metal = load_metal(self.metal)
@@ -253,34 +259,15 @@ def dome_parser(
 
 def build(study: Study, test: type[DomeTest], fabric: Law | None = None) -> FormingScene:
     """The press of a study's options, built, with the fabric of the options or another one."""
-    asked = {each.name: getattr(study.args, each.name) for each in fields(test)}
-    for each in fields(test):
-        if "kinds" in each.metadata:
-            asked[each.name] = of_kind(study.args, each)
-    given = fabric or study.fabric, sheet_fields(study.args), interface_of(study.args)
+    given, interface = options_of(test, study.args), Interface(**options_of(Interface, study.args))
     try:
-        setup = _built(test(**asked), given, study.comm)
+        setup = test(**given).build(
+            fabric or study.fabric, sheet_fields(study.args), interface, study.comm
+        )
     except InputError as error:
         raise InputError(in_options(str(error))) from None
     setup.warnings[:] = map(in_options, setup.warnings)
     return study.take(setup)
-
-
-def _built(test, given, comm):
-    """The scene of a test. How deep a punch from a file goes is known once it is placed; InputError
-    for more."""
-    if not (test.punch and test.stroke):
-        return test.press(*given).build(comm)
-    closed = replace(test, stroke=None).press(*given).build(comm)
-    depth = closed.schedule.travel(1.0)
-    beyond = test.stroke - depth
-    if abs(beyond) < ROUNDED * closed.thickness:
-        return closed
-    if beyond > 0:
-        raise InputError(
-            f"`stroke` is {test.stroke:g}; allowed is up to {depth:.6g} mm, the punch's height"
-        )
-    return test.press(*given).build(comm)
 
 
 def of_quarter(setup: FormingScene, quantities: Mapping[str, Any]) -> str:
@@ -294,11 +281,6 @@ def sheet_fields(args: Any) -> dict[str, Any]:
     names = [each.name for each in fields(Sheet) if each.metadata.get("group") in ("mesh", "sheet")]
     found = {name: getattr(args, name, None) for name in (*names, "yarn_angle", "weave_angle")}
     return {name: v for name, v in found.items() if v is not None and v is not False}
-
-
-def interface_of(args: Any) -> Interface:
-    """The `Interface` of the options."""
-    return Interface(**{each.name: getattr(args, each.name) for each in fields(Interface)})
 
 
 def in_options(words: str) -> str:

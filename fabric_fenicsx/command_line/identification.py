@@ -8,7 +8,7 @@ from pathlib import Path
 from .. import identification
 from ..identification.curves import Curve, Sheet
 from ..runtime.errors import InputError
-from .options import HelpFormatter, Parser, program
+from .options import Parser, program
 
 DATA = "folder with sheet.toml and a CSV file a test; see docs/howto/own_data.md"
 OUT = "the material; report and pictures go beside it"
@@ -24,12 +24,7 @@ COVERAGE = (
 
 def options(description: str | None) -> Parser:
     """The parser of studies/identify.py."""
-    p = Parser(
-        prog=program("identify"),
-        description=description,
-        formatter_class=HelpFormatter,
-        allow_abbrev=False,
-    )
+    p = Parser(prog=program("identify"), description=description)
     out = Path("results/identify/fabric.toml")
     p.add_argument("--data", metavar="DIR", type=Path, help=DATA)
     p.add_argument("--out", metavar="FILE", type=Path, default=out, help=OUT)
@@ -54,26 +49,19 @@ def check(args: Namespace) -> None:
     if args.out.suffix != ".toml":
         raise InputError(f"--out is {args.out}; allowed is a file that ends in .toml")
     if args.out.exists() and not args.overwrite and new:
-        raise InputError(
-            f"--out {args.out} is there already; allowed is another file, or --overwrite to lose it"
-        )
+        allowed = "another file, or --overwrite to lose it"
+        raise InputError(f"--out {args.out} is there already; allowed is {allowed}")
     if not 0 <= args.noise < 1 or args.seed < 0:
-        raise InputError(
-            f"--noise is {args.noise} and --seed {args.seed}; "
-            "allowed is a noise from 0 to below 1 and a seed of 0 or more"
-        )
+        allowed = "a noise from 0 to below 1 and a seed of 0 or more"
+        raise InputError(f"--noise is {args.noise} and --seed {args.seed}; allowed is {allowed}")
     if new and args.data is None:
-        raise InputError(
-            "--data is missing; allowed is a folder with test curves, or a new one with "
-            "--synthesize"
-        )
+        allowed = "a folder with test curves, or a new one with --synthesize"
+        raise InputError(f"--data is missing; allowed is {allowed}")
     if not new and (args.coverage < 1 or not args.synthesize or not args.noise):
         raise InputError("--coverage needs 1 seed or more, --synthesize and a --noise above 0")
     if args.synthesize and new and args.data.is_dir() and any(args.data.iterdir()):
-        raise InputError(
-            f"--data {args.data} is not empty; allowed with --synthesize is a folder that is new "
-            "or empty"
-        )
+        allowed = "allowed with --synthesize is a folder that is new or empty"
+        raise InputError(f"--data {args.data} is not empty; {allowed}")
 
 
 def is_first_rank() -> bool:

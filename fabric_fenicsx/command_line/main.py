@@ -5,11 +5,11 @@ import ast
 import runpy
 import sys
 import textwrap
-from importlib import import_module
 from pathlib import Path
 
 from ..runtime.cache_folders import is_first
 from ..runtime.errors import InputError
+from ..runtime.files import unwritable
 from ..runtime.rules import unknown_key
 from ..runtime.signals import end_with_reader
 from ..runtime.status import shown, task
@@ -24,7 +24,7 @@ COMMANDS = {
     "view": "DIR: formed plies and tools in a window, or a page for a browser (--help)",
     "sweep": "runs of a press file with several values, side by side; see its --help",
 }
-PARSED = ("export", "pattern", "view")  # those with options, each a module here with `run(words)`
+PARSED = ("export", "pattern", "view")  # those with options
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -53,11 +53,13 @@ def main(argv: list[str] | None = None) -> int:
         if command == "info":
             return info.show(comm)
         if first and command in PARSED:
-            import_module(f"{__package__}.{command}").run(argv[1:])
+            from . import results
+
+            results.run(command, argv[1:])
         elif first:
             print(_listed(scripts.values()))
-    except InputError as error:
-        status, text = exit_status(error)
+    except (InputError, OSError) as error:
+        status, text = exit_status(unwritable(error) if isinstance(error, OSError) else error)
         if first:
             print(f"fabric: {text}", file=sys.stderr, flush=True)
     if comm is not None:
@@ -67,10 +69,13 @@ def main(argv: list[str] | None = None) -> int:
 
 def _parsed(argv, scripts):
     """The command of the words; InputError for others."""
+    head = "Runs a study (fabric tensile --help tells its options) or one of these:"
+    lines = [head, *(f"  {name:8}{words}" for name, words in COMMANDS.items()), ""]
+    lines += textwrap.wrap(f"studies: {', '.join(scripts)}", 100)
     parser = Parser(
         prog="fabric",
         usage="fabric [-h] command, or fabric STUDY [option ...]",
-        description=_description(scripts),
+        description="\n".join(lines),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("command", help=argparse.SUPPRESS)
@@ -81,13 +86,6 @@ def _parsed(argv, scripts):
     if given.files:
         raise InputError(f"behind {given.command} is {' '.join(given.files)}; allowed is nothing")
     return given.command
-
-
-def _description(studies):
-    """The commands and the names of the studies."""
-    head = "Runs a study (fabric tensile --help tells its options) or one of these:"
-    lines = [f"  {name:8}{words}" for name, words in COMMANDS.items()]
-    return "\n".join([head, *lines, "", *textwrap.wrap(f"studies: {', '.join(studies)}", 100)])
 
 
 def _listed(scripts):

@@ -69,15 +69,14 @@ def option_type(rule: Rule) -> Callable[[str], Any]:
 
 class Parser(argparse.ArgumentParser):
     """An argument parser that raises InputError, where argparse would print its usage and leave.
-
-    `free`: names of the options that a resumed run may change; all others define the problem.
-    """
+    `free`: names of the options that a resumed run may change; all others define the problem."""
 
     # what messages say of a parameter: `name`, `name=value` or, of what is believed, `Limits.name`
     PARAMETER = re.compile(r'`(Limits\.)?(\w+)(?:=(\w+|"[^"`]*"))?`')
 
     def __init__(self, **settings: Any) -> None:
-        super().__init__(**{"allow_abbrev": False} | settings)
+        usual: dict[str, Any] = {"allow_abbrev": False, "formatter_class": HelpFormatter}
+        super().__init__(**usual | settings)
         self.free: set[str] = set()
         self._names: set[str] = set()
         self._groups: dict[str, Any] = {}
@@ -119,8 +118,13 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Raise InputError with what argparse says, in the form of all messages."""
+        told = "allowed are those that --help tells"
         if match := re.fullmatch(r"unrecognized arguments: (.*)", message):
-            raise self._unknown(match[1].split()[0].split("=")[0])
+            word = match[1].split()[0].split("=")[0]
+            if not word.startswith("-"):
+                raise InputError(f"word {word} belongs to no option; {told}")
+            near = did_you_mean(word.replace("_", "-"), self._option_string_actions)
+            raise InputError(f"option {word} is unknown{near}; {told}")
         if match := re.fullmatch(r"the following arguments are required: (.*)", message):
             raise InputError(f"{match[1]} is missing; allowed is to name it, see --help")
         if match := re.match(r"argument (\S+): ignored explicit argument", message):
@@ -135,24 +139,13 @@ class Parser(argparse.ArgumentParser):
             words = {"int": "a whole number", "float": "a number"}.get(kind, f"a {kind}")
             raise InputError(f"{option} is {value}; allowed is {words}")
         choices = list(map(str, self._option_string_actions[option.split("/")[0]].choices or ()))
-        raise InputError(
-            f"{option} is {value}{did_you_mean(value, choices)}; allowed is one of "
-            f"{', '.join(choices)}"
-        )
-
-    def _unknown(self, word):
-        if not word.startswith("-"):
-            return InputError(
-                f"word {word} belongs to no option; allowed are those that --help tells"
-            )
-        near = did_you_mean(word.replace("_", "-"), self._option_string_actions)
-        return InputError(f"option {word} is unknown{near}; allowed are those that --help tells")
+        found = f"{option} is {value}{did_you_mean(value, choices)}"
+        raise InputError(f"{found}; allowed is one of {', '.join(choices)}")
 
 
 class HelpFormatter(argparse.ArgumentDefaultsHelpFormatter):
     """Tells defaults, where there is one to tell."""
 
     def _get_help_string(self, action):
-        return (
-            action.help if action.default in (None, False, []) else super()._get_help_string(action)
-        )
+        has_default = action.default not in (None, False, [])
+        return super()._get_help_string(action) if has_default else action.help

@@ -9,29 +9,20 @@ from ..material.presets import read_laws
 from ..runtime.fields import declared
 from ..runtime.rules import POSITIVE
 from ..solve.limits import Limits
-from .options import HelpFormatter, Parser, option_type, program, spelled
+from .options import Parser, option_type, program, spelled
 from .study import LAW_FILE, Study, add_output, add_solver
 
 
 def press_parser(description: str | None) -> Parser:
     """The parser of a study of the press in a file."""
-    p = Parser(
-        prog=program(Press.NAME),
-        usage="%(prog)s press.toml [option ...]",
-        description=description,
-        formatter_class=HelpFormatter,
-    )
+    usage = "%(prog)s press.toml [option ...]"
+    p = Parser(prog=program(Press.NAME), usage=usage, description=description)
     words = "the press: blank, tools, holders, stages; examples: studies/presses"
     p.option("file", metavar="press.toml", help=words, free=True)
     p.group("press")
-    p.option(
-        "--set",
-        action="append",
-        metavar="KEY=VALUE",
-        default=[],
-        help="change an entry of the file, as tools.punch.radius=40",
-        free=True,
-    )
+    several = {"action": "append", "metavar": "KEY=VALUE", "default": []}
+    words = "change an entry of the file, as tools.punch.radius=40"
+    p.option("--set", **several, help=words, free=True)
     p.option("--law-file", metavar="FILE.py", help=LAW_FILE, free=True)
     add_solver(p, Press)
     p.group("wrinkles")
@@ -49,13 +40,9 @@ def press_parser(description: str | None) -> Parser:
         free=True,
     )
     add_output(p, Press.NAME)
-    p.change(
-        "--steps",
-        default=None,
-        help="load steps of all stages together (by default those of the stages)",
-    )
-    sizes = {False: Press.FULL, True: Press.QUICK}
-    p.set_defaults(_sizes=sizes, **dict(Press.SOLVER))
+    words = "load steps of all stages together (by default those of the stages)"
+    p.change("--steps", default=None, help=words)
+    p.set_defaults(_sizes={False: Press.FULL, True: Press.QUICK}, **dict(Press.SOLVER))
     for each in declared(Limits):
         words = each.metadata["help"].replace("%", "%%")
         words += f" (the press's, or {each.default:g})"

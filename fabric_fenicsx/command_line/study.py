@@ -6,7 +6,6 @@ import sys
 import traceback
 from argparse import BooleanOptionalAction
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import Field
 from pathlib import Path
 from typing import Any
 
@@ -23,18 +22,11 @@ from ..runtime import status
 from ..runtime.collective_errors import is_alone
 from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.fields import declared
+from ..runtime.files import unwritable
 from ..runtime.logs import Console
 from ..solve.limits import Limits
 from ..solve.settings import Settings
-from .options import (
-    HelpFormatter,
-    Parser,
-    exit_status,
-    option_type,
-    program,
-    restart_command,
-    spelled,
-)
+from .options import Parser, exit_status, option_type, program, restart_command, spelled
 
 log = logging.getLogger("fabric_fenicsx")
 LAW_FILE = "Python file with the classes of your own laws"
@@ -46,20 +38,21 @@ def parser(
 ) -> Parser:
     """The parser of study `name` (the test's own by default): the fields of the class `test` and of
     the `parts` it is made of, and the options that all studies share; `defaults` override theirs.
-
-    An option that a resumed run may change says `free=True` where it is declared; all others
-    define the problem.
-    """
+    An option that a resumed run may change says `free=True` where it is declared; all others define
+    the problem."""
     name = name or test.NAME
-    p = Parser(
-        prog=program(name),
-        usage="%(prog)s [option ...]",
-        description=description,
-        formatter_class=HelpFormatter,
-    )
+    p = Parser(prog=program(name), usage="%(prog)s [option ...]", description=description)
     for owner in (test, *parts):
         add_fields(p, owner, test)
-    _add_material(p)
+    p.group("material")
+    presets = f"material file, or one of {', '.join(PRESETS)}"
+    p.option("--material", metavar="FILE|PRESET", default="komeili", help=presets, free=True)
+    p.option("--law-file", metavar="FILE.py", help=LAW_FILE, free=True)
+    models = {"choices": ("hyperelastic", "fabric"), "default": "hyperelastic"}
+    p.option("--model", **models, help="fabric: without all couplings", free=True)
+    several = {"metavar": "COUPLING", "action": "append", "default": []}
+    couplings = f"turn off one of {', '.join(COUPLINGS)}"
+    p.option("--without", **several, help=couplings, free=True)
     add_solver(p, test)
     add_output(p, name)
     p.set_defaults(_sizes={False: test.FULL, True: test.QUICK}, **dict(test.SOLVER) | defaults)
@@ -71,13 +64,8 @@ def add_solver(p: Parser, test: Any) -> None:
     add_fields(p, Settings, test, free=True)
     p.group("solver")
     unasked = f" (yes from {test.CHEAP_FROM} cells on)" if test.CHEAP_FROM else ""
-    p.option(
-        "--error",
-        action=BooleanOptionalAction,
-        help="estimate errors of numbers, curve and fields, from the same run on a mesh twice as "
-        f"coarse{unasked}",
-        free=True,
-    )
+    words = f"estimate all errors, from the same run on a mesh twice as coarse{unasked}"
+    p.option("--error", action=BooleanOptionalAction, help=words, free=True)
     if test is not Coupon:
         words = "check all, draw setup.png of a press and tell the cost, but run nothing"
         p.option("--dry-run", action="store_true", help=words, free=True)
@@ -126,36 +114,27 @@ def _kind_of_option(meta):
     return {"choices": tuple(meta.get("choices") or meta["kinds"])}
 
 
-def of_kind(args: Any, field: Field) -> Any:
-    """The object of the kind that the option of a field names, with the number of that kind's own
+def options_of(owner: Any, args: Any) -> dict[str, Any]:
+    """Values {name: value} of the declared fields of the class `owner` that have options: of one of
+    several kinds an object of the kind that the option names, with the number of that kind's own
     option. InputError if the option of another kind is given."""
-    kinds, name = field.metadata["kinds"], getattr(args, field.name)
-    for other, kind in kinds.items():
-        one, *_ = declared(kind)
-        if other != name and getattr(args, kind.OPTION) != one.default:
-            raise InputError(f'`{kind.OPTION}` needs `{field.name}="{other}"`')
-    return kinds[name](getattr(args, kinds[name].OPTION))
-
-
-def _add_material(p):
-    p.group("material")
-    presets = f"material file, or one of {', '.join(PRESETS)}"
-    p.option("--material", metavar="FILE|PRESET", default="komeili", help=presets, free=True)
-    p.option("--law-file", metavar="FILE.py", help=LAW_FILE, free=True)
-    models = {"choices": ("hyperelastic", "fabric"), "default": "hyperelastic"}
-    p.option("--model", **models, help="fabric: without all couplings", free=True)
-    several = {"metavar": "COUPLING", "action": "append", "default": []}
-    couplings = f"turn off one of {', '.join(COUPLINGS)}"
-    p.option("--without", **several, help=couplings, free=True)
+    found = {f.name: getattr(args, f.name) for f in declared(owner) if hasattr(args, f.name)}
+    for field in declared(owner):
+        kinds = field.metadata.get("kinds", {})
+        for other, kind in kinds.items():
+            (one, *_), number = declared(kind), getattr(args, kind.OPTION)
+            if other == getattr(args, field.name):
+                found[field.name] = kind(number)
+            elif number != one.default:
+                raise InputError(f'`{kind.OPTION}` needs `{field.name}="{other}"`')
+    return found
 
 
 def add_output(p: Parser, name: str) -> None:
     """Add the options of the results' folder; name: of the study."""
     p.group("output")
-    usual = Path("results") / name
-    p.option(
-        "--out", metavar="DIR", type=Path, default=usual, help="folder of the results", free=True
-    )
+    where = {"metavar": "DIR", "type": Path, "default": Path("results") / name}
+    p.option("--out", **where, help="folder of the results", free=True)
     for option, words in {
         "--resume": "go on from the checkpoint in --out, on any number of ranks",
         "--overwrite": "delete the results in --out first",
@@ -166,16 +145,10 @@ def add_output(p: Parser, name: str) -> None:
         p.option(option, action="store_true", help=words, free=True)
 
 
-class Checked(Exception):
-    """A dry run is done."""
-
-
 class Study:
     """A study under way: parsed options `args`, `fabric`, `comm`, and the `output` of its runs.
-
     Construction checks options and material as a whole; it raises InputError on all ranks before
-    anything is written.
-    """
+    anything is written."""
 
     def __init__(self, name: str, options: Parser, argv: list[str] | None = None) -> None:
         self.comm = comm = MPI.COMM_WORLD
@@ -213,22 +186,16 @@ class Study:
             read_laws(args.law_file)
         fabric = load(args.material)
         if args.law_file and type(fabric).__module__.startswith("fabric_fenicsx."):
-            raise InputError(
-                f"--law-file {args.law_file} is given, but the material {args.material} is of the "
-                f"law {fabric.law}; allowed is --material with a file of the law in it"
-            )
+            given = f"--law-file {args.law_file} is given"
+            flaw = f"but the material {args.material} is of the law {fabric.law}"
+            allowed = "--material with a file of the law in it"
+            raise InputError(f"{given}, {flaw}; allowed is {allowed}")
         whole = fabric.decoupled() if args.model == "fabric" else fabric
         return whole.without(*args.without)
 
     def describe(self, kind: type, fabric: Law | None = None) -> Any:
         """The test of this kind with the options' fields, of their fabric or another."""
-        args = self.args
-        given = {
-            f.name: of_kind(args, f) if "kinds" in f.metadata else getattr(args, f.name)
-            for f in declared(kind)
-            if hasattr(args, f.name)
-        }
-        return kind(fabric or self.fabric, **given)
+        return kind(fabric or self.fabric, **options_of(kind, self.args))
 
     def build(self, test: Any) -> Any:
         """The `Setup` of a test, which the study takes."""
@@ -244,8 +211,7 @@ class Study:
 
     def run(self, setup: Setup, part: str = "") -> Result:
         """The `Result` of a built test with the solver's options, into the subfolder `part`."""
-        given = vars(self.args)
-        asked = {each.name: given[each.name] for each in declared(Settings)}
+        given, asked = vars(self.args), options_of(Settings, self.args)
         limits = Limits(**{each.name: given[f"max_{each.name}"] for each in declared(Limits)})
         error = setup.has_cheap_error() if self.args.error is None else self.args.error
         job = setup.job(**asked, limits=limits, error=error)
@@ -259,12 +225,8 @@ class Study:
         if self.args.dry_run:
             for line in checked(job, self.output, part, pictures):
                 self.say(line)
-            raise Checked
+            sys.exit(0)
         return job.run(self.output, part, problem=self._problem, pictures=pictures)
-
-    def once(self, key: str, make: Callable[[], Any]) -> Any:
-        """Call `Output.once` for the problem of the options."""
-        return self.output.once(key, make, self.problem(self.fabric))
 
     def summarise(self, folder: Path | None, **facts: Any) -> dict[str, Any]:
         """Summarise the study as a whole, see `Output.summarise`."""
@@ -272,11 +234,8 @@ class Study:
         return self.output.summarise(folder, **{"element": self.args.element} | facts)
 
     def _note_facts(self):
-        self.output.facts = {
-            "command": self.output.command,
-            "options": _in_words(vars(self.args)),
-            "fabric": self.fabric.dumps(),
-        }
+        facts = {"command": self.output.command, "options": _in_words(vars(self.args))}
+        self.output.facts = facts | {"fabric": self.fabric.dumps()}
 
     def problem(self, fabric: Law) -> Mapping[str, Any]:
         """Facts in which a checkpoint must agree to be gone on from: all options but the free ones,
@@ -295,26 +254,18 @@ def _in_words(options):
     return {k: str(v) if isinstance(v, Path) else v for k, v in options.items()}
 
 
-def _end(number, frame):
-    raise KeyboardInterrupt
-
-
 def run(name: str, options: Parser, main: Callable[[Any], Any], kind: type[Study] = Study) -> None:
     """Run main(study of that kind) and leave with the contract's exit status: 0 done, 2 bad input,
-    3 the solver gave up.
-
-    All ranks leave together, rank 0 speaks; a rank that fails alone ends the others.
-    """
+    3 the solver gave up. All ranks leave together, rank 0 speaks; a rank that fails alone ends the
+    others."""
     comm, study = MPI.COMM_WORLD, None
     description = " ".join((sys.modules["__main__"].__doc__ or "").split())
-    signal.signal(signal.SIGTERM, _end)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         with status.shown(first=comm.rank == 0), status.task(program(name)):
             study = kind(name, options)
             main(study)
             study.write_report(description, "done")
-        return
-    except Checked:
         return
     except (InputError, SolverFailure, Interrupted) as error:
         code, text = exit_status(error)
@@ -322,9 +273,7 @@ def run(name: str, options: Parser, main: Callable[[Any], Any], kind: type[Study
         if study and code == 3:
             study.write_report(description, text)
     except OSError as error:
-        file = error.filename or (study.args.out if study else "a file")
-        code, text = 2, f"error: {file} can't be read or written ({error.strerror}); allowed is "
-        text += "a file in a folder of this user, with space left"
+        code, text = exit_status(unwritable(error))
         if error.errno is None:  # as of gmsh, whose wheel needs some of the machine's libraries
             text = f"error: {error}; `fabric info` says what works here"
     except KeyboardInterrupt:

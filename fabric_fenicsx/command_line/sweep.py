@@ -10,19 +10,18 @@ from pathlib import Path
 from typing import Any
 
 from ..runtime.errors import InputError, Interrupted, SolverFailure
+from ..runtime.files import unwritable
 from ..runtime.rules import COUNT, Rule
 from ..sweep import varied
 from ..sweep.folder import SweepFolder, check_quantity, read_press
 from ..sweep.processes import Form, Runner
-from .options import HelpFormatter, Parser, exit_status, option_type
+from .options import Parser, exit_status, option_type
 
 NAME = "fabric sweep"
 DESCRIPTION = (
-    "Runs `fabric form` with all combinations of values of a press file, side by side on the cores "
-    "there are, looks for the least value of a quantity, or lets numbers scatter. Called again, it "
-    "goes on. DIR gets "
-    "table.csv, curves.png, trends.png, maps.png and report.html, and a folder a run. Options "
-    "behind -- go to `fabric form`."
+    "Runs `fabric form` with all combinations of values of a press file, side by side, looks for "
+    "the least value of a quantity, or lets numbers scatter. Called again, it goes on. DIR gets "
+    "table.csv, pictures, report.html, and a folder a run. Options behind -- go to `fabric form`."
 )
 # what a sweep gives each of its runs, or tells it by itself
 TAKEN = ("--set", "--out", "--resume", "--overwrite")
@@ -31,46 +30,32 @@ RANKS = "OMPI_COMM_WORLD_SIZE", "PMI_SIZE"
 
 def parser() -> Parser:
     """The parser of the command."""
-    p = Parser(
-        prog=NAME,
-        usage="%(prog)s press.toml --vary KEY=VALUES [option ...] [-- option of form ...]",
-        description=DESCRIPTION,
-        formatter_class=HelpFormatter,
-    )
+    usage = "%(prog)s press.toml --vary KEY=VALUES [option ...] [-- option of form ...]"
+    p = Parser(prog=NAME, usage=usage, description=DESCRIPTION)
     p.add_argument("press", metavar="press.toml", type=Path, help="the press file")
     several = Rule("a whole number of 3 or more", lambda v: v >= 3, int)
     power = Rule("a power of 2 from 8 on", lambda v: v >= 8 and v.bit_count() == 1, int)
-    options: dict[str, tuple[str, dict[str, Any]]] = {
-        "--vary": (
-            'as "holder.pressure=0.01,0.05,0.2"; with --minimise and --scatter as '
-            '"holder.pressure=0.01..0.2"; several are combined',
-            {"metavar": "KEY=VALUES", "action": "append", "default": []},
-        ),
-        "--out": ("default results/sweep_PRESS", {"metavar": "DIR", "type": Path}),
-        "--jobs": (
-            "runs at a time, of one core each",
-            {"metavar": "N", "type": option_type(COUNT), "default": len(os.sched_getaffinity(0))},
-        ),
-        "--below": (
-            "say where a quantity is below x over the one number that is varied; with --minimise "
-            "look only there, with --scatter count the runs",
-            {"metavar": "QUANTITY=X", "action": "append", "default": []},
-        ),
-        "--minimise": ("look for its least value", {"metavar": "QUANTITY"}),
-        "--scatter": (
-            "N runs, 16, 32 or 64, over intervals of [scatter] of the material files and of --vary",
-            {"metavar": "N", "type": option_type(power)},
-        ),
-        "--evaluations": (
-            "most runs of --minimise (12 for each number)",
-            {"metavar": "N", "type": option_type(several)},
-        ),
-        "--no-finer": ("do not find the answer again on finer cells", {"action": "store_true"}),
-        "--overwrite": ("delete the sweep in --out first", {"action": "store_true"}),
-        "--no-pictures": ("draw nothing", {"action": "store_true"}),
-    }
-    for name, (text, how) in options.items():
-        p.add_argument(name, help=text, **how)
+    cores = len(os.sched_getaffinity(0))
+    more: dict[str, Any] = {"action": "append", "default": []}
+    words = 'as "holder.pressure=0.01,0.05,0.2"; with --minimise and --scatter as '
+    words += '"holder.pressure=0.01..0.2"; several are combined'
+    p.add_argument("--vary", metavar="KEY=VALUES", help=words, **more)
+    p.add_argument("--out", metavar="DIR", type=Path, help="default results/sweep_PRESS")
+    words = "runs at a time, of one core each"
+    p.add_argument("--jobs", metavar="N", type=option_type(COUNT), default=cores, help=words)
+    words = "say where a quantity is below x over the one number that is varied; with --minimise "
+    words += "look only there, with --scatter count the runs"
+    p.add_argument("--below", metavar="QUANTITY=X", help=words, **more)
+    p.add_argument("--minimise", metavar="QUANTITY", help="look for its least value")
+    words = "N runs, 16, 32 or 64, over intervals of [scatter] of the material files and of --vary"
+    p.add_argument("--scatter", metavar="N", type=option_type(power), help=words)
+    words = "most runs of --minimise (12 for each number)"
+    p.add_argument("--evaluations", metavar="N", type=option_type(several), help=words)
+    words = "do not find the answer again on finer cells"
+    p.add_argument("--no-finer", action="store_true", help=words)
+    words = "delete the sweep in --out first"
+    p.add_argument("--overwrite", action="store_true", help=words)
+    p.add_argument("--no-pictures", action="store_true", help="draw nothing")
     return p
 
 
@@ -87,27 +72,19 @@ def main(argv: Sequence[str], program: type[Form] = Form) -> int:
         print(f"{NAME}: {text.removeprefix('stopped: ')}", file=sys.stderr, flush=True)
         return status
     except OSError as error:
-        print(
-            f"{NAME}: error: {error.filename} can't be read or written ({error.strerror}); allowed "
-            "is a file in a folder of this user, with space left",
-            file=sys.stderr,
-        )
+        print(f"{NAME}: {exit_status(unwritable(error))[1]}", file=sys.stderr)
         return 2
     return 0
 
 
 def _parted(argv):
     """The sweep's own words, and those behind `--`."""
-    words = list(argv)
-    cut = words.index("--") if "--" in words else len(words)
-    passed = words[cut + 1 :]
-    for word in passed:
-        if word.split("=")[0] in TAKEN:
-            raise InputError(
-                f"option {word} is behind --; allowed are options of fabric form but "
-                f"{', '.join(TAKEN)}"
-            )
-    return words[:cut], passed
+    cut = argv.index("--") if "--" in argv else len(argv)
+    words, passed = list(argv[:cut]), list(argv[cut + 1 :])
+    if taken := [word for word in passed if word.split("=")[0] in TAKEN]:
+        allowed = f"options of fabric form but {', '.join(TAKEN)}"
+        raise InputError(f"option {taken[0]} is behind --; allowed are {allowed}")
+    return words, passed
 
 
 def _sweep(args, passed, program):
@@ -181,14 +158,13 @@ def _check_together(args, lists):
         raise InputError(f"--minimise varies {len(lists)} numbers; allowed is one or two --vary")
     if args.scatter:
         if not lists:
+            allowed = "a table [scatter] in a material file, or --vary KEY=LOW..HIGH"
+            raise InputError(f"nothing scatters; allowed is {allowed}")
+        least = 2 * len(lists) + 2
+        if args.scatter < least:
+            allowed = f"{1 << (least - 1).bit_length()} or more"
             raise InputError(
-                "nothing scatters; allowed is a table [scatter] in a material file, or --vary "
-                "KEY=LOW..HIGH"
-            )
-        if args.scatter < 2 * len(lists) + 2:
-            raise InputError(
-                f"--scatter is {args.scatter}; allowed for {len(lists)} numbers is "
-                f"{1 << (2 * len(lists) + 1).bit_length()} or more"
+                f"--scatter is {args.scatter}; allowed for {len(lists)} numbers is {allowed}"
             )
     if not args.below or args.scatter or args.minimise:
         return
@@ -204,11 +180,9 @@ def _announce(values, runner):
     runs = [runner.folder.run(each) for each in values]
     passed = runner.program.options
     done = [run for run in runs if run.is_done(passed)]
-    print(
-        f"{len(runs)} runs, {len(done)} done before, {min(runner.jobs, len(runs))} at a time; "
-        f"folder {runner.folder.path}",
-        flush=True,
-    )
+    count, jobs = len(runs), min(runner.jobs, len(runs))
+    where = f"{jobs} at a time; folder {runner.folder.path}"
+    print(f"{count} runs, {len(done)} done before, {where}", flush=True)
     others = {shlex.join(run.options) for run in done} - {shlex.join(passed)}
     for each in sorted(others):
         print(f"warning: some were made with other options: {each or 'none'}", file=sys.stderr)
@@ -216,15 +190,12 @@ def _announce(values, runner):
 
 def _finer(changes, evaluate):
     """The `Finer` mesh that these changes of a press make, None without any."""
-    from ..sweep import optimum
-
-    if not changes:
-        return None
+    from ..sweep.optimum import Finer
 
     def done(values):
         return evaluate([{**each, **changes} for each in values])
 
-    return optimum.Finer(varied.label(changes), done)
+    return Finer(varied.label(changes), done) if changes else None
 
 
 def _evaluated(runner, asked, values):

@@ -12,11 +12,12 @@ from ..mechanics.fingerprint import entries
 from ..mechanics.materials import materials_of
 from ..mechanics.output import Fields
 from ..results.curve import Curves, Measure
-from ..results.output import Output, read_summary
+from ..results.output import Output
 from ..results.quantities import waves_that_do_not_form
 from ..results.result import Result
 from ..runtime.collective_errors import all_or_none
 from ..runtime.errors import InputError, Interrupted, SolverFailure
+from ..runtime.files import read_summary
 from ..runtime.formatting import rounded
 from ..runtime.status import task
 from ..scene import output as scene_output

@@ -41,11 +41,8 @@ def paths_picture(
     path: File, runs: Mapping[str, Mapping[float, Path]], marks: Mapping[str, Any] | None = None
 ) -> None:
     """Strains and shear angle over the distance on the flat ply, a row a path, of runs {label:
-    `along_paths`}.
-
-    marks: {label: distances on the paths [mm], or one for all}, drawn as vertical lines where that
-    is on the path; NaN for none.
-    """
+    `along_paths`}. marks: {label: distances on the paths [mm], or one for all}, drawn as vertical
+    lines where that is on the path; NaN for none."""
     angles = list(dict.fromkeys(angle for paths in runs.values() for angle in paths))
     marks = {label: np.broadcast_to(at, len(angles)) for label, at in (marks or {}).items()}
     size, shared = (11, 2.6 * len(angles) + 0.6), {"sharex": "row", "sharey": "col"}
@@ -82,12 +79,12 @@ def outline_picture(path: File, runs: Mapping[str, Grid]) -> None:
     """The edges of the ply in plan, flat and formed, of runs {label: grid}."""
     with figure(path, (8, 5)) as (page, ((ax,),)):
         for k, (label, grid) in enumerate(runs.items()):
-            edges = outline(grid)
-            for n, x in enumerate(edge.undeformed for edge in edges if k == 0):
-                ax.plot(*x[:, :2].T, "--", color="0.5", lw=1.2, label=None if n else "flat")
-            for n, x in enumerate(edge.formed for edge in edges):
-                name = None if n else label or "formed"
-                ax.plot(*x[:, :2].T, color=f"C{k}", lw=1.6, label=name)
+            for n, edge in enumerate(outline(grid)):
+                names = (None, None) if n else ("flat", label or "formed")
+                if k == 0:
+                    flat = {"color": "0.5", "lw": 1.2, "label": names[0]}
+                    ax.plot(*edge.undeformed[:, :2].T, "--", **flat)
+                ax.plot(*edge.formed[:, :2].T, color=f"C{k}", lw=1.6, label=names[1])
         ax.set_aspect("equal")
         ax.set(xlabel="x / mm", ylabel="y / mm")
         ax.grid(alpha=0.25)
@@ -96,11 +93,8 @@ def outline_picture(path: File, runs: Mapping[str, Grid]) -> None:
 
 def state_map(path: File, grid: Grid, formed: bool = False, edges: Sequence[Outline] = ()) -> None:
     """Plan maps of the strain states of eq. (13) and of the shear angle, on the flat or the formed
-    ply.
-
-    The legend gives each state's share of the flat ply's area. edges: of other sheets, drawn as
-    they are formed.
-    """
+    ply. The legend gives each state's share of the flat ply's area. edges: of other sheets, drawn
+    as they are formed."""
     ply = ply_of(grid)
     corners = (ply.formed if formed else ply.x)[ply.triangles, :2]
     area, state = plan_area(ply.x, ply.triangles), ply.fields["strain_state"]
@@ -138,7 +132,7 @@ def draw_plies(folder: pathlib.Path, grids: Mapping[str, Grid], tool: str = "") 
     labels = set_labels(fabrics)  # or the files of +45 and -45 would be one
     for name, grid in fabrics.items():
         end = f"_{labels[name]}" if name else ""
-        for paths in _paths(name, grid):
+        if paths := _paths(name, grid):
             write_paths(folder / f"paths{end}.csv", paths)
         state_map(folder / f"states{end}.png", grid)
     named = {name or "ply": grid for name, grid in fabrics.items()}
@@ -153,27 +147,26 @@ def draw_plies(folder: pathlib.Path, grids: Mapping[str, Grid], tool: str = "") 
 
 
 def _paths(name, grid):
-    """The paths of a ply, once or, where the origin is in a cut-out, not at all."""
+    """The paths of a ply, none where the origin is in a cut-out."""
     try:
-        return [along_paths(grid, ANGLES)]
+        return along_paths(grid, ANGLES)
     except InputError as error:
         of = f" of {name}" if name else ""
         log.warning("there are no paths%s: %s", of, error, extra=MARKED)
-        return []
+        return {}
 
 
 def draw_compared(folder: pathlib.Path, grids: Mapping[str, Grid], punch: Tool) -> None:
     """Outlines and paths of plies {label: grid} side by side."""
     outline_picture(folder / "outline.png", grids)
     fabrics = of_fabric(grids).items()
-    paths = {label: each for label, grid in fabrics for each in _paths(label, grid)}
-    if not paths:
-        return
+    paths = {label: found for label, grid in fabrics if (found := _paths(label, grid))}
     surface, s, marks = punch.surface, np.arange(0.0, 1e3, 0.1), {}
     if isinstance(surface, DoubleDome):
         rays = [(np.cos(angle) * s, np.sin(angle) * s) for angle in np.radians(ANGLES)]
         marks = {"outline of the punch": [_first(s, surface.plan(*ray)[0] > 0) for ray in rays]}
-    paths_picture(folder / "paths.png", paths, marks)
+    if paths:
+        paths_picture(folder / "paths.png", paths, marks)
 
 
 def draw_laminate(

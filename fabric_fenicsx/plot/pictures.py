@@ -107,10 +107,8 @@ def draw_cells(
 
 def label_outer(axes: np.ndarray, xlabel: str = "x / mm", ylabel: str = "y / mm") -> None:
     """Label the axes (rows, columns) at the left and the lower edge of a figure."""
-    for ax in axes[-1]:
-        ax.set_xlabel(xlabel)
-    for ax in axes[:, 0]:
-        ax.set_ylabel(ylabel)
+    plt.setp(axes[-1], xlabel=xlabel)
+    plt.setp(axes[:, 0], ylabel=ylabel)
 
 
 def maps(
@@ -121,12 +119,10 @@ def maps(
     units: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
     """Maps of the fields `names` on the deformed sheets {title: grid} of `variants`, one colour
-    scale a field; of fields at nodes the mean over each cell.
-
-    Values keep their signs; above each map stand the least and the largest of a cell. One variant's
-    maps stand below each other; several variants make a row each. outliers: share of all cells, at
-    each end of the scale, that may lie beyond it; units: of fields that are not in `SHOWN`.
-    """
+    scale a field; of fields at nodes the mean over each cell. Values keep their signs; above each
+    map stand the least and the largest of a cell. One variant's maps stand below each other;
+    several variants make a row each. outliers: share of all cells, at each end of the scale, that
+    may lie beyond it; units: of fields that are not in `SHOWN`."""
     one = len(variants) == 1
     rows, columns = (len(names), 1) if one else (len(variants), len(names))
     polygons = {title: cell_polygons(grid) for title, grid in variants.items()}
@@ -139,7 +135,10 @@ def maps(
             is_nodal = any(name not in grid.cell_data for grid in variants.values())
             title = f"{name}, mean over each cell" if is_nodal else name
             label, factor, colours = shown(title, units.get(name, ""))
-            values = {t: factor * _of_cells(grid, name) for t, grid in variants.items()}
+            values = {}
+            for title, grid in variants.items():
+                of_cells = grid.point_data_to_cell_data() if is_nodal else grid
+                values[title] = factor * np.asarray(of_cells.cell_data[name])
             every = np.concatenate(list(values.values()))
             low, high = np.quantile(every, (outliers, 1 - outliers))
             colours, *limits = colour_scale(colours, low, high)
@@ -151,12 +150,6 @@ def maps(
             bar = {"aspect": 30, "shrink": 0.9, "extend": arrows(every, *limits)} | place
             page.colorbar(cells, ax=list(mine), label=label, **bar)
         label_outer(axes)
-
-
-def _of_cells(grid, name):
-    """A field on the cells; of nodes the mean over each."""
-    known = grid if name in grid.cell_data else grid.point_data_to_cell_data()
-    return np.asarray(known.cell_data[name])
 
 
 def draw_state(
@@ -217,9 +210,6 @@ def reactions(
         for label, result in results.items()
     }
     series |= {label: (*curve, "s") for label, curve in beside.items()}
-    bands = {
-        label: [row["error_N"] for row in result.rows]
-        for label, result in results.items()
-        if all("error_N" in row for row in result.rows)
-    }
+    known = {k: r.rows for k, r in results.items() if all("error_N" in row for row in r.rows)}
+    bands = {label: [row["error_N"] for row in rows] for label, rows in known.items()}
     curves(path, series, xlabel, ylabel, bands=bands)

@@ -19,6 +19,7 @@ from ..postprocess.states import states, triangulated
 from ..runtime.formatting import rounded
 from ..sheets.blank import Blank
 from ..sheets.stack import Stack
+from ..tools.facets import unit
 from ..tools.tool import Tool
 from . import space
 from .pictures import figure, plt
@@ -67,17 +68,12 @@ def setup_picture(
     motions: Mapping[str, Any] | None = None,
 ) -> None:
     """The flat plies and the tools where they are now, in space and in sections through the centre:
-    1600 x 1200 pixels.
-
-    plies: {name: grid}, as of `flat_grids` (before a run) or of a run's states; they are drawn as
-    they were cut. tools: {name: tool}, drawn around the blank, or {name: surface}. motions: {name
-    of a tool: (3,)}, where it goes from there [mm]. Raises InputError where VTK finds nothing to
-    draw on.
-    """
+    1600 x 1200 pixels. plies: {name: grid}, as of `flat_grids` or of a run's states, drawn as they
+    were cut; tools: {name: tool}, drawn around the blank, or {name: surface}; motions: {name of a
+    tool: (3,)}, where it goes [mm]. Raises InputError where VTK finds nothing to draw on."""
     motions = {name: np.asarray(v, float) for name, v in (motions or {}).items() if np.any(v)}
-    scene = _scene(
-        {name: space.surface_of(grid, formed=False) for name, grid in plies.items()}, tools
-    )
+    flat = {name: space.surface_of(grid, formed=False) for name, grid in plies.items()}
+    scene = _scene(flat, tools)
     pixels = space.image(partial(_draw_setup, scene=scene, motions=motions), VIEW, scene.bounds)
     page = plt.figure(figsize=(16, 12))
     ax = page.add_axes((0.02, 0.4, 0.96, 0.54))
@@ -94,11 +90,9 @@ def setup_picture(
 def filmstrip(path: File, folder: Path | str, loads: ArrayLike = SHOWN) -> None:
     """The stroke of the run in `folder` as states side by side, coloured by the magnitude of the
     shear angle on one scale: the plies, of several each cut away further than the one below, the
-    tools below them, and the rear half of those above, translucent.
-
-    loads: shares of the load that was reached, near which states are shown. Raises InputError for a
-    folder without states, and where VTK finds nothing to draw on.
-    """
+    tools below them, and the rear half of those above, translucent. loads: shares of the load that
+    was reached, near which states are shown. Raises InputError for a folder without states, and
+    where VTK finds nothing to draw on."""
     known = states(folder)
     at = np.array([state.load for state in known])
     wanted = at[-1] * np.asarray(loads, dtype=float)
@@ -166,14 +160,11 @@ def _draw_setup(plotter, scene, motions):
             plotter.add_mesh(edges, color=colour, line_width=2)
         if name in motions:
             start = np.array([high[0] + (0.05 + 0.07 * k) * size, low[1], surface.center[2]])
-            plotter.add_mesh(_arrow(start, motions[name], size), color=colour)
-
-
-def _arrow(start, motion, size):
-    length = float(np.linalg.norm(motion))
-    wide = min(0.008 * size / length, 0.1)
-    tip = {"tip_radius": 2.5 * wide, "tip_length": min(0.4, 7 * wide)}
-    return pyvista.Arrow(start=start, direction=motion, scale=length, shaft_radius=wide, **tip)
+            length = float(np.linalg.norm(motions[name]))
+            wide = min(0.008 * size / length, 0.1)
+            tip = {"tip_radius": 2.5 * wide, "tip_length": min(0.4, 7 * wide)}
+            place = {"start": start, "direction": motions[name], "scale": length}
+            plotter.add_mesh(pyvista.Arrow(shaft_radius=wide, **place, **tip), color=colour)
 
 
 def _draw_state(plotter, scene, limit, spacing):
@@ -181,7 +172,8 @@ def _draw_state(plotter, scene, limit, spacing):
     space.draw_plies(plotter, list(scene.plies.values()), limit, spacing)
     for name, surface in scene.tools.items():
         if not scene.above[name]:
-            plotter.add_mesh(surface.translate(-3 * space.unit(VIEW)), color=space.TOOL, **SOLID)
+            behind = surface.translate(-3 * unit(np.array(VIEW)))
+            plotter.add_mesh(behind, color=space.TOOL, **SOLID)
             continue
         rear = surface.clip(normal=(0, 1, 0), origin=(0, 0, 0), invert=False)
         if rear.n_cells:
@@ -241,11 +233,12 @@ def _captions(history):
     force = "reaction_of_whole_N" if rows and "reaction_of_whole_N" in rows[0] else "reaction_N"
     large = max((abs(float(row[force])) for row in rows), default=0.0) or 1.0
     digits = 2 - int(np.floor(np.log10(large)))  # of three that count in the largest
-    return {
-        float(row["load"]): f"stroke {rounded(float(row['displacement_mm']))} mm, "
-        f"{rounded(round(float(row[force]), digits), 9)} N"
-        for row in rows
-    }
+    texts = {}
+    for row in rows:
+        newtons = rounded(round(float(row[force]), digits), 9)
+        stroke = rounded(float(row["displacement_mm"]))
+        texts[float(row["load"])] = f"stroke {stroke} mm, {newtons} N"
+    return texts
 
 
 def _strip(path, images, texts, limit):

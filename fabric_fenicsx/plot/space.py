@@ -16,6 +16,7 @@ from vtkmodules.vtkCommonCore import vtkLogger
 from ..postprocess.ply import SAME, Grid, ply_of, whole
 from ..postprocess.shape import File
 from ..runtime.errors import InputError
+from ..tools.facets import unit
 from .pictures import plt
 
 SCREEN = (2400, 1500)  # pixels drawn
@@ -73,11 +74,6 @@ def drawing(size: tuple[int, int] = SCREEN) -> Iterator[pyvista.Plotter]:
             vtkLogger.SetStderrVerbosity(verbosity)
 
 
-def unit(vector: Sequence[float]) -> np.ndarray:
-    """The vector (3,) with length 1."""
-    return np.asarray(vector, dtype=float) / np.linalg.norm(vector)
-
-
 def image(
     draw: Callable[[pyvista.Plotter], None],
     view: Sequence[float],
@@ -95,7 +91,7 @@ def image(
             plotter.renderer.SetUseDepthPeeling(True)
             plotter.renderer.SetMaximumNumberOfPeels(8)
         draw(plotter)
-        plotter.view_vector(unit(view), viewup=(0, 0, 1))
+        plotter.view_vector(unit(np.array(view)), viewup=(0, 0, 1))
         if bounds is not None:
             plotter.reset_camera(bounds=bounds)
             plotter.renderer.ResetCameraClippingRange()  # what is beyond the bounds is drawn, too
@@ -113,10 +109,9 @@ def cropped(images: Sequence[np.ndarray]) -> list[np.ndarray]:
 
 
 def surface_of(grid: Grid, full: bool = True, formed: bool = True) -> pyvista.PolyData:
-    """The ply, formed or flat, with the nodes' `place` on the flat one and `shear_angle` [deg], its
-    magnitude, 0 of metal; `yarn_a` and `yarn_b`, the distance across the yarns [mm], if the grid
-    has them; full: with the images in the planes of symmetry, whose axes are in the field data
-    `planes`."""
+    """The ply, formed or flat, with the nodes' `place` on the flat one and the magnitude of the
+    `shear_angle` [deg], 0 of metal; `yarn_a`, `yarn_b`, the distance across yarns [mm], if known;
+    full: with images in the planes of symmetry, whose axes are in the field data `planes`."""
     ply = ply_of(grid)
     planes = ply.planes if full else []
     ply = whole(ply) if full else ply
@@ -204,13 +199,10 @@ def formed_picture(
     spacing: float = 10.0,
     full: bool = True,
 ) -> None:
-    """The formed plies coloured by the magnitude of the shear angle, with yarns, over the tool:
-    1600 x 1000 pixels.
-
-    plies: the lowest first, of which each is cut away further than the one below; tool: its surface
-    where it is now. A line each `spacing` [mm] is a yarn. full: mirror a quarter. Raises InputError
-    where VTK finds nothing to draw on.
-    """
+    """The formed plies, the lowest first, each cut away further than the one below, coloured by the
+    magnitude of the shear angle, with a yarn each `spacing` [mm], over the surface of the tool now:
+    1600 x 1000 pixels. full: mirror a quarter. Raises InputError where VTK finds nothing to draw
+    on."""
     fabrics = [grid["shear_angle"] for grid in plies if "shear_angle" in grid.cell_data]
     largest = max(abs(np.degrees(shear)).max() for shear in fabrics)
     surfaces = [surface_of(grid, full) for grid in plies]
@@ -221,7 +213,7 @@ def formed_picture(
         if tool is not None:
             whole = mirrored(tool, surfaces[0].field_data["planes"])
             # away from the camera, so that it looks the same but does not show through the ply
-            behind = whole.translate(-3 * unit(VIEW))
+            behind = whole.translate(-3 * unit(np.array(VIEW)))
             look = {"color": TOOL, "ambient": 0.35, "diffuse": 0.75}
             plotter.add_mesh(behind, smooth_shading=True, **look)
 

@@ -8,7 +8,6 @@ import zipfile
 from collections.abc import Callable
 from html import escape
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyvista
@@ -16,7 +15,7 @@ import pyvista
 from ..postprocess.ply import ply_of, whole
 from ..postprocess.states import State, states, units
 from ..runtime.errors import InputError
-from ..runtime.rules import did_you_mean
+from ..runtime.rules import unknown_key
 from .pictures import shown
 from .press_pictures import VIEW
 from .space import COLOURS, STEEL, drawing, mirrored
@@ -105,16 +104,12 @@ def _surfaces(state, field, factor):
 
 def _known(field, plies):
     """The field to show, checked."""
-    fields: dict[str, Any] = {}
-    for grid in plies.values():
-        fields |= {name: v for name, v in grid.cell_data.items() if np.ndim(v) == 1}
+    data = [each for grid in plies.values() for each in grid.cell_data.items()]
+    fields = [name for name, values in data if np.ndim(values) == 1]
     if field is None:
-        return next((name for name in USUAL if name in fields), next(iter(fields)))
+        return next(name for name in (*USUAL, *fields) if name in fields)
     if field not in fields:
-        raise InputError(
-            f"field {field} is unknown{did_you_mean(field, fields)}; allowed is one of "
-            f"{', '.join(sorted(fields))}"
-        )
+        raise unknown_key(field, sorted(fields), f"field {field}")
     return field
 
 
@@ -124,10 +119,9 @@ def _exporter():
         from trame_vtk.modules.vtk import serializers
         from trame_vtk.tools.vtksz2html import write_html
     except ImportError:
-        raise InputError(
-            "a page for a browser needs the package trame-vtk, which is not installed; allowed is "
-            "`pip install 'fabric_fenicsx[view]'` first"
-        ) from None
+        missing = "a page for a browser needs the package trame-vtk, which is not installed"
+        allowed = "`pip install 'fabric_fenicsx[view]'` first"
+        raise InputError(f"{missing}; allowed is {allowed}") from None
 
     def serialized(plotter):
         """The scene, and the arrays that it names."""

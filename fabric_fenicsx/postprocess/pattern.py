@@ -54,30 +54,22 @@ def flat_pattern(grid: Grid, trim: Plane | Sequence[np.ndarray], reach: float) -
     which its normal points; of a quarter that of the whole ply.
 
     trim: lines (n, 3) in space, each point of which counts where the ply is nearest, or (n, 2),
-    which are projected along z [mm]; they form closed rings, of which the largest is the outline
-    and the others are holes. Holes of the ply stay. reach: distance from the ply up to which a line
-    counts as on it [mm]. Raises InputError for a line that is further away or leaves the ply, with
-    all places, is open, or crosses itself in the flat, and for a plane that does not cut the ply.
+    projected along z [mm]; of the closed rings that they form the largest is the outline, others
+    are holes. Holes of the ply stay. reach: distance from the ply up to which a line counts [mm].
+    Raises InputError for a line that is further away or leaves the ply, with all places, is open,
+    or crosses itself in the flat, and for a plane that does not cut the ply.
     """
     ply = whole(ply_of(grid))
     if isinstance(trim, Plane):
         part = _beside(ply, trim)
         return FlatPattern(_sheet(part), part, 0.0)
     edge = float(np.sqrt(2 * plan_area(ply.x, ply.triangles).mean()))
-    lines = [
-        shapely.get_coordinates(
-            shapely.segmentize(shapely.LineString(line), FINE * edge), include_z=line.shape[1] == 3
-        )
-        for line in trim
-    ]
-    ends = np.cumsum([len(line) for line in lines])
-    number = np.repeat(np.arange(len(lines)), np.diff(ends, prepend=0))
-    project = _nearest if lines[0].shape[1] == 3 else _below
-    places, off = project(ply, np.vstack(lines), reach, number)
-    flat = [
-        shapely.get_coordinates(shapely.LineString(each).simplify(STRAIGHT * edge))
-        for each in np.split(places, ends[:-1])
-    ]
+    in_space = trim[0].shape[1] == 3
+    fine = shapely.segmentize([*map(shapely.LineString, trim)], FINE * edge)
+    points, number = shapely.get_coordinates(fine, include_z=in_space, return_index=True)
+    places, off = (_nearest if in_space else _below)(ply, points, reach, number)
+    lines = shapely.linestrings(places, indices=number)
+    flat = [shapely.get_coordinates(line) for line in shapely.simplify(lines, STRAIGHT * edge)]
     source = "the trim line, on the flat ply,"
     net = sheet_of(joined(flat, source), source).intersection(_sheet(ply))
     return FlatPattern(net, _inside(ply, net), off)
@@ -98,11 +90,9 @@ def _beside(ply, plane):
     normal = np.asarray(plane.normal, float)
     height = (ply.formed - plane.point) @ (normal / np.linalg.norm(normal))
     if not height.min() < 0 < height.max():
-        raise InputError(
-            f"the plane at {coordinates(plane.point)} mm does not cut the ply, which lies from "
-            f"{rounded(height.min())} to {rounded(height.max())} mm before it; allowed is a plane "
-            "through the ply"
-        )
+        lies = f"which lies from {rounded(height.min())} to {rounded(height.max())} mm before it"
+        flaw = f"the plane at {coordinates(plane.point)} mm does not cut the ply, {lies}"
+        raise InputError(f"{flaw}; allowed is a plane through the ply")
     flat = grid_of(ply.x, ply.triangles, ply.u)
     flat.cell_data.update(ply.fields)
     flat.point_data["height"] = height
@@ -123,18 +113,18 @@ def _nearest(ply, points, reach, number):
     cells, nearest = surface.find_closest_cell(points, return_closest_point=True)
     apart = np.linalg.norm(points - nearest, axis=1)
     if apart.max() > reach:
-        raise InputError(
-            f"the trim line is {rounded(apart.max())} mm away from the ply at "
-            f"{_where(points, apart, apart > reach, number)}; allowed is up to {rounded(reach)} "
-            "mm, on the formed ply"
-        )
-    p, q, r = ply.formed[ply.triangles[cells]].swapaxes(0, 1)
+        where = _where(points, apart, apart > reach, number)
+        flaw = f"the trim line is {rounded(apart.max())} mm away from the ply at {where}"
+        raise InputError(f"{flaw}; allowed is up to {rounded(reach)} mm, on the formed ply")
+    corners = ply.formed[ply.triangles[cells]]
+    p, q, r = corners.swapaxes(0, 1)
     normal = np.cross(q - p, r - p)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     # where nothing but the edge of the ply is nearest, the point is beside the triangle's plane
     beside = points - nearest
     beside -= (beside * normal).sum(1, keepdims=True) * normal
-    places = _flat(ply, cells, nearest)
+    shares = _shares(corners, nearest)[:, :, None]
+    places = (shares * ply.x[ply.triangles[cells], :2]).sum(1)
     beyond = np.linalg.norm(beside, axis=1)
     edge = _sheet(ply).boundary
     on_edge = shapely.distance(edge, shapely.points(places)) < 1e-6 * np.sqrt(edge.length)
@@ -162,11 +152,9 @@ def _below(ply, points, reach, number):
     np.maximum.at(high, found, height)
     folded = high - low
     if folded.max() > reach:
-        raise InputError(
-            f"the ply lies {rounded(folded.max())} mm above itself at "
-            f"{_where(points, folded, folded > reach, number)}; allowed for it is a trim line "
-            "with z"
-        )
+        where = _where(points, folded, folded > reach, number)
+        flaw = f"the ply lies {rounded(folded.max())} mm above itself at {where}"
+        raise InputError(f"{flaw}; allowed for it is a trim line with z")
     _, first = np.unique(found, return_index=True)
     return (shares[first, :, None] * ply.x[ply.triangles[cells[first]], :2]).sum(1), 0.0
 
@@ -174,10 +162,8 @@ def _below(ply, points, reach, number):
 def _check_on(points, beyond, gone, number):
     """Raise InputError for points (n, d) that are `gone` (n,), `beyond` (n,) the ply's edge."""
     if gone.any():
-        raise InputError(
-            f"the trim line leaves the ply at {_where(points, beyond, gone, number)}; allowed is "
-            "a line on the ply"
-        )
+        where = _where(points, beyond, gone, number)
+        raise InputError(f"the trim line leaves the ply at {where}; allowed is a line on the ply")
 
 
 def _where(points, size, wrong, number):
@@ -190,13 +176,6 @@ def _where(points, size, wrong, number):
     runs = np.split(order[at], np.flatnonzero(np.diff(at + number[at]) > 1) + 1)
     worst = sorted((run[size[run].argmax()] for run in runs), key=lambda k: -size[k])
     return " and ".join(coordinates(points[k]) for k in worst) + " mm"
-
-
-def _flat(ply, cells, points):
-    """Places (n, 2) on the flat ply of `points` (n, 3) that lie in formed triangles `cells`
-    (n,)."""
-    shares = _shares(ply.formed[ply.triangles[cells]], points)
-    return (shares[:, :, None] * ply.x[ply.triangles[cells], :2]).sum(1)
 
 
 def _shares(corners, points):
@@ -249,7 +228,7 @@ def write_pattern(
     Returns their paths."""
     stem = Path(stem)
     files = [stem.with_name(stem.name + ending) for ending in (".dxf", ".csv", ".vtu")]
-    rings = _rings(pattern.net)
+    rings = [ring for part in shapely.get_parts(pattern.net) for ring in _rings(part)]
     replace_file(files[0], _drawing(rings))
     rows = [f"{x:.6f},{y:.6f},{k}\n" for k, (_, ring) in enumerate(rings) for x, y in ring]
     replace_file(files[1], "".join(["x [mm],y [mm],ring\n", *rows]))
@@ -261,14 +240,11 @@ def write_pattern(
     return files
 
 
-def _rings(net):
+def _rings(polygon):
     """(layer, points (n, 2) without the first again) of each ring."""
-    return [
-        (layer, shapely.get_coordinates(ring)[:-1])
-        for each in shapely.get_parts(net)
-        for layer, rings in ((OUTLINE, [each.exterior]), (HOLES, each.interiors))
-        for ring in rings
-    ]
+    layers = [OUTLINE] + [HOLES] * len(polygon.interiors)
+    rings = (polygon.exterior, *polygon.interiors)
+    return [(layer, shapely.get_coordinates(ring)[:-1]) for layer, ring in zip(layers, rings)]
 
 
 def _drawing(rings):

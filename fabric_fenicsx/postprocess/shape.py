@@ -39,22 +39,17 @@ def along_paths(
     grid: Grid, angles_deg: Sequence[float] = (0, 45, 90), spacing: float = 5.0
 ) -> dict[float, Path]:
     """{angle: `Path`} from the origin to the ply's edge, straight on the flat ply, at `angles_deg`
-    to x; a point each `spacing` [mm] and one at the edge.
-
-    A value is linear between the nodes of a cell, and at a node the mean over the cells around it
-    by their areas (a mean over these cells is what Fig. 16 of the paper shows). On a plane of
-    symmetry these are the cells on one side: a shear angle that the mirror reverses (yarns along x
-    and y) is not 0 there, as the mean of both sides is, but what the cells beside the plane have.
-    Raises InputError if the origin is not on the ply.
-    """
+    to x; a point each `spacing` [mm] and one at the edge. A value is linear between the nodes of a
+    cell, and at a node the mean over the cells around it by their areas (as in Fig. 16 of the
+    paper), on a plane of symmetry those on its one side: a shear angle that the mirror reverses is
+    not 0 there. Raises InputError if the origin is not on the ply."""
     ply, fine = ply_of(grid), 20  # points of the line on the formed ply for each point of the path
     plan = Triangulation(*ply.x[:, :2].T, ply.triangles)
     cell_at = plan.get_trifinder()
     factors = {"log_eps_11": 1.0, "log_eps_22": 1.0, "shear_angle": 180 / np.pi}
     at_nodes = [factor * ply.at_nodes(ply.fields[name]) for name, factor in factors.items()]
-    formed, values = (
-        [LinearTriInterpolator(plan, v, cell_at) for v in each] for each in (ply.formed.T, at_nodes)
-    )
+    of = [LinearTriInterpolator(plan, v, cell_at) for v in (*ply.formed.T, *at_nodes)]
+    formed, values = of[:3], of[3:]
     paths = {}
     for angle in angles_deg:
         direction = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
@@ -62,10 +57,8 @@ def along_paths(
         s = np.arange(0, np.linalg.norm(ply.x[:, :2], axis=1).max() + spacing, spacing / fine)
         outside = cell_at(*np.outer(direction, s)) < 0
         if outside[0]:
-            raise InputError(
-                "the ply does not cover the origin, where paths start; allowed is one around it, "
-                "or a quarter that begins there"
-            )
+            flaw = "the ply does not cover the origin, where paths start"
+            raise InputError(f"{flaw}; allowed is one around it, or a quarter that begins there")
         low, high = s[outside.argmax() - 1 : outside.argmax() + 1]
         while high - low > SAME / 10:
             middle = (low + high) / 2
@@ -103,9 +96,8 @@ def write_paths(file: File, paths: Mapping[float, Path]) -> None:
         names = "distance_mm", "formed_distance_mm", "log_eps_11", "log_eps_22", "shear_angle_deg"
         writer.writerow(["path_deg", *names])
         for angle, values in paths.items():
-            writer.writerows(
-                [f"{angle:g}", *(f"{v:.8g}" for v in row)] for row in zip(*values[:-1])
-            )
+            for row in zip(*values[:-1]):
+                writer.writerow([f"{angle:g}", *(f"{v:.8g}" for v in row)])
 
 
 class Outline(NamedTuple):
@@ -151,10 +143,9 @@ def draw_in(grid: Grid) -> dict[str, Any]:
     edges = outline(grid)
     # without the last point of a closed one, which is its first
     closed = [np.array_equal(edge.formed[0], edge.formed[-1]) for edge in edges]
-    place, inwards = (
-        np.concatenate([getattr(e, name)[: len(e.inwards) - c] for e, c in zip(edges, closed)])
-        for name in ("undeformed", "inwards")
-    )
+    counts = [len(edge.inwards) - c for edge, c in zip(edges, closed)]
+    place = np.concatenate([edge.undeformed[:n] for edge, n in zip(edges, counts)])
+    inwards = np.concatenate([edge.inwards[:n] for edge, n in zip(edges, counts)])
     undeformed = place[:, :2].round(6) + 0.0
     place, cut = place[:, :2], ply_of(grid).planes
     centre = (place.min(0) + place.max(0)) / 2

@@ -10,6 +10,7 @@ import pyvista
 
 from ..runtime.errors import InputError
 from ..runtime.files import replace_file
+from ..tools.facets import unit
 from .ply import SAME, Grid, areas, grid_of, image_of, planes_of
 from .states import save, set_labels
 
@@ -54,8 +55,8 @@ def formed_ply(grid: Grid, modelled: bool = False) -> FormedPly:
     # not VTK's compute_cell_sizes, which crashed on Debian 13
     ratio = areas(points[cells]) / areas(x[cells])
     if "a" in grid.cell_data:
-        a, b = (_unit(np.asarray(grid.cell_data[name], dtype=float)) for name in "ab")
-        fields = {"yarn_a": a, "yarn_b": b, "normal": _unit(np.cross(a, b))}
+        a, b = (unit(np.asarray(grid.cell_data[name], dtype=float)) for name in "ab")
+        fields = {"yarn_a": a, "yarn_b": b, "normal": unit(np.cross(a, b))}
         fields["shear_angle"] = np.asarray(grid.cell_data["shear_angle"])
         p, q, r = points[cells[:, 0]], points[cells[:, 1]], points[cells[:, -1]]
         behind = (np.cross(q - p, r - p) * fields["normal"]).sum(1) < 0
@@ -65,19 +66,14 @@ def formed_ply(grid: Grid, modelled: bool = False) -> FormedPly:
             fields["thickness"] = np.asarray(grid.cell_data[name])
     ply = FormedPly(points, x, cells, fields | {"area_ratio": ratio})
     for axis in () if modelled else planes_of(grid):
-        ply = _with_image(ply, axis)
+        mirror, off, images = image_of(ply.flat, ply.cells, axis)
+        points, flat = (np.vstack([x, x[off] * mirror]) for x in (ply.points, ply.flat))
+        new = {name: v * mirror if v.ndim == 2 else v for name, v in ply.fields.items()}
+        if "yarn_a" in new:
+            new |= _yarns_of_image(ply, new["yarn_a"], new["yarn_b"], mirror)
+        fields = {name: np.concatenate([v, new[name]]) for name, v in ply.fields.items()}
+        ply = FormedPly(points, flat, np.vstack([ply.cells, images]), fields)
     return ply
-
-
-def _with_image(ply, axis):
-    """The ply with its image in the plane of symmetry that is perpendicular to `axis`."""
-    mirror, off, images = image_of(ply.flat, ply.cells, axis)
-    points, flat = (np.vstack([x, x[off] * mirror]) for x in (ply.points, ply.flat))
-    new = {name: v * mirror if v.ndim == 2 else v for name, v in ply.fields.items()}
-    if "yarn_a" in new:
-        new |= _yarns_of_image(ply, new["yarn_a"], new["yarn_b"], mirror)
-    fields = {name: np.concatenate([v, new[name]]) for name, v in ply.fields.items()}
-    return FormedPly(points, flat, np.vstack([ply.cells, images]), fields)
 
 
 def _yarns_of_image(ply, a, b, mirror):
@@ -89,7 +85,7 @@ def _yarns_of_image(ply, a, b, mirror):
     flat = []  # directions of yarns on the flat ply
     for yarn in (ply.fields["yarn_a"], ply.fields["yarn_b"]):
         shares = np.linalg.solve(square, (sides @ yarn[:, :, None]))
-        flat.append(_unit((shares * before).sum(1)))
+        flat.append(unit((shares * before).sum(1)))
     along, across = (abs((flat[0] * mirror * each).sum(1)).mean() for each in flat)
     swapped = int(across > along)
     images = [flat[swapped] * mirror, flat[1 - swapped] * mirror]
@@ -99,31 +95,22 @@ def _yarns_of_image(ply, a, b, mirror):
     return {"yarn_a": a, "yarn_b": b, "shear_angle": shear}
 
 
-def _unit(vectors):
-    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-
-
 def checked(path: Path | str) -> Path:
     """The path of a file to write; InputError if its ending is none of those known."""
     path = Path(path)
     if path.suffix not in WRITERS:
-        raise InputError(
-            f"the ending of {path} is unknown; allowed are {', '.join(WRITERS)} (VTK, Abaqus, "
-            "LS-DYNA, Nastran)"
-        )
+        allowed = f"{', '.join(WRITERS)} (VTK, Abaqus, LS-DYNA, Nastran)"
+        raise InputError(f"the ending of {path} is unknown; allowed are {allowed}")
     return path
 
 
 def export(
     grids: Mapping[str, Grid], path: Path | str, modelled: bool = False
 ) -> dict[str, FormedPly]:
-    """Write the formed plies {name: grid} with their yarn directions to `path`; returns them.
-
-    Plies and yarn directions are mirrored in the planes of symmetry, unless `modelled`.
-    docs/howto/structural_analysis.md says what is in each file: `.vtu` for VTK's readers, `.inp` as
-    Abaqus input, `.k` for LS-DYNA, `.bdf` for Nastran. Raises InputError for another ending, if no
-    ply has yarns, and for the last two if a thickness is not known.
-    """
+    """Write the formed plies {name: grid} with their yarn directions, mirrored in the planes of
+    symmetry unless `modelled`, to `path`; returns them. The ending says how: docs/howto/
+    structural_analysis.md. Raises InputError for another one, if no ply has yarns, and for LS-DYNA
+    and Nastran if a thickness is not known."""
     path, plies = checked(path), {n: formed_ply(grid, modelled) for n, grid in grids.items()}
     if not any("yarn_a" in ply.fields for ply in plies.values()):
         raise InputError("no sheet has yarns; allowed is at least one ply of fabric")
@@ -132,10 +119,8 @@ def export(
         return plies
     unknown = [name or "the ply" for name, ply in plies.items() if "thickness" not in ply.fields]
     if unknown and path.suffix != ".inp":
-        raise InputError(
-            f"the thickness of {unknown[0]} is not known, which {path} needs; allowed are results "
-            "of a run with tools, or .inp and .vtu"
-        )
+        flaw = f"the thickness of {unknown[0]} is not known, which {path} needs"
+        raise InputError(f"{flaw}; allowed are results of a run with tools, or .inp and .vtu")
     replace_file(path, "".join(WRITERS[path.suffix](plies)))
     return plies
 
@@ -182,10 +167,8 @@ def _abaqus(plies):
         yield f"*ELEMENT, TYPE=S{cells.shape[1]}, ELSET={label}\n"
         yield from _rows(elements, cells)
         if "thickness" in fields:
-            mean = f"{fields['thickness'].mean():.9g}"
-            yield from _distribution(
-                f"{label}_thickness", LENGTH, mean, elements, fields["thickness"]
-            )
+            own, t = f"{label}_thickness", fields["thickness"]
+            yield from _distribution(own, LENGTH, f"{t.mean():.9g}", elements, t)
         if "yarn_a" in fields:
             shear = np.degrees(fields["shear_angle"])
             yield from _distribution(f"{label}_shear_angle", ANGLE, "0.0", elements, shear)

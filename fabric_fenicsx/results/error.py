@@ -42,24 +42,17 @@ def bound(first: ArrayLike, second: ArrayLike | None = None) -> np.ndarray:
 
 def curve_errors(curves: Sequence[Sequence[Row]]) -> np.ndarray:
     """Errors [N] of the curve at each row of the first of `curves`, its points joined by lines,
-    (rows,): of the mesh, from the rows on coarser meshes, and of the lines between the points."""
+    (rows,): of the mesh, from the rows on coarser meshes, and of the lines: their distance from a
+    smooth curve is at most h^2 / 8 of its second derivative."""
     points = [np.array([(row["load"], row["reaction_N"]) for row in rows]).T for rows in curves]
     apart = [np.interp(to[0], *of) - to[1] for of, to in zip(points, points[1:])]
     (load, force), (loads, _), *_ = points
-    return np.interp(load, loads, bound(*apart)) + _off_lines(load, force)
-
-
-def _off_lines(load, force):
-    """Distance of a smooth curve through the points from the lines that join them, at most: h^2 / 8
-    of its second derivative."""
-    found = np.zeros(len(load))
+    of_mesh = np.interp(load, loads, bound(*apart))
     if len(load) < 3:
-        return found
+        return of_mesh
     step, slope = np.diff(load), np.diff(force) / np.diff(load)
     bent = np.abs(np.diff(slope)) / (step[1:] + step[:-1])  # half of the second derivative
-    found[1:-1] = bent * np.maximum(step[1:], step[:-1]) ** 2 / 4
-    found[[0, -1]] = found[[1, -2]]
-    return found
+    return of_mesh + np.pad(bent * np.maximum(step[1:], step[:-1]) ** 2 / 4, 1, mode="edge")
 
 
 def field_differences(result: Result, other: Result) -> dict[str, np.ndarray]:
@@ -77,7 +70,12 @@ def field_differences(result: Result, other: Result) -> dict[str, np.ndarray]:
         order = np.lexsort(at.T)  # the same on any number of ranks
         fields = np.column_stack([other.fields[name][theirs.cells] for name in names])
         values = np.concatenate(comm.allgather(fields))
-        for name, column in zip(names, _interpolated(at[order], values[order], _centres(part)).T):
+        known_at, places = (at[order], values[order]), _centres(part)
+        if not len(places):
+            continue
+        columns = LinearNDInterpolator(*known_at)(places)
+        columns = np.where(np.isnan(columns), NearestNDInterpolator(*known_at)(places), columns)
+        for name, column in zip(names, columns.T):
             found[name][part.cells] = np.abs(result.fields[name][part.cells] - column)
     return found
 
@@ -87,24 +85,11 @@ def _centres(part: Part) -> np.ndarray:
     return part.blank.midpoints()[:2, part.cells].T.round(9)
 
 
-def _interpolated(at, values, places):
-    if not len(places):
-        return np.zeros((0, values.shape[1]))
-    found = LinearNDInterpolator(at, values)(places)
-    outside = np.isnan(found[:, 0])
-    if outside.any():
-        found[outside] = NearestNDInterpolator(at, values)(places[outside])
-    return found
-
-
 def estimate(result: Result, coarser: Sequence[Result], names: Iterable[str]) -> dict[str, float]:
     """Estimated absolute errors {quantity: error} of a run, from one or two on meshes that are each
-    twice as coarse as the one before.
-
-    They are those of the reaction, strain energy, `names` of further quantities, the curve (at
-    most) and the FIELDS (root mean square over the area). The rows of the result get the curve's as
-    `error_N`, its fields those of the FIELDS as `error_...`.
-    """
+    twice as coarse as the one before: of the reaction, strain energy, `names` of quantities, the
+    curve (at most) and the FIELDS (root mean square over the area). The result's rows get the
+    curve's as `error_N`, its fields those of the FIELDS as `error_...`."""
     runs, errors = [result, *coarser], dict[str, float]()
     for name in ("reaction_N", "strain_energy_Nmm", *names):
         values = [value for run in runs if (value := run.number(name)) is not None]
@@ -116,7 +101,10 @@ def estimate(result: Result, coarser: Sequence[Result], names: Iterable[str]) ->
     errors["curve_N"] = float(curve.max())
     apart = [field_differences(fine, coarse) for fine, coarse in zip(runs, runs[1:])]
     for name, differences in apart[0].items():
-        sizes = [_root_mean_square(run, each[name]) for run, each in zip(runs, apart)]
+        sizes = []
+        for run, each in zip(runs, apart):
+            squares, areas = np.nan_to_num(each[name]) ** 2, run.scene.blank.areas()
+            sizes.append(float(np.sqrt(measures.mean(run.scene.comm, squares, areas) or 0.0)))
         root = float(bound(*sizes))
         result.fields[f"error_{name}"] = differences * (root / sizes[0] if sizes[0] else 0.0)
         result.fields.units[f"error_{name}"] = result.fields.units.get(name, "-")
@@ -125,11 +113,3 @@ def estimate(result: Result, coarser: Sequence[Result], names: Iterable[str]) ->
         else:
             errors[f"{name}_rms"] = root
     return errors
-
-
-def _root_mean_square(run, values):
-    """Over the area of a run's owned cells."""
-    blank = run.scene.blank
-    return float(
-        np.sqrt(measures.mean(run.scene.comm, np.nan_to_num(values) ** 2, blank.areas()) or 0.0)
-    )

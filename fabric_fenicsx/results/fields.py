@@ -22,6 +22,7 @@ from ..runtime.files import replace_file
 from ..scene import output
 from ..scene.scene import Scene
 from ..sheets.blank import Blank
+from ..sheets.sheet_mesh import bounds
 from .measures import planes_of_symmetry
 
 # of the arrays that are there with any terms
@@ -33,17 +34,14 @@ ALONG = 100.0
 
 def yarn_coordinates(blank: Blank) -> np.ndarray:
     """Distance from the origin across the yarns a and across the yarns b [mm] at the local nodes,
-    (nodes, 2): where it is constant runs a yarn of the undeformed sheet.
-
-    For straight yarns that is exact. Curved ones get the functions whose slope along the yarns is
-    nearest to 0 and, with 1 / `ALONG` of the weight, across them nearest to 1: between yarns that
-    converge distances cannot stay.
-    """
+    (nodes, 2): where it is constant runs a yarn of the undeformed sheet. For straight yarns that is
+    exact. Curved ones get the functions whose slope along the yarns is nearest to 0 and, with 1 /
+    `ALONG` of the weight, across them nearest to 1: between yarns that converge distances cannot
+    stay."""
     mesh, comm = blank.mesh, blank.mesh.comm
     gdim = mesh.geometry.dim
     fibres = np.column_stack([f.x.array.reshape(-1, gdim) for f in (blank.a0, blank.b0)])
-    low = comm.allreduce(fibres.min(0, initial=np.inf), np.minimum)
-    high = comm.allreduce(fibres.max(0, initial=-np.inf), np.maximum)
+    low, high = bounds(comm, fibres.T)
     if (high - low).max() < 1e-12:
         a, b = low[:gdim], low[gdim:]
         across = np.column_stack([b - (a @ b) * a, a - (a @ b) * b])
@@ -75,16 +73,14 @@ def yarn_coordinates(blank: Blank) -> np.ndarray:
 
 class FieldSeries:
     """`DIR/fields.pvd` with one unstructured grid a state and rank: undeformed geometry, in VTK's
-    cells of the displacement's degree; displacement `u`, `yarn_coordinates` and the scene's nodal
-    fields at the points, its cell fields on the cells, `rank`. Sheets of a stack
-    and patches have a grid each, with its name, and the number `part`.
+    cells of the displacement's degree, `u`, `yarn_coordinates` and the scene's fields, `rank`. Each
+    sheet of a stack and each patch has a grid with its name, and the number `part`. If tools may
+    touch, `DIR/tools.pvd` has a block with the name and surface of each tool where that then is.
 
-    If the sheet may touch tools, `DIR/tools.pvd` has for each state a block with the name of each
-    tool, its surface where that then is. Times are load factors. The name of each array ends with
-    its unit, see `postprocess.states.save`; the field data `symmetry` names the axes x and y to
-    which planes of symmetry are perpendicular. states: those kept of a run that is resumed. Each
-    file is whole at any moment and listed after it is there. Raises OSError, on all ranks, that
-    names the file which can't be written.
+    Times are load factors. The name of each array ends with its unit, see `states.save`; the field
+    data `SYMMETRIC` are the axes to which planes of symmetry are perpendicular. states: those kept
+    of a run that is resumed. Each file is whole at any moment and listed after it is there. Raises
+    OSError, on all ranks, that names the file which can't be written.
     """
 
     def __init__(self, directory: Path, scene: Scene, states: Iterable[Sequence] = ()) -> None:
@@ -95,10 +91,8 @@ class FieldSeries:
         self._units = dict(UNITS)
         self._tools = output.tools(scene)
         self._parts = list(self.blank.parts.values()) or [self.blank.whole]
-        extent = self.blank.extent()
-        self._surfaces = (
-            [triangulated(tool, *extent) for tool in self._tools] if self.comm.rank == 0 else []
-        )
+        extent, first = self.blank.extent(), self.comm.rank == 0
+        self._surfaces = [triangulated(tool, *extent) for tool in self._tools if first]
         cells, types, points = compat.vtk_mesh(self.blank.V)
         self._ranks = [rank for rank, n in enumerate(self.comm.allgather(len(types))) if n]
         yarns = yarn_coordinates(self.blank)
@@ -116,10 +110,8 @@ class FieldSeries:
         self._together(self._begin)
 
     def write(self, load: float, fields: Fields | None = None) -> None:
-        """Append the scene's present state at `load`; one at the same load gives way to it.
-
-        fields: its cell fields, if they are known already.
-        """
+        """Append the scene's present state at `load`, in place of one at that load; fields: its
+        cell fields, if they are known already."""
         if self.states and self.states[-1][0] == load:
             self.states.pop()
         cells = output.cell_fields(self.scene) if fields is None else fields
@@ -140,10 +132,9 @@ class FieldSeries:
         if degree < 3:
             return values
         shape = getattr(basix.CellType, compat.cell_name(self.blank.mesh))
-        ours, vtk = (
-            basix.create_element(basix.ElementFamily.P, shape, degree, variant)
-            for variant in (variants.gll_warped, variants.equispaced)
-        )
+        kinds = basix.ElementFamily.P, shape, degree
+        ours = basix.create_element(*kinds, variants.gll_warped)
+        vtk = basix.create_element(*kinds, variants.equispaced)
         cells = compat.dofmap(self.blank.V)[: self.blank.mesh.topology.index_map(2).size_local]
         at, moved = ours.tabulate(0, vtk.points)[0, :, :, 0], values.copy()
         moved[cells] = np.einsum("pq,cqk->cpk", at, values[cells])

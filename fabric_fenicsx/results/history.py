@@ -25,10 +25,8 @@ OF_TERMS = ("min_stability",)  # of these the columns that terms fill
 
 class History:
     """Rows with `COLUMNS` and, after them, those of the scene's further energies and terms, kept as
-    dicts in `rows` on every rank and flushed one by one to `path` on rank 0.
-
-    rows: those of a run that is resumed.
-    """
+    dicts in `rows` on every rank and flushed one by one to `path` on rank 0. rows: those of a run
+    that is resumed."""
 
     def __init__(self, path: Path, comm: MPI.Comm, rows: Iterable[dict[str, Any]] = ()) -> None:
         self.rows = list(rows)
@@ -72,10 +70,9 @@ class History:
         row |= further(row.keys() - set(OF_TERMS))
         if self.rows and (other := row.keys() ^ self.rows[0].keys()):
             some = "no longer" if other & self.rows[0].keys() else "now"
-            raise InputError(
-                f"at load {rounded(accepted.load, 6)} the terms {some} give history.csv the column "
-                f"{sorted(other)[0]}; allowed are the same columns in `history` each time"
-            )
+            flaw = f"the terms {some} give history.csv the column {sorted(other)[0]}"
+            allowed = "the same columns in `history` each time"
+            raise InputError(f"at load {rounded(accepted.load, 6)} {flaw}; allowed are {allowed}")
         self.rows.append(row)
         self._write(row)
 
@@ -117,9 +114,8 @@ def viscous_warning(rows: Sequence[Mapping[str, Any]], load: float) -> str:
     large = [row["viscous_energy_Nmm"] > VISCOUS * abs(row["strain_energy_Nmm"]) for row in last]
     if large != [False, True]:
         return ""
-    share = rows[-1]["viscous_energy_Nmm"] / abs(rows[-1]["strain_energy_Nmm"])
+    share = percent(rows[-1]["viscous_energy_Nmm"] / abs(rows[-1]["strain_energy_Nmm"]))
     return (
-        f"at load {rounded(load, 6)} (step {len(rows) - 1}) the regularisation has taken "
-        f"{percent(share)} of the strain energy; take smaller steps (`max_step`) or look for a "
-        "snap there"
+        f"at load {rounded(load, 6)} (step {len(rows) - 1}) the regularisation has taken {share} "
+        "of the strain energy; take smaller steps (`max_step`) or look for a snap there"
     )

@@ -40,13 +40,8 @@ def quantiles(
     comm: MPI.Comm, values: np.ndarray, weights: np.ndarray, shares: Sequence[float]
 ) -> list[float]:
     """Values below which the `shares` (0 to 1) of the whole weight lie, of `values` and `weights`
-    (n,) of all ranks.
-
-    Between values, each in the middle of its weight, they are interpolated.
-    """
-    values, weights = (
-        np.concatenate(comm.allgather(np.asarray(part, float))) for part in (values, weights)
-    )
+    (n,) of all ranks, interpolated between values, each in the middle of its weight."""
+    values, weights = np.hstack(comm.allgather(np.array([values, weights], float)))
     order = np.lexsort((weights, values))  # the same on any number of ranks
     values, weights = values[order], weights[order]
     below = np.cumsum(weights) - weights / 2
@@ -54,11 +49,8 @@ def quantiles(
 
 
 def bulk(comm: MPI.Comm, values: np.ndarray, weights: np.ndarray) -> list[float]:
-    """The two values between which all but the `TAIL` at either end lies, by `weights`.
-
-    Extremes at singular points, such as a clamp's corners, grow with every refinement; these do
-    not.
-    """
+    """The two values between which all but the `TAIL` at either end lies, by `weights`. Extremes at
+    singular points, such as a clamp's corners, grow with every refinement; these do not."""
     return quantiles(comm, values, weights, (TAIL, 1 - TAIL))
 
 

@@ -19,8 +19,9 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from ..runtime import timing
+from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
-from ..runtime.files import LOCK_FILE, lock_folder, replace_file
+from ..runtime.files import lock_folder, replace_file
 from ..runtime.logs import MARKED, LogFile, log
 from ..runtime.version import __version__
 
@@ -46,29 +47,11 @@ def finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def read_summary(path: Path) -> dict[str, Any]:
-    """The summary in `path`, {} if there is none."""
-    try:
-        summary = json.loads(path.read_text())
-    except (OSError, ValueError):
-        return {}
-    return summary if isinstance(summary, dict) else {}
-
-
-def failure_reason(path: Path) -> str:
-    """Reason why the run of the summary in `path` did not end well, "" if it did or there is
-    none."""
-    summary = read_summary(path)
-    return "" if summary.get("converged", True) else str(summary.get("reason", "no reason given"))
-
-
 class Output:
-    """Output folder `path` of a run called `name`, with a subfolder for each part of it.
-
-    resume: go on with the results there; overwrite: lose them. command: what log.txt begins with;
-    translated: function of a message to its text with parameters as the reader writes them. `facts`
-    are what every summary of the run repeats.
-    """
+    """Output folder `path` of a run called `name`, with a subfolder for each part of it. resume: go
+    on with the results there; overwrite: lose them. command: what log.txt begins with; translated:
+    function of a message to its text with parameters as the reader writes them. `facts` are what
+    every summary of the run repeats."""
 
     def __init__(
         self,
@@ -96,7 +79,6 @@ class Output:
         self._said: set[tuple[str, str]] = set()  # assumed numbers
         self._lock: IO | None = None
         self._log: LogFile | None = None
-        self._done: dict[str, dict[str, Any]] = {}
 
     def say(self, text: str) -> None:
         """Print on rank 0, and to log.txt."""
@@ -112,10 +94,8 @@ class Output:
             self.say(f"no test has determined these numbers of {name}: {', '.join(new)}")
 
     def warn(self, text: str) -> None:
-        """Print once, on rank 0, what the user should look at; the summary repeats it.
-
-        An empty text is nothing.
-        """
+        """Print once, on rank 0, what the user should look at; the summary repeats it. An empty
+        text is nothing."""
         text = self.translated(text)
         if text and text not in self.warnings:
             self.warnings.append(text)
@@ -124,24 +104,11 @@ class Output:
         self._warned.add(text)
 
     def folder(self, part: str = "") -> Path:
-        """Make the folder, or its subfolder `part`, and return it.
-
-        Raises InputError if it can't be written to, if another run uses it, or if it holds results
-        and neither resume nor overwrite is set.
-        """
-        path, error = self.path / part, None
-        if self.comm.rank == 0:
-            try:
-                self._make(path)
-            except InputError as e:
-                error = str(e)
-            except OSError as e:
-                error = (
-                    f"`out` {path} can't be written to ({e.strerror}); allowed is a folder that is "
-                    "there or can be made"
-                )
-        if error := self.comm.bcast(error):
-            raise InputError(error)
+        """Make the folder, or its subfolder `part`, and return it. Raises InputError if it can't be
+        written to, another run uses it, or it holds results and neither resume nor overwrite is
+        set."""
+        path = self.path / part
+        on_root(self.comm, lambda: self._make(path))
         self.begun = True
         if part and part not in self.parts:
             self.parts.append(part)
@@ -149,84 +116,39 @@ class Output:
 
     def _make(self, path):
         """Make the folder and, the first time, lock it."""
-        old = [] if self._lock else self._allowed_results(path)
-        path.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=path):
-            pass
-        if self._lock:
-            return
-        self._lock = lock_folder(self.path)
-        # another run may have begun, or even ended, since we looked for results
-        if not self._lock or self._results() != old:
-            raise self._is_used()
+        resumable = {"checkpoint.npz", "done.json"} & {file.name for file in self._results()}
+        if self.resume and not (self._lock or resumable):
+            flaw = f"`resume=True` finds no checkpoint in {path}"
+            raise InputError(f"{flaw}; allowed is the `out` of a run that was begun")
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=path).close()
+            if self._lock:
+                return
+            self._lock = lock_folder(self.path)
+        except OSError as error:
+            flaw = f"`out` {path} can't be written to ({error.strerror})"
+            raise InputError(f"{flaw}; allowed is a folder that can be made") from None
+        if not self._lock:
+            allowed = "another folder, or this one when that run has ended"
+            raise InputError(f"`out` {self.path} is in use by another run; allowed is {allowed}")
+        old = self._results()  # now that no other run adds to them
+        if old and not (self.resume or self.overwrite):
+            self.close()
+            found = f"`out` {self.path} holds results ({old[0].relative_to(self.path)})"
+            allowed = "`resume=True` to go on with them, `overwrite=True` to lose them"
+            raise InputError(f"{found}; allowed is another folder, {allowed}")
         if self.overwrite:
             for file in (*old, *self.path.glob("*.png"), self.path / "report.html"):
                 file.unlink(missing_ok=True)
         self._log = LogFile(self.path / "log.txt", "a" if self.resume else "w", self.command)
         log.addHandler(self._log)
 
-    def _allowed_results(self, path):
-        """Results in the folder, which this run may go on with or lose."""
-        old, out = self._results(), self.path
-        if self.resume and not {"checkpoint.npz", "done.json"} & {file.name for file in old}:
-            raise InputError(
-                f"`resume=True` finds no checkpoint in {path}; allowed is the `out` of a run that "
-                "was begun"
-            )
-        if old and not (self.resume or self.overwrite):
-            if (out / LOCK_FILE).exists() and not lock_folder(out):
-                raise self._is_used()
-            raise InputError(
-                f"`out` {out} holds results ({old[0].relative_to(out)}); allowed is another "
-                "folder, `resume=True` to go on with them, `overwrite=True` to lose them"
-            )
-        return old
-
-    def _is_used(self):
-        return InputError(
-            f"`out` {self.path} is in use by another run; allowed is another folder, or this one "
-            "when that run has ended"
-        )
-
     def _results(self):
         """Files in the folder by which it is known to hold results."""
         return [
             f for name in RESULTS for f in (*self.path.glob(name), *self.path.glob(f"*/{name}"))
         ]
-
-    def once(self, key: str, make: Callable[[], Any], problem: Mapping[str, Any]) -> Any:
-        """make(), which JSON must hold; a resumed run takes what make() gave before.
-
-        Raises InputError if what is resumed was another `problem`.
-        """
-        if not self._done:
-            self._done = self._read_done(json.loads(json.dumps(problem)))
-        if key not in self._done["done"]:
-            self._done["done"][key] = make()
-            if self.comm.rank == 0:
-                replace_file(self.path / "done.json", json.dumps(self._done))
-        return self._done["done"][key]
-
-    def _read_done(self, problem):
-        """Results of `once` of the run that is resumed."""
-        path, found = self.folder() / "done.json", None
-        if self.comm.rank == 0 and self.resume and path.is_file():
-            try:
-                found = json.loads(path.read_text())
-                found = {name: dict(found[name]) for name in ("problem", "done")}
-            except (ValueError, TypeError, KeyError) as e:
-                reason = f"{type(e).__name__}: {e}"
-                found = f"{path} cannot be read ({reason}); allowed is one that a study wrote"
-        found = self.comm.bcast(found) or {"problem": problem, "done": {}}
-        if isinstance(found, str):
-            raise InputError(found)
-        for name, value in problem.items():
-            if (before := found["problem"].get(name)) != value:
-                raise InputError(
-                    f"{path} was made with {name} = {before}, now it is {value}; allowed is the "
-                    "same problem, or a run that begins anew (`overwrite`)"
-                )
-        return found
 
     def where(self, folder: Path, whole: bool = False) -> str:
         """Text that tells where the results are, if they are kept; whole: of the full load."""

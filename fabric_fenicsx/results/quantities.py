@@ -16,6 +16,7 @@ import numpy as np
 from ..material.strains import SHORTENED, share_name
 from ..mechanics.materials import fabric_of
 from ..mechanics.shell.bending import Bending, shortest_wave
+from ..runtime.collective_errors import on_root
 from ..runtime.formatting import of_sheet, percent, rounded
 from ..scene.scene import Scene
 from ..sheets.blank import Part
@@ -44,6 +45,7 @@ def fabric_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
     fields = {name: values[cells] for name, values in result.fields.items()}
     ellipticity, states = fields["stability_ellipticity"], fields["strain_state"]
     extremes, areas = partial(measures.extremes, comm), result.scene.blank.areas()[cells]
+    shares = [measures.mean(comm, (states == k) * 1.0, areas) for k in (1, 2, 3, 4)]
     return {
         "shear_angle_deg": extremes(np.degrees(fields["shear_angle"])),
         **shear_quantities(result, parts),
@@ -52,9 +54,7 @@ def fabric_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
         "log_eps_22": extremes(fields["log_eps_22"]),
         "stability_ellipticity_min": extremes(ellipticity)[0],
         "cells_that_lost_ellipticity": comm.allreduce(int((ellipticity < 0).sum())),
-        "share_of_state_1_to_4": [
-            measures.mean(comm, (states == k) * 1.0, areas) for k in (1, 2, 3, 4)
-        ],
+        "share_of_state_1_to_4": shares,
         "thickness_min_mm": _known(np.fmin, comm, fields.get("thickness_under_pressure")),
         "fibre_volume_fraction_max": _known(np.fmax, comm, fields.get("fibre_volume_fraction")),
     }
@@ -95,7 +95,7 @@ def shape(result: Result, part: Part, heights: Grid | None) -> dict[str, Any]:
     `wrinkles.height_map`, on rank 0."""
     from ..postprocess.wrinkles import wrinkles
 
-    waves = result.scene.comm.bcast(heights and wrinkles(heights))
+    waves = on_root(result.scene.comm, lambda: wrinkles(heights) if heights else None)
     return {"draw_in": result.draw_in(part.name), "wrinkles": waves}
 
 
@@ -132,15 +132,15 @@ def middle_quantities(result: Result, name: str) -> dict[str, float]:
     of `shape.contrast` [deg]."""
     from ..postprocess import shape
 
-    comm, found = result.scene.comm, {}
-    if comm.rank == 0:
+    def found():
         grid = result.grids[name]
         path = shape.along_paths(grid, (45,))[45]
-        found = {
+        return {
             "shear_angle_on_45_deg_path_deg": float(abs(path.shear_angle).max()),
             "shear_contrast_deg": float(np.degrees(shape.contrast(grid, "shear_angle"))),
         }
-    return comm.bcast(found)
+
+    return on_root(result.scene.comm, found)
 
 
 # -- shear and shortening
@@ -187,9 +187,7 @@ def shortening_quantities(result: Result, parts: Sequence[Part]) -> dict[str, An
 def excess_length(result: Result, part: Part) -> float | None:
     """The length that a yarn of the `part` has lost at most [mm], in what is modelled: a real one
     would have to put it into a wrinkle. None where yarns are not straight on the flat sheet.
-
-    Shortening is gathered over strips along the yarns, `STRIP` cells wide, of both directions.
-    """
+    Shortening is gathered over strips along the yarns, `STRIP` cells wide, of both directions."""
     comm, blank = result.scene.comm, result.scene.blank
     if not part.straight:
         return None
@@ -225,10 +223,11 @@ def fabric_warnings(result: Result) -> list[str]:
         shares = fields.get("fibre_volume_fraction", np.full(len(blank.areas()), np.nan))
         most = _known(np.fmax, result.scene.comm, shares[part.cells])
         if most and most > PACKED:
+            flaw = f"more than round ones can ({rounded(PACKED)})"
             sentences.append(
                 f"fibres of {part.name or blank.name} fill up to {rounded(most)} of its volume, "
-                f"more than round ones can ({rounded(PACKED)}): too much pressure or shear, or the "
-                "fabric's thickness, `density`, `fibre_density` or `compaction` is wrong"
+                f"{flaw}: too much pressure or shear, or the fabric's thickness, "
+                "`density`, `fibre_density` or `compaction` is wrong"
             )
     return sentences
 
@@ -239,10 +238,9 @@ def _allowed(scene, part):
         return ""
     fabric = fabric_of(scene, part)
     doubt = ", and no test has determined d" if fabric and "d" in fabric.assumed_values() else ""
-    return (
-        f". At {percent(SHORTENED, 6)} no wave shorter than {rounded(length)} mm forms, on any "
-        f"mesh: stiffness in bending and in compression decide that{doubt}"
-    )
+    least = f"no wave shorter than {rounded(length)} mm forms, on any mesh"
+    why = f"stiffness in bending and in compression decide that{doubt}"
+    return f". At {percent(SHORTENED, 6)} {least}: {why}"
 
 
 def shortest_wave_of(scene: Scene, part: Part) -> float | None:
@@ -270,18 +268,16 @@ def waves_that_do_not_form(scene: Scene) -> list[str]:
 def _sentences(name: str, found: Mapping[str, Any], wave: str = "") -> Iterable[str]:
     share, lost = found[share_name(SHORTENED)], found["excess_length_mm"]
     if share > AREA:
+        place = of_sheet(found["shortening_max_at_mm"])
+        most = f"{percent(found['shortening_max'], 3)}, as at {place}"
+        wide = f"by more than {percent(SHORTENED, 6)} in {percent(share, 3)} of the area"
         excess = "" if lost is None else f"; a yarn loses up to {rounded(lost)} mm of its length"
-        yield (
-            f"compression shortens yarns of {name} by up to {percent(found['shortening_max'], 3)}, "
-            f"as at {of_sheet(found['shortening_max_at_mm'])}, and by more than "
-            f"{percent(SHORTENED, 6)} in {percent(share, 3)} of the area{excess}. The law stores "
-            f"as shortening what a real ply folds into wrinkles{wave}"
-        )
-    if found["shortening_at_shear_angle_max"] > CRUMPLED:
-        yield (
-            f"the largest shear angle of {name}, {rounded(found['shear_angle_max_deg'])} deg at "
-            f"{of_sheet(found['shear_angle_max_at_mm'])}, lies where yarns are shortened by "
-            f"{percent(found['shortening_at_shear_angle_max'])}: cells crumple there, and it "
-            "depends on mesh and contact; 99 % of the area stay below "
-            f"{rounded(found['shear_angle_99_percent_deg'])} deg"
-        )
+        law = f"The law stores as shortening what a real ply folds into wrinkles{wave}"
+        yield f"compression shortens yarns of {name} by up to {most}, and {wide}{excess}. {law}"
+    if (there := found["shortening_at_shear_angle_max"]) > CRUMPLED:
+        place = of_sheet(found["shear_angle_max_at_mm"])
+        most = f"{rounded(found['shear_angle_max_deg'])} deg at {place}"
+        where = f"lies where yarns are shortened by {percent(there)}: cells crumple there"
+        below = f"99 % of the area stay below {rounded(found['shear_angle_99_percent_deg'])} deg"
+        why = "and it depends on mesh and contact"
+        yield f"the largest shear angle of {name}, {most}, {where}, {why}; {below}"

@@ -5,6 +5,7 @@ import json
 from collections.abc import Iterable, Mapping
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import jinja2
 
@@ -13,13 +14,10 @@ from ..runtime.formatting import percent, rounded
 
 # picture -> what it shows, in the order of a report
 CAPTIONS = {
-    "setup": "The tools and the flat blank before anything moves, in space and in sections through "
-    "the centre; arrows are as long as the motions",
-    "curve": "Reaction, or force of the punch, over displacement; a band is its estimated error, "
-    "squares are measured, if they are there",
+    "setup": "Tools and flat blank before anything moves; arrows are as long as the motions",
+    "curve": "Force over displacement; a band is its estimated error, squares are measured",
     "filmstrip": "The stroke: magnitude of the shear angle, yarns and tools in states on the way",
-    "maps": "Logarithmic strains along both yarns and shear angle, with its sign (negative where "
-    "the angle from yarns a to b grows), on the deformed sheet",
+    "maps": "Logarithmic strains, and shear angle (negative where that from yarns a to b grows)",
     "axis": "Magnitude of the shear angle along the strip's axis",
     "measured": "Normalised shear force, simulated and measured",
     "compare": "Variants of the couplings: strains and shear angle",
@@ -73,22 +71,12 @@ def page(
     ending: str,
     log: Path | None = None,
 ) -> str:
-    """HTML, with its pictures in it, of runs {name: (path of the summary, paths of pictures)}; what
-    is not there is left out.
-
-    description: of the study; ending: "done", or the reason why it ended; log: path of a text.
-    """
-    loader = jinja2.PackageLoader(__package__, ".")
-    environment = jinja2.Environment(
-        loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters |= {"number": _number, "words": label}
-    environment.tests |= {
-        "rows": _are_rows,
-        "grid": lambda value: len(value) > 1 and _are_rows(list(value.values())),
-    }
+    """HTML, with its pictures in it, of runs {name: (path of the summary, paths of pictures)}, as
+    far as they are there. description: of the study; ending: "done", or the reason why it ended;
+    log: path of a text."""
     shown = [_shown(name, *files) for name, files in runs.items()]
-    return environment.get_template("report.html.jinja").render(
+    return rendered(
+        Path(__file__).with_name("report.html.jinja"),
         title=title.replace("_", " "),
         description=description,
         ending=ending,
@@ -96,8 +84,24 @@ def page(
         first=next((run["summary"] for run in shown if run["summary"]), {}),
         rounding=MISMATCH,
         log=log.read_text() if log and log.is_file() else "",
-        now=f"{datetime.now():%Y-%m-%d %H:%M}",
     )
+
+
+def rendered(template: Path, **values: Any) -> str:
+    """HTML of a template of `values`, and of the time `now`."""
+    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment.filters |= {"number": _number, "words": label}
+    environment.tests |= {
+        "rows": _are_rows,
+        "grid": lambda value: len(value) > 1 and _are_rows(list(value.values())),
+    }
+    now = f"{datetime.now():%Y-%m-%d %H:%M}"
+    return environment.from_string(template.read_text()).render(now=now, **values)
+
+
+def encoded(file: Path) -> str:
+    """A picture as text, to stand in a page."""
+    return base64.b64encode(file.read_bytes()).decode()
 
 
 def label(name: str) -> str:
@@ -115,22 +119,15 @@ def label(name: str) -> str:
 def _shown(name, summary, pictures):
     facts = json.loads(summary.read_text()) if summary.is_file() else {}
     own = {k: v for k, v in facts.items() if k not in SHARED}
-    captions = {file: CAPTIONS.get(file.stem, file.stem.replace("_", " ")) for file in pictures}
+    place = {name: k for k, name in enumerate(CAPTIONS)}
+    files = sorted(pictures, key=lambda file: (place.get(file.stem, len(place)), file.stem))
+    captions = [CAPTIONS.get(file.stem, file.stem.replace("_", " ")) for file in files]
     return {
         "name": name,
         "summary": facts,
         "quantities": _with_errors(facts.get("quantities", own), facts.get("error") or {}),
-        "pictures": [
-            (captions[file], base64.b64encode(file.read_bytes()).decode())
-            for file in sorted(captions, key=_place)
-        ],
+        "pictures": [*zip(captions, map(encoded, files))],
     }
-
-
-def _place(picture):
-    """Order of pictures: as of `CAPTIONS`, then all others."""
-    known = list(CAPTIONS)
-    return known.index(picture.stem) if picture.stem in known else len(known), picture.stem
 
 
 def _with_errors(values, errors, before=""):

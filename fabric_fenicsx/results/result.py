@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..mechanics.output import Fields
+from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from ..scene import output
@@ -103,44 +104,36 @@ class Result:
         force = np.zeros(3) if isinstance(tool, str) else output.tool_force(scene, tool)
         if len(asked) != 1 and not force.any():
             name = tool if isinstance(tool, str) else tool.name
+            known = ", ".join(each.name for each in tools) or "it has none"
+            allowed = f"one of its own tools, or the name of one alone: {known}"
             raise InputError(
-                f"the scene has {len(asked) or 'no'} tools {name!r}; allowed is one of its own "
-                "tools, or the name of one alone: "
-                f"{', '.join(each.name for each in tools) or 'it has none'}"
+                f"the scene has {len(asked) or 'no'} tools {name!r}; allowed is {allowed}"
             )
         return output.tool_force(scene, asked[0]) if asked else force
 
     def draw_in(self, sheet: str = "") -> dict[str, Any]:
         """Ways [mm] that the edge of the sheet, or of the one of this name in a stack, went inwards
-        in plan, by the names of `postprocess.shape.draw_in`, on all ranks.
-
-        An edge on x = 0 or y = 0 that supports hold along its normal alone is a plane of symmetry.
-        Raises InputError for a name that is none, for a stack without one, and for a sheet that was
-        not flat in a plane z = const at first.
-        """
-        part, blank, comm = self._sheet("draw-in", sheet), self.scene.blank, self.scene.comm
+        in plan, by the names of `postprocess.shape.draw_in`, on all ranks. An edge on x = 0 or
+        y = 0 that supports hold along its normal alone is a plane of symmetry. Raises InputError
+        for a name that is none, a stack without one, and a sheet that was not flat in z = const."""
+        part, blank = self._sheet("draw-in", sheet), self.scene.blank
         z = blank.coordinates()[: len(part.nodes), 2][part.nodes]
-        low, high = measures.extremes(comm, z)
+        low, high = measures.extremes(self.scene.comm, z)
         if high - low > measures.SAME:
-            raise InputError(
-                f"undeformed nodes of {sheet or blank.name} are up to {rounded(high - low, 4)} mm "
-                "apart along z; draw-in needs a sheet that is flat in z = const"
-            )
-        found = {}
-        if comm.rank == 0:
-            from ..postprocess.shape import draw_in
+            apart = f"{sheet or blank.name} are up to {rounded(high - low, 4)} mm apart along z"
+            needs = "draw-in needs a sheet that is flat in z = const"
+            raise InputError(f"undeformed nodes of {apart}; {needs}")
+        from ..postprocess.shape import draw_in
 
-            found = draw_in(self._grid_of(sheet))
-        return comm.bcast(found)
+        return on_root(self.scene.comm, lambda: draw_in(self._grid_of(sheet)))
 
     def _sheet(self, asked, name):
         """The part of that name, of which a quantity is `asked`."""
         blank = self.scene.blank
         part = blank.part(name)
         if part.is_whole and any(each.thickness for each in blank.parts.values()):
-            raise InputError(
-                f"{asked} needs one of the sheets of {blank.name}: {', '.join(blank.parts)}"
-            )
+            known = ", ".join(blank.parts)
+            raise InputError(f"{asked} needs one of the sheets of {blank.name}: {known}")
         return part
 
     def _grid_of(self, sheet):
@@ -162,18 +155,9 @@ class Result:
         or of the one of this name in a stack, on all ranks. Raises InputError for a place beside it
         and for a field that it does not have."""
         self._sheet("a field", sheet)
-        found: Any = None
-        if self.scene.comm.rank == 0:
-            from ..postprocess.shape import value_at
+        from ..postprocess.shape import value_at
 
-            try:
-                found = value_at(self._grid_of(sheet), place, name)
-            except InputError as error:
-                found = str(error)
-        found = self.scene.comm.bcast(found)
-        if isinstance(found, str):
-            raise InputError(found)
-        return found
+        return on_root(self.scene.comm, lambda: value_at(self._grid_of(sheet), place, name))
 
     def forget_grid(self) -> None:
         """Read the last state anew when it is asked for, as it was written anew."""
@@ -189,16 +173,15 @@ class Result:
         """Draw field `name`, of one number a cell or node, on the deformed sheet, to a PNG file, on
         rank 0; of nodes the mean over each cell. Raises InputError for a name that is none."""
         # asked of all ranks, which a field of cells does not need
-        nodal = Fields({}) if name in self.fields else output.nodal_fields(self.scene)
+        nodal, comm = Fields({}), self.scene.comm
+        if name not in self.fields:
+            nodal = output.nodal_fields(self.scene)
         known = sorted(each for each, v in {**self.fields, **nodal}.items() if v.ndim == 1)
-        grid, comm = (self.grid if self.scene.comm.rank == 0 else None), self.scene.comm
-        kept = comm.bcast(grid and {*grid.cell_data, *grid.point_data})
+        kept = on_root(comm, lambda: {*self.grid.cell_data, *self.grid.point_data})
         drawn = [each for each in known if each in kept]
         if name not in drawn:
-            raise InputError(
-                f"there is no field {name} to draw; allowed are the fields of the run "
-                f"{', '.join(drawn)}"
-            )
+            fields = f"the fields of the run {', '.join(drawn)}"
+            raise InputError(f"there is no field {name} to draw; allowed are {fields}")
         if comm.rank == 0:
             from ..plot.pictures import OUTLIERS, maps
 

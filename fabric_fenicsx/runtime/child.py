@@ -26,17 +26,19 @@ pickle.dump(found, results)
 OF_MPI = "OMPI_", "PMIX_", "PMI_", "MPI_", "HYDRA_", "HYDI_"  # how variables of a rank begin
 
 
-def in_child(work: Callable[..., Any], *given: Any) -> Any:
+def in_child(work: Callable[..., Any], *given: Any, patience: float | None = None) -> Any:
     """What `work` returns, a function of a module, of what is `given`. Raises RuntimeError with
-    the text of its error, or if it crashes."""
-    rankless = {name: value for name, value in os.environ.items() if not name.startswith(OF_MPI)}
-    sent = pickle.dumps(sys.path) + pickle.dumps((work, given))
-    done = subprocess.run(
-        [sys.executable, "-c", PROGRAM], input=sent, capture_output=True, env=rankless
-    )
+    the text of its error, if it crashes, and if it takes longer than `patience` [s]."""
+    env = {name: value for name, value in os.environ.items() if not name.startswith(OF_MPI)}
+    sent, command = pickle.dumps(sys.path) + pickle.dumps((work, given)), (sys.executable, "-c")
+    how: dict[str, Any] = {"capture_output": True, "env": env, "timeout": patience}
+    try:
+        done = subprocess.run([*command, PROGRAM], input=sent, **how)
+    except subprocess.TimeoutExpired:
+        raise RuntimeError(f"it did not end within {patience:g} s") from None
     if not done.stdout:
-        how = signal.Signals(-done.returncode).name if done.returncode < 0 else "exit"
-        raise RuntimeError(f"it crashed ({how})")
+        code = done.returncode
+        raise RuntimeError(f"it crashed ({signal.Signals(-code).name if code < 0 else code})")
     worked, found = pickle.loads(done.stdout)
     if not worked:
         raise RuntimeError(found)

@@ -1,14 +1,38 @@
-"""Errors on some ranks alone end all of them, which would otherwise wait for ever."""
+"""Errors on some ranks alone: they are raised on all, or end all, which would wait for ever."""
 
 import sys
 import time
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TypeVar
 
 from mpi4py import MPI
 
+from .errors import InputError
+from .files import unwritable
+
+T = TypeVar("T")
 PATIENCE = 10.0  # s, for the others
+
+
+def on_root(comm: MPI.Comm, make: Callable[[], T]) -> T:
+    """What make() gives on rank 0, on all ranks; an InputError there, also for a file that can't be
+    read or written, is raised on all."""
+    found, error = None, ""
+    if comm.rank == 0:
+        try:
+            found = make()
+        except InputError as e:
+            error = str(e)
+        except OSError as e:
+            if e.errno is None:  # of a library, not of a file
+                raise
+            error = str(unwritable(e))
+    found, error = comm.bcast((found, error))
+    if error:
+        raise InputError(error)
+    return found
 
 
 def is_alone(comm: MPI.Comm) -> bool:

@@ -20,14 +20,8 @@ class InputError(ValueError):
 
 
 class SolverFailure(RuntimeError):
-    """No converged or no credible state at the asked load.
-
-    Parameters
-    ----------
-    reason
-        The message.
-    result
-        What a job had reached by then, a `Result`; None outside of jobs.
+    """No converged or no credible state at the asked load: the reason, and as `result` what a job
+    had reached by then, a `Result`; None outside of jobs.
 
     Examples
     --------

@@ -36,7 +36,8 @@ def documented(kind: Kind) -> Kind:
     head += "" if "\nParameters\n" in head else "\n\nParameters\n----------"
     for each in declared(kind):
         usual = "" if each.default is None else f"; by default {each.default}"
-        head += f"\n{each.name}\n    {each.metadata['help']}{usual}"
+        kind_of = f" : {each.metadata['rule'].kind.__name__}" if "rule" in each.metadata else ""
+        head += f"\n{each.name}{kind_of}\n    {each.metadata['help']}{usual}"
     kind.__doc__ = head + mark + rest
     return kind
 
@@ -93,6 +94,11 @@ def one_of(default: Any, kinds: Mapping[str, type], text: str, group: str = "tes
 def switch(text: str, group: str = "test") -> Any:
     """A field: off unless asked for."""
     return field(default=False, metadata={"switch": True, "help": text, "group": group})
+
+
+def repeated(words: str, metavar: str, group: str = "test") -> Any:
+    """A field: several texts, none by default."""
+    return field(default=(), metadata={"repeated": metavar, "help": words, "group": group})
 
 
 def text(default: str | None, words: str, metavar: str, group: str = "test") -> Any:

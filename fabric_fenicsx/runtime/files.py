@@ -1,10 +1,11 @@
 """Files to read, files that are complete at any moment, and folders that one run has locked."""
 
 import fcntl
+import json
 import os
 from contextlib import suppress
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 from .errors import InputError
 
@@ -17,6 +18,22 @@ def check_file(path: Path, what: str, allowed: str) -> None:
         raise InputError(f"{what} {path} does not exist or is not a file; allowed is {allowed}")
     if not path.stat().st_size:
         raise InputError(f"{what} {path} is empty; allowed is {allowed}")
+
+
+def read_summary(path: Path) -> dict[str, Any]:
+    """The summary in `path`, {} if there is none."""
+    try:
+        summary = json.loads(path.read_text())
+    except (OSError, ValueError):
+        return {}
+    return summary if isinstance(summary, dict) else {}
+
+
+def failure_reason(path: Path) -> str:
+    """Reason why the run of the summary in `path` did not end well, "" if it did or there is
+    none."""
+    summary = read_summary(path)
+    return "" if summary.get("converged", True) else str(summary.get("reason", "no reason given"))
 
 
 def lock_folder(folder: Path) -> IO | None:
@@ -52,8 +69,6 @@ def replace_file(path: Path, content: str | bytes, lasting: bool = False) -> Non
 
 
 def unwritable(error: OSError) -> InputError:
-    """The InputError of a file that a command can't write."""
-    return InputError(
-        f"{error.filename} can't be written ({error.strerror}); allowed is a file in a folder of "
-        "this user"
-    )
+    """The InputError of a file that a command can't read or write."""
+    flaw = f"{error.filename or 'a file'} can't be read or written ({error.strerror})"
+    return InputError(f"{flaw}; allowed is a file in a folder of this user, with space left")

@@ -19,12 +19,9 @@ TIMEOUT = 1  # seconds that FFCx waits for another process: after that `compiled
 
 
 def compiled(comm: MPI.Comm, make: Callable[[], T]) -> T:
-    """Call `make`, which compiles a form, on all ranks of `comm`, and return its result.
-
-    FFCx gives up after a time if another process compiles the same form, and for ever if one was
-    killed while it did. Here others are waited for, however long they take, and an unfinished file
-    is removed when nobody compiles.
-    """
+    """Call `make`, which compiles a form, on all ranks of `comm`, and return its result. FFCx gives
+    up after a time if another process compiles the same form, and for ever if one was killed while
+    it did. Here others are waited for, and an unfinished file is removed when nobody compiles."""
     logging.disable(logging.INFO)  # the C compiler's command lines
     try:
         with phase("compile"), task("compiling forms, which are kept for later runs"):
@@ -32,7 +29,9 @@ def compiled(comm: MPI.Comm, make: Callable[[], T]) -> T:
                 with _lock(comm, fcntl.LOCK_SH):
                     return make()
             except (TimeoutError, RuntimeError) as error:  # RuntimeError where there are more ranks
-                file = comm.bcast(_unfinished(error))
+                # the file that FFCx waited for in vain
+                named = "timed out" in str(error) and re.search(r"remove (.+?\.c)\)", str(error))
+                file = comm.bcast(Path(named[1]) if named else None)
                 if not file:
                     raise
             with _lock(comm, fcntl.LOCK_EX):
@@ -41,12 +40,6 @@ def compiled(comm: MPI.Comm, make: Callable[[], T]) -> T:
                 return make()
     finally:
         logging.disable(logging.NOTSET)
-
-
-def _unfinished(error: Exception) -> Path | None:
-    """The file that FFCx waited for in vain."""
-    named = "timed out" in str(error) and re.search(r"remove (.+?\.c)\)", str(error))
-    return Path(named[1]) if named else None
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from ..mechanics.contact.interaction import ToolInteraction
 from ..mechanics.contact.tool_contact import Contact
 from ..runtime.formatting import rounded
 from ..sheets.blank import Blank
-from ..tools.surface_warnings import hole_warning, radii_warning, radius_over, size_warning
+from ..tools.checks import hole_warning, radii_warning, radius_over, size_warning
 from ..tools.tool import Tool
 from . import output
 from .scene import Scene

@@ -15,15 +15,15 @@ from numpy.typing import ArrayLike
 
 from .. import dolfinx_compat as compat
 from ..meshes.specimen import specimen
+from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
 from ..runtime.rules import COUNT, POSITIVE
 from .cells import CELLS
-from .fibres import Direction
 from .layout import Layout, axes_of, blank_options
 from .mesh_checks import MeshArrays, checked_mesh
-from .mesh_files import on_root, read_mesh
+from .mesh_files import read_mesh
 from .part import Part
-from .sheet_mesh import SheetMesh
+from .sheet_mesh import Direction, SheetMesh
 
 
 class Blank(SheetMesh):
@@ -102,31 +102,17 @@ class Blank(SheetMesh):
     def part(self, name: str = "") -> Part:
         """The part of that name, "" for all of the blank. Raises InputError if there is none."""
         if name and name not in self.parts:
-            raise InputError(
-                f"{self.name} has no part {name!r}; allowed is one of "
-                f"{', '.join(self.parts) or 'none, as it is one sheet'}"
-            )
+            known = ", ".join(self.parts) or "none, as it is one sheet"
+            raise InputError(f"{self.name} has no part {name!r}; allowed is one of {known}")
         return self.parts[name] if name else self.whole
 
     def divide(self, patches: Mapping[str, Callable[[np.ndarray], np.ndarray]], rest: str) -> None:
-        """Name patches as `parts`.
-
-        Parameters
-        ----------
-        patches : dict of functions
-            From the cells' centres (3, n) [mm] to a mask (n,).
-        rest : str
-            The part of what none of them marks, if there is any.
-
-        Raises
-        ------
-        InputError
-            For a patch without cells, for a cell in two, and for a blank that has parts.
-        """
+        """Name `patches` {name: function of the cells' centres (3, n) [mm] to a mask (n,)} as
+        `parts`, and `rest` what none of them marks. Raises InputError for a patch without cells,
+        for a cell in two, and for a blank that has parts."""
         if self.parts:
-            raise InputError(
-                f"{self.name} has parts {', '.join(self.parts)} already: it is divided only once"
-            )
+            known = ", ".join(self.parts)
+            raise InputError(f"{self.name} has parts {known} already: it is divided only once")
         middles = self.mesh.geometry.x[compat.geometry_dofmap(self.mesh)].mean(1).T
         masks = {name: np.asarray(where(middles), bool) for name, where in patches.items()}
         taken = np.sum(list(masks.values()), axis=0)
@@ -138,9 +124,8 @@ class Blank(SheetMesh):
                 at = np.flatnonzero(mask)
                 self.parts[name] = Part(self, name, at, orthogonal=self.orthogonal)
             elif name != rest:
-                raise InputError(
-                    f"patch {name} of {self.name} has no cells; allowed are one or more"
-                )
+                patch = f"patch {name} of {self.name}"
+                raise InputError(f"{patch} has no cells; allowed are one or more")
 
     @classmethod
     def from_arrays(
@@ -153,29 +138,14 @@ class Blank(SheetMesh):
         spatial: bool = False,
         **options: Any,
     ) -> Self:
-        """Blank from arrays on rank 0 (None elsewhere).
+        """Blank from arrays on rank 0 (None elsewhere): points (n, 2 or 3) [mm] and cells (m, k) by
+        their nodes, in gmsh's order, of a kind that meshio calls "triangle", "triangle6", "quad" or
+        "quad9".
 
-        Parameters
-        ----------
-        points : (n, 2 or 3)
-            [mm]
-        cells : (m, k)
-            Numbers of their nodes, in gmsh's order.
-        kind : {"triangle", "triangle6", "quad", "quad9"}
-            meshio's name of the cells.
-        source : str
-            What messages call the mesh.
-        spatial : bool
-            True: free to leave its plane. A sheet in a plane z = const is otherwise meshed in R^2,
-            so its displacement has two components; any other is a manifold mesh in R^3.
-        **options
-            Those of `Blank`.
-
-        Raises
-        ------
-        InputError
-            On all ranks, for a mesh that is no sheet, see `mesh_checks.checked_mesh`; doubts about
-            one that is used all the same stand in `warnings`.
+        source: what messages call the mesh. spatial: free to leave its plane; a sheet in a plane
+        z = const is otherwise meshed in R^2, so its displacement has two components, and any other
+        is a manifold mesh in R^3. options: those of `Blank`. Raises InputError, on all ranks, for a
+        mesh that is no sheet, see `checked_mesh`; doubts stand in `warnings`.
         """
 
         def given():
@@ -187,12 +157,17 @@ class Blank(SheetMesh):
     def _made(cls, comm, make, source, spatial, options):
         """Blank of what `make` returns on rank 0, checked."""
 
+        mine = None
+
         def checked():
+            nonlocal mine
             raw = make()
             mesh = checked_mesh(raw.points, raw.cells, raw.kind, source, spatial)
-            return mesh._replace(warnings=[*raw.warnings, *mesh.warnings])
+            mine = mesh._replace(warnings=[*raw.warnings, *mesh.warnings])
+            return mine._replace(points=mesh.points[:0], cells=mesh.cells[:0])  # of other ranks
 
-        points, nodes, kind, warnings = on_root(comm, checked)
+        empty = on_root(comm, checked)
+        points, nodes, kind, warnings = mine or empty
         how = CELLS[kind]
         nodes = nodes[:, compat.to_dolfinx_order(how.cell, nodes.shape[1])]
         blank = cls(compat.create_mesh(comm, nodes, points, how.cell, how.degree), **options)
@@ -294,10 +269,8 @@ class Blank(SheetMesh):
         from ..meshes.rings import sheet_of
 
         options, nx = blank_options(layout), COUNT.check("`nx`", nx)
-        if (layout.get("element") or "P")[0] != "P":
-            raise InputError(
-                f"`element` is {layout['element']}; allowed for an outline are triangles (P)"
-            )
+        if (element := layout.get("element") or "P")[0] != "P":
+            raise InputError(f"`element` is {element}; allowed for an outline are triangles (P)")
         pattern = pattern or ("along" if spatial else "unstructured")
         yarns = options["a"], options.get("b", options["a"] + math.pi / 2)
         given: Any = outline
@@ -305,11 +278,10 @@ class Blank(SheetMesh):
         source = f"outline {outline}" if is_file else "the outline"
 
         def made():
-            sheet, notes = (
-                read_outline(given, layer)
-                if is_file
-                else (sheet_of([np.asarray(ring, float) for ring in given], source), [])
-            )
+            if is_file:
+                sheet, notes = read_outline(given, layer)
+            else:
+                sheet, notes = sheet_of([np.asarray(ring, float) for ring in given], source), []
             low, high = np.reshape(sheet.bounds, (2, 2))
             edge = (high - low)[0] / nx if size is None else size
             try:
@@ -334,21 +306,8 @@ class Blank(SheetMesh):
         **options: Any,
     ) -> Self:
         """Blank from a mesh in mm that meshio, gmsh or PyVista reads: .msh, .inp, .bdf, .unv, .vtk,
-        .vtu, .stl, .xdmf and others.
-
-        Parameters
-        ----------
-        path
-            The file.
-        spatial, **options
-            As in `from_arrays`.
-
-        Raises
-        ------
-        InputError
-            As `from_arrays`, and for a file that cannot be read or has solid, mixed or unknown
-            cells.
-        """
+        .vtu, .stl, .xdmf and others; spatial, **options: as in `from_arrays`. Raises InputError as
+        that, and for a file that cannot be read or has solid, mixed or unknown cells."""
         blank = cls._made(comm, lambda: read_mesh(path), str(path), spatial, options)
         blank.from_file = True
         return blank

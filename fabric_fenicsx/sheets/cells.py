@@ -89,11 +89,9 @@ def straight_cells(
     curved |= above > STRAIGHT * size * np.linalg.norm(normal, axis=1)
     if curved.any():
         first = int(curved.argmax())
-        raise InputError(
-            f"{source} has curved cells of order {degree}, the first number {first} "
-            f"{at_place(x[first, :k].mean(0))}; allowed are curved cells of order 2 (in gmsh "
-            "Mesh.ElementOrder = 2) and straight ones of any"
-        )
+        where = f"the first number {first} {at_place(x[first, :k].mean(0))}"
+        allowed = "curved cells of order 2 (in gmsh Mesh.ElementOrder = 2) and straight ones"
+        raise InputError(f"{source} has curved cells of order {degree}, {where}; allowed {allowed}")
     return cells[:, :k], {3: "triangle", 4: "quad"}[k]
 
 
@@ -111,17 +109,14 @@ def one_sense(
         return cells, []
     cells = cells.copy()
     cells[turn] = turned_over(cells[turn], how)
-    return cells, [
-        f"{source} has {turn.size} of {len(cells)} cells turned over, the first number {turn[0]} "
-        f"{at_place(corners[turn[0]].mean(0))}; they were turned to agree with the others"
-    ]
+    first = f"the first number {turn[0]} {at_place(corners[turn[0]].mean(0))}"
+    flaw = f"{source} has {turn.size} of {len(cells)} cells turned over, {first}"
+    return cells, [f"{flaw}; they were turned to agree with the others"]
 
 
 def check_shapes(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str) -> None:
-    """Raise InputError for a cell that is flat, not convex or turned over somewhere.
-
-    x: points (n, 3) [mm]; cells: (m, k), of kind `how`; source: what errors call the mesh.
-    """
+    """Raise InputError for a cell that is flat, not convex or turned over somewhere. x: points (n,
+    3) [mm]; cells: (m, k), of kind `how`; source: what errors call the mesh."""
     corners = x[cells[:, : how.corners]]
     edges = np.roll(corners, -1, 1) - corners
     # twice the area of the triangle at each corner
@@ -129,10 +124,9 @@ def check_shapes(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str) -
     mean, size = normals.mean(1), (edges**2).sum(2).max(1)
     flat = np.flatnonzero((normals * mean[:, None]).sum(2).min(1) <= FLAT * size**2)
     if flat.size:
-        raise InputError(
-            f"{source} has a degenerate or non-convex cell, number {flat[0]} "
-            f"{at_place(corners[flat[0]].mean(0))}; allowed are cells with area"
-        )
+        where = f"number {flat[0]} {at_place(corners[flat[0]].mean(0))}"
+        flaw = f"{source} has a degenerate or non-convex cell, {where}"
+        raise InputError(f"{flaw}; allowed are cells with area")
     if how.degree == 1:
         return
     # The normal is a polynomial: where its coefficients of Bernstein are positive it is, too; the
@@ -148,10 +142,8 @@ def check_shapes(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str) -
     if turned.size:
         cell = doubtful[turned[0]]
         place = _shapes(how, fine[[areas[turned[0]].argmin()]])[0] @ x[cells[cell]]
-        raise InputError(
-            f"{source} has a cell, number {cell}, that its curved edges turn over inside, "
-            f"{at_place(place[0])}; allowed are cells whose area is positive everywhere"
-        )
+        flaw = f"that its curved edges turn over inside, {at_place(place[0])}"
+        raise InputError(f"{source} has a cell, number {cell}, {flaw}; allowed is area everywhere")
 
 
 def _shapes(how, places):

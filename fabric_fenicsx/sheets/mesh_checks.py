@@ -45,24 +45,21 @@ def checked_mesh(
         raise InputError(f"{source} is empty: it holds 0 cells; allowed is 1 or more")
     how = CELLS[kind]
     if cells.shape[1:] != (len(how.nodes),):
-        raise InputError(
-            f"{source} has cells of {cells.shape[1:]} nodes; allowed are {len(how.nodes)} for a "
-            f"{kind}"
-        )
+        found, right = cells.shape[1:], len(how.nodes)
+        raise InputError(f"{source} has cells of {found} nodes; allowed are {right} for a {kind}")
     outside = np.flatnonzero((cells < 0).any(1) | (cells >= len(points)).any(1))
     if outside.size:
+        nodes = cells[outside[0]].tolist()
         raise InputError(
-            f"{source} has a cell, number {outside[0]}, with nodes {cells[outside[0]].tolist()}; "
-            f"allowed are numbers from 0 to {len(points) - 1}"
+            f"{source} has a cell, number {outside[0]}, with nodes {nodes}; allowed are numbers "
+            f"from 0 to {len(points) - 1}"
         )
     used, numbers = np.unique(cells, return_inverse=True)
     points, cells = points[used], numbers.reshape(cells.shape)
-    if not np.isfinite(points).all():
-        node = used[np.flatnonzero(~np.isfinite(points).all(1))[0]]
-        raise InputError(
-            f"{source} has a coordinate that is not a number at node {node}; allowed are finite "
-            "lengths in mm"
-        )
+    if not (finite := np.isfinite(points).all(1)).all():
+        node = used[finite.argmin()]
+        flaw = f"{source} has a coordinate that is not a number at node {node}"
+        raise InputError(f"{flaw}; allowed are finite lengths in mm")
     height, plane = 0.0, points.shape[1] == 2
     if not plane and np.ptp(points[:, 2]) <= PLANE * np.ptp(points, axis=0).max():
         height, plane = np.median(points[:, 2]), True
@@ -100,7 +97,6 @@ class _Neighbours:
 
     def check(self):
         """Warnings, a sentence each; raises InputError for what no sheet has."""
-        self._twice()
         self._crowded()
         self._sheets()
         if self.middles is not None:
@@ -110,59 +106,46 @@ class _Neighbours:
         self._hanging(*rim)
         if self.plane:
             self._overlaps(*rim)
-        return self._slits(*rim)
+        return self._slits(rim[0])
 
     def _cell(self, number):
         return f"cell {number} {at_place(self.centres[number])}"
 
-    def _twice(self):
-        corners = np.sort(self.cells[:, : self.how.corners], 1)
-        _, first, number = np.unique(corners, axis=0, return_index=True, return_inverse=True)
-        first = first[number.ravel()]
-        again = np.flatnonzero(first != np.arange(len(corners)))
-        if again.size:
-            raise InputError(
-                f"{self.source} holds {self._cell(again[0])} twice, as number {first[again[0]]} "
-                "too; allowed is each cell once"
-            )
+    def _node(self, number):
+        return f"{self.numbers[number]} {at_place(self.x[number])}"
+
+    def _wrong(self, flaw, allowed):
+        return InputError(f"{self.source} {flaw}; allowed {allowed}")
 
     def _crowded(self):
         many = np.flatnonzero(self.count > 2)
         if many.size:
             first = self.order[self.start[many[0]] :][: self.count[many[0]]]
-            raise InputError(
-                f"{self.source} has an edge {at_place(self.x[self.ends[first[0]]].mean(0))} that "
-                f"{len(first)} cells share, numbers {', '.join(map(str, self.of_cell[first]))}; "
-                "allowed are 2 cells or, at the rim, 1"
-            )
+            place = at_place(self.x[self.ends[first[0]]].mean(0))
+            names = ", ".join(map(str, self.of_cell[first]))
+            flaw = f"has an edge {place} that {len(first)} cells share, numbers {names}"
+            raise self._wrong(flaw, "are 2 cells or, at the rim, 1")
 
     def _sheets(self):
         parts, part = connected(len(self.cells), self.of_cell[self.pairs].T)
         if parts > 1:
-            other = np.flatnonzero(part != part[0])[0]
-            raise InputError(
-                f"{self.source} falls into {parts} parts that share no edge, one with "
-                f"{self._cell(0)}, one with {self._cell(other)}; allowed is one sheet, whose "
-                "cells share nodes where they meet"
-            )
+            one, other = self._cell(0), self._cell((part != part[0]).argmax())
+            flaw = f"falls into {parts} parts that share no edge, one with {one}, one with {other}"
+            raise self._wrong(flaw, "is one sheet, whose cells share nodes where they meet")
 
     def _middles(self, middles):
         k = self.how.corners
         both = np.intersect1d(self.cells[:, :k], self.cells[:, k:])
         if both.size:
-            raise InputError(
-                f"{self.source} has a node, number {self.numbers[both[0]]} "
-                f"{at_place(self.x[both[0]])}, at the corner of one cell and inside an edge or "
-                "cell of another; allowed are cells that meet at whole edges"
-            )
+            where = "at the corner of one cell and inside an edge or cell of another"
+            flaw = f"has a node, number {self._node(both[0])}, {where}"
+            raise self._wrong(flaw, "are cells that meet at whole edges")
         middle = middles[self.pairs]
         torn = np.flatnonzero(middle[:, 0] != middle[:, 1])
         if torn.size:
-            raise InputError(
-                f"{self.source} has two middle nodes, numbers {self.numbers[middle[torn[0], 0]]} "
-                f"and {self.numbers[middle[torn[0], 1]]} {at_place(self.x[middle[torn[0], 0]])}, "
-                "for one edge; allowed is one"
-            )
+            one, other = middle[torn[0]]
+            names = f"{self.numbers[one]} and {self.numbers[other]} {at_place(self.x[one])}"
+            raise self._wrong(f"has two middle nodes, numbers {names}, for one edge", "is one")
 
     def _folds(self):
         p, q = self.x[self.ends[self.pairs[:, 0]]].swapaxes(0, 1)
@@ -173,10 +156,8 @@ class _Neighbours:
         folded = np.flatnonzero(across.prod(1).sum(1) > FOLDED)
         if folded.size:
             one, other = self.of_cell[self.pairs[folded[0]]]
-            raise InputError(
-                f"{self.source} folds back on itself: {self._cell(other)} lies on cell {one} at "
-                "their edge; allowed is a sheet without overlap"
-            )
+            flaw = f"folds back on itself: {self._cell(other)} lies on cell {one} at their edge"
+            raise self._wrong(flaw, "is a sheet without overlap")
 
     def _rim(self):
         """Straight edges (m, 2) by nodes on the sheet's rim, and their cells (m,)."""
@@ -184,10 +165,8 @@ class _Neighbours:
         ends, cells = self.ends[single], self.of_cell[single]
         if self.middles is not None:
             middle = self.middles[single]
-            ends = np.concatenate(
-                [np.column_stack([ends[:, 0], middle]), np.column_stack([middle, ends[:, 1]])]
-            )
-            cells = np.concatenate([cells, cells])
+            halves = np.stack([ends[:, 0], middle, middle, ends[:, 1]], 1)
+            ends, cells = np.vstack([halves[:, :2], halves[:, 2:]]), np.tile(cells, 2)
         return ends, cells
 
     def _hanging(self, ends, cells):
@@ -205,12 +184,10 @@ class _Neighbours:
         off = np.linalg.norm(arm - at[:, None] * along, axis=1)
         hits = np.flatnonzero((at > near) & (at < 1 - near) & (off < near))
         if hits.size:
-            hit = node[hits[0]]
-            raise InputError(
-                f"{self.source} has a hanging node, number {self.numbers[hit]} "
-                f"{at_place(self.x[hit])}: it lies on an edge of cell {cells[edge[hits[0]]]}, "
-                "which does not have it; allowed are cells that meet at whole edges"
-            )
+            hanging, cell = self._node(node[hits[0]]), cells[edge[hits[0]]]
+            flaw = f"has a hanging node, number {hanging}: it lies on an edge of cell {cell}"
+            allowed = "are cells that meet at whole edges"
+            raise self._wrong(f"{flaw}, which does not have it", allowed)
 
     def _overlaps(self, ends, cells):
         """Look for places of the rim inside other cells, as no sheet of one sense lies on itself
@@ -232,14 +209,12 @@ class _Neighbours:
         turn = turn * np.sign(turn.sum(1, keepdims=True))
         inside = (turn > NEAR[self.how.degree]).all(1) & (whole[part] != own[place])
         if inside.any():
-            first = np.flatnonzero(inside)[0]
-            raise InputError(
-                f"{self.source} overlaps itself {at_place(places[place[first]])}: cell "
-                f"{own[place[first]]} reaches into cell {whole[part[first]]}; allowed is a sheet "
-                "without overlap"
-            )
+            at, other = place[inside.argmax()], whole[part[inside.argmax()]]
+            reach = f"cell {own[at]} reaches into cell {other}"
+            flaw = f"overlaps itself {at_place(places[at])}: {reach}"
+            raise self._wrong(flaw, "is a sheet without overlap")
 
-    def _slits(self, ends, cells):
+    def _slits(self, ends):
         nodes = np.unique(ends)
         if not nodes.size:
             return []
@@ -247,11 +222,10 @@ class _Neighbours:
         pairs = cKDTree(self.x[nodes]).query_pairs(near, output_type="ndarray")
         if not len(pairs):
             return []
-        place = self.x[nodes[pairs.min()]]
         return [
             f"{self.source} has {len(pairs)} nodes where another one lies, the first "
-            f"{at_place(place)}: the sheet is open there, a slit; merge these nodes if it should "
-            "be whole"
+            f"{at_place(self.x[nodes[pairs.min()]])}: the sheet is open there, a slit; merge these "
+            "nodes if it should be whole"
         ]
 
 

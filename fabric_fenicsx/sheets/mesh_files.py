@@ -1,11 +1,9 @@
-"""Meshes of sheets in files, and arrays that one rank has read."""
+"""Meshes of sheets in files."""
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from mpi4py import MPI
 
 from ..readers.read import READ, read_surface_mesh
 from ..runtime.errors import InputError
@@ -16,66 +14,36 @@ UNUSED = 0.02  # share of nodes without a cell, from which a mesh may be cut off
 GEOMETRY = (".geo", ".step", ".stp", ".iges", ".igs", ".brep")  # what gmsh makes meshes of
 
 
-def on_root(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> MeshArrays:
-    """Mesh arrays made on rank 0; an InputError there is raised on every rank; other ranks get
-    empty parts."""
-    part: MeshArrays | None = None
-    error = None
-    if comm.rank == 0:
-        try:
-            part = make()
-        except InputError as e:
-            error = str(e)
-    empty = part and part._replace(points=part.points[:0], cells=part.cells[:0])
-    error, empty = comm.bcast((error, empty))
-    if error:
-        raise InputError(error)
-    return part or empty
-
-
 def read_mesh(path: Path | str) -> MeshArrays:
     """The mesh in a file, not checked yet; InputError as in `Blank.read`."""
     if not isinstance(path, (str, os.PathLike)):
-        raise InputError(
-            f"mesh file is given as {type(path).__name__}; allowed is its name, as a text or a path"
-        )
+        flaw = f"mesh file is given as {type(path).__name__}"
+        raise InputError(f"{flaw}; allowed is its name, as a text or a path")
     path = Path(path)
-    if path.suffix.lower() in GEOMETRY:
-        raise InputError(
-            f"mesh file {path} is a geometry without a mesh; allowed is {READ}: gmsh "
-            f"makes one with `gmsh -2 {path.name} -o {path.stem}.msh`"
-        )
-    if path.suffix.lower() in (".dxf", ".csv"):
-        raise InputError(
-            f"mesh file {path} is an outline without a mesh; allowed is {READ}, or the file as "
-            "`outline`"
-        )
+    file, ending = f"mesh file {path}", path.suffix.lower()
+    if ending in GEOMETRY:
+        how = f"gmsh makes one with `gmsh -2 {path.name} -o {path.stem}.msh`"
+        raise InputError(f"{file} is a geometry without a mesh; allowed is {READ}: {how}")
+    if ending in (".dxf", ".csv"):
+        flaw = "is an outline without a mesh"
+        raise InputError(f"{file} {flaw}; allowed is {READ}, or the file as `outline`")
     points, surface, others, note = read_surface_mesh(path, "mesh file")
+    allowed = f"allowed is one kind out of {sorted(CELLS)}"
     if solid := sorted(kind for kind, dim in others.items() if dim == 3):
-        raise InputError(
-            f"mesh file {path} holds solid cells {solid}; allowed is a sheet, of one kind out of "
-            f"{sorted(CELLS)}"
-        )
+        raise InputError(f"{file} holds solid cells {solid}; {allowed}")
     if len(surface) > 1:
-        raise InputError(
-            f"mesh file {path} holds cells {sorted(surface)}; allowed is one kind out of "
-            f"{sorted(CELLS)}"
-        )
+        raise InputError(f"{file} holds cells {sorted(surface)}; {allowed}")
     ((kind, cells),) = surface.items()
     if kind == "quad8":
         points, cells = with_centres(points, cells)
         kind = "quad9"
     elif kind in HIGHER:
-        cells, kind = straight_cells(points, cells, kind, f"mesh file {path}")
+        cells, kind = straight_cells(points, cells, kind, file)
     if kind not in CELLS:
-        raise InputError(
-            f"mesh file {path} holds cells {kind}; allowed is one kind out of {sorted(CELLS)}"
-        )
+        raise InputError(f"{file} holds cells {kind}; {allowed}")
     unused = len(points) - len(np.unique(cells))
     notes = [note] if note else []
     if unused > UNUSED * len(points):
-        notes.append(
-            f"mesh file {path} has {unused} of {len(points)} nodes in no cell of a sheet: it may "
-            "be cut off"
-        )
+        some = f"{unused} of {len(points)} nodes"
+        notes.append(f"{file} has {some} in no cell of a sheet: it may be cut off")
     return MeshArrays(points, cells, kind, notes)

@@ -23,13 +23,12 @@ OFF = 0.5  # share of the cells off the yarns from which a mesh is taken not to 
 
 
 class Part:
-    """Cells of a `blank`: a sheet of a stack, a patch, or all of it.
+    """Cells of a `blank`: a sheet of a stack, a patch, or all of it (`name` is "" then).
 
-    - name: "" if it is all of the blank; thickness: of a stack's sheet, otherwise None [mm]
-    - cells (n,): this rank's owned cells
+    - thickness: of a stack's sheet, otherwise None [mm]; cells (n,): this rank's owned ones
     - nodes (owned nodes,): mask of those at the part's cells, also at cells of other ranks
-    - straight: directions of yarns a and b where they are the same in all cells, otherwise None
-    - orthogonal: whether the yarns are so in every point
+    - straight: directions of yarns a and b where they are the same in all cells, otherwise None;
+      orthogonal: whether they are so in every point
     """
 
     def __init__(
@@ -85,13 +84,10 @@ class Part:
 
     def dx(self, degree: int | None = None, drawn: float = 1.0) -> ufl.Measure:
         """Integration over the part, exact for polynomials of this degree on cells with straight
-        sides; None: what UFL estimates. On P1 the displacement is of degree 1, so its square needs
-        2, on P2 4; with less, nothing tells that the energy is off. drawn: distance of the points
-        from the cells' centres, over those of that rule.
-
-        All parts of a blank have the same subdomain number, so that they share compiled forms. So
-        a form must not mix parts.
-        """
+        sides; None: what UFL estimates. The square of a displacement on P1 needs 2, on P2 4; with
+        less, nothing tells that the energy is off. drawn: distance of the points from the cells'
+        centres, over those of that rule. All parts of a blank share a subdomain number, and so
+        compiled forms: a form must not mix parts."""
         metadata: dict[str, Any] = {} if degree is None else {"quadrature_degree": degree}
         if degree is not None and drawn != 1:
             points, weights = compat.quadrature(self.blank.mesh, degree, drawn)
@@ -121,10 +117,8 @@ class Part:
         sides = sides[np.isin([cells.links(side)[0] for side in sides], self.cells)]
         if mesh.comm.allreduce(len(sides), MPI.SUM) == 0:
             where = f"{self.name}, part of {self.blank.name}" if self.name else self.blank.name
-            raise InputError(
-                f"the edge marks no side of {where}; allowed is a function of points (3, n) that "
-                "is true at both ends of some sides"
-            )
+            allowed = "a function of points (3, n) that is true at both ends of some sides"
+            raise InputError(f"the edge marks no side of {where}; allowed is {allowed}")
         tags = meshtags(mesh, 1, sides, np.ones(len(sides), dtype=np.int32))
         metadata = {} if degree is None else {"quadrature_degree": degree}
         return ufl.Measure("ds", mesh, subdomain_data=tags, subdomain_id=1, metadata=metadata)

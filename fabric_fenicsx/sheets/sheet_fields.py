@@ -15,26 +15,18 @@ ELEMENTS = "P1", "P2", "P3", "Q1", "Q2"
 
 @dataclass(frozen=True, kw_only=True)
 class SheetFields(KnowsItsFields):
-    """Material, mesh and yarns of a sheet, as data; a subclass adds its sides.
-
-    Lengths in mm, angles in deg. None stands for a default that depends on other fields. Raises
-    InputError for a value that is not allowed, and for fields that contradict each other.
-    """
+    """Material, mesh and yarns of a sheet, as data; a subclass adds its sides. Lengths in mm,
+    angles in deg. None stands for a default that depends on other fields. Raises InputError for a
+    value that is not allowed, and for fields that contradict each other."""
 
     OF_OUTLINE: ClassVar[str] = "unstructured"  # default of `pattern` for an outline
 
     fabric: Law | None = field(kw_only=False, default=None)
     mesh: str | None = text(
-        None,
-        "sheet from a file, as of gmsh or Abaqus [mm], instead of a rectangle that is meshed",
-        "FILE",
-        "mesh",
+        None, "sheet from a file, as of gmsh or Abaqus [mm], not a rectangle", "FILE", "mesh"
     )
     outline: str | None = text(
-        None,
-        "outline of the sheet with its holes, from a file: DXF, CSV of x and y [mm], or a mesh",
-        "FILE",
-        "mesh",
+        None, "outline of the sheet with holes: DXF, CSV of x and y [mm], or a mesh", "FILE", "mesh"
     )
     size: float = number(
         None, POSITIVE, "of the cells in an outline (its length over `nx`) [mm]", "mesh"
@@ -43,9 +35,7 @@ class SheetFields(KnowsItsFields):
         None, "layer of a DXF outline, or several with commas between them (all)", "NAME", "mesh"
     )
     nx: int = number(None, COUNT, "rectangles along the length", "mesh")
-    ny: int = number(
-        None, COUNT, "rectangles across the width (by default they are square)", "mesh"
-    )
+    ny: int = number(None, COUNT, "rectangles across the width (square ones by default)", "mesh")
     pattern: str = choice("crossed", PATTERNS, "how rectangles are divided into cells", "mesh")
     element: str = choice(
         None, ELEMENTS, "triangles (P) or quadrilaterals (Q), and their degree (P2)", "mesh"
@@ -55,10 +45,7 @@ class SheetFields(KnowsItsFields):
         90.0, BELOW_180, "from yarns a to yarns b in the flat sheet [deg]", "weave"
     )
     weave_angle: float | None = number(
-        None,
-        BELOW_180,
-        "from yarns a to yarns b where the weave is free of shear (the yarn angle) [deg]",
-        "weave",
+        None, BELOW_180, "that where the weave is free of shear (the yarn angle) [deg]", "weave"
     )
 
     def __post_init__(self) -> None:

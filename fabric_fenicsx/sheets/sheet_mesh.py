@@ -1,5 +1,7 @@
 """The mesh of a sheet with its yarns, its displacement, and numbers at its cells and nodes."""
 
+from collections.abc import Callable
+
 import numpy as np
 import ufl
 from dolfinx import fem
@@ -11,8 +13,12 @@ from ufl.core.expr import Expr
 
 from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
-from .fibres import Direction, fibre_fields
 
+# an angle, a vector, or a function of points to either; see `Blank`
+Direction = ArrayLike | Callable[[np.ndarray], ArrayLike]
+
+# a projection shorter than this (about 84 deg out of plane) leaves no direction to speak of
+NEARLY_NORMAL = 0.1
 FLAT = 1e-6  # of its size, up to which a sheet is flat
 # flat triangles of cells, by their nodes: halves, or the four between a quadratic cell's nodes
 TRIANGLES = {
@@ -42,12 +48,10 @@ class SheetMesh:
         self.mesh, self.name = mesh, name
         self.a0, self.b0 = fibre_fields(mesh, a, b, up)
         self.frame = np.eye(gdim) if frame is None else np.asarray(frame, dtype=float)
-        if self.frame.shape != (gdim, gdim) or not np.allclose(
-            self.frame @ self.frame.T, np.eye(gdim), atol=1e-12
-        ):
-            raise InputError(
-                f"frame of the blank is {self.frame.tolist()}; allowed are {gdim} orthonormal rows"
-            )
+        square = self.frame.shape == (gdim, gdim)
+        if not (square and np.allclose(self.frame @ self.frame.T, np.eye(gdim), atol=1e-12)):
+            found = f"frame of the blank is {self.frame.tolist()}"
+            raise InputError(f"{found}; allowed are {gdim} orthonormal rows")
         self._turned = not np.array_equal(self.frame, np.eye(gdim))
         # no numbers of the form, so that all angles share a compiled one
         self._axes = fem.Constant(mesh, self.frame.T.copy())
@@ -138,10 +142,8 @@ class SheetMesh:
     def check_triangulated(self, what: str) -> None:
         """Raise InputError, on all ranks, unless `triangles` are all of the sheet's shape."""
         if not self.triangulated:
-            raise InputError(
-                f"{what} of {self.name} is asked for on other cells; allowed are P1, and P2 with "
-                "straight sides"
-            )
+            found = f"{what} of {self.name} is asked for on other cells"
+            raise InputError(f"{found}; allowed are P1, and P2 with straight sides")
 
     def triangles(self, cells: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Local nodes of `u` at the corners of the flat triangles that contact and bending take
@@ -161,7 +163,7 @@ class SheetMesh:
         return _areas(self.corners())
 
     def area_ratios(self) -> np.ndarray:
-        """Areas of the owned cells now over those of the flat sheet, both as `areas`, (cells,)."""
+        """Areas of the owned cells now over those of the flat sheet, (cells,)."""
         x = self.coordinates()[:, : self.mesh.geometry.dim] + self.nodal_displacement()
         return _areas(x[self.cell_nodes[:, self.around]]) / self.areas()
 
@@ -232,3 +234,78 @@ def bounds(comm: MPI.Comm, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     comm.Allreduce(low, lows, MPI.MIN)
     comm.Allreduce(high, highs, MPI.MAX)
     return lows, highs
+
+
+# -- fibre fields
+
+
+def fibre_fields(
+    mesh: Mesh, a: Direction = 0.0, b: Direction | None = None, up: ArrayLike = (0.0, 0.0, 1.0)
+) -> tuple[fem.Function, fem.Function]:
+    """DG0 vector fields a0, b0 (gdim components) of unit length in the cells' tangent planes, along
+    the directions of `Blank`, which also has what is raised."""
+    centre, normal = _midpoints(mesh, up)
+    a0 = _tangent(mesh, centre, normal, a, "a")
+    b0 = np.cross(normal, a0) if b is None else _tangent(mesh, centre, normal, b, "b")
+    parallel = abs((a0 * b0).sum(1)) > 1 - 1e-6
+    _refuse(mesh, parallel, centre, "fibre directions a and b are parallel")
+    space = compat.vector_space(mesh, "DG", 0, mesh.geometry.dim)
+    fields = fem.Function(space), fem.Function(space)
+    for field, values in zip(fields, (a0, b0)):
+        field.x.array[:] = values[:, : mesh.geometry.dim].ravel()
+    return fields
+
+
+def _midpoints(mesh, up):
+    """Centre and unit normal of each local cell, the normal on the side of `up`."""
+    x = mesh.geometry.x[compat.geometry_dofmap(mesh)]
+    if compat.cell_name(mesh) == "triangle":
+        corners, ends = x[:, :3], (1, 0, 2, 0)
+    else:  # in tensor-product order
+        corners, ends = x[:, :4], (3, 0, 2, 1)
+    p, q, r, s = (corners[:, end] for end in ends)
+    normal = np.cross(p - q, r - s)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    normal[normal @ np.asarray(up, float) < 0] *= -1
+    return corners.mean(1), normal
+
+
+def _tangent(mesh, centre, normal, direction, name):
+    gdim, n = mesh.geometry.dim, len(centre)
+    if np.ndim(direction) == 0 and not callable(direction) and abs(float(direction)) > 2 * np.pi:
+        found = f"fibre direction {name} is {direction:g}, an angle in radians"
+        raise InputError(f"{found}; allowed is from -2 pi to 2 pi")
+    value = np.asarray(direction(centre.T) if callable(direction) else direction, dtype=float)
+    if value.ndim == 0 or value.shape == (n,) and callable(direction):
+        value = np.stack(np.broadcast_arrays(np.cos(value), np.sin(value), 0.0), -1)
+    elif callable(direction):
+        value = value.T
+    value = np.broadcast_to(value, (n, value.shape[-1])).astype(float)
+    if value.shape[1] == 2:
+        value = np.column_stack([value, np.zeros(n)])
+    if value.shape[1] != 3:
+        found = f"fibre direction {name} has {value.shape[1]} components"
+        raise InputError(f"{found}; allowed is an angle or {gdim} components")
+
+    def refuse(bad, flaw):
+        _refuse(mesh, bad, centre, f"fibre direction {name} {flaw}")
+
+    with np.errstate(invalid="ignore", divide="ignore"):
+        value = value / np.linalg.norm(value, axis=1, keepdims=True)
+        refuse(~np.isfinite(value).all(1), "is zero or not finite")
+        out = (value * normal).sum(1)
+    if gdim == 2:
+        refuse(abs(out) > 1e-6, "leaves the plane of the plane blank")
+    value = value - out[:, None] * normal
+    length = np.linalg.norm(value, axis=1)
+    refuse(length < NEARLY_NORMAL, "is normal to the sheet")
+    return value / length[:, None]
+
+
+def _refuse(mesh, bad, centre, flaw):
+    """Raise the same InputError on all ranks if any rank has a bad cell."""
+    mine = centre[bad][:1].round(6).tolist()
+    found: list = sum(mesh.comm.allgather(mine), [])
+    if found:
+        where = f"in the cell at {tuple(found[0])} mm"
+        raise InputError(f"{flaw} {where}; allowed are directions in its tangent plane")

@@ -24,28 +24,14 @@ class Sheet(NamedTuple):
 
 
 class Stack(Blank):
-    """Sheets, the lowest first, each laid on the one below: a blank whose `parts` they are.
+    """Sheets, the lowest first, each laid on the one below: a blank whose `parts` they are. They
+    may differ in outline, cells and yarns, not in kind of cells; if one is of degree 2, all are.
 
-    Sheets may differ in outline, cells and yarns, not in the kind of cells; if one is of degree 2,
-    all are.
-
-    Parameters
-    ----------
-    sheets : list of (Blank, float, str)
-        Flat sheets in space, their thicknesses [mm] and the names of their parts.
-    bottom : float
-        Height z of the lowest face [mm]; by default the first sheet stays where it is.
-    play : float
-        Between sheets [mm].
-    name : str
-        The stack's name in messages.
-
-    Raises
-    ------
-    InputError
-        Without sheets, for names that are empty or the same, and for a thickness that is not above
-        0; for sheets in a plane mesh, not flat in z, of other cells than P1, P2 and Q1 or of
-        different kinds, and for a sheet that lies beside all others.
+    sheets: list of flat blanks in space, their thicknesses [mm] and the names of their parts;
+    bottom: height z of the lowest face, by default that of the first sheet, play: between sheets
+    [mm]; name: of the stack in messages. Raises InputError for sheets in a plane mesh, not flat in
+    z, of other cells than P1, P2 and Q1 or of different kinds, without a name of their own or a
+    thickness above 0, or beside all others.
 
     Examples
     --------
@@ -64,11 +50,10 @@ class Stack(Blank):
     ) -> None:
         self.sheets = [_sheet(sheet) for sheet in sheets]
         _check(self.sheets)
-        play = FINITE.check("`play` of the stack", play)
+        self.play = play = FINITE.check("`play` of the stack", play)
         if bottom is not None:
             bottom = FINITE.check("`bottom` of the stack", bottom)
         comm = self.sheets[0].blank.mesh.comm
-        self.play = play
         lower_faces = np.cumsum([0.0, *(s.thickness + play for s in self.sheets[:-1])])
         middles = lower_faces + [s.thickness / 2 for s in self.sheets]
         low = [sheet.blank.extent()[0][2] for sheet in self.sheets]
@@ -84,11 +69,9 @@ class Stack(Blank):
         self.number = number[:, 0].astype(np.int32)
         self.from_file = any(sheet.blank.from_file for sheet in self.sheets)
         self.warnings = [text for sheet in self.sheets for text in sheet.blank.warnings]
-        for k, sheet in enumerate(self.sheets):
+        for k, (blank, thickness, part) in enumerate(self.sheets):
             at = np.flatnonzero(self.number == k)
-            self.parts[sheet.name] = Part(
-                self, sheet.name, at, sheet.thickness, sheet.blank.orthogonal
-            )
+            self.parts[part] = Part(self, part, at, thickness, blank.orthogonal)
 
     def is_flat(self) -> bool:
         """True, as its sheets are."""
@@ -104,9 +87,8 @@ def _sheet(given):
     try:
         blank, thickness, name = given
     except (TypeError, ValueError):
-        raise InputError(
-            f"a sheet of the stack is {shown(given)}; allowed are blank, thickness [mm] and name"
-        ) from None
+        found, allowed = shown(given), "blank, thickness [mm] and name"
+        raise InputError(f"a sheet of the stack is {found}; allowed are {allowed}") from None
     return Sheet(blank, POSITIVE.check(f"thickness of sheet {name} of the stack", thickness), name)
 
 
@@ -122,27 +104,21 @@ def _check(sheets):
     for sheet in sheets:
         blank, where = sheet.blank, f"sheet {sheet.name} of the stack"
         if blank.mesh.geometry.dim != 3 or not np.array_equal(blank.frame, np.eye(3)):
-            raise InputError(
-                f"{where} lies in a plane mesh or along turned axes; allowed is a sheet in space "
-                "(`spatial=True`)"
-            )
+            flaw = "lies in a plane mesh or along turned axes"
+            raise InputError(f"{where} {flaw}; allowed is a sheet in space (`spatial=True`)")
         if not (blank.degree == 1 or blank.triangulated) or compat.geometry_degree(blank.mesh) > 1:
             raise InputError(f"{where} has other cells; allowed are P1, P2 and Q1, not curved")
         low, high = blank.extent()
         if high[2] - low[2] > FLAT * (high - low).max():
-            raise InputError(
-                f"{where} is {rounded(high[2] - low[2], 4)} mm high; allowed is a flat sheet, z = "
-                "const"
-            )
+            height = rounded(high[2] - low[2], 4)
+            raise InputError(f"{where} is {height} mm high; allowed is a flat sheet, z = const")
     extents = [sheet.blank.extent() for sheet in sheets]
     for k, (low, high) in enumerate(extents):
         others = extents[:k] + extents[k + 1 :]
         apart = [((low >= h) | (high <= l))[:2].any() for l, h in others]
         if others and all(apart):
-            raise InputError(
-                f"sheet {sheets[k].name} of the stack lies beside all others; allowed is one that "
-                "has another above or below it"
-            )
+            flaw = f"sheet {sheets[k].name} of the stack lies beside all others"
+            raise InputError(f"{flaw}; allowed is one that has another above or below it")
 
 
 def _merged(sheets, lifts, comm):

@@ -6,11 +6,12 @@ import json
 import shutil
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from ..runtime.errors import InputError
-from ..runtime.files import lock_folder, replace_file
+from ..runtime.files import lock_folder, read_summary, replace_file
 from ..runtime.formatting import rounded
 from ..runtime.rules import did_you_mean
 from .varied import Values, folder_name, label
@@ -39,11 +40,7 @@ class Run:
 
     def summary(self) -> dict[str, Any]:
         """Its summary.json, {} if there is none yet."""
-        try:
-            found = json.loads((self.folder / "summary.json").read_text())
-        except (OSError, ValueError):
-            return {}
-        return found if isinstance(found, dict) else {}
+        return read_summary(self.folder / "summary.json")
 
     def is_believed(self) -> bool:
         """True once it reached the load and is believed."""
@@ -55,8 +52,7 @@ class Run:
 
     def is_done(self, options: Sequence[str]) -> bool:
         """True for a run at full load, and for one that gave up by itself with these options."""
-        gave_up = self.status == 3 and self.options == list(options)
-        return self.is_believed() or self.is_at_full_load() or gave_up
+        return self.is_at_full_load() or (self.status == 3 and self.options == list(options))
 
     def doubt(self) -> str:
         """Words on a run that is not believed, "" of others."""
@@ -88,10 +84,8 @@ def force_name(runs: Sequence[Run]) -> str:
 def check_quantity(name: str, known: Iterable[str], where: str) -> None:
     """InputError, which names the nearest, for a quantity that is not known: that is `where`."""
     if name not in known:
-        raise InputError(
-            f"quantity {name} is {where}{did_you_mean(name, known)}; allowed is one of "
-            f"{', '.join(known)}"
-        )
+        hint, allowed = did_you_mean(name, known), ", ".join(known)
+        raise InputError(f"quantity {name} is {where}{hint}; allowed is one of {allowed}")
 
 
 def flat(values: Mapping[str, Any], before: str = "") -> dict[str, float]:
@@ -107,11 +101,9 @@ def flat(values: Mapping[str, Any], before: str = "") -> dict[str, float]:
 
 class SweepFolder:
     """The folder `path` of a sweep of the press file `press` over `keys`, locked while it is open.
-
     runs: {folder's name: Run}, with those of earlier calls; facts: what else sweep.json keeps.
-    Raises InputError, before anything is written, if it is another sweep's or press's
-    (`overwrite` loses that), or if it holds what no sweep wrote, or is in use.
-    """
+    Raises InputError, before anything is written, if it is another sweep's or press's (`overwrite`
+    loses that), or if it holds what no sweep wrote, or is in use."""
 
     def __init__(
         self, path: Path, press: Path, keys: Sequence[str], overwrite: bool = False
@@ -125,31 +117,28 @@ class SweepFolder:
             self._refuse_another(known, press)
         try:
             path.mkdir(parents=True, exist_ok=True)
-            self._lock: IO | None = lock_folder(path)
+            lock = lock_folder(path)
         except OSError as error:
-            raise InputError(
-                f"--out {path} can't be written to ({error.strerror}); allowed is a folder that is "
-                "there or can be made"
-            ) from None
-        if not self._lock:
+            flaw = f"can't be written to ({error.strerror})"
+            raise InputError(f"--out {path} {flaw}; allowed is a folder that can be made") from None
+        if not lock:
             raise InputError(f"--out {path} is in use by another sweep; allowed is another folder")
+        self._lock = lock
         runs = [Run(**each | {"folder": path / each["folder"]}) for each in known.get("runs", ())]
+        self.runs = {run.folder.name: run for run in runs if not overwrite}
         if overwrite:
             for run in runs:
                 shutil.rmtree(run.folder, ignore_errors=True)
             for name in OWN:
                 (path / name).unlink(missing_ok=True)
-        self.runs = {} if overwrite else {run.folder.name: run for run in runs}
 
     def _known(self):
         """Content of sweep.json, {} where the folder is empty."""
         file = self.path / STATE
         if not file.exists():
             if any(not each.name.startswith(".") for each in self.path.glob("*")):
-                raise InputError(
-                    f"--out {self.path} holds files that no sweep wrote; allowed is a folder of a "
-                    "sweep, an empty or a new one"
-                )
+                flaw = f"--out {self.path} holds files that no sweep wrote"
+                raise InputError(f"{flaw}; allowed is a folder of a sweep, an empty or a new one")
             return {}
         try:
             known = json.loads(file.read_text())
@@ -157,26 +146,22 @@ class SweepFolder:
             if known["format"] != FORMAT or any(Path(name).name != name for name in names):
                 raise ValueError("another format")
         except (OSError, ValueError, TypeError, KeyError) as error:
-            reason = f"{type(error).__name__}: {error}"
-            raise InputError(
-                f"{file} can't be read ({reason}); allowed is one that a sweep wrote"
-            ) from None
+            flaw = f"{file} can't be read ({type(error).__name__}: {error})"
+            raise InputError(f"{flaw}; allowed is one that a sweep wrote") from None
         return known
 
     def _refuse_another(self, known, press):
         """InputError if what is known is of another press or varies other keys."""
-        wrong = ""
         if known["press"] != self.press:
             files, now = ({"": p["text"], **p["files"]} for p in (known["press"], self.press))
             changed = next(name for name in {**files, **now} if files.get(name) != now.get(name))
             wrong = f"runs of another press ({changed or press} has changed since)"
         elif known["keys"] != self.keys:
             wrong = f"a sweep over {', '.join(known['keys'])}, now it is {', '.join(self.keys)}"
-        if wrong:
-            raise InputError(
-                f"--out {self.path} has {wrong}; allowed is another --out, or --overwrite, which "
-                "loses the runs there"
-            )
+        else:
+            return
+        allowed = "another --out, or --overwrite, which loses the runs there"
+        raise InputError(f"--out {self.path} has {wrong}; allowed is {allowed}")
 
     def run(self, values: Values) -> Run:
         """The run with these values, one of before or new."""
@@ -191,9 +176,7 @@ class SweepFolder:
 
     def close(self) -> None:
         """Let others use the folder."""
-        if self._lock:
-            self._lock.close()
-        self._lock = None
+        self._lock.close()
 
 
 def read_press(file: Path) -> tuple[str, dict[str, Any]]:
@@ -203,9 +186,8 @@ def read_press(file: Path) -> tuple[str, dict[str, Any]]:
         return text, tomllib.loads(text)
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         reason = getattr(error, "strerror", None) or " ".join(str(error).split())
-        raise InputError(
-            f"{file} can't be read ({reason}); allowed is a press file in TOML"
-        ) from None
+        flaw = f"{file} can't be read ({reason})"
+        raise InputError(f"{flaw}; allowed is a press file in TOML") from None
 
 
 def _files_of(press, document):
@@ -213,12 +195,9 @@ def _files_of(press, document):
     it or in the present folder."""
     found = {}
     for text in _texts(document):
-        for file in (press.parent / text, Path(text)):
-            try:
+        for file in (Path(text), press.parent / text):  # the latter counts
+            with suppress(OSError, ValueError):  # no file, or nothing that could be the name of one
                 found[text] = hashlib.sha256(file.read_bytes()).hexdigest()
-                break
-            except (OSError, ValueError):  # no file, or nothing that could be the name of one
-                pass
     return found
 
 

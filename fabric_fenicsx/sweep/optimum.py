@@ -75,15 +75,14 @@ def minimise(
     limits: Limits = (),
     finer: Finer | None = None,
 ) -> Optimum:
-    """The least value of a quantity over one or two ranges, by `evaluate`, which has the runs of
-    values done, several of them side by side; of runs that keep to the `limits`.
+    """The least value of a quantity over one or two ranges, of runs that keep to the `limits`, by
+    `evaluate`, which has the runs of values done, several of them side by side.
 
     One number: both ends, then bounded minimisation by Brent's method; two: Nelder and Mead's
-    simplex in the bounds (both of scipy). Runs that are not believed count as infinitely bad, and
-    runs beyond a limit as worse the further they are. On the `finer` mesh the best place and those
-    about it are run again, until the least is among them.
-
-    Raises SolverFailure if no run is believed, or none keeps to the limits.
+    simplex in the bounds (both of scipy). Runs that are not believed count as infinitely bad, those
+    beyond a limit as worse the further they are. On the `finer` mesh the best place and those about
+    it are run again, until the least is among them. Raises SolverFailure if no run is believed, or
+    none keeps to the limits.
     """
     from scipy import optimize  # takes long to import
 
@@ -198,11 +197,9 @@ def _checked(best, again, finer):
 
 def below(runs: Sequence[Run], quantity: str, limit: float, finer: Finer | None = None) -> str:
     """Sentence on where `quantity` is below `limit`, over the one number that the runs vary.
-
-    Between runs that are believed it is linear, over the logarithm where numbers are far apart.
-    On the `finer` mesh the runs beside each crossing are run again, and as long as a run is on the
-    other side there those beside it.
-    """
+    Between runs that are believed it is linear, over the logarithm where numbers are far apart. On
+    the `finer` mesh the runs beside each crossing are run again, and as long as a run is on the
+    other side there those beside it."""
     (key,) = runs[0].values
     ordered = sorted(runs, key=lambda run: float(run.values[key]))
     known = [run for run in ordered if run.is_believed()]

@@ -40,22 +40,18 @@ def _draw_curves(path, runs, scatter):
     for run in runs:
         try:
             with open(run.folder / "history.csv", newline="") as file:
-                rows = [
-                    (float(row["displacement_mm"]), float(row["reaction_N"]))
-                    for row in csv.DictReader(file)
-                ]
+                rows = [*csv.DictReader(file)]
+            x, y = ([float(row[k]) for row in rows] for k in ("displacement_mm", "reaction_N"))
         except (OSError, KeyError, ValueError):
             continue
         if rows and (run.is_believed() or not scatter):
-            series[run.label] = (*zip(*rows), "-" if run.is_believed() else "--")
+            series[run.label] = x, y, "-" if run.is_believed() else "--"
     if series and scatter:
         x = next(iter(series.values()))[0]
         forces = np.array([np.interp(x, at, force) for at, force, _ in series.values()])
-        bounds = np.quantile(forces, BOUNDS, axis=0)
         series = {"mean": (x, forces.mean(0), "-")}
-        series |= {
-            f"{100 * share:g} % of runs below": (x, y, "--") for share, y in zip(BOUNDS, bounds)
-        }
+        for share, bound in zip(BOUNDS, np.quantile(forces, BOUNDS, axis=0)):
+            series[f"{100 * share:g} % of runs below"] = x, bound, "--"
     if series:
         curves(path, series, "displacement / mm", f"{force_name(runs)} / N")
 
@@ -126,10 +122,8 @@ def _sheet(folder):
     heights = (grid.points[:, 2] + grid.point_data["u"][:, 2])[cells].mean(1)
     order = np.argsort(heights, kind="stable")
     unknown = np.full(grid.n_cells, np.nan)  # as of metal
-    shear, a, b = (
-        np.asarray(grid.cell_data[name]) if name in grid.cell_data else unknown
-        for name in ("shear_angle", "shortening_a", "shortening_b")
-    )
+    names = "shear_angle", "shortening_a", "shortening_b"
+    shear, a, b = (np.asarray(grid.cell_data.get(name, unknown)) for name in names)
     values = {
         "shear angle / deg": abs(np.degrees(shear))[order],
         "shortening of yarns / %": 100 * np.maximum(a, b)[order],
@@ -144,7 +138,12 @@ def _draw_maps(path, runs):
     sheets = [_sheet(run.folder) for run in drawn]
     fields = {name: [values[name] for _, values in sheets] for name in sheets[0][1]}
     fields = {name: f for name, f in fields.items() if np.isfinite(np.concatenate(f)).any()}
-    columns = _columns(runs) if len(drawn) == len(runs) else min(COLUMNS, len(drawn))
+    # all values of the last key in a row where two keys make a full table, else what fits
+    counts = [len({run.values[key] for run in drawn}) for key in drawn[0].values]
+    is_full = len(counts) == 2 and counts[0] * counts[1] == len(drawn) == len(runs)
+    columns = min(COLUMNS, len(drawn))
+    if is_full and counts[1] <= 2 * COLUMNS:
+        columns = counts[1]
     rows = -(-len(drawn) // columns)
     sides = [np.ptp(polygons.reshape(-1, 2), axis=0) for polygons, _ in sheets]
     length, width = np.max(sides, axis=0)
@@ -162,11 +161,3 @@ def _draw_maps(path, runs):
             for ax in mine.flat[len(drawn) :]:
                 ax.set_axis_off()
             page.colorbar(cells, ax=list(mine.flat), label=name, shrink=0.9)
-
-
-def _columns(runs):
-    """Maps in a row: all values of the last key where two keys make a full table, else what
-    fits."""
-    counts = [len({run.values[key] for run in runs}) for key in runs[0].values]
-    full = len(counts) == 2 and counts[0] * counts[1] == len(runs)
-    return counts[1] if full and counts[1] <= 2 * COLUMNS else min(COLUMNS, len(runs))

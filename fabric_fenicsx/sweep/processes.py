@@ -11,9 +11,10 @@ import time
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import FrameType, MappingProxyType
+from types import MappingProxyType
 from typing import Any
 
 from ..runtime.errors import NOT_BELIEVED, InputError, Interrupted
@@ -73,17 +74,13 @@ class Form:
 
     def scatter(self) -> list[Range]:
         """The intervals of the press's materials; one for all sheets of one fabric or metal."""
-        found = []
-        press = self._read()
+        found, press = [], self._read()
         for kind in ("fabric", "metal"):
-            own = {
-                f"{path}.{kind}": getattr(sheet, kind)
-                for path, sheet in zip(press.paths(), press.sheets)
-                if getattr(sheet, kind)
-            }
+            own = {f"{p}.{kind}": getattr(s, kind) for p, s in zip(press.paths(), press.sheets)}
+            own = {path: material for path, material in own.items() if material}
             first = next(iter(own.values()), None)
-            if all(each == first for each in own.values()):
-                own = {kind: first} if first else {}
+            if first and all(each == first for each in own.values()):
+                own = {kind: first}
             for path, material in own.items():
                 found += [Range(f"{path}.{n}", *ends) for n, ends in material.scatter.items()]
         return found
@@ -134,64 +131,47 @@ class Runner:
 
     def __init__(self, folder: SweepFolder, program: Form, jobs: int) -> None:
         self.folder, self.program, self.jobs = folder, program, jobs
+        self._todo: list[Run] = []
+        self._under_way: list[tuple[Run, subprocess.Popen, float]] = []
 
     def all(self, values: Iterable[Values]) -> list[Run]:
-        """Have the runs with these values all done; returns them.
-
-        Raises InputError with the sentence of a run that met bad input, and Interrupted on SIGINT,
-        SIGTERM or SIGHUP, after all processes have ended.
-        """
+        """Have the runs with these values all done; returns them. Raises InputError with the
+        sentence of a run that met bad input, and Interrupted on SIGINT, SIGTERM or SIGHUP, after
+        all processes have ended."""
         runs = [self.folder.run(each) for each in values]
-        todo = [run for run in runs if not run.is_done(self.program.options)]
-        for run in todo:  # before any starts, so that a run that another one ends is known, too
+        self._todo = [run for run in runs if not run.is_done(self.program.options)]
+        for run in self._todo:  # before any starts, so that one that another one ends is known, too
             run.status, run.reason = None, ""
         self.folder.save()
+        words = partial(self._words, len(self._todo))
         with _signals_noted() as stop:
-            _SideBySide(self, todo, stop).work()
+            try:
+                with shown(), task(words):
+                    self._work(stop)
+            finally:  # whatever happens, no process is left
+                self._end(stop)
         return runs
 
-
-def _say(text):
-    """Print a line at once."""
-    print(text, flush=True)
-
-
-class _SideBySide:
-    """Processes of the runs `todo` under way."""
-
-    def __init__(self, runner, todo, stop):
-        self.runner, self.todo, self.stop = runner, list(todo), stop
-        self.under_way: list[tuple[Run, subprocess.Popen, float]] = []
-        self.count = len(todo)  # runs in all
-
-    def work(self):
-        """Run all; whatever happens, no process is left."""
-        try:
-            with shown(), task(self._words):
-                self._work()
-        finally:
-            self._end()
-
-    def _work(self):
-        while self.todo or self.under_way:
-            if self.stop:
-                raise Interrupted(
-                    f"stopped by {signal.Signals(self.stop[0]).name}; the same command goes on "
-                    "from there"
-                )
-            while self.todo and len(self.under_way) < self.runner.jobs:
-                self._start(self.todo.pop(0))
+    def _work(self, stop):
+        while self._todo or self._under_way:
+            if stop:
+                name = signal.Signals(stop[0]).name
+                raise Interrupted(f"stopped by {name}; the same command goes on from there")
+            while self._todo and len(self._under_way) < self.jobs:
+                self._start(self._todo.pop(0))
             time.sleep(LOOK)
-            self._look()
+            for each in [each for each in self._under_way if each[1].poll() is not None]:
+                self._under_way.remove(each)
+                self._note(*each)
 
     def _start(self, run):
-        words = self.runner.program.command(run.values, run.folder)
+        words = self.program.command(run.values, run.folder)
         if (run.folder / "checkpoint.npz").exists():
             words.append("--resume")
         elif run.folder.exists():
             words.append("--overwrite")
         run.folder.mkdir(exist_ok=True)
-        run.options = list(self.runner.program.options)
+        run.options = list(self.program.options)
         with open(run.folder / CONSOLE, "w") as console:
             process = subprocess.Popen(
                 words,
@@ -202,44 +182,41 @@ class _SideBySide:
                 # Ctrl-C is for the sweep, which then asks its runs to end
                 start_new_session=True,
             )
-        self.under_way.append((run, process, time.monotonic()))
+        self._under_way.append((run, process, time.monotonic()))
 
-    def _look(self):
-        """Note what has ended; raises InputError for a run that met bad input."""
-        for each in self.under_way[:]:
-            run, process, began = each
-            if process.poll() is None:
-                continue
-            self.under_way.remove(each)
-            words = _last_words(run.folder / CONSOLE)
-            if process.returncode == 2:
-                raise InputError(f"run {run.label}: {words}")
-            run.status = process.returncode
-            run.reason = "" if run.is_believed() else _reason(run, words)
-            if run.summary().get("reason", "").startswith("stopped by"):
-                run.status = None  # by somebody else: the next call goes on with it
-            self.runner.folder.save()
-            _say(_line(run, time.monotonic() - began))
+    def _note(self, run, process, began):
+        """Note a run that has ended; raises InputError if it met bad input."""
+        words = _last_words(run.folder / CONSOLE)
+        if process.returncode == 2:
+            raise InputError(f"run {run.label}: {words}")
+        run.status = process.returncode
+        run.reason = "" if run.is_believed() else _reason(run, words)
+        if run.summary().get("reason", "").startswith("stopped by"):
+            run.status = None  # by somebody else: the next call goes on with it
+        self.folder.save()
+        print(_line(run, time.monotonic() - began), flush=True)
 
-    def _words(self):
-        """How many runs have ended, and which loads others have reached."""
-        ended = self.count - len(self.todo) - len(self.under_way)
-        loads = [f"{_load(run.folder / 'history.csv'):.0%}" for run, *_ in self.under_way[:]]
-        return f"{ended} of {self.count} runs, others at {', '.join(loads) or '-'}"
+    def _words(self, count):
+        """How many of the runs have ended, and which loads others have reached."""
+        ended = count - len(self._todo) - len(self._under_way)
+        loads = [f"{_load(run.folder / 'history.csv'):.0%}" for run, *_ in self._under_way[:]]
+        return f"{ended} of {count} runs, others at {', '.join(loads) or '-'}"
 
-    def _end(self):
+    def _end(self, stop):
         """Ask what is under way to end, which it does after its step; a further signal ends it at
         once."""
-        processes = [process for _, process, _ in self.under_way]
+        processes = [process for _, process, _ in self._under_way]
+        self._under_way = []
         for process in processes:
             process.terminate()  # alone: it ends by itself what it has started
         if processes:
-            _say(f"ending after their step: {len(processes)}; Ctrl-C again ends them at once")
-        asked = len(self.stop)
-        while any(process.poll() is None for process in processes):
-            if len(self.stop) > asked:
-                asked = len(self.stop)
-                for process in [each for each in processes if each.poll() is None]:
+            count = len(processes)
+            print(f"ending after their step: {count}; Ctrl-C again ends them at once", flush=True)
+        asked = len(stop)
+        while left := [process for process in processes if process.poll() is None]:
+            if len(stop) > asked:
+                asked = len(stop)
+                for process in left:
                     with suppress(ProcessLookupError):
                         os.killpg(process.pid, signal.SIGKILL)  # with all that it has started
             time.sleep(LOOK)
@@ -249,11 +226,7 @@ class _SideBySide:
 def _signals_noted() -> Iterator[list[int]]:
     """The signals to stop that came while this is open."""
     came: list[int] = []
-
-    def note(number: int, frame: FrameType | None) -> None:
-        came.append(number)
-
-    before = {each: signal.signal(each, note) for each in STOPS}
+    before = {each: signal.signal(each, lambda n, _: came.append(n)) for each in STOPS}
     try:
         yield came
     finally:

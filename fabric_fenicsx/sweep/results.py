@@ -1,13 +1,11 @@
 """Table and report of a sweep, from the files of its runs."""
 
-import base64
 import csv
 import io
 from collections.abc import Sequence
-from datetime import datetime
+from pathlib import Path
 
-import jinja2
-
+from ..results.report import encoded, rendered
 from ..runtime.errors import NOT_BELIEVED
 from ..runtime.files import replace_file
 from ..runtime.formatting import rounded
@@ -26,11 +24,9 @@ HEADLINES = {
     "shear_angle_99_percent_deg": "shear angle, 99 % of the area below [deg]",
 }
 CAPTIONS = {
-    "trends": "Headline quantities over what is varied; of runs at full load; a cross is one "
-    "that is not believed",
+    "trends": "Headline quantities of runs at full load; a cross is one that is not believed",
     "curves": "Force over displacement of all runs; dashed is one that is not believed",
-    "maps": "Magnitude of the shear angle, and shortening of yarns (the larger of both), seen from "
-    "above [mm], on one scale",
+    "maps": "Magnitude of the shear angle, and larger shortening of both yarns, seen from above",
 }
 
 
@@ -84,24 +80,17 @@ def headlines(runs: Sequence[Run], asked: Sequence[str] = ()) -> dict[str, str]:
 
 def _page(sweep, title, answers, runs, shown, files):
     """report.html, with its pictures in it and links to the runs' own reports."""
-    environment = jinja2.Environment(loader=jinja2.PackageLoader(__package__, "."), autoescape=True)
-    environment.trim_blocks = environment.lstrip_blocks = True
-    pictures = [
-        (CAPTIONS[name], base64.b64encode(file.read_bytes()).decode())
-        for name, file in files.items()
-        if file.is_file()
-    ]
     keys = short_names([*dict.fromkeys(key for run in runs for key in run.values)])
-    return environment.get_template("sweep.html.jinja").render(
+    return rendered(
+        Path(__file__).with_name("sweep.html.jinja"),
         title=title,
         answers=answers,
         keys=list(keys.values()),
         columns=list(shown.values()),
         rows=[_row(run, keys, shown) for run in runs],
         believed=sum(run.is_believed() for run in runs),
-        pictures=pictures,
+        pictures=[(CAPTIONS[name], encoded(f)) for name, f in files.items() if f.is_file()],
         press=sweep.press["text"],
-        now=f"{datetime.now():%Y-%m-%d %H:%M}",
     )
 
 

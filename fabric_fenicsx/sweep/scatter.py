@@ -1,7 +1,7 @@
 """Scatter of quantities over runs in which several numbers scatter, and which of these matter."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -14,42 +14,6 @@ SEED = 1  # so that a design is the same in each call, and a larger one goes on 
 BOUNDS = 0.05, 0.95  # quantiles
 
 
-class Effect(NamedTuple):
-    """How much a quantity changes from the `low` to the `high` end of a number's interval, with its
-    standard error, and the number's share of the quantity's variance."""
-
-    name: str
-    low: float
-    high: float
-    change: float
-    error: float
-    share: float
-
-
-class Spread(NamedTuple):
-    """A quantity over some `runs`: mean, standard deviation, quantiles `BOUNDS`, effects
-    of the numbers, the largest first, and the share of the variance that these leave."""
-
-    runs: int
-    mean: float
-    deviation: float
-    bounds: tuple[float, float]
-    effects: list[Effect]
-    left: float
-
-    def words(self, label: str) -> str:
-        """What a person is told of it."""
-        low, high = (rounded(each, 4) for each in self.bounds)
-        head = f"{label}: mean {rounded(self.mean, 4)}, standard deviation "
-        head += f"{rounded(self.deviation, 3)}, 90 % of {self.runs} runs between {low} and {high}"
-        lines = [
-            f"  {each.name} from {each.low:g} to {each.high:g}: {each.change:+.3g} "
-            f"+- {rounded(each.error, 1)}, {percent(each.share, 2)} of the variance"
-            for each in self.effects
-        ]
-        return "\n".join([head, *lines, f"  not by straight lines: {percent(self.left, 2)}"])
-
-
 def design(ranges: Sequence[Range], count: int) -> list[Values]:
     """Values of a power of two of runs that fill the ranges evenly: Sobol's sequence, scrambled, of
     which a larger design has the smaller one as its beginning."""
@@ -59,12 +23,14 @@ def design(ranges: Sequence[Range], count: int) -> list[Values]:
     return [{r.key: spelled(r.at(share)) for r, share in zip(ranges, p)} for p in points]
 
 
-def spread(runs: Sequence[Run], ranges: Sequence[Range], quantity: str) -> Spread:
-    """The `Spread` of a quantity over believed runs.
+def spread(runs: Sequence[Run], ranges: Sequence[Range], quantity: str) -> dict[str, Any]:
+    """A quantity over believed runs: how many they are, mean, standard deviation, quantiles
+    `BOUNDS`; and of the regression that is linear in all numbers at once the effects, the largest
+    first, and the share of the variance that these leave.
 
-    Effects are of the regression that is linear in all numbers at once, which few runs determine.
-    What it leaves is told, so that a reader sees whether straight lines do; ranks, or Sobol'
-    indices of a fitted surface, would hide that.
+    An effect is the change from the low to the high end of a number's interval, with its standard
+    error and the number's share of the variance. Few runs determine nothing more: ranks, or Sobol'
+    indices of a fitted surface, would hide where straight lines do not do.
     """
     y = np.array([run.number(quantity) for run in runs])
     X = np.array([[r.share(float(run.values[r.key])) for r in ranges] for run in runs]) - 0.5
@@ -75,16 +41,36 @@ def spread(runs: Sequence[Run], ranges: Sequence[Range], quantity: str) -> Sprea
     parts = slopes[1:] ** 2 / 12  # variance of a straight line over evenly spread numbers
     whole = parts.sum() + rest or 1.0
     names = short_names([r.key for r in ranges]).values()
+    found = np.column_stack([slopes[1:], errors[1:], parts / whole]).tolist()
     effects = [
-        Effect(name, r.low, r.high, float(b), float(e), float(share))
-        for name, r, b, e, share in zip(names, ranges, slopes[1:], errors[1:], parts / whole)
+        {"name": name, "low": r.low, "high": r.high, "change": b, "error": e, "share": share}
+        for name, r, (b, e, share) in zip(names, ranges, found)
     ]
-    low, high = np.quantile(y, BOUNDS)
-    ordered = sorted(effects, key=lambda each: -each.share)
-    deviation = float(y.std(ddof=1))
-    return Spread(
-        len(y), float(y.mean()), deviation, (float(low), float(high)), ordered, rest / whole
+    return {
+        "runs": len(y),
+        "mean": float(y.mean()),
+        "deviation": float(y.std(ddof=1)),
+        "bounds": np.quantile(y, BOUNDS).tolist(),
+        "effects": sorted(effects, key=lambda each: -each["share"]),
+        "left": float(rest / whole),
+    }
+
+
+def _words(label, found):
+    """What a person is told of a `spread`."""
+    low, high = (rounded(each, 4) for each in found["bounds"])
+    head = f"{label}: mean {rounded(found['mean'], 4)}, standard deviation "
+    head += (
+        f"{rounded(found['deviation'], 3)}, 90 % of {found['runs']} runs between {low} and {high}"
     )
+    lines = [head]
+    for each in found["effects"]:
+        change = f"{each['change']:+.3g} +- {rounded(each['error'], 1)}"
+        share = f"{percent(each['share'], 2)} of the variance"
+        lines.append(
+            f"  {each['name']} from {each['low']:g} to {each['high']:g}: {change}, {share}"
+        )
+    return "\n".join([*lines, f"  not by straight lines: {percent(found['left'], 2)}"])
 
 
 def told(
@@ -98,22 +84,13 @@ def told(
     known = [run for run in runs if run.is_believed()]
     if len(known) < len(ranges) + 3:
         raise SolverFailure(f"{len(known)} of {len(runs)} runs are believed, too few to tell more")
-    found = {
-        name: spread(known, ranges, name)
-        for name in labels
-        if all(name in run.numbers() for run in known)
-    }
-    sentences = [each.words(labels[name]) for name, each in found.items()]
+    names = [name for name in labels if all(name in run.numbers() for run in known)]
+    found = {name: spread(known, ranges, name) for name in names}
+    sentences = [_words(labels[name], each) for name, each in found.items()]
     for name, limit in limits:
         count = sum(run.number(name) < limit for run in known)
         sentences.append(f"{name} below {rounded(limit, 5)}: in {count} of {len(known)} runs")
-    if len(known) < len(runs):
-        sentences.append(
-            f"{len(runs) - len(known)} of {len(runs)} runs are not believed and left out: what is "
-            "told is of the others, which may lie on one side"
-        )
-    facts = {
-        name: s._asdict() | {"effects": [e._asdict() for e in s.effects]}
-        for name, s in found.items()
-    }
-    return sentences, facts
+    if lost := len(runs) - len(known):
+        left_out = f"{lost} of {len(runs)} runs are not believed and left out"
+        sentences.append(f"{left_out}: what is told is of the others, of one side perhaps")
+    return sentences, found

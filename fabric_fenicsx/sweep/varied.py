@@ -29,8 +29,8 @@ class Range(NamedTuple):
     def at(self, share: float) -> float:
         """The number at a share, 0 to 1, of the range or of its logarithm, to `DIGITS` digits."""
         low, high = self.low, self.high
-        by_logarithm = is_wide([low, high])
-        found = low * (high / low) ** share if by_logarithm else low + share * (high - low)
+        is_log = is_wide([low, high])
+        found = low * (high / low) ** share if is_log else low + share * (high - low)
         return min(max(float(f"{found:.{DIGITS}g}"), low), high)
 
     def share(self, value: float) -> float:
@@ -68,10 +68,8 @@ def lists(words: Sequence[str]) -> dict[str, list[str]]:
         if not all(values):
             raise InputError(f"--vary {word} has an empty value; allowed is KEY=VALUE,VALUE...")
         if any(None not in _ends(value) for value in values):
-            raise InputError(
-                f"--vary {word} is a range; allowed is one with --minimise or --scatter, else "
-                "KEY=VALUE,VALUE..."
-            )
+            allowed = "one with --minimise or --scatter, else KEY=VALUE,VALUE..."
+            raise InputError(f"--vary {word} is a range; allowed is {allowed}")
         found[key] = list(dict.fromkeys(values))
     return found
 
@@ -83,10 +81,9 @@ def ranges(words: Sequence[str]) -> list[Range]:
         key, text = _split(word, found, "KEY=LOW..HIGH")
         low, high = _ends(text)
         if low is None or high is None or not -math.inf < low < high < math.inf:
-            raise InputError(
-                f"--vary {word} is no range; allowed with --minimise and --scatter is "
-                "KEY=LOW..HIGH with numbers, LOW below HIGH"
-            )
+            allowed = "KEY=LOW..HIGH with numbers, LOW below HIGH"
+            flaw = f"--vary {word} is no range"
+            raise InputError(f"{flaw}; allowed with --minimise and --scatter is {allowed}")
         found[key] = Range(key, low, high)
     return list(found.values())
 

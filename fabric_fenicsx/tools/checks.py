@@ -1,4 +1,4 @@
-"""Checks of tools before anything runs."""
+"""Checks of tools before anything runs: errors, and warnings, a sentence each."""
 
 from collections.abc import Callable
 
@@ -7,7 +7,9 @@ from mpi4py import MPI
 
 from ..runtime.errors import InputError
 from ..runtime.formatting import coordinates, rounded
+from ..runtime.graph import connected
 from .implicit import ImplicitSurface
+from .radii import least_radii
 from .surfaces import innermost
 from .tool import Tool
 from .triangulated import TriangulatedSurface
@@ -21,6 +23,10 @@ MIRRORED = 0.25  # share of the thickness by which a tool and its mirror image m
 POINTS = 50  # at which an equation's derivatives are compared with differences
 STEP = 1e-3  # step of these differences [mm]
 WRONG = 0.01, 0.1  # share by which derivatives are wrong, and of the points at which they may be
+HOLE = 0.1  # size of an opening, over the surface's, below which it is a hole and not a die's
+PROBED = 1000  # nodes of a rank whose nearest points tell how a surface is curved
+CURVED = 1.05  # times as much as `radii` say, from which they are wrong
+KINKS = 0.02  # share of the points at which it may be curved more
 
 
 def unit_doubt(size: float, sheet: float, least: float) -> str:
@@ -40,36 +46,33 @@ def check_triangles(
 ) -> None:
     """Raise InputError for a surface `name` that is no surface or too coarse for a ply of this
     thickness [mm]; call `warn` with a sentence for what can only be doubted."""
-    x = surface.points
-    if len(surface.forks):
-        raise InputError(
-            f"{name} has {len(surface.forks)} edges with more than two triangles, one at "
-            f"{coordinates(x[surface.forks[0]].mean(0))}; allowed are at most two at an edge"
-        )
+
+    def middle(nodes):
+        return coordinates(surface.points[nodes].mean(0))
+
+    if count := len(surface.forks):
+        flaw = f"has {count} edges with more than two triangles, one at {middle(surface.forks[0])}"
+        raise InputError(f"{name} {flaw}; allowed are at most two at an edge")
     if not surface.two_sided:
-        raise InputError(
-            f"{name} has only one side, as a Moebius strip; allowed is a surface with two"
-        )
+        flaw = "has only one side, as a Moebius strip"
+        raise InputError(f"{name} {flaw}; allowed is a surface with two")
     if surface.turned:
-        warn(
-            f"{name}: {surface.turned} of {len(surface.triangles)} triangles were turned round to "
-            "agree with the others"
-        )
+        some = f"{surface.turned} of {len(surface.triangles)} triangles"
+        warn(f"{name}: {some} were turned round to agree with the others")
     off = 0.75 * surface.curved.patches.bulge  # more than the patches themselves
     worst = int(off.argmax())
     if off[worst] > thickness:
+        flaw = f"has facets that are {rounded(off[worst])} mm off the curved surface through their"
         raise InputError(
-            f"{name} has facets that are {rounded(off[worst])} mm off the curved surface through "
-            f"their corners, at {coordinates(x[surface.triangles[worst]].mean(0))}; allowed is up "
-            f"to the ply's thickness {thickness:g} mm"
+            f"{name} {flaw} corners, at {middle(surface.triangles[worst])}; allowed is up to the "
+            f"ply's thickness {thickness:g} mm"
         )
     edges, turn = surface.curved.turns()
     if len(turn) and np.degrees(turn.max()) > COARSE:
-        worst = int(turn.argmax())
+        sharpest = f"{np.degrees(turn.max()):.0f} deg at {middle(edges[turn.argmax()])}"
         warn(
-            f"{name} is coarse: its facets turn by {np.degrees(turn[worst]):.0f} deg at "
-            f"{coordinates(x[edges[worst]].mean(0))} where it is to be smooth; beyond {COARSE:g} "
-            "deg its curvature is a guess"
+            f"{name} is coarse: its facets turn by {sharpest} where it is to be smooth; beyond "
+            f"{COARSE:g} deg its curvature is a guess"
         )
 
 
@@ -96,10 +99,8 @@ def check_equation(tool: Tool, places: np.ndarray, comm: MPI.Comm) -> None:
         gap, bound = abs(surface.evaluate(x.T).gap), surface.bound(surface.value(x), x)
     name, lost = f"surface {type(surface).__name__} of {tool.name}", ~np.isfinite(F)
     if lost.mean() > 0.5:
-        raise InputError(
-            f"F of {name} is not a number at {coordinates(x[:, lost][:, 0])}; allowed is a finite "
-            "one"
-        )
+        place = coordinates(x[:, lost.argmax()])
+        raise InputError(f"F of {name} is not a number at {place}; allowed is a finite one")
     least = np.nanmax(abs(of_F), initial=0.0)
     for which, given, found, floor in (
         ("gradient", gradient, of_F, 1e-6 * least),
@@ -108,19 +109,15 @@ def check_equation(tool: Tool, places: np.ndarray, comm: MPI.Comm) -> None:
         off, size = (abs(each).reshape(-1, x.shape[1]).max(0) for each in (given - found, found))
         wrong = off > WRONG[0] * (size + floor)
         if wrong.mean() > WRONG[1]:
-            raise InputError(
-                f"the {which} of {name} is not that of its F, as at "
-                f"{coordinates(x[:, wrong][:, 0])}; allowed are exact derivatives, which "
-                "`check_derivatives` compares with differences"
-            )
+            flaw = f"is not that of its F, as at {coordinates(x[:, wrong.argmax()])}"
+            allowed = "allowed is an exact one (see `check_derivatives`)"
+            raise InputError(f"the {which} of {name} {flaw}; {allowed}")
     beyond = np.where(bound > (1 + WRONG[0]) * gap + STEP, bound - gap, 0.0)
     if beyond.any():
         worst = int(beyond.argmax())
-        raise InputError(
-            f"`bound` of {name} is {rounded(bound[worst])} mm at {coordinates(x[:, worst])}, which "
-            f"is {rounded(gap[worst])} mm off the surface; allowed is up to the distance, or no "
-            "`bound`"
-        )
+        told, place = f"{rounded(bound[worst])} mm", coordinates(x[:, worst])
+        real = f"which is {rounded(gap[worst])} mm off the surface"
+        raise InputError(f"`bound` of {name} is {told} at {place}, {real}; allowed is up to that")
 
 
 def check_start(tool: Tool, places: np.ndarray, thickness: float, comm: MPI.Comm) -> None:
@@ -131,11 +128,9 @@ def check_start(tool: Tool, places: np.ndarray, thickness: float, comm: MPI.Comm
     gap = tool.evaluate(places, reach=thickness).gap
     lost = places[np.isnan(gap)][:1].tolist()
     if lost := sum(comm.allgather(lost), []):
-        raise InputError(
-            f"the gap of surface {type(tool.surface).__name__} of {tool.name} is not a number at "
-            f"{coordinates(lost[0])}, where the sheet is before anything moves; allowed is a "
-            "finite one"
-        )
+        name = f"surface {type(tool.surface).__name__} of {tool.name}"
+        where = f"at {coordinates(lost[0])}, where the sheet is before anything moves"
+        raise InputError(f"the gap of {name} is not a number {where}; allowed is a finite one")
     deep = gap < -thickness / 2  # may be a bound
     exact = tool.evaluate(places[deep]).gap
     gap[deep] = np.where(np.isnan(exact), gap[deep], exact)
@@ -145,8 +140,76 @@ def check_start(tool: Tool, places: np.ndarray, thickness: float, comm: MPI.Comm
     deep_in = thickness / 2 - off
     if deep_in > (0.5 + 1e-6) * thickness:
         raise InputError(
-            f"{tool.name} is {rounded(deep_in)} mm deep in the sheet's face at "
-            f"{coordinates(place)} before anything moves; allowed is up to {thickness / 2:g} mm, "
-            "half the thickness: begin its path further off, or turn it round with `Reversed` if "
-            "its normals point away from the sheet"
+            f"{tool.name} is {rounded(deep_in)} mm deep in the sheet's face at {coordinates(place)}"
+            f" before anything moves; allowed is up to {thickness / 2:g} mm, half the thickness: "
+            "begin its path further off, or turn it round with `Reversed`"
         )
+
+
+# -- warnings
+
+
+def _triangles(tool):
+    surface, _ = innermost(tool.surface, np.empty((0, 3)))
+    return surface if isinstance(surface, TriangulatedSurface) else None
+
+
+def radius_over(tool: Tool, length: float) -> float:
+    """Least radius of a tool's surface [mm], of triangles over a length [mm]."""
+    least, surface = min(tool.surface.radii), _triangles(tool)
+    if not surface or least > length:
+        return least
+    return max(least, min(least_radii(surface.curved, length)))
+
+
+def size_warning(tool: Tool, sheet: float) -> str:
+    """A sentence if a tool of triangles is as small beside a sheet of this length [mm] as if it
+    were in metres, inches or cm, else ""."""
+    surface = _triangles(tool)
+    doubt = surface and unit_doubt(float(np.ptp(surface.points, axis=0).max()), sheet, SMALL)
+    return f"the surface of {tool.name} {doubt}; lengths are in mm" if doubt else ""
+
+
+def hole_warning(tool: Tool) -> str:
+    """A sentence if triangles of a tool leave an opening below `HOLE` of their extent, else ""."""
+    surface = _triangles(tool)
+    if not surface or not len(surface.rim):
+        return ""
+    x, (p, q) = surface.points, surface.rim.T
+    loop = connected(len(x), [p, q])[1][p]
+    for number in np.unique(loop):
+        around = x[surface.rim[loop == number]].reshape(-1, 3)
+        width = float(np.ptp(around, axis=0).max())
+        if width < HOLE * np.ptp(x, axis=0).max():
+            hole = f"a hole {rounded(width)} mm wide at {coordinates(around.mean(0))} mm"
+            where = "in its own coordinates, where nothing stops the sheet"
+            return f"the surface of {tool.name} has {hole} {where}"
+    return ""
+
+
+def radii_warning(tool: Tool, places: np.ndarray, comm: MPI.Comm) -> str:
+    """A sentence if an own surface is curved more than its `radii` say at the points nearest to the
+    places (n, 3) [mm] of all ranks when the tool is at the end of its path, else ""."""
+    surface = tool.surface
+    if _triangles(tool):  # which finds them itself
+        return ""
+    x = places[:: max(1, len(places) // PROBED)] - np.asarray(tool.path(1.0), dtype=float)
+    gap, normal, _ = surface.evaluate(x)
+    feet = (x - gap[:, None] * normal)[np.isfinite(gap)]
+    curvature = surface.evaluate(feet).curvature
+    known = np.isfinite(curvature).all((1, 2))
+    feet = np.vstack(comm.allgather(feet[known]))
+    bent = np.linalg.eigvalsh(np.concatenate(comm.allgather(curvature[known])))
+    if not len(feet):
+        return ""
+    inside, outside = 1 / np.asarray(surface.radii, dtype=float)
+    over = np.fmax(bent[:, 2] - CURVED * inside, -bent[:, 0] - CURVED * outside)
+    i = np.argsort(over)[int((1 - KINKS) * (len(over) - 1))]
+    if over[i] <= 1e-6:
+        return ""
+    told = ", ".join(f"{radius:g}" for radius in surface.radii)
+    return (
+        f"surface {type(surface).__name__} of {tool.name} is curved with a radius of "
+        f"{rounded(1 / abs(bent[i]).max())} mm at {coordinates(feet[i])} mm in its own "
+        f"coordinates, but its `radii` are ({told}): penalty and check of the cells rest on them"
+    )

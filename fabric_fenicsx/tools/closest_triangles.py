@@ -15,11 +15,9 @@ ROOM = 1e-9  # mm, so that rounding leaves out none
 
 class Boxes(NamedTuple):
     """A binary tree of boxes around triangles. Box i, between `low` and `high` (2 k, 3) [mm], is
-    split into boxes 2 i and 2 i + 1; the k last ones hold triangles `members` (k, LEAF).
-
-    Of the triangles: corners (m, 3, 3), middles (m, 3), gradients of the barycentric coordinates
-    `slopes` (m, 3, 3), the `region` (m,) that sharp edges bound, and the `bulge` (m,) of patches.
-    """
+    split into boxes 2 i and 2 i + 1; the k last ones hold triangles `members` (k, LEAF). Of the
+    triangles: corners (m, 3, 3), middles (m, 3), gradients of the barycentric coordinates `slopes`
+    (m, 3, 3), the `region` (m,) that sharp edges bound, and the `bulge` (m,) of patches."""
 
     low: np.ndarray
     high: np.ndarray
@@ -61,11 +59,9 @@ def closest(
     boxes: Boxes, points: np.ndarray, start: np.ndarray, regions: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Rows (k,) of points (n, 3), triangles (k,) closest to them, barycentric coordinates (k, 3)
-    and distances (k,) [mm] of the closest points.
-
-    A point has one row, and others before it where one of several `regions` may be as near on its
-    patches. A triangle to start from (n,) saves time where it is near.
-    """
+    and distances (k,) [mm] of the closest points. A point has one row, and others before it where
+    one of several `regions` may be as near on its patches. A triangle to start from (n,) saves time
+    where it is near."""
     slots = min(regions, REGIONS)
     triangle = np.zeros((len(points), slots), dtype=np.int64)
     weights, square = np.empty((len(points), slots, 3)), np.full((len(points), slots), np.inf)

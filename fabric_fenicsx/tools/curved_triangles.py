@@ -15,16 +15,16 @@ class CurvedTriangles:
     """Triangles (m, 3) over points (n, 3) [mm], turned the same way round, with `patches` on them
     that go through their corners with common tangent planes across all edges but sharp ones.
 
-    - crease: turn of facets [rad] above which their edge is sharp; given: normals (m, 3, 3) of a
-      CAD model at the triangles' corners, 0 where there is none
-    - corners (m, 3, 3): places of the triangles' corners; middles (m, 3) of the triangles [mm]
-    - facets (m, 3): their unit normals; areas (m,) [mm^2]; normals (n, 3): averaged at the points
+    crease: turn of facets [rad] above which their edge is sharp; given: normals (m, 3, 3) of a CAD
+    model at the triangles' corners, 0 where there is none.
+
+    - corners (m, 3, 3) and middles (m, 3) of the triangles [mm], their unit normals `facets` (m, 3)
+      and areas (m,) [mm^2]; normals (n, 3): averaged at the points
     - across: the neighbours, a `Topology`; vertices: smooth vertices, a `Corners`
     - parts, part (m,): number of regions that sharp edges bound, and in which one each triangle is
-    - flat (m,): whether a patch is its facet
+    - flat (m,): whether a patch is its facet; bulge: its largest distance from it [mm]
     - corners_at: numbers 3 t + c of all corners, point by point, and where each point's begin
-    - on_rim (n,): whether a point lies on the rim; bulge: largest distance of a patch from its
-      facet [mm]
+    - on_rim (n,): whether a point lies on the rim
     """
 
     def __init__(
@@ -42,7 +42,9 @@ class CurvedTriangles:
         )
         self.patches = curved(points, triangles, across, vertices)
         self.facets, self.areas = facet_normals(points, triangles)
-        self.normals = self._average_normals()
+        total = np.zeros_like(points)
+        np.add.at(total, triangles, vertices.normals[vertices.name])
+        self.normals = unit(total)
         self.corners = corners = points[triangles]
         edges = np.roll(corners, -1, 1) - corners
         longest = math.sqrt((edges**2).sum(2).max())
@@ -97,11 +99,6 @@ class CurvedTriangles:
         t, other, ends = self.smooth_edges()
         cosine = (self.facets[t] * self.facets[other]).sum(1)
         return ends.T, np.arccos(np.clip(cosine, -1, 1))
-
-    def _average_normals(self):
-        total = np.zeros_like(self.points)
-        np.add.at(total, self.triangles, self.vertices.normals[self.vertices.name])
-        return unit(total)
 
 
 def row_dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -3,19 +3,145 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
+from ..runtime.compiled import compiled
 from ..runtime.errors import InputError
-from ..runtime.fields import KnowsItsFields, check_fields, number
+from ..runtime.fields import KnowsItsFields, check_fields, documented, number
 from ..runtime.rules import FROM_ZERO, POSITIVE, Rule
-from . import dome_equation as equation
 from .implicit import ImplicitSurface
 
 WALL = Rule("an angle from 0, below 90 deg", lambda v: 0 <= v < 90)
 
 
+class _Shape(NamedTuple):
+    """Numbers that follow from the dimensions of a double dome [mm]: half the distance of the
+    domes, radius and half width of the outline, curvature `bend` of its concave arcs [1/mm];
+    height, radii of rounding and fillet, their centres (d1, z1), (d2, z2) and the wall's normal
+    (m, n) in the plane of the profile; share by which the saddle is lower, and half its length."""
+
+    half: float
+    radius: float
+    waist: float
+    bend: float
+    depth: float
+    top: float
+    entry: float
+    d1: float
+    z1: float
+    d2: float
+    z2: float
+    m: float
+    n: float
+    drop: float
+    reach: float
+
+
+@compiled
+def _plan(dome: _Shape, x: float, y: float) -> tuple[float, float, float, float]:
+    """Signed distance to the outline, its gradient, and the curvature of its level lines."""
+    u, v, k = abs(x), abs(y) - dome.waist, dome.bend
+    if u * (1 + k * dome.waist) < dome.half * (1 - k * v):
+        # written with the arc's curvature, which may be 0, and not with its radius
+        a, b = k * u, 1 - k * v
+        q = math.sqrt(a * a + b * b)
+        d, dx, dy = (2 * v - k * (u * u + v * v)) / (1 + q), -a / q, b / q
+        turn = -k / q
+    else:
+        a, b = u - dome.half, abs(y)
+        r = max(math.sqrt(a * a + b * b), 1e-9)
+        d, dx, dy, turn = r - dome.radius, a / r, b / r, 1 / r
+    return d, -dx if x < 0 else dx, -dy if y < 0 else dy, turn
+
+
+@compiled
+def _height(dome: _Shape, x: float) -> tuple[float, float, float]:
+    """H and its first and second derivative."""
+    s = min(max(x / dome.reach, -1.0), 1.0)
+    t, slope = 1 - s * s, 6 * dome.drop / dome.reach
+    return 1 - dome.drop * t**3, slope * s * t * t, slope / dome.reach * t * (1 - 5 * s * s)
+
+
+@compiled
+def _profile(dome: _Shape, d: float, z: float) -> tuple[float, float, float, float]:
+    """Signed distance to the profile, its gradient, and the curvature of its level lines: of those
+    parts over which (d, z) lies the nearest one's."""
+    m, n, along = dome.m, dome.n, dome.m * z - dome.n * d
+    upper, lower = dome.m * dome.z1 - dome.n * dome.d1, dome.m * dome.z2 - dome.n * dome.d2
+    found = (math.inf, math.nan, math.nan, math.nan)
+    if d <= dome.d1:
+        found = (z - dome.depth, 0.0, 1.0, 0.0)
+    elif along > upper:
+        p, q = d - dome.d1, z - dome.z1
+        r = max(math.sqrt(p * p + q * q), 1e-9)
+        found = (r - dome.top, p / r, q / r, 1 / r)
+    if lower <= along <= upper and abs(m * d + n * z) < abs(found[0]):
+        found = (m * d + n * z, m, n, 0.0)
+    if d < dome.d2 and along < lower:
+        p, q = dome.d2 - d, dome.z2 - z
+        r = max(math.sqrt(p * p + q * q), 1e-9)
+        if abs(dome.entry - r) < abs(found[0]):
+            found = (dome.entry - r, p / r, q / r, -1 / r)
+    if d >= dome.d2 and abs(z) < abs(found[0]):
+        found = (z, 0.0, 1.0, 0.0)
+    return found
+
+
+@compiled
+def _value(dome: _Shape, x: np.ndarray) -> np.ndarray:
+    """F (n,) at x (n, 3)."""
+    F = np.empty(len(x))
+    for i in range(len(x)):
+        d = _plan(dome, x[i, 0], x[i, 1])[0]
+        F[i] = _profile(dome, d, x[i, 2] / _height(dome, x[i, 0])[0])[0]
+    return F
+
+
+@compiled
+def _implicit(dome: _Shape, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """F (n,), its gradient (3, n) and Hessian (3, 3, n) at x (n, 3)."""
+    count = len(x)
+    F, gradient, hessian = np.empty(count), np.empty((3, count)), np.empty((3, 3, count))
+    for i in range(count):
+        d, dx, dy, turn = _plan(dome, x[i, 0], x[i, 1])
+        H, H1, H2 = _height(dome, x[i, 0])
+        z = x[i, 2] / H
+        F[i], m, n, bend = _profile(dome, d, z)
+        zx, zz, zxz = -z * H1 / H, 1 / H, -H1 / (H * H)
+        zxx = z * (2 * (H1 / H) ** 2 - H2 / H)
+        gradient[0, i], gradient[1, i], gradient[2, i] = m * dx + n * zx, m * dy, n * zz
+        # along the level lines of P and of d, whose curvatures are `bend` and `turn`
+        p, q, r, turn = m * zx - n * dx, -n * dy, m * zz, m * turn
+        hessian[0, 0, i] = bend * p * p + turn * dy * dy + n * zxx
+        hessian[1, 1, i] = bend * q * q + turn * dx * dx
+        hessian[2, 2, i] = bend * r * r
+        hessian[0, 1, i] = hessian[1, 0, i] = bend * p * q - turn * dx * dy
+        hessian[0, 2, i] = hessian[2, 0, i] = bend * p * r + n * zxz
+        hessian[1, 2, i] = hessian[2, 1, i] = bend * q * r
+    return F, gradient, hessian
+
+
+@compiled
+def _plans(dome: _Shape, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """`_plan` at x, y (n,), (4, n)."""
+    found = np.empty((4, len(x)))
+    for i in range(len(x)):
+        found[0, i], found[1, i], found[2, i], found[3, i] = _plan(dome, x[i], y[i])
+    return found
+
+
+@compiled
+def _heights(dome: _Shape, x: np.ndarray) -> np.ndarray:
+    """`_height` at x (n,), (3, n)."""
+    found = np.empty((3, len(x)))
+    for i in range(len(x)):
+        found[0, i], found[1, i], found[2, i] = _height(dome, x[i])
+    return found
+
+
+@documented
 @dataclass(frozen=True)
 class DoubleDome(KnowsItsFields, ImplicitSurface):
     """Two round domes joined by a lower, narrower saddle, on a flange z = 0.
@@ -31,27 +157,6 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
     profile of that cut; H lowers the saddle. The normals are continuous; the curvature jumps
     between the parts. The body is beneath; `Flipped` turns it upside down. The saddle also flattens
     fillet and rounding: `radii` has the least radii.
-
-    Parameters
-    ----------
-    dome_distance : float
-        Between the centres of the domes [mm].
-    dome_radius : float
-        Of a dome's outline [mm].
-    waist : float
-        Half width of the outline at the middle [mm].
-    depth : float
-        Height of the domes over the flange [mm].
-    wall_angle : float
-        Of the wall from the vertical [deg].
-    top_radius : float
-        Of the rounding between top and wall [mm].
-    entry_radius : float
-        Of the fillet between wall and flange [mm].
-    saddle_depth : float
-        By which the top is lower at the middle [mm].
-    saddle_length : float
-        Along x, over which the top is lowered [mm].
 
     Raises
     ------
@@ -76,7 +181,7 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
     saddle_depth: float = number(15.0, FROM_ZERO, "by which the top is lower at the middle [mm]")
     saddle_length: float = number(304.0, POSITIVE, "along x, over which the top is lowered [mm]")
     # what follows from them; each dome has its own, ClassVar only says that they are no fields
-    _shape: ClassVar[equation.Shape]
+    _shape: ClassVar[_Shape]
 
     def __post_init__(self) -> None:
         check_fields(self, "{}".format)
@@ -86,7 +191,7 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
         angle = math.radians(self.wall_angle)
         tangent = math.tan(math.pi / 4 - angle / 2)
         top, entry, depth = self.top_radius, self.entry_radius, self.depth
-        shape = equation.Shape(
+        shape = _Shape(
             half=c,
             radius=R,
             waist=w,
@@ -115,35 +220,28 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
         # half width at the middle where the circles overlap
         least = math.sqrt(max(0.0, R * R - c * c))
         if w <= least or w > R:
-            yield (
-                f"waist is {w:g}; allowed is above {least:g} and at most dome_radius = {R:g}, with "
-                f"dome_distance {2 * c:g}"
-            )
+            ends = f"above {least:g} and at most dome_radius = {R:g}"
+            yield f"waist is {w:g}; allowed is {ends}, with dome_distance {2 * c:g}"
         elif 2 * (R - w) * entry * tangent >= (turn := c * c + w * w - R * R):
-            yield (
-                f"waist is {w:g}; allowed is larger, as the fillet's foot, {entry * tangent:g} "
-                "outside the outline, must not reach the centre of the outline's concave arc of "
-                f"radius {turn / (2 * (R - w)):g} there"
-            )
+            arc = f"the outline's concave arc of radius {turn / (2 * (R - w)):g} there"
+            foot = f"the fillet's foot, {entry * tangent:g} outside the outline"
+            why = f"as {foot}, must not reach the centre of {arc}"
+            yield f"waist is {w:g}; allowed is larger, {why}"
         if self.saddle_depth >= depth:
             yield f"saddle_depth is {self.saddle_depth:g}; allowed is below depth = {depth:g}"
         room = 1 - math.sin(radians)
         if (top + entry) * room > depth:
-            yield (
-                f"top_radius + entry_radius is {top + entry:g}; allowed is at most "
-                f"{depth / room:g}, so that they fit between top and flange with depth {depth:g} "
-                f"and wall_angle {angle:g}"
-            )
+            most, why = depth / room, "so that they fit between top and flange"
+            why = f"{why} with depth {depth:g} and wall_angle {angle:g}"
+            both = f"top_radius + entry_radius is {top + entry:g}"
+            yield f"{both}; allowed is at most {most:g}, {why}"
         if slope >= w:
-            yield (
-                f"wall_angle is {angle:g}; allowed is below {math.degrees(math.atan(w / depth)):g},"
-                f" as the walls of depth {depth:g} must not meet within waist {w:g}"
-            )
+            most = math.degrees(math.atan(w / depth))
+            why = f"as the walls of depth {depth:g} must not meet within waist {w:g}"
+            yield f"wall_angle is {angle:g}; allowed is below {most:g}, {why}"
         elif top * tangent >= w - slope:
-            yield (
-                f"top_radius is {top:g}; allowed is below {(w - slope) / tangent:g}, so that it "
-                f"leaves a flat top within waist {w:g} at wall_angle {angle:g}"
-            )
+            why = f"so that it leaves a flat top within waist {w:g} at wall_angle {angle:g}"
+            yield f"top_radius is {top:g}; allowed is below {(w - slope) / tangent:g}, {why}"
 
     @property
     def roundings(self) -> tuple[float, float]:
@@ -154,23 +252,20 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
     def plan(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Signed distance (n,) [mm] to the outline, its gradient (2, n), curvature (n,) [1/mm] of
         its level lines."""
-        found = equation.plans(self._shape, *np.array([x, y], dtype=float))
-        return found[0], found[1:3], found[3]
+        d, dx, dy, bend = _plans(self._shape, *np.array([x, y], dtype=float))
+        return d, np.array([dx, dy]), bend
 
     def height(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """H (n,) and its first and second derivative at x (n,) [mm]; H is 1 beyond the saddle."""
-        return tuple(equation.heights(self._shape, np.array(x, dtype=float)))
+        return tuple(_heights(self._shape, np.array(x, dtype=float)))
 
     def value(self, x: np.ndarray) -> np.ndarray:
-        """F (n,) [mm] at x (3, n) [mm]."""
-        return equation.value(self._shape, np.ascontiguousarray(x.T, dtype=float))
+        return _value(self._shape, np.ascontiguousarray(x.T, dtype=float))
 
     def implicit(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """F (n,) [mm], its gradient (3, n) and Hessian (3, 3, n) [1/mm] at x (3, n) [mm]."""
-        return equation.implicit(self._shape, np.ascontiguousarray(x.T, dtype=float))
+        return _implicit(self._shape, np.ascontiguousarray(x.T, dtype=float))
 
     def bound(self, F: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """As in `ImplicitSurface`."""
         # |F| is at most the distance times the largest gradient between the point and the surface,
         # at any x.
         least = 1 - self.saddle_depth / self.depth
@@ -196,27 +291,16 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
 
     def lift(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Points (n, 3) [mm] on the surface from their places x, y (n,) [mm] in the developed plan.
-
         There the arc length of the profile takes the place of the distance from the outline, so
-        that walls are not seen edge-on; flat top and plan coincide.
-        """
+        that walls are not seen edge-on; flat top and plan coincide."""
         s, normal, _ = self.plan(x, y)
         rounding, wall, fillet, flange = self.developed
         a, b = (s - rounding) / self.top_radius, (flange - s) / self.entry_radius
         where = [s <= rounding, s <= wall, s <= fillet, s <= flange]
         it, down = self._shape, s - fillet
-        ds = [
-            s,
-            it.d1 + it.top * np.sin(a),
-            it.d2 - it.entry * it.m + it.n * down,
-            it.d2 - it.entry * np.sin(b),
-        ]
-        zs = [
-            self.depth,
-            it.z1 + it.top * np.cos(a),
-            it.z2 - it.entry * it.n - it.m * down,
-            it.z2 - it.entry * np.cos(b),
-        ]
+        on_wall = it.d2 - it.entry * it.m + it.n * down, it.z2 - it.entry * it.n - it.m * down
+        ds = [s, it.d1 + it.top * np.sin(a), on_wall[0], it.d2 - it.entry * np.sin(b)]
+        zs = [self.depth, it.z1 + it.top * np.cos(a), on_wall[1], it.z2 - it.entry * np.cos(b)]
         d, z = np.select(where, ds, s - flange + it.d2), np.select(where, zs, 0.0)
         x = x + (d - s) * normal[0]
         return np.column_stack([x, y + (d - s) * normal[1], z * self.height(x)[0]])

@@ -46,12 +46,8 @@ def topology(triangles: np.ndarray) -> Topology:
     across = np.full(len(sides), -1)
     across[order[pair]], across[order[pair + 1]] = order[pair + 1], order[pair]
     inside = across >= 0
-    shape = triangles.shape
-    return Topology(
-        np.where(inside, across // 3, -1).reshape(shape),
-        np.where(inside, across % 3, -1).reshape(shape),
-        count[name].reshape(shape),
-    )
+    found = np.where(inside, across // 3, -1), np.where(inside, across % 3, -1), count[name]
+    return Topology(*(each.reshape(triangles.shape) for each in found))
 
 
 def facet_normals(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -234,10 +230,8 @@ def _arcs(points, triangles, name, normals, fixed):
     slope = np.einsum("neai,ni->nea", frame[ends], chord)  # of both ends, along both tangents
     row, end = np.nonzero(free[ends])
     unknown = 2 * (np.cumsum(free) - 1)[ends[row, end]]
-    J = csr_matrix(
-        (slope[row, end].ravel(), (np.repeat(row, 2), (unknown[:, None] + [0, 1]).ravel())),
-        shape=(len(ends), 2 * free.sum()),
-    )
+    at = np.repeat(row, 2), (unknown[:, None] + [0, 1]).ravel()
+    J = csr_matrix((slope[row, end].ravel(), at), shape=(len(ends), 2 * free.sum()))
     miss = ((normals[ends[:, 0]] + normals[ends[:, 1]]) * chord).sum(1)
     tilt = lsqr(J, -miss, damp=math.sqrt(PRIOR), atol=1e-6, btol=1e-6, iter_lim=200)[0]
     new = normals.copy()

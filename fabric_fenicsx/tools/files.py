@@ -35,10 +35,8 @@ def read_triangles(path: Path, chord: float) -> tuple[np.ndarray, np.ndarray, np
             made = partial(in_child, _mesh_of_model, path.absolute(), chord)
             return kept_arrays(path, how, made)
     except RuntimeError as error:
-        raise InputError(
-            f"surface file {path} cannot be read as {path.suffix} ({error}): the model may be "
-            f"broken; allowed is {FORMATS}"
-        ) from None
+        flaw = f"cannot be read as {path.suffix} ({error}): the model may be broken"
+        raise InputError(f"surface file {path} {flaw}; allowed is {FORMATS}") from None
 
 
 def _triangles(mesh):
@@ -60,23 +58,26 @@ def _triangles(mesh):
 
 def _mesh_of_model(path, chord):
     """Triangles on the faces of a CAD model, whose edges lie up to `chord` off the faces, and the
-    faces' normals at their corners.
-
-    A first mesh finds the curvature, from which the sizes of the second follow.
-    """
+    faces' normals at their corners. A first mesh finds the curvature, from which the sizes of the
+    second follow."""
     import gmsh
 
     gmsh.initialize(readConfigFiles=False)
-    faces = _faces_of_model(gmsh, path)
+    if path.suffix.lower() in (".step", ".stp"):  # IGES files are read in mm anyhow
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+    gmsh.model.occ.importShapes(str(path))
+    if path.suffix.lower() in (".iges", ".igs"):
+        gmsh.model.occ.removeAllDuplicates()  # faces there do not share their edges
+    gmsh.model.occ.synchronize()
+    faces = [tag for _, tag in gmsh.model.getEntities(2)]
+    if not faces:
+        raise ValueError("no face in it")
     low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
     most = np.linalg.norm(high - low) / 20
-    for name, value in {
-        "MeshSizeFromPoints": 0.0,
-        "MeshSizeExtendFromBoundary": 0.0,
-        "MeshSizeFromCurvature": 2 * np.pi / TURN,
-        "MeshSizeMax": most,
-        "Algorithm": 6.0,
-    }.items():
+    how: dict[str, float] = {"MeshSizeFromPoints": 0, "MeshSizeExtendFromBoundary": 0}
+    how["Algorithm"] = 6
+    how |= {"MeshSizeFromCurvature": 2 * np.pi / TURN, "MeshSizeMax": float(most)}
+    for name, value in how.items():
         gmsh.option.setNumber(f"Mesh.{name}", value)
     gmsh.model.mesh.generate(2)
     size_at = _sizes_by_curvature(gmsh, faces, chord, most)
@@ -88,20 +89,6 @@ def _mesh_of_model(path, chord):
     corners, normals = zip(*(_triangles_of_face(gmsh, face) for face in faces))
     points = np.vstack(corners).reshape(-1, 3)
     return points, np.arange(len(points)).reshape(-1, 3), np.vstack(normals)
-
-
-def _faces_of_model(gmsh, path):
-    """Numbers of the faces of the model in a file, which is the current one then."""
-    if path.suffix.lower() in (".step", ".stp"):  # IGES files are read in mm anyhow
-        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
-    gmsh.model.occ.importShapes(str(path))
-    if path.suffix.lower() in (".iges", ".igs"):
-        gmsh.model.occ.removeAllDuplicates()  # faces there do not share their edges
-    gmsh.model.occ.synchronize()
-    faces = [tag for _, tag in gmsh.model.getEntities(2)]
-    if not faces:
-        raise ValueError("no face in it")
-    return faces
 
 
 def _check_closed(gmsh, path):

@@ -47,10 +47,8 @@ class ImplicitSurface(Surface):
 
     def implicit(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """F (n,), its gradient (3, n) and Hessian (3, 3, n) at x (3, n) [mm]."""
-        raise InputError(
-            f"surface {type(self).__name__} has no `implicit`; allowed is one that gives F, its "
-            "gradient and its Hessian at points (3, n)"
-        )
+        name = type(self).__name__
+        raise InputError(f"surface {name} has no `implicit`; allowed is one that gives it")
 
     def bound(self, F: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Lower bound of the distance (n,) [mm] from x (3, n) [mm], where `value` is F (n,). Points
@@ -58,62 +56,46 @@ class ImplicitSurface(Surface):
         return np.zeros_like(F)
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
-        """As in `Surface`."""
         x = np.ascontiguousarray(points.T)
         F = self._fitting("`value`", self.value(x), x.shape[1:])
         bound = self._fitting("`bound`", self.bound(F, x), x.shape[1:])
-        found = Nearest(
-            np.copysign(bound, F),
-            np.tile([0.0, 0.0, 1.0], (len(points), 1)),
-            np.zeros((len(points), 3, 3)),
-        )
+        up, n = np.array([0.0, 0.0, 1.0]), len(points)
+        found = Nearest(np.copysign(bound, F), np.tile(up, (n, 1)), np.zeros((n, 3, 3)))
         near = np.flatnonzero(bound <= reach)
         # blocks that stay in the cache
         for part in np.array_split(near, max(1, len(near) // 4096)):
             self._project(points[part], part, found)
         lost = near[np.isnan(found.gap[near])]
-        if len(lost) and 0 < reach < math.inf:
-            self._tell_far(x[:, lost], F[lost], lost, reach, found)
+        if len(lost) and 0 < reach < math.inf:  # where F has one sign around, the surface is far
+            around = (x[:, lost, None] + 2 * reach * AROUND.T[:, None]).reshape(3, -1)
+            signs = self.value(around).reshape(len(lost), -1) * F[lost, None]
+            far = lost[(signs > 0).all(1)]
+            found.gap[far] = np.copysign(1.01 * reach, F[far])
+            found.normal[far], found.curvature[far] = up, 0.0
         return found
-
-    def _tell_far(self, x, F, rows, reach, found):
-        """Put a gap beyond the reach into those `rows` of `found`, of points x (3, n) where no
-        nearest point was found, around which F does not change its sign."""
-        around = (x[:, :, None] + 2 * reach * AROUND.T[:, None]).reshape(3, -1)
-        far = (self.value(around).reshape(len(rows), -1) * F[:, None] > 0).all(1)
-        at = rows[far]
-        found.gap[at] = np.copysign(1.01 * reach, F[far])
-        found.normal[at], found.curvature[at] = (0.0, 0.0, 1.0), 0.0
 
     def derivatives(self, x: np.ndarray) -> list[np.ndarray]:
         """Arrays that `implicit` gives at x (3, n); InputError if they are not as they must be."""
         given, n = self.implicit(x), x.shape[1]
-        if not (isinstance(given, (tuple, list)) and len(given) == 3):
-            found = f"{len(given)} arrays" if isinstance(given, (tuple, list)) else "no tuple"
-            raise InputError(
-                f"`implicit` of surface {type(self).__name__} gives {found}; allowed are three: F, "
-                "its gradient and its Hessian"
-            )
         shapes = {"F": (n,), "gradient": (3, n), "Hessian": (3, 3, n)}
-        return [self._fitting(name, each, shapes[name]) for name, each in zip(shapes, given)]
+        if isinstance(given, (tuple, list)) and len(given) == 3:
+            return [self._fitting(name, each, shapes[name]) for name, each in zip(shapes, given)]
+        found = f"{len(given)} arrays" if isinstance(given, (tuple, list)) else "no tuple"
+        name = type(self).__name__
+        raise InputError(f"`implicit` of surface {name} gives {found}; allowed are three arrays")
 
     def _fitting(self, name, given, shape):
         """`given` as an array of this shape; InputError, which calls it `name`, if it is none."""
         try:
             array = np.asarray(given, float)
+            if array.shape in (shape, (*shape[:-1], 1)):  # the same at all points is given once
+                return np.array(np.broadcast_to(array, shape))
+            found = f"of shape {array.shape}"
         except (TypeError, ValueError):
-            array = None
-        # what is the same at all points may be given once
-        if array is not None and array.shape == (*shape[:-1], 1):
-            return np.repeat(array, shape[-1], -1)
-        if array is not None and array.shape == shape:
-            return array
-        found = "no array of numbers" if array is None else f"of shape {array.shape}"
+            found = "no array of numbers"
+        what = f"{name} of surface {type(self).__name__} is {found} at n = {shape[-1]} points"
         allowed = "(n,)" if len(shape) == 1 else f"({', '.join(map(str, shape[:-1]))}, n)"
-        raise InputError(
-            f"{name} of surface {type(self).__name__} is {found} at n = {shape[-1]} points; "
-            f"allowed is {allowed}"
-        )
+        raise InputError(f"{what}; allowed is {allowed}")
 
     def _project(self, x, rows, found):
         """Put what belongs to the nearest points of x (n, 3) into `rows` of `found`."""

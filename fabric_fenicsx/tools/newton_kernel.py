@@ -33,8 +33,7 @@ class Search(NamedTuple):
 class Local(NamedTuple):
     """A surface at a place, seen from a point x = place + gap normal + beside[0] s + beside[1] t
     (+ off normal, where the place itself is off the surface) [mm]: unit normal, tangents s and t,
-    entries 11, 12, 22 of their inverse metric, and 11, 12, 21, 22 of the shape operator, with which
-    the normal turns: dn = (s, t) shape (ds, dt)."""
+    entries 11, 12, 22 of their inverse metric, and of the shape operator: dn = (s, t) shape."""
 
     gap: float
     beside: tuple[float, float]

@@ -17,9 +17,9 @@ from .facets import LAST, NEXT, Corners, Topology, facet_normals, unit
 
 class Patches(NamedTuple):
     """m curved patches: places of corner 0 `origin` (m, 3), coefficients (m, 18, 3) of the
-    functions of `_fill_basis` beside it, legs (m, 3, 2, 3) from each corner to the next control
-    point on the edges to the next and to the last corner, and `bulge` (m,): the largest distance of
-    a control point from the facet; lengths in mm."""
+    functions of `_fill_basis` beside it, legs (m, 3, 2, 3) from each corner to the control points
+    towards the next and the last, and `bulge` (m,): the control points' largest distance from the
+    facet; lengths in mm."""
 
     origin: np.ndarray
     coefficients: np.ndarray

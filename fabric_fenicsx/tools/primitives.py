@@ -16,19 +16,8 @@ ROUNDING = 1 + 1e-12
 
 
 class Plane(Surface):
-    """Plane with the body behind it.
-
-    Parameters
-    ----------
-    point : (3,)
-        Any point of the plane [mm].
-    normal : (3,)
-        Out of the body, of any length.
-
-    Raises
-    ------
-    InputError
-        Unless both are three finite numbers, `normal` not all 0.
+    """Plane with the body behind it, by any `point` (3,) on it [mm] and its `normal` (3,) out of
+    the body, of any length. Raises InputError for other values.
 
     Examples
     --------
@@ -41,14 +30,12 @@ class Plane(Surface):
         self.normal = checked_vector("normal", normal, unit=True)
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
-        """As in `Surface`."""
         normal = np.tile(self.normal, (len(points), 1))
         return Nearest((points - self.point) @ self.normal, normal, np.zeros((len(points), 3, 3)))
 
 
 class _Round(Surface):
-    """Sphere or cylinder: distance from its centre in the space that `_across` (3, 3) projects
-    on."""
+    """Sphere or cylinder, by the distance from its centre that `_across` (3, 3) projects on."""
 
     _across: np.ndarray
     _any: np.ndarray
@@ -69,19 +56,7 @@ class _Round(Surface):
 
 
 class Sphere(_Round):
-    """Ball.
-
-    Parameters
-    ----------
-    radius : float
-        Above 0 [mm].
-    centre : (3,)
-        [mm]
-
-    Raises
-    ------
-    InputError
-        For values out of their range.
+    """Ball of a `radius` above 0 about a `centre` (3,) [mm]. Raises InputError for other values.
 
     Examples
     --------
@@ -97,21 +72,8 @@ class Sphere(_Round):
 
 
 class Cylinder(_Round):
-    """Endless round bar.
-
-    Parameters
-    ----------
-    point : (3,)
-        Any point of its axis [mm].
-    axis : (3,)
-        Direction, of any length.
-    radius : float
-        Above 0 [mm].
-
-    Raises
-    ------
-    InputError
-        For values out of their range.
+    """Endless round bar, by a `point` (3,) on its axis [mm], the direction `axis` (3,), of any
+    length, and its `radius` above 0 [mm]. Raises InputError for other values.
 
     Examples
     --------
@@ -128,23 +90,9 @@ class Cylinder(_Round):
 
 
 class Torus(Surface):
-    """Ring of round cross-section.
-
-    Parameters
-    ----------
-    centre : (3,)
-        [mm]
-    axis : (3,)
-        Direction that it goes round, of any length.
-    ring : float
-        Radius of the circle in the middle of the tube, above `tube` [mm].
-    tube : float
-        Radius of the tube, above 0 [mm].
-
-    Raises
-    ------
-    InputError
-        For values out of their range.
+    """Ring of round cross-section, about a `centre` (3,) [mm] and around an `axis` (3,), of any
+    length: `ring` is the radius of the circle in the middle of the tube, above that of the `tube`
+    itself, above 0 [mm]. Raises InputError for other values.
 
     Examples
     --------
@@ -162,7 +110,6 @@ class Torus(Surface):
         self._bar = Cylinder(self.centre, self.axis, self.ring)
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
-        """As in `Surface`."""
         height = (points - self.centre) @ self.axis
         out, radial, turn = self._bar.nearest(points, reach)
         up = np.broadcast_to(self.axis, points.shape)
@@ -179,22 +126,10 @@ class Torus(Surface):
 class Plate(Surface):
     """Thick plate with an opening through it, like a die, its face up.
 
-    Parameters
-    ----------
-    length, width : float
-        Of the opening along x and y, without the rounding [mm]; without `width` it is round, of
-        diameter `length`.
-    corner : float
-        Radius of the opening's corners in the plan [mm], 0 by default: sharp. Not of a round one.
-    entry : float
-        Radius of the rounding between the face and the opening's upright walls [mm].
-    centre : (3,)
-        Of the opening, in the plane of the face [mm].
-
-    Raises
-    ------
-    InputError
-        For values out of their range.
+    length, width: of the opening along x and y, without the rounding; without `width` it is round,
+    of diameter `length`. corner: radius of its corners in the plan, 0 by default: sharp. entry:
+    radius of the rounding between the face and the upright walls. centre (3,): of the opening, in
+    the plane of the face; all in mm. Raises InputError for values out of their range.
 
     Examples
     --------
@@ -211,9 +146,7 @@ class Plate(Surface):
         centre: ArrayLike = (0.0, 0.0, 0.0),
     ) -> None:
         if width is None and corner is not None:
-            raise InputError(
-                f"corner is {corner}, but a round opening has none: `corner` needs `width`"
-            )
+            raise InputError(f"corner is {corner}, but a round opening has none: give `width`, too")
         self.length = POSITIVE.check("length", length)
         self.width = self.length if width is None else POSITIVE.check("width", width)
         half = min(self.length, self.width) / 2
@@ -230,7 +163,6 @@ class Plate(Surface):
         return _from_rectangle(x, y, self.length, self.width, self.corner)
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
-        """As in `Surface`."""
         x, y, z = (points - self.centre).T
         d, slope, bend = self.plan(x, y)
         e, f = d - self.entry, z + self.entry
@@ -246,21 +178,9 @@ class Plate(Surface):
 class Block(Surface):
     """Block with all its edges rounded, like the punch of a box.
 
-    Parameters
-    ----------
-    length, width, height : float
-        Along x, y and z, over all [mm].
-    radius : float
-        Of the edges around top and bottom [mm].
-    corner : float
-        Radius of the upright edges in the plan, from `radius`, which it is by default [mm].
-    centre : (3,)
-        Of the top face, in the plane z = centre[2] [mm].
-
-    Raises
-    ------
-    InputError
-        For values out of their range.
+    length, width, height: along x, y and z, over all. radius: of the edges around top and bottom;
+    corner: of the upright edges in the plan, from `radius`, which it is by default. centre (3,): of
+    the top face; all in mm. Raises InputError for values out of their range.
 
     Examples
     --------
@@ -319,11 +239,9 @@ def _from_rectangle(x, y, length, width, corner):
 
 
 def _of_profile(gap, slope, bend, m, n, turn):
-    """`Nearest` of a gap (n,) that depends on height and distance in the plan.
-
-    slope (2, n), bend (n,): gradient and curvature of that distance; m, n: parts of the normal
-    along it and up; turn: curvature of the profile's level lines (n,).
-    """
+    """`Nearest` of a gap (n,) that depends on height and distance in the plan. slope (2, n), bend
+    (n,): gradient and curvature of that distance; m, n: parts of the normal along it and up; turn:
+    curvature of the profile's level lines (n,)."""
     out = np.column_stack([*slope, np.zeros(len(gap))])
     along = np.column_stack([-slope[1], slope[0], np.zeros(len(gap))])
     up = np.array([0.0, 0.0, 1.0])

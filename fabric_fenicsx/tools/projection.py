@@ -1,7 +1,6 @@
 """The nearest point on curved patches by Newton's method, and the curvature of patches."""
 
 import math
-from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -29,44 +28,26 @@ class Net(NamedTuple):
     starts: np.ndarray
 
 
-class Projection:
-    """Projects points on to the patches of a surface.
+def net_of(surface: CurvedTriangles) -> Net:
+    """The `Net` of a surface."""
+    of, across = surface, surface.across
+    around = of.normals, of.on_rim, *of.corners_at
+    return Net(of.patches, of.triangles, of.facets, across.triangle, across.edge, *around)
 
-    surface: the `CurvedTriangles`; side: 1.0 or -1.0, of the gap beyond the rim of an open surface.
-    """
 
-    def __init__(self, surface: CurvedTriangles, side: float = 1.0) -> None:
-        self.side = side
-        across, (ring, starts) = surface.across, surface.corners_at
-        self._net = Net(
-            surface.patches,
-            surface.triangles,
-            surface.facets,
-            across.triangle,
-            across.edge,
-            surface.normals,
-            surface.on_rim,
-            ring,
-            starts,
-        )
-
-    def from_behind(self) -> "Projection":
-        """The same, for the body on the other side."""
-        other = copy(self)
-        other.side = -self.side
-        return other
-
-    def nearest(self, points: np.ndarray, triangle: np.ndarray, b: np.ndarray) -> Nearest:
-        """Gap, normal and curvature at points (n, 3) [mm], sought from barycentric coordinates b
-        (n, 3) on the patches of `triangle` (n,)."""
-        n = len(points)
-        found = Nearest(np.empty(n), np.empty((n, 3)), np.empty((n, 3, 3)))
-        if n:
-            b = np.maximum(b, 0.0)
-            b /= b.sum(1, keepdims=True)
-            tolerance = 1e-11 + 1e-14 * abs(points).max(1)
-            _search(self._net, self.side, points, triangle, b, tolerance, found)
-        return found
+def nearest(
+    net: Net, side: float, points: np.ndarray, triangle: np.ndarray, b: np.ndarray
+) -> Nearest:
+    """Gap, normal and curvature at points (n, 3) [mm], sought from barycentric coordinates b (n, 3)
+    on the patches of `triangle` (n,); side: 1.0 or -1.0, of the gap beyond the rim."""
+    n = len(points)
+    found = Nearest(np.empty(n), np.empty((n, 3)), np.empty((n, 3, 3)))
+    if n:
+        b = np.maximum(b, 0.0)
+        b /= b.sum(1, keepdims=True)
+        tolerance = 1e-11 + 1e-14 * abs(points).max(1)
+        _search(net, side, points, triangle, b, tolerance, found)
+    return found
 
 
 class Seen(NamedTuple):

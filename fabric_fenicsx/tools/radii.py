@@ -17,11 +17,9 @@ SAMPLES, SEEDS, WITHIN = 60_000, 2000, 25  # points on a surface, where it is as
 
 def least_radii(surface: CurvedTriangles, length: float = 0.0) -> tuple[float, float]:
     """Least radius of curvature [mm] as seen from inside the body and from outside, but for the
-    last of the surface's turning; infinite where nothing bends to that side.
-
-    It is that of the patches. Where these turn to and fro within a `length` [mm], or two edges, as
-    on slivers of scans and of marching cubes, it is that of the facets' mean turning over it.
-    """
+    last of the surface's turning; infinite where nothing bends to that side. Where patches turn to
+    and fro within a `length` [mm], or two edges, as on slivers of scans and of marching cubes, it
+    is that of the facets' mean turning over it."""
     larger, smaller = curvatures(surface.patches)
     bent, area = np.maximum([larger, -smaller], 0.0), surface.areas
     inside, outside = (_least_radius(each, area, BENT) for each in bent)
@@ -60,10 +58,8 @@ def _mean_turning(surface, length):
     one, other, (foot, head) = surface.smooth_edges()
     step, facets = surface.points[head] - surface.points[foot], surface.facets
     size = np.linalg.norm(step, axis=1)
-    turn = np.arctan2(
-        np.linalg.norm(np.cross(facets[one], facets[other]), axis=1),
-        (facets[one] * facets[other]).sum(1),
-    )
+    sine = np.linalg.norm(np.cross(facets[one], facets[other]), axis=1)
+    turn = np.arctan2(sine, (facets[one] * facets[other]).sum(1))
     rises = ((surface.middles[other] - surface.middles[one]) * facets[one]).sum(1) > 0
     weight = np.where(rises, -turn, turn) / size  # of the square of a piece along the edge
     pieces = np.ceil(2 * size / length).astype(int)

@@ -1,9 +1,4 @@
-"""Base class of rigid surfaces: signed distance, normal and curvature at many points at once; and
-surfaces that are moved, turned or seen from behind.
-
-A surface bounds a body; its normal points out of it, and the gap (signed distance) is positive
-outside.
-"""
+"""Base class of rigid surfaces, and surfaces that are moved, turned or seen from behind."""
 
 from __future__ import annotations
 
@@ -24,16 +19,8 @@ Drawn = tuple[np.ndarray, np.ndarray, np.ndarray]  # points, normals and triangl
 
 
 class Nearest(NamedTuple):
-    """Gap to a surface and its first and second derivative, at n points.
-
-    Parameters
-    ----------
-    gap : (n,)
-        Signed distance, positive outside the body [mm].
-    normal : (n, 3)
-        Its gradient, which points out of the body.
-    curvature : (n, 3, 3)
-        Its Hessian [1/mm].
+    """At n points the gap (n,) [mm] to a surface, positive outside the body, its gradient `normal`
+    (n, 3), which points out of the body, and its Hessian `curvature` (n, 3, 3) [1/mm].
 
     Examples
     --------
@@ -70,28 +57,18 @@ class Surface:
     Infinite where unknown."""
 
     def evaluate(self, points: ArrayLike, reach: float = math.inf) -> Nearest:
-        """Gap, normal and curvature at points; rows are NaN where a point is not finite.
-
-        Parameters
-        ----------
-        points : (n, 3)
-            Places [mm].
-        reach : float
-            Where |gap| surely exceeds it [mm], the gap need only do so too, with the right sign,
-            and normal and curvature need only be finite; so far points cost little.
-
-        Raises
-        ------
-        InputError
-            For points of another shape and for a reach below 0.
-        """
+        """Gap, normal and curvature at points (n, 3) [mm]; rows are NaN where one is not finite.
+        Where |gap| surely exceeds the reach [mm], the gap need only do so too, with the right sign,
+        and normal and curvature need only be finite; so far points cost little. Raises InputError
+        for points of another shape and for a reach below 0."""
         x = checked_points(points)
         if not reach >= 0:
             raise InputError(f"reach is {reach}; allowed is at least 0")
         finite = np.isfinite(x).all(1)
         if finite.all():
             return self.nearest(x, reach)
-        found = Nearest(*(np.full((len(x), *shape), np.nan) for shape in ((), (3,), (3, 3))))
+        n = len(x)
+        found = Nearest(*(np.full(shape, np.nan) for shape in ((n,), (n, 3), (n, 3, 3))))
         for whole, part in zip(found, self.nearest(x[finite], reach)):
             whole[finite] = part
         return found
@@ -145,10 +122,8 @@ class Surface:
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         """As `evaluate`, at points (n, 3) [mm] that are finite; every surface gives it."""
-        raise InputError(
-            f"surface {type(self).__name__} has no `nearest`; allowed is one that gives it, or an "
-            "`ImplicitSurface`"
-        )
+        name = type(self).__name__
+        raise InputError(f"surface {name} has no `nearest`; allowed is one that gives it")
 
 
 def radii_of(surface: Surface) -> tuple[float, float]:
@@ -157,12 +132,10 @@ def radii_of(surface: Surface) -> tuple[float, float]:
         inside, outside = (float(radius) for radius in surface.radii)
     except (TypeError, ValueError):
         inside = outside = math.nan
-    if not (inside > 0 and outside > 0):
-        raise InputError(
-            f"`radii` of surface {type(surface).__name__} are {shown(surface.radii)}; allowed are "
-            "two numbers above 0, the least radii from inside and from outside [mm]"
-        )
-    return inside, outside
+    if inside > 0 and outside > 0:
+        return inside, outside
+    name, found = type(surface).__name__, shown(surface.radii)
+    raise InputError(f"`radii` of surface {name} are {found}; allowed are two numbers above 0 [mm]")
 
 
 class _Changed(Surface):
@@ -189,19 +162,8 @@ def innermost(surface: Surface, points: np.ndarray) -> tuple[Surface, np.ndarray
 
 
 class Offset(_Changed):
-    """A surface moved along its normals.
-
-    Parameters
-    ----------
-    surface : Surface
-        Of any kind.
-    distance : float
-        Out of the body, or into it if negative [mm].
-
-    Raises
-    ------
-    InputError
-        If a radius of the surface would shrink to 0, where that is known.
+    """A `surface` moved along its normals by a `distance` out of the body, or into it if negative
+    [mm]. Raises InputError if a radius of it would shrink to 0, where that is known.
 
     Examples
     --------
@@ -218,12 +180,10 @@ class Offset(_Changed):
         self.radii = (inside + self.distance, outside - self.distance)
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
-        """As in `Surface`."""
         gap, normal, curvature = self.surface.nearest(points, reach + abs(self.distance))
         return Nearest(gap - self.distance, normal, curvature)
 
     def mesh(self, low: ArrayLike, high: ArrayLike, size: float) -> Drawn:
-        """As in `Surface`."""
         room = abs(self.distance)
         low, high = np.subtract(low, room), np.add(high, room)
         points, normals, triangles = self.surface.mesh(low, high, size)
@@ -231,11 +191,7 @@ class Offset(_Changed):
 
 
 class Reversed(_Changed):
-    """A surface with the body on its other side.
-
-    Parameters
-    ----------
-    surface : Surface
+    """A `surface` with the body on its other side.
 
     Examples
     --------
@@ -250,15 +206,12 @@ class Reversed(_Changed):
         self.surface, self.radii = surface.from_behind(), radii_of(surface)[::-1]
 
     def from_behind(self) -> Surface:
-        """As in `Surface`."""
         return self
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
-        """As in `Surface`."""
         return Nearest(*(-a for a in self.surface.nearest(points, reach)))
 
     def mesh(self, low: ArrayLike, high: ArrayLike, size: float) -> Drawn:
-        """As in `Surface`."""
         points, normals, triangles = self.surface.mesh(low, high, size)
         return points, -normals, triangles[:, ::-1]
 
@@ -267,6 +220,9 @@ class _Rigid(_Changed):
     """A surface turned or mirrored about the origin, by the matrix `_turn` (3, 3)."""
 
     _turn: np.ndarray
+
+    def __init__(self, surface: Surface) -> None:
+        self.surface, self.radii = surface, radii_of(surface)
 
     def back(self, points: np.ndarray) -> np.ndarray:
         return points @ self._turn
@@ -286,12 +242,7 @@ class _Rigid(_Changed):
 
 
 class Flipped(_Rigid):
-    """A surface upside down: mirrored in the plane z = 0, the normal still pointing out of the
-    body.
-
-    Parameters
-    ----------
-    surface : Surface
+    """A `surface` upside down: mirrored in the plane z = 0, the normal still out of the body.
 
     Examples
     --------
@@ -301,25 +252,11 @@ class Flipped(_Rigid):
 
     _turn = np.diag([1.0, 1.0, -1.0])
 
-    def __init__(self, surface: Surface) -> None:
-        self.surface, self.radii = surface, radii_of(surface)
-
 
 class Turned(_Rigid):
-    """A surface turned about the origin.
-
-    Parameters
-    ----------
-    surface : Surface
-        Of any kind.
-    angles : (3,)
-        First about the axis x, then about y, then about z, the axes standing still; anticlockwise
-        as seen from the axis' end [deg].
-
-    Raises
-    ------
-    InputError
-        Unless the angles are three finite numbers.
+    """A `surface` turned about the origin by `angles` (3,) [deg]: first about the axis x, then
+    about y, then about z, the axes standing still; anticlockwise as seen from the axis' end. Raises
+    InputError unless these are three finite numbers.
 
     Examples
     --------
@@ -329,7 +266,7 @@ class Turned(_Rigid):
     """
 
     def __init__(self, surface: Surface, angles: ArrayLike) -> None:
-        self.surface, self.radii = surface, radii_of(surface)
+        super().__init__(surface)
         self.angles = checked_vector("angles of the turn [deg]", angles)
         # of a column of coordinates
         self._turn = Rotation.from_euler("xyz", self.angles, degrees=True).as_matrix()

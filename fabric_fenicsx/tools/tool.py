@@ -17,19 +17,16 @@ OfLoad = Callable[[float], ArrayLike]  # from the load factor to (3,)
 
 
 class Tool:
-    """A rigid body that moves without turning: along a path, or along a line by force.
+    """A rigid body, bounded by a `surface`, that moves without turning: along a path, or along a
+    line by force. `name` is the tool's in summaries and errors.
 
     Parameters
     ----------
-    surface : Surface
-        The body's boundary.
     path : (3,) or function of the load factor to (3,)
         Its displacement [mm]; three numbers are that at full load, to which it grows in proportion.
     force : (3,) or function of the load factor to (3,)
         If given, on the tool [N], always along one direction; the tool moves on that line by
         `travel` [mm], beyond the path, which its contact finds.
-    name : str
-        The tool's name in summaries and errors.
 
     Raises
     ------
@@ -55,8 +52,8 @@ class Tool:
         name: str = "tool",
     ) -> None:
         if not isinstance(surface, Surface):
-            is_class = isinstance(surface, type)
-            found = f"the class {surface.__name__}" if is_class else f"a {type(surface).__name__}"
+            kind = surface if isinstance(surface, type) else type(surface)
+            found = f"the class {kind.__name__}" if kind is surface else f"a {kind.__name__}"
             raise InputError(f"surface of {name} is {found}; allowed is a surface, as `Sphere(30)`")
         self.name, self.surface = name, surface
         radii_of(surface)
@@ -77,14 +74,10 @@ class Tool:
         if self.force:
             force = checked_vector(f"force of {self.name} at load {load:g}", self.force(load))
             self.push = float(force @ self.direction)
-            if (
-                np.linalg.norm(force - self.push * self.direction) > 1e-9 * abs(force).max()
-                or self.push < 0
-            ):
-                raise InputError(
-                    f"force of {self.name} at load {load:g} is {force.tolist()}; allowed is "
-                    "one along that at full load"
-                )
+            turned = np.linalg.norm(force - self.push * self.direction) > 1e-9 * abs(force).max()
+            if turned or self.push < 0:
+                found = f"force of {self.name} at load {load:g} is {force.tolist()}"
+                raise InputError(f"{found}; allowed is one along that at full load")
 
     @property
     def displacement(self) -> np.ndarray:
@@ -100,9 +93,8 @@ def checked_tool(name: str, value: object) -> Tool:
     """`value` itself; raises InputError if it is no tool."""
     if isinstance(value, Tool):
         return value
-    raise InputError(
-        f"{name} is given {type(value).__name__}; allowed is a tool, as `Tool(surface, path)`"
-    )
+    given = type(value).__name__
+    raise InputError(f"{name} is given {given}; allowed is a tool, as `Tool(surface, path)`")
 
 
 def _growing(name: str, value: OfLoad | ArrayLike) -> OfLoad:

@@ -1,7 +1,6 @@
 """Triangles as files and users give them: checked, doubles merged, turned the same way round."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,45 +16,31 @@ SAME = 2e-7  # distance of points that are one, over the largest coordinate: fil
 CRACK, SHORT = 2e-3, 0.1
 
 
-class Repaired(NamedTuple):
+def repaired(
+    points: ArrayLike, triangles: ArrayLike, normals: ArrayLike | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, int, bool]:
     """Points (n, 3) [mm] and triangles (m, 3) without doubles and triangles without area, turned
     the same way round; normals (m, 3, 3) at their corners if given, 0 where there is none; how many
-    triangles were `turned`; two_sided: False where no way to turn them makes all agree."""
-
-    points: np.ndarray
-    triangles: np.ndarray
-    normals: np.ndarray | None
-    turned: int
-    two_sided: bool
-
-
-def repaired(points: ArrayLike, triangles: ArrayLike, normals: ArrayLike | None = None) -> Repaired:
-    """The `Repaired` triangles (m, 3) over points (n, 3) [mm], with normals (m, 3, 3) if given.
-
-    Raises InputError if no triangle has an area, or for points, triangles or normals of a wrong
-    shape or not finite.
-    """
+    triangles were turned; False where no way to turn them makes all agree. Raises InputError if
+    none has an area, and for points, triangles or normals of a wrong shape or not finite."""
     x, cells = checked_points(points, "points of the surface"), np.asarray(triangles)
     if not (finite := np.isfinite(x).all(1)).all():
-        first = int(finite.argmin())
-        raise InputError(
-            f"points of the surface: {len(x) - finite.sum()} of {len(x)} are not finite, as number "
-            f"{first}, {x[first].tolist()}; allowed are finite ones"
-        )
+        first, lost = int(finite.argmin()), len(x) - finite.sum()
+        flaw = f"{lost} of {len(x)} are not finite, as number {first}, {x[first].tolist()}"
+        raise InputError(f"points of the surface: {flaw}; allowed are finite ones")
     if cells.ndim != 2 or cells.shape[1] != 3 or cells.dtype.kind not in "iu":
         raise InputError(f"triangles have the shape {cells.shape}; allowed is (m, 3), of integers")
     if cells.size and not 0 <= cells.min() <= cells.max() < len(x):
-        raise InputError(
-            f"triangles name points {cells.min()} to {cells.max()}; allowed are numbers from 0 to "
-            f"{len(x) - 1}"
-        )
+        found, last = f"{cells.min()} to {cells.max()}", len(x) - 1
+        raise InputError(f"triangles name points {found}; allowed are numbers from 0 to {last}")
     given = None if normals is None else np.asarray(normals, dtype=float)
     if given is not None and given.shape != (*cells.shape, 3):
         raise InputError(f"normals have the shape {given.shape}; allowed is {(*cells.shape, 3)}")
-    x, number = _merged(x)
-    cells = number[cells]
-    x, number = _closed(x, cells)
-    cells = number[cells]
+    x, number = np.unique(x, axis=0, return_inverse=True)
+    cells = number.ravel()[cells]
+    same = cKDTree(x).query_pairs(SAME * abs(x).max(initial=0), output_type="ndarray")
+    x, cells = _joined(x, cells, same)
+    x, cells = _joined(x, cells, _cracks(x, cells))
     corners = x[cells]
     edges = np.roll(corners, -1, 1) - corners
     longest = (edges**2).sum(2).max(1, initial=0)
@@ -74,42 +59,33 @@ def repaired(points: ArrayLike, triangles: ArrayLike, normals: ArrayLike | None 
         # at poles of a CAD model's faces there is none
         known = (given * facets).sum(2)[..., None] > math.cos(math.pi / 3)
         given = np.where(known, given, 0.0)
-    return Repaired(x[used], cells, given, int(turn.sum()), two_sided)
+    return x[used], cells, given, int(turn.sum()), two_sided
 
 
-def _merged(x):
-    """Points without those that are others up to rounding, and the number among them of each."""
-    x, number = np.unique(x, axis=0, return_inverse=True)
-    pairs = cKDTree(x).query_pairs(SAME * abs(x).max(initial=0), output_type="ndarray")
-    x, one = _joined(x, pairs)
-    return x, one[number.ravel()]
-
-
-def _closed(x, cells):
-    """Points with cracks between triangles closed, as CAD programs leave them between faces, and
-    the number among them of each."""
+def _cracks(x, cells):
+    """Pairs (k, 2) of points at both sides of a crack, as CAD programs leave them between faces."""
     ends = np.sort(np.stack([cells, np.roll(cells, -1, 1)], -1).reshape(-1, 2), 1)
     ends = ends[ends[:, 0] != ends[:, 1]]
     ends, sharing = np.unique(ends, axis=0, return_counts=True)
     rim = np.unique(ends[sharing == 1])
     if not rim.size:
-        return x, np.arange(len(x))
+        return rim
     length = np.linalg.norm(x[ends[:, 1]] - x[ends[:, 0]], axis=1)
     near = np.full(len(x), CRACK * np.median(length))
     for end in ends.T:
         np.minimum.at(near, end, SHORT * length)
     pairs = rim[cKDTree(x[rim]).query_pairs(near[rim].max(), output_type="ndarray")]
     apart = np.linalg.norm(x[pairs[:, 1]] - x[pairs[:, 0]], axis=1)
-    return _joined(x, pairs[apart <= near[pairs].min(1)])
+    return pairs[apart <= near[pairs].min(1)]
 
 
-def _joined(x, pairs):
-    """Points without the later ones of pairs (k, 2) that are one, and the number of each."""
+def _joined(x, cells, pairs):
+    """Points without the later ones of pairs (k, 2) that are one, and cells of these."""
     if not len(pairs):
-        return x, np.arange(len(x))
+        return x, cells
     _, one = connected(len(x), pairs.T)
     _, first = np.unique(one, return_index=True)
-    return x[first], one
+    return x[first], one[cells]
 
 
 def _agreeing(triangles):

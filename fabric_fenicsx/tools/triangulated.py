@@ -11,15 +11,16 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 
+from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
 from ..runtime.graph import connected
 from ..runtime.rules import BELOW_180, POSITIVE
 from .closest_triangles import boxes_around, closest
 from .curved_triangles import CurvedTriangles, row_dots
 from .files import read_triangles
-from .projection import Projection
+from .projection import nearest, net_of
 from .radii import least_radii
-from .surfaces import Nearest, Surface
+from .surfaces import Drawn, Nearest, Surface
 from .triangles import repaired
 
 CREASE = 35.0  # deg
@@ -28,8 +29,8 @@ KEPT = 4  # sets of points that are remembered, of so many different numbers
 
 
 class Known(NamedTuple):
-    """Memory of n points from their last search: `place` (n, 3), least distance `clear` (n,) from
-    the surface [mm] and `side` (n,) of those beyond the reach, closest `triangle` (n,)."""
+    """n points at their last search: `place` (n, 3), least distance `clear` (n,) from the surface
+    [mm] and `side` (n,) of those beyond the reach, closest `triangle` (n,)."""
 
     place: np.ndarray
     clear: np.ndarray
@@ -95,21 +96,16 @@ class TriangulatedSurface(Surface):
         crease: float = CREASE,
     ) -> None:
         self.crease = BELOW_180.check("crease", crease)
-        found = repaired(points, triangles, normals)
-        self.turned, self.two_sided = found.turned, found.two_sided
-        self.curved = curved = CurvedTriangles(
-            found.points, found.triangles, math.radians(self.crease), found.normals
-        )
+        x, cells, given, self.turned, self.two_sided = repaired(points, triangles, normals)
+        self.curved = curved = CurvedTriangles(x, cells, math.radians(self.crease), given)
         self.points: np.ndarray = curved.points
         self.triangles: np.ndarray = curved.triangles
         self.facets, self.areas, self.normals = curved.facets, curved.areas, curved.normals
         across, sharp = curved.across, curved.vertices.sharp
-        self.rim, self.forks, self.sharp = (
-            curved.ends(which)
-            for which in (across.sharing == 1, across.sharing > 2, sharp & (across.triangle >= 0))
-        )
+        self.rim, self.forks = curved.ends(across.sharing == 1), curved.ends(across.sharing > 2)
+        self.sharp = curved.ends(sharp & (across.triangle >= 0))
         self.radii = least_radii(curved)
-        self._boxes, self._projection = boxes_around(curved), Projection(curved)
+        self._boxes, self._net = boxes_around(curved), net_of(curved)
         self._rim_side = 1.0
         self._known: dict[int, Known] = {}
 
@@ -121,38 +117,14 @@ class TriangulatedSurface(Surface):
         crease: float = CREASE,
         comm: MPI.Comm = MPI.COMM_SELF,
     ) -> Self:
-        """The surface in a file, in mm.
-
-        Parameters
-        ----------
-        path
-            STL, VTP, MSH, or any other that meshio, gmsh or PyVista reads, where larger cells are
-            cut; or STEP, IGES or BREP, whose faces gmsh meshes.
-        chord : float
-            Distance of that mesh from the faces [mm].
-        crease : float
-            As for the surface [deg].
-        comm
-            Rank 0 reads: gmsh meshes the same faces a little differently each time, and all ranks
-            need one tool.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be read or has no triangle, or for a chord that is not above 0.
-        """
+        """The surface in a file, in mm: STL, VTP, MSH, or any other that meshio, gmsh or PyVista
+        reads, where larger cells are cut; or STEP, IGES or BREP, whose faces gmsh meshes. chord:
+        distance of that mesh from the faces [mm]; crease: as for the surface [deg]; comm: its rank
+        0 reads, as gmsh meshes the same faces a little differently each time. Raises InputError if
+        the file cannot be read or has no triangle, or for a chord not above 0."""
         path, chord = Path(path), POSITIVE.check("chord", chord)
-        found, wrong = None, ""
-        if comm.rank == 0:
-            try:
-                found = read_triangles(path, chord)
-            except InputError as error:
-                wrong = str(error)
-        found, wrong = comm.bcast((found, wrong))
-        if found is None:
-            raise InputError(wrong)
+        points, triangles, normals = on_root(comm, lambda: read_triangles(path, chord))
         try:
-            points, triangles, normals = found
             return cls(points, triangles, normals, crease)
         except InputError as error:
             raise InputError(f"surface file {path}: {error}") from None
@@ -176,10 +148,7 @@ class TriangulatedSurface(Surface):
         own = vertices.normals[vertices.name]
         return TriangulatedSurface(self.points, self.triangles[keep], own[keep], self.crease)
 
-    def mesh(
-        self, low: ArrayLike, high: ArrayLike, size: float
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As in `Surface`: all of its own triangles."""
+    def mesh(self, low: ArrayLike, high: ArrayLike, size: float) -> Drawn:
         # a point of the drawing for each smooth vertex, so that sharp edges look sharp
         vertices = self.curved.vertices
         points = np.empty_like(vertices.normals)
@@ -187,10 +156,9 @@ class TriangulatedSurface(Surface):
         return points, vertices.normals, vertices.name
 
     def from_behind(self) -> TriangulatedSurface:
-        """As in `Surface`: the gap beyond the rim has the other sign."""
+        """The same, but the gap beyond the rim has the other sign."""
         seen = copy(self)
         seen._rim_side, seen._known = -self._rim_side, {}
-        seen._projection = self._projection.from_behind()
         return seen
 
     def fingerprint(self) -> dict[str, Any]:
@@ -199,17 +167,14 @@ class TriangulatedSurface(Surface):
 
     def __eq__(self, other: object) -> bool:
         """Equality of crease and triangles."""
-        return (
-            isinstance(other, TriangulatedSurface)
-            and self.crease == other.crease
-            and np.array_equal(self.points, other.points)
-            and np.array_equal(self.triangles, other.triangles)
-        )
+        if not isinstance(other, TriangulatedSurface) or self.crease != other.crease:
+            return False
+        same = np.array_equal(self.points, other.points)
+        return same and np.array_equal(self.triangles, other.triangles)
 
     __hash__ = Surface.__hash__
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
-        """As in `Surface`."""
         curved, (known, moved) = self.curved, self._known_of(points)
         sought = np.flatnonzero(known.clear - moved <= reach)
         row, triangle, weights, distance = closest(
@@ -243,7 +208,9 @@ class TriangulatedSurface(Surface):
         rest = np.ones(len(row), dtype=bool)
         rest[over[inside]] = False
         at = row[rest]
-        gap, normal, curvature = self._projection.nearest(points[at], triangle[rest], weights[rest])
+        gap, normal, curvature = nearest(
+            self._net, self._rim_side, points[at], triangle[rest], weights[rest]
+        )
         if curved.parts > 1:  # the nearest one counts
             order = np.argsort(-abs(gap), kind="stable")
             order = order[abs(gap[order]) < least[at[order]]]

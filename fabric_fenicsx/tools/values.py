@@ -26,10 +26,10 @@ def checked_vector(
         raise InputError(
             f"{name} is {shown(value)}; allowed are {WORDS[size]} finite numbers{besides}{hint}"
         )
-    # scaled first, so that its square neither overflows nor vanishes
-    return (
-        vector / abs(vector).max() / np.linalg.norm(vector / abs(vector).max()) if unit else vector
-    )
+    if not unit:
+        return vector
+    vector /= abs(vector).max()  # so that its square neither overflows nor vanishes
+    return vector / np.linalg.norm(vector)
 
 
 def length_of(value: Any) -> int:

@@ -93,7 +93,7 @@ def test_packages_that_are_missing_are_told(monkeypatch, capsys):
     "draws, words",
     [
         ("import os; os.kill(os.getpid(), 11)", "SIGSEGV"),
-        ("raise SystemExit(7)", "status 7"),
+        ("raise SystemExit(7)", "it crashed .7."),
         (
             "from fabric_fenicsx.runtime.errors import InputError; raise InputError('no screen')",
             "no screen",

@@ -118,7 +118,7 @@ def test_a_window_is_opened_on_a_display(run, monkeypatch):
     "words, error",
     [
         ([], "has no fields.pvd"),
-        (["--html", "no/where.html"], "--html is no/where.html, but no is no folder"),
+        (["--html", "no/where.html"], "no/where.html can't be read or written"),
         (["--colour", "red"], "option --colour is unknown"),
     ],
 )

@@ -250,7 +250,7 @@ def test_a_plane_may_begin_with_a_minus(run, capsys):
         (["--line", "no.csv"], "trim line no.csv does not exist"),
         (["--plane", "z=-10", "--sheet", "up"], "--sheet up is unknown"),
         (["--plane", "z=-10", "--reach", "0"], "--reach is 0; allowed is a number above 0"),
-        (["--plane", "z=-10", "--out", "no/where"], "--out is no/where, but no is no folder"),
+        (["--plane", "z=-10", "--out", "no/where"], "no/where.dxf can't be read or written"),
     ],
 )
 def test_the_command_refuses(run, words, error, capsys):

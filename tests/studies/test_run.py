@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bench.once import once
 from mpi4py import MPI
 
 from fabric_fenicsx.command_line.study import Study, parser
@@ -183,7 +184,7 @@ def test_a_spoilt_list_of_what_is_done_is_refused(tmp_path, text):
     with pytest.raises(
         InputError, match="done.json cannot be read .*; allowed is one that a study wrote"
     ):
-        study.once("a", lambda: 1)
+        once(study, "a", lambda: 1)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -1,0 +1,148 @@
+"""`fabric export`, `pattern` and `view`: commands on the results of a forming run."""
+
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..runtime.errors import InputError
+from ..runtime.files import failure_reason, replace_file
+from ..runtime.formatting import rounded
+from ..runtime.rules import POSITIVE, unknown_key
+from .options import Parser, option_type
+
+LAYERS = 2.0  # thicknesses of all plies, by which a trim line may be off the formed ply
+PLANE = '"z=5" (what is above it), or "x,y,z,nx,ny,nz": a point [mm] and the normal to what is kept'
+
+
+def run(command: str, words: Sequence[str]) -> None:
+    """Run the command `export`, `pattern` or `view` with these words. Raises InputError for what is
+    not allowed, OSError for files that can't be read or written."""
+    how, description = COMMANDS[command]
+    parser = Parser(prog=f"fabric {command}", description=description)
+    parser.add_argument("folder", metavar="DIR", help="results of a run")
+    how(parser, words)
+
+
+def _export(parser, words):
+    kinds = ".vtu (VTK), .inp (Abaqus), .k or .key (LS-DYNA), .bdf or .nas (Nastran)"
+    parser.add_argument("file", metavar="FILE", help=f"to write, as its ending says: {kinds}")
+    modelled = "what was modelled, as a quarter (default: the whole part)"
+    parser.add_argument("--modelled", action="store_true", help=modelled)
+    args = parser.parse_args(words)
+    from ..postprocess import states, structural
+    from ..postprocess.ply import planes_of
+
+    structural.checked(args.file)
+    grids = states.read_grids(args.folder)
+    plies = structural.export(grids, args.file, args.modelled)
+    labels = states.set_labels(grids) if Path(args.file).suffix == ".inp" else {}
+    for name, found in plies.items():
+        own = f" (ELSET {labels[name]})" if labels else ""
+        mirrored = " and ".join("xy"[axis] for axis in planes_of(grids[name]))
+        mirrored = f", mirrored in {mirrored} = 0" if mirrored and not args.modelled else ""
+        print(f"{args.file}: {name or 'ply'}{own}, {len(found.cells)} cells{mirrored}")
+    _warn_of_end(args.folder)
+
+
+def _view(parser, words):
+    page = "write a page that needs no network, in place of a window (without a display: "
+    parser.add_argument("--html", metavar="FILE", help=f"{page}DIR/view.html)")
+    field = "field of the cells to show (default: shear_angle)"
+    parser.add_argument("--field", metavar="NAME", help=field)
+    args = parser.parse_args(words)
+    from ..plot import view
+    from ..postprocess.states import states
+
+    states(args.folder)
+    if args.html is None and os.environ.get("DISPLAY"):
+        view.show(args.folder, args.field)
+        return
+    file = Path(args.html or Path(args.folder) / "view.html")
+    replace_file(file, view.page(args.folder, args.field))
+    print(f"{file}: the last state, for a browser")
+
+
+def _pattern(parser, words):
+    trim = parser.add_mutually_exclusive_group()
+    line = "closed trim line on the formed ply: x, y and z in a .csv, or a .dxf; without z it is "
+    trim.add_argument("--line", metavar="FILE", help=f"{line}projected along z; inner rings: holes")
+    trim.add_argument("--plane", help=f"plane that trims: {PLANE}")
+    parser.add_argument("--out", metavar="STEM", help="of the files (default: DIR/pattern)")
+    parser.add_argument("--sheet", metavar="NAME", help="ply of a stack (default: all)")
+    reach = f"distance of the line from the ply (default: {LAYERS:g} thicknesses of all plies)"
+    parser.add_argument("--reach", type=option_type(POSITIVE), metavar="MM", help=reach)
+    # a plane may begin with a minus, which argparse takes for an option
+    joined = "\n".join(words).replace("--plane\n", "--plane=")
+    args = parser.parse_args(joined.split("\n") if words else [])
+    if not (args.line or args.plane):
+        raise InputError("nothing says where to trim; allowed is --line FILE or --plane PLANE")
+    from ..meshes.outline_files import read_trim_line
+    from ..postprocess import pattern, states
+
+    grids = states.read_grids(args.folder)
+    if args.sheet is not None and args.sheet not in grids:
+        raise unknown_key(args.sheet, filter(None, grids), f"--sheet {args.sheet}")
+    where, notes = (_plane(args.plane), []) if args.plane else read_trim_line(args.line)
+    allowed = args.reach or LAYERS * sum(map(_thickness, grids.values()))
+    labels = states.set_labels(grids) if len(grids) > 1 else dict.fromkeys(grids, "")
+    found, wrong = {}, []
+    for name, grid in grids.items():
+        if args.sheet in (None, name):
+            try:
+                found[name] = pattern.flat_pattern(grid, where, allowed)
+            except InputError as error:
+                wrong.append(f"ply {name}: {error}" if name else str(error))
+    if wrong:
+        raise InputError("\n".join(wrong))
+    stem, units = Path(args.out or Path(args.folder) / "pattern"), states.units(args.folder)
+    for note in notes:
+        print(note)
+    for name, flat in found.items():
+        own = stem.with_name("_".join(filter(None, [stem.name, labels[name]])))
+        pattern.write_pattern(own, flat, units)
+        off = f", trim line up to {rounded(flat.off)} mm off the ply" if flat.off else ""
+        sizes = f"area {rounded(flat.net.area, 6)} mm2, perimeter {rounded(flat.net.length, 6)} mm"
+        formed = f"area of the formed part {rounded(flat.formed_area, 6)} mm2"
+        print(f"{own}.dxf, .csv, .vtu: {sizes}, {formed}{off}")
+    _warn_of_end(args.folder)
+
+
+def _plane(text):
+    """The plane of an option's text."""
+    from ..postprocess.pattern import Plane
+
+    try:
+        axis, _, place = text.replace(" ", "").partition("=")
+        if place:
+            normal = np.eye(3)["xyz".index(axis)] if len(axis) == 1 else np.zeros(3)
+            point = float(place) * normal
+        else:
+            point, normal = np.array(text.split(","), dtype=float).reshape(2, 3)
+    except ValueError:
+        point = normal = np.zeros(3)
+    if not (np.isfinite([*point, *normal]).all() and np.any(normal)):
+        raise InputError(f"--plane is {text}; allowed is {PLANE}")
+    return Plane(tuple(point), tuple(normal))
+
+
+def _thickness(grid):
+    """The largest thickness of a ply [mm]."""
+    for name in ("thickness_under_pressure", "metal_thickness"):
+        if name in grid.cell_data and np.isfinite(grid.cell_data[name]).any():
+            return float(np.nanmax(grid.cell_data[name]))
+    return 1.0
+
+
+def _warn_of_end(folder):
+    if reason := failure_reason(Path(folder) / "summary.json"):
+        print(f"warning: the run in {folder} did not end well: {reason}", file=sys.stderr)
+
+
+COMMANDS = {
+    "export": (_export, "Formed plies with thickness and yarns, for a structural analysis."),
+    "pattern": (_pattern, "The flat pattern of a trimmed part, of the results of a forming run."),
+    "view": (_view, "Formed plies and tools in a window, or as a page for a browser."),
+}
