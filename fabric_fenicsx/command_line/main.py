@@ -13,6 +13,7 @@ from ..runtime.files import unwritable
 from ..runtime.rules import unknown_key
 from ..runtime.signals import end_with_reader
 from ..runtime.status import shown, task
+from ..runtime.version import __version__
 from . import info
 from .options import STUDIES, Parser, exit_status
 
@@ -78,6 +79,7 @@ def _parsed(argv, scripts):
         description="\n".join(lines),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.add_argument("--version", action="version", version=__version__)
     parser.add_argument("command", help=argparse.SUPPRESS)
     parser.add_argument("files", nargs="*", help=argparse.SUPPRESS)
     given = parser.parse_args(argv or ["--help"])

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from fabric_fenicsx import __version__
 from fabric_fenicsx.command_line import main
 from fabric_fenicsx.command_line.options import STUDIES
 
@@ -55,6 +56,12 @@ def test_help_names_commands_and_studies(argv, capsys):
         main.main(argv)
     out = capsys.readouterr().out
     assert not end.value.code and "studies: bias_extension, " in out and "  list " in out
+
+
+def test_the_version_is_told(capsys):
+    with pytest.raises(SystemExit) as end:
+        main.main(["--version"])
+    assert not end.value.code and capsys.readouterr().out.strip() == __version__
 
 
 def test_another_command_is_not_allowed(capsys):
