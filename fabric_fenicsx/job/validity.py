@@ -77,18 +77,22 @@ def _cure(scene):
 
 def _passed_through(scene):
     """A sentence for each sheet that has passed through itself."""
-    from ..mechanics.contact.self_contact import SelfContact
-
     blank = scene.blank
-    touching = any(isinstance(term, SelfContact) for term in scene.terms)
-    cure = "smaller cells or steps" if touching else "`SelfContact`, a press's `self = true`,"
     found = {part: self_crossings(part) for part in blank.parts.values() or [blank.whole]}
     return [
         f"sheet {part.name or blank.name} passes through itself at {len(places)} places, as at "
-        f"{coordinates(places[0])} mm; allowed is none: {cure} may help"
+        f"{coordinates(places[0])} mm; allowed is none: {_separation(scene)} may help"
         for part, places in found.items()
         if len(places)
     ]
+
+
+def _separation(scene):
+    """What keeps a sheet from passing through itself."""
+    from ..mechanics.contact.self_contact import SelfContact
+
+    touches = any(isinstance(term, SelfContact) for term in scene.terms)
+    return "smaller cells or steps" if touches else "`SelfContact`, a press's `self = true`,"
 
 
 def warnings_at_start(scene: Scene) -> list[str]:
