@@ -276,19 +276,19 @@ def begun(X):
 
 
 def test_an_elastica_that_touches_itself():
-    """Forces at the ends and at the neck, of second order in the cells; beyond the first contact
-    they are twice those of the strip that is free."""
+    """Forces at the ends, twice those of the strip as it begins to touch itself, and at the neck;
+    160 cells are 2.0 and 3.6 % off."""
     P, R = elastica(END)
     errors = []
     for nx in CELLS:
-        contact = ff.SelfContact(T, penalty=1.0)
+        contact = ff.SelfContact(T, penalty=10.0)
         result = strip(nx, contact).run()
         pushed, pressed = abs(result.rows[-1]["reaction_N"]), contact.totals[3]
         errors.append([1 - pushed / (P * D * W), 1 - pressed / (R * D * W)])
         assert contact.largest_depth() < PERMITTED * T
         assert result.rows[-1]["energy_imbalance"] < 0.005
     coarse, fine = abs(np.array(errors))
-    assert (fine < [0.06, 0.1]).all() and (fine < coarse / 2.5).all()
+    assert (fine < [0.05, 0.08]).all() and (fine < coarse / 2.5).all()
 
 
 def test_without_contact_it_passes_through_itself():
