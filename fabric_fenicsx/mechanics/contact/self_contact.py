@@ -126,8 +126,8 @@ class SelfContact(FaceContact):
     Parameters
     ----------
     thickness
-        Of the sheet [mm]; by default that of the scene's fabric or metal, on a patched sheet of the
-        first one.
+        Of the sheet with a `penalty` [mm]; by default, and without one, that of the scene's fabric
+        or metal, on a patched sheet of the first one.
     penalty, points, lag, symmetric, friction
         As in `SheetContact`. A fold that closes on its mirror image is not noticed.
 

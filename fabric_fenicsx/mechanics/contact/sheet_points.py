@@ -184,8 +184,9 @@ class SheetPoints:
     def means(self, values: np.ndarray) -> np.ndarray:
         """Means of values of all points (count, ...) over each cell, on each side that points look
         to, (cells, SIDES, ...)."""
-        sides = self.SIDES, len(self._places) // self.SIDES
-        return values.reshape(len(self.part.cells), -1, *sides, *values.shape[1:]).mean((1, 3))
+        count, many = len(self.part.cells), len(self._places)
+        shape = count, self.per_cell // many, self.SIDES, many // self.SIDES
+        return values.reshape(*shape, *values.shape[1:]).mean((1, 3))
 
     def of_cells(self, rows: np.ndarray) -> np.ndarray:
         """Values of all points by `rows` of the blank's owned cells, (count, k), or (count,) of one

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from builders import COMM, Elastic, near, off_differences
+from builders import COMM, Elastic, march, near, off_differences
 from builders import sheet as rectangle
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -11,6 +11,8 @@ from scipy.optimize import fsolve
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.mechanics.contact.pressure_law import PERMITTED, SMOOTHING, Rigid
+from fabric_fenicsx.solve.checkpoint import Checkpoint
+from fabric_fenicsx.solve.newton import Newton
 
 T, PENALTY, LENGTH, WIDTH = 4.0, 20.0, 60.0, 8.0
 
@@ -274,19 +276,19 @@ def begun(X):
 
 
 def test_an_elastica_that_touches_itself():
-    """Forces at the ends and at the neck, of second order in the cells; beyond the first contact
-    they are twice those of the strip that is free."""
+    """Forces at the ends, twice those of the strip as it begins to touch itself, and at the neck;
+    160 cells are 2.0 and 3.6 % off."""
     P, R = elastica(END)
     errors = []
     for nx in CELLS:
-        contact = ff.SelfContact(T, penalty=1.0)
+        contact = ff.SelfContact(T, penalty=10.0)
         result = strip(nx, contact).run()
         pushed, pressed = abs(result.rows[-1]["reaction_N"]), contact.totals[3]
         errors.append([1 - pushed / (P * D * W), 1 - pressed / (R * D * W)])
         assert contact.largest_depth() < PERMITTED * T
         assert result.rows[-1]["energy_imbalance"] < 0.005
     coarse, fine = abs(np.array(errors))
-    assert (fine < [0.06, 0.1]).all() and (fine < coarse / 2.5).all()
+    assert (fine < [0.05, 0.08]).all() and (fine < coarse / 2.5).all()
 
 
 def test_without_contact_it_passes_through_itself():
@@ -328,6 +330,28 @@ def test_a_fold_closes_and_bears_the_load():
     assert found["normal_force_N"] == contact.totals[3]
     assert result.rows[-1]["energy_imbalance"] < 0.03
     assert np.nanmax(result.fields["sheet_pressure"], initial=0) > 0 or COMM.size > 1
+
+
+def test_a_run_that_is_resumed_ends_alike(tmp_path):
+    """From where the fold has closed on."""
+    found, start = [], None
+    for _ in range(2):
+        contact = ff.SelfContact(6.0, penalty=20.0, friction=0.3)
+        scene = pressed_fold([contact])[0].scene
+        checkpoint = Checkpoint(tmp_path / "c.npz", scene.blank, {})
+        start = checkpoint.load()[0] if found else None
+
+        def keep(state, checkpoint=checkpoint):
+            if state.load == 0.5:
+                checkpoint.save(state.progress, {})
+
+        newton = Newton(scene, tolerance=1e-11)
+        outcome = march(newton, 8, start=start, on_accept=keep, milestones=[0.5])
+        assert not outcome.reason and contact.totals[3] > 0
+        found.append((scene.blank.u.x.array.copy(), contact.totals[3], contact.energies()))
+    assert abs(found[0][0] - found[1][0]).max() < 1e-8
+    assert found[0][1] == pytest.approx(found[1][1], rel=1e-7)
+    assert found[0][2] == pytest.approx(found[1][2], rel=1e-6)
 
 
 def test_without_contact_the_fold_is_pressed_through_itself():
