@@ -48,7 +48,7 @@ def test_numbers_come_first_with_their_errors_and_maps_of_errors_last(tmp_path):
     text = page("dome", {"": (file, pictures)}, "", "done")
     shown = [
         "<td>30 +- 0.5</td>",
-        "Reaction, or force",
+        "Force over displacement",
         "Logarithmic strains",
         "Estimated errors of",
     ]
