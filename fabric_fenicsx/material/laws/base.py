@@ -44,8 +44,9 @@ class Law(Material, Energy):
     compaction : Compaction or None
         Thickness under pressure; None for fabric that keeps its thickness.
     shear_friction : ShearFriction or None
+        Friction of yarns that turn on each other; None for shear that is elastic.
     bending_friction : BendingFriction or None
-        Friction between yarns; None for fabric that is elastic.
+        The same as they bend.
     bending : MeasuredBending or None
         As tests tell it; None for that of the sheet, by a modulus.
     fibre_density : float or None
