@@ -234,6 +234,7 @@ class Bench:
         found = [
             SelfContact(
                 penalty=interface.penalty,
+                lag=interface.lag_of_faces,
                 symmetric=self.planes,
                 friction=interface.coulomb(sheet.friction_to(sheet)),
             )
@@ -480,8 +481,10 @@ class FormingScene(Setup):
         from ..postprocess.wrinkles import HEIGHT, LEAST
 
         for name, ply in self.wrinkle_heights.items():
+            file = folder / f"{'_'.join(['wrinkles', *name.split()])}.vtu"
+            file.unlink(missing_ok=True)  # of stages before
             if abs(ply[HEIGHT]).max() >= LEAST:
-                ply.save(folder / f"{'_'.join(['wrinkles', *name.split()])}.vtu")
+                ply.save(file)
 
     def first_picture(self, folder: Path) -> None:
         """The tools and the flat blank before anything moves; called on all ranks."""

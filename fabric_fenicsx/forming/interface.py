@@ -31,7 +31,7 @@ class Interface:
         Elastic slip while a sheet sticks [mm].
     lag
         Share of normal forces, and of areas under a holder, by which these may lag behind the state
-        in a solve.
+        in a solve; forces between sheets five times as much.
     penalty
         Stiffness of contact [N/mm^3]. By default fabric is compacted; `penalty` or `permitted`
         makes its faces rigid.
@@ -83,6 +83,12 @@ class Interface:
     def is_rigid(self) -> bool:
         """Whether fabric keeps its thickness under pressure."""
         return bool(self.penalty or self.permitted)
+
+    @property
+    def lag_of_faces(self) -> float:
+        """Share of the forces between sheets by which those of their faces may differ: laminates
+        do not settle with as little as friction allows."""
+        return 5 * self.lag
 
     def coulomb(self, coefficient: float | dict[str, float]) -> Coulomb:
         """Friction with this coefficient, or with one for each sheet {name: coefficient}."""

@@ -7,7 +7,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..mechanics.contact.holder_pressure import BlankHolderPressure
-from ..mechanics.contact.sheet_contact import LAG, SheetContact
+from ..mechanics.contact.sheet_contact import SheetContact
 from ..mechanics.contact.tool_contact import Contact
 from ..mechanics.shell.morley import Where
 from ..mechanics.term import Term
@@ -27,7 +27,7 @@ def between(
             lower.name,
             upper.name,
             penalty=interface.penalty,
-            lag=max(interface.lag, LAG),
+            lag=interface.lag_of_faces,
             symmetric=planes,
             friction=interface.coulomb(lower.friction_to(upper)),
         )

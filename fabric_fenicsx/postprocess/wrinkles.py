@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from scipy import sparse
+from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.signal import find_peaks
 from scipy.spatial import cKDTree
 
@@ -15,7 +16,9 @@ HEIGHT = "wrinkle_height"
 # of Gaussian weights [mm]: waves up to about three times as long are seen nearly in full
 SIGMA = 20.0
 STEP = 5.0  # mm between places that it is fitted to
-CUT = 2.5  # of these, beyond which places have no weight
+OFF = 0.3819  # of a square, so that nodes of even meshes do not lie on its sides
+CUT = 3.5  # of these, beyond which places have no weight
+CLEAR = 0.005  # difference of squared stretches, from which on one way is shortened most
 FOLD = 0.3  # mm by which a ridge of the rim stands out
 LEAST = 0.1  # mm, the height from which on waves are told of
 Heights = Callable[[np.ndarray], np.ndarray]
@@ -72,29 +75,62 @@ def wrinkles(heights: Grid) -> dict[str, Any]:
 
 def _waves(ply):
     """Distances (n,) of the nodes from their smooth surface, less their means along the way on
-    which that is shortened most [mm]."""
+    which that is shortened most, as far as there is one [mm]."""
     w, tangents = _off_smooth(ply)
-    way = np.linalg.eigh(tangents @ tangents.swapaxes(1, 2))[1][:, :, 0]
-    x = ply.x[:, :2]
-    nodes, reach = cKDTree(x), 2 * np.sqrt(plan_area(x, ply.triangles).max())
-    sums, weights = w.copy(), np.ones(len(w))
+    metric = tangents @ tangents.swapaxes(1, 2)
+    # twice the angle of the way; 1 where it is clear, 0 where all ways are shortened alike
+    double = np.stack([metric[:, 1, 1] - metric[:, 0, 0], -2 * metric[:, 0, 1]])
+    apart = np.hypot(*double)
+    double *= apart / (apart**2 + CLEAR**2)
+    sampled = _raster(ply, np.stack([*double, w]))
+    start, sums, weights = np.hypot(*double), sampled(ply.x[:, :2])[2], np.ones(len(w))
+    way = np.arctan2(double[1], double[0]) / 2
     for sign in (1.0, -1.0):
-        at, ahead = x.copy(), sign * way
-        on = np.arange(len(x))  # nodes whose way has not left the ply
+        at, ahead = ply.x[:, :2].copy(), sign * np.stack([np.cos(way), np.sin(way)], axis=1)
+        weight = start.copy()
         for k in range(1, round(CUT * SIGMA / STEP) + 1):
-            at[on] += STEP * ahead[on]
+            at += STEP * ahead
             for axis in ply.planes:  # the image's way is the way's image
                 beyond = at[:, axis] < 0
                 at[beyond, axis] *= -1
                 ahead[beyond, axis] *= -1
-            off, near = nodes.query(at[on])
-            on, near = on[off < reach], near[off < reach]
-            turn = np.sign((way[near] * ahead[on]).sum(1))
-            ahead[on] = np.where(turn < 0, -1.0, 1.0)[:, None] * way[near]
-            weight = np.exp(-((k * STEP / SIGMA) ** 2) / 2)
-            sums[on] += weight * w[near]
-            weights[on] += weight
-    return w - sums / weights
+            one, other, height, covered = sampled(at)
+            angle = np.arctan2(other, one) / 2
+            turned = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+            along = (turned * ahead).sum(1)
+            ahead = np.where(along < 0, -1.0, 1.0)[:, None] * turned
+            weight *= np.hypot(one, other) * covered * along**2  # no jump where ways cross
+            share = weight * np.exp(-((k * STEP / SIGMA) ** 2) / 2)
+            sums += share * height
+            weights += share
+    return w - start * sums / weights
+
+
+def _raster(ply, values):
+    """Function of flat places (m, 2) to values (k, n) of the nodes there, joined smoothly, and the
+    share of what is around that the ply covers, (k + 1, m)."""
+    area = np.bincount(
+        ply.triangles.ravel(), np.repeat(plan_area(ply.x, ply.triangles) / 3, 3), len(ply.x)
+    )
+    cell = max(STEP / 2, 0.7 * np.sqrt(area.mean()))
+    low = np.where(np.isin([0, 1], ply.planes), 0.0, ply.x[:, :2].min(0) - 3 * cell)
+    at = (ply.x[:, :2] - low) / cell
+    shape = np.ceil(at.max(0)).astype(int) + 4
+    corner, part = np.floor(at).astype(int), at % 1
+    sums = np.zeros((len(values) + 1, *shape))
+    for i in (0, 1):
+        for j in (0, 1):
+            share = area * abs(1 - i - part[:, 0]) * abs(1 - j - part[:, 1])
+            for total, each in zip(sums, [*values, np.ones(len(at))]):
+                np.add.at(total, (corner[:, 0] + i, corner[:, 1] + j), share * each)
+    *smooth, covered = (gaussian_filter(each, 1.0, mode="mirror") for each in sums)
+    known = [each / np.maximum(covered, 1e-12) for each in smooth]
+    known.append(np.minimum(covered / cell**2, 1.0))
+
+    def sampled(x):
+        return [map_coordinates(each, ((x - low) / cell).T, order=1) for each in known]
+
+    return sampled
 
 
 def _off_smooth(ply):
@@ -103,7 +139,8 @@ def _off_smooth(ply):
     at, known, count = ply.x[:, :2] / SIGMA, _means(whole(ply)), len(ply.x)
     X, x, weight = known[:, :2] / SIGMA, known[:, 2:5], known[:, 5]
     near = cKDTree(at).sparse_distance_matrix(cKDTree(X), CUT, output_type="coo_matrix")
-    weights = np.exp(-(near.data**2) / 2) * weight[near.col]
+    # 0 at the cut, or rounding decides what counts
+    weights = np.exp(-(near.data**2) / 2) * (1 - (near.data / CUT) ** 2) * weight[near.col]
     W = sparse.csr_matrix((weights, (near.row, near.col)), shape=near.shape)
     basis = _quadratic(X)
     A = (W @ (basis[:, :, None] * basis[:, None]).reshape(-1, 36)).reshape(count, 6, 6)
@@ -141,7 +178,7 @@ def _means(ply):
     n = len(ply.x)
     corners = areas(ply.x[ply.triangles])
     area = np.bincount(ply.triangles.ravel(), np.repeat(corners / 3, 3), n)
-    squares = np.unique(np.floor(ply.x[:, :2] / STEP), axis=0, return_inverse=True)[1].ravel()
+    squares = np.unique(np.floor(ply.x[:, :2] / STEP + OFF), axis=0, return_inverse=True)[1].ravel()
     values = np.column_stack([ply.x[:, :2], ply.formed, np.ones(n)]) * area[:, None]
     sums = np.stack([np.bincount(squares, each) for each in values.T], axis=1)
     return np.column_stack([sums[:, :5] / sums[:, 5:], sums[:, 5]])

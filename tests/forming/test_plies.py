@@ -50,6 +50,12 @@ def test_a_file_is_read(file):
     assert (outer.length, outer.width, outer.thickness) == (400.0, 200.5, 0.3)
 
 
+def test_faces_of_sheets_follow_a_tighter_lag(file):
+    made = dome(stack=str(file()), lag=1e-4, **COARSE)
+    (between,) = (t for t in made.scene.terms if isinstance(t, ff.SheetContact))
+    assert (between.coulomb.lag, between.faces.lag) == pytest.approx((1e-4, 5e-4))
+
+
 def test_a_ply_takes_what_it_lacks_from_the_blank(file):
     made = dome(stack=str(file()), **COARSE)
     inner, outer = made.sheets

@@ -74,7 +74,8 @@ def test_what_bridges_two_tools_all_round_is_shape(full):
     def ring(x, y, lobes=0.0):
         r, angle = np.hypot(x, y), np.arctan2(y, x)
         z = np.exp(-(((r - 60) / 10) ** 2)) * (2 + lobes * np.cos(12 * angle))
-        return np.column_stack([0.95 * x, 0.95 * y, z])
+        share = 1 - 3 * (1 - np.exp(-((r / 20) ** 2))) / np.maximum(r, 1e-9)  # drawn in by 3 mm
+        return np.column_stack([share * x, share * y, z])
 
     size = {"nx": 60, "ny": 60, "length": 240.0, "width": 240.0, "full": full}
     even = wrinkles(height_map(formed(ring, **size), nowhere))
