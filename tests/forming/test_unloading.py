@@ -121,6 +121,9 @@ def test_fabric_whose_yarns_rub_keeps_its_height_if_that_is_stronger_than_the_la
     z = np.concatenate(formed.scene.comm.allgather(builders.displacement(formed.scene.blank)[:, 2]))
     assert low <= np.ptp(z) <= high
     assert unloaded.summary["energy_imbalance"] < 5e-3
+    energy = unloaded.summary["energy"]  # what yarns rubbed away is not left in the sheet
+    left = energy["strain"] + energy["bending"]
+    assert unloaded.number("energy_left_Nmm") == pytest.approx(left, rel=1e-9)
     assert not [each for each in unloaded.summary["warnings"] if "keeps no shape" in each]
 
 
