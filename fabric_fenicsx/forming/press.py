@@ -77,7 +77,7 @@ class Press(KnowsItsFields):
     )
     FULL: ClassVar[Mapping[str, Any]] = {"balance": 0.02}
     QUICK: ClassVar[Mapping[str, Any]] = {"balance": None}
-    SOLVER: ClassVar[Mapping[str, Any]] = {"path_tolerance": 1e-6, "every": 5}
+    SOLVER: ClassVar[Mapping[str, Any]] = {"path_tolerance": 1e-5, "every": 5}
     CHEAP_FROM: ClassVar[int] = 0  # errors are estimated when asked for
 
     sheets: Sequence[Sheet]

@@ -186,6 +186,10 @@ class Term:
     def set_load(self, load: float) -> None:
         """Set the load factor, and go back to the last accepted state in all else."""
 
+    def look_ahead(self) -> None:
+        """See the predicted state from which a step's solution begins, to hold what is as it is
+        there."""
+
     def update_lagged(self) -> bool:
         """Update, after a solve, what was held during it, if that is off by more than allowed. True
         on all ranks if so: the solve is repeated."""

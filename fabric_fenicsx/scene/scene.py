@@ -120,6 +120,11 @@ class Scene:
         for term in self.terms:
             term.accept()
 
+    def look_ahead(self) -> None:
+        """Show terms the present displacement as the prediction of the next state."""
+        for term in self.terms:
+            term.look_ahead()
+
     def update_lagged(self) -> bool:
         """Let terms update what they lag; True if any did, on all ranks."""
         return any([term.update_lagged() for term in self.terms])

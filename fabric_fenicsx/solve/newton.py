@@ -92,12 +92,15 @@ class Newton:
         self.directions = Directions(scene, self.tangent)
         self.line_search = LineSearch(self.objective)
         self.saddles = Saddles(self.objective, self.tangent, self.smallest)
-        self.report = Report()  # of the solve under way, or of the last one
+        self.report, self._fall = Report(), 0.0  # of the solve under way, or of the last one
 
-    def solve(self, x: PETSc.Vec, tolerance: float = 0.0, minimum: bool = True) -> Report:
+    def solve(
+        self, x: PETSc.Vec, tolerance: float = 0.0, fall: float = 0.0, minimum: bool = True
+    ) -> Report:
         """Solve from x, at which supports have their values, and overwrite it by the solution.
-        tolerance: counts if it is looser than the solver's; minimum: leave saddles."""
-        self.report = Report()
+        tolerance: counts if it is looser than the solver's; fall: share of the first residual that
+        is enough; minimum: leave saddles."""
+        self.report, self._fall = Report(), fall
         try:
             end = self._iterate(x, max(self.tolerance, tolerance), minimum)
             self.report.converged, self.report.reason = True, end.value
@@ -136,7 +139,8 @@ class Newton:
             raise SolveFailed(Termination.NO_NUMBER)
         if norm <= self.directions.noise:
             return Termination.ROUNDING
-        return Termination.RESIDUAL if norm <= tolerance * report.scale else None
+        enough = max(tolerance * report.scale, self._fall * report.residuals[0])
+        return Termination.RESIDUAL if norm <= enough else None
 
     def _find_direction(self, x, tolerance):
         """Find the next correction d; termination if it is too small to count, else None."""

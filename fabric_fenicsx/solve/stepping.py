@@ -19,8 +19,10 @@ from .staggered import solve_staggered
 GROWTH, CUT = 1.5, 0.5
 SMALLEST = 1e-5  # load step that is still halved
 HARD = 1 / 16  # of the largest step, from where on cutting alone does not help
-FINEST = 8  # of these make the largest step; what a snap loses is missing with any step, so the
-# energy balance of smaller ones is not asked
+FINEST = 8  # of these make the largest step; the energy balance of smaller ones is not asked
+# of the energy that a rejected step missed: where one within it misses more, the sheet snapped, and
+# the energy is missing with any step
+SNAP = 0.75
 ON_THE_WAY = (
     1 / 2,
     1 / 4,
@@ -82,6 +84,8 @@ class LoadStepping:
         self.progress.step = min(self.progress.step, self.largest)
         self._predicted = x.duplicate()
         self._in_equilibrium = not self._is_new  # or it is to be found at load 0
+        # energy that the last step rejected for that missed [N mm], and its load
+        self._missed, self._missed_at = np.inf, 0.0
         self._cuts, self._steps_at_rest, self._clock = 0, 0, time.perf_counter()
 
     def run(self) -> Outcome:
@@ -157,6 +161,8 @@ class LoadStepping:
         x.copy(self._predicted)
         if scene.keeping and not start and not keep_contact(scene, x):
             self._predicted.copy(x)
+        scene.set(x)
+        scene.look_ahead()
         scene.drag, scene.origin = progress.viscosity.drag, progress.x
         trial.report, iterations = solve_staggered(self.newton, x, trial.tolerance)
         progress.iterations += iterations
@@ -183,10 +189,18 @@ class LoadStepping:
         for share in ON_THE_WAY:
             if missing > matters and self._measure_on_the_way(trial, share):
                 missing = self._missing_work(trial)
-        trial.report.reject(step_criteria.imbalance(missing, balance))
+        self._reject_imbalance(trial, missing)
         if balance:
             work = self.progress.work + trial.work
             reason = step_criteria.total_imbalance(work, trial.energy, trial.load)
+            trial.report.reject(reason)
+
+    def _reject_imbalance(self, trial, missing):
+        """Reject the trial if this share of its work is missing, unless the sheet snapped."""
+        reason = step_criteria.imbalance(missing, self.settings.balance)
+        energy = trial.work - (trial.energy - self.progress.stored)
+        if reason and energy <= SNAP * self._missed:
+            self._missed, self._missed_at = abs(energy), trial.load
             trial.report.reject(reason)
 
     def _missing_work(self, trial):
@@ -237,6 +251,8 @@ class LoadStepping:
         else:
             self._in_equilibrium, progress.work = True, trial.energy
         progress.load, progress.stored = trial.load, trial.energy
+        if trial.load >= self._missed_at:
+            self._missed = np.inf
         progress.last_step = trial.size or progress.last_step
         progress.step = self._next_step_size(trial)
         progress.viscosity.note_accepted(uncut=not self._cuts, at_rest=not trial.size)

@@ -22,7 +22,7 @@ def job(comm, stop=2.0):
     """Of a short stroke; one that ends itself once the load factor is `stop`."""
     glass = ff.load("komeili").replace(fibre_density=2.54)
     plies = [{"name": "inner"}, {"name": "outer", "fibre_angle": 45, "nx": 5, "fabric": glass}]
-    made = dome(plies=plies, nx=4, stroke=3.0, comm=comm)
+    made = dome(plies=plies, nx=4, stroke=2.0, comm=comm)
     found = made.job(steps=3, every=1)
 
     def measure(scene, load):

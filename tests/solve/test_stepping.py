@@ -13,7 +13,7 @@ from fabric_fenicsx.scene.supports import Support, clamped_ends
 from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve import staggered
 from fabric_fenicsx.solve.newton import Newton
-from fabric_fenicsx.solve.staggered import FIRST, LOOSE
+from fabric_fenicsx.solve.staggered import FIRST, LOOSE, TIGHT
 from fabric_fenicsx.solve.stepping import FINEST
 
 
@@ -38,9 +38,17 @@ class Losing(Term):
         return self.share * (self._load - self._from) * (self.blank.mesh.comm.rank == 0)
 
 
-def stretched(share, balance):
+class Snapping(Losing):
+    """Says that it did all this work at load 0.6."""
+
+    def work(self):
+        passed = self._from < 0.6 <= self._load
+        return self.share * passed * (self.blank.mesh.comm.rank == 0)
+
+
+def stretched(share, balance, term=Losing):
     """Loads of the accepted states and reasons of the rejected ones, of a strip."""
-    terms = [builders.Elastic(), Losing(share)]
+    terms = [builders.Elastic(), term(share)]
     scene = Scene(Blank.rectangle(20, 10, nx=2), terms, clamped_ends(0.2))
     loads, reasons = [], []
     march(
@@ -61,6 +69,12 @@ def test_steps_that_lose_work_are_halved_but_not_for_ever():
     assert reasons and all("of the step's work is not in the energies" in r for r in reasons)
     # the first step must meet it, too, and the finest ones need not
     assert steps[0] < 0.25 and 0.75 <= min(steps[:-1]) * FINEST / 0.25 <= 1.5
+
+
+@pytest.mark.mpi
+def test_what_a_snap_loses_is_no_reason_to_halve_again():
+    loads, reasons = stretched(0.2, 0.02, Snapping)
+    assert len(reasons) == 1 and loads[:5] == [0, 0.25, 0.5, 0.625, 0.75]
 
 
 @pytest.mark.mpi
@@ -123,9 +137,9 @@ def asked(monkeypatch):
     """Tolerances of all solves, negative where a saddle will do."""
     tolerances, solve = [], Newton.solve
 
-    def noted(self, x, tolerance=0.0, minimum=True):
+    def noted(self, x, tolerance=0.0, *given, minimum=True):
         tolerances.append(tolerance if minimum else -tolerance)
-        return solve(self, x, tolerance, minimum)
+        return solve(self, x, tolerance, *given, minimum=minimum)
 
     monkeypatch.setattr(Newton, "solve", noted)
     return tolerances
@@ -140,13 +154,13 @@ def test_solves_are_rough_until_nothing_is_taken_anew(asked):
 
 
 @pytest.mark.mpi
-def test_a_long_solve_is_made_exact_before_something_is_taken_anew(asked, monkeypatch):
+def test_a_long_solve_goes_on_before_something_is_taken_anew(asked, monkeypatch):
     """As rounding grows in it, by which ranks differ."""
     monkeypatch.setattr(staggered, "LONG", -1)
     terms = [builders.Elastic(), Holding()]
     scene = Scene(Blank.rectangle(20, 10, nx=2), terms, clamped_ends(0.2))
     march(Newton(scene, 1e-8), steps=1)
-    assert asked == [-FIRST, -1e-8] + 2 * [-LOOSE, -1e-8] + [1e-8]
+    assert asked == [-FIRST, -TIGHT] + 2 * [-LOOSE, -TIGHT] + [1e-8]
 
 
 @pytest.mark.mpi

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
+from ...runtime.compiled import compiled
 from ...sheets.blank import Part
 from ...tools.facets import LAST, NEXT, vertex_normals
 from ..shell.morley import Where
@@ -264,26 +265,12 @@ class Face:
 
     def _over(self, points, triangle):
         """The places (n, 3), as in `seek`, of triangles (n,) whose interpolated normals go through
-        points (n, 3), by Newton's method; whether they are within the triangle; and those normals.
-        They are not the nearest ones, as the triangle is not curved with its normals."""
-        corners, e, normals, m = self._corners_and_edges(triangle)
-        y, off = np.zeros_like(points), corners - points
-        step, along = np.full_like(points, np.inf), normals
-        with np.errstate(all="ignore"):
-            for _ in range(ITERATIONS):
-                along = normals + np.einsum("na,nai->ni", y[:, :2], m)
-                miss = off + np.einsum("na,nai->ni", y[:, :2], e) + y[:, 2:] * along
-                slopes = np.concatenate([e + y[:, 2:, None] * m, along[:, None]], 1)
-                step = np.einsum("ni,nij->nj", miss, _inverse(slopes))
-                y = np.clip(y - step, -1e3, 1e3)
-                if not (abs(step) > 1e-14).any():
-                    break
-            settled = abs(step).sum(1) < 1e-9
-            return (
-                y,
-                settled & (np.minimum(y[:, :2].min(1), 1 - y[:, 0] - y[:, 1]) >= -INSIDE),
-                along,
-            )
+        points (n, 3); whether they are within the triangle; and those normals. They are not the
+        nearest ones, as the triangle is not curved with its normals."""
+        nodes = self.triangles[triangle]
+        y, along, settled = _meet(points, self.places[nodes], self.normals[nodes])
+        inside = np.minimum(y[:, :2].min(1), 1 - y[:, 0] - y[:, 1]) >= -INSIDE
+        return y, settled & inside, along
 
     def _corners_and_edges(self, triangle):
         """First corners (n, 3) of triangles (n,) and both edges from there (n, 2, 3), and the
@@ -320,6 +307,51 @@ class Face:
         found.gap[at] = y[:, 2] * length - np.einsum("ni,ni->n", bulge, unit)
         found.normal[at] = slope
         found.curvature[at] = (turn + turn.swapaxes(1, 2)) / 2
+
+
+@compiled
+def _meet(points, corners, normals):
+    """Places y and normals as in `Face._over`, of corners (n, 3, 3) and normals there (n, 3, 3), by
+    Newton's method, and whether that settled (n,)."""
+    n = len(points)
+    y, along, settled = np.zeros((n, 3)), np.empty((n, 3)), np.zeros(n, np.bool_)
+    e, m, miss, off = np.empty((2, 3)), np.empty((2, 3)), np.empty(3), np.empty(3)
+    for i in range(n):
+        at, a = y[i], along[i]
+        for k in range(3):
+            off[k] = corners[i, 0, k] - points[i, k]
+            for j in range(2):
+                e[j, k] = corners[i, j + 1, k] - corners[i, 0, k]
+                m[j, k] = normals[i, j + 1, k] - normals[i, 0, k]
+        for _ in range(ITERATIONS):
+            u, v, h = at
+            for k in range(3):
+                a[k] = normals[i, 0, k] + u * m[0, k] + v * m[1, k]
+                miss[k] = off[k] + u * e[0, k] + v * e[1, k] + h * a[k]
+            p, q, r = (
+                (e[0, 0] + h * m[0, 0], e[0, 1] + h * m[0, 1], e[0, 2] + h * m[0, 2]),
+                (e[1, 0] + h * m[1, 0], e[1, 1] + h * m[1, 1], e[1, 2] + h * m[1, 2]),
+                (a[0], a[1], a[2]),
+            )
+            volume, size = _triple(p, q, r), 0.0
+            found = _triple(miss, q, r), _triple(p, miss, r), _triple(p, q, miss)
+            for k in range(3):
+                step = found[k] / volume
+                at[k] = min(max(at[k] - step, -1e3), 1e3)
+                size += abs(step)
+            if not size > 1e-14:
+                break
+        settled[i] = size < 1e-9
+    return y, along, settled
+
+
+@compiled
+def _triple(a, b, c):
+    return (
+        a[0] * (b[1] * c[2] - b[2] * c[1])
+        + a[1] * (b[2] * c[0] - b[0] * c[2])
+        + a[2] * (b[0] * c[1] - b[1] * c[0])
+    )
 
 
 def _inverse(slopes):

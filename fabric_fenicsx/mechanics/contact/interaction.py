@@ -96,11 +96,15 @@ class Interaction(Term):
     def update_lagged(self) -> bool:
         """See `Term`: of what presses, then of friction."""
         changed = self._update_pressing()
+        return self._update_friction(self.normal_forces()) or changed
+
+    def _update_friction(self, normal_forces):
+        """Let friction follow these normal forces, if needed; true if it did."""
         if not self.friction:
-            return changed
+            return False
         exact = self._slid_exactly(self.friction.start)
-        if not self.friction.update(self.normal_forces(), exact, self._sliding):
-            return changed
+        if not self.friction.update(normal_forces, exact, self._sliding):
+            return False
         self._forget_balance()
         return True
 

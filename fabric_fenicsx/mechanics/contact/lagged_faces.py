@@ -61,6 +61,14 @@ class LaggedFaces:
         self._aitken.start(self._place)
         self.now = self.accepted
 
+    def look_ahead(self) -> None:
+        """Take the faces of a predicted state, with the areas of the last accepted one."""
+        points, present = self._points, self._points.facing()
+        before = points.of_all(self.accepted, self.accepted.areas, np.nan)[present.points]
+        areas = np.where(np.isnan(before), present.areas, before)
+        self._aitken.start(self._u.copy())
+        self.now = present._replace(areas=areas)
+
     def accept(self) -> None:
         """Take the faces as they are, as the accepted ones."""
         self._place = self._u.copy()

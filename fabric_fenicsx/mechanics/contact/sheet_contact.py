@@ -185,6 +185,16 @@ class FaceContact(Interaction):
         self.faces.restore()
         super().set_load(load)
 
+    def look_ahead(self) -> None:
+        self.faces.look_ahead()
+
+    def update_lagged(self) -> bool:
+        """See `Term`. Friction follows the normal forces in balance, which on faces taken anew they
+        are not yet."""
+        normal_forces = self.normal_forces()
+        changed = self._update_pressing()
+        return self._update_friction(normal_forces) or changed
+
     def _update_pressing(self):
         """Take the faces anew, if needed."""
         before = self.faces.now

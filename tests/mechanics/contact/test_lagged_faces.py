@@ -56,6 +56,19 @@ def test_values_of_points_go_to_cells_and_back(points):
 
 
 @pytest.mark.mpi
+def test_a_step_begins_with_the_faces_of_its_prediction(points):
+    """Over the areas of the last accepted state, until a solution is found."""
+    faces = LaggedFaces(points, 0.01, 3 * points.nodes.count)
+    start = faces.now
+    points.blank.u.x.array.reshape(-1, 3)[:] = 0.1 * points.blank.coordinates()
+    faces.look_ahead()
+    assert faces.now.relative == pytest.approx(points.facing().relative)
+    assert np.array_equal(faces.now.areas, start.areas)
+    faces.restore()
+    assert faces.now is start
+
+
+@pytest.mark.mpi
 def test_faces_are_taken_anew_only_if_forces_change(points):
     faces = LaggedFaces(points, 0.01, 3 * points.nodes.count)
     start = faces.now
