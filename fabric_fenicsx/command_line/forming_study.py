@@ -134,7 +134,7 @@ class DomeTest:
             document["tools"]["punch"] = {"file": file, "chord": self.chord}
             document["title"] = f"Forming over {Path(self.punch).name}"
         else:
-            punch |= dimensions(self.dome)
+            punch |= dimensions(self.dome, punch)
         if self.clearance:
             document["tools"]["die"]["clearance"] = self.clearance
         self._set_stroke(document["stage"][0], punch)
@@ -228,10 +228,10 @@ def read_plies(path: str) -> list[dict[str, Any]]:
     return read_toml(path, plies)
 
 
-def dimensions(pairs: Sequence[str]) -> dict[str, Any]:
-    """Dimensions of a double dome {name: value} from texts NAME=VALUE. Raises InputError for a
-    wrong name or value."""
-    given: dict[str, Any] = {}
+def dimensions(pairs: Sequence[str], others: Mapping[str, Any]) -> dict[str, Any]:
+    """Dimensions of a double dome {name: value} from texts NAME=VALUE, and `others` beside them.
+    Raises InputError for a wrong name or value."""
+    given = {name: value for name, value in others.items() if name in DIMENSIONS}
     for pair in pairs:
         name, _, value = pair.partition("=")
         try:
