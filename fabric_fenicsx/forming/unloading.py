@@ -5,6 +5,7 @@ from copy import copy
 from functools import partial
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from mpi4py import MPI
@@ -84,10 +85,12 @@ def unloading(
         raise InputError(
             f"`keep` names {lost[0]!r}; allowed are supports of the scene: {', '.join(names)}"
         )
+    formed = _formed.setdefault(before, blank.u.x.array.copy())
+    blank.u.x.array[:] = formed
     planes = list(planes_of_symmetry(blank, before.supports).values())
     kept = [s for s in before.supports if s in planes or s.name in keep]
     own = [term for term in before.terms if _stays(term, together)]
-    memory, formed = _memory(own), blank.u.x.array.copy()
+    memory = _memory(own)
     held = isostatic(blank, kept)
     blank.u.x.array[:] = 0.0  # as terms are made for a sheet that lies as it was laid
     forces = _Release(_thinnest(before))
@@ -99,6 +102,10 @@ def unloading(
     scene.accept()
     forces.take(_from_outside(scene, kept))
     return Job(scene, **USUAL | _output(scene, forces, held) | changes)
+
+
+# displacement (dofs,) of formed sheets, as they lie elsewhere once they were unloaded
+_formed: WeakKeyDictionary[Scene, np.ndarray] = WeakKeyDictionary()
 
 
 class _Release(ReleaseForces):
