@@ -30,6 +30,9 @@ NAME = "unloaded"  # of the job, and usually of its folder
 SPENT = "plastic", "friction", KIND, "viscous", "external_work", RELEASED
 USUAL: dict[str, Any] = {"steps": 20, "path_tolerance": 1e-6, "name": NAME}  # of the job
 
+# displacement (dofs,) of formed sheets, as they lie elsewhere once they were unloaded
+_formed: WeakKeyDictionary[Scene, np.ndarray] = WeakKeyDictionary()
+
 
 def unloading(
     result: Result, *, together: bool = False, keep: Sequence[str] = (), **changes: Any
@@ -102,10 +105,6 @@ def unloading(
     scene.accept()
     forces.take(_from_outside(scene, kept))
     return Job(scene, **USUAL | _output(scene, forces, held) | changes)
-
-
-# displacement (dofs,) of formed sheets, as they lie elsewhere once they were unloaded
-_formed: WeakKeyDictionary[Scene, np.ndarray] = WeakKeyDictionary()
 
 
 class _Release(ReleaseForces):

@@ -6,6 +6,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from ..runtime.errors import InputError
 from ..runtime.rules import POSITIVE
 from .output import Value
 from .term import SceneFacts, Term, Triplets
@@ -51,6 +52,14 @@ class ReleaseForces(Term):
         self._stiffness = self._whole() / (nodes * self.reach)
         self._work, self._released = Work(), 0.0  # done on the forces up to the accepted state
         self.accept()
+
+    def check_start(self) -> None:
+        """Raise InputError if the sheet was moved since the forces were taken."""
+        if self.blank.mesh.comm.allreduce(not np.array_equal(self._u, self._start), MPI.LOR):
+            raise InputError(
+                "the sheets were moved after their unloading was set up; set it up again, and run "
+                "it at once"
+            )
 
     def springback(self) -> np.ndarray:
         """Motion of this rank's nodes since the forces were taken, along the frame's axes, (owned

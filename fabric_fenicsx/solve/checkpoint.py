@@ -22,9 +22,9 @@ from ..sheets.blank import Blank
 from .progress import Progress
 from .viscosity import Viscosity
 
-FORMAT = 8  # counted up with each change of what the file holds
+FORMAT = 9  # counted up with each change of what the file holds
 COUNTS = ("accepted", "rejected", "iterations")
-SCALARS = ("load", "step", "last_step", "work", "stored", "solver", *COUNTS)
+SCALARS = ("load", "step", "last_step", "work", "stored", "missed", "missed_at", "solver", *COUNTS)
 PLACES = ("x", "around")  # of the nodes
 MEMORY = "memory "  # before the names of the terms' arrays
 CELLS = MEMORY + OF_CELLS  # and of those of cells
@@ -105,7 +105,7 @@ class Checkpoint:
         state, notes = {k: meta[k] for k in SCALARS} | {"memory": remembered}, meta["notes"]
         state["viscosity"] = Viscosity(**meta["viscosity"])
         if share < 1:
-            for name in ("load", "step", "last_step"):
+            for name in ("load", "step", "last_step", "missed_at"):
                 state[name] = state[name] and share * state[name]
             for row in notes["rows"]:
                 row["load"] *= share

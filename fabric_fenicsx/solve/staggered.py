@@ -7,12 +7,13 @@ from .report import Report
 
 MOST = 30  # solves of one step
 # tolerance of solves after which something may be updated: 3e-3, 1e-3, 5e-4 and 2e-4 take 300, 313,
-# 336, 381 iterations over the double dome at 0/90, and 695, 633, 663, 748 at +-45 deg
+# 336, 381 iterations over the double dome at 0/90, and 695, 633, 663, 748 at +-45 deg (without
+# `FALL`)
 LOOSE = 1e-3
 # tolerance of the first solve: forces of contact are then known well enough to be updated (double
 # dome, 1344 cells: 304 tangents if it is `LOOSE`, 279 with this)
 FIRST = 3e-2
-# of the residual after an update, to which a solution is loose as well
+# share of the residual that an update left, down to which a solution is loose enough, too
 FALL = 0.1
 # iterations in which rounding may grow to what an update notices: a solution found in more of them
 # is made exact, so that ranks find the same (two plies, 12 cells: forces to 1e-4 with 15, 1e-10

@@ -20,8 +20,8 @@ GROWTH, CUT = 1.5, 0.5
 SMALLEST = 1e-5  # load step that is still halved
 HARD = 1 / 16  # of the largest step, from where on cutting alone does not help
 FINEST = 8  # of these make the largest step; the energy balance of smaller ones is not asked
-# of the energy that a rejected step missed: where one within it misses more, the sheet snapped, and
-# the energy is missing with any step
+# share of the energy that a rejected step missed: a shorter step that misses more is accepted, as
+# the sheet snapped there, and its energy is missing with any step
 SNAP = 0.75
 ON_THE_WAY = (
     1 / 2,
@@ -84,8 +84,6 @@ class LoadStepping:
         self.progress.step = min(self.progress.step, self.largest)
         self._predicted = x.duplicate()
         self._in_equilibrium = not self._is_new  # or it is to be found at load 0
-        # energy that the last step rejected for that missed [N mm], and its load
-        self._missed, self._missed_at = np.inf, 0.0
         self._cuts, self._steps_at_rest, self._clock = 0, 0, time.perf_counter()
 
     def run(self) -> Outcome:
@@ -199,8 +197,8 @@ class LoadStepping:
         """Reject the trial if this share of its work is missing, unless the sheet snapped."""
         reason = step_criteria.imbalance(missing, self.settings.balance)
         energy = trial.work - (trial.energy - self.progress.stored)
-        if reason and energy <= SNAP * self._missed:
-            self._missed, self._missed_at = abs(energy), trial.load
+        if reason and energy <= SNAP * self.progress.missed:
+            self.progress.missed, self.progress.missed_at = abs(energy), trial.load
             trial.report.reject(reason)
 
     def _missing_work(self, trial):
@@ -251,8 +249,8 @@ class LoadStepping:
         else:
             self._in_equilibrium, progress.work = True, trial.energy
         progress.load, progress.stored = trial.load, trial.energy
-        if trial.load >= self._missed_at:
-            self._missed = np.inf
+        if trial.load >= progress.missed_at:
+            progress.missed = np.inf
         progress.last_step = trial.size or progress.last_step
         progress.step = self._next_step_size(trial)
         progress.viscosity.note_accepted(uncut=not self._cuts, at_rest=not trial.size)

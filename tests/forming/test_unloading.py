@@ -133,7 +133,10 @@ def test_sheets_of_a_stack_spring_back_on_each_other_or_alone(together):
     gentle = ["entry_radius=45", "wall_angle=20"]
     forming = dome(plies=plies, nx=4, stroke=4.0, dome=gentle)
     formed = forming.job(steps=2, balance=None).run()
+    late = ff.unloading(formed)
     ff.unloading(formed, together=not together).run()  # after which the sheets lie elsewhere
+    with pytest.raises(InputError, match="the sheets were moved after"):
+        late.run()
     unloaded = ff.unloading(formed, together=together).run()
     q, energy = unloaded.summary["quantities"], unloaded.summary["energy"]
     sheets = [each["springback_largest_mm"] for each in q["sheets"].values()]
