@@ -60,6 +60,9 @@ class SheetMesh:
         """Make the displacement, of this degree."""
         self.V = compat.vector_space(self.mesh, "Lagrange", degree, self.mesh.geometry.dim)
         self.u = fem.Function(self.V, name="u")
+        self._coordinates = self.V.tabulate_dof_coordinates()
+        self._coordinates.flags.writeable = False
+        self._undeformed_areas = _areas(self.corners())
 
     @property
     def displacement(self) -> Expr:
@@ -86,8 +89,8 @@ class SheetMesh:
         return self.mesh.geometry.x[nodes]
 
     def coordinates(self) -> np.ndarray:
-        """Undeformed positions of the local nodes of `u`, (nodes, 3) [mm]."""
-        return self.V.tabulate_dof_coordinates()
+        """Undeformed positions of the local nodes of `u`, (nodes, 3) [mm], not to be written."""
+        return self._coordinates
 
     def generic_displacement(self) -> np.ndarray:
         """A displacement of this rank's owned nodes (n, gdim) of about size 1 that no mode is
@@ -160,12 +163,12 @@ class SheetMesh:
     def areas(self) -> np.ndarray:
         """Undeformed areas of the owned cells, of those with curved edges between their corners,
         (cells,) [mm2]."""
-        return _areas(self.corners())
+        return self._undeformed_areas.copy()
 
     def area_ratios(self) -> np.ndarray:
         """Areas of the owned cells now over those of the flat sheet, (cells,)."""
         x = self.coordinates()[:, : self.mesh.geometry.dim] + self.nodal_displacement()
-        return _areas(x[self.cell_nodes[:, self.around]]) / self.areas()
+        return _areas(x[self.cell_nodes[:, self.around]]) / self._undeformed_areas
 
     @property
     def around(self) -> list[int]:
@@ -186,9 +189,9 @@ class SheetMesh:
         `values` (owned cells, nodes of a cell or its corners, k); cells: which of the owned
         (all)."""
         nodes = compat.dofmap(self.V)[slice(len(values)) if cells is None else cells]
-        nodes = nodes[:, : values.shape[1]]
-        total = np.zeros((len(self.coordinates()), values.shape[2]))
-        np.add.at(total, nodes.ravel(), values.reshape(-1, values.shape[2]))
+        nodes, count = nodes[:, : values.shape[1]].ravel(), len(self.coordinates())
+        columns = values.reshape(-1, values.shape[2]).T
+        total = np.stack([np.bincount(nodes, each, count) for each in columns], axis=1)
         return self._exchanged(total, add=True)
 
     def cell_means(self, values: np.ndarray) -> np.ndarray:
@@ -204,6 +207,8 @@ class SheetMesh:
 
     def _exchanged(self, local, add):
         """Values (local nodes, k) with those of their owners, added up over ranks before."""
+        if self.mesh.comm.size == 1:
+            return local
         gdim, vector = self.mesh.geometry.dim, compat.petsc_vector(self.u).duplicate()
         found = np.empty_like(local)
         for start in range(0, local.shape[1], gdim):
