@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from ..readers.units import suffixes
 from ..runtime.errors import InputError
@@ -123,6 +122,8 @@ RULES: dict[str, Any] = {
 
 def _along(curvature, moment, values):
     """Energy, moment and slope of one yarn at values (n,)."""
+    from scipy.interpolate import PchipInterpolator  # takes long to import
+
     ends = [-curvature[1], *curvature, 2 * curvature[-1] - curvature[-2]]
     curve = PchipInterpolator(ends, [-moment[1], *moment, 2 * moment[-1] - moment[-2]])
     size, last = abs(values), curvature[-1]

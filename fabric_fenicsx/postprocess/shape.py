@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from matplotlib.tri import LinearTriInterpolator, Triangulation
 from numpy.typing import ArrayLike
 
 from ..runtime.errors import InputError
@@ -43,6 +42,8 @@ def along_paths(
     cell, and at a node the mean over the cells around it by their areas (as in Fig. 16 of the
     paper), on a plane of symmetry those on its one side: a shear angle that the mirror reverses is
     not 0 there. Raises InputError if the origin is not on the ply."""
+    from matplotlib.tri import LinearTriInterpolator, Triangulation  # takes long to import
+
     ply, fine = ply_of(grid), 20  # points of the line on the formed ply for each point of the path
     plan = Triangulation(*ply.x[:, :2].T, ply.triangles)
     cell_at = plan.get_trifinder()
@@ -78,6 +79,8 @@ def along_paths(
 def value_at(grid: Grid, place: ArrayLike, name: str) -> float:
     """Field `name`, of one number a cell, of the cell at `place` (x, y) [mm] of the flat ply.
     Raises InputError for a place beside it and for a field that it does not have."""
+    from matplotlib.tri import Triangulation
+
     ply = ply_of(grid)
     known = sorted(each for each, values in ply.fields.items() if values.ndim == 1)
     if name not in known:

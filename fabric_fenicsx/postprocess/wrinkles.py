@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 from scipy.ndimage import gaussian_filter, map_coordinates
-from scipy.signal import find_peaks
 from scipy.spatial import cKDTree
 
 from .ply import SYMMETRIC, Grid, areas, grid_of, plan_area, ply_of, whole
@@ -197,5 +196,10 @@ def _ridges(z, planes):
     into a whole."""
     for _ in range(planes):
         z = np.concatenate([z, z[::-1]])
-    peaks, _ = find_peaks(np.tile(z, 3), prominence=FOLD, plateau_size=1)
-    return int(((peaks >= len(z)) & (peaks < 2 * len(z))).sum())
+    z, ridges = z[z != np.roll(z, 1)], 0  # of level places one
+    for top in np.flatnonzero((z > np.roll(z, 1)) & (z > np.roll(z, -1))):
+        around = np.roll(z, -top)
+        higher = np.flatnonzero(around > around[0])
+        ahead, behind = (higher[0], higher[-1]) if len(higher) else (None, 0)
+        ridges += around[0] - max(around[:ahead].min(), around[behind:].min()) >= FOLD
+    return int(ridges)

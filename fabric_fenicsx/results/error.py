@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
 from ..sheets.blank import Part
 from . import measures
@@ -58,6 +57,8 @@ def curve_errors(curves: Sequence[Sequence[Row]]) -> np.ndarray:
 def field_differences(result: Result, other: Result) -> dict[str, np.ndarray]:
     """Differences of the cell fields FIELDS of two runs on different meshes, at the owned cells of
     the first: the other's are interpolated between its cells' centres."""
+    from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator  # take long to import
+
     blank, comm = result.scene.blank, result.scene.comm
     known = other.scene.blank
     names = [name for name in FIELDS if name in result.fields and name in other.fields]
