@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .runtime.cache_folders import ensure_cache
+from .runtime.timing import phase
 from .runtime.version import __version__
 
 ensure_cache()  # before DOLFINx is imported
@@ -82,7 +83,8 @@ __all__ = sorted(_HOME_OF)
 def __getattr__(name: str) -> Any:
     if name not in _HOME_OF:
         raise AttributeError(f"module {__name__} has no attribute {name}")
-    return getattr(import_module(_HOME_OF[name], __name__), name)
+    with phase("imports"):
+        return getattr(import_module(_HOME_OF[name], __name__), name)
 
 
 def __dir__() -> list[str]:

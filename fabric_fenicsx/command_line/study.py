@@ -24,6 +24,7 @@ from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.fields import declared
 from ..runtime.files import unwritable
 from ..runtime.logs import Console
+from ..runtime.timing import count_imports, phase
 from ..solve.limits import Limits
 from ..solve.settings import Settings
 from .options import Parser, exit_status, option_type, program, restart_command, spelled
@@ -199,7 +200,8 @@ class Study:
 
     def build(self, test: Any) -> Any:
         """The `Setup` of a test, which the study takes."""
-        return self.take(test.build(self.comm))
+        with phase("setup"):
+            return self.take(test.build(self.comm))
 
     def take(self, setup: Any) -> Any:
         """The `Setup` itself, whose warnings are told and whose sizes become the options'."""
@@ -258,6 +260,7 @@ def run(name: str, options: Parser, main: Callable[[Any], Any], kind: type[Study
     """Run main(study of that kind) and leave with the contract's exit status: 0 done, 2 bad input,
     3 the solver gave up. All ranks leave together, rank 0 speaks; a rank that fails alone ends the
     others."""
+    count_imports()
     comm, study = MPI.COMM_WORLD, None
     description = " ".join((sys.modules["__main__"].__doc__ or "").split())
     signal.signal(signal.SIGTERM, signal.default_int_handler)

@@ -28,6 +28,7 @@ from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from ..runtime.rules import unknown_key
 from ..runtime.status import task
+from ..runtime.timing import phase
 from ..scene import output
 from ..scene.scene import Scene
 from ..scene.supports import Support
@@ -51,6 +52,7 @@ CLEARANCE = 1.2  # thicknesses between a tool and its die, by default
 PLANES = [lambda x: x[0] < ON_PLANE, lambda x: x[1] < ON_PLANE]  # of symmetry of a quarter
 
 
+@phase("setup")
 @task("building the press")
 def build(press: Press, comm: MPI.Comm | None = None) -> "FormingScene":
     """The `FormingScene` of a press. Raises InputError, on all ranks, for a blank that can't be

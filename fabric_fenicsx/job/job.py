@@ -20,6 +20,7 @@ from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.files import read_summary
 from ..runtime.formatting import rounded
 from ..runtime.status import task
+from ..runtime.timing import phase
 from ..scene import output as scene_output
 from ..scene.scene import Scene
 from ..solve.checkpoint import Checkpoint
@@ -97,6 +98,7 @@ class Job(Settings):
     beside: Curves = field(default_factory=dict)
     name: str = "job"
 
+    @phase("setup")
     def run(
         self,
         out: Output | Path | str | None = None,
@@ -238,6 +240,7 @@ class Job(Settings):
             series.write(1.0, result.fields)
             result.forget_grid()
 
+    @phase("output")
     @task("writing tables and pictures")
     def _show(self, output, result, pictures):
         """Draw the last state; of a run that reached its end write the tables and pictures, too."""

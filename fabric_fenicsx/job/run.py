@@ -16,9 +16,10 @@ from ..results.curve import default_measure
 from ..results.history import ENERGIES, History, energy_balance, viscous_warning
 from ..results.output import Output
 from ..results.result import Result
-from ..runtime import status, timing
+from ..runtime import status
 from ..runtime.formatting import rounded
 from ..runtime.signals import StopSignals
+from ..runtime.timing import phase
 from ..scene import output as scene_output
 from ..solve.checkpoint import Checkpoint
 from ..solve.newton import Newton
@@ -62,7 +63,7 @@ class Run:
             for old in [folder / "summary.json", *folder.glob("*.png")]:
                 old.unlink(missing_ok=True)  # of an earlier run, not of this one
         self.history = History(folder / "history.csv", comm, notes.get("rows", ()))
-        with timing.phase("output"):
+        with phase("output"):
             self.series = FieldSeries(folder, self.scene, notes.get("states", ()))
         self._measure = job.measure or default_measure(self.scene)
         self._from = start.load if start else 0.0
@@ -84,7 +85,7 @@ class Run:
         self._began = self._step_began = time.monotonic()
         first = self.scene.comm.rank == 0
         try:
-            with status.shown(False, first), status.task(self._doing):
+            with phase("steps"), status.shown(False, first), status.task(self._doing):
                 outcome = stepping.run()
         finally:
             signals.forget()
@@ -101,13 +102,13 @@ class Run:
             )
         self._wrong_now = validity.beyond_limits_now(scene, self.job.limits)
         measured = self._measure(scene, accepted.load)
-        with timing.phase("output"):
+        with phase("output"):
             self.history.add(accepted, *measured, partial(self._further, measured[1]))
             if len(rows) == 1:
                 scene_output.summary(scene)  # which refuses names given twice
         output.warn(viscous_warning(rows, accepted.load))
         self._tell(accepted, *measured)
-        with timing.phase("output"):
+        with phase("output"):
             if self._is_written():
                 self.series.write(accepted.load)
             notes = {"rows": rows, "states": self.series.states}
@@ -160,12 +161,12 @@ class Run:
         kept = *self.job.milestones, 1.0
         return (len(rows) - 1) % self.job.every == 0 or rows[-1]["load"] in kept
 
+    @phase("output")
     def _result(self, outcome: Outcome) -> Result:
         scene, output, rows = self.scene, self.output, self.history.rows
-        with timing.phase("output"):
-            fields = scene_output.cell_fields(scene)
-            if not self._is_written():
-                self.series.write(outcome.reached, fields)
+        fields = scene_output.cell_fields(scene)
+        if not self._is_written():
+            self.series.write(outcome.reached, fields)
         result = Result({}, rows, fields, self.folder, scene)
         energy = self._energy()
         quantities = self.job.quantities(result) if self.job.quantities else {}

@@ -27,7 +27,6 @@ from ..runtime.version import __version__
 
 # the files by which a folder is known to hold results
 RESULTS = "summary.json", "history.csv", "checkpoint.npz", "done.json"
-PHASES = ("setup", "compile", "assemble", "linear_solve", "output")
 VERSIONS = {
     "fabric_fenicsx": __version__,
     "dolfinx": dolfinx.__version__,
@@ -166,7 +165,7 @@ class Output:
     def summarise(self, folder: Path | None, **facts: Any) -> dict[str, Any]:
         """`facts` with costs, warnings and versions, written to `folder`/summary.json if given."""
         total = time.perf_counter() - self._started
-        wall = {name: round(timing.seconds.pop(name, 0.0), 4) for name in PHASES}
+        wall = {name: round(seconds, 4) for name, seconds in timing.taken().items()}
         self._started = time.perf_counter()
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         if "reason" in facts:
@@ -185,6 +184,7 @@ class Output:
     def amend(self, folder: Path, summary: Mapping[str, Any], **facts: Any) -> dict[str, Any]:
         """`summary` with `facts` and what was warned of since it was written, written anew."""
         amended = {**summary, **facts, "warnings": [*summary["warnings"], *self.warnings]}
+        timing.taken()
         self._started, self.warnings = time.perf_counter(), []
         self._write_summary(folder, amended)
         return amended

@@ -55,6 +55,7 @@ class Scene:
     # of forces that cancel in a node, with which residuals of an unloaded sheet are compared
     PINCH = 1e-3
 
+    @phase("setup")
     def __init__(self, blank: Blank, terms: Iterable[Term], supports: Supports = ()) -> None:
         self.blank, self.terms = blank, list(terms)
         self.comm = blank.mesh.comm
@@ -110,6 +111,7 @@ class Scene:
             self.memory()
             self._checked = True
 
+    @phase("contact")
     def set_load(self, load: float) -> None:
         """Set the load factor, and take the terms back to the last accepted state in all else."""
         for term in self.terms:
@@ -120,11 +122,13 @@ class Scene:
         for term in self.terms:
             term.accept()
 
+    @phase("contact")
     def look_ahead(self) -> None:
         """Show terms the present displacement as the prediction of the next state."""
         for term in self.terms:
             term.look_ahead()
 
+    @phase("contact")
     def update_lagged(self) -> bool:
         """Let terms update what they lag; True if any did, on all ranks."""
         return any([term.update_lagged() for term in self.terms])
@@ -197,6 +201,7 @@ class Scene:
         if self.drag:
             A.shift(self.drag)
 
+    @phase("contact")
     def motion_to_gaps(self) -> np.ndarray:
         """Sum of the terms' motions to the gaps of the last accepted state, 0 at supports (owned
         dofs,) [mm]."""
@@ -209,6 +214,7 @@ class Scene:
         those at supports."""
         return self.fixed_dofs is not self._fixed_in_matrix or self._assembly.places_changed()
 
+    @phase("contact")
     def anticipate(self) -> None:
         """Show terms the last residual before the tangent for the next correction."""
         for term in self.terms:
@@ -218,6 +224,7 @@ class Scene:
         """Forces of the supports on this rank's `fixed_dofs`, after `residual` (dofs,) [N]."""
         return self.forces.array[self.fixed_dofs].copy()
 
+    @phase("assemble")
     def force_scale(self) -> float:
         """Norm of the nodal forces of supports, loads and tools, after `residual`, with which a
         residual is compared [N]. Forces that meet in a node, as under a blank holder, cancel, but

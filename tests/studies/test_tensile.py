@@ -84,7 +84,9 @@ def test_the_papers_specimen(launch):
     assert s["stroke_reached"] == 1
     assert s["cells"] == 10_000
     assert s["ranks"] == COMM.size
-    assert set(s["wall_s"]) == {"setup", "compile", "assemble", "linear_solve", "output", "total"}
+    wall = s["wall_s"]
+    assert set(wall) >= {"setup", "compile", "assemble", "linear_solve", "output", "total"}
+    assert sum(wall.values()) - wall["total"] == pytest.approx(wall["total"], rel=0.05)
     assert set(s["energy"]) == {
         "strain",
         "bending",
