@@ -55,11 +55,36 @@ class Part:
         self.orthogonal = crossed if orthogonal is None else orthogonal and crossed
         if not self.is_whole:
             self._tags = meshtags(mesh, 2, np.sort(self.cells), np.ones(len(self.cells), np.int32))
+        self._flat: np.ndarray | None = None
+        self._growth: tuple[np.ndarray, np.ndarray] | None = None
 
     def _yarns(self):
         """Yarns a and b in the cells, two arrays (cells, gdim)."""
         gdim = self.blank.mesh.geometry.dim
         return [f.x.array.reshape(-1, gdim)[self.cells] for f in (self.blank.a0, self.blank.b0)]
+
+    def flat_areas(self) -> np.ndarray:
+        """Undeformed areas at the local nodes, of a quadratic triangle those of its four flat ones,
+        (nodes,) [mm^2]."""
+        if self._flat is None:
+            self._flat = self._at_nodes(self.blank.areas()[self.cells])
+        return self._flat
+
+    def growth(self) -> np.ndarray:
+        """Areas at the local nodes now over undeformed ones, (nodes,), 1 off the part."""
+        u, blank = self.blank.u.x.array, self.blank
+        known = self._growth is not None and np.array_equal(u, self._growth[0])
+        if self._growth is None or not blank.mesh.comm.allreduce(known, MPI.LAND):
+            flat = self.flat_areas()
+            now = self._at_nodes((blank.areas() * blank.area_ratios())[self.cells])
+            self._growth = u.copy(), np.divide(now, flat, out=np.ones_like(now), where=flat > 0)
+        return self._growth[1]
+
+    def _at_nodes(self, areas):
+        """Sums at the local nodes of their shares of the cells' areas (cells,)."""
+        k = self.blank.cell_nodes.shape[1]
+        share = np.array([1, 1, 1, 3, 3, 3]) / 12 if self.blank.degree == 2 else np.full(k, 1 / k)
+        return self.blank.summed((areas[:, None] * share)[..., None], self.cells)[:, 0]
 
     def follows_yarns(self) -> bool:
         """True if few of the cells lie off the yarns."""

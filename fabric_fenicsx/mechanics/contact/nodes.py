@@ -6,7 +6,6 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
-from ... import dolfinx_compat as compat
 from ...runtime.errors import InputError
 from ...sheets.blank import Blank, Part
 from ..assembly import assembled
@@ -83,11 +82,7 @@ class Nodes:
 
     def areas_now(self) -> np.ndarray:
         """Areas of the part at the nodes at the present displacement (count,) [mm^2]."""
-        cells, share = self.part.cells, _share(self.blank)
-        flat = self.blank.areas()[cells, None] * share
-        both = np.stack([flat, flat * self.blank.area_ratios()[cells, None]], axis=2)
-        before, now = self.blank.summed(both, cells)[: self.count].T
-        return self.areas * np.divide(now, before, out=np.ones_like(now), where=before > 0)
+        return self.areas * self.part.growth()[: self.count]
 
     def common(self, rows: np.ndarray) -> np.ndarray:
         """The row (k,) that all nodes of all ranks have in `rows` (count, k)."""
@@ -100,15 +95,8 @@ class Nodes:
         return self.comm.allreduce(values.sum(0), MPI.SUM)
 
 
-def _share(blank):
-    """Shares of a cell's area at its nodes, of a quadratic triangle those of its four flat ones."""
-    n = compat.dofmap(blank.V).shape[1]
-    return np.array([1, 1, 1, 3, 3, 3]) / 12 if blank.degree == 2 else np.full(n, 1 / n)
-
-
 def _areas(blank, part):
     """Areas of the part at the nodes of the blank, this rank's own first."""
     if blank.degree == 2:  # the integrals of shape functions are 0 at corners
-        flat = blank.areas()[part.cells, None] * _share(blank)
-        return blank.summed(flat[..., None], part.cells)[:, 0]
+        return part.flat_areas().copy()
     return assembled(ufl.TestFunction(blank.V)[0] * part.dx())[::3].copy()

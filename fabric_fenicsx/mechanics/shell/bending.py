@@ -177,6 +177,7 @@ class Bending(Term):
         self._within = np.bincount(pairs[here], products[here], self._coupled.count)
         size = self._stencil.count, self._stencil.count
         self._matrix = sparse.csr_matrix((self._within, self._coupled.ends), shape=size)
+        self._matrix.eliminate_zeros()  # all, without bending within the sheet
         self._rest: np.ndarray | float = 0.0
         self._now: _State | None = None
         self._friction = None
@@ -225,20 +226,23 @@ class Bending(Term):
         U, _, shape, moments, *_ = self._state()
         forces = self._matrix @ U
         if shape:
-            across = np.einsum("ck,ckn->cn", moments, shape.bends)
-            forces += self._stencil.summed(across[:, :, None] * shape.normal[:, None])
+            from . import metal_cells
+
+            stencil = self._stencil
+            forces += metal_cells.bending_forces(shape, moments, stencil.columns, stencil.count)
         self._stencil.add_forces(forces, f)
 
     def tangent(self) -> Triplets:
         """As in `Term`, of this rank's owned cells' energy [N/mm]: a cell reaches over two
         neighbours, further than a rank's ghosts."""
         U, _, shape, moments, section, _ = self._state()
-        blocks = self._within[:, None, None] * np.eye(U.shape[1])
+        blocks = np.zeros((self._coupled.count, *2 * U.shape[1:]))
+        if self.in_plane:
+            blocks += self._within[:, None, None] * np.eye(U.shape[1])
         if shape:
             from . import metal_cells
 
-            given = shape, moments, section, self._coupled.places, self._coupled.count
-            blocks += metal_cells.bending_stiffness(*given)
+            metal_cells.add_bending(shape, moments, section, self._coupled.places, blocks)
         return self._stencil.triplets(self._coupled, blocks)
 
     def curvatures(self) -> np.ndarray:
@@ -280,4 +284,4 @@ class Bending(Term):
         from . import metal_cells  # imports numba, which a strip does without
 
         given = self._corners, self._slopes, self._operator, self._own
-        return metal_cells.shape(*given, U[self._stencil.columns])
+        return metal_cells.shape(*given, U, self._stencil.columns)

@@ -261,7 +261,7 @@ class SheetMetal(Term):
 
     def _shape(self, U):
         given = self._corners, self._slopes, self._operator, self._own
-        return metal_cells.shape(*given, U[self._stencil.columns])
+        return metal_cells.shape(*given, U, self._stencil.columns)
 
     def _strain(self, shape):
         """Logarithmic strains at all points, (cells * points)."""

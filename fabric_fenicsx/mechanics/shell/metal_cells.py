@@ -24,20 +24,21 @@ def shape(
     slopes: np.ndarray,
     operator: np.ndarray,
     own: np.ndarray,
-    moved: np.ndarray,
+    U: np.ndarray,
+    columns: np.ndarray,
 ) -> Shape:
     """The shape of cells of `corners` (cells, 3, 3), with slopes (cells, 3, 2) of the corners'
-    functions, from the motion of their nodes (cells, 12, 3).
+    functions, from the motion U (count, 3) of nodes, of which `columns` (cells, 12) are theirs.
 
     kappa = n . x,ab; along the motion of nodes it changes by n . (x,ab of the motion), less what n
     turns: n . motion's slope, along x,ab. x,ab is `own` (cells, 3, 3) plus `operator` (cells, 3,
     12) times the motion.
     """
-    return Shape(*_shape(corners, slopes, operator, own, moved))
+    return Shape(*_shape(corners, slopes, operator, own, U, columns))
 
 
 @compiled
-def _shape(corners, slopes, operator, own, moved):
+def _shape(corners, slopes, operator, own, U, columns):
     n = len(corners)
     base, normal, gradients = np.zeros((n, 3, 2)), np.empty((n, 3)), np.zeros((n, 3, 3))
     bends, curvature = operator.copy(), np.zeros((n, 3))
@@ -46,7 +47,7 @@ def _shape(corners, slopes, operator, own, moved):
         for i in range(3):
             for x in range(3):
                 for k in range(2):
-                    base[c, x, k] += (corners[c, i, x] + moved[c, i, x]) * slopes[c, i, k]
+                    base[c, x, k] += (corners[c, i, x] + U[columns[c, i], x]) * slopes[c, i, k]
         a, b = base[c, :, 0], base[c, :, 1]
         for x in range(3):
             y, z = (x + 1) % 3, (x + 2) % 3
@@ -63,8 +64,10 @@ def _shape(corners, slopes, operator, own, moved):
             twice = 2.0 if k == 2 else 1.0
             for x in range(3):
                 curved[k, x] = own[c, k, x]
-                for i in range(12):
-                    curved[k, x] += operator[c, k, i] * moved[c, i, x]
+            for i in range(12):
+                for x in range(3):
+                    curved[k, x] += operator[c, k, i] * U[columns[c, i], x]
+            for x in range(3):
                 curvature[c, k] += twice * curved[k, x] * normal[c, x]
             for i in range(3):
                 for x in range(3):
@@ -82,6 +85,22 @@ def forces(
     found = across[:, :, None] * shape.normal[:, None]
     N = stretching[:, [[0, 2], [2, 1]]]
     found[:, :3] += slopes @ N @ shape.base.swapaxes(1, 2)
+    return found
+
+
+@compiled
+def bending_forces(
+    shape: Shape, moments: np.ndarray, columns: np.ndarray, count: int
+) -> np.ndarray:
+    """Forces (count, 3) [N] from `moments` alone, summed at the nodes that `columns` (cells, 12)
+    gives."""
+    found = np.zeros((count, 3))
+    for c in range(len(moments)):
+        n, B, M = shape.normal[c], shape.bends[c], moments[c]
+        for i in range(12):
+            across = M[0] * B[0, i] + M[1] * B[1, i] + M[2] * B[2, i]
+            for x in range(3):
+                found[columns[c, i], x] += across * n[x]
     return found
 
 
@@ -150,12 +169,12 @@ def stiffness(
 
 
 @compiled
-def bending_stiffness(
-    shape: Shape, moments: np.ndarray, section: np.ndarray, places: np.ndarray, count: int
-) -> np.ndarray:
-    """As `stiffness`, of cells whose energy has no strains of the mid-surface and a diagonal
-    `section` (cells, 3) [N mm]: a third of the work."""
-    values, bend, by_node = np.zeros((count, 3, 3)), np.empty((3, 12)), np.empty(12)
+def add_bending(
+    shape: Shape, moments: np.ndarray, section: np.ndarray, places: np.ndarray, values: np.ndarray
+) -> None:
+    """Add to `values` what `stiffness` gives for cells whose energy has no strains of the
+    mid-surface and a diagonal `section` (cells, 3) [N mm]: a third of the work."""
+    bend, by_node = np.empty((3, 12)), np.empty(12)
     for c in range(len(section)):
         n, g, B, M = shape.normal[c], shape.gradients[c], shape.bends[c], moments[c]
         torque = (M * shape.curvature[c]).sum()
@@ -181,7 +200,6 @@ def bending_stiffness(
                         values[pair, x, y] += value
                         if i != j:
                             values[mirrored, y, x] += value
-    return values
 
 
 @compiled
