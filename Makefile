@@ -80,9 +80,9 @@ help:
 	@echo "make install        only install what the others need"
 	@echo "make clean          remove environments and caches; keeps results/ and the Debian roots"
 
-install: $(VENV)/installed
+install: $(VENV)/prepared
 
-study: $(VENV)/installed
+study: $(VENV)/prepared
 	$(SCREEN) $(MPIRUN) $(PYTHON) $(or $(wildcard benchmarks/$(STUDY).py),studies/$(STUDY).py) $(or $(ARGS),--overwrite)
 
 test: $(VENV)/installed
@@ -102,6 +102,11 @@ docs: $(VENV)/installed-docs
 
 pictures: $(VENV)/installed
 	$(SCREEN) $(PYTHON) docs/pictures.py
+
+# Forms and loops are compiled once, so that the first study does not wait for it.
+$(VENV)/prepared: $(VENV)/installed
+	$(PYTHON) -m fabric_fenicsx prepare
+	@touch $@
 
 # What an extra of pyproject.toml lists and nothing else, so that the packages of the program stay as they are.
 $(VENV)/installed-%: $(VENV)/installed

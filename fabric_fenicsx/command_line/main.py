@@ -23,6 +23,7 @@ COMMANDS = {
     "export": "DIR FILE: formed plies, thickness and yarns, for VTK, Abaqus, LS-DYNA, Nastran",
     "pattern": "DIR: the flat pattern of a trimmed part (fabric pattern --help tells more)",
     "view": "DIR: formed plies and tools in a window, or a page for a browser (--help)",
+    "prepare": "compiles what usual runs need, so that the first ones do not wait for it",
     "sweep": "runs of a press file with several values, side by side; see its --help",
 }
 PARSED = ("export", "pattern", "view")  # those with options
@@ -53,7 +54,12 @@ def main(argv: list[str] | None = None) -> int:
             command = _parsed(argv, scripts)
         if command == "info":
             return info.show(comm)
-        if first and command in PARSED:
+        if command == "prepare":
+            from .prepare import prepare
+
+            with shown(first=first):
+                prepare()
+        elif first and command in PARSED:
             from . import results
 
             results.run(command, argv[1:])

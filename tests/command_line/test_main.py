@@ -50,6 +50,12 @@ def test_studies_and_data_are_listed(capsys):
     assert len(data) > 3 and all((STUDIES.parent / word).exists() for word in data)
 
 
+def test_usual_runs_are_prepared(caplog, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main.main(["prepare"]) == 0
+    assert not caplog.records and not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("argv", [[], ["--help"]])
 def test_help_names_commands_and_studies(argv, capsys):
     with pytest.raises(SystemExit) as end:
