@@ -100,8 +100,9 @@ def misspelt(term: Term) -> list[str]:
     known = {name.replace("ies", "y"): name for name in vars(Term)}
     found = []
     for name, _ in inspect.getmembers(type(term), callable):
-        near = get_close_matches(name.replace("ies", "y"), known, 1, 0.81)
-        if near and name[0] != "_" and name not in known.values():
+        if name[0] == "_" or name in known.values():
+            continue
+        if near := get_close_matches(name.replace("ies", "y"), known, 1, 0.81):
             meant = f"a run asks for `{known[near[0]]}`, not for this"
             found.append(f"term {term.name} has `{name}`; {meant}")
     return found

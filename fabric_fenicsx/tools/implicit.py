@@ -88,7 +88,9 @@ class ImplicitSurface(Surface):
         """`given` as an array of this shape; InputError, which calls it `name`, if it is none."""
         try:
             array = np.asarray(given, float)
-            if array.shape in (shape, (*shape[:-1], 1)):  # the same at all points is given once
+            if array.shape == shape:
+                return array
+            if array.shape == (*shape[:-1], 1):  # the same at all points is given once
                 return np.array(np.broadcast_to(array, shape))
             found = f"of shape {array.shape}"
         except (TypeError, ValueError):

@@ -7,6 +7,7 @@ import numpy as np
 
 from ...runtime.errors import InputError
 from ...runtime.rules import ABOVE_ZERO_OR_INF, FROM_ZERO, POSITIVE
+from . import friction_loops as loops
 
 # the double dome's force is then 0.05 % off that of 0.0001, in 0.9 times the iterations
 LAG = 0.002
@@ -64,21 +65,13 @@ class Coulomb:
 
     def potential(self, z: np.ndarray, limit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Energies (n,) [N mm], and forces on the points (n, 3) [N], minus their derivatives."""
-        length = np.linalg.norm(z, axis=1)
-        beyond = np.maximum(length - self.slip, 0.0)
-        energy = limit * ((length - beyond) ** 2 / (2 * self.slip) + beyond)
-        return energy, -(limit / np.maximum(length, self.slip))[:, None] * z
+        return loops.potential(z, limit, self.slip)
 
     def blocks(self, z: np.ndarray, limit: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """Second derivatives of the energies (n, 3, 3) [N/mm]: mu P / max(|z|, s) times the
         projector on the plane across `normal` (n, 3), of a sliding point less the direction of
         its slip."""
-        blocks, at = np.zeros((len(z), 3, 3)), np.flatnonzero(limit)
-        length, z, n = np.linalg.norm(z[at], axis=1), z[at], normal[at]
-        along = z * ((length > self.slip) / np.maximum(length, self.slip))[:, None]
-        free = np.eye(3) - n[:, :, None] * n[:, None] - along[:, :, None] * along[:, None]
-        blocks[at] = (limit[at] / np.maximum(length, self.slip))[:, None, None] * free
-        return blocks
+        return loops.blocks(z, limit, normal, self.slip)
 
     def elastic(self, z: np.ndarray) -> np.ndarray:
         """Elastic part of the slip, at most s long, (n, 3) [mm]."""

@@ -7,6 +7,7 @@ import numpy as np
 from mpi4py import MPI
 
 from .coulomb import Coulomb
+from .friction_loops import slipped
 
 
 class Sliding(Protocol):
@@ -97,9 +98,9 @@ class FrictionState:
     def accept(self, normal_forces: np.ndarray, exact: np.ndarray, sliding: Sliding) -> None:
         """Take the present state as the accepted one: keep the elastic part of the slip. exact
         (n, 3): how far points slid to it [mm]; sliding: from it on."""
-        slipped = self._slip_at(exact, self.sliding)
-        self._accepted_energy = self._taken + self.law.potential(slipped, self._limit)[0]
-        self._slip = self.law.elastic(slipped)
+        slip = self._slip_at(exact, self.sliding)
+        self._accepted_energy = self._taken + self.law.potential(slip, self._limit)[0]
+        self._slip = self.law.elastic(slip)
         self._start(normal_forces, sliding)
 
     def energy(self) -> float:
@@ -130,10 +131,10 @@ class FrictionState:
     def _slip_at(self, exact, sliding):
         """Slip (n, 3) after `exact` sliding since the start, in the tangent planes of `sliding`."""
         turned = _turned(self._slip, self.limit, sliding.normals)
-        return _slipped(self._slip if sliding is self.start else turned, exact, sliding.normals)
+        return slipped(self._slip if sliding is self.start else turned, exact, sliding.normals)
 
     def _slipped(self, slid):
-        return _slipped(self._slip_before, slid, self.sliding.normals)
+        return slipped(self._slip_before, slid, self.sliding.normals)
 
     def _now(self):
         """Sliding, energy and forces in the present state, evaluated once."""
@@ -144,17 +145,10 @@ class FrictionState:
         return known
 
 
-def _slipped(slip, moved, normals):
-    """Slip (n, 3) and the parts of motions `moved` (n, 3) across unit normals (n, 3), added up."""
-    x, n = moved.T, normals.T
-    along = x[0] * n[0] + x[1] * n[1] + x[2] * n[2]
-    return slip + (moved - along[:, None] * normals)
-
-
 def _turned(slip, limit, normals):
     """The slip turned into the planes across `normals`, as long as before; 0 where nothing
     presses."""
     length = np.linalg.norm(slip, axis=1)
-    flat = _slipped(np.zeros_like(slip), slip, normals)
+    flat = slipped(np.zeros_like(slip), slip, normals)
     flat *= (length / np.maximum(np.linalg.norm(flat, axis=1), 1e-300))[:, None]
     return np.where((limit > 0)[:, None], flat, 0.0)

@@ -10,6 +10,7 @@ from ...tools.tool import Tool
 from ..term import NO_TANGENT, Term, Triplets
 from .coulomb import Coulomb, as_coulomb
 from .friction import FrictionState, Sliding
+from .friction_loops import turned, turned_blocks
 from .nodes import Nodes
 
 
@@ -150,7 +151,7 @@ class ToolSliding:
 
     def slid(self) -> np.ndarray:
         """As in `Sliding`."""
-        return np.einsum("nij,nj->ni", self._derivative, self._moved())
+        return turned(self._moved(), self._derivative)
 
     def exact(self, offsets: np.ndarray) -> np.ndarray:
         """Sliding that is not linear, to a state with these offsets (nodes, 3) [mm]."""
@@ -162,11 +163,11 @@ class ToolSliding:
 
     def on_nodes(self, forces: np.ndarray) -> np.ndarray:
         """Forces on the nodes (nodes, 3) of forces on the faces (nodes, 3) [N]."""
-        return np.einsum("nij,nj->ni", self._derivative, forces)
+        return turned(forces, self._derivative)
 
     def on_node_blocks(self, blocks: np.ndarray) -> np.ndarray:
         """Stiffness at the nodes of stiffness at the faces, (nodes, 3, 3) [N/mm]."""
-        return self._derivative @ blocks @ self._derivative
+        return turned_blocks(blocks, self._derivative)
 
 
 class ToolInteraction(Interaction):
@@ -254,7 +255,8 @@ class ToolInteraction(Interaction):
 
     def applied_forces(self) -> np.ndarray:
         """See `Term`, friction included."""
-        return (self._pressing_forces() + self._friction_forces()).ravel()
+        forces = self._pressing_forces()
+        return (forces + self._friction_forces() if self.friction else forces).ravel()
 
     def tangent(self) -> Triplets:
         """See `Term`, (9 nodes,) each [N/mm]."""

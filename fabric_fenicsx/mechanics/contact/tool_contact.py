@@ -10,6 +10,7 @@ from ...runtime.errors import InputError
 from ...runtime.formatting import coordinates, of_sheet
 from ...runtime.rules import POSITIVE
 from ...tools.checks import check_start
+from ...tools.surfaces import Nearest
 from ...tools.tool import Tool, checked_tool
 from ..materials import materials_at_nodes
 from ..output import Value, largest, least, total
@@ -104,6 +105,7 @@ class Contact(ToolInteraction):
         self._face, self.permitted, self.where = face, permitted, where
         # the last displacement, and what was found at it
         self._found: tuple[np.ndarray, Pressed] | None = None
+        self._seen: tuple[np.ndarray, Nearest] | None = None  # the last places from the tool's
         self._load, self._work = 0.0, Work()
 
     def set_up(self, scene: SceneFacts) -> None:
@@ -174,6 +176,17 @@ class Contact(ToolInteraction):
         return self._found[1]
 
     def _state_at(self, x):
+        nearest = self._nearest(x)
+        gap = nearest.gap - self.thickness / 2
+        gap[~self.nodes.own] = np.inf
+        return press(self._law, self.areas, gap, nearest.normal, nearest.curvature, self._shift)
+
+    def _nearest(self, x):
+        """Of the tool at places x (nodes, 3), found once for the same."""
+        off = x - self.tool.displacement
+        if self._seen and np.array_equal(off, self._seen[0]):
+            return self._seen[1]
+        # twice what counts: the sheet may have become thicker since
         reach = float(self.thickness.max(initial=0.0))
         nearest = self.tool.evaluate(x, reach)
         deep = np.flatnonzero(nearest.gap < -0.9 * reach)
@@ -183,9 +196,8 @@ class Contact(ToolInteraction):
         lost = np.flatnonzero(np.isnan(nearest.gap) & np.isfinite(x).all(1))
         if len(lost):
             self.undefined_at = f"{coordinates(x[lost[0]])} mm"
-        gap = nearest.gap - self.thickness / 2
-        gap[~self.nodes.own] = np.inf
-        return press(self._law, self.areas, gap, nearest.normal, nearest.curvature, self._shift)
+        self._seen = off, nearest
+        return nearest
 
     def _balanced(self, x):
         """The nodes at x as they are pressed where the tool's force is in balance, sought from

@@ -1,0 +1,73 @@
+"""Loops over points that rub."""
+
+import numpy as np
+
+from ...runtime.compiled import compiled
+
+
+@compiled
+def potential(z: np.ndarray, limit: np.ndarray, s: float) -> tuple[np.ndarray, np.ndarray]:
+    """As `Coulomb.potential`, of an elastic slip s [mm]."""
+    energy, forces = np.zeros(len(z)), np.zeros(z.shape)
+    for n in range(len(z)):
+        length = np.sqrt(z[n, 0] ** 2 + z[n, 1] ** 2 + z[n, 2] ** 2)
+        beyond = max(length - s, 0.0)
+        energy[n] = limit[n] * ((length - beyond) ** 2 / (2 * s) + beyond)
+        for x in range(3):
+            forces[n, x] = -limit[n] / max(length, s) * z[n, x]
+    return energy, forces
+
+
+@compiled
+def blocks(z: np.ndarray, limit: np.ndarray, normal: np.ndarray, s: float) -> np.ndarray:
+    """As `Coulomb.blocks`, of an elastic slip s [mm]."""
+    found = np.zeros((len(z), 3, 3))
+    for n in range(len(z)):
+        if limit[n]:
+            length = np.sqrt(z[n, 0] ** 2 + z[n, 1] ** 2 + z[n, 2] ** 2)
+            stiffness, slides = limit[n] / max(length, s), 1.0 if length > s else 0.0
+            for x in range(3):
+                for y in range(3):
+                    along = slides * z[n, x] * z[n, y] / max(length, s) ** 2
+                    free = (1.0 if x == y else 0.0) - normal[n, x] * normal[n, y] - along
+                    found[n, x, y] = stiffness * free
+    return found
+
+
+@compiled
+def slipped(slip: np.ndarray, moved: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Slip (n, 3) and the parts of motions `moved` (n, 3) across unit normals (n, 3), added up."""
+    found = np.empty(slip.shape)
+    for n in range(len(slip)):
+        along = 0.0
+        for x in range(3):
+            along += moved[n, x] * normals[n, x]
+        for x in range(3):
+            found[n, x] = slip[n, x] + (moved[n, x] - along * normals[n, x])
+    return found
+
+
+@compiled
+def turned(vectors: np.ndarray, matrices: np.ndarray) -> np.ndarray:
+    """Products of matrices (n, 3, 3) and vectors (n, 3)."""
+    found = np.zeros(vectors.shape)
+    for n in range(len(vectors)):
+        for x in range(3):
+            for y in range(3):
+                found[n, x] += matrices[n, x, y] * vectors[n, y]
+    return found
+
+
+@compiled
+def turned_blocks(blocks: np.ndarray, matrices: np.ndarray) -> np.ndarray:
+    """Products of symmetric matrices, blocks and the matrices again, (n, 3, 3) each."""
+    product = np.zeros(blocks.shape)
+    for n in range(len(blocks)):
+        D, B = matrices[n], blocks[n]
+        if B.any():
+            for x in range(3):
+                for y in range(3):
+                    right = B[x, 0] * D[0, y] + B[x, 1] * D[1, y] + B[x, 2] * D[2, y]
+                    for z in range(3):
+                        product[n, z, y] += D[z, x] * right
+    return product
