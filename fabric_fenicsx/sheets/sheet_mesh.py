@@ -192,7 +192,7 @@ class SheetMesh:
         nodes, count = nodes[:, : values.shape[1]].ravel(), len(self.coordinates())
         columns = values.reshape(-1, values.shape[2]).T
         total = np.stack([np.bincount(nodes, each, count) for each in columns], axis=1)
-        return self._exchanged(total, add=True)
+        return self._exchanged(total.astype(float, copy=False), add=True)  # of no cells it is int
 
     def cell_means(self, values: np.ndarray) -> np.ndarray:
         """Means over the nodes of each owned cell, (cells,), of `values` (owned nodes,), on all
