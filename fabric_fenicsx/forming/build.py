@@ -474,7 +474,8 @@ class FormingScene(Setup):
 
     def quantities(self, result: Result) -> dict[str, Any]:
         """As in `Setup`: forces, penetration, shear, strains, draw-in, thickness and wrinkles."""
-        from . import quantities
+        with phase("imports"):
+            from . import quantities
 
         return quantities.all_of(self, result)
 

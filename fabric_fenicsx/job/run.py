@@ -52,7 +52,8 @@ class Run:
         start: Progress | None,
         notes: Mapping[str, Any],
     ) -> None:
-        from ..results.fields import FieldSeries
+        with phase("imports"):
+            from ..results.fields import FieldSeries
 
         self.job, self.output, self.folder, self.scene = job, output, folder, job.scene
         self._newton, self._checkpoint, self._start = newton, checkpoint, start

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from ..runtime.errors import InputError
 from ..runtime.rules import Rule
+from ..runtime.timing import phase
 from .values import checked_points, checked_vector
 
 Drawn = tuple[np.ndarray, np.ndarray, np.ndarray]  # points, normals and triangles
@@ -77,7 +78,8 @@ class Surface:
         """Points (n, 3) [mm], unit normals (n, 3) and triangles (m, 3), anticlockwise as the
         normals see them, to draw what lies between the corners low and high (3,) [mm]; edges are
         about `size` [mm] long. A surface of triangles gives these, all of them."""
-        import pyvista
+        with phase("imports"):
+            import pyvista
 
         low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
         cells = np.ceil((high - low) / size).astype(int)
