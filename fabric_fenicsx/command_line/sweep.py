@@ -25,6 +25,14 @@ DESCRIPTION = (
 )
 # what a sweep gives each of its runs, or tells it by itself
 TAKEN = ("--set", "--out", "--resume", "--overwrite")
+# options that do not go together
+APART = (
+    ("scatter", "minimise"),
+    ("slurm", "minimise"),
+    ("only", "minimise"),
+    ("only", "slurm"),
+    ("only", "overwrite"),
+)
 RANKS = "OMPI_COMM_WORLD_SIZE", "PMI_SIZE"
 
 
@@ -35,14 +43,19 @@ def parser() -> Parser:
     p.add_argument("press", metavar="press.toml", type=Path, help="the press file")
     several = Rule("a whole number of 3 or more", lambda v: v >= 3, int)
     power = Rule("a power of 2 from 8 on", lambda v: v >= 8 and v.bit_count() == 1, int)
-    cores = len(os.sched_getaffinity(0))
     more: dict[str, Any] = {"action": "append", "default": []}
     words = 'as "holder.pressure=0.01,0.05,0.2"; with --minimise and --scatter as '
     words += '"holder.pressure=0.01..0.2"; several are combined'
     p.add_argument("--vary", metavar="KEY=VALUES", help=words, **more)
     p.add_argument("--out", metavar="DIR", type=Path, help="default results/sweep_PRESS")
-    words = "runs at a time, of one core each"
-    p.add_argument("--jobs", metavar="N", type=option_type(COUNT), default=cores, help=words)
+    words = "runs at a time (by default as many as cores and free memory allow)"
+    p.add_argument("--jobs", metavar="N", type=option_type(COUNT), help=words)
+    words = "ranks of each run, one core each (1)"
+    p.add_argument("--ranks", metavar="N", type=option_type(COUNT), default=1, help=words)
+    words = "run nothing here, but write a script for Slurm: a job array with a task for each run"
+    p.add_argument("--slurm", metavar="FILE", type=Path, help=words)
+    words = "do run K alone, counted from 1, as a task of the array does"
+    p.add_argument("--only", metavar="K", type=option_type(COUNT), help=words)
     words = "say where a quantity is below x over the one number that is varied; with --minimise "
     words += "look only there, with --scatter count the runs"
     p.add_argument("--below", metavar="QUANTITY=X", help=words, **more)
@@ -64,7 +77,7 @@ def main(argv: Sequence[str], program: type[Form] = Form) -> int:
     input, 3 if one is not believed or the sweep was stopped. program: of the runs."""
     try:
         words, passed = _parted(argv)
-        unbelieved = _sweep(parser().parse_args(words), passed, program)
+        unbelieved = _sweep(parser().parse_args(words), passed, program, argv)
         if unbelieved:
             raise SolverFailure(unbelieved)
     except (InputError, SolverFailure, Interrupted) as error:
@@ -87,34 +100,26 @@ def _parted(argv):
     return words, passed
 
 
-def _sweep(args, passed, program):
+def _sweep(args, passed, program, argv):
     """Run it and write what it found; why not all runs are believed, or ""."""
-    from ..sweep import optimum, results, scatter
+    from ..sweep import job_array, optimum, results, scatter
 
-    if (ranks := max(int(os.environ.get(name, 1)) for name in RANKS)) > 1:
-        raise InputError(f"sweep runs on {ranks} ranks; allowed is one: it starts its runs itself")
-    if not (args.vary or args.scatter):
-        raise InputError("nothing is varied; allowed is one --vary or more")
-    limits = [optimum.limit_of(word) for word in args.below]
-    ranges = varied.ranges(args.vary) if args.minimise or args.scatter else []
     _, document = read_press(args.press)
-    form = program(args.press, passed)
-    if args.scatter:
-        ranges = [*form.scatter(), *ranges]
-    lists = {each.key: each.ends for each in ranges} or varied.lists(args.vary)
-    _check_together(args, lists)
-    if args.scatter:
-        values = scatter.design(ranges, args.scatter)
-        form.check([{each.key: each.ends[k] for each in ranges} for k in (0, 1)])
-    else:
-        values = [dict(zip(lists, each)) for each in itertools.product(*lists.values())]
-        form.check(values)
+    form, ranges, values = _planned(args, passed, program)
+    limits = [optimum.limit_of(word) for word in args.below]
     asked = [*filter(None, [args.minimise]), *(name for name, _ in limits)]
     known = form.quantities(values[0]) if asked else ()
     for name in asked:
         check_quantity(name, known, f"none of {args.press}")
     out = args.out or Path("results") / f"sweep_{args.press.stem}"
-    sweep = SweepFolder(out, args.press, list(lists), args.overwrite)
+    sweep = SweepFolder(out, args.press, list(values[0]), args.overwrite, bool(args.only))
+    if args.slurm:
+        sweep.close()
+        job_array.write(args.slurm, argv, len(values), args.ranks)
+        return ""
+    if args.only:
+        (run,) = Runner(sweep, form).all([values[args.only - 1]])
+        return run.reason
     sweep.facts["asked"] = asked
     runner, answers = Runner(sweep, form, args.jobs), list[str]()
     try:
@@ -142,6 +147,37 @@ def _sweep(args, passed, program):
             results.write(sweep, title, answers, not args.no_pictures)
             print(f"table, pictures and report are in {out}")
         sweep.close()
+    return _doubted(runs, out)
+
+
+def _planned(args, passed, program):
+    """The program of the runs, the ranges of --minimise and --scatter, and the values of all runs,
+    or of the ends of the ranges of --minimise; all checked."""
+    from ..sweep import scatter
+
+    if (ranks := max(int(os.environ.get(name, 1)) for name in RANKS)) > 1:
+        raise InputError(f"sweep runs on {ranks} ranks; allowed is one: it starts its runs itself")
+    if not (args.vary or args.scatter):
+        raise InputError("nothing is varied; allowed is one --vary or more")
+    ranges = varied.ranges(args.vary) if args.minimise or args.scatter else []
+    form = program(args.press, passed, args.ranks)
+    if args.scatter:
+        ranges = [*form.scatter(), *ranges]
+    lists = {each.key: each.ends for each in ranges} or varied.lists(args.vary)
+    _check_together(args, lists)
+    if args.scatter:
+        values = scatter.design(ranges, args.scatter)
+        form.check([{each.key: each.ends[k] for each in ranges} for k in (0, 1)])
+    else:
+        values = [dict(zip(lists, each)) for each in itertools.product(*lists.values())]
+        form.check(values)
+    if args.only and args.only > len(values):
+        raise InputError(f"--only is {args.only}; allowed is 1 to {len(values)}")
+    return form, ranges, values
+
+
+def _doubted(runs, out):
+    """Sentence on the runs that are not believed, or ""."""
     doubted = [run for run in runs if not run.is_believed()]
     if not doubted:
         return ""
@@ -152,8 +188,10 @@ def _check_together(args, lists):
     """InputError for options that do not go together."""
     if args.evaluations and not args.minimise:
         raise InputError("--evaluations needs --minimise")
-    if args.scatter and args.minimise:
-        raise InputError("--scatter and --minimise are both given; allowed is one of them")
+    for pair in APART:
+        if all(getattr(args, name) for name in pair):
+            both = " and ".join(f"--{name}" for name in pair)
+            raise InputError(f"{both} are both given; allowed is one of them")
     if args.minimise and len(lists) > 2:
         raise InputError(f"--minimise varies {len(lists)} numbers; allowed is one or two --vary")
     if args.scatter:
@@ -180,7 +218,7 @@ def _announce(values, runner):
     runs = [runner.folder.run(each) for each in values]
     passed = runner.program.options
     done = [run for run in runs if run.is_done(passed)]
-    count, jobs = len(runs), min(runner.jobs, len(runs))
+    count, jobs = len(runs), min(runner.room(runs), len(runs))
     where = f"{jobs} at a time; folder {runner.folder.path}"
     print(f"{count} runs, {len(done)} done before, {where}", flush=True)
     others = {shlex.join(run.options) for run in done} - {shlex.join(passed)}

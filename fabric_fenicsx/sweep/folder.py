@@ -1,4 +1,4 @@
-"""The folder of a sweep: its press and runs, in sweep.json, and the results of each run."""
+"""The folder of a sweep: its press, in sweep.json, and the folder of each run."""
 
 import dataclasses
 import hashlib
@@ -17,7 +17,9 @@ from ..runtime.rules import did_you_mean
 from .varied import Values, folder_name, label
 
 STATE = "sweep.json"
-FORMAT = 1
+RUN = "run.json"  # in the folder of a run
+FORMAT = 2
+UNREADABLE = OSError, ValueError, TypeError, KeyError
 ALWAYS = "reaction_N", "stroke_reached"  # numbers of every run
 OWN = STATE, "table.csv", "report.html", "curves.png", "maps.png", "trends.png"
 
@@ -41,6 +43,16 @@ class Run:
     def summary(self) -> dict[str, Any]:
         """Its summary.json, {} if there is none yet."""
         return read_summary(self.folder / "summary.json")
+
+    def save(self) -> None:
+        """Write run.json into its folder."""
+        state = {key: value for key, value in vars(self).items() if key != "folder"}
+        replace_file(self.folder / RUN, json.dumps(state, indent=2) + "\n")
+
+    def memory(self) -> float:
+        """The most that it took on all of its ranks [MiB], 0 as long as that is not known."""
+        summary = self.summary()
+        return summary.get("peak_memory_mib", 0) * summary.get("ranks", 1)
 
     def is_believed(self) -> bool:
         """True once it reached the load and is believed."""
@@ -75,6 +87,19 @@ class Run:
         return numbers[name]
 
 
+def _read_run(file):
+    """The run of a run.json."""
+    try:
+        return Run(folder=file.parent, **json.loads(file.read_text()))
+    except UNREADABLE as error:
+        raise _unreadable(file, error) from None
+
+
+def _unreadable(file, error):
+    flaw = f"{file} can't be read ({type(error).__name__}: {error})"
+    return InputError(f"{flaw}; allowed is one that a sweep wrote")
+
+
 def force_name(runs: Sequence[Run]) -> str:
     """Name of the runs' force, if it is the same in all, else "force"."""
     names = {run.summary().get("reaction_is", "force") for run in runs if run.summary()}
@@ -100,13 +125,19 @@ def flat(values: Mapping[str, Any], before: str = "") -> dict[str, float]:
 
 
 class SweepFolder:
-    """The folder `path` of a sweep of the press file `press` over `keys`, locked while it is open.
-    runs: {folder's name: Run}, with those of earlier calls; facts: what else sweep.json keeps.
-    Raises InputError, before anything is written, if it is another sweep's or press's (`overwrite`
-    loses that), or if it holds what no sweep wrote, or is in use."""
+    """The folder `path` of a sweep of the press file `press` over `keys`, locked while it is open
+    unless it is `shared` with processes that do other runs. runs: {folder's name: Run}, with those
+    of earlier calls; facts: what else sweep.json keeps. Raises InputError, before anything is
+    written, if it is another sweep's or press's (`overwrite` loses that), or if it holds what no
+    sweep wrote, or is in use."""
 
     def __init__(
-        self, path: Path, press: Path, keys: Sequence[str], overwrite: bool = False
+        self,
+        path: Path,
+        press: Path,
+        keys: Sequence[str],
+        overwrite: bool = False,
+        shared: bool = False,
     ) -> None:
         self.path, self.keys = path, list(keys)
         text, document = read_press(press)
@@ -117,20 +148,21 @@ class SweepFolder:
             self._refuse_another(known, press)
         try:
             path.mkdir(parents=True, exist_ok=True)
-            lock = lock_folder(path)
+            self._lock = None if shared else lock_folder(path)
         except OSError as error:
             flaw = f"can't be written to ({error.strerror})"
             raise InputError(f"--out {path} {flaw}; allowed is a folder that can be made") from None
-        if not lock:
+        if not (shared or self._lock):
             raise InputError(f"--out {path} is in use by another sweep; allowed is another folder")
-        self._lock = lock
-        runs = [Run(**each | {"folder": path / each["folder"]}) for each in known.get("runs", ())]
+        runs = [_read_run(file) for file in path.glob(f"*/{RUN}")]
         self.runs = {run.folder.name: run for run in runs if not overwrite}
         if overwrite:
             for run in runs:
                 shutil.rmtree(run.folder, ignore_errors=True)
             for name in OWN:
                 (path / name).unlink(missing_ok=True)
+        if overwrite or not known:
+            self.save()
 
     def _known(self):
         """Content of sweep.json, {} where the folder is empty."""
@@ -142,12 +174,10 @@ class SweepFolder:
             return {}
         try:
             known = json.loads(file.read_text())
-            names = [each["folder"] for each in known["runs"]]
-            if known["format"] != FORMAT or any(Path(name).name != name for name in names):
+            if known["format"] != FORMAT:
                 raise ValueError("another format")
-        except (OSError, ValueError, TypeError, KeyError) as error:
-            flaw = f"{file} can't be read ({type(error).__name__}: {error})"
-            raise InputError(f"{flaw}; allowed is one that a sweep wrote") from None
+        except UNREADABLE as error:
+            raise _unreadable(file, error) from None
         return known
 
     def _refuse_another(self, known, press):
@@ -170,13 +200,13 @@ class SweepFolder:
 
     def save(self) -> None:
         """Write sweep.json."""
-        runs = [dataclasses.asdict(run) | {"folder": run.folder.name} for run in self.runs.values()]
-        state = {"format": FORMAT, "keys": self.keys, "runs": runs, **self.facts}
+        state = {"format": FORMAT, "keys": self.keys, **self.facts}
         replace_file(self.path / STATE, json.dumps(state | {"press": self.press}, indent=2) + "\n")
 
     def close(self) -> None:
         """Let others use the folder."""
-        self._lock.close()
+        if self._lock:
+            self._lock.close()
 
 
 def read_press(file: Path) -> tuple[str, dict[str, Any]]:

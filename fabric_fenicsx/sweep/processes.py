@@ -19,7 +19,7 @@ from typing import Any
 
 from ..runtime.errors import NOT_BELIEVED, InputError, Interrupted
 from ..runtime.formatting import rounded
-from ..runtime.ranks import RANKS_ENVIRONMENT
+from ..runtime.ranks import RANKS_ENVIRONMENT, on_ranks
 from ..runtime.status import shown, task
 from .folder import ALWAYS, Run, SweepFolder, flat, read_press
 from .varied import Range, Values, changes, label, spelled
@@ -28,23 +28,25 @@ ENDS = "fabric form: "  # begin of the line with the reason why a run ended
 CONSOLE = "console.txt"  # in a run's folder: what it printed
 FINER = 1.5  # times as many cells along each side, on the finer mesh
 CELLS = "nx", "ny", "size"  # entries of a sheet
+UNKNOWN = 2048  # MiB of a rank before a run has ended: that of 80 000 cells on one
 LOOK = 0.05  # s between looks at whether a run has ended
 STOPS = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
 
 
 class Form:
-    """`fabric form` of a press file with these options."""
+    """`fabric form` of a press file with these options, on so many ranks."""
 
-    def __init__(self, press: Path, options: Sequence[str] = ()) -> None:
-        self.press, self.options = press, list(options)
+    def __init__(self, press: Path, options: Sequence[str] = (), ranks: int = 1) -> None:
+        self.press, self.options, self.ranks = press, list(options), ranks
         self._laws_are_read = False
         self._built: dict[str, Any] = {}  # presses by the labels of their values
 
     def command(self, values: Values, folder: Path) -> list[str]:
         """The command of the run with these values into its folder, but for how it goes on."""
         settings = [word for each in changes(values) for word in ("--set", each)]
+        ranks = on_ranks(self.ranks) if self.ranks > 1 else []
         start = [sys.executable, "-m", "fabric_fenicsx", "form", str(self.press)]
-        return [*start, *settings, "--out", str(folder), *self.options]
+        return [*ranks, *start, *settings, "--out", str(folder), *self.options]
 
     def check(self, values: Sequence[Values]) -> None:
         """InputError for the first values that the press file cannot have."""
@@ -127,12 +129,22 @@ def _more(count):
 
 
 class Runner:
-    """Runs of a sweep's `folder` by the processes of a `program`, so many `jobs` at a time."""
+    """Runs of a sweep's `folder` by the processes of a `program`, so many `jobs` at a time, by
+    default as many as cores and free memory allow."""
 
-    def __init__(self, folder: SweepFolder, program: Form, jobs: int) -> None:
+    def __init__(self, folder: SweepFolder, program: Form, jobs: int | None = None) -> None:
         self.folder, self.program, self.jobs = folder, program, jobs
+        self._free = free_memory()
         self._todo: list[Run] = []
         self._under_way: list[tuple[Run, subprocess.Popen, float]] = []
+
+    def room(self, runs: Sequence[Run]) -> int:
+        """How many of these runs have room side by side, by the memory of those that have ended."""
+        if self.jobs:
+            return self.jobs
+        ranks = self.program.ranks
+        memory = max((run.memory() for run in runs), default=0) or UNKNOWN * ranks
+        return max(1, int(min(len(os.sched_getaffinity(0)) // ranks, self._free // memory)))
 
     def all(self, values: Iterable[Values]) -> list[Run]:
         """Have the runs with these values all done; returns them. Raises InputError with the
@@ -142,27 +154,28 @@ class Runner:
         self._todo = [run for run in runs if not run.is_done(self.program.options)]
         for run in self._todo:  # before any starts, so that one that another one ends is known, too
             run.status, run.reason = None, ""
-        self.folder.save()
         words = partial(self._words, len(self._todo))
         with _signals_noted() as stop:
             try:
                 with shown(), task(words):
-                    self._work(stop)
+                    self._work(runs, stop)
             finally:  # whatever happens, no process is left
                 self._end(stop)
         return runs
 
-    def _work(self, stop):
+    def _work(self, runs, stop):
+        room = self.room(runs)
         while self._todo or self._under_way:
             if stop:
                 name = signal.Signals(stop[0]).name
                 raise Interrupted(f"stopped by {name}; the same command goes on from there")
-            while self._todo and len(self._under_way) < self.jobs:
+            while self._todo and len(self._under_way) < room:
                 self._start(self._todo.pop(0))
             time.sleep(LOOK)
             for each in [each for each in self._under_way if each[1].poll() is not None]:
                 self._under_way.remove(each)
                 self._note(*each)
+                room = self.room(runs)
 
     def _start(self, run):
         words = self.program.command(run.values, run.folder)
@@ -172,6 +185,7 @@ class Runner:
             words.append("--overwrite")
         run.folder.mkdir(exist_ok=True)
         run.options = list(self.program.options)
+        run.save()
         with open(run.folder / CONSOLE, "w") as console:
             process = subprocess.Popen(
                 words,
@@ -193,7 +207,7 @@ class Runner:
         run.reason = "" if run.is_believed() else _reason(run, words)
         if run.summary().get("reason", "").startswith("stopped by"):
             run.status = None  # by somebody else: the next call goes on with it
-        self.folder.save()
+        run.save()
         print(_line(run, time.monotonic() - began), flush=True)
 
     def _words(self, count):
@@ -232,6 +246,14 @@ def _signals_noted() -> Iterator[list[int]]:
     finally:
         for each, handler in before.items():
             signal.signal(each, handler)
+
+
+def free_memory() -> float:
+    """The memory that the system can give to programs [MiB], inf where it does not tell."""
+    with suppress(OSError):
+        lines = dict(line.split(":") for line in open("/proc/meminfo"))
+        return int(lines["MemAvailable"].split()[0]) / 1024
+    return math.inf
 
 
 def _load(history):

@@ -2,6 +2,8 @@
 
 import csv
 import json
+import os
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -102,14 +104,33 @@ def test_scatter_of_a_material_file(press, capfd):
     assert state["keys"] == ["fabric.shear_factor", "contact.friction"]
     assert [each["name"] for each in force["effects"]] == ["shear_factor", "friction"]
     assert force["effects"][0]["change"] > 10 * force["effects"][0]["error"]
-    runs = {run["folder"]: run["values"] for run in state["runs"]}
     with open(folder / "table.csv", newline="") as file:
         for row in csv.DictReader(file):
-            assert row["fabric.shear_factor"] == runs[row["run"]]["fabric.shear_factor"]
+            values = json.loads((folder / row["run"] / "run.json").read_text())["values"]
+            assert row["fabric.shear_factor"] == values["fabric.shear_factor"]
             facts = json.loads((folder / row["run"] / "summary.json").read_text())
             stiffness = 0.02 * float(row["fabric.shear_factor"])
             assert f"G_0 = {stiffness!r}" in facts["fabric"]
     assert {"curves.png", "trends.png"} == {path.name for path in folder.glob("*.png")}
+
+
+def test_a_job_array_on_ranks_has_the_results_of_a_sweep(press, capfd):
+    words = [press, "--vary", "holder.pressure=0.5,0.05", "--no-pictures"]
+    passed = ["--", "--no-pictures"]
+    assert sweep.main([*words, "--slurm", "array.sh", "--ranks", "2", *passed]) == 0
+    for k in ("1", "2"):
+        task = os.environ | {"SLURM_ARRAY_TASK_ID": k, "PYTHONPATH": str(Path(__file__).parents[2])}
+        subprocess.run(["bash", "array.sh"], check=True, env=task)
+    tables = []
+    for where in ([], ["--out", "here"]):
+        assert sweep.main([*words, *where, *passed]) == 0
+        with open(Path(*where[1:] or ["results/sweep_press"]) / "table.csv", newline="") as file:
+            tables.append([*csv.DictReader(file)])
+    assert "2 runs, 2 done before" in capfd.readouterr().out
+    for array, local in zip(*tables, strict=True):
+        assert array.keys() == local.keys() and array["run"] == local["run"]
+        for name in ("reaction_N", "shear_angle_max_deg", "draw_in.largest_mm"):
+            assert float(array[name]) == pytest.approx(float(local[name]), rel=1e-7)
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,9 @@ import pytest
 
 from fabric_fenicsx.command_line import sweep
 from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.sweep import varied
-from fabric_fenicsx.sweep.processes import Form
+from fabric_fenicsx.sweep import processes, varied
+from fabric_fenicsx.sweep.folder import Run
+from fabric_fenicsx.sweep.processes import Form, Runner
 
 FAKE = Path(__file__).with_name("fake_form.py")
 PRESS = """
@@ -149,6 +150,10 @@ def test_bad_input_of_a_run_ends_the_sweep_with_its_sentence(run):
         ),
         (["--vary", "a=1", "--", "--out", "x"], "option --out is behind --; allowed are options"),
         (["--vary", "a=1", "--job", "2"], "option --job is unknown (did you mean --jobs?)"),
+        (["--vary", "a=1..2", "--minimise", "x", "--slurm", "f"], "and --minimise are both"),
+        (["--vary", "a=1", "--only", "2", "--overwrite"], "--only and --overwrite are both given"),
+        (["--vary", "a=1,2", "--only", "3"], "--only is 3; allowed is 1 to 2"),
+        (["--vary", "a=1", "--ranks", "0"], "--ranks is 0; allowed is a whole number of 1 or more"),
         (["--vary", "a=1", "--jobs", "0"], "--jobs is 0; allowed is a whole number of 1 or more"),
     ],
 )
@@ -431,6 +436,45 @@ def test_runs_that_are_not_believed_are_never_the_best(run):
     status, out, _ = run(*words, "--evaluations", "6")
     assert status == 0 and "not believed, left out)" in out
     assert "ring.pressure = 0.5 is the lower end" in out
+
+
+def test_a_job_array_does_the_runs_and_the_same_command_their_table(run):
+    """A run that gave up in the array is not tried again, nor is any other."""
+    vary = "--vary", "ring.pressure=0.1,0.4,2"
+    status, *_ = run(*vary, "--slurm", "array.sh", "--ranks", "4", "--", "--slow", "0.01")
+    script = Path("array.sh").read_text()
+    subprocess.run(["bash", "-n", "array.sh"], check=True)
+    assert status == 0 and not starts() and "#SBATCH --array=1-3\n" in script
+    assert "#SBATCH --ntasks=4\n" in script
+    assert '--ranks 4 --only "$SLURM_ARRAY_TASK_ID" -- --slow 0.01\n' in script
+    told = [run(*vary, "--only", str(k), "--", "--slow", "0.01")[0] for k in (3, 1, 2)]
+    assert told == [3, 0, 0] and not Path("out/table.csv").exists()
+    status, out, _ = run(*vary, "--", "--slow", "0.01")
+    assert status == 3 and "3 runs, 3 done before" in out
+    assert starts() == {f"pressure={p}": ["begin"] for p in ("0.1", "0.4", "2")}
+    array = Path("out/table.csv").read_text()
+    run(*vary, "--overwrite")
+    assert Path("out/table.csv").read_text() == array
+
+
+def test_a_file_that_is_no_script_is_not_replaced(run):
+    status, _, err = run("--vary", "ring.pressure=1", "--slurm", "press.toml")
+    assert status == 2 and "--slurm press.toml is there and no script of a sweep" in err
+    assert Path("press.toml").read_text() == PRESS
+
+
+def test_cores_and_memory_are_for_so_many_runs(tmp_path, monkeypatch):
+    """Those of a rank of 2 GiB before a run has ended, then of the most that one took."""
+    monkeypatch.setattr(processes.os, "sched_getaffinity", lambda _: range(16))
+    monkeypatch.setattr(processes, "free_memory", lambda: 20 * 1024)
+    (tmp_path / "summary.json").write_text('{"peak_memory_mib": 1500, "ranks": 2}')
+    ended, other = (Run({}, tmp_path / name) for name in ("", "other"))
+    room = {
+        (ranks, jobs): Runner(None, Form(Path("press.toml"), ranks=ranks), jobs).room
+        for ranks, jobs in ((1, None), (2, None), (32, None), (1, 9))
+    }
+    assert [each([other]) for each in room.values()] == [10, 5, 1, 9]
+    assert [each([other, ended]) for each in room.values()] == [6, 6, 1, 9]
 
 
 def test_pictures_and_a_page_with_links(run):
