@@ -58,10 +58,10 @@ class DomeTest:
         *("punch_force_N", "shear_angle_max_deg", "shear_angle_99_percent_deg"),
         "draw_in.largest_mm",
     )
-    FULL: ClassVar[Mapping[str, Any]] = {"nx": 47, "steps": 40, "balance": 0.02}
+    FULL: ClassVar[Mapping[str, Any]] = {"nx": 47, "steps": 20, "balance": 0.02}
     # few steps must not become many
     QUICK: ClassVar[Mapping[str, Any]] = {"nx": 12, "steps": 12, "balance": None}
-    SOLVER: ClassVar[Mapping[str, Any]] = {"path_tolerance": 1e-5, "every": 10}
+    SOLVER: ClassVar[Mapping[str, Any]] = {"path_tolerance": 1e-5, "every": 5}
     CHEAP_FROM: ClassVar[int] = 0
 
     full: bool = switch("model the whole ply, not a quarter", "sheet")
