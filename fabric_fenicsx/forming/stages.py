@@ -56,7 +56,7 @@ class Stage:
     forces: Mapping[str, float] = field(default_factory=dict)
     pressures: Mapping[str, float] = field(default_factory=dict)
     leave: Sequence[str] = ()
-    steps: int = number(40, COUNT, "load steps")
+    steps: int = number(20, COUNT, "load steps")
     unload: bool = switch("take all tools and holders away")
 
     def __post_init__(self) -> None:
