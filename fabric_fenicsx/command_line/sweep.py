@@ -104,6 +104,10 @@ def _sweep(args, passed, program, argv):
     """Run it and write what it found; why not all runs are believed, or ""."""
     from ..sweep import job_array, optimum, results, scatter
 
+    if (ranks := max(int(os.environ.get(name, 1)) for name in RANKS)) > 1:
+        raise InputError(f"sweep runs on {ranks} ranks; allowed is one: it starts its runs itself")
+    if not (args.vary or args.scatter):
+        raise InputError("nothing is varied; allowed is one --vary or more")
     _, document = read_press(args.press)
     form, ranges, values = _planned(args, passed, program)
     limits = [optimum.limit_of(word) for word in args.below]
@@ -155,10 +159,6 @@ def _planned(args, passed, program):
     or of the ends of the ranges of --minimise; all checked."""
     from ..sweep import scatter
 
-    if (ranks := max(int(os.environ.get(name, 1)) for name in RANKS)) > 1:
-        raise InputError(f"sweep runs on {ranks} ranks; allowed is one: it starts its runs itself")
-    if not (args.vary or args.scatter):
-        raise InputError("nothing is varied; allowed is one --vary or more")
     ranges = varied.ranges(args.vary) if args.minimise or args.scatter else []
     form = program(args.press, passed, args.ranks)
     if args.scatter:
