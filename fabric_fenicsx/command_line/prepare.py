@@ -1,10 +1,8 @@
 """Compiles the forms and loops of usual runs, which the caches keep for later ones."""
 
 import logging
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
 
 from ..coupons.coupon import BiasExtension, PictureFrame, Tensile
 from ..forming.press import Press
@@ -23,14 +21,14 @@ def prepare() -> None:
     level = log.level
     log.setLevel(logging.ERROR)  # so few cells are warned of
     try:
-        for data in small():
+        for data in _small():
             with suppress(SolverFailure):  # so few steps may fail
                 data.build().job(steps=2, balance=None).run()
     finally:
         log.setLevel(level)
 
 
-def small() -> Iterator[Any]:
+def _small():
     """The tests and presses, on few cells."""
     for test in (Tensile, BiasExtension, PictureFrame):
         yield test(load("komeili"), nx=4)

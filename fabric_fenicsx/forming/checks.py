@@ -13,7 +13,6 @@ from ..tools.checks import MIRRORED
 
 PRESSED = 1.0  # MPa, under which the blank must fit between closed tools
 ACROSS = 60  # points across the blank at which the distance of two tools is found
-MIRRORED_ACROSS = 30  # and at which a tool is compared with its mirror image
 
 
 def check_clearances(
@@ -74,7 +73,7 @@ def _doubts(names, same_side, distance, schedule, pressed):
 def _least_distance(one, two, low, high, load):
     """The least distance [mm] of two tools over the blank at a load factor, and its place; it is
     infinite if the first has no point there."""
-    x, other = _points(one, low, high, load, ACROSS), np.asarray(two.path(load))
+    x, other = _points(one, low, high, load), np.asarray(two.path(load))
     if not len(x):
         return np.inf, np.zeros(3)
     gap = two.surface.evaluate(x - other).gap
@@ -83,12 +82,11 @@ def _least_distance(one, two, low, high, load):
     return float(gap[worst]), x[worst]
 
 
-def _points(tool, low, high, load, across):
-    """Points (n, 3) [mm] of a tool's surface over or under the blank at a load factor, as many
-    `across` it."""
+def _points(tool, low, high, load):
+    """Points (n, 3) [mm] of a tool's surface over or under the blank at a load factor."""
     size, place = float((high - low).max()), np.asarray(tool.path(load))
     room = np.array([0.0, 0.0, 2 * size])
-    points, _, _ = tool.surface.mesh(low - room - place, high + room - place, size / across)
+    points, _, _ = tool.surface.mesh(low - room - place, high + room - place, size / ACROSS)
     x = points + place
     return x[((x >= low - 1e-6) & (x <= high + 1e-6))[:, :2].all(1)]
 
@@ -103,7 +101,7 @@ def symmetry_warnings(press: Any, laid: Any, placed: Any) -> list[str]:
             continue
         sideways = np.subtract(tool.path(1.0), tool.path(0.0))[:2].any()
         for load in (0.0, 1.0) if sideways else (0.0,):
-            x, place = _points(tool, low, high, load, MIRRORED_ACROSS), np.asarray(tool.path(load))
+            x, place = _points(tool, low, high, load), np.asarray(tool.path(load))
             if not len(x) or any(words.startswith(f"tools.{tool.name} ") for words in found):
                 continue
             for axis, mirror in enumerate(((-1, 1, 1), (1, -1, 1))):

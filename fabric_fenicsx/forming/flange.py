@@ -18,8 +18,6 @@ AROUND = [k * math.pi / 4 for k in range(8)]
 # mm: edges of the squares whose places, or whose points on rings, are checked together, and the
 # distance of the points at which they are checked
 PLACES, POINTS = (4.0, 2.0), (1.0, 0.5)
-ROW = 2**32  # of the number of a square: ROW times that along x plus that along y
-FARTHEST = 2**29  # squares from the origin, beyond which all is as there
 
 
 class Flange:
@@ -96,12 +94,11 @@ class Tiles:
         self._tiles, self._lattice = Known(self._all_around), Known(self._at)
         self._count = round(edge / spacing)
         steps = np.arange(-beyond, self._count + beyond + 1)
-        self._grid = np.add.outer(ROW * steps, steps).ravel()
+        self._grid = np.add.outer(steps, 1j * steps).ravel()
 
     def __call__(self, places: np.ndarray) -> np.ndarray:
         """As the class says."""
-        squares = np.clip(np.floor(places / self._edge), -FARTHEST, FARTHEST)
-        return self._tiles(squares.astype(np.int64) @ [ROW, 1])
+        return self._tiles(np.floor(places / self._edge) @ [1, 1j])
 
     def _all_around(self, tiles):
         points = np.add.outer(self._count * tiles, self._grid)
@@ -109,8 +106,7 @@ class Tiles:
         return np.where((found == 0) | (found == 1), found, np.nan)
 
     def _at(self, points):
-        along_x = (points + ROW // 2) // ROW
-        return self._check(self._spacing * np.column_stack([along_x, points - ROW * along_x]))
+        return self._check(self._spacing * np.column_stack([points.real, points.imag]))
 
 
 class Known:
@@ -119,7 +115,7 @@ class Known:
 
     def __init__(self, found: Callable[[np.ndarray], np.ndarray]) -> None:
         self._found = found
-        self._numbers, self._values = np.array([np.iinfo(np.int64).max]), np.array([np.nan])
+        self._numbers, self._values = np.array([complex(np.inf)]), np.array([np.nan])
 
     def __call__(self, numbers: np.ndarray) -> np.ndarray:
         """As the class says."""

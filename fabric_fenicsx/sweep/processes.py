@@ -251,7 +251,7 @@ def _signals_noted() -> Iterator[list[int]]:
 def free_memory() -> float:
     """The memory that the system can give to programs [MiB], inf where it does not tell."""
     with suppress(OSError):
-        lines = dict(line.split(":") for line in open("/proc/meminfo"))
+        lines = dict(line.split(":") for line in Path("/proc/meminfo").read_text().splitlines())
         return int(lines["MemAvailable"].split()[0]) / 1024
     return math.inf
 

@@ -59,11 +59,11 @@ def turned(vectors: np.ndarray, matrices: np.ndarray) -> np.ndarray:
 
 
 @compiled
-def turned_blocks(blocks: np.ndarray, matrices: np.ndarray) -> np.ndarray:
-    """Products of symmetric matrices, blocks and the matrices again, (n, 3, 3) each."""
-    product = np.zeros(blocks.shape)
-    for n in range(len(blocks)):
-        D, B = matrices[n], blocks[n]
+def turned_blocks(stiffness: np.ndarray, matrices: np.ndarray) -> np.ndarray:
+    """Products of symmetric matrices, stiffness and the matrices again, (n, 3, 3) each."""
+    product = np.zeros(stiffness.shape)
+    for n in range(len(stiffness)):
+        D, B = matrices[n], stiffness[n]
         if B.any():
             for x in range(3):
                 for y in range(3):
