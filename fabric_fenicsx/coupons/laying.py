@@ -32,17 +32,19 @@ def lay(
     *,
     spatial: bool = False,
     share: float = 1.0,
+    height: float | None = None,
     **layout: Any,
 ) -> Laid:
     """Mesh a sheet, and check it.
 
     sides: names of its fields of length and width; thickness: of its material [mm]; spatial: free
-    to leave its plane; share: of length and width that is modelled; layout: `turned` and `centred`
-    of `Layout`. Raises InputError as `Blank` does, and for fields that do not fit the mesh.
+    to leave its plane; share: of length and width that is modelled; height: as in `Blank.read`;
+    layout: `turned` and `centred` of `Layout`. Raises InputError as `Blank` does, and for fields
+    that do not fit the mesh.
     """
     source = sheet.sheet_file or "the specimen"
     with timing.phase("setup"), task("meshing the sheet"):
-        blank = _blank(sheet, sides, comm, spatial, share, layout)
+        blank = _blank(sheet, sides, comm, spatial, share, height, layout)
     if blank.mesh.geometry.dim == 3 and not spatial:
         raise InputError(
             f"{source} is not plane in z; allowed in this study is a sheet in a plane z = const"
@@ -62,7 +64,7 @@ def lay(
     return Laid(blank, settled, [*filter(None, warnings)])
 
 
-def _blank(sheet, sides, comm, spatial, share, more):
+def _blank(sheet, sides, comm, spatial, share, height, more):
     layout: Layout = {
         "element": sheet.element,
         "fibre_angle": sheet.fibre_angle,
@@ -70,7 +72,9 @@ def _blank(sheet, sides, comm, spatial, share, more):
         **more,
     }
     if sheet.mesh:
-        return Blank.read(sheet.mesh, spatial=spatial, comm=comm, **blank_options(layout))
+        place = {"centred": more.get("centred", False), "height": height}
+        options = blank_options(layout)
+        return Blank.read(sheet.mesh, spatial=spatial, comm=comm, **place, **options)
     how = {"pattern": sheet.pattern, "spatial": spatial, "comm": comm}
     if sheet.outline:
         cells = {"nx": sheet.nx or 1, "size": sheet.size, "layer": sheet.layer}

@@ -96,14 +96,14 @@ def place(press: Press, laid: Laid, comm: MPI.Comm, warnings: list[str]) -> Plac
     usual_off = {of: max(0.0, clearances[name] - thickness) for name, of in dies.items()}
     stood: dict[str, tuple[Surface, np.ndarray]] = {}
     for name in (n for n in press.tools if n not in dies):
-        stood[name] = at.stand(name, press.tools[name], usual_off.get(name, 0.0))
+        stood[name] = at.stand(name, press.tool(name), usual_off.get(name, 0.0))
     for name, of in dies.items():
         face = face_of(stood[of][0], press.tools[of].towards)
         at.check_matched(of, face, press.quarter)
         check_clearance(f"tools.{name}.clearance", clearances[name], pressed, face)
         surface = Reversed(Offset(face, clearances[name]))
         try:
-            die = dataclasses.replace(press.tools[name], surface=surface)
+            die = dataclasses.replace(press.tool(name), surface=surface)
             stood[name] = at.stand(name, die, is_die=True)
         except InputError as error:
             raise InputError(
@@ -263,6 +263,7 @@ class Bench:
         site = HolderSite(
             name,
             self.laid.blank,
+            self.laid.centre,
             not self.press.quarter,
             die,
             -self.press.tools[die.name].towards,
@@ -311,8 +312,9 @@ class Bench:
         return bool(self.laid.blank.mesh.comm.allreduce(int((share > 0).sum())))
 
     def supports(self) -> list[Support]:
-        """The planes of symmetry of a quarter; or the nodes of a whole blank nearest to its centre
-        and to the end of its axis, which keep it from moving and turning in its plane."""
+        """The planes of symmetry of a quarter; or the nodes of a whole blank nearest to its
+        centroid and to the end of the axis there, which keep it from moving and turning in its
+        plane."""
         if self.press.quarter:
             return [
                 Support("plane of symmetry x = 0", PLANES[0], (0,)),
@@ -320,7 +322,7 @@ class Bench:
             ]
         blank = self.laid.blank
         parts = list(blank.parts.values()) or [blank.whole]
-        ends = ((0.0, 0.0), (self.laid.sides[0] / 2, 0.0))
+        ends = self.laid.centre, self.laid.centre + [self.laid.sides[0] / 2, 0.0]
         fixed = [nearest_nodes(parts, at) for at in ends]
         return [
             Support("centre", fixed[0], (0, 1), locates=True),
@@ -458,7 +460,7 @@ class FormingScene(Setup):
                     f"{known[0]} is a quarter, which can't be disturbed; allowed is the whole blank"
                 )
             press = self.finer(2.0).replace(quarter=False)
-        x, y, *z = press.tools[name].at
+        x, y, *z = np.asarray(press.tool(name).at).tolist()
         at = x + aside * math.cos(math.pi / 6), y + aside * math.sin(math.pi / 6), *z
         moved = dataclasses.replace(press.tools[name], at=at)
         return press.replace(tools={**press.tools, name: moved})

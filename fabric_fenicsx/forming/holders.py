@@ -30,6 +30,7 @@ MEASURES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "r": lambda x: np.hypot(x[0], x[1]),
     "angle": lambda x: np.degrees(np.arctan2(x[1], x[0])),
 }
+POLAR, AT = ("r", "angle"), "at"  # coordinates about a point, and the limit that names it
 Where = Callable[[np.ndarray], np.ndarray]  # function of points (3, n) [mm] to a mask (n,)
 
 
@@ -37,7 +38,8 @@ Where = Callable[[np.ndarray], np.ndarray]  # function of points (3, n) [mm] to 
 class Region:
     """Function of points (3, n) [mm] to a mask (n,), True where they lie within all `limits`.
 
-    limits: {name: (low, high)} of x, y, r (distance from the origin) [mm] and angle (to x) [deg].
+    limits: {name: (low, high)} of x, y [mm], and of r [mm] and angle (to x) [deg], polar
+    coordinates about the point `at` (x, y), by default the blank's centroid when a holder is built.
     Raises InputError for others.
     """
 
@@ -47,8 +49,11 @@ class Region:
         if not isinstance(self.limits, Mapping) or not self.limits:
             raise InputError(f"`where` is {shown(self.limits)}; allowed is a table, as x = [0, 50]")
         for name, ends in self.limits.items():
+            if name == AT:
+                checked_vector(f"`where`.{AT}", ends, size=2)
+                continue
             if name not in MEASURES:
-                raise unknown_key(name, MEASURES, f"`where`.{name}")
+                raise unknown_key(name, (*MEASURES, AT), f"`where`.{name}")
             if not isinstance(ends, (list, tuple)) or len(ends) != 2:
                 raise InputError(f"`where`.{name} is {shown(ends)}; allowed are two numbers")
             low, high = (FINITE.check(f"`where`.{name}", each) for each in ends)
@@ -60,11 +65,16 @@ class Region:
     def __call__(self, x: np.ndarray) -> np.ndarray:
         """The mask (n,)."""
         inside = np.ones(x.shape[1], dtype=bool)
-        for name, (low, high) in self.limits.items():
-            over = MEASURES[name](x) - low + SAME
+        arm = x[:2] - np.reshape(self.limits.get(AT, (0.0, 0.0)), (2, 1))
+        for name, (low, high) in ((n, ends) for n, ends in self.limits.items() if n != AT):
+            over = MEASURES[name](arm if name in POLAR else x) - low + SAME
             over = over % 360 if name == "angle" else over
             inside &= (over >= 0) & (over <= high - low + 2 * SAME)
         return inside
+
+    def about(self, centre: np.ndarray) -> Region:
+        """The region with `at` (2,) [mm] unless it has its own."""
+        return Region({AT: centre.tolist()} | dict(self.limits))
 
 
 class Holder(Protocol):
@@ -250,7 +260,8 @@ class SpringHolder(_Checked):
     edges
         Edges with parallel springs, which together count as one spring; named as in `Grippers`.
     at
-        Points (x, y) [mm] of the flat blank with one spring each, which pulls away from the origin.
+        Points (x, y) [mm] of the flat blank with one spring each, which pulls away from the blank's
+        centroid.
 
     Raises
     ------
@@ -275,7 +286,7 @@ class SpringHolder(_Checked):
         if not isinstance(self.at, (list, tuple, np.ndarray)):
             raise InputError(f"`at` is {shown(self.at)}; allowed is a list of points (x, y)")
         for each in self.at:
-            checked_vector("`at`", each, True, 2)
+            checked_vector("`at`", each, size=2)
         points = tuple(tuple(np.asarray(each).tolist()) for each in self.at)
         object.__setattr__(self, "at", points)  # as lists and arrays, so that holders compare
         if not (self.at or self.edges):

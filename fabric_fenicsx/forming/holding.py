@@ -9,6 +9,7 @@ from reprlib import repr as shown
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..mechanics.contact.coulomb import Coulomb
 from ..mechanics.contact.holder_pressure import BlankHolderPressure
@@ -33,11 +34,12 @@ from .holders import (
     Grippers,
     Holder,
     PressureHolder,
+    Region,
     SpringHolder,
     Where,
 )
 from .interface import Interface
-from .stack import least_corner
+from .stack import ends_of_all
 
 FAR = 200  # mm, within which the flange is looked for
 
@@ -50,8 +52,9 @@ class HolderSite:
     ----------
     name
         A name for the holder's tool.
-    blank, whole
-        The flat blank in z = 0; False if only a quarter of it is modelled.
+    blank, centre, whole
+        The flat blank in z = 0; the whole blank's centroid (2,) [mm]; False if only a quarter of it
+        is modelled.
     die, up, thickness
         The tool on which the holder presses the blank, the direction (3,) towards it, and the
         thickness of all that lies between die and holder [mm].
@@ -78,6 +81,7 @@ class HolderSite:
 
     name: str
     blank: Blank
+    centre: np.ndarray
     whole: bool
     die: Tool
     up: np.ndarray
@@ -138,7 +142,7 @@ def terms_of(holder: Any, site: HolderSite) -> list[Term]:
 def _pressure(holder: PressureHolder, site: HolderSite) -> list[Term]:
     """Terms of a `PressureHolder`; it presses a stack where all sheets lie on one another."""
     flange, where = site.on_flange(), _own_place(holder, site)
-    site.warn(*loose_ends_warnings(flange, least_corner(site.blank)))
+    site.warn(*loose_ends_warnings(flange, site))
     pressure = BlankHolderPressure(
         holder.pressure,
         site.up,
@@ -228,7 +232,13 @@ def _spring(holder: SpringHolder, site: HolderSite) -> list[Term]:
             )
         share = half ** int((x[:2] == 0).sum())
         near = nearest_nodes(parts, (x[0], x[1]))
-        found.append((near, x / np.linalg.norm(x), share, f"point {k}"))
+        away = x - np.append(site.centre, 0.0)
+        if not (length := np.linalg.norm(away)):
+            raise InputError(
+                f"holders.{site.name}.at has the blank's centroid, {coordinates(x[:2])} mm, from "
+                "which springs pull away; allowed are other points"
+            )
+        found.append((near, away / length, share, f"point {k}"))
     return [
         Springs(
             where,
@@ -287,6 +297,8 @@ def _checked_where(holder: Any, site: HolderSite) -> Where | None:
     """`where` of a holder, if given, as a function that checks each mask. Warns of doubtful
     numbers. Raises InputError if no node of the flat blank is marked."""
     (field, *_), given, blank = declared(holder), holder.where, site.blank
+    if isinstance(given, Region):
+        given = given.about(site.centre)
     site.warn(
         *(
             words.replace("`", f"holders.{site.name}.", 1).replace("`", "")
@@ -307,12 +319,14 @@ def _checked_where(holder: Any, site: HolderSite) -> Where | None:
     return where
 
 
-def loose_ends_warnings(under: Callable[[np.ndarray], np.ndarray], corner: np.ndarray) -> list[str]:
-    """A warning if a sheet ends on the x or y axis over the die's opening, where no holder presses
-    it. under: as `Flange`; corner (2,): largest x and y of the sheet [mm]."""
+def loose_ends_warnings(under: Callable[[np.ndarray], np.ndarray], site: HolderSite) -> list[str]:
+    """A warning for each end of the smallest sheet, on the axes through its centre, that lies over
+    the die's opening, where no holder presses it; under: as `Flange`."""
     loose = []
-    for name, axis, end in zip("xy", np.eye(3), corner):
-        pressed = np.flatnonzero(under(axis[:, None] * (end + np.arange(FAR))))
+    for axis, name, way, end in ends_of_all(site.blank, site.whole):
+        x = np.append(site.centre, 0.0)[:, None] + np.zeros(FAR)
+        x[axis] = end + way * np.arange(FAR)
+        pressed = np.flatnonzero(under(x))
         if not len(pressed):
             loose.append(f"at {name} = {rounded(end, 4)} mm, more than {FAR} mm from the flange")
         elif pressed[0]:
@@ -324,15 +338,13 @@ def loose_ends_warnings(under: Callable[[np.ndarray], np.ndarray], corner: np.nd
     ]
 
 
-def nearest_nodes(
-    parts: Sequence[Part], place: tuple[float, float]
-) -> Callable[[np.ndarray], np.ndarray]:
+def nearest_nodes(parts: Sequence[Part], place: ArrayLike) -> Callable[[np.ndarray], np.ndarray]:
     """Function of points (3, n) to a mask (n,) of one node of each part: the nearest to `place` (x,
     y) [mm]; of equally near ones the one with the largest x, then y."""
     found = []
     for part in parts:
         x = part.blank.coordinates()[: len(part.nodes)][part.nodes]
-        away = np.hypot(*(x[:, :2] - place).T).round(6)
+        away = np.hypot(*(x[:, :2] - np.asarray(place)).T).round(6)
         order = np.lexsort((-x[:, 1], -x[:, 0], away))[:1]
         known = [(away[k], *-x[k]) for k in order]
         found.append(min(each for rank in part.blank.mesh.comm.allgather(known) for each in rank))

@@ -9,10 +9,9 @@ from mpi4py import MPI
 
 from ..coupons.laying import lay
 from ..runtime.errors import InputError
-from ..runtime.formatting import coordinates, rounded
+from ..runtime.formatting import rounded
 from ..sheets.blank import Blank
 from ..sheets.sheet_fields import halved
-from ..sheets.sheet_mesh import bounds
 from ..sheets.stack import Stack
 from .press import Press
 from .sheet import Sheet
@@ -20,17 +19,17 @@ from .sheet import Sheet
 USUAL_NX = 24  # rectangles along the length, unless a sheet says others
 FITS = 1e-3  # of a length, by which a sheet may reach beyond a plane of symmetry
 ON_PLANE = 1e-6  # mm off a plane of symmetry up to which nodes lie on it
-OFF_CENTRE = 0.05  # of its extent, by which a sheet may lie off the origin without a warning
 
 
 @dataclass(frozen=True)
 class Laid:
     """The blank of a press, in space, and its sheets with final names, materials and meshes; sides:
-    length and width of the whole `first` sheet [mm]."""
+    length and width of the whole `first` sheet, centre (2,): the whole blank's centroid [mm]."""
 
     blank: Blank
     sheets: Sequence[Sheet]
     sides: Sequence[float]
+    centre: np.ndarray
 
     @property
     def first(self) -> Sheet:
@@ -62,8 +61,8 @@ def lay_blank(press: Press, comm: MPI.Comm, warnings: list[str]) -> Laid:
     made, found = _meshed(sheets, press.quarter, comm)
     for sheet, laid in zip(made, found):
         path = f"ply {sheet.name}" if made[1:] else sheet.sheet_file or "the blank"
-        _put(laid.blank, sheet.centred, path, warnings)
-        _check_place(laid.blank, press, path, warnings)
+        if press.quarter:
+            _check_quarter(laid.blank, path)
         warnings += laid.warnings
     blanks = [each.blank for each in found]
     sheets = [
@@ -74,7 +73,9 @@ def lay_blank(press: Press, comm: MPI.Comm, warnings: list[str]) -> Laid:
     share = 0.5 if press.quarter else 1.0
     # rounded, to be the same on any number of ranks
     sides = [float(f"{size / share:.9g}") for size in (high - low)[:2]]
-    return Laid(_piled(sheets, blanks) if sheets[1:] else blanks[0], sheets, sides)
+    blank = _piled(sheets, blanks) if sheets[1:] else blanks[0]
+    centre = np.zeros(2) if press.quarter else _centroid(blank)
+    return Laid(blank, sheets, sides, centre)
 
 
 def first_fabric(sheets: Sequence[Sheet]) -> int:
@@ -107,9 +108,17 @@ def _with_nx(sheet, nx, quarter, element=None):
 
 
 def _laid(sheet, quarter, comm):
-    share, centred = (0.5, False) if quarter else (1.0, not sheet.sheet_file)
     sides, thickness = ("length", "width"), sheet.thickness_under(0.0)
-    return lay(sheet, sides, thickness, comm, spatial=True, share=share, centred=centred)
+    return lay(
+        sheet,
+        sides,
+        thickness,
+        comm,
+        spatial=True,
+        share=0.5 if quarter else 1.0,
+        height=0.0,
+        centred=sheet.centred if sheet.sheet_file else not quarter,
+    )
 
 
 def _piled(sheets, blanks):
@@ -120,31 +129,17 @@ def _piled(sheets, blanks):
     return Stack(list(zip(blanks, heights, names)), -sum(heights) / 2)
 
 
-def _put(blank, centred, source, warnings):
-    """Put a flat sheet of a file in z = 0, and its centre at the origin if it is to be `centred`.
-    Raises InputError for a sheet that is not flat."""
-    x = blank.mesh.geometry.x
-    low, high = bounds(blank.mesh.comm, x.T)
-    if not blank.is_flat():
-        raise InputError(
-            f"{source} reaches from z = {rounded(low[2], 4)} to {rounded(high[2], 4)} mm; allowed "
-            "is a flat sheet, in a plane z = const"
-        )
-    x[:, 2] = 0.0
-    if abs(low[2]) > ON_PLANE:
-        warnings.append(
-            f"{source} lies in z = {rounded(low[2], 4)} mm and was put in z = 0, where the blank "
-            "of a press is"
-        )
-    if centred:
-        x[:, :2] -= (low + high)[:2] / 2
+def _centroid(blank):
+    """Centroid (2,) of the undeformed sheets [mm]."""
+    areas, places = blank.areas(), blank.midpoints()[:2]
+    *sums, area = blank.mesh.comm.allreduce(np.append(places @ areas, areas.sum()), MPI.SUM)
+    return np.array(sums) / area
 
 
-def _check_place(blank, press, source, warnings):
-    """Raise InputError for a sheet that a plane of symmetry would cut, or that has no edge on it,
-    and for a whole sheet beside the origin; warn of one whose centre is not there."""
+def _check_quarter(blank, source):
+    """Raise InputError for a sheet that a plane of symmetry would cut, or without an edge on it."""
     low, high = (each[:2] for each in blank.extent())
-    for axis, start, end in zip("xy", low, high) if press.quarter else ():
+    for axis, start, end in zip("xy", low, high):
         reaches = f"{source} reaches from {axis} = {rounded(start, 4)} to {rounded(end, 4)} mm"
         if start < -FITS * (end - start):
             raise InputError(
@@ -155,17 +150,3 @@ def _check_place(blank, press, source, warnings):
                 f"{reaches}, but the planes of symmetry of a quarter are x = 0 and y = 0; allowed "
                 "is a mesh with edges on both, or the whole blank"
             )
-    middle, room = (low + high) / 2, FITS * (high - low)
-    if press.quarter:
-        return
-    if (low > -room).any() or (high < room).any():
-        raise InputError(
-            f"{source} reaches from {coordinates(low)} to {coordinates(high)} mm, and the middle "
-            "of the press is at (0, 0); allowed is a blank around it, as with `centred`, or a "
-            "quarter (`quarter = true`)"
-        )
-    if (abs(middle) > OFF_CENTRE * (high - low)).any():
-        warnings.append(
-            f"{source} has its centre at {coordinates(middle)} mm, and the press at (0, 0); "
-            "`centred` puts it there"
-        )

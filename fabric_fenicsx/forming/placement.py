@@ -127,7 +127,7 @@ class Placement:
         if is_die:
             touching += self._to_flange(surface, start + [0, 0, touching], tool.towards[2])
         if length_of(tool.at) == 3:
-            z = float(tool.at[2])
+            z = float(np.asarray(tool.at)[2])
             self._check_height(name, tool, z, touching)
         else:
             z = touching - (usual_off if tool.off is None else tool.off) * tool.towards[2]

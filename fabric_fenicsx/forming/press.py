@@ -33,7 +33,7 @@ EXAMPLES = Path(__file__).parents[1] / "studies" / "presses"
 class Press(KnowsItsFields):
     """A blank, one sheet or several, formed by rigid tools in stages.
 
-    The flat blank lies in z = 0, the origin under the press.
+    The flat blank lies in z = 0; tools and sheets may lie anywhere along x and y.
 
     Parameters
     ----------
@@ -185,6 +185,14 @@ class Press(KnowsItsFields):
         """{name of a die: the tool that it is the die of}."""
         surfaces = {name: tool.surface for name, tool in self.tools.items()}
         return {name: s.tool for name, s in surfaces.items() if isinstance(s, DieOf)}
+
+    def tool(self, name: str) -> PressTool:
+        """The tool of this name with its `at`, of a die by default that of its tool."""
+        tool = self.tools[name]
+        if tool.at is not None:
+            return tool
+        of = self.tools.get(self.dies().get(name, ""), tool)
+        return dataclasses.replace(tool, at=(of.at or (0.0, 0.0))[:2])
 
     def pressures(self) -> dict[str, float]:
         """{name: pressure at the start} of the holders whose pressure is a number [MPa]."""

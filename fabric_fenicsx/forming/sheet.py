@@ -40,7 +40,7 @@ class Sheet(SheetFields):
     length, width
         Of the whole sheet along x and y [mm]; or `mesh`, a file of the sheet; or `outline`, a file
         of its edges (DXF, CSV, mesh), with the `size` of its cells [mm] and its `layer` in a
-        drawing. Either is flat, in a plane z = const, and lies about the origin or is `centred`.
+        drawing. Either is flat, in a plane z = const, and lies as in its file or is `centred`.
     thickness
         In place of the material's [mm].
     nx, ny, pattern, element, integration
@@ -88,7 +88,7 @@ class Sheet(SheetFields):
     length: float | None = number(None, POSITIVE, "of the whole sheet, along x [mm]", "sheet")
     width: float | None = number(None, POSITIVE, "of the whole sheet, along y [mm]", "sheet")
     thickness: float | None = number(None, POSITIVE, "in place of the material's [mm]", "ply")
-    centred: bool = switch("put the centre of an outline or mesh at the origin", "sheet")
+    centred: bool = switch("put the middle of an outline or mesh at the origin", "sheet")
     bending_modulus: float = number(100.0, FROM_ZERO, "bending modulus of the yarns [MPa]", "sheet")
     twist_modulus: float = number(1.0, FROM_ZERO, "twisting modulus of the sheet [MPa]", "sheet")
     in_plane_bending: float = number(

@@ -16,6 +16,8 @@ from ..sheets.stack import Stack
 from .interface import Interface
 from .sheet import Sheet
 
+BEYOND = 1e-6  # mm by which a sheet reaches beyond another
+
 
 def between(
     stack: Stack, sheets: Sequence[Sheet], interface: Interface, planes: Sequence[Where]
@@ -43,25 +45,35 @@ def neighbours(terms: Sequence[Term], sheets: Sequence[Sheet]) -> list[SheetCont
 
 def rims(stack: Stack, sheets: Sequence[Sheet]) -> list[str]:
     """Names of the sheets that reach beyond all those below them, without the lowest one."""
-    corners = np.array([sheet.blank.extent()[1][:2] for sheet in stack.sheets])
-    below = np.maximum.accumulate(corners)
-    beyond = (corners[1:] > below[:-1] + 1e-6).any(1)
+    reach = _reach(stack)
+    below = np.maximum.accumulate(reach)
+    beyond = (reach[1:] > below[:-1] + BEYOND).any(1)
     return [s.name for s, reaches in zip(sheets[1:], beyond) if reaches]
 
 
-def least_corner(blank: Blank) -> np.ndarray:
-    """Largest x and y that all sheets of a blank reach (2,) [mm]."""
+def ends_of_all(blank: Blank, whole: bool) -> list[tuple[int, str, int, float]]:
+    """Ends up to which all sheets of a blank reach: axis, its name, 1 at the high and -1 at the low
+    end, and the coordinate [mm]; a quarter has no low ends."""
     sheets = [sheet.blank for sheet in blank.sheets] if isinstance(blank, Stack) else [blank]
-    return np.min([sheet.extent()[1][:2] for sheet in sheets], axis=0)
+    extents = [sheet.extent() for sheet in sheets]
+    low, high = (np.array(each)[:, :2] for each in zip(*extents))
+    ends = [(k, "xy"[k], 1, float(end)) for k, end in enumerate(high.min(0))]
+    ends += [(k, "xy"[k], -1, float(end)) for k, end in enumerate(low.max(0)) if whole]
+    return ends
+
+
+def _reach(stack):
+    """How far each sheet reaches towards high and low x and y (sheets, 4) [mm]."""
+    extents = [sheet.blank.extent() for sheet in stack.sheets]
+    return np.array([[*high[:2], *-low[:2]] for low, high in extents])
 
 
 def _facing(stack, sheets):
     """Pairs of sheets that may touch."""
     pairs = list(pairwise(sheets))
-    corner = {sheet.name: sheet.blank.extent()[1][:2] for sheet in stack.sheets}
-    for lower, middle, upper in zip(sheets, sheets[1:], sheets[2:]):
-        least = np.minimum(corner[lower.name], corner[upper.name])
-        if (least > corner[middle.name] + 1e-6).any():
+    reach = _reach(stack)
+    for k, (lower, _, upper) in enumerate(zip(sheets, sheets[1:], sheets[2:])):
+        if (np.minimum(reach[k], reach[k + 2]) > reach[k + 1] + BEYOND).any():
             pairs.append((lower, upper))
     return pairs
 

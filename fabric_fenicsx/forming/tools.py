@@ -55,8 +55,9 @@ class PressTool:
     side
         "below" or "above" the blank; towards the blank is then up or down.
     at
-        Place of the origin of its surface, (x, y, z) or (x, y) [mm]. Without z the tool is moved
-        along z until it touches the blank, and then back by the distance `off`.
+        Place of the origin of its surface, (x, y, z) or (x, y) [mm], by default (0, 0), of a die
+        that of its tool. Without z the tool is moved along z until it touches the blank, and then
+        back by the distance `off`.
     off
         Distance from the blank at the start [mm]; by default 0, for a tool with a die the clearance
         minus the thickness of the blank: tools that close then touch it everywhere at once.
@@ -83,7 +84,7 @@ class PressTool:
 
     surface: Surface | str | DieOf
     side: str = choice("below", tuple(SIDES), "of the blank, on which it stands")
-    at: Sequence[float] = (0.0, 0.0)
+    at: Sequence[float] | None = None
     off: float | None = number(None, FROM_ZERO, "distance from the blank at the start [mm]")
     turn: Sequence[float] = (0.0, 0.0, 0.0)
     force: float | None = number(None, POSITIVE, "towards the whole blank [N]")
@@ -93,9 +94,11 @@ class PressTool:
     def __post_init__(self) -> None:
         check_fields(self)
         checked_vector("`turn`", self.turn)
-        checked_vector("`at`", self.at, size=2 if length_of(self.at) == 2 else 3)
+        if self.at is not None:
+            checked_vector("`at`", self.at, size=2 if length_of(self.at) == 2 else 3)
         for name in ("at", "turn"):  # as lists and arrays, so that tools compare
-            object.__setattr__(self, name, tuple(np.asarray(getattr(self, name)).tolist()))
+            if (value := getattr(self, name)) is not None:
+                object.__setattr__(self, name, tuple(np.asarray(value).tolist()))
         if self.off and length_of(self.at) == 3:
             raise InputError("`off` is not allowed beside a z in `at`")
 

@@ -175,12 +175,20 @@ def _draw_state(plotter, scene, limit, spacing):
             behind = surface.translate(-3 * unit(np.array(VIEW)))
             plotter.add_mesh(behind, color=space.TOOL, **SOLID)
             continue
-        rear = surface.clip(normal=(0, 1, 0), origin=(0, 0, 0), invert=False)
+        middle = _middle(scene)
+        rear = surface.clip(normal=(0, 1, 0), origin=middle, invert=False)
         if rear.n_cells:
             plotter.add_mesh(rear, color=space.STEEL, opacity=0.25, **SOLID)
-            cut = surface.slice(normal=(0, 1, 0), origin=(0, 1e-3, 0))
+            cut = surface.slice(normal=(0, 1, 0), origin=middle + (0, 1e-3, 0))
             if cut.n_points:
                 plotter.add_mesh(cut, color=CUT, line_width=2)
+
+
+def _middle(scene):
+    """Middle (3,) of the whole plies in x and y [mm]."""
+    ends = np.reshape([ply.bounds for ply in scene.plies.values()], (-1, 3, 2))
+    middle = (ends[..., 0].min(0) + ends[..., 1].max(0)) / 2
+    return np.append(middle[:2].round(6), 0.0)
 
 
 # -- around these images
@@ -198,14 +206,14 @@ def _legend(scene, motions):
 
 
 def _draw_section(ax, scene, axis, motions):
-    """Lines of the tools and the plies in the plane x = 0 or y = 0 that is perpendicular to `axis`,
-    with the motions."""
-    along, normal = 1 - axis, np.eye(3)[axis]
+    """Lines of the tools and the plies in the plane through the plies' middle that is perpendicular
+    to `axis`, with the motions."""
+    along, normal, middle = 1 - axis, np.eye(3)[axis], _middle(scene)
     bodies = [("", surface, "k", 1.5) for surface in scene.plies.values()]
     for k, (name, surface) in enumerate(scene.tools.items()):
         bodies.append((name, surface, TOOLS[k % len(TOOLS)], 2.5))
     for k, (name, surface, colour, width) in enumerate(bodies):
-        cut = surface.slice(normal=normal, origin=1e-3 * normal)
+        cut = surface.slice(normal=normal, origin=middle + 1e-3 * normal)
         if not cut.n_cells:
             continue
         ends = np.asarray(cut.points)[cut.lines.reshape(-1, 3)[:, 1:]][:, :, [along, 2]]
@@ -218,7 +226,7 @@ def _draw_section(ax, scene, axis, motions):
     ax.autoscale_view()
     ax.margins(0.05)
     ax.set_aspect("equal", adjustable="datalim")
-    ax.set_title(f"section {'xy'[axis]} = 0", fontsize=14)
+    ax.set_title(f"section {'xy'[axis]} = {rounded(middle[axis])}", fontsize=14)
     ax.set_xlabel(f"{'xy'[along]} / mm", fontsize=13)
     ax.set_ylabel("z / mm", fontsize=13)
     ax.grid(alpha=0.25)

@@ -2,9 +2,8 @@
 
 Every function takes the grid of a state, as `states.read_last` gives it: undeformed places, `u` at
 the points, fields on the cells. Nodes that several ranks wrote are merged. Other cells than
-triangles with nodes at their corners are cut into these. The ply lies flat at first, and its centre
-is the origin; one in x >= 0 or y >= 0 alone is taken for the half or quarter of a symmetric ply,
-whose edges on x = 0 and y = 0 are not free.
+triangles with nodes at their corners are cut into these. The ply lies flat at first. Where
+it has planes of symmetry, x = 0 or y = 0, its edges there are not free.
 """
 
 import csv
@@ -16,7 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..runtime.errors import InputError
-from .ply import EQUAL, SAME, Grid, edge_sides, ply_of
+from ..runtime.formatting import coordinates
+from .ply import EQUAL, SAME, Grid, edge_sides, plan_area, ply_of
 
 File: TypeAlias = pathlib.Path | str
 
@@ -37,11 +37,11 @@ class Path(NamedTuple):
 def along_paths(
     grid: Grid, angles_deg: Sequence[float] = (0, 45, 90), spacing: float = 5.0
 ) -> dict[float, Path]:
-    """{angle: `Path`} from the origin to the ply's edge, straight on the flat ply, at `angles_deg`
-    to x; a point each `spacing` [mm] and one at the edge. A value is linear between the nodes of a
-    cell, and at a node the mean over the cells around it by their areas (as in Fig. 16 of the
-    paper), on a plane of symmetry those on its one side: a shear angle that the mirror reverses is
-    not 0 there. Raises InputError if the origin is not on the ply."""
+    """{angle: `Path`} from the whole ply's centroid to its edge, straight on the flat ply, at
+    `angles_deg` to x; a point each `spacing` [mm] and one at the edge. A value is linear between
+    the nodes of a cell, and at a node the mean over the cells around it by their areas (as in Fig.
+    16 of the paper), on a plane of symmetry those on its one side: a shear angle that the mirror
+    reverses is not 0 there. Raises InputError if the centroid is not on the ply."""
     from matplotlib.tri import LinearTriInterpolator, Triangulation  # takes long to import
 
     ply, fine = ply_of(grid), 20  # points of the line on the formed ply for each point of the path
@@ -51,29 +51,44 @@ def along_paths(
     at_nodes = [factor * ply.at_nodes(ply.fields[name]) for name, factor in factors.items()]
     of = [LinearTriInterpolator(plan, v, cell_at) for v in (*ply.formed.T, *at_nodes)]
     formed, values = of[:3], of[3:]
-    paths = {}
+    centre, paths = _centroid(ply), {}
     for angle in angles_deg:
         direction = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
         direction *= 1 - 1e-9  # the edge is not outside, by rounding
-        s = np.arange(0, np.linalg.norm(ply.x[:, :2], axis=1).max() + spacing, spacing / fine)
-        outside = cell_at(*np.outer(direction, s)) < 0
+        most = np.linalg.norm(ply.x[:, :2] - centre, axis=1).max()
+        s = np.arange(0, most + spacing, spacing / fine)
+
+        def at(s):
+            return np.multiply.outer(direction, s) + (centre[:, None] if np.ndim(s) else centre)
+
+        outside = cell_at(*at(s)) < 0
         if outside[0]:
-            flaw = "the ply does not cover the origin, where paths start"
-            raise InputError(f"{flaw}; allowed is one around it, or a quarter that begins there")
+            raise InputError(
+                f"the ply does not cover its centroid, {coordinates(centre)} mm, where paths "
+                "start; allowed is one that does"
+            )
         low, high = s[outside.argmax() - 1 : outside.argmax() + 1]
         while high - low > SAME / 10:
             middle = (low + high) / 2
-            low, high = (low, middle) if cell_at(*direction * middle) < 0 else (middle, high)
+            low, high = (low, middle) if cell_at(*at(middle)) < 0 else (middle, high)
         s = np.append(s[: outside.argmax()], low)
-        places = np.outer(direction, s)
+        places = at(s)
         line = np.column_stack([x(*places) for x in formed])
         length = np.append(0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
         k = np.arange(0, len(s) - 1, fine)
         # no point just before the one at the edge
         k = np.append(k[s[-1] - s[k] > SAME * spacing], len(s) - 1)
-        at = {name: np.asarray(v(*places[:, k])) for name, v in zip(factors, values)}
-        paths[angle] = Path(s[k], length[k], **at, places=line[k])
+        of_points = {name: np.asarray(v(*places[:, k])) for name, v in zip(factors, values)}
+        paths[angle] = Path(s[k], length[k], **of_points, places=line[k])
     return paths
+
+
+def _centroid(ply):
+    """Centroid (2,) of the whole flat ply, on its planes of symmetry [mm]."""
+    centres = ply.x[ply.triangles, :2].mean(1)
+    centre = np.average(centres, axis=0, weights=plan_area(ply.x, ply.triangles))
+    centre[ply.planes] = 0.0
+    return centre.round(9)
 
 
 def value_at(grid: Grid, place: ArrayLike, name: str) -> float:

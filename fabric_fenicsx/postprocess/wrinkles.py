@@ -177,7 +177,9 @@ def _means(ply):
     n = len(ply.x)
     corners = areas(ply.x[ply.triangles])
     area = np.bincount(ply.triangles.ravel(), np.repeat(corners / 3, 3), n)
-    squares = np.unique(np.floor(ply.x[:, :2] / STEP + OFF), axis=0, return_inverse=True)[1].ravel()
+    middle = (ply.x[:, :2].min(0) + ply.x[:, :2].max(0)) / 2
+    square = np.floor((ply.x[:, :2] - middle) / STEP + OFF)
+    squares = np.unique(square, axis=0, return_inverse=True)[1].ravel()
     values = np.column_stack([ply.x[:, :2], ply.formed, np.ones(n)]) * area[:, None]
     sums = np.stack([np.bincount(squares, each) for each in values.T], axis=1)
     return np.column_stack([sums[:, :5] / sums[:, 5:], sums[:, 5]])

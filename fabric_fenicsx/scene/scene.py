@@ -97,8 +97,9 @@ class Scene:
         return check_held(self.blank, self.terms, self.supports)
 
     def check_start(self) -> None:
-        """Raise InputError if no run can begin: see `check_held` and `Term.check_start`, and
-        for terms that do not answer as they should."""
+        """Raise InputError if no run can begin: see `Blank.check_unmoved`, `check_held` and
+        `Term.check_start`, and for terms that do not answer as they should."""
+        self.blank.check_unmoved()
         self.check_held()
         for term in self.terms:
             term.check_start()

@@ -19,7 +19,7 @@ from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
 from ..runtime.rules import COUNT, POSITIVE
 from .cells import CELLS
-from .layout import Layout, axes_of, blank_options
+from .layout import Layout, axes_of, blank_options, moved_sheet
 from .mesh_checks import MeshArrays, checked_mesh
 from .mesh_files import read_mesh
 from .part import Part
@@ -154,8 +154,9 @@ class Blank(SheetMesh):
         return cls._made(comm, given, source, spatial, options)
 
     @classmethod
-    def _made(cls, comm, make, source, spatial, options):
-        """Blank of what `make` returns on rank 0, checked."""
+    def _made(cls, comm, make, source, spatial, options, moved=None):
+        """Blank of what `make` returns on rank 0, checked and `moved`, a function of points to
+        points and warnings."""
 
         mine = None
 
@@ -163,7 +164,8 @@ class Blank(SheetMesh):
             nonlocal mine
             raw = make()
             mesh = checked_mesh(raw.points, raw.cells, raw.kind, source, spatial)
-            mine = mesh._replace(warnings=[*raw.warnings, *mesh.warnings])
+            points, notes = moved(mesh.points) if moved else (mesh.points, [])
+            mine = mesh._replace(points=points, warnings=[*raw.warnings, *mesh.warnings, *notes])
             return mine._replace(points=mesh.points[:0], cells=mesh.cells[:0])  # of other ranks
 
         empty = on_root(comm, checked)
@@ -206,7 +208,7 @@ class Blank(SheetMesh):
         turned : float
             From x to the length [rad]; the blank's frame is then its length and width.
         centred : bool
-            True: the origin is the centre, otherwise a corner.
+            True: the middle is the origin, otherwise a corner.
 
         Raises
         ------
@@ -303,11 +305,22 @@ class Blank(SheetMesh):
         *,
         spatial: bool = False,
         comm: MPI.Comm = MPI.COMM_WORLD,
+        centred: bool = False,
+        height: float | None = None,
         **options: Any,
     ) -> Self:
         """Blank from a mesh in mm that meshio, gmsh or PyVista reads: .msh, .inp, .bdf, .unv, .vtk,
-        .vtu, .stl, .xdmf and others; spatial, **options: as in `from_arrays`. Raises InputError as
-        that, and for a file that cannot be read or has solid, mixed or unknown cells."""
-        blank = cls._made(comm, lambda: read_mesh(path), str(path), spatial, options)
+        .vtu, .stl, .xdmf and others.
+
+        centred: True moves the middle of its extent in x and y to the origin; height: z [mm] to
+        which a flat sheet is moved, None leaves it where it is; spatial, **options: as in
+        `from_arrays`. Raises InputError as that, for a file that cannot be read or has solid, mixed
+        or unknown cells, and for a sheet that is not flat and has a `height`.
+        """
+
+        def moved(points):
+            return moved_sheet(points, str(path), centred, height)
+
+        blank = cls._made(comm, lambda: read_mesh(path), str(path), spatial, options, moved)
         blank.from_file = True
         return blank

@@ -5,8 +5,11 @@ from typing import Any, TypedDict
 
 import numpy as np
 
+from ..runtime.errors import InputError
+from ..runtime.formatting import rounded
 from ..runtime.rules import BELOW_180, FINITE, Rule, unknown_key
 
+FLAT = 1e-6  # of its size, up to which a sheet is flat
 FULL_TURN = Rule("an angle from -360 to 360 deg", lambda v: abs(v) <= 360)
 
 
@@ -40,3 +43,28 @@ def blank_options(layout: Layout) -> dict[str, Any]:
     if yarn_angle != 90:
         options["b"] = a + math.radians(yarn_angle)
     return options
+
+
+def moved_sheet(
+    points: np.ndarray, source: str, centred: bool, height: float | None
+) -> tuple[np.ndarray, list[str]]:
+    """Points (n, 2 or 3) [mm] of a sheet with the middle of its extent at the origin if it is to be
+    `centred`, and at z = `height` unless that is None; with a warning where z changes. Raises
+    InputError for a sheet that is not flat and has a `height`."""
+    points, warnings = points.copy(), list[str]()
+    low, high = points.min(0), points.max(0)
+    if centred:
+        points[:, :2] -= (low + high)[:2] / 2
+    if height is not None and len(low) == 3:
+        if high[2] - low[2] > FLAT * (high - low).max():
+            raise InputError(
+                f"{source} reaches from z = {rounded(low[2], 4)} to {rounded(high[2], 4)} mm; "
+                "allowed is a flat sheet, in a plane z = const"
+            )
+        points[:, 2] = height
+        if abs(low[2] - height) > FLAT * (high - low).max():
+            warnings.append(
+                f"{source} lies in z = {rounded(low[2], 4)} mm and was put in z = {height:g}, "
+                "where the blank of a press is"
+            )
+    return points, warnings

@@ -13,13 +13,13 @@ from ufl.core.expr import Expr
 
 from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
+from .layout import FLAT
 
 # an angle, a vector, or a function of points to either; see `Blank`
 Direction = ArrayLike | Callable[[np.ndarray], ArrayLike]
 
 # a projection shorter than this (about 84 deg out of plane) leaves no direction to speak of
 NEARLY_NORMAL = 0.1
-FLAT = 1e-6  # of its size, up to which a sheet is flat
 # flat triangles of cells, by their nodes: halves, or the four between a quadratic cell's nodes
 TRIANGLES = {
     ("triangle", 1): [(0, 1, 2)],
@@ -46,6 +46,7 @@ class SheetMesh:
     ) -> None:
         gdim = mesh.geometry.dim
         self.mesh, self.name = mesh, name
+        self._made_at = mesh.geometry.x.copy()
         self.a0, self.b0 = fibre_fields(mesh, a, b, up)
         self.frame = np.eye(gdim) if frame is None else np.asarray(frame, dtype=float)
         square = self.frame.shape == (gdim, gdim)
@@ -63,6 +64,16 @@ class SheetMesh:
         self._coordinates = self.V.tabulate_dof_coordinates()
         self._coordinates.flags.writeable = False
         self._undeformed_areas = _areas(self.corners())
+
+    def check_unmoved(self) -> None:
+        """Raise InputError, on all ranks, if the mesh was moved after the blank was made: yarns,
+        places and areas are those of before."""
+        moved = not np.array_equal(self.mesh.geometry.x, self._made_at)
+        if self.mesh.comm.allreduce(moved, MPI.LOR):
+            raise InputError(
+                f"the mesh of {self.name} was moved after the blank was made of it; allowed is a "
+                "blank of the moved mesh"
+            )
 
     @property
     def displacement(self) -> Expr:

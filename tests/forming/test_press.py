@@ -440,15 +440,14 @@ def test_a_mesh_that_is_not_flat_is_no_blank(tmp_path):
         own_mesh(tmp_path, tilted).build()
 
 
-def test_a_mesh_beside_the_middle_is_refused_or_centred(tmp_path):
-    press = own_mesh(tmp_path, lambda x: x + [80, 80, 0])
-    with pytest.raises(ff.InputError, match=r"from \(0, 0\) to \(160, 160\) mm, .* or a quarter"):
+def test_a_mesh_beside_the_tools_is_refused_or_centred(tmp_path):
+    press = own_mesh(tmp_path, lambda x: x + [380, 80, 0])
+    with pytest.raises(ff.InputError, match=r"tools.punch does not meet the blank"):
         press.build()
     (sheet,) = press.sheets
     centred = press.replace(sheets=[dataclasses.replace(sheet, centred=True)]).build()
     assert np.ravel(centred.extent) == pytest.approx([-80, -80, 0, 80, 80, 0])
-    off = own_mesh(tmp_path, lambda x: x + [20, 0, 0]).build()
-    assert any("has its centre at (20, 0) mm" in words for words in off.warnings)
+    assert centred.blank.coordinates()[:, 0].max() == pytest.approx(80)
 
 
 def test_a_picture_that_fails_loses_no_run(tmp_path, monkeypatch, caplog):
