@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..runtime.errors import InputError
-from ..runtime.files import failure_reason, replace_file
+from ..runtime.files import ending, failure_reason, replace_file
 from ..runtime.formatting import rounded
 from ..runtime.rules import POSITIVE, unknown_key
 from .options import Parser, option_type
@@ -38,7 +38,7 @@ def _export(parser, words):
     structural.checked(args.file)
     grids = states.read_grids(args.folder)
     plies = structural.export(grids, args.file, args.modelled)
-    labels = states.set_labels(grids) if Path(args.file).suffix == ".inp" else {}
+    labels = states.set_labels(grids) if ending(args.file) == ".inp" else {}
     for name, found in plies.items():
         own = f" (ELSET {labels[name]})" if labels else ""
         mirrored = " and ".join("xy"[axis] for axis in planes_of(grids[name]))

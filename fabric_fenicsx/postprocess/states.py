@@ -146,9 +146,12 @@ def with_known_fields(grid: Grid) -> Grid:
     return grid
 
 
-def save(path: Path, data: pyvista.DataSet, known: Mapping[str, str]) -> None:
+def save(
+    path: Path, data: pyvista.DataSet, known: Mapping[str, str], portable: bool = False
+) -> None:
     """Write a grid or surface to `path`, whole or not at all; OSError naming it. known: units of
-    arrays {name: unit}; in the file a name ends with its unit, and angles are in degrees."""
+    arrays {name: unit}; in the file a name ends with its unit, and angles are in degrees. portable:
+    without texts and LZ4, which meshio cannot read."""
     data, units, radians = data.copy(deep=False), [], []
     for arrays in (data.point_data, data.cell_data):
         for name in [each for each in arrays if each in known]:
@@ -160,16 +163,18 @@ def save(path: Path, data: pyvista.DataSet, known: Mapping[str, str]) -> None:
                 arrays[written] = values if unit == known[name] else np.degrees(values)
             if unit != known[name]:
                 radians.append(written)
-    data.field_data["units"] = units
-    if radians:
+    if not portable:
+        data.field_data["units"] = units
+    if radians and not portable:
         data.field_data["radians"] = radians
     is_grid = isinstance(data, pyvista.UnstructuredGrid)
     writer = vtkXMLUnstructuredGridWriter() if is_grid else vtkXMLPolyDataWriter()
     writer.SetInputData(data)
-    # Of all that takes a fifth of zlib's time. Not VTK's raw data: ParaView 5.11 with Debian 12's
+    # LZ4 takes a third of zlib's time. Not VTK's raw data: ParaView 5.11 with Debian 12's
     # expat can't read it.
     writer.SetDataModeToBinary()
-    writer.SetCompressorTypeToLZ4()
+    if not portable:
+        writer.SetCompressorTypeToLZ4()
     # to memory first, as VTK does not say what error it met with a file
     writer.WriteToOutputStringOn()
     writer.Write()

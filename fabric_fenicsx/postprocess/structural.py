@@ -9,7 +9,7 @@ import numpy as np
 import pyvista
 
 from ..runtime.errors import InputError
-from ..runtime.files import replace_file
+from ..runtime.files import ending, replace_file
 from ..tools.facets import unit
 from .ply import SAME, Grid, areas, grid_of, image_of, planes_of
 from .states import save, set_labels
@@ -98,7 +98,7 @@ def _yarns_of_image(ply, a, b, mirror):
 def checked(path: Path | str) -> Path:
     """The path of a file to write; InputError if its ending is none of those known."""
     path = Path(path)
-    if path.suffix not in WRITERS:
+    if ending(path) not in WRITERS:
         allowed = f"{', '.join(WRITERS)} (VTK, Abaqus, LS-DYNA, Nastran)"
         raise InputError(f"the ending of {path} is unknown; allowed are {allowed}")
     return path
@@ -114,14 +114,14 @@ def export(
     path, plies = checked(path), {n: formed_ply(grid, modelled) for n, grid in grids.items()}
     if not any("yarn_a" in ply.fields for ply in plies.values()):
         raise InputError("no sheet has yarns; allowed is at least one ply of fabric")
-    if path.suffix == ".vtu":
-        save(path, _joined(plies.values()), UNITS)
+    if ending(path) == ".vtu":
+        save(path, _joined(plies.values()), UNITS, portable=True)
         return plies
     unknown = [name or "the ply" for name, ply in plies.items() if "thickness" not in ply.fields]
-    if unknown and path.suffix != ".inp":
+    if unknown and ending(path) != ".inp":
         flaw = f"the thickness of {unknown[0]} is not known, which {path} needs"
         raise InputError(f"{flaw}; allowed are results of a run with tools, or .inp and .vtu")
-    replace_file(path, "".join(WRITERS[path.suffix](plies)))
+    replace_file(path, "".join(WRITERS[ending(path)](plies)))
     return plies
 
 

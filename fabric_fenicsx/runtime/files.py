@@ -12,6 +12,11 @@ from .errors import InputError
 LOCK_FILE = ".lock"  # in a folder; a run that uses the folder locks this file
 
 
+def ending(path: Path | str) -> str:
+    """The ending of a file's name, with its dot, in small letters."""
+    return Path(path).suffix.lower()
+
+
 def check_file(path: Path, what: str, allowed: str) -> None:
     """Raise InputError for a `what` that is not there, no file, or empty."""
     if not path.is_file():

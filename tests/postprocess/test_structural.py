@@ -94,10 +94,12 @@ def test_abaqus_reads_places_and_both_yarns(tmp_path, element):
 
 @pytest.mark.versions
 def test_vtk_reads_directions_shear_and_area(tmp_path):
-    structural.export(states.read_grids(formed(tmp_path)), tmp_path / "ply.vtu")
-    grid = pyvista.read(tmp_path / "ply.vtu")
+    structural.export(states.read_grids(formed(tmp_path)), tmp_path / "ply.VTU")
+    grid = pyvista.read(tmp_path / "ply.VTU")
+    of_meshio = meshio.read(tmp_path / "ply.VTU").cell_data
     for name, vector in zip(("yarn_a", "yarn_b", "normal"), directions()):
         np.testing.assert_allclose(grid[name], np.tile(vector, (grid.n_cells, 1)), atol=1e-6)
+        np.testing.assert_array_equal(np.concatenate(of_meshio[name]), grid[name])
     a, b, _ = directions()
     shear = np.degrees((B - A) - np.arccos(a @ b))
     np.testing.assert_allclose(grid["shear_angle_deg"], shear, atol=1e-4)
