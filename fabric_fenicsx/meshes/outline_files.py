@@ -11,7 +11,7 @@ from ..readers.read import read_surface_mesh
 from ..readers.text_tables import Problems, read_lines, table_of, values_of
 from ..readers.units import factors
 from ..runtime.errors import InputError
-from ..runtime.files import check_file
+from ..runtime.files import check_file, ending
 from ..runtime.formatting import rounded
 from .rings import joined, sheet_of
 
@@ -20,8 +20,12 @@ TABLES = (".csv", ".txt", ".xy")
 CURVES = "LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE"  # of DXF
 # what is written beside lines
 TEXTS = "TEXT", "MTEXT", "DIMENSION", "ARC_DIMENSION", "LEADER", "MULTILEADER", "POINT", "ATTDEF"
+BINARY = b"AutoCAD Binary DXF"  # first bytes of a file
 FRAME = 16  # flag of a vertex of R12 that only steers a spline
 MESH = 16 | 64  # flags of a POLYLINE that is a mesh
+# mm in units of DXF without a factor in ezdxf: microinches, mils, and those of the US survey
+MISSING_UNITS = {8: 2.54e-5, 9: 0.0254, 21: 1.2e6 / 3937, 22: 1e5 / 3937, 23: 3.6e6 / 3937}
+MISSING_UNITS |= {24: 6.336e9 / 3937}
 CHORD = 0.01  # largest distance of a chord from its curve [mm]
 PLANE = 1e-6  # extent in z over the others, below which lines lie in a plane
 Lines = Sequence[np.ndarray]
@@ -38,18 +42,18 @@ def read_outline(path: Path | str, layer: str | None = None) -> tuple[shapely.Po
     as `joined` and `sheet_of` do.
     """
     path = Path(path)
-    source, ending = f"outline {path}", path.suffix.lower()
+    source, kind = f"outline {path}", ending(path)
     check_file(path, "outline", READ)
-    if layer is not None and ending != ".dxf":
+    if layer is not None and kind != ".dxf":
         raise InputError(f"`layer` is allowed only for a .dxf, not for {source}")
-    if ending in TABLES:
+    if kind in TABLES:
         return sheet_of(_table(path, source), source), []
     hint = ""
     try:
-        if ending == ".dxf":
+        if kind == ".dxf":
             lines, notes, hint = _drawing(path, source, layer)
         else:
-            lines, notes = _boundary(path, source)
+            lines, notes = _boundary(path, source), []
         return sheet_of(joined(lines, source), source), notes
     except InputError as error:
         raise InputError(f"{error}{hint}") from None
@@ -64,19 +68,19 @@ def read_trim_line(path: Path | str) -> tuple[list[np.ndarray], list[str]]:
     be read.
     """
     path = Path(path)
-    source, ending, notes = f"trim line {path}", path.suffix.lower(), []
+    source, kind, notes = f"trim line {path}", ending(path), []
     allowed = "a table of x, y and z (.csv, .txt), or a drawing (.dxf)"
     check_file(path, "trim line", allowed)
-    if ending in TABLES:
+    if kind in TABLES:
         lines = [np.vstack([ring, ring[:1]]) for ring in _table(path, source, ("x", "y", "z"))]
-    elif ending == ".dxf":
+    elif kind == ".dxf":
         lines, unit, notes, _ = _curves(path, source, None)
         size = np.ptp(np.concatenate(lines), axis=0)
         notes += [f"{unit}, so it is {rounded(size[0], 4)} mm long in x"] if unit else []
         if size[2] <= PLANE * size.max():
             lines = [line[:, :2] for line in lines]
     else:
-        raise InputError(f"{source} has the ending {ending or 'none'}; allowed is {allowed}")
+        raise InputError(f"{source} has the ending {kind or 'none'}; allowed is {allowed}")
     if lines[0].shape[1] == 2:
         notes.append(f"{source} has no z and is projected along z")
     return lines, notes
@@ -147,13 +151,13 @@ def _drawing(path, source, layer):
 def _curves(path, source, layer):
     """Lines (n, 3) of a drawing [mm], words on its unit if that is not mm, sentences on what is not
     read, and what to add to errors."""
-    from ezdxf import path as paths
-    from ezdxf import recover
+    from ezdxf import readfile
     from ezdxf.lldxf.const import DXFError
     from ezdxf.math import Matrix44
 
     try:
-        drawing, _ = recover.readfile(path)
+        is_binary = path.read_bytes().startswith(BINARY)
+        drawing, repairs = (readfile(path), []) if is_binary else _recovered(path)
     except (DXFError, OSError, ValueError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{source} cannot be read ({reason}); allowed is {READ}") from None
@@ -174,6 +178,7 @@ def _curves(path, source, layer):
     others = Counter(kind for kind in beside if kind not in TEXTS)
     found = ", ".join(f"{count} {kind}" for kind, count in sorted(others.items()))
     notes = [f"{source} has {found}, not read; allowed are {', '.join(CURVES)}"] if found else []
+    notes += [f"{source} is damaged: {each}" for each in repairs]
     if not curves:
         more = f", but {found}" if found else ""
         raise InputError(f"{source} has no lines{more}; allowed are {', '.join(CURVES)}, visible")
@@ -184,14 +189,46 @@ def _curves(path, source, layer):
             on_it = [vertex for vertex in curve.vertices if not vertex.dxf.flags & FRAME]
             curve.vertices[:] = on_it or curve.vertices
         stretch = np.linalg.norm(np.array([*place.rows()])[:3, :3], 2)
-        line = [*paths.make_path(curve).flattening(CHORD / factor / stretch)]
-        if len(line) > 1:
+        for line in _flattened(curve, CHORD / factor / stretch):
             placed = place.transform_vertices(line)
             lines.append(factor * np.array([tuple(point) for point in placed]))
     hint = f"; it has {found}, not read" if found else ""
     if layer is None and len(layers) > 1:
         hint += f"; of its layers {', '.join(layers)} some may be left out by `layer`"
     return lines, unit, notes, hint
+
+
+def _recovered(path):
+    """A drawing in text, and what ezdxf took out of it as it is damaged."""
+    from ezdxf import recover
+
+    drawing, auditor = recover.readfile(path)
+    return drawing, [each.message for each in auditor.fixes if each.message.startswith("Removed")]
+
+
+def _flattened(curve, chord):
+    """Lines of points on a curve, whose chords lie up to `chord` off it. ezdxf's paths alone are
+    too coarse for arcs, and leave splines whose ends are not clamped."""
+    from ezdxf import path as paths
+
+    kind = curve.dxftype()
+    if kind in ("ARC", "CIRCLE", "ELLIPSE"):
+        return [[*curve.flattening(chord)]]
+    if kind in ("LWPOLYLINE", "POLYLINE") and curve.has_arc:
+        return [line for each in curve.virtual_entities() for line in _flattened(each, chord)]
+    if kind != "SPLINE":
+        line = [*paths.make_path(curve).flattening(chord)]
+        return [line] if len(line) > 1 else []
+    spline = curve.construction_tool()
+    ends = np.unique(spline.knots()[spline.degree : spline.count + 1])
+    for parts in 2 ** np.arange(2, 13):  # of each stretch between knots
+        shares = np.arange(parts)[:, None] / parts
+        t = np.append((ends[:-1] + shares * np.diff(ends)).T, ends[-1])
+        points = [*spline.points(t)]
+        x = np.array([tuple(point) for point in points])
+        if np.linalg.norm(x[1::2] - (x[:-1:2] + x[2::2]) / 2, axis=1).max() < chord:
+            break
+    return [points]
 
 
 def _is_curve(entity):
@@ -226,7 +263,8 @@ def _unit(drawing, source):
     if unit == mm:
         return 1.0, ""
     try:
-        factor = float(f"{units.conversion_factor(units.InsertUnits(unit), mm):.9g}")
+        factor = MISSING_UNITS.get(unit) or units.conversion_factor(units.InsertUnits(unit), mm)
+        factor = float(f"{factor:.9g}")
         return factor, f"{source} is in {units.unit_name(unit).lower()} ($INSUNITS {unit})"
     except (DXFValueError, TypeError, ValueError):
         return 1.0, f"{source} names no unit ($INSUNITS {unit}) and is taken in mm"
@@ -236,8 +274,8 @@ def _unit(drawing, source):
 
 
 def _boundary(path, source):
-    """The edges of one cell of a mesh, as lines, and what to say of it."""
-    points, cells, _, note = read_surface_mesh(path, "outline", READ)
+    """The edges of one cell of a mesh, as lines."""
+    points, cells, _ = read_surface_mesh(path, "outline", READ)
     if np.ptp(points[:, 2]) > PLANE * np.ptp(points, axis=0).max():
         raise InputError(
             f"{source} is not plane in z; allowed is a mesh in a plane z = const, or a drawing"
@@ -249,4 +287,4 @@ def _boundary(path, source):
         corners = nodes[:, : 3 if kind.startswith("triangle") else 4]
         edges.append(np.stack([corners, np.roll(corners, -1, 1)], 2).reshape(-1, 2))
     edges, count = np.unique(np.sort(np.concatenate(edges), 1), axis=0, return_counts=True)
-    return [*points[edges[count == 1], :2]], [note] if note else []
+    return [*points[edges[count == 1], :2]]

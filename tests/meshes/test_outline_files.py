@@ -4,10 +4,13 @@ import ezdxf
 import meshio
 import numpy as np
 import pytest
+from scipy.interpolate import BSpline
+from shapely import Polygon
 
 from fabric_fenicsx.meshes.outline_files import read_outline
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.runtime.formatting import rounded
 
 SHEET = "x,y\n0,0\n100,0\n100,80\n0,80\n"
 CORNERS = [(0, 0), (100, 0), (100, 80), (0, 80)]
@@ -114,12 +117,49 @@ def test_curves_of_a_drawing_are_joined(drawing):
 
 @pytest.mark.parametrize(
     "unit, factor, words",
-    [(1, 25.4, "inches"), (5, 10, "centi"), (6, 1000, "met"), (0, 1, "no unit")],
+    [
+        (1, 25.4, "inches"),
+        (5, 10, "centi"),
+        (6, 1000, "met"),
+        (8, 2.54e-5, "microinches"),
+        (9, 0.0254, "mils"),
+        (21, 304.800610, "survey"),
+        (22, 25.4000508, "survey"),
+        (23, 914.401829, "survey"),
+        (24, 1609347.22, "survey"),
+        (0, 1, "no unit"),
+    ],
 )
 def test_the_unit_of_a_drawing_counts_and_is_told(drawing, unit, factor, words):
     sheet, (told,) = drawing(rectangle, unit)
     assert sheet.bounds == pytest.approx((0, 0, 100 * factor, 80 * factor))
-    assert words in told and told.endswith(f"so it is {100 * factor:g} x {80 * factor:g} mm")
+    assert words in told and told.endswith(
+        f"so it is {' x '.join(rounded(side * factor, 4) for side in (100, 80))} mm"
+    )
+
+
+@pytest.mark.parametrize("clamped", [False, True])
+@pytest.mark.parametrize("weights", [None, [1, 2, 1, 2, 1, 2, 1]])
+def test_a_spline_is_cut_between_the_knots_of_all_its_functions(drawing, clamped, weights):
+    x = [(20, 20), (80, 20), (80, 60), (20, 60), (20, 20), (80, 20), (80, 60)]
+    knots = [*range(11)]
+    if clamped:
+        x[4:] = [(30, 50), (20, 40), (20, 30)]
+        knots = [0, 0, 0, 0, 1, 2, 3, 4, 4, 4, 4]
+
+    def draw(space):
+        rectangle(space)
+        hole = space.add_spline()
+        hole.control_points, hole.knots = x, knots
+        if weights:
+            hole.weights = weights
+        if clamped:
+            space.add_line(x[-1], x[0])
+
+    w = np.array(weights or [1] * 7)[:, None]
+    curve = BSpline(knots, np.hstack([x * w, w]), 3)(np.linspace(knots[3], knots[7], 2001))
+    sheet, _ = drawing(draw)
+    assert sheet.area == pytest.approx(8000 - Polygon(curve[:, :2] / curve[:, 2:]).area, rel=1e-4)
 
 
 def test_an_old_drawing_has_lines_alone(table):
