@@ -8,6 +8,7 @@ from pathlib import Path
 from .. import identification
 from ..identification.curves import Curve, Sheet
 from ..runtime.errors import InputError
+from ..runtime.files import ending
 from .options import Parser, program
 
 DATA = "folder with sheet.toml and a CSV file a test; see docs/howto/own_data.md"
@@ -46,7 +47,7 @@ def options(description: str | None) -> Parser:
 def check(args: Namespace) -> None:
     """Raise InputError for options that do not fit together."""
     new = args.coverage is None
-    if args.out.suffix != ".toml":
+    if ending(args.out) != ".toml":
         raise InputError(f"--out is {args.out}; allowed is a file that ends in .toml")
     if args.out.exists() and not args.overwrite and new:
         allowed = "another file, or --overwrite to lose it"

@@ -7,6 +7,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..runtime.errors import InputError
+from ..runtime.files import ending
 from ..runtime.formatting import coordinates, rounded
 from ..tools.checks import FLANGE, SMALL, TINY, check_triangles, unit_doubt
 from ..tools.files import CAD
@@ -60,7 +61,7 @@ class Placement:
     def _read(self, name, path, chord):
         """The surface in a file; of a CAD model with a smaller `chord` if its facets are too
         coarse."""
-        is_model = path.lower().endswith(CAD)
+        is_model = ending(path) in CAD
         for finer in FINER if is_model else FINER[:1]:
             surface = TriangulatedSurface.read(path, chord / finer, comm=self._comm)
             doubts: list[str] = []

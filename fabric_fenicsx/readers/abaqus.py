@@ -29,47 +29,44 @@ class _Part:
 def read_abaqus(path: Path) -> SurfaceMesh:
     """The surface elements of an Abaqus input file [mm], instances where the assembly has them.
 
-    Raises InputError for a node or element that cannot be read, that is not there or that a keyword
-    generates; OtherFormat for a file of another program.
+    Raises InputError, without the file's name, for a node or element that cannot be read, that is
+    not there or that a keyword generates; OtherFormat for a file of another program.
     """
     parts: dict[str, _Part] = {"": _Part()}
     placed: list[tuple[_Part, list[np.ndarray]]] = []
     part = own = parts[""]
-    for keyword, options, rows in _blocks(path, path):
+    for keyword, options, rows in _blocks(path):
         if keyword in GENERATED:
-            raise InputError(
-                f"mesh file {path} uses *{keyword}; allowed are nodes and elements as lists"
-            )
+            raise InputError(f"uses *{keyword}; allowed are nodes and elements as lists")
         if keyword in ("PART", "INSTANCE"):
             part = parts.setdefault(options.get("NAME", "").upper(), _Part())
             if keyword == "INSTANCE":
                 part = parts.setdefault(options.get("PART", "").upper(), part)
-                placed.append((part, [_numbers([row], _length, keyword, path) for row in rows]))
+                placed.append((part, [_numbers([row], _length, keyword) for row in rows]))
         elif keyword in ("END PART", "END INSTANCE"):
             part = own
         elif keyword == "NODE":
-            _add_nodes(part, options.get("SYSTEM", "R"), rows, path)
+            _add_nodes(part, options.get("SYSTEM", "R"), rows)
         elif keyword == "ELEMENT":
-            _add_elements(part, options.get("TYPE", "").upper(), rows, path)
+            _add_elements(part, options.get("TYPE", "").upper(), rows)
     if part is not own:
         raise InputError(
-            f"mesh file {path} has a part or instance without *END: it is cut off; allowed is a "
-            "whole file"
+            "has a part or instance without *END: it is cut off; allowed is a whole file"
         )
     if not any(each.nodes for each in parts.values()):
         raise OtherFormat("no *NODE with rows")
     if not placed:
         placed = [(each, []) for each in parts.values() if each is not own]
-    return _assembled([(own, []), *placed], path)
+    return _assembled([(own, []), *placed])
 
 
-def _blocks(path: Path, main: Path) -> Iterator[tuple[str, dict[str, str], list[str]]]:
+def _blocks(path: Path) -> Iterator[tuple[str, dict[str, str], list[str]]]:
     """Keyword, options and rows of data of each block, also of files that are included."""
     try:
         lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
     except OSError as error:
         raise InputError(
-            f"mesh file {main} names {path}: {error.strerror}; allowed is a file that is there"
+            f"names {path}: {error.strerror}; allowed is a file that is there"
         ) from None
     lines = [line.strip() for line in lines if line.strip() and not line.lstrip().startswith("**")]
     heads = [i for i, line in enumerate(lines) if line.startswith("*")]
@@ -83,23 +80,21 @@ def _blocks(path: Path, main: Path) -> Iterator[tuple[str, dict[str, str], list[
         keyword, rows = " ".join(keyword.upper().split()), lines[start:following]
         file = path.parent / options.get("INPUT", "")
         if keyword == "INCLUDE" and "INPUT" in options:
-            yield from _blocks(file, main)
+            yield from _blocks(file)
             continue
         if keyword in ("NODE", "ELEMENT") and file.is_file():
-            rows = file.read_text().splitlines()
+            rows = file.read_text("utf-8-sig", "replace").splitlines()
         yield keyword, options, rows
 
 
-def _numbers(rows, of, keyword, path):
+def _numbers(rows, of, keyword):
     """All numbers of rows of data, one behind the other."""
     words = [word.strip() for row in rows for word in row.rstrip(" ,").split(",")]
     try:
         return np.array([of(word) for word in words])
     except ValueError as error:
         word = str(error).split(": ")[-1]
-        raise InputError(
-            f"mesh file {path} has a row under *{keyword} with {word}; allowed are numbers"
-        ) from None
+        raise InputError(f"has a row under *{keyword} with {word}; allowed are numbers") from None
 
 
 def _length(word):
@@ -107,33 +102,31 @@ def _length(word):
     return float(re.sub("[dD]", "e", word)) if word else 0.0
 
 
-def _add_nodes(part, system, rows, path):
+def _add_nodes(part, system, rows):
     if system.upper() != "R":
-        raise InputError(
-            f"mesh file {path} has *NODE, SYSTEM={system}; allowed are rectangular coordinates"
-        )
+        raise InputError(f"has *NODE, SYSTEM={system}; allowed are rectangular coordinates")
     for row in rows:
-        number, *place = _numbers([row], _length, "NODE", path)
+        number, *place = _numbers([row], _length, "NODE")
         part.nodes[int(number)] = [*place[:3], 0.0, 0.0, 0.0][:3]
 
 
-def _add_elements(part, of, rows, path):
+def _add_elements(part, of, rows):
     surface = SURFACE.fullmatch(of)
     if not surface:
         part.others[of] = 3 if SOLID.match(of) else 1
         return
     nodes = int(surface[1])
-    numbers = _numbers(rows, int, "ELEMENT", path)
+    numbers = _numbers(rows, int, "ELEMENT")
     if len(numbers) % (nodes + 1):
         raise InputError(
-            f"mesh file {path} has {len(numbers)} numbers under *ELEMENT, TYPE={of}; allowed are "
+            f"has {len(numbers)} numbers under *ELEMENT, TYPE={of}; allowed are "
             f"{nodes + 1} for each element, its own and those of {nodes} nodes"
         )
     cells = numbers.reshape(-1, nodes + 1)[:, 1:]
     part.blocks.append((surface_kind(CORNERS[nodes], nodes), cells))
 
 
-def _assembled(placed, path):
+def _assembled(placed):
     """The mesh of parts, each with the numbers of its instance."""
     points: list[np.ndarray] = []
     blocks: list[tuple[str, np.ndarray]] = []
@@ -145,7 +138,7 @@ def _assembled(placed, path):
         for kind, cells in part.blocks:
             if (lost := np.setdiff1d(cells, own)).size:
                 raise InputError(
-                    f"mesh file {path} has an element with node {lost[0]}, which *NODE does not "
+                    f"has an element with node {lost[0]}, which *NODE does not "
                     "have; allowed are nodes that are there"
                 )
             blocks.append((kind, order[np.searchsorted(own, cells, sorter=order)] + start))

@@ -10,19 +10,18 @@ from pathlib import Path
 from tempfile import TemporaryFile
 
 from ..runtime.errors import InputError
-from ..runtime.files import check_file
+from ..runtime.files import check_file, ending
 from .abaqus import read_abaqus
-from .libraries import NotMine, by_dolfinx, by_gmsh, by_meshio, by_pyvista
+from .libraries import NotMine, by_gmsh, by_meshio, by_pyvista
 from .stl import read_stl
 from .surface_mesh import SurfaceMesh
-from .unseen import NASTRAN, check_coordinate_systems, check_end, in_mm
+from .unseen import NASTRAN, check_coordinate_systems, check_end
 
 Reader = Callable[[Path], SurfaceMesh]
 OWN: dict[str, tuple[str, Reader]] = {".stl": ("STL", read_stl), ".inp": ("Abaqus", read_abaqus)}
 LIBRARIES: tuple[tuple[str, Reader], ...] = (
     ("meshio", by_meshio),
     ("gmsh", by_gmsh),
-    ("DOLFINx", by_dolfinx),
     ("PyVista", by_pyvista),
 )
 READ = "a mesh that meshio, gmsh or PyVista reads"
@@ -38,29 +37,32 @@ def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh
     """
     check_file(path, what, allowed)
     check_end(path, what)
-    if path.suffix.lower() == ".h5" and path.with_suffix(".xdmf").is_file():
+    if ending(path) == ".h5" and path.with_suffix(".xdmf").is_file():
         raise InputError(
             f"{what} {path} has numbers alone; allowed is its {path.with_suffix('.xdmf')}"
         )
-    if path.suffix.lower() in NASTRAN:
-        check_coordinate_systems(path)
+    if ending(path) in NASTRAN:
+        check_coordinate_systems(path, what)
     reasons: list[str] = []
     doubtful: list[SurfaceMesh] = []
     without: list[SurfaceMesh] = []
-    own = [OWN[path.suffix.lower()]] if path.suffix.lower() in OWN else []
+    own = [OWN[ending(path)]] if ending(path) in OWN else []
     for name, reader in (*own, *LIBRARIES):
-        mesh, reason = _attempt(reader, path)
+        try:
+            mesh, reason = _attempt(reader, path)
+        except InputError as error:
+            raise InputError(f"{what} {path} {error}") from None
         if mesh and mesh.sound and not reason:
-            return in_mm(mesh, path, what)
+            return mesh
         if mesh and len(mesh.points):
             (doubtful if mesh.cells else without).append(mesh)
         elif mesh or reason:
             reasons.append(f"{name}: {reason or 'no nodes in it'}")
     if doubtful:
-        return in_mm(doubtful[0], path, what)
+        return doubtful[0]
     if without:
         found = sorted(next((mesh.others for mesh in without if mesh.others), {}))
-        curves = path.suffix.lower() == ".msh" and "line" in found
+        curves = ending(path) == ".msh" and "line" in found
         more = ": gmsh saves them too with Mesh.SaveAll = 1" if curves else ""
         raise InputError(
             f"{what} {path} holds no surface cells, but {found or 'nodes alone'}; allowed is "

@@ -19,20 +19,26 @@ VERTICES = re.compile(r"(?<!\S)vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 def read_stl(path: Path) -> SurfaceMesh:
     """The triangles of an STL file [mm]; corners at one place are one point.
 
-    Raises InputError for a file that is cut off or has something else than numbers; OtherFormat for
-    one that is no STL.
+    Raises InputError, without the file's name, for a file that is cut off, or holds more triangles
+    than its header counts or something else than numbers; OtherFormat for one that is no STL.
     """
     data = path.read_bytes()
     count = int.from_bytes(data[HEADER - 4 : HEADER], "little")
     if count and len(data) >= HEADER + FACET * count:
+        more, rest = (len(data) - HEADER) // FACET - count, data[HEADER + FACET * count :]
+        if more and any(rest):
+            raise InputError(
+                f"counts {count} triangles in its header and holds {count + more}; allowed is the "
+                "same number: save it again"
+            )
         # a facet is its normal, three corners and two bytes
         facets = np.frombuffer(data, np.dtype([("x", "<f4", (4, 3)), ("-", "<u2")]), count, HEADER)
         corners = facets["x"][:, 1:].reshape(-1, 3).astype(float)
     elif FACETS.search(text := data.decode("latin-1")):
-        corners = _text(text, path)
+        corners = _text(text)
     elif b"\0" in data:
         raise InputError(
-            f"STL file {path} tells of {count} triangles and holds {max(0, len(data) - HEADER)} "
+            f"tells of {count} triangles and holds {max(0, len(data) - HEADER)} "
             f"bytes of them; allowed are {FACET} bytes a triangle: it may be cut off"
         )
     else:
@@ -41,17 +47,15 @@ def read_stl(path: Path) -> SurfaceMesh:
     return SurfaceMesh.collected(points, [("triangle", number.reshape(-1, 3))], {})
 
 
-def _text(text, path):
+def _text(text):
     facets, vertices = len(FACETS.findall(text)), VERTICES.findall(text)
     if len(vertices) != 3 * facets or "endsolid" not in text[-END:].lower():
         raise InputError(
-            f"STL file {path} has {len(vertices)} vertices in {facets} facets; allowed are three "
+            f"has {len(vertices)} vertices in {facets} facets; allowed are three "
             "in each, and `endsolid` at the end: it may be cut off"
         )
     try:
         return np.array([[word.translate(SPELLED) for word in each] for each in vertices], float)
     except ValueError as error:
         word = str(error).split(": ")[-1]
-        raise InputError(
-            f"STL file {path} has a coordinate {word}; allowed are numbers in mm"
-        ) from None
+        raise InputError(f"has a coordinate {word}; allowed are numbers in mm") from None

@@ -11,8 +11,8 @@ class OtherFormat(Exception):
 
 
 def surface_kind(corners: int, nodes: int) -> str:
-    """meshio's name of a triangle or quadrilateral with so many corners and nodes."""
-    name = {3: "triangle", 4: "quad"}[corners]
+    """meshio's name of a surface cell with so many corners and nodes."""
+    name = {3: "triangle", 4: "quad"}.get(corners, f"polygon{corners}")
     return name if nodes == corners else f"{name}{nodes}"
 
 
@@ -23,13 +23,11 @@ class SurfaceMesh(NamedTuple):
     - cells: surface cells (m, k) by meshio's name of their kind, as triangle, quad9 or polygon5, in
       gmsh's order of nodes: corners, edges, inside
     - others: what else there is, each kind with its dimension
-    - note: a sentence on the file, or ""
     """
 
     points: np.ndarray
     cells: dict[str, np.ndarray]
     others: dict[str, int]
-    note: str = ""
 
     @classmethod
     def collected(

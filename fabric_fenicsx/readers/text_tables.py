@@ -1,8 +1,8 @@
 """Tables of numbers in text files as testing machines write them.
 
-What is read: any of the encodings UTF-8, UTF-16, Shift-JIS and Windows' Latin one; cells between
-semicolons, tabs, commas or blanks; decimal points or commas, and thousands' separators; lines above
-the header; units in the header or in a row of their own. What can mean two numbers is refused.
+What is read: UTF-8 and Windows' Latin encoding (cp1252); cells between semicolons, tabs, commas or
+blanks; decimal points or commas, and thousands' separators; lines above the header; units in the
+header or in a row of their own. What can mean two numbers is refused.
 """
 
 import csv
@@ -62,40 +62,19 @@ def read_lines(path: str | os.PathLike[str]) -> list[str]:
     text, reason = "", ""
     try:
         data = Path(path).read_bytes()
-        text = _decoded(data).lstrip("\ufeff")
+        try:
+            text = data.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = data.decode("cp1252", errors="replace")
         if data.startswith(_WORKBOOKS):
             reason = "it is a workbook; save its sheet as CSV"
         elif "\0" in text or not text.strip():
-            reason = "it has bytes that are no text" if text.strip() else "it is empty"
+            reason = "it has bytes that are no text in UTF-8" if text.strip() else "it is empty"
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
     if reason:
-        raise InputError(f"cannot be read as text ({reason}); allowed is a CSV file")
+        raise InputError(f"cannot be read as text ({reason}); allowed is a CSV file in UTF-8")
     return text.splitlines()
-
-
-def _decoded(data):
-    """The text of bytes, in UTF-16 where they begin with its mark or every other byte is 0."""
-    for encoding, mark, high in (
-        ("utf-16-le", b"\xff\xfe", data[1::2]),
-        ("utf-16-be", b"\xfe\xff", data[::2]),
-    ):
-        if data.startswith(mark) or high.count(0) > len(data) / 4:
-            return data.decode(encoding)
-    try:
-        return data.decode("utf-8")
-    except UnicodeDecodeError:
-        return data.decode("cp932" if _is_japanese(data) else "cp1252", errors="replace")
-
-
-def _is_japanese(data):
-    """True if bytes are Shift-JIS, of whose characters most begin with bytes that Latin text hardly
-    has."""
-    try:
-        data.decode("cp932")
-    except UnicodeDecodeError:
-        return False
-    return sum(0x80 <= byte < 0xA0 for byte in data) >= sum(byte >= 0xA0 for byte in data)
 
 
 def table_of(

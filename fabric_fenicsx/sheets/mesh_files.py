@@ -7,6 +7,7 @@ import numpy as np
 
 from ..readers.read import READ, read_surface_mesh
 from ..runtime.errors import InputError
+from ..runtime.files import ending
 from .cells import CELLS, HIGHER, straight_cells, with_centres
 from .mesh_checks import MeshArrays
 
@@ -20,14 +21,14 @@ def read_mesh(path: Path | str) -> MeshArrays:
         flaw = f"mesh file is given as {type(path).__name__}"
         raise InputError(f"{flaw}; allowed is its name, as a text or a path")
     path = Path(path)
-    file, ending = f"mesh file {path}", path.suffix.lower()
-    if ending in GEOMETRY:
+    file, kind_of_file = f"mesh file {path}", ending(path)
+    if kind_of_file in GEOMETRY:
         how = f"gmsh makes one with `gmsh -2 {path.name} -o {path.stem}.msh`"
         raise InputError(f"{file} is a geometry without a mesh; allowed is {READ}: {how}")
-    if ending in (".dxf", ".csv"):
+    if kind_of_file in (".dxf", ".csv"):
         flaw = "is an outline without a mesh"
         raise InputError(f"{file} {flaw}; allowed is {READ}, or the file as `outline`")
-    points, surface, others, note = read_surface_mesh(path, "mesh file")
+    points, surface, others = read_surface_mesh(path, "mesh file")
     allowed = f"allowed is one kind out of {sorted(CELLS)}"
     if solid := sorted(kind for kind, dim in others.items() if dim == 3):
         raise InputError(f"{file} holds solid cells {solid}; {allowed}")
@@ -42,7 +43,7 @@ def read_mesh(path: Path | str) -> MeshArrays:
     if kind not in CELLS:
         raise InputError(f"{file} holds cells {kind}; {allowed}")
     unused = len(points) - len(np.unique(cells))
-    notes = [note] if note else []
+    notes = []
     if unused > UNUSED * len(points):
         some = f"{unused} of {len(points)} nodes"
         notes.append(f"{file} has {some} in no cell of a sheet: it may be cut off")

@@ -10,19 +10,20 @@ from ..readers.unseen import check_end
 from ..runtime.cache_folders import kept_arrays
 from ..runtime.child import in_child
 from ..runtime.errors import InputError
-from ..runtime.files import check_file
+from ..runtime.files import check_file, ending
 from ..runtime.formatting import coordinates
 from ..runtime.status import task
 
 FORMATS = f"STEP, IGES, BREP, or {READ}, as STL, MSH, VTP"
-CAD = (".step", ".stp", ".iges", ".igs", ".brep")
+# endings of models, and what gmsh calls their formats
+CAD = {".step": "step", ".stp": "step", ".iges": "iges", ".igs": "iges", ".brep": "brep"}
 TURN = 0.35  # rad, by which the faces of CAD models turn along an edge at most
 
 
 def read_triangles(path: Path, chord: float) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """Points (n, 3) [mm] and triangles (m, 3) in a file, and of CAD models the normals at the
     triangles' corners (m, 3, 3)."""
-    if path.suffix.lower() not in CAD:
+    if ending(path) not in CAD:
         mesh = read_surface_mesh(path, "surface file", FORMATS)
         return mesh.points, _triangles(mesh), None
     check_file(path, "surface file", FORMATS)
@@ -31,7 +32,7 @@ def read_triangles(path: Path, chord: float) -> tuple[np.ndarray, np.ndarray, np
         import gmsh
 
         with task(f"meshing {path.name}"):
-            how = path.suffix, chord, gmsh.__version__, Path(__file__).read_text()
+            how = ending(path), chord, gmsh.__version__, Path(__file__).read_text()
             made = partial(in_child, _mesh_of_model, path.absolute(), chord)
             return kept_arrays(path, how, made)
     except RuntimeError as error:
@@ -63,10 +64,10 @@ def _mesh_of_model(path, chord):
     import gmsh
 
     gmsh.initialize(readConfigFiles=False)
-    if path.suffix.lower() in (".step", ".stp"):  # IGES files are read in mm anyhow
+    if ending(path) in (".step", ".stp"):  # IGES files are read in mm anyhow
         gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
-    gmsh.model.occ.importShapes(str(path))
-    if path.suffix.lower() in (".iges", ".igs"):
+    gmsh.model.occ.importShapes(str(path), format=CAD[ending(path)])
+    if ending(path) in (".iges", ".igs"):
         gmsh.model.occ.removeAllDuplicates()  # faces there do not share their edges
     gmsh.model.occ.synchronize()
     faces = [tag for _, tag in gmsh.model.getEntities(2)]
@@ -93,7 +94,7 @@ def _mesh_of_model(path, chord):
 
 def _check_closed(gmsh, path):
     """ValueError for a model of solids alone that is open where a face is missing."""
-    text = path.read_bytes() if path.suffix.lower() in (".step", ".stp") else b""
+    text = path.read_bytes() if ending(path) in (".step", ".stp") else b""
     if b"CLOSED_SHELL" not in text or b"OPEN_SHELL" in text:
         return
     nodes = gmsh.model.mesh.getElementsByType(2)[1].reshape(-1, 3)

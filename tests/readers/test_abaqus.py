@@ -102,5 +102,5 @@ def test_files_that_are_named_are_read_too(tmp_path):
     ],
 )
 def test_what_cannot_be_read_is_named(tmp_path, text, words):
-    with pytest.raises(InputError, match=f"square.inp .*{words}"):
+    with pytest.raises(InputError, match=words):
         read(tmp_path, text)

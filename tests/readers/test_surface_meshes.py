@@ -12,11 +12,13 @@ import pyvista
 from mpi4py import MPI
 
 from fabric_fenicsx import dolfinx_compat as compat
+from fabric_fenicsx.meshes.outline_files import read_outline
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.readers.read import read_surface_mesh
 from fabric_fenicsx.runtime.child import in_child
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.sheets.mesh_files import read_mesh
+from fabric_fenicsx.tools.files import read_triangles
 
 SQUARE = np.array([[0.0, 0, 0], [10, 0, 0], [10, 10, 0], [0, 10, 0]])
 POINTS, TRIANGLES, _ = specimen(20, 10, 4, 2, "right")
@@ -138,14 +140,27 @@ def test_cells_of_an_obj_file_with_a_texture_share_their_points(tmp_path):
     assert len(mesh.points) == 6 and area(mesh) == 200
 
 
+def test_vertices_of_an_obj_file_may_have_weights_and_colours(tmp_path):
+    points = "".join(f"v {x} {y} {z} 1.0 0.5 0.5 0.5\n" for x, y, z in SQUARE)
+    mesh = read(tmp_path / "s.obj", f"{points}f 1 2 3 4\n")
+    assert mesh.points.tolist() == SQUARE.tolist() and area(mesh) == 100
+
+
 @pytest.mark.versions
 @pytest.mark.parametrize("cells", [TRIANGLES, QUADS])
 def test_xdmf_of_dolfinx_is_read(tmp_path, cells):
+    from dolfinx import fem
     from dolfinx.io import XDMFFile
 
     cell = {3: "triangle", 4: "quadrilateral"}[cells.shape[1]]
     nodes = cells[:, compat.to_dolfinx_order(cell, cells.shape[1])]
     made = compat.create_mesh(MPI.COMM_SELF, nodes, POINTS[:, :2], cell, 1)
+    u = fem.Function(compat.vector_space(made, "Lagrange", 1, 2), name="u")
+    with XDMFFile(MPI.COMM_SELF, str(tmp_path / "series.xdmf"), "w") as file:
+        file.write_mesh(made)
+        for time in (0.0, 1.0):
+            file.write_function(u, time)
+    assert area(read(tmp_path / "series.xdmf")) == pytest.approx(200)
     with XDMFFile(MPI.COMM_SELF, str(tmp_path / "strip.xdmf"), "w") as file:
         file.write_mesh(made)
     assert area(read(tmp_path / "strip.xdmf")) == pytest.approx(200)
@@ -154,6 +169,34 @@ def test_xdmf_of_dolfinx_is_read(tmp_path, cells):
     assert area(read(tmp_path / "text.xdmf")) == pytest.approx(200)
     with pytest.raises(InputError, match="numbers alone; allowed is .*strip.xdmf"):
         read(tmp_path / "strip.h5")
+
+
+@pytest.mark.versions
+def test_numbers_in_hdf5_are_read(tmp_path):
+    cells = [("triangle", TRIANGLES)]
+    for name in ("strip.med", "strip.xdmf"):  # where DOLFINx is loaded, h5py may not work
+        in_child(meshio.write_points_cells, tmp_path / name, POINTS, cells)
+        assert area(read(tmp_path / name)) == pytest.approx(200)
+
+
+@pytest.mark.versions
+@pytest.mark.parametrize("slit", [0, 5])
+def test_blocks_of_exodus_share_nodes_where_the_file_has_them(tmp_path, slit):
+    from vtkmodules.vtkIOExodus import vtkExodusIIWriter
+
+    points, cells = POINTS, QUADS.copy()
+    left = points[cells, 0].max(1) < 11
+    for node in np.flatnonzero((points[:, 0] == 10) & (points[:, 1] < slit)):
+        cells[left] = np.where(cells[left] == node, len(points), cells[left])
+        points = np.vstack([points, points[node]])
+    grid = pyvista.UnstructuredGrid({9: cells}, points)
+    grid.cell_data["ObjectId"] = 1 + left
+    writer = vtkExodusIIWriter()
+    writer.SetInputData(grid)
+    writer.SetFileName(str(tmp_path / "strip.e"))
+    writer.Write()
+    mesh = read(tmp_path / "strip.e")
+    assert len(mesh.points) == len(points) and area(mesh) == pytest.approx(200)
 
 
 GRIDS = "".join(f"GRID,{i},,{x},{y},{z}\n" for i, (x, y, z) in enumerate(SQUARE, 1))
@@ -184,14 +227,22 @@ def test_a_deck_of_optistruct_is_one_of_nastran(tmp_path):
         "GRID           4       5      0.     10.      0.",
         "GRID*                  4               5              0.             10.",
         "  GRID,4,5,0.,10.,0.",
-        "GRDSET                 5",
     ],
 )
 def test_nodes_in_a_coordinate_system_of_their_own_are_refused(tmp_path, card):
     three = "\n".join(GRIDS.splitlines()[:3])
     text = f"BEGIN BULK\n{three}\n{card}\nCQUAD4,1,1,1,2,3,4\nENDDATA\n"
-    with pytest.raises(InputError, match="has a GR.* in coordinate system 5 .*; allowed are basic"):
+    with pytest.raises(InputError, match="has a GRID in coordinate system 5 .*; allowed are basic"):
         read(tmp_path / "square.bdf", text)
+
+
+@pytest.mark.parametrize("name, text", [("a.inp", "*NODE\n1, x\n"), ("a.bdf", "GRID,1,5\n")])
+def test_a_file_is_called_what_it_is(tmp_path, name, text):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(InputError, match=f"^surface file .*{name} has "):
+        read_triangles(tmp_path / name, 0.1)
+    with pytest.raises(InputError, match=f"^outline .*{name} has "):
+        read_outline(tmp_path / name)
 
 
 @pytest.mark.versions
@@ -221,28 +272,6 @@ def test_files_that_no_reader_can_know(tmp_path):
         read(tmp_path / "mesh.vtu", "")
     with pytest.raises(InputError, match="none.vtu does not exist"):
         read(tmp_path / "none.vtu")
-
-
-def unv(tmp_path, unit, factor):
-    """A strip of 20 x 10 of a unit that goes so often into a metre."""
-    by_gmsh(tmp_path / "strip.unv")
-    mesh = (tmp_path / "strip.unv").read_text()
-    record = f"    -1\n   164\n         7{unit:20}         2\n    {factor}    1.0D+00\n    -1\n"
-    (tmp_path / "strip.unv").write_text(record + mesh)
-    return read(tmp_path / "strip.unv")
-
-
-@pytest.mark.versions
-def test_the_unit_of_a_universal_file(tmp_path):
-    mesh = unv(tmp_path, "Inch (pound f)", "3.9370078740157480D+01")
-    assert area(mesh) == pytest.approx(200 * 25.4**2)
-    assert mesh.note.endswith("is in the unit Inch (pound f) (dataset 164), so it is 508 mm large")
-    mesh = unv(tmp_path, "mm (newton)", "1.0000000000000000E+03")
-    assert area(mesh) == pytest.approx(200) and not mesh.note
-    with pytest.raises(
-        InputError, match=r"SI: Meter .* and so 20000 mm large; allowed is the unit"
-    ):
-        unv(tmp_path, "SI: Meter (newton)", "1.0000000000000000E+00")
 
 
 WHOLE = {

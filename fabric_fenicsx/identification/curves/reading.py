@@ -14,6 +14,7 @@ from ...material.files import (
 from ...material.laws.coupled import SHEAR, YARN
 from ...readers.text_tables import Problems
 from ...runtime.errors import InputError
+from ...runtime.files import ending
 from ...runtime.rules import unknown_key
 from . import checks
 from .csv_files import read_test
@@ -34,7 +35,7 @@ def read(path: Path | str) -> tuple[Sheet, tuple[Curve, ...]]:
     folder = path if path.is_dir() else path.parent
     sheet = read_sheet(folder / "sheet.toml")
     named = sheet.keys
-    paths = sorted(p for p in folder.iterdir() if p.suffix.lower() in FILES or p.name in named)
+    paths = sorted(p for p in folder.iterdir() if ending(p) in FILES or p.name in named)
     if not paths:
         raise InputError(
             f"{folder} has no *.csv; allowed is a CSV file a test, or files of other names with a "
