@@ -51,6 +51,10 @@ class _DeadLoad(Term):
         """Count `work` from the present state."""
         self._work.accept(*self._state())
 
+    def reject(self) -> None:
+        """As in `Term`."""
+        self._work.reject()
+
     def work(self) -> float:
         """Done on all of the sheet since the last accepted state, on rank 0 [N mm]."""
         done = self._work.since(*self._state())

@@ -86,6 +86,10 @@ class ReleaseForces(Term):
             self._released -= self._since_accepted()
         self._work.accept(*self._state())
 
+    def reject(self) -> None:
+        """As in `Term`."""
+        self._work.reject()
+
     def energies(self) -> dict[str | None, float]:
         """As in `Term`: their potential, and what was released up to the present state."""
         released = self._released - self._since_accepted()

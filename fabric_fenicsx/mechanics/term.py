@@ -204,6 +204,9 @@ class Term:
     def accept(self) -> None:
         """Take the present state as the last accepted one."""
 
+    def reject(self) -> None:
+        """Forget states of which `work` was asked since the last accepted one."""
+
     def work(self) -> float:
         """Work of a load or tool since the last accepted state [N mm]."""
         return 0.0

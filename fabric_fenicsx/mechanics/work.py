@@ -17,7 +17,7 @@ class Work:
 
     With less than three states forces and places are straight lines. If `since` was asked of states
     on the way before, they are polynomials through all of these: so the work of a step that is
-    doubted is found anew.
+    doubted is found anew. `reject` forgets these.
 
     follows: whether places follow from the forces, as those of a dead load. They are no polynomials
     in the load, as a flat sheet sags by its cube root. So lines are straight, and polynomials are
@@ -34,6 +34,10 @@ class Work:
         """Take load, force and place (n,) [mm] as those of the last accepted state."""
         before = [state for state in self._states if state[0] < load]
         self._states = [*before, (load, np.array([force, place]))][-self._most :]
+        self._asked = {}
+
+    def reject(self) -> None:
+        """Forget the states asked of since the last accepted one, as the step is tried anew."""
         self._asked = {}
 
     def since(self, load: float, force: np.ndarray, place: np.ndarray) -> float:

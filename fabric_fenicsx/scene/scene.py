@@ -123,6 +123,12 @@ class Scene:
         for term in self.terms:
             term.accept()
 
+    def reject(self) -> None:
+        """Let terms and supports forget what they noted since the last accepted state."""
+        self.supports.work.reject()
+        for term in self.terms:
+            term.reject()
+
     @phase("contact")
     def look_ahead(self) -> None:
         """Show terms the present displacement as the prediction of the next state."""

@@ -164,7 +164,7 @@ class LoadStepping:
         scene.drag, scene.origin = progress.viscosity.drag, progress.x
         trial.report, iterations = solve_staggered(self.newton, x, trial.tolerance)
         progress.iterations += iterations
-        if self.settings.accuracy and progress.last_step:
+        if self.settings.accuracy and progress.last_step and not start:
             self._predicted.axpy(-1.0, x)
             trial.deviation = self._predicted.norm() / max(x.norm(), 1e-300)
 
@@ -176,8 +176,7 @@ class LoadStepping:
         if not report.converged:
             return
         self._measure(trial)
-        report.reject(step_criteria.negative_bending(trial.energies))
-        if not self._in_equilibrium:
+        if not (self._in_equilibrium and report.converged):
             return
         missing, balance = self._missing_work(trial), self.settings.balance
         # energies that grow as the load or faster are 1 / size times as large in the end
@@ -185,8 +184,11 @@ class LoadStepping:
         if not self.progress.last_step:  # work along a straight line, which halving does not mend
             matters = min(balance or np.inf, matters / 2)
         for share in ON_THE_WAY:
-            if missing > matters and self._measure_on_the_way(trial, share):
+            doubted = missing > matters and trial.report.converged
+            if doubted and self._measure_on_the_way(trial, share):
                 missing = self._missing_work(trial)
+        if not trial.report.converged:
+            return
         self._reject_imbalance(trial, missing)
         if balance:
             work = self.progress.work + trial.work
@@ -218,6 +220,8 @@ class LoadStepping:
         self._solve(inner)
         if inner.report.converged:
             self._measure(inner)
+        else:
+            self.scene.reject()
         self._solve(trial, start=found)
         trial.report.iterations = max(iterations, trial.report.iterations)
         if trial.report.converged:
@@ -225,7 +229,7 @@ class LoadStepping:
         return inner.report.converged and trial.report.converged
 
     def _measure(self, trial):
-        """Set energies, forces and work of the trial's state."""
+        """Set energies, forces and work of the trial's state, and reject it if they can't be."""
         scene = self.scene
         trial.drag_loss = 2 * scene.drag_energy()
         trial.energies = self._energies()
@@ -233,6 +237,7 @@ class LoadStepping:
         trial.forces = scene.support_forces()
         of_supports = scene.supports.work.since(trial.load, trial.forces, trial.values)
         trial.work = scene.work() + scene.comm.allreduce(of_supports)
+        trial.report.reject(step_criteria.negative_bending(trial.energies))
 
     def _accept(self, trial):
         scene, progress = self.scene, self.progress
@@ -292,6 +297,7 @@ class LoadStepping:
 
     def _restore(self):
         """Put the scene into its last accepted state."""
+        self.scene.reject()
         self.scene.drag = 0.0
         self.scene.set(self.progress.x)
         self.scene.set_load(self.progress.load)

@@ -11,7 +11,7 @@ from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support, clamped_ends
 from fabric_fenicsx.sheets.blank import Blank
-from fabric_fenicsx.solve import staggered
+from fabric_fenicsx.solve import staggered, step_criteria
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.staggered import FIRST, LOOSE
 from fabric_fenicsx.solve.stepping import FINEST
@@ -103,6 +103,30 @@ def test_the_first_step_is_believed_where_forces_grow_as_a_power():
     march(Newton(scene), steps=2, balance=0.02, on_accept=found.append)
     assert (found[1].load, found[1].cuts) == (0.5, 0)
     assert found[1].external_work == pytest.approx(250.0 * 0.05**4 * 200)
+
+
+@pytest.mark.mpi
+def test_a_state_that_bending_refuses_is_rejected_after_its_work_was_measured_anew(monkeypatch):
+    """And what terms noted of it is forgotten."""
+    everywhere = Support("all", lambda x: x[0] < 1e9, (0, 1), (0.1, 0.0))
+    forgotten, solved = [], []
+    monkeypatch.setattr(Hardening, "reject", lambda self: forgotten.append(True), raising=False)
+
+    def below_0(energies):  # in the first step, once it is solved with the state at its middle
+        solved.append(energies)
+        return "below 0" if len(solved) == 3 else ""
+
+    monkeypatch.setattr(step_criteria, "negative_bending", below_0)
+    scene = Scene(Blank.rectangle(20, 10, nx=2), [Hardening()], [everywhere])
+    loads, reasons = [], []
+    march(
+        Newton(scene),
+        steps=2,
+        on_accept=lambda accepted: loads.append(accepted.load),
+        on_reject=lambda load, report: reasons.append((load, report.reason)),
+    )
+    assert reasons == [(0.5, "below 0")] and loads[:2] == [0.0, 0.25]
+    assert len(forgotten) == 2  # at the beginning, too
 
 
 @pytest.mark.mpi

@@ -297,6 +297,10 @@ class Contact(ToolInteraction):
         self._note_depth(self._load, -now.gap)
         super().accept()
 
+    def reject(self) -> None:
+        """As in `Term`."""
+        self._work.reject()
+
     def _forget_balance(self):
         if self.tool.force:
             self._found = None
