@@ -9,15 +9,11 @@ from ..mechanics.springs import Springs
 from ..postprocess.ply import Grid
 from ..postprocess.wrinkles import height_map
 from ..results import measures, quantities
+from ..results.history import energies_of, stretching
+from ..runtime.formatting import share
 from ..scene import output
 from ..sheets.blank import Part
 from .build import FormingScene
-
-STRETCHING = (
-    "strain",
-    "metal",
-    "plastic",
-)  # energies with which that of the regularisation is compared
 
 
 def all_of(made: FormingScene, result: Result) -> dict[str, Any]:
@@ -35,17 +31,17 @@ def of_forces(made: FormingScene, result: Result) -> dict[str, Any]:
     """Forces [N]: of the leading tool towards the blank, as `force_N` and under its name, on the
     modelled part and on the whole blank; the size of each contact force on the modelled part; the
     force of each tool along z on the whole blank."""
-    share, force, leader = made.modelled_share(), result.rows[-1]["reaction_N"], made.leader().name
+    part, force, leader = made.modelled_share(), result.rows[-1]["reaction_N"], made.leader().name
     return {
         "force_N": force,
-        "force_of_whole_blank_N": force / share,
+        "force_of_whole_blank_N": force / part,
         f"{leader}_force_N": force,
-        f"{leader}_force_of_whole_ply_N": force / share,
+        f"{leader}_force_of_whole_ply_N": force / part,
         "contact_forces_N": {
             term.tool.name: float(np.linalg.norm(term.force())) for term in made.pressing
         },
         "tool_forces_of_whole_blank_N": {
-            term.tool.name: float(output.tool_force(made.scene, term.tool)[2]) / share
+            term.tool.name: float(output.tool_force(made.scene, term.tool)[2]) / part
             for term in made.pressing
         },
     }
@@ -53,10 +49,9 @@ def of_forces(made: FormingScene, result: Result) -> dict[str, Any]:
 
 def of_contact(made: FormingScene, result: Result) -> dict[str, Any]:
     """Forces that are not in balance, penetration of tools, and what else checks the contact."""
-    rows, scene, interface = result.rows, made.scene, made.data.interface
+    scene, interface, energies = made.scene, made.data.interface, energies_of(result.rows[-1])
     total = sum((output.tool_force(scene, term.tool) for term in made.pressing), np.zeros(3))
     total += sum((term.force() for term in scene.terms if isinstance(term, Springs)), np.zeros(3))
-    kept = sum(rows[-1].get(f"{kind}_energy_Nmm", 0.0) for kind in STRETCHING)
     return {
         "unbalanced_force_N": float(abs(total[2])),
         "penalty_N_per_mm3": interface.penalty,
@@ -64,7 +59,7 @@ def of_contact(made: FormingScene, result: Result) -> dict[str, Any]:
         "penetration_largest_mm": max(each.largest_penetration() for each in made.contacts),
         "penetration_of_thickness": output.deepest(scene)[0],
         "sticking_slip_mm": interface.slip if interface.friction else None,
-        "viscous_of_strain_energy": rows[-1]["viscous_energy_Nmm"] / kept if kept else 0.0,
+        "viscous_of_strain_energy": share(energies["viscous"], stretching(energies)),
     }
 
 

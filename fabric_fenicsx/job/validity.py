@@ -8,11 +8,11 @@ from ..mechanics.contact.self_crossing import crossing_warning, self_crossings
 from ..mechanics.materials import materials_of
 from ..mechanics.shell.membrane import Membrane
 from ..mechanics.term_checks import misspelt
-from ..results.history import ENERGIES, energy_balance
+from ..results.history import energy_balance, stretching
 from ..results.quantities import fabric_warnings
 from ..results.result import Result
 from ..runtime.errors import NOT_BELIEVED
-from ..runtime.formatting import coordinates, percent, rounded
+from ..runtime.formatting import coordinates, percent, rounded, share
 from ..scene import output as scene_output
 from ..scene.scene import Scene
 from ..solve.limits import EDGES, Limits
@@ -48,19 +48,15 @@ def beyond_limits_at_end(
 ) -> list[str]:
     """Sentences on what is wrong with the run as a whole. rows: of its history; energy: as in
     summary.json [N mm]."""
-    # the energy that is stored in stretching, with kinds that only some terms have, as metal's
-    kept = energy["strain"] + sum(
-        value for kind, value in energy.items() if kind not in (*ENERGIES, "external_work")
-    )
     found = {
         "imbalance": energy_balance(rows, energy)["energy_imbalance"],
-        "viscous": energy["viscous"] / max(abs(kept), 1e-300),
+        "viscous": share(energy["viscous"], stretching(energy)),
         "located": scene.supports.located_share(scene_output.outer_forces(scene)),
     }
     wrong = limits.exceeded(found)
     if scene.blank.mesh.geometry.dim == 3:  # a plane sheet can't wrinkle
-        share, sheet = scene_output.most_shortened(scene, SHORTENED)
-        words = [f"{each}; {_cure(scene)}" for each in limits.exceeded({"shortening": share})]
+        shortened, sheet = scene_output.most_shortened(scene, SHORTENED)
+        words = [f"{each}; {_cure(scene)}" for each in limits.exceeded({"shortening": shortened})]
         wrong += [f"sheet {sheet}: {each}" if sheet else each for each in words]
     return wrong + _passed_through(scene)
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from ..runtime.formatting import TINY
 from ..scene import output
 from ..scene.scene import Scene
 
@@ -15,7 +16,7 @@ Curves = Mapping[str, tuple[np.ndarray, np.ndarray]]
 
 def default_measure(scene: Scene) -> Measure:
     """Displacement [mm] and force [N] of the first tool of `scene` that moves, else of the support
-    that moves furthest, along the motion of either."""
+    that moves furthest, along the motion of either; 0 and 0 of a scene without both."""
     for tool in output.tools(scene):
         start = tool.path(0.0)
         motion = np.subtract(tool.path(1.0), start)
@@ -26,8 +27,10 @@ def default_measure(scene: Scene) -> Measure:
                 float(along @ output.tool_force(scene, tool)),
             )
     strokes = [(_stroke(scene, support, 1.0), support) for support in scene.supports]
+    if not strokes:
+        return lambda scene, load: (0.0, 0.0)
     stroke, support = max(strokes, key=lambda each: float(np.linalg.norm(each[0])))
-    along = stroke / max(float(np.linalg.norm(stroke)), 1e-300)
+    along = stroke / max(float(np.linalg.norm(stroke)), TINY)
     return lambda scene, load: (
         float(along @ _stroke(scene, support, load)),
         float(along @ scene.reaction(support.name)),

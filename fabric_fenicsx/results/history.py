@@ -8,10 +8,11 @@ from typing import Any
 from mpi4py import MPI
 
 from ..runtime.errors import InputError
-from ..runtime.formatting import percent, rounded
+from ..runtime.formatting import percent, rounded, share
 from ..solve.progress import Accepted
 
 ENERGIES = ("strain", "bending", "contact", "friction", "viscous")  # whose columns are always there
+COLUMN = "_energy_Nmm"  # after a kind
 COLUMNS = (
     *("step", "load", "displacement_mm", "reaction_N"),
     *(f"{kind}_energy_Nmm" for kind in ENERGIES),
@@ -47,7 +48,7 @@ class History:
         add, `scene.output.history`. Raises InputError if these are others than before."""
         report = accepted.report
         stored = sum(accepted.energies.values())
-        imbalance = abs(accepted.external_work - stored) / max(abs(stored), 1e-300)
+        imbalance = share(abs(accepted.external_work - stored), stored)
         row = dict.fromkeys(COLUMNS, None) | {f"{kind}_energy_Nmm": 0.0 for kind in ENERGIES}
         row |= {
             "step": len(self.rows),
@@ -100,22 +101,34 @@ def energy_balance(
     stores = [abs(sum(row[kind] for kind in kinds)) for row in rows]
     missing = [row["energy_imbalance"] * each for row, each in zip(rows, stores)]
     at = missing.index(max(missing))
-    worst = missing[at] / max(*stores, 1e-300)
+    worst = share(missing[at], max(stores))
     return {
-        "energy_imbalance": abs(energy["external_work"] - stored) / max(abs(stored), 1e-300),
+        "energy_imbalance": share(abs(energy["external_work"] - stored), stored),
         "energy_imbalance_largest": {"value": worst, "load": rows[at]["load"]},
         "branches": [row["load"] for row in rows if row["saddles"]],
     }
 
 
+def stretching(energy: Mapping[str, float]) -> float:
+    """What stretching stores, with kinds that only some terms have, as metal's [N mm]; energy: by
+    kind."""
+    return energy["strain"] + sum(
+        value for kind, value in energy.items() if kind not in (*ENERGIES, "external_work")
+    )
+
+
+def energies_of(row: Mapping[str, Any]) -> dict[str, float]:
+    """Energies of a row by kind [N mm]."""
+    return {k.removesuffix(COLUMN): v for k, v in row.items() if k.endswith(COLUMN)}
+
+
 def viscous_warning(rows: Sequence[Mapping[str, Any]], load: float) -> str:
     """A warning when the regularisation's share of the strain energy becomes large, else ""."""
-    last = rows[-2:]
-    large = [row["viscous_energy_Nmm"] > VISCOUS * abs(row["strain_energy_Nmm"]) for row in last]
-    if large != [False, True]:
+    shares = [share(row["viscous_energy_Nmm"], stretching(energies_of(row))) for row in rows[-2:]]
+    if [each > VISCOUS for each in shares] != [False, True]:
         return ""
-    share = percent(rows[-1]["viscous_energy_Nmm"] / abs(rows[-1]["strain_energy_Nmm"]))
+    taken = percent(shares[-1])
     return (
-        f"at load {rounded(load, 6)} (step {len(rows) - 1}) the regularisation has taken {share} "
+        f"at load {rounded(load, 6)} (step {len(rows) - 1}) the regularisation has taken {taken} "
         "of the strain energy; take smaller steps (`max_step`) or look for a snap there"
     )

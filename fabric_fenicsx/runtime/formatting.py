@@ -4,6 +4,7 @@ import math
 from collections.abc import Collection, Iterable
 from decimal import Decimal
 
+TINY = 1e-300  # in place of 0 below a line
 MANY = 10.0  # a share above which its size says nothing more
 
 
@@ -15,6 +16,11 @@ def rounded(number: float, digits: int = 3) -> str:
         return text
     mantissa, exponent = text.split("e")
     return f"{Decimal(text):f}" if 0 < int(exponent) < 6 else f"{mantissa}e{int(exponent)}"
+
+
+def share(part: float, whole: float) -> float:
+    """A part over the size of a whole that may be 0: 0 of nothing is 0, all else is immense."""
+    return part / max(abs(whole), TINY)
 
 
 def percent(share: float, digits: int = 2) -> str:

@@ -9,7 +9,7 @@ from petsc4py import PETSc
 
 from ..mechanics.work import Work
 from ..runtime.errors import InputError
-from ..runtime.formatting import percent, rounded
+from ..runtime.formatting import percent, rounded, share
 from ..sheets.blank import Blank
 from .supports import Support
 
@@ -117,7 +117,7 @@ class FixedDofs:
     def located_share(self, sizes: dict[str, float]) -> float:
         """Share of all forces that supports bear which only locate the sheet; sizes: of nodal
         forces added up, by supports and "" of all else [N]."""
-        return sum(self._located(sizes).values()) / max(sum(sizes.values()), 1e-300)
+        return share(sum(self._located(sizes).values()), sum(sizes.values()))
 
     def locating_warning(self, sizes: dict[str, float]) -> str:
         """A warning if supports that only locate the sheet bear a force, else ""; sizes: as in

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from ..runtime.formatting import percent
+from ..runtime.formatting import percent, share
 
 UNBALANCED = 0.02  # of the energies, above which a run warns that its work does not match
 ROUNDING = 1e-9  # of all energies
@@ -22,14 +22,14 @@ def missing_work(work: float, rise: float, stored: float, contact: float) -> flo
     """The share of a step's `work` that is missing from the `rise` of the energies. They are
     compared with the largest of both, of a tenth of the energies `stored` before, and of contact's:
     what contact lags may be off by a hundredth before and after the step. All in N mm."""
-    scale = max(abs(work), abs(rise), SMALL_WORK * abs(stored), abs(contact), 1e-300)
-    return abs(work - rise) / scale
+    scale = max(abs(work), abs(rise), SMALL_WORK * abs(stored), abs(contact))
+    return share(abs(work - rise), scale)
 
 
 def total_imbalance(work: float, energy: float, load: float) -> str:
     """Criterion of the energy balance since the start: all `work` and `energy` [N mm] differ by at
     most `TOTAL` of what they are at full load, if they grow as the load does."""
-    missing = abs(work - energy) / max(abs(work), abs(energy), 1e-300)
+    missing = share(abs(work - energy), max(abs(work), abs(energy)))
     if missing * load <= TOTAL:
         return ""
     return f"{percent(missing, 3)} of all work is not in the energies"

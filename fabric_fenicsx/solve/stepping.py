@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..runtime.formatting import rounded
+from ..runtime.formatting import rounded, share
 from . import step_criteria
 from .newton import Newton
 from .prediction import keep_contact, predict
@@ -166,7 +166,7 @@ class LoadStepping:
         progress.iterations += iterations
         if self.settings.accuracy and progress.last_step and not start:
             self._predicted.axpy(-1.0, x)
-            trial.deviation = self._predicted.norm() / max(x.norm(), 1e-300)
+            trial.deviation = share(self._predicted.norm(), x.norm())
 
     def _apply_criteria(self, trial):
         """Reject the trial's state, if there is one, by the criteria of steps."""
@@ -180,12 +180,12 @@ class LoadStepping:
             return
         missing, balance = self._missing_work(trial), self.settings.balance
         # energies that grow as the load or faster are 1 / size times as large in the end
-        matters = step_criteria.UNBALANCED / max(trial.size, 1e-300)
+        matters = share(step_criteria.UNBALANCED, trial.size)
         if not self.progress.last_step:  # work along a straight line, which halving does not mend
             matters = min(balance or np.inf, matters / 2)
-        for share in ON_THE_WAY:
+        for part in ON_THE_WAY:
             doubted = missing > matters and trial.report.converged
-            if doubted and self._measure_on_the_way(trial, share):
+            if doubted and self._measure_on_the_way(trial, part):
                 missing = self._missing_work(trial)
         if not trial.report.converged:
             return
@@ -210,13 +210,13 @@ class LoadStepping:
         rise = trial.energy - stored
         return step_criteria.missing_work(trial.work, rise, stored, contact)
 
-    def _measure_on_the_way(self, trial, share):
-        """Measure the step's work anew with the state at this share of it; False if that is not
+    def _measure_on_the_way(self, trial, part):
+        """Measure the step's work anew with the state at this part of it; False if that is not
         found."""
         found, iterations = self.newton.x.copy(), trial.report.iterations
-        load = self.progress.load + share * trial.size
+        load = self.progress.load + part * trial.size
         values = self.scene.supports.values(load)
-        inner = TrialStep(load, share * trial.size, trial.tolerance, values)
+        inner = TrialStep(load, part * trial.size, trial.tolerance, values)
         self._solve(inner)
         if inner.report.converged:
             self._measure(inner)

@@ -397,3 +397,15 @@ def test_a_rank_that_fails_alone_ends_the_others(hang):
         timeout=hang,
     )
     assert done.returncode and "IndexError: on one rank alone" in done.stderr
+
+
+@pytest.mark.mpi
+def test_a_sheet_that_only_friction_holds_has_a_curve_without_force():
+    """As nothing moves it; the floor bears the pressure on 40 x 20 mm."""
+    ply = ff.Blank.rectangle(40, 20, nx=4, spatial=True)
+    floor = ff.Tool(ff.Plane((0, 0, -0.6), (0, 0, 1)), name="floor")
+    terms = [ff.Membrane(ff.load("komeili")), ff.Bending(modulus=100.0)]
+    terms += [ff.Contact(floor, friction=0.3), ff.DeadPressure(0.01, (0, 0, -1))]
+    result = ff.Job(ff.Scene(ply, terms), steps=2, limits=ff.Limits(imbalance=0.1)).run()
+    assert result.summary["converged"] and result.summary["reaction_N"] == 0
+    assert result.force("floor")[2] == pytest.approx(8.0, rel=1e-6)
