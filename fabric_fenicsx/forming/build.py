@@ -3,7 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +66,7 @@ def build(press: Press, comm: MPI.Comm | None = None) -> "FormingScene":
     terms += [*bench.holders(between), *between, *bench.folds()]
     scene = Scene(laid.blank, terms, bench.supports())
     data = press.replace(sheets=laid.sheets)
-    made = FormingScene(data, scene, warnings, laid, placed)
+    made = FormingScene(data, scene, warnings, laid, placed, bench.held)
     made.press_together(bench.die)
     return made
 
@@ -161,13 +161,14 @@ def check_clearance(path: str, clearance: float, pressed: float, surface: Surfac
 @dataclass
 class Bench:
     """A press with its blank laid and its tools placed; it makes terms and supports. die: the tool
-    on which holders press the blank."""
+    on which holders press the blank; held: terms of each holder, {name: terms}."""
 
     press: Press
     laid: Laid
     placed: Placed
     warnings: list[str]
     die: Tool | None = None
+    held: dict[str, list[Term]] = field(default_factory=dict)
 
     @property
     def stack(self) -> Stack | None:
@@ -246,12 +247,12 @@ class Bench:
 
     def holders(self, between: Sequence[Term]) -> list[Term]:
         """The terms of all holders; between: contacts of the sheets."""
-        terms: list[Term] = []
         self._taken: list[tuple[str, str, Where]] = []
         for name, given in self.press.holders.items():
             for k, holder in enumerate(holders_of(name, given)):
-                terms += self._holder(name if k == 0 else f"{name} {k + 1}", holder, between)
-        return terms
+                segment = name if k == 0 else f"{name} {k + 1}"
+                self.held[segment] = self._holder(segment, holder, between)
+        return [term for terms in self.held.values() for term in terms]
 
     def _holder(self, name, holder, between):
         schedule, pressures = self.placed.schedule, self.press.pressures()
@@ -336,15 +337,23 @@ class FormingScene(Setup):
     - blank, sheets: what is laid, with final names, materials and meshes
     - tools {name: `Tool`}, schedule, thickness [mm] of the blank without pressure
     - pressing, contacts: terms that press the blank, and those of them that are contact with tools
+    - holders: {name of a holder or segment: its terms}
     - wrinkle_heights: {name of a sheet: `height_map`} of the last result, on rank 0
     """
 
     data: Press
 
     def __init__(
-        self, data: Press, scene: Scene, warnings: list[str], laid: Laid, placed: Placed
+        self,
+        data: Press,
+        scene: Scene,
+        warnings: list[str],
+        laid: Laid,
+        placed: Placed,
+        holders: Mapping[str, Sequence[Term]],
     ) -> None:
         super().__init__(data, scene, warnings)
+        self.holders = holders
         self.laid, self.blank, self.sheets = laid, laid.blank, laid.sheets
         self.tools, self.schedule = placed.tools, placed.schedule
         self.thickness, self.comm = placed.thickness, scene.comm
@@ -385,19 +394,20 @@ class FormingScene(Setup):
             way = tool.displacement[2] - np.asarray(tool.path(0.0))[2]
             found[f"{name}_way_mm"] = float(way)
             found[f"{name}_force_N"] = float(output.tool_force(scene, tool)[2])
-        for term in scene.terms:
-            name, force = term.name.rpartition(",")[0], 0.0
-            if isinstance(term, ToolInteraction) and term.tool.name not in self.tools:
-                name = term.tool.name.removesuffix("'s face")
-                force = float(term.tool_force()[2])
-            elif name and isinstance(term, EdgeTension):
-                force = self.comm.allreduce(float(abs(term.applied_forces()).sum()))
-            elif name and isinstance(term, Springs):
-                force = term.pull()
-            if name:
-                name = f"{'_'.join(name.split())}_force_of_whole_N"
-                found[name] = found.get(name, 0.0) + force / self.modelled_share()
+        for name, terms in self.holders.items():
+            forces = [force for term in terms if (force := self._held_by(term)) is not None]
+            if forces:
+                column = f"{'_'.join(name.split())}_force_of_whole_N"
+                found[column] = sum(forces) / self.modelled_share()
         return found
+
+    def _held_by(self, term):
+        """Force of a holder's term on the modelled part [N], None of one that tells none."""
+        if isinstance(term, ToolInteraction):
+            return float(term.tool_force()[2])
+        if isinstance(term, EdgeTension):
+            return self.comm.allreduce(float(abs(term.applied_forces()).sum()))
+        return term.pull() if isinstance(term, Springs) else None
 
     def force_name(self) -> str:
         """As in `Setup`."""

@@ -43,6 +43,7 @@ def draw_setup(made: FormingScene, folder: Path) -> None:
 def _holders(made, plies):
     """{name: surface} of what holders press, a little away from the blank, and of what pulls."""
     size, found = float(np.ptp(made.extent, axis=0).max()), dict[str, Any]()
+    owners = {term: name for name, terms in made.holders.items() for term in terms}
     for term in made.scene.terms:
         ply = ply_of(plies[term.part_name] if term.part_name else next(iter(plies.values())))
         x, centres = ply.x, ply.x[ply.triangles].mean(1).T
@@ -58,7 +59,7 @@ def _holders(made, plies):
                 way = way * min(1.0, LONG * size / float(np.linalg.norm(way)))
             else:
                 at, way = x[term.edge(x.T)], LONG * size * np.asarray(term.direction)
-            ends, name = _pulls(at, way, size), name.rpartition(",")[0] or name
+            ends, name = _pulls(at, way, size), owners.get(term, name)
             found[name] = found[name].merge(ends) if name in found else ends
     return {name: surface for name, surface in found.items() if surface.n_points}
 

@@ -11,12 +11,12 @@ from ..runtime.files import ending
 from ..runtime.formatting import coordinates, rounded
 from ..tools.checks import FLANGE, SMALL, TINY, check_triangles, unit_doubt
 from ..tools.files import CAD
-from ..tools.surfaces import Surface, Turned
+from ..tools.surfaces import Surface, Turned, radii_of
 from ..tools.triangulated import TriangulatedSurface
 from ..tools.values import length_of
 from .tools import PressTool
 
-FAR = 1e3  # sizes of the blank, within which a tool's face is looked for
+FAR = 1e3  # sizes of the blank beyond a tool's radii, within which its face is looked for
 FINER = 1, 2, 5  # numbers by which a CAD model's chord is divided, one after the other
 TOUCHES = 1e-9  # of the thickness: a tool so near touches the blank
 TRIES = 500  # at most, to bring it there
@@ -140,11 +140,14 @@ class Placement:
         the wrong side. The tool moves by its least distance each time, so it never cuts in."""
         up, away, between = tool.towards[2], self._size, np.empty((0, 3))
         points = _of_triangles(surface)
-        far = FAR * self._size if points is None else 4 * (abs(points).max() + self._size)
+        if points is None:
+            far = FAR * self._size + sum(r for r in radii_of(surface) if np.isfinite(r))
+        else:
+            far = 4 * (abs(points).max() + self._size)
         while self._least(surface, start, -up * away, between)[0] <= 0:
-            away *= 2
-            if away > far:
+            if away >= far:
                 return None
+            away = min(2 * away, far)
         for _ in range(TRIES):
             gap, place, top = self._least(surface, start, -up * away, between)
             if abs(gap) < TOUCHES * self._t:

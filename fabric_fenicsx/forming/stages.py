@@ -70,11 +70,14 @@ class Stage:
         names = self.leave if isinstance(self.leave, (list, tuple)) else [None]
         if not all(isinstance(each, str) for each in names):
             raise InputError(f"`leave` is {shown(self.leave)}; allowed is a list of names of tools")
-        moving = self.moves or self.forces or self.pressures or self.leave or self.close
+        moves = any(np.any(way) for way in self.moves.values())
+        moving = moves or self.forces or self.pressures or self.leave or self.close
         if self.unload and moving:
             raise InputError("`unload` needs a stage of its own, in which nothing moves")
         if not self.unload and not moving:
-            raise InputError("a stage needs `moves`, `close`, `forces`, `pressures` or `leave`")
+            raise InputError(
+                "a stage needs `moves` other than 0, `close`, `forces`, `pressures` or `leave`"
+            )
 
 
 def _table(stage, kind):

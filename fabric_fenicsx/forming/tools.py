@@ -99,7 +99,7 @@ class PressTool:
         for name in ("at", "turn"):  # as lists and arrays, so that tools compare
             if (value := getattr(self, name)) is not None:
                 object.__setattr__(self, name, tuple(np.asarray(value).tolist()))
-        if self.off and length_of(self.at) == 3:
+        if self.off is not None and length_of(self.at) == 3:
             raise InputError("`off` is not allowed beside a z in `at`")
 
     @property

@@ -18,8 +18,8 @@ LIFTS = "move along its normal", "turn about its length", "turn about its width"
 
 
 def check_held(blank: Blank, terms: Sequence[Term], supports: FixedDofs) -> str:
-    """Raise InputError, naming the motion, if supports and terms let the blank move as a rigid
-    body; a warning if, in its plane, only the shapes of smooth tools may hold it, else "".
+    """Raise InputError, naming the motion, if supports and terms let the blank, as it is now, move
+    as a rigid body; a warning if, in its plane, only shapes of smooth tools may hold it, else "".
 
     Planes never do, nor does a ball against turning: motions along which no tool's normal anywhere
     points are refused. Other tools may once the sheet is formed, so refusing them would be wrong.
@@ -29,6 +29,7 @@ def check_held(blank: Blank, terms: Sequence[Term], supports: FixedDofs) -> str:
     resisted = {motion for term in terms for motion in term.resists}
     node, axis = np.divmod(supports.dofs, len(low))
     x, along = blank.coordinates()[node], np.eye(3)[axis]
+    x[:, : len(low)] += blank.nodal_displacement()[node]
     free, smooth = free_motion(blank, x, along, resisted), "lift" in resisted
     if not free:
         return ""

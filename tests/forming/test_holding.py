@@ -1,5 +1,6 @@
 """Blank holders: objects that make terms, several of them as segments."""
 
+import dataclasses
 import re
 
 import numpy as np
@@ -305,3 +306,14 @@ def test_the_history_has_the_force_of_each_holder_on_the_whole_blank():
     tools = [row[f"{name}_force_N"] for name in ("punch", "ring")]
     held = [row[f"low{k}_force_of_whole_N"] / 4 for k in ("", "_2")]
     assert sum(tools) + sum(held) == pytest.approx(0, abs=1e-4 * abs(tools[1]))
+
+
+def test_forces_of_holders_are_told_by_their_names_whatever_sheets_are_called():
+    names, holders = ("top, 0/90", "low, 45"), {"rim, all": ff.PressureHolder(0.02)}
+    press = ff.Press.read("hemisphere")
+    plies = [dataclasses.replace(press.sheets[0], name=name, nx=4) for name in names]
+    made = press.replace(sheets=plies, holders=holders).build()
+    (column,) = [name for name in made.columns(made.scene) if name.endswith("_of_whole_N")]
+    force = made.holders["rim, all"][0].tool_force()[2]
+    assert column == "rim,_all_force_of_whole_N"
+    assert made.columns(made.scene)[column] == pytest.approx(4 * force) and force > 100

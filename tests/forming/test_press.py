@@ -166,7 +166,8 @@ def test_a_ring_pushed_by_a_force_holds_as_its_pressure_does(tmp_path):
         (["tools.punch.side=up"], "tools.punch.side is 'up'; allowed is one of below, above"),
         (["tools.punch.shape=ball"], "shape ball is unknown; allowed are sphere, "),
         (["stage.forming.moves.pnch=3"], r"tool pnch is unknown \(did you mean punch"),
-        (["stage.forming.moves={}"], "a stage needs stage.forming.moves, stage.forming.close"),
+        (["stage.forming.moves={}"], "a stage needs stage.forming.moves other than 0, stage.form"),
+        (["stage.forming.moves.punch=0"], "a stage needs stage.forming.moves other than 0, stage"),
         (["stage.forming.leave=['ring']"], "stage.forming.leave names ring, which is where it st"),
         (["stage.forming.steps=three"], "stage.forming.steps is 'three'; allowed is a whole"),
         (["stage.forming.forces={punch=3}"], "forming.forces.punch needs a `force` from the start"),
@@ -209,6 +210,17 @@ def test_a_press_file_that_is_not_there_or_empty_is_named(tmp_path):
 def test_a_quarter_with_a_tool_beside_its_middle_is_told_of(change, words):
     assert words in hemisphere("blank.nx=4", change).warnings[0]
     assert not hemisphere("blank.nx=4").warnings
+
+
+def test_an_all_but_flat_punch_stands_where_it_touches():
+    press = hemisphere("blank.nx=4", "tools.punch.radius=1e6", "stage.1.moves.punch=0.05")
+    assert press.tools["punch"].path(0)[2] == pytest.approx(-1e6 - press.thickness / 2, rel=1e-12)
+
+
+@pytest.mark.parametrize("off", [0.0, 1.0])
+def test_a_tool_has_z_or_a_distance(off):
+    with pytest.raises(ff.InputError, match="`off` is not allowed beside a z in `at`"):
+        ff.PressTool(ff.Sphere(50), at=(0, 0, -60), off=off)
 
 
 def test_a_punch_from_cad_stands_by_itself(tmp_path):

@@ -182,3 +182,19 @@ def test_few_nodes_hold_all_rigid_motions(spatial):
     assert sum(len(each.components) for each in held) == (6 if spatial else 3)
     bed = builders.Elastic()
     assert not ff.Scene(blank, [bed], held).check_held()
+
+
+def test_nodes_that_hold_a_rolled_up_strip_hold_it_as_it_lies():
+    """Not as it was laid, where they would let it turn."""
+
+    def rolled(x, load):
+        k = 0.05 * load + 1e-12
+        return np.array([np.sin(k * x[0]) / k - x[0], 0 * x[0], (1 - np.cos(k * x[0])) / k - x[2]])
+
+    strip = ff.Blank.rectangle(40.0, 10.0, nx=10, pattern="left", element="P2", spatial=True)
+    terms = [ff.Membrane(ff.load("komeili")), ff.Bending(modulus=100.0)]
+    scene = ff.Scene(strip, terms, [ff.Support("all", everywhere, (0, 1, 2), rolled)])
+    formed = ff.Job(scene, steps=2, balance=None, limits=ff.Limits(imbalance=10)).run()
+    job = ff.unloading(formed)
+    assert [s.name for s in job.scene.supports] == [f"point {k} of blank" for k in (1, 2, 3)]
+    assert job.scene.check_held() == ""

@@ -10,8 +10,8 @@ from fabric_fenicsx.mechanics.contact.tool_contact import Contact
 from fabric_fenicsx.mechanics.load import DeadPressure
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.scene.scene import Scene
-from fabric_fenicsx.scene.supports import clamped_ends
-from fabric_fenicsx.scene.tool_warnings import cell_size_warning, tool_warnings
+from fabric_fenicsx.scene.supports import Support, clamped_ends
+from fabric_fenicsx.scene.tool_warnings import cell_size_warning, few_cells_warning, tool_warnings
 from fabric_fenicsx.tools.implicit import ImplicitSurface
 from fabric_fenicsx.tools.primitives import Plane, Sphere
 from fabric_fenicsx.tools.surfaces import Offset, Reversed
@@ -113,3 +113,15 @@ def test_cells_too_large_for_a_tool():
     assert "below 4.71 mm" in warning
     die = Tool(Reversed(Offset(Sphere(2.0, (0, 0, 0)), 1.0)), name="die")  # seen from inside
     assert "die has a radius of 3 mm" in cell_size_warning(blank, [die])
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "cells, quarter, said", [(4, False, "4 cells"), (6, False, ""), (2, True, "4 c"), (3, True, "")]
+)
+def test_so_few_cells_tell_nothing(cells, quarter, said):
+    blank = builders.sheet(40, 40, cells, cells, "crossed", spatial=True)
+    contact = Contact(Tool(Plane((0, 0, -0.6), (0, 0, 1)), name="table"), friction=0.2)
+    supports = [Support("plane of symmetry", builders.near(0, 0.0), (0,))] if quarter else ()
+    warning = few_cells_warning(Scene(blank, [Membrane(KOMEILI), contact], supports))
+    assert bool(warning) == bool(said) and warning.startswith(said)
