@@ -296,7 +296,7 @@ def test_a_sheet_that_only_shapes_of_tools_may_hold_is_told_of(monkeypatch):
 
 
 def test_what_is_doubted_of_tools_is_told():
-    blank = ff.Blank.rectangle(40, 20, nx=8, ny=4, spatial=True)
+    blank = ff.Blank.rectangle(40, 20, nx=6, ny=3, spatial=True)
     ball = ff.Tool(ff.Sphere(2, (20, 10, -2.5)), name="ball")
     scene = ff.Scene(blank, [ff.Membrane(ff.load("komeili")), ff.Contact(ball)], ff.clamped_ends(1))
     warnings = ff.Job(scene, steps=1).run().summary["warnings"]
