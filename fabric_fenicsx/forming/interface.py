@@ -33,10 +33,8 @@ class Interface:
         Share of normal forces, and of areas under a holder, by which these may lag behind the state
         in a solve; forces between sheets five times as much.
     penalty
-        Stiffness of contact [N/mm^3]. By default fabric is compacted; `penalty` or `permitted`
-        makes its faces rigid.
-    permitted
-        Largest penetration of rigid faces [mm], enforced by the augmented Lagrangian method.
+        Stiffness of contact [N/mm^3]. By default fabric is compacted; `penalty` makes its
+        faces rigid.
     self
         True: each sheet touches itself where a fold closes, see `SelfContact`.
 
@@ -68,12 +66,6 @@ class Interface:
         "stiffness of contact with rigid faces (by default fabric is compacted) [N/mm^3]",
         "tools",
     )
-    permitted: float | None = number(
-        None,
-        POSITIVE,
-        "largest penetration of rigid faces, which augmented contact keeps (any) [mm]",
-        "tools",
-    )
     self: bool = switch("let each sheet touch itself where a fold closes", "tools")
 
     def __post_init__(self) -> None:
@@ -82,7 +74,7 @@ class Interface:
     @property
     def is_rigid(self) -> bool:
         """Whether fabric keeps its thickness under pressure."""
-        return bool(self.penalty or self.permitted)
+        return bool(self.penalty)
 
     @property
     def lag_of_faces(self) -> float:
@@ -109,6 +101,4 @@ class Interface:
         """Contact of all sheets with a tool; where: as in `Contact`."""
         from ..mechanics.contact.tool_contact import Contact
 
-        return Contact(
-            tool, penalty=self.penalty, permitted=self.permitted, friction=friction, where=where
-        )
+        return Contact(tool, penalty=self.penalty, friction=friction, where=where)

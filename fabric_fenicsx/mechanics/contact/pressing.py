@@ -12,7 +12,7 @@ ANTICIPATED = 4.0  # times the present pressure, up to which the next one is ant
 class Pressed(NamedTuple):
     """n points pressed into a face: gap (n,) [mm] between both, below 0 where they overlap, its
     gradient `normal` (n, 3) and Hessian `curvature` (n, 3, 3) [1/mm], depth (n,) [mm] to which the
-    raised face is pressed in, pressure (n,) [MPa] and its slope (n,) [N/mm^3], forces on the points
+    face is pressed in, pressure (n,) [MPa] and its slope (n,) [N/mm^3], forces on the points
     (n, 3) [N], `blocks` (n, 3, 3) [N/mm] by which these fall as points move, and energy (n,)
     [N mm]."""
 
@@ -28,22 +28,14 @@ class Pressed(NamedTuple):
 
 
 def press(
-    law: PressureLaw,
-    areas: np.ndarray,
-    gap: np.ndarray,
-    normal: np.ndarray,
-    curvature: np.ndarray,
-    shift: float | np.ndarray = 0.0,
+    law: PressureLaw, areas: np.ndarray, gap: np.ndarray, normal: np.ndarray, curvature: np.ndarray
 ) -> Pressed:
     """Points of `areas` (n,) [mm^2] pressed by a law at gaps (n,) [mm], with the gaps' gradients
-    (n, 3) and Hessians (n, 3, 3) [1/mm]. shift: by which the face is raised, one or for each point
-    (n,) [mm]; the energy is that beyond the shift's own."""
-    depth = np.maximum(0.0, shift - gap)
+    (n, 3) and Hessians (n, 3, 3) [1/mm]."""
+    depth = np.maximum(0.0, -gap)
     energy, pressure, slope = np.zeros((3, len(gap)))
     at = np.flatnonzero(depth != 0)  # those that are not numbers among them
     energy[at], pressure[at], slope[at] = only(law, at)(depth[at])
-    if np.any(shift):
-        energy -= law(np.broadcast_to(shift, len(gap)))[0]
     forces, blocks = np.zeros((len(gap), 3)), np.zeros((len(gap), 3, 3))
     force, n = (areas * pressure)[at, None], normal[at]
     forces[at] = force * n

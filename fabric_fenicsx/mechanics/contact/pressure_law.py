@@ -13,8 +13,8 @@ from ...material.metal import Metal
 
 STRAIN = 0.02  # along all directions; its pull over the tightest radius sets the penalty
 FLAT_RADIUS = 10.0  # thicknesses: what counts as the least radius of a tool that is flat
-PERMITTED = 0.0125  # of the thickness, the penetration under it
-SMOOTHING = 0.3  # of the permitted penetration
+PENETRATION = 0.0125  # of the thickness, under the default penalty
+SMOOTHING = 0.3  # of that penetration
 HARD = 10.0  # MPa, above which fabric is compacted along a straight line
 INVERSIONS = 20  # of Newton's method for what two fabrics share; four or five do
 
@@ -23,10 +23,11 @@ def default_penalty(material: Material, radius: float) -> float:
     """Penalty [N/mm^3] for a tool of least `radius` [mm].
 
     With it, a fabric or metal stretched by `STRAIN` over that radius presses into the tool by
-    `PERMITTED` of the thickness. A flat tool (inf) counts as one of `FLAT_RADIUS` thicknesses.
+    `PENETRATION` of the thickness. A flat tool (inf) counts as one of `FLAT_RADIUS` thicknesses.
     """
     t = material.thickness
-    return _pull(material) / (radius if np.isfinite(radius) else FLAT_RADIUS * t) / (PERMITTED * t)
+    radius = radius if np.isfinite(radius) else FLAT_RADIUS * t
+    return _pull(material) / radius / (PENETRATION * t)
 
 
 def _pull(material):
@@ -196,7 +197,7 @@ def face_of(material: Material, radius: float, penalty: float | None = None) -> 
         length = material.thickness_under(0.0) / 2
         return Compacted(length, compaction.exponent, compaction.onset)
     t = material.thickness
-    return Rigid(penalty or default_penalty(material, radius), SMOOTHING * PERMITTED * t)
+    return Rigid(penalty or default_penalty(material, radius), SMOOTHING * PENETRATION * t)
 
 
 def between_faces(first: PressureLaw, second: PressureLaw) -> PressureLaw:

@@ -17,7 +17,15 @@ from .face_sliding import FaceSliding
 from .interaction import Interaction
 from .lagged_faces import LaggedFaces
 from .pressing import Pressed, anticipate, press
-from .pressure_law import PERMITTED, SMOOTHING, Grown, Rigid, between_faces, face_of, thickening_of
+from .pressure_law import (
+    PENETRATION,
+    SMOOTHING,
+    Grown,
+    Rigid,
+    between_faces,
+    face_of,
+    thickening_of,
+)
 from .sheet_points import POINTS, Facing, SheetPoints
 from .thickness import PlyThickness
 
@@ -87,7 +95,7 @@ class FaceContact(Interaction):
         its face, and its thickening."""
         k, material = self._penalty, material_of(scene, part)
         if k:
-            return t, Rigid(k, SMOOTHING * PERMITTED * t), 0.0
+            return t, Rigid(k, SMOOTHING * PENETRATION * t), 0.0
         if not material:
             raise InputError(
                 f"{self.name} needs a penalty, a number above 0, as {self.LACKING} a fabric or "

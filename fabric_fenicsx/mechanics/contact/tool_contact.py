@@ -21,16 +21,7 @@ from .coulomb import LAG, Coulomb
 from .interaction import ToolInteraction
 from .nodes import Nodes
 from .pressing import Pressed, anticipate, press
-from .pressure_law import (
-    PERMITTED,
-    SMOOTHING,
-    ByPlace,
-    Grown,
-    Rigid,
-    default_penalty,
-    face_of,
-    thickening_of,
-)
+from .pressure_law import PENETRATION, SMOOTHING, ByPlace, Grown, Rigid, face_of, thickening_of
 from .thickness import PlyThickness
 
 PROBED = 1000  # nodes of a rank that show how a tool may hold the sheet; triangles cost 1 ms each
@@ -57,12 +48,6 @@ class Contact(ToolInteraction):
     penalty
         k of a rigid face [N/mm^3]; makes fabric rigid, too. By default `default_penalty` of the
         material and the tool's least radius.
-    smoothing
-        s of a rigid face [mm], by default a third of the permitted penetration.
-    permitted
-        Penetration [mm]; makes fabric rigid, too. The surface is shifted (augmented Lagrangian)
-        until no node is deeper. The work of the shift is not counted; it is about the energy that
-        contact would hold without it.
     friction
         Its coefficient, on a stack also one for each sheet {name: coefficient}, or a `Coulomb`.
     where
@@ -91,18 +76,15 @@ class Contact(ToolInteraction):
         tool: Tool,
         thickness: float | None = None,
         penalty: float | None = None,
-        smoothing: float | None = None,
-        permitted: float | None = None,
         friction: float | Mapping[str, float] | Coulomb = 0.0,
         where: Where | None = None,
     ) -> None:
         tool = checked_tool("contact", tool)
         super().__init__(tool, friction, f"contact with {tool.name}")
-        face = {"thickness": thickness, "penalty": penalty, "smoothing": smoothing}
-        for name, value in (face | {"permitted penetration": permitted}).items():
+        self._face, self.where = {"thickness": thickness, "penalty": penalty}, where
+        for name, value in self._face.items():
             if value is not None:
                 POSITIVE.check(f"{name} of the contact with {tool.name}", value)
-        self._face, self.permitted, self.where = face, permitted, where
         # the last displacement, and what was found at it
         self._found: tuple[np.ndarray, Pressed] | None = None
         self._seen: tuple[np.ndarray, Nearest] | None = None  # the last places from the tool's
@@ -115,9 +97,8 @@ class Contact(ToolInteraction):
             raise InputError(f"{len(same)} contacts with {self.tool.name} given; allowed is one")
         self.nodes = Nodes(scene.blank, self.part, self.where)
         self._flat_thickness, self._flat_law, self.rigid = self._faces(scene)
-        stiffened = bool(self.permitted or self._face["penalty"] or self._face["smoothing"])
-        self.plies = PlyThickness(scene, self._face["thickness"], stiffened)
-        self._shift = self._accepted_shift = self.depth = np.zeros(self.nodes.count)
+        self.plies = PlyThickness(scene, self._face["thickness"], bool(self._face["penalty"]))
+        self.depth = np.zeros(self.nodes.count)
         self._press_on(self.nodes.areas, np.zeros(self.nodes.count))
         self._accepted_travel = self.tool.travel
         self.undefined_at = ""  # where the tool's surface gave no number
@@ -127,25 +108,21 @@ class Contact(ToolInteraction):
     def _faces(self, scene):
         """Thickness without pressure [mm], the law of the face, and whether it is rigid, at each
         node."""
-        t, k, s = (self._face[name] for name in ("thickness", "penalty", "smoothing"))
+        t, k = self._face.values()
         radius = min(self.tool.surface.radii)
         faces: list[tuple[float, Any]] = []
         materials, which = materials_at_nodes(scene) or ([], np.zeros(self.nodes.count, dtype=int))
         if t and k and not materials:
-            faces = [(t, Rigid(k, SMOOTHING * PERMITTED * t))]
+            faces = [(t, Rigid(k, SMOOTHING * PENETRATION * t))]
         elif not materials:
             raise InputError(
                 f"contact with {self.tool.name} needs a {'penalty' if t else 'thickness'}, a "
                 "number above 0, as no term of the scene has a fabric or metal for each sheet"
             )
         for material in materials:
-            material, stiff = material.replace(thickness=t or material.thickness), k
-            if s or self.permitted:
-                stiff = k or default_penalty(material, radius)
-            thickness = material.thickness if stiff else material.thickness_under(0.0)
-            faces.append((thickness, face_of(material, radius, stiff)))
-        if s:
-            faces = [(t, law._replace(smoothing=s)) for t, law in faces]
+            material = material.replace(thickness=t or material.thickness)
+            thickness = material.thickness if k else material.thickness_under(0.0)
+            faces.append((thickness, face_of(material, radius, k)))
         thickness = np.array([t for t, _ in faces])[which]
         is_rigid = np.array([isinstance(law, Rigid) for _, law in faces])[which]
         laws = [law for _, law in faces]
@@ -179,7 +156,7 @@ class Contact(ToolInteraction):
         nearest = self._nearest(x)
         gap = nearest.gap - self.thickness / 2
         gap[~self.nodes.own] = np.inf
-        return press(self._law, self.areas, gap, nearest.normal, nearest.curvature, self._shift)
+        return press(self._law, self.areas, gap, nearest.normal, nearest.curvature)
 
     def _nearest(self, x):
         """Of the tool at places x (nodes, 3), found once for the same."""
@@ -218,7 +195,7 @@ class Contact(ToolInteraction):
             )
 
         least = float(self.thickness.min(initial=np.inf))
-        reach, soft = least / 4, SMOOTHING * PERMITTED * least
+        reach, soft = least / 4, SMOOTHING * PENETRATION * least
         for start in (tool.travel, self._accepted_travel):
             if find_balance(tool.push, look, start, reach, soft):
                 return now
@@ -282,15 +259,15 @@ class Contact(ToolInteraction):
         """Move the tool, from where it was in the last accepted state, and drop what was updated
         since."""
         self._press_on(*self._accepted_areas)
-        self._load, self._shift = load, self._accepted_shift
+        self._load = load
         self.tool.at(load)
         self.tool.travel = self._accepted_travel
         super().set_load(load)
 
     def accept(self) -> None:
-        """Take the present place of the tool and shift of its surface as the last accepted ones."""
+        """Take the present place of the tool as the last accepted one."""
         now = self.state()
-        self._accepted_travel, self._accepted_shift = self.tool.travel, self._shift
+        self._accepted_travel = self.tool.travel
         self._accepted_areas = self.areas, self.taken
         self._accepted_gap = now.gap
         self._work.accept(self._load, self.force(), self.tool.displacement)
@@ -306,15 +283,7 @@ class Contact(ToolInteraction):
             self._found = None
 
     def _update_pressing(self):
-        """Press on the areas as they are, if that changes the forces by more than `lag`; and shift
-        the surface by what is penetrated, if more than permitted."""
-        followed = self._follow_areas()
-        if self.permitted is None or self.penetration() <= self.permitted:
-            return followed
-        self._shift, self._found = np.maximum(0.0, self._shift - self.state().gap), None
-        return True
-
-    def _follow_areas(self):
+        """Press on the areas as they are, if that changes the forces by more than `lag`."""
         now, areas, u = self.state(), self.nodes.areas_now(), self.nodes.displacement()
         pressed = np.column_stack([abs(areas - self.areas), areas]) * now.pressure[:, None]
         changed, total = self.nodes.total(pressed)
@@ -338,24 +307,22 @@ class Contact(ToolInteraction):
             return np.zeros(3 * self.nodes.count)
         now, before = self.state(), self._accepted_gap
         gap = np.where(np.isfinite(now.gap), now.gap, 0.0)
-        off = np.where(before < self._accepted_shift, before, np.maximum(gap, 0.0)) - gap
+        off = np.where(before < 0, before, np.maximum(gap, 0.0)) - gap
         off = np.clip(off, -self.thickness, self.thickness)
         return np.nan_to_num(off[:, None] * now.normal).ravel()
 
     def memory(self) -> dict[str, np.ndarray]:
-        """Shift of the surface, travel of the tool and depths [mm], areas [mm^2] and energy `taken`
+        """Travel of the tool and depths [mm], areas [mm^2] and energy `taken`
         [N mm], (nodes, 1) each, in the last accepted state; what its work is counted from (nodes,
         24), and that of friction."""
         rows = self._accepted_travel, self._work.memory().ravel()
         travel, work = (np.tile(row, (self.nodes.count, 1)) for row in rows)
         areas, taken = self._accepted_areas
-        at_nodes = {"shift": self._accepted_shift, "depth": self.depth}
-        at_nodes |= {"areas": areas, "taken": taken}
+        at_nodes = {"depth": self.depth, "areas": areas, "taken": taken}
         at_nodes = {name: values[:, None] for name, values in at_nodes.items()}
         return super().memory() | {"travel": travel, "work": work} | at_nodes
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        self._shift = self._accepted_shift = memory["shift"][:, 0]
         self.depth = memory["depth"][:, 0]
         self._accepted_areas = memory["areas"][:, 0], memory["taken"][:, 0]
         self._press_on(*self._accepted_areas)

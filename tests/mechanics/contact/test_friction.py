@@ -236,14 +236,14 @@ def test_capstan(degrees):
 def test_patch_between_plates_pressed_by_force():
     """Both plates rub: pulled by 2 mu F, all energies being those of the work."""
     force, blank = 400.0, sheet(20, 10, 4, 2)
-    options = {"smoothing": 1e-5, "friction": Coulomb(MU, SLIP)}
-    table = Contact(Tool(Plane((0, 0, -T / 2), (0, 0, 1)), name="table"), T, K, **options)
+    friction = Coulomb(MU, SLIP)
+    table = Contact(Tool(Plane((0, 0, -T / 2), (0, 0, 1)), name="table"), T, K, friction=friction)
     plate = Tool(
         Plane((0, 0, T / 2), (0, 0, -1)),
         force=lambda load: (0, 0, -force * min(1.0, 5 * load)),
         name="plate",
     )
-    press = Contact(plate, T, K, **options)
+    press = Contact(plate, T, K, friction=friction)
 
     def moved(x, load):
         return np.outer([1.0, 0, 0], np.full(x.shape[1], max(0.0, load - 0.2) * 20 * SLIP))
@@ -257,12 +257,12 @@ def test_patch_between_plates_pressed_by_force():
     assert sum(states[-1].energies.values()) == pytest.approx(states[-1].external_work, rel=1e-4)
 
 
-def pushed_ball(comm=COMM, **options):
+def pushed_ball(comm=COMM):
     """A ball pushed by force and, slantwise, along a path into a clamped membrane, on which it
     rubs."""
     blank = sheet(40, 20, 12, 6, comm)
     tool = Tool(Sphere(6.0, (18, 9, -6 - T / 2)), (2.0, 1.0, 0), force=(0, 0, 20.0), name="ball")
-    contact = Contact(tool, T, K, friction=Coulomb(MU, SLIP), **options)
+    contact = Contact(tool, T, K, friction=Coulomb(MU, SLIP))
     rim = Support(
         "rim",
         lambda x: (np.abs(x[0] - 20) > 20 - 1e-6) | (np.abs(x[1] - 10) > 10 - 1e-6),
@@ -271,15 +271,15 @@ def pushed_ball(comm=COMM, **options):
     return Scene(blank, [Elastic(), contact], [rim]), contact
 
 
-@pytest.mark.parametrize("permitted", [None, pytest.param(1e-3, marks=pytest.mark.mpi)])
-def test_run_that_is_resumed(tmp_path, permitted, by_position):
+@pytest.mark.mpi
+def test_run_that_is_resumed(tmp_path, by_position):
     tmp_path = COMM.bcast(tmp_path)
 
     def gathered(blank):
         u = displacement(blank)
         return by_position(COMM, blank.coordinates()[: len(u)], u)
 
-    scene, contact = pushed_ball(permitted=permitted)
+    scene, contact = pushed_ball()
     checkpoint = Checkpoint(tmp_path / "c.npz", scene.blank, {})
 
     def keep(state):
@@ -295,7 +295,7 @@ def test_run_that_is_resumed(tmp_path, permitted, by_position):
     )
     assert not outcome.reason
     first = gathered(scene.blank), states[-1], contact.tool.travel, contact.force()
-    scene, contact = pushed_ball(permitted=permitted)
+    scene, contact = pushed_ball()
     progress, _ = Checkpoint(tmp_path / "c.npz", scene.blank, {}).load()
     states = []
     outcome = march(Newton(scene, tolerance=1e-11), 8, on_accept=states.append, start=progress)
@@ -381,12 +381,12 @@ def test_normal_forces_follow_within_a_step(lag, followed):
     blank = sheet(20.0, 10.0, 4, 2)
     table = Tool(Plane((0, 0, -T / 2), (0, 0, 1)), name="table")
     friction = Coulomb(MU, SLIP, lag)
-    contact = alone(blank, Contact(table, T, K, smoothing=1e-3, friction=friction))
-    blank.u.x.array.reshape(-1, 3)[:] = [5 * SLIP, 0, -2e-3]
+    contact = alone(blank, Contact(table, T, K, friction=friction))
+    blank.u.x.array.reshape(-1, 3)[:] = [5 * SLIP, 0, -2 * SMOOTHING]
     assert abs(on_nodes(contact)[:, :2]).max() == 0
     assert contact.update_lagged() == followed and not contact.update_lagged()
     normal = contact.force()[2]
-    assert normal == pytest.approx(K * 1.5e-3 * AREA)
+    assert normal == pytest.approx(K * 1.5 * SMOOTHING * AREA)
     drag = on_nodes(contact).sum(0)[0]
     assert drag == pytest.approx(-MU * normal if followed else 0.0, abs=1e-12)
     contact.set_load(1.0)  # a step that failed forgets

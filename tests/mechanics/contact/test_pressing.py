@@ -29,16 +29,15 @@ UP = np.tile([0.0, 0.0, 1.0], (4, 1))
 FLAT = np.zeros((4, 3, 3))
 
 
-def pressed(law, z, **options):
+def pressed(law, z):
     """Points at heights z (n,) over a plane."""
-    return press(law, AREAS, z, UP, FLAT, **options)
+    return press(law, AREAS, z, UP, FLAT)
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("shift", [0.0, 2e-3])
-def test_forces_and_blocks_are_derivatives_of_the_energy(law, shift):
+def test_forces_and_blocks_are_derivatives_of_the_energy(law):
     z, h = np.array([1e-2, -5e-4, -3e-3, -0.12]), 1e-7
-    now, up, down = (pressed(law, z + d, shift=shift) for d in (0, h, -h))
+    now, up, down = (pressed(law, z + d) for d in (0, h, -h))
     force = -(up.energy - down.energy) / (2 * h)
     assert now.forces[:, 2] == pytest.approx(force, rel=1e-6, abs=1e-9)
     assert now.forces[:, 2] == pytest.approx(AREAS * now.pressure)

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.mechanics.contact.pressure_law import PERMITTED, SMOOTHING, Rigid
+from fabric_fenicsx.mechanics.contact.pressure_law import PENETRATION, SMOOTHING, Rigid
 from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.newton import Newton
 
@@ -81,7 +81,7 @@ def test_layers_press_each_other_with_what_the_law_says(fold, degree):
     )
     x = contact.blank.midpoints()[0]
     off = np.min([abs(x - at) for at in (0, *turns, LENGTH)], axis=0) > 7
-    expected = float(Rigid(PENALTY, SMOOTHING * PERMITTED * T)(np.array(depth))[1])
+    expected = float(Rigid(PENALTY, SMOOTHING * PENETRATION * T)(np.array(depth))[1])
     layer = (x[:, None] > np.array(list(turns))).sum(1)
     for k in range(len(turns) + 1):
         at = off & (layer == k)
@@ -285,7 +285,7 @@ def test_an_elastica_that_touches_itself():
         result = strip(nx, contact).run()
         pushed, pressed = abs(result.rows[-1]["reaction_N"]), contact.totals[3]
         errors.append([1 - pushed / (P * D * W), 1 - pressed / (R * D * W)])
-        assert contact.largest_depth() < PERMITTED * T
+        assert contact.largest_depth() < PENETRATION * T
         assert result.rows[-1]["energy_imbalance"] < 0.005
     coarse, fine = abs(np.array(errors))
     assert (fine < [0.05, 0.08]).all() and (fine < coarse / 2.5).all()
@@ -325,7 +325,7 @@ def test_a_fold_closes_and_bears_the_load():
     job, force, t = pressed_fold([contact])
     result = job.run()
     assert 0.9 * force < contact.totals[3] < force
-    assert contact.largest_depth() < PERMITTED * t
+    assert contact.largest_depth() < PENETRATION * t
     found = result.summary["self_contact"]["blank"]
     assert found["normal_force_N"] == contact.totals[3]
     assert result.rows[-1]["energy_imbalance"] < 0.03

@@ -11,7 +11,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.mechanics.contact.pressure_law import PERMITTED, SMOOTHING, Rigid, face_of
+from fabric_fenicsx.mechanics.contact.pressure_law import PENETRATION, SMOOTHING, Rigid, face_of
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.scene import output as reports
 
@@ -235,7 +235,7 @@ def test_pressure_follows_from_the_overlap(penalty):
         scene.blank.u.x.array.reshape(-1, 3)[: len(upper)][upper, 2] = gap
         scene.blank.u.x.scatter_forward()
         scene.accept()
-        law = Rigid(7.0, SMOOTHING * PERMITTED * T) if penalty else face_of(FABRIC, 1.0)
+        law = Rigid(7.0, SMOOTHING * PENETRATION * T) if penalty else face_of(FABRIC, 1.0)
         share = 1.0 if penalty else 0.5
         pressure = float(law(np.array(share * max(0.0, -gap)))[1])
         assert contact.force()[2] == pytest.approx(pressure * 20 * 10, abs=1e-9)
