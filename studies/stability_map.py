@@ -1,13 +1,12 @@
 """Loss of convexity and ellipticity of the law over the yarn strains: maps for Table 1, other
-p_min, c, d, s_C, and thresholds."""
+p_min, c, d and s_C."""
 
 import numpy as np
 
 from fabric_fenicsx.command_line.study import parser, run
 from fabric_fenicsx.coupons.coupon import Coupon
 from fabric_fenicsx.runtime.errors import SolverFailure
-from fabric_fenicsx.studies.lib.stability_maps import kernel_difference, stability_maps
-from fabric_fenicsx.studies.lib.stability_thresholds import HIGH, LOW, thresholds
+from fabric_fenicsx.studies.lib.stability_maps import HIGH, LOW, kernel_difference, stability_maps
 
 AGREEMENT = 1e-9  # of the kernel's stresses with the closed form, or of s1 where they are smaller
 LOST = {"stable": "#f2f2f2", "convexity lost": "#f4b942"}
@@ -58,7 +57,6 @@ def main(study):
     folder = study.folder()
     e = np.linspace(LOW, HIGH, args.points or (57 if args.quick else 225))
     maps, shares = stability_maps(fabric, e)
-    rows = thresholds(fabric)
     difference = kernel_difference(fabric, e[:: max(1, len(e) // 57)])
     study.summarise(
         folder,
@@ -70,13 +68,12 @@ def main(study):
         material=fabric.name,
         couplings=sorted(fabric.couplings),
         kernel_mismatch=difference,
-        quantities={"states_per_map": len(e) ** 2, "thresholds": rows, "share_of_map_lost": shares},
+        quantities={"states_per_map": len(e) ** 2, "share_of_map_lost": shares},
     )
-    study.write_table(folder / "thresholds.csv", rows)
     if study.comm.rank == 0 and not args.no_pictures:
         for name, panels in maps.items():
             draw(folder / f"{name}.png", 100 * e, panels)
-    study.say(f"{folder}: {sum(map(len, maps.values()))} maps, {len(rows)} thresholds")
+    study.say(f"{folder}: {sum(map(len, maps.values()))} maps")
     if difference > AGREEMENT:
         more = f"by {difference:.1e}, more than {AGREEMENT}"
         raise SolverFailure(f"kernel and closed form differ {more}, so the maps can't be trusted")

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
+from scipy.optimize import brentq
 
 from fabric_fenicsx.material import stability
 from fabric_fenicsx.material.laws.coupled import WovenFabric
@@ -19,7 +20,6 @@ from fabric_fenicsx.results import measures
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support, clamped_ends, frame, on_edge, rolling_ends
 from fabric_fenicsx.sheets.blank import Blank
-from fabric_fenicsx.studies.lib.stability_thresholds import first_loss
 
 from .audited_run import AuditedRun
 
@@ -156,7 +156,9 @@ def tension_compression_bands(s: Setting) -> Found:
         def ellipticity(e, fabric=fabric):
             return stability.evaluate(fabric, stability.invariants(e, SQUEEZE)).ellipticity
 
-        lost = first_loss(ellipticity, 1e-6, 0.03)[0]
+        e = np.linspace(1e-6, 0.03, 500)
+        k = (ellipticity(e) < 0).argmax()
+        lost = brentq(ellipticity, e[k - 1], e[k]) if k else math.nan
         found = [squeezed(s, fabric, 2.5 * lost if lost > 0 else 0.02, nx) for nx in (12, 24)]
         runs += [run for run, *_ in found]
         (_, coarse, width), (_, fine, finer_width) = found

@@ -11,9 +11,10 @@ from fabric_fenicsx.material.homogeneous import conjugate, gradient
 from fabric_fenicsx.material.kernel import evaluate
 from fabric_fenicsx.material.laws import Law
 from fabric_fenicsx.material.laws.base import stresses_of_energy
-from fabric_fenicsx.studies.lib.stability_thresholds import P_MIN
 
+LOW, HIGH = -0.20, 0.08  # yarn strains of the maps
 GAMMA = 0, 20, 40  # deg
+P_MIN = 0.0, 0.1, 0.25, 0.4, 0.5, 0.75, 1.0
 AS_GIVEN = {"as given": ({}, 0), "p_min 0.25": ({"p_min": 0.25}, 0)}
 SHEARED: dict[str, tuple[dict[str, float], float]] = {f"{g} deg": ({}, g) for g in GAMMA}
 # picture -> ({column: changed parameters}, {row: (changed parameters, gamma in deg)})

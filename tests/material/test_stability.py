@@ -51,6 +51,14 @@ def smaller(Q):
     )
 
 
+@pytest.mark.parametrize("p_min, lost", [(0.0, -0.2158), (0.1, -0.0798), (0.25, -0.0353)])
+def test_where_convexity_is_lost(p_min, lost):
+    """Yarns b compressed beside yarns a stretched by 2.5 %, from nothing to eps_b = `lost`."""
+    eps_b = np.array([-1e-9, lost + 1e-4, lost - 1e-4])
+    found = stability.convexity(KOMEILI.replace(p_min=p_min), 0.025, eps_b)
+    assert (found < 0).tolist() == [True, True, False]
+
+
 CASES = ["unbalanced", "p_min 0.1", "FABRIC", "table", *(f"without {name}" for name in COUPLINGS)]
 
 

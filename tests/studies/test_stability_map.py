@@ -1,34 +1,15 @@
-"""The maps' thresholds are those known for Table 1."""
-
-import csv
+"""Maps of where the law loses convexity and ellipticity."""
 
 import pytest
 
 
 @pytest.mark.versions
-def test_thresholds(launch):
+def test_maps(launch):
     done = launch("stability_map", "--quick")
     assert done.status == 0, done.err
     q = done.summary["quantities"]
     assert done.summary["converged"]
     assert done.summary["kernel_mismatch"] < 1e-12
-    with open(done.folder / "thresholds.csv") as file:
-        table = list(csv.DictReader(file))
-    rows = {(r["quantity"], r["p_min"]): r for r in table}
-    assert len(table) == len(q["thresholds"])
-    region = "tension-compression: reach of lost convexity in eps_b"
-    reach = {p: float(rows[region, p]["value"]) for p in ("0.4", "0.25", "0.1", "0.0")}
-    assert reach == {
-        "0.4": pytest.approx(-0.0066, abs=5e-5),
-        "0.25": pytest.approx(-0.0353, abs=5e-5),
-        "0.1": pytest.approx(-0.0798, abs=5e-5),
-        "0.0": pytest.approx(-0.2158, abs=5e-5),
-    }
-    for p in ("0.5", "0.75", "1.0"):
-        assert rows[region, p]["value"] == rows[f"{region}, worst", p]["value"] == ""
-    tension = {p: float(rows["tension-tension: convex up to", p]["value"]) for p in ("0.5", "0.75")}
-    assert tension["0.5"] == pytest.approx(0.0493, abs=1e-4) and tension["0.75"] >= 0.06
-    assert float(rows["the same, d -> 0", ""]["value"]) == pytest.approx(0.5, abs=1e-3)
     assert all(
         (done.folder / f"{name}.png").stat().st_size > 10_000 for name in ("p_min", "c", "d", "s_C")
     )
