@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from builders import COMM, KOMEILI, check_default, dome, dome_press
-from double_dome import double_dome
+from dome_triangles import double_dome
 from mpi4py import MPI
 from scipy.spatial import Delaunay
 

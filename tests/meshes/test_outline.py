@@ -1,9 +1,5 @@
 """Triangles in an outline with holes."""
 
-import runpy
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 import shapely
@@ -13,7 +9,6 @@ from fabric_fenicsx.meshes.outline import PATTERNS, outline_mesh
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.sheets.mesh_checks import checked_mesh
 
-SCRIPT = Path(__file__).parents[2] / "meshes" / "outline.py"
 YARNS = np.radians([30, 120])
 NOTCHED = [(0, 0), (200, 0), (200, 60), (180, 60), (180, 80), (200, 80), (200, 150), (0, 150)]
 HOLE = shapely.get_coordinates(shapely.Point(60, 90).buffer(15, quad_segs=200))
@@ -118,19 +113,6 @@ def test_an_outline_that_nearly_touches_itself_is_refused_by_the_place():
 def test_sizes_and_patterns_that_are_not_allowed(options, words):
     with pytest.raises(InputError, match=words):
         outline_mesh(SHEETS["notch and hole"], **options)
-
-
-def test_by_itself(tmp_path, monkeypatch, capsys):
-    table = tmp_path / "ply.csv"
-    table.write_text("x,y\n0,0\n100,0\n100,80\n0,80\n")
-    words = ["outline.py", str(table), "--size", "10", "--pattern", "along", "--fibre-angle", "30"]
-    monkeypatch.setattr(sys, "argv", [*words, "--out", str(tmp_path / "ply.msh")])
-    runpy.run_path(str(SCRIPT), run_name="__main__")
-    assert "nodes" in capsys.readouterr().out and (tmp_path / "ply.msh").is_file()
-    monkeypatch.setattr(sys, "argv", [*words, "--size", "200"])
-    with pytest.raises(SystemExit) as end:
-        runpy.run_path(str(SCRIPT), run_name="__main__")
-    assert end.value.code == 2 and "allowed is up to half" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)

@@ -6,7 +6,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 import pyvista
-from double_dome import double_dome
+from dome_triangles import double_dome
 from formed_plies import SHEARED, formed, on_dome
 
 from fabric_fenicsx.plot import forming_pictures, pictures, space

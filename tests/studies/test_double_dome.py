@@ -171,7 +171,7 @@ def test_bad_input(launch, options, words):
 
 def test_a_punch_from_a_file(launch, tmp_path):
     import meshio
-    from double_dome import double_dome
+    from dome_triangles import double_dome
 
     points, triangles = double_dome(size=8.0, turn=6.0)
     meshio.write_points_cells(tmp_path / "punch.stl", points, [("triangle", triangles)])
@@ -194,7 +194,7 @@ def test_a_punch_from_a_file(launch, tmp_path):
 
 def test_a_stroke_up_to_the_top_of_a_file_closes_its_die(tmp_path):
     import meshio
-    from double_dome import double_dome
+    from dome_triangles import double_dome
 
     points, triangles = double_dome(size=8.0, turn=6.0)
     file = tmp_path / "punch.stl"

@@ -18,7 +18,7 @@ from fabric_fenicsx.runtime.errors import InputError
 
 
 def _module(name):
-    """The script of a study; meshes/ has one called double_dome, too."""
+    """The script of a study."""
     path = Path(__file__).parents[2] / "studies" / f"{name}.py"
     spec = importlib.util.spec_from_file_location(f"studies_{name}", path)
     module = importlib.util.module_from_spec(spec)

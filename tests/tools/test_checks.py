@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from double_dome import double_dome
+from dome_triangles import double_dome
 from mpi4py import MPI
 
 from fabric_fenicsx.runtime.errors import InputError

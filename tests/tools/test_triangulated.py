@@ -4,21 +4,55 @@ of their own gap."""
 import math
 import re
 
+import meshio
 import numpy as np
 import pytest
 import pyvista
-from double_dome import double_dome, write, write_step
+from dome_triangles import double_dome
 from mpi4py import MPI
 
+from fabric_fenicsx.meshes.gmsh_cells import own_model
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.tools import files, patches
+from fabric_fenicsx.tools.checks import check_triangles
 from fabric_fenicsx.tools.double_dome import DoubleDome
-from fabric_fenicsx.tools.primitives import Plate, Sphere
+from fabric_fenicsx.tools.primitives import Block, Plate, Sphere
 from fabric_fenicsx.tools.projection import curvatures
 from fabric_fenicsx.tools.surfaces import Flipped, Offset, Reversed
 from fabric_fenicsx.tools.triangulated import TriangulatedSurface
 
-DOME = DoubleDome()
+DOME, BLOCK = DoubleDome(), Block(100, 60, 40, radius=12)
+
+
+def write_hill(path):
+    """A hill of B-splines in a STEP file, 15 mm high over 120 x 120 mm."""
+    import gmsh
+
+    with own_model(gmsh):
+        occ, places = gmsh.model.occ, np.linspace(-60, 60, 8)
+        bell = 15 * np.exp(-((places / 30) ** 2))
+        points = [
+            occ.addPoint(x, y, a * b / 15)
+            for y, b in zip(places, bell)
+            for x, a in zip(places, bell)
+        ]
+        occ.addBSplineSurface(points, len(places))
+        occ.synchronize()
+        gmsh.write(str(path))
+
+
+def write_block(path):
+    """`BLOCK` as a solid in a STEP file."""
+    import gmsh
+
+    with own_model(gmsh):
+        occ = gmsh.model.occ
+        box = occ.addBox(-50, -30, -40, 100, 60, 40)
+        occ.synchronize()
+        edges = [tag for _, tag in gmsh.model.getEntities(1)]
+        occ.fillet([box], edges, [12.0])
+        occ.synchronize()
+        gmsh.write(str(path))
 
 
 def refined_sphere(n):
@@ -203,10 +237,10 @@ def test_normal_and_curvature_are_derivatives_of_the_gap(name):
 
 @pytest.mark.parametrize("off", [0.0, 1e-9, -1e-6, 1e-6, -1e-4, 1e-4, -2e-3, 2e-3])
 @pytest.mark.parametrize("ending", ["stl", "step"])
-def test_what_touches_has_the_normal_of_the_surface(ending, off, dome_files):
+def test_what_touches_has_the_normal_of_the_surface(ending, off, tool_files):
     """Inside triangles, on their edges and at their corners, where a search across an edge must not
     go to and fro."""
-    surface, on, normal = dome_files[ending]
+    surface, on, normal = tool_files[ending]
     points = on + off * normal
     found = surface.evaluate(points, 1.0)
     assert abs(found.gap - off).max() <= 1e-11
@@ -218,14 +252,14 @@ def test_what_touches_has_the_normal_of_the_surface(ending, off, dome_files):
 
 
 @pytest.fixture(scope="module")
-def dome_files(tmp_path_factory):
-    """Of the dome's files: the surface, points (n, 3) on its triangles, a third on edges and a
+def tool_files(tmp_path_factory):
+    """Of the dome's STL and a hill's STEP file: the surface, points (n, 3) on its triangles, a third on edges and a
     third at corners, and normals (n, 3) there."""
-    folder, found = tmp_path_factory.mktemp("dome"), {}
-    write(folder / "dome.stl", *double_dome(size=20, turn=15))
-    write_step(folder / "dome.step")
+    folder, found = tmp_path_factory.mktemp("tools"), {}
+    pyvista.PolyData.from_regular_faces(*double_dome(size=20, turn=15)).save(folder / "tool.stl")
+    write_hill(folder / "tool.step")
     for ending in ("stl", "step"):
-        surface = TriangulatedSurface.read(folder / f"dome.{ending}", chord=0.2)
+        surface = TriangulatedSurface.read(folder / f"tool.{ending}", chord=0.2)
         curved = surface.curved
         ends = np.unique(np.concatenate([surface.sharp, surface.rim]))
         smooth = np.flatnonzero(~np.isin(surface.triangles, ends).any(1))
@@ -243,13 +277,31 @@ def dome_files(tmp_path_factory):
     return found
 
 
+def test_a_step_file_is_its_solid(tmp_path):
+    write_block(tmp_path / "block.step")
+    warnings = []
+    surface = TriangulatedSurface.read(tmp_path / "block.step")
+    check_triangles(surface, "block.step", 1.0, warnings.append)
+    assert not warnings and len(surface.rim) == len(surface.forks) == 0  # closed
+    # corners of triangles lie on the file's faces and have their normals
+    right = BLOCK.evaluate(surface.points)
+    assert abs(right.gap).max() < 1e-6
+    assert (right.normal * surface.normals).sum(1).min() > np.cos(np.radians(0.02))
+    # where the middle of a ply is, also between the corners
+    x = np.random.default_rng(0).uniform([-52, -32, -20], [52, 32, 2], (20_000, 3))
+    x = x[abs(BLOCK.evaluate(x).gap - 0.5) < 0.2]
+    found, right = surface.evaluate(x), BLOCK.evaluate(x)
+    assert len(x) > 500 and abs(found.gap - right.gap).max() < 0.01
+    assert (right.normal * found.normal).sum(1).min() > np.cos(np.radians(0.5))
+
+
 def test_a_cad_model_is_meshed_once(tmp_path, monkeypatch):
     """A sweep or a resumed run finds the triangles of the run before."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    write_step(tmp_path / "dome.step")
-    first = TriangulatedSurface.read(tmp_path / "dome.step", chord=1.0)
+    write_block(tmp_path / "block.step")
+    first = TriangulatedSurface.read(tmp_path / "block.step", chord=1.0)
     monkeypatch.setattr(files, "_mesh_of_model", None)
-    (tmp_path / "dome.step").rename(tmp_path / "moved.step")
+    (tmp_path / "block.step").rename(tmp_path / "moved.step")
     again = TriangulatedSurface.read(tmp_path / "moved.step", chord=1.0)
     assert (again.points == first.points).all() and (again.triangles == first.triangles).all()
     assert (again.normals == first.normals).all()
@@ -367,7 +419,10 @@ def test_surfaces_that_are_none():
 @pytest.mark.parametrize("ending", ["stl", "vtp", "msh", "ply", "vtu"])
 def test_round_trip(tmp_path, ending):
     points, triangles = double_dome(size=20, turn=20, quarter=True)
-    write(tmp_path / f"tool.{ending}", points, triangles)
+    if ending in ("stl", "vtp", "ply"):
+        pyvista.PolyData.from_regular_faces(points, triangles).save(tmp_path / f"tool.{ending}")
+    else:
+        meshio.write_points_cells(tmp_path / f"tool.{ending}", points, [("triangle", triangles)])
     read, made = (
         TriangulatedSurface.read(tmp_path / f"tool.{ending}"),
         TriangulatedSurface(points, triangles),
@@ -380,9 +435,6 @@ def test_round_trip(tmp_path, ending):
 
 
 def test_quadrilaterals_are_cut_and_solids_are_refused(tmp_path):
-    import meshio
-    import pyvista
-
     points = np.array([[x, y, z] for z in (0.0, 1) for x, y in ((0, 0), (2, 0), (2, 2), (0, 2))])
     meshio.write(tmp_path / "quad.vtk", meshio.Mesh(points[4:], {"quad": [[0, 1, 2, 3]]}))
     assert TriangulatedSurface.read(tmp_path / "quad.vtk").evaluate(
@@ -485,9 +537,9 @@ def test_faces_of_an_iges_file(tmp_path):
 
 @pytest.mark.mpi
 def test_all_ranks_hold_the_triangles_of_one_read(shared_path):
-    comm, path = MPI.COMM_WORLD, shared_path / "dome.step"
+    comm, path = MPI.COMM_WORLD, shared_path / "block.step"
     if comm.rank == 0:
-        write_step(path)
+        write_block(path)
     comm.barrier()
     surface = TriangulatedSurface.read(path, comm=comm)
     for points, triangles in comm.allgather((surface.points, surface.triangles)):
@@ -522,8 +574,8 @@ def test_the_face_of_a_closed_surface():
 
 
 def test_a_broken_model_is_called_so(tmp_path):
-    write_step(tmp_path / "dome.step")
-    text = (tmp_path / "dome.step").read_text()
+    write_block(tmp_path / "block.step")
+    text = (tmp_path / "block.step").read_text()
     for name, broken, words in (
         ("cut.step", text[: len(text) // 2], "does not end as .step files do: it is cut off"),
         (
