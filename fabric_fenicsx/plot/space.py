@@ -1,7 +1,6 @@
 """Formed plies and tools drawn in space, without a window (VTK)."""
 
 import os
-import subprocess
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -28,50 +27,23 @@ SHEAR = "magnitude of the shear angle / deg"
 
 
 @contextmanager
-def screen() -> Iterator[None]:
-    """Context in which VTK can draw: with a screen of its own if it needs one and there is none."""
-    # 9.4 and later draw without one, by EGL
-    if os.environ.get("DISPLAY") or pyvista.vtk_version_info >= (9, 4):
-        yield
-        return
-    missing = InputError(
-        "this VTK draws on a screen only; allowed is DISPLAY set, or Xvfb (apt install xvfb)"
-    )
-    size = "{}x{}x24".format(*SCREEN)
-    command = ["Xvfb", "-displayfd", "1", "-screen", "0", size, "-nolisten", "tcp"]
-    pipe, null = subprocess.PIPE, subprocess.DEVNULL
-    try:
-        server = subprocess.Popen(command, stdout=pipe, stderr=null, text=True)
-    except FileNotFoundError:
-        raise missing from None
-    assert server.stdout
-    try:
-        number = server.stdout.readline().strip()
-        if not number:
-            raise missing
-        os.environ["DISPLAY"] = f":{number}"
-        yield
-    finally:
-        os.environ.pop("DISPLAY", None)
-        server.terminate()
-        server.wait()
-
-
-@contextmanager
 def drawing(size: tuple[int, int] = SCREEN) -> Iterator[pyvista.Plotter]:
     """A plotter of `size` [pixels] without a window, on white. Raises InputError where VTK finds
     nothing to draw on."""
-    with screen():
-        verbosity = vtkLogger.GetCurrentVerbosityCutoff()
-        # VTK warns of no screen before it does without
-        vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
-        plotter = pyvista.Plotter(off_screen=True, window_size=size)
-        try:
-            plotter.set_background("white")
-            yield plotter
-        finally:
-            plotter.close()
-            vtkLogger.SetStderrVerbosity(verbosity)
+    # from 9.4 on it draws without a screen, by EGL
+    if not os.environ.get("DISPLAY") and pyvista.vtk_version_info < (9, 4):
+        flaw = "this VTK draws on a screen only"
+        raise InputError(f"{flaw}; allowed is `xvfb-run -a` before the command, or --no-pictures")
+    verbosity = vtkLogger.GetCurrentVerbosityCutoff()
+    # VTK warns of no screen before it does without
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
+    plotter = pyvista.Plotter(off_screen=True, window_size=size)
+    try:
+        plotter.set_background("white")
+        yield plotter
+    finally:
+        plotter.close()
+        vtkLogger.SetStderrVerbosity(verbosity)
 
 
 def image(
