@@ -15,18 +15,20 @@ from ..runtime.signals import end_with_reader
 from ..runtime.status import shown, task
 from ..runtime.version import __version__
 from . import info
-from .options import STUDIES, Parser, exit_status
+from .options import STUDIES, Parser, asks_for_help, exit_status
 
-COMMANDS = {
+RUN = {"sweep": "runs of a press file with several values, side by side"}
+RESULTS = {  # those with options
+    "view": "formed plies and tools in a window, or a page for a browser",
+    "export": "formed plies, thickness and yarns, for VTK, Abaqus, LS-DYNA, Nastran",
+    "pattern": "the flat pattern of a trimmed part",
+}
+SET_UP = {
     "info": "versions, presets, and whether all works",
     "list": "the studies, and where their example data are",
-    "export": "DIR FILE: formed plies, thickness and yarns, for VTK, Abaqus, LS-DYNA, Nastran",
-    "pattern": "DIR: the flat pattern of a trimmed part (fabric pattern --help tells more)",
-    "view": "DIR: formed plies and tools in a window, or a page for a browser (--help)",
     "prepare": "compiles what usual runs need, so that the first ones do not wait for it",
-    "sweep": "runs of a press file with several values, side by side; see its --help",
 }
-PARSED = ("export", "pattern", "view")  # those with options
+COMMANDS = RUN | RESULTS | SET_UP
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -38,7 +40,7 @@ def main(argv: list[str] | None = None) -> int:
     scripts = {path.stem: path for path in sorted(STUDIES.glob("*.py"))}
     if command in scripts:
         sys.argv[:] = [str(scripts[command]), *map(_found, argv[1:])]
-        with shown(first=is_first()), task(f"fabric {command}"):
+        with shown(first=is_first() and not asks_for_help(argv)), task(f"fabric {command}"):
             runpy.run_path(str(scripts[command]), run_name="__main__")
         return 0
     if command == "sweep":  # before MPI begins, which its runs do by themselves
@@ -47,10 +49,10 @@ def main(argv: list[str] | None = None) -> int:
         return sweep.main([*map(_found, argv[1:])] or ["--help"])
     comm, status = info.world(), 0
     first = comm is None or comm.rank == 0
-    if not first and {"-h", "--help"} & set(argv):
+    if not first and asks_for_help(argv):
         return 0
     try:
-        if command not in PARSED:
+        if command not in RESULTS:
             command = _parsed(argv, scripts)
         if command == "info":
             return info.show(comm)
@@ -59,7 +61,7 @@ def main(argv: list[str] | None = None) -> int:
 
             with shown(first=first):
                 prepare()
-        elif first and command in PARSED:
+        elif first and command in RESULTS:
             from . import results
 
             results.run(command, argv[1:])
@@ -76,16 +78,17 @@ def main(argv: list[str] | None = None) -> int:
 
 def _parsed(argv, scripts):
     """The command of the words; InputError for others."""
-    head = "Runs a study (fabric tensile --help tells its options) or one of these:"
-    lines = [head, *(f"  {name:8}{words}" for name, words in COMMANDS.items()), ""]
-    lines += textwrap.wrap(f"studies: {', '.join(scripts)}", 100)
+    studies = textwrap.wrap(", ".join(scripts), 88, subsequent_indent=11 * " ")
+    lines = ["run:", f"  STUDY    {studies[0]}", *studies[1:]]
+    for title, commands in (("", RUN), ("\nresults:", RESULTS), ("\nset-up:", SET_UP)):
+        lines += [title] * bool(title) + [f"  {name:9}{words}" for name, words in commands.items()]
     parser = Parser(
         prog="fabric",
-        usage="fabric [-h] command, or fabric STUDY [option ...]",
+        usage="fabric STUDY|COMMAND [option ...]; with --help the options of each",
         description="\n".join(lines),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action="version", version=__version__)
+    parser.add_argument("-v", "--version", action="version", version=__version__)
     parser.add_argument("command", help=argparse.SUPPRESS)
     parser.add_argument("files", nargs="*", help=argparse.SUPPRESS)
     given = parser.parse_args(argv or ["--help"])

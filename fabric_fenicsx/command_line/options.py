@@ -4,7 +4,7 @@ import argparse
 import re
 import shlex
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -13,6 +13,18 @@ from ..runtime.ranks import on_ranks
 from ..runtime.rules import Rule, did_you_mean
 
 STUDIES = Path(__file__).parents[1] / "studies"  # a link in the repository, a copy where installed
+
+
+# what most runs are told, first in the help of a study
+USUAL = (
+    *("--material", "--length", "--width", "--strain", "--stroke", "--nx", "--steps", "--quick"),
+    *("--out", "--overwrite", "--resume"),
+)
+
+
+def asks_for_help(words: Sequence[str]) -> bool:
+    """Whether the words of a command line ask for help, so that nothing else is to be printed."""
+    return not {"-h", "--help"}.isdisjoint(words)
 
 
 def exit_status(error: Exception) -> tuple[int, str]:
@@ -89,12 +101,16 @@ class Parser(argparse.ArgumentParser):
         self._group = self._groups[title]
 
     def format_help(self) -> str:
-        """Argparse's help, with parameters as options."""
+        """Argparse's help, with parameters as options; a group `usual` is in the order of `USUAL`."""
+        if "usual" in self._groups:
+            usual = self._groups["usual"]._group_actions
+            usual.sort(key=lambda action: USUAL.index(action.option_strings[0]))
         return self.translated(super().format_help())
 
     def option(self, *names: str, free: bool = False, **settings: Any) -> None:
         """Add an option, as argparse's add_argument; free: a resumed run may change it."""
-        action = self._group.add_argument(*names, **settings)
+        group = self._groups.get("usual") if names[0] in USUAL else None
+        action = (group or self._group).add_argument(*names, **settings)
         self._names.add(action.dest)
         if free:
             self.free.add(action.dest)

@@ -27,7 +27,15 @@ from ..runtime.logs import Console
 from ..runtime.timing import count_imports, phase
 from ..solve.limits import Limits
 from ..solve.settings import Settings
-from .options import Parser, exit_status, option_type, program, restart_command, spelled
+from .options import (
+    Parser,
+    asks_for_help,
+    exit_status,
+    option_type,
+    program,
+    restart_command,
+    spelled,
+)
 
 log = logging.getLogger("fabric_fenicsx")
 LAW_FILE = "Python file with the classes of your own laws"
@@ -43,6 +51,7 @@ def parser(
     the problem."""
     name = name or test.NAME
     p = Parser(prog=program(name), usage="%(prog)s [option ...]", description=description)
+    p.group("usual")
     for owner in (test, *parts):
         add_fields(p, owner, test)
     p.group("material")
@@ -154,7 +163,7 @@ class Study:
     def __init__(self, name: str, options: Parser, argv: list[str] | None = None) -> None:
         self.comm = comm = MPI.COMM_WORLD
         argv = sys.argv[1:] if argv is None else argv
-        if comm.rank != 0 and {"-h", "--help"} & set(argv):
+        if comm.rank != 0 and asks_for_help(argv):
             sys.exit(0)
         self.args = args = options.parse_args(argv)
         for option, value in vars(args).pop("_sizes")[args.quick].items():
@@ -265,7 +274,8 @@ def run(name: str, options: Parser, main: Callable[[Any], Any], kind: type[Study
     description = " ".join((sys.modules["__main__"].__doc__ or "").split())
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        with status.shown(first=comm.rank == 0), status.task(program(name)):
+        speaks = comm.rank == 0 and not asks_for_help(sys.argv)
+        with status.shown(first=speaks), status.task(program(name)):
             study = kind(name, options)
             main(study)
             study.write_report(description, "done")

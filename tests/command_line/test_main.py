@@ -1,5 +1,6 @@
 """`fabric` runs studies from any folder and finds their example data."""
 
+import re
 import shlex
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import pytest
 from fabric_fenicsx import __version__
 from fabric_fenicsx.command_line import main
 from fabric_fenicsx.command_line.options import STUDIES
+from fabric_fenicsx.runtime import status
 
 ROOT = Path(__file__).parents[2]
 
@@ -61,19 +63,36 @@ def test_help_names_commands_and_studies(argv, capsys):
     with pytest.raises(SystemExit) as end:
         main.main(argv)
     out = capsys.readouterr().out
-    assert not end.value.code and "studies: bias_extension, " in out and "  list " in out
+    assert not end.value.code and out.startswith("usage: ")
+    groups = [out.index(f"\n{title}:\n") for title in ("run", "results", "set-up")]
+    names = [out.index(f"\n  {name} ") for name in ("sweep", "view", "info")]
+    assert out.index("bias_extension, ") < names[0] and groups == sorted(groups)
+    assert all(group < name for group, name in zip(groups, names))
 
 
-def test_the_version_is_told(capsys):
+def test_help_of_a_study_begins_with_what_is_usual(capsys, monkeypatch):
+    monkeypatch.setattr(status, "SILENCE", -1.0)  # as on a slow machine
+    monkeypatch.setattr(status, "RENEWED", 0.001)
+    monkeypatch.setattr(sys, "argv", ["fabric"])
     with pytest.raises(SystemExit) as end:
-        main.main(["--version"])
+        main.main(["tensile", "--help"])
+    out, err = capsys.readouterr()
+    assert not end.value.code and out.startswith("usage: ") and not err
+    options = re.findall(r"^  (--\w+)", out, re.M)
+    assert options[:6] == ["--material", "--length", "--width", "--strain", "--nx", "--steps"]
+
+
+@pytest.mark.parametrize("option", ["-v", "--version"])
+def test_the_version_is_told(option, capsys):
+    with pytest.raises(SystemExit) as end:
+        main.main([option])
     assert not end.value.code and capsys.readouterr().out.strip() == __version__
 
 
 def test_another_command_is_not_allowed(capsys):
     assert main.main(["tensil"]) == 2
     assert (
-        "command tensil is unknown (did you mean tensile?); allowed are info, list, export, pattern"
+        "command tensil is unknown (did you mean tensile?); allowed are sweep, view, export, pattern"
         in capsys.readouterr().err
     )
 

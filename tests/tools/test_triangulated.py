@@ -253,8 +253,8 @@ def test_what_touches_has_the_normal_of_the_surface(ending, off, tool_files):
 
 @pytest.fixture(scope="module")
 def tool_files(tmp_path_factory):
-    """Of the dome's STL and a hill's STEP file: the surface, points (n, 3) on its triangles, a third
-    on edges and a third at corners, and normals (n, 3) there."""
+    """Of the dome's STL and a hill's STEP file: the surface, points (n, 3) on its triangles, a
+    third on edges and a third at corners, and normals (n, 3) there."""
     folder, found = tmp_path_factory.mktemp("tools"), {}
     pyvista.PolyData.from_regular_faces(*double_dome(size=20, turn=15)).save(folder / "tool.stl")
     write_hill(folder / "tool.step")
