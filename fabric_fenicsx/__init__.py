@@ -10,11 +10,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .runtime.cache_folders import ensure_cache
 from .runtime.timing import phase
 from .runtime.version import __version__
-
-ensure_cache()  # before DOLFINx is imported
 
 # pip's DOLFINx wants this before mpi4py, petsc4py and dolfinx; Debian's has no such package
 with suppress(ModuleNotFoundError):

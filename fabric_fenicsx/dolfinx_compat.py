@@ -8,7 +8,6 @@ from typing import Any
 import basix
 import dolfinx
 import dolfinx.geometry
-import dolfinx.jit
 import dolfinx.plot
 import numpy as np
 import ufl
@@ -18,7 +17,6 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from .runtime import cache_folders
 from .runtime.jit_cache import TIMEOUT, compiled
 from .runtime.signals import end_with_reader
 
@@ -28,10 +26,6 @@ if not OLD:
     import basix.ufl
 
 end_with_reader()  # after petsc4py, which has a handler of its own
-if cache_folders.moved:
-    # DOLFINx may have been imported before, and has taken the place that was then
-    _DEFAULTS = getattr(dolfinx.jit, f"DOLFINX_DEFAULT_JIT_{'PARAMETERS' if OLD else 'OPTIONS'}")
-    _DEFAULTS["cache_dir"] = (cache_folders.moved / "fenics", _DEFAULTS["cache_dir"][1])
 
 # None touches NaN: without errno sqrt is one instruction, without traps both sides of a conditional
 # may be computed side by side; sums may be taken in another order and quotients as products; and

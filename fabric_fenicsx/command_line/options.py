@@ -101,7 +101,7 @@ class Parser(argparse.ArgumentParser):
         self._group = self._groups[title]
 
     def format_help(self) -> str:
-        """Argparse's help, with parameters as options; a group `usual` is in the order of `USUAL`."""
+        """Argparse's help, with parameters as options; a group `usual` is in the order of USUAL."""
         if "usual" in self._groups:
             usual = self._groups["usual"]._group_actions
             usual.sort(key=lambda action: USUAL.index(action.option_strings[0]))

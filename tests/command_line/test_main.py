@@ -92,7 +92,7 @@ def test_the_version_is_told(option, capsys):
 def test_another_command_is_not_allowed(capsys):
     assert main.main(["tensil"]) == 2
     assert (
-        "command tensil is unknown (did you mean tensile?); allowed are sweep, view, export, pattern"
+        "command tensil is unknown (did you mean tensile?); allowed are sweep, view, export,"
         in capsys.readouterr().err
     )
 
