@@ -21,8 +21,6 @@ from .pin_jointed import PinJointedStrip
 from .strip import StripSetup
 
 GRADED = 0.2  # nominal strain up to which the mesh is graded by default
-RISE = 0.1, 0.9  # of the turn of a yarn, between which its transition zone is measured
-OUTER = 2 / 3  # of the distance from a zone's edge, from where a turn counts as whole
 
 
 class BiasSetup(StripSetup):
@@ -96,11 +94,11 @@ class BiasSetup(StripSetup):
 
     def quantities(self, result: Result) -> dict[str, Any]:
         """Shear angles by zones, beside theory's, and the shear force as a test derives it."""
-        rows, signed, strip = result.rows, result.fields["shear_angle"], self.strip
-        gamma, theory, found = np.abs(signed), [math.nan], dict[str, Any]()
+        rows, gamma, strip = result.rows, np.abs(result.fields["shear_angle"]), self.strip
+        theory, found = [math.nan], dict[str, Any]()
         if not self.no_theory:
             theory = [abs(strip.shear_angle(row["displacement_mm"], self.rest)) for row in rows]
-            found = self._by_zones(gamma, signed)
+            found = self._by_zones(gamma)
         known = math.isfinite(theory[-1])
         if self.at_45 and known and theory[-1] > 0:
             reaction = [row["reaction_N"] for row in rows]
@@ -116,8 +114,8 @@ class BiasSetup(StripSetup):
             found["no_theory_because"] = self.no_theory or apart
         return found | self.ranges(result)
 
-    def _by_zones(self, gamma, signed):
-        """Mean shear angle of each zone of the theory [deg], and the width of their borders."""
+    def _by_zones(self, gamma):
+        """Mean shear angle of each zone of the theory [deg]."""
         (x, y), width = self.blank.midpoints() - self.low[:, None], (self.high - self.low)[1]
         (a, b), distance = self.strip.held(x, y)
         zones = {"free": ~a & ~b, "half": a != b, "clamped": a & b}
@@ -129,7 +127,6 @@ class BiasSetup(StripSetup):
             inside = zone & (distance > width / 10)
             if (mean := measures.mean(self.comm, gamma, 1.0 * inside)) is not None:
                 found[f"{name}_zone_shear_angle_deg"] = math.degrees(mean)
-        found["transition_width_mm"] = transition_width(self.comm, self.strip, x, y, signed)
         return found
 
     def tables(self, result: Result, folder: Path) -> None:
@@ -163,34 +160,3 @@ class BiasSetup(StripSetup):
                 series["inextensible yarns"] = (x, np.degrees(np.abs(theory)), "-")
         labels = "position along the axis / mm", "magnitude of the shear angle / deg"
         pictures.curves(folder / "axis.png", series, *labels)
-
-
-def transition_width(
-    comm: MPI.Comm, strip: PinJointedStrip, x: np.ndarray, y: np.ndarray, gamma: np.ndarray
-) -> float | None:
-    """Width [mm] of the zones beside the clamps in which a yarn's turn rises from 10 to 90 %; None
-    where there is none.
-
-    Of cells at x, y with shear angles `gamma` (n,), all ranks'. Both yarns and ends are averaged.
-    The profile across a line is that of means over groups of cells at about the same distance; 0
-    and 100 % are the means of its outer sixths.
-    """
-    widths = []
-    for counts, into in strip.beside_clamps(x, y):
-        parts = comm.allgather(np.stack([into[counts], gamma[counts]]))
-        s, g = np.concatenate(parts, 1).round(12)
-        outer = [k * s > OUTER * np.abs(s).max(initial=0) for k in (-1, 1)]
-        if len(s) < 20 or not all(side.any() for side in outer):
-            return None
-        low, high = (g[side].mean() for side in outer)
-        groups = np.array_split(np.lexsort((g, s)), math.ceil(math.sqrt(2 * len(s))))
-        turned = (g - low) / (high - low)
-        s, g = (np.array([values[group].mean() for group in groups]) for values in (s, turned))
-        places = []
-        for level in RISE:
-            k = int(np.argmax(g >= level))
-            if k == 0:
-                return None
-            places.append(s[k - 1] + (s[k] - s[k - 1]) * (level - g[k - 1]) / (g[k] - g[k - 1]))
-        widths.append(places[1] - places[0])
-    return float(np.mean(widths)) if widths else None

@@ -100,27 +100,3 @@ class PinJointedStrip:
         off = [abs(place - edge) for edge in (low, high) for place in from_clamps]
         # alpha tells which yarn b it is, beta which yarn a
         return (clamped | other)[::-1], np.min(off, axis=(0, 1)) * abs(math.sin(self.b - self.a))
-
-    def beside_clamps(self, x: ArrayLike, y: ArrayLike) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Borders of the zones in which yarns a, then yarns b, have turned: for each a mask of the
-        places x, y (n,) that count, and their distance into the zone (n,) [mm]; an empty list if
-        the strip is `locked`.
-
-        There count, at both ends of the strip, those whose other yarn ends in the middle third of
-        the clamp, as far as both zones reach along all of it.
-        """
-        if self.locked:
-            return []
-        middle = self._coordinates @ [self.length / 2, self.width / 2]
-        places = self._along_yarns(x, y)
-        # from the strip's middle towards its ends; it is the same turned by half a turn
-        places = (places - middle[:, None]) * np.sign(self._coordinates[:, :1])
-        clamp, half = self.width * abs(self._coordinates[:, 1]), self._gaps / 2
-        sines, found = abs(np.sin([self.a, self.b])), []
-        for own, other in ((0, 1), (1, 0)):
-            into = half[own] - abs(places[own])
-            third = abs(abs(places[other]) - half[other] - clamp[other] / 2) <= clamp[other] / 6
-            far = min(clamp[own] / 3, clamp[other] * sines[other] / sines[own] / 3, half[own])
-            counts = third & (places[own] * places[other] > 0) & (abs(into) <= far)
-            found.append((counts, into * abs(math.sin(self.b - self.a))))
-        return found

@@ -88,7 +88,6 @@ def test_yarns_from_clamp_to_clamp_lock(degrees, yarns):
     strip = at_angle(degrees)
     assert strip.locked.startswith(yarns) and bool(strip.locked) == bool(yarns)
     assert math.isnan(strip.shear_angle(1e-3)) == bool(yarns)
-    assert bool(strip.beside_clamps([100.0], [25.0])) == (not yarns)
 
 
 def test_zones():
@@ -96,19 +95,3 @@ def test_zones():
     held, distance = strip.held([5, 25, 25, 100], [25, 5, 45, 25])
     assert held.tolist() == [[True, False, True, False], [True, True, False, False]]
     assert distance == pytest.approx(np.array([20, 20, 20, 75]) / math.sqrt(2))
-
-
-@pytest.mark.parametrize("degrees", [30, 45, 60])
-def test_the_places_beside_clamps_are_where_one_yarn_turns(degrees):
-    strip = at_angle(degrees)
-    x, y = (
-        k.ravel() for k in np.meshgrid(np.linspace(0.1, 199.9, 400), np.linspace(0.1, 49.9, 100))
-    )
-    (a_held, b_held), distance = strip.held(x, y)
-    for (counts, into), turns, other in zip(
-        strip.beside_clamps(x, y), (~b_held, ~a_held), (a_held, b_held)
-    ):
-        assert other[counts].all() and (turns == (into > 0))[counts].all()
-        assert distance[counts] == pytest.approx(abs(into[counts]))
-        for end in (x < 100, x > 100):
-            assert into[counts & end].max() > 4 and into[counts & end].min() < -4
