@@ -113,17 +113,6 @@ def test_energies_and_work_that_are_no_number(method, value):
         run(with_own(method, lambda self: value))
 
 
-def test_an_energy_that_no_work_has_gone_into_is_told():
-    def told(energy):
-        mine = with_own("stored", lambda self: Springs.stored(self) + energy)
-        return ff.check_derivatives(mine, scene_with(mine))
-
-    assert f"as it lies is {3.0 * COMM.size:g} N mm, without a force: take it off" in told(3.0)
-    assert "as it lies" not in told(0.0)
-    mine = breaking(energies=lambda self: {"springs": Breaking.energies(self)["springs"] + 3.0})
-    assert "as it lies" not in ff.check_derivatives(mine, scene_with(mine))
-
-
 @pytest.mark.parametrize("k, words", [(0.0, "gives no forces here: nothing was compared"), (1, "")])
 def test_a_term_without_forces_is_told(k, words):
     mine = Springs(k)

@@ -7,7 +7,7 @@ import pytest
 from builders import Elastic, Springs, dome, sheet
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.material.functions import log, sqrt, where
+from fabric_fenicsx.material.functions import log, sqrt
 from fabric_fenicsx.material.laws import LAWS
 from fabric_fenicsx.runtime.rules import above_zero
 
@@ -18,7 +18,7 @@ NEAR = np.random.default_rng(0).uniform(20, 22, (200, 3)) * [1, -1, 1]
 
 def test_the_papers_law():
     table = ff.check_derivatives(KOMEILI)
-    assert table.startswith("law coupled: derivatives agree") and table.count("\n") == 14
+    assert table.startswith("law coupled: derivatives agree") and table.count("\n") == 13
 
 
 def test_a_law_whose_stresses_are_not_its_energys():
@@ -79,8 +79,6 @@ def _of_shear(shear):
     "shear, words",
     [
         (lambda g: 0.015 * g**2 + 0.006 * g, "soft: the stresses at rest are 0.2"),
-        (lambda g: 0.015 * g**2 + where(g > 0.3, 1.0, 0.0), "energies on both sides of a state"),
-        (lambda g: 0.015 * g**2 + where(g > 0.3, 1e-5, 0.0), r"state differ by 0.001 of .*, 0.3\)"),
         (lambda g: -0.015 * g**2, "the energy is below that at rest by 1 of the largest at"),
         (lambda g: 0.015 * g**2 + log(0.5 - g), "soft: the energy is not a number at"),
     ],
@@ -92,23 +90,11 @@ def test_a_law_whose_shear_energy_is_wrong(shear, words):
     assert "differ by inf" not in str(error.value)
 
 
-def test_a_skewed_law_with_a_kink_is_allowed_and_told():
-    assert "sign of gamma" not in ff.check_derivatives(_of_shear(lambda g: 0.015 * g**2))
-    kinked = _of_shear(lambda g: 0.015 * g**2 + where(g > 0.3, 0.01 * (g - 0.3), 0.0))
-    told = ff.check_derivatives(kinked)
-    assert "the sign of gamma matters: energies at gamma and -gamma differ by 0.3" in told
-
-
 def test_a_law_with_energy_at_rest():
     with pytest.raises(
         ff.InputError, match=r"soft: the energy at rest is .* of the largest at \(0, 0, 0\)"
     ):
         ff.check_derivatives(_of_shear(lambda g: 0.015 * g**2 + 1.0))
-
-
-def test_a_law_without_shear_is_told():
-    assert "shear takes no energy: nothing" in ff.check_derivatives(_of_shear(lambda g: 0.0 * g))
-    assert "shear takes no energy" not in ff.check_derivatives(KOMEILI)
 
 
 @pytest.mark.parametrize("surface", [BALL, ff.Plane((0, 0, 1), (0, 1, 1)), ff.Offset(BALL, 1.0)])
@@ -151,36 +137,6 @@ def test_a_surface_with_corners_sharper_than_it_says():
     words = "Ball: radii of curvature and least `radii` differ by 0.25 .* the radius is 30 mm"
     with pytest.raises(ff.InputError, match=words):
         ff.check_derivatives(ball, NEAR)
-
-
-class Implicit(ff.ImplicitSurface):
-    """The ball, by its equation."""
-
-    radii = 30.0, np.inf
-
-    def __init__(self, bound=0.0):
-        self.factor = bound
-
-    def implicit(self, x):
-        hessian = 2 * np.eye(3)[:, :, None] + 0 * x[0]
-        return (x**2).sum(0) - 900, 2 * x, hessian
-
-    def bound(self, F, x):
-        return (
-            self.factor * abs(np.linalg.norm(x, axis=0) - 30)
-            if self.factor
-            else super().bound(F, x)
-        )
-
-
-@pytest.mark.parametrize("bound", [0.0, 1.0])
-def test_an_implicit_surface(bound):
-    assert "distances and bounds" in ff.check_derivatives(Implicit(bound), NEAR)
-
-
-def test_an_implicit_surface_with_a_bound_that_is_none():
-    with pytest.raises(ff.InputError, match="Implicit: distances and bounds of them differ by"):
-        ff.check_derivatives(Implicit(1.5), NEAR)
 
 
 class Hardening(Springs):
