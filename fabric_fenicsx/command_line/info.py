@@ -29,10 +29,6 @@ LONG = 300  # characters of a reason
 DRAWING = f"from {__name__} import draw_triangle; draw_triangle()"  # in a process of its own
 
 
-class Broken(Exception):
-    """A piece does not work; the message is the reason in words."""
-
-
 def world() -> "MPI.Comm | None":
     """All ranks; None where mpi4py or its MPI is missing, which `show` then tells."""
     try:
@@ -71,15 +67,9 @@ def _told(name, find):
 
 
 def _presets():
-    """Print each preset; their number."""
     from ..material.presets import PRESETS
 
-    for name, fabric in PRESETS.items():
-        couplings = ", ".join(sorted(fabric.couplings)) or "none"
-        thin = f"{fabric.thickness_under(1.0):.2g} mm under 1 MPa"
-        thickness = f"{fabric.thickness:g} mm thick, {thin}"
-        print(f"preset {name:8} {thickness}, couplings: {couplings}")
-    return len(PRESETS)
+    return ", ".join(PRESETS)
 
 
 def _checks(comm, first):
@@ -103,7 +93,7 @@ def _reason(error):
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     text = lines[-1] if lines else "no reason given"
     text = text if len(text) <= LONG else f"... {text[-LONG:]}"
-    return text if isinstance(error, Broken) else f"{type(error).__name__}: {text}"
+    return text if isinstance(error, RuntimeError) else f"{type(error).__name__}: {text}"
 
 
 def _attribute(module):
@@ -129,52 +119,23 @@ def _ranks(comm):
     comm = comm or MPI.COMM_WORLD
     total = comm.allreduce(comm.rank + 1)
     if total != comm.size * (comm.size + 1) // 2:
-        raise Broken(f"the sum of 1 to {comm.size} over the ranks came out as {total}")
+        raise RuntimeError(f"the sum of 1 to {comm.size} over the ranks came out as {total}")
     return f"{comm.size} rank{'s' * (comm.size > 1)}"
 
 
 def _mumps(comm):
-    """Factorise the matrix of a clamped string of 20 nodes."""
-    from petsc4py import PETSc
-
-    n = 20
-    A = PETSc.Mat().createAIJ((n, n), nnz=3, comm=comm)
-    for i in range(*A.getOwnershipRange()):
-        near = [j for j in (i - 1, i, i + 1) if 0 <= j < n]
-        A.setValues(i, near, [2.0 if j == i else -1.0 for j in near])
-    A.assemble()
-    A.setOption(PETSc.Mat.Option.SPD, True)
-    x, b = A.createVecs()
-    x.set(1.0)
-    A.mult(x, b)
-    ksp = PETSc.KSP().create(comm)
-    ksp.setOperators(A)
-    ksp.setType("preonly")
-    ksp.getPC().setType("cholesky")
-    ksp.getPC().setFactorSolverType("mumps")
-    ksp.solve(b, x)
-    x.shift(-1.0)
-    if not (error := x.norm()) < 1e-10:
-        raise Broken(f"the solution of {n} equations is off by {error:.2g}")
-
-
-def _speed(comm):
     """CPU seconds of a standard piece of work, by which machines compare: one core factorises the
     Laplacian of a cube of 27 x 27 x 27 nodes, the best time of three."""
-    import numpy as np
     from petsc4py import PETSc
+    from scipy import sparse
 
-    nodes = np.arange(27**3, dtype=PETSc.IntType).reshape(27, 27, 27)
-    ways = [np.moveaxis(nodes, axis, 0) for axis in range(3)]
-    one, next_one = (np.concatenate([way[part].ravel() for way in ways]) for part in np.s_[:-1, 1:])
-    A = PETSc.Mat().createAIJ((nodes.size, nodes.size), nnz=7, comm=PETSc.COMM_SELF)
-    for i in nodes.ravel():
-        A.setValue(i, i, 6.0)
-    for i, j in zip([*one, *next_one], [*next_one, *one]):
-        A.setValue(i, j, -1.0)
-    A.assemble()
+    n = 27
+    line = sparse.diags([-1.0, 2.0, -1.0], [-1, 0, 1], shape=(n, n))
+    laplacian = sparse.kronsum(sparse.kronsum(line, line), line).tocsr()
+    rows = [each.astype(PETSc.IntType) for each in (laplacian.indptr, laplacian.indices)]
+    A = PETSc.Mat().createAIJ(laplacian.shape, csr=(*rows, laplacian.data), comm=PETSc.COMM_SELF)
     A.setOption(PETSc.Mat.Option.SPD, True)
-    least = np.inf
+    times = []
     for _ in range(3):
         pc = PETSc.PC().create(PETSc.COMM_SELF)
         pc.setOperators(A)
@@ -182,8 +143,15 @@ def _speed(comm):
         pc.setFactorSolverType("mumps")
         began = time.process_time()
         pc.setUp()
-        least = min(least, time.process_time() - began)
-    return f"{least:.2f} s of CPU for the standard factorisation of {nodes.size} unknowns"
+        times.append(time.process_time() - began)
+    x, b = A.createVecs()
+    x.set(1.0)
+    A.mult(x, b)
+    pc.apply(b, x)
+    x.shift(-1.0)
+    if not (error := x.norm()) < 1e-8:
+        raise RuntimeError(f"the solution of {n**3} equations is off by {error:.2g}")
+    return f"{min(times):.2f} s of CPU for the standard factorisation of {n**3} unknowns"
 
 
 def _blas(comm):
@@ -194,7 +162,7 @@ def _blas(comm):
     # NumPy's wheels bring one of their own
     found = sorted(file for file in files if ".libs/" not in file)
     if not found:
-        raise Broken("no shared BLAS is loaded with PETSc")
+        raise RuntimeError("no shared BLAS is loaded with PETSc")
     return describe_blas(found)
 
 
@@ -221,7 +189,7 @@ def _jit(comm):
     mesh = compat.create_mesh(MPI.COMM_SELF, cells, corners, "triangle", 1)
     area = fem.assemble_scalar(compat.form(fem.Constant(mesh, 1.0) * ufl.dx(mesh)))
     if abs(area - 0.5) > 1e-12:
-        raise Broken(f"a triangle of area 0.5 has {area:.6g}")
+        raise RuntimeError(f"a triangle of area 0.5 has {area:.6g}")
 
 
 def _gmsh(comm):
@@ -229,7 +197,7 @@ def _gmsh(comm):
     from ..meshes.specimen import specimen
 
     if (count := len(specimen(1.0, 1.0, 4, 4, "unstructured")[1])) < 16:
-        raise Broken(f"the mesh of a square has {count} cells")
+        raise RuntimeError(f"the mesh of a square has {count} cells")
 
 
 def _pyvista(comm):
@@ -238,7 +206,9 @@ def _pyvista(comm):
         in_child(exec, DRAWING, patience=PATIENCE)
     except RuntimeError as error:
         hint = "found nothing to draw on? (libegl1 on Debian 12, xvfb on 13)"
-        raise Broken(f"{error}; VTK {hint}" if "crashed" in str(error) else str(error)) from None
+        raise RuntimeError(
+            f"{error}; VTK {hint}" if "crashed" in str(error) else str(error)
+        ) from None
 
 
 def draw_triangle() -> None:
@@ -253,17 +223,15 @@ def draw_triangle() -> None:
         plotter.add_mesh(pyvista.Triangle(), color="red", lighting=False)
         plotter.view_xy()
         image = np.asarray(plotter.screenshot(None, return_img=True))
-    red = (image[..., 0] > 200) & (image[..., 1:3] < 50).all(-1)
-    if not 0.02 < red.mean() < 0.9:
-        raise Broken(f"the picture of a triangle is blank or wrong: {red.mean():.0%} of it is red")
+    if not 0.02 < (image.min(-1) < 50).mean() < 0.9:
+        raise RuntimeError("the picture of a triangle is blank or wrong")
 
 
 # by name: a function that returns what else is to be said, or raises; True if all ranks take part
 CHECKS: dict[str, tuple[Callable[["MPI.Comm | None"], str | None], bool]] = {
     "MPI": (_ranks, True),
-    "MUMPS": (_mumps, True),
+    "MUMPS": (_mumps, False),
     "BLAS": (_blas, False),
-    "speed": (_speed, False),
     "JIT": (_jit, False),
     "gmsh": (_gmsh, False),
     "pyvista": (_pyvista, False),

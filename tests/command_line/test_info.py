@@ -56,10 +56,7 @@ def test_it_tells_versions_presets_and_that_all_works(run):
         assert re.search(rf"^{name} +(Open MPI v|MPICH Version: +)?\d+\.\d+", done.stdout, re.M), (
             name
         )
-    for name, fabric in PRESETS.items():
-        line = re.search(rf"^preset {name} +(.*)$", done.stdout, re.M)[1]
-        assert f"{fabric.thickness:g} mm" in line
-        assert all(coupling in line for coupling in fabric.couplings)
+    assert re.search(rf"^presets +{', '.join(PRESETS)}$", done.stdout, re.M)
 
 
 @pytest.mark.versions
@@ -103,14 +100,14 @@ def test_packages_that_are_missing_are_told(monkeypatch, capsys):
 def test_drawing_that_fails_is_told_and_takes_nothing_down(monkeypatch, draws, words, hang):
     monkeypatch.setattr(info, "PATIENCE", 1 if "sleep" in draws else hang)
     monkeypatch.setattr(info, "DRAWING", draws)
-    with pytest.raises(info.Broken, match=words):
+    with pytest.raises(RuntimeError, match=words):
         info.CHECKS["pyvista"][0](SERIAL)
 
 
 @pytest.mark.versions
 def test_a_blank_picture_is_told(monkeypatch):
     monkeypatch.setattr("pyvista.Plotter.add_mesh", lambda *_, **__: None)
-    with pytest.raises(info.Broken, match="blank"):
+    with pytest.raises(RuntimeError, match="blank"):
         info.draw_triangle()
 
 
@@ -144,7 +141,7 @@ def test_without_mpi_the_rest_is_told(monkeypatch, capsys):
 
 def test_a_rank_on_which_something_fails_fails_all(monkeypatch):
     def broken(comm):
-        raise info.Broken("on this rank")
+        raise RuntimeError("on this rank")
 
     monkeypatch.setattr(info, "CHECKS", {"MPI": (broken, True)})
     everywhere = SimpleNamespace(rank=1, size=2, allgather=lambda well: [True, well])
