@@ -6,9 +6,9 @@ import textwrap
 from bench.hard_cases import CASES, Setting, run_case
 from bench.once import once
 
+import fabric_fenicsx as ff
 from fabric_fenicsx.command_line.study import parser, run
 from fabric_fenicsx.coupons.coupon import Coupon
-from fabric_fenicsx.runtime.errors import InputError, SolverFailure
 
 
 def options():
@@ -18,25 +18,16 @@ def options():
     return p
 
 
-def said(row):
-    """A case in two lines."""
-    holds = "holds" if row["holds"] else "FAILS"
-    steps = f"{row['steps']:4d} steps {row['rejected']:3d} rejected"
-    cost = f"{row['wall_s']:7.1f} s  {steps} {row['iterations']:5d} iterations"
-    faults = "; not sound: " + "; ".join(row["faults"][:3]) if row["faults"] else ""
-    return f"{row['case']}  {holds}  {cost}  {row['must_hold']}\n     {row['found']}{faults}"
-
-
 def draw(path, rows):
     """A bar for each case, the first on top: its iterations, what they cost, green if it holds."""
     from fabric_fenicsx.plot.pictures import figure
 
     short = [textwrap.shorten(r["must_hold"].split(":")[0], 60, placeholder=" ...") for r in rows]
-    costs = [f"{row['steps']} steps, {row['wall_s']:.0f} s" for row in rows]
     labels = [f"{row['case']}  {text}" for row, text in zip(rows, short)]
     colours = ["#5aa469" if row["holds"] else "#b83a3a" for row in rows]
     with figure(path, (8.0, 0.5 + 0.36 * len(rows))) as (_, ((ax,),)):
         drawn = ax.barh(labels, [row["iterations"] for row in rows], color=colours)
+        costs = [f"{row['steps']} steps, {row['wall_s']:.0f} s" for row in rows]
         ax.bar_label(drawn, costs, padding=3, fontsize="small")
         ax.invert_yaxis()
         ax.margins(x=0.35)
@@ -45,15 +36,17 @@ def draw(path, rows):
 
 def main(study):
     args = study.args
-    unknown = set(args.only) - set(CASES)
-    if unknown:
+    if unknown := set(args.only) - set(CASES):
         wrong = f"--only {args.only} names case {min(unknown)}"
-        raise InputError(f"{wrong}; allowed are letters of {''.join(CASES)}")
+        raise ff.InputError(f"{wrong}; allowed are letters of {''.join(CASES)}")
     folder, rows = study.folder(), []
     setting = Setting(study.comm, study.fabric, args.integration or "full", args.quick)
     for letter in args.only:
-        rows.append(once(study, letter, lambda letter=letter: run_case(letter, setting)))
-        study.say(said(rows[-1]))
+        rows.append(row := once(study, letter, run_case, letter, setting))
+        holds = "holds" if row["holds"] else "FAILS"
+        cost = f"{row['wall_s']} s, {row['steps']} steps, {row['iterations']} iterations"
+        faults = "; not sound: " + "; ".join(row["faults"][:3]) if row["faults"] else ""
+        study.say(f"{letter}  {holds}  {cost}  {row['must_hold']}\n     {row['found']}{faults}")
     failed = [row["case"] for row in rows if not row["holds"]]
     quantities = {row["case"]: row for row in rows}
     study.summarise(folder, converged=not failed, stroke_reached=1.0, quantities=quantities)
@@ -61,7 +54,7 @@ def main(study):
     if study.comm.rank == 0 and not args.no_pictures:
         draw(folder / "cases.png", rows)
     if failed:
-        raise SolverFailure(f"cases {', '.join(failed)} do not hold; see {folder}/cases.csv")
+        raise ff.SolverFailure(f"cases {', '.join(failed)} do not hold; see {folder}/cases.csv")
 
 
 if __name__ == "__main__":

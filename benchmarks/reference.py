@@ -3,13 +3,20 @@ other runs are measured by. Mesh, element and steps are the scenes' own."""
 
 import shlex
 import sys
+import time
 
 from bench.once import once
-from bench.reference import convergence, make_reference, solve_member
-from bench.strips import STRIPS
+from bench.reference import LOADS, make_reference
+from bench.strips import STRIPS, camera_displacements, pull, strip_scene, strip_values
 
+import fabric_fenicsx as ff
 from fabric_fenicsx.command_line.study import parser, run
 from fabric_fenicsx.coupons.coupon import Coupon
+from fabric_fenicsx.solve.newton import Newton
+from fabric_fenicsx.solve.settings import Settings
+
+DEGREES = {"P1": 1, "P2": 2}  # of quadrature, with which the files of studies/reference were made
+SETTINGS = Settings(steps=20, path_tolerance=None, milestones=LOADS[1:])
 
 
 def options():
@@ -19,34 +26,70 @@ def options():
     return p
 
 
+def solved(study, name, mesh):
+    """Values, reactions at LOADS [N], cost and the camera's displacements on one mesh."""
+    args, began = study.args, time.perf_counter()
+    scene = strip_scene(study.comm, study.fabric, name, mesh, DEGREES[mesh[:2]], "full")
+    newton = Newton(scene, args.tolerance, linear_solver=args.linear_solver)
+    outcome, (loads, forces) = pull(newton, SETTINGS)
+    if outcome.reason:
+        raise ff.SolverFailure(f"{mesh}: {outcome.reason}")
+    reaction = dict(zip(loads, forces.tolist()))
+    values = strip_values(scene)
+    del values["shear_deg_min"]  # 0 somewhere
+    return {
+        "dofs": 2 * scene.blank.V.dofmap.index_map.size_global,
+        "steps": outcome.accepted,
+        "iterations": outcome.iterations,
+        "wall_s": round(time.perf_counter() - began, 2),
+        "values": values,
+        "reactions_N": [reaction[load] for load in LOADS],
+        "seen": camera_displacements(scene).tolist(),
+    }
+
+
+def convergence(name, quantity, members, series, colour):
+    """Errors of the reaction over unknowns, of a strip's series and checks, and its own bar."""
+    dofs = {mesh: member["dofs"] for mesh, member in members.items()}
+    off = {
+        mesh: abs(member["values"]["reaction_N"] / quantity["value"] - 1)
+        for mesh, member in members.items()
+    }
+    ends, bar = [min(dofs.values()), max(dofs.values())], quantity["error"] / quantity["value"]
+    found = {f"{name}, error bar": (ends, [bar, bar], f"C{colour}:")}
+    for label, style, shown in ((name, "o-", True), (f"{name}, checks", "x", False)):
+        if mine := [mesh for mesh in members if (mesh in series) == shown]:
+            found[label] = [dofs[m] for m in mine], [off[m] for m in mine], f"C{colour}{style}"
+    return found
+
+
 def main(study):
-    args, folder, found = study.args, study.folder(), {}
-
-    def solve(name, strip, how):
-        problem = study.comm, study.fabric, strip, how, args.tolerance, args.linear_solver
-        member = once(study, f"{name} {how}", lambda: solve_member(*problem))
-        study.say(
-            f"{name}  {how!s:28s} {member['dofs']:7d} dofs {member['iterations']:4d} iterations "
-            f"{member['wall_s']:7.1f} s  reaction {member['values']['reaction_N']:.8g} N"
-        )
-        return member
-
+    args, folder, found, drawn = study.args, study.folder(), {}, {}
+    command = shlex.join([".venv/bin/python", "benchmarks/reference.py", *sys.argv[1:]])
     for name in args.scenes:
-        found[name] = make_reference(name, lambda *how, name=name: solve(name, *how), args.quick)
+        strip, members = STRIPS[name], {}
+        series = strip.series[:2] if args.quick else strip.series
+        for mesh in (*series, *(() if args.quick else strip.checks)):
+            key = f"{name} {mesh}"
+            members[mesh] = m = once(study, key, solved, study, name, mesh)
+            study.say(
+                f"{key:36s} {m['dofs']:7d} dofs {m['iterations']:4d} iterations "
+                f"{m['wall_s']:7.1f} s  reaction {m['values']['reaction_N']:.8g} N"
+            )
         if study.comm.rank == 0:
-            command = shlex.join([".venv/bin/python", "benchmarks/reference.py", *sys.argv[1:]])
-            found[name].write(folder, command, study.fabric)
-        r = found[name].quantities["reaction_N"]
-        order = "finest mesh" if r["order"] is None else f"order {r['order']:.2g}"
-        value = f"{r['value']:.6g} +- {r['error']:.2g} N"
-        study.say(f"{folder}/{name}.json: reaction {value}, {order}")
-    quantities = {name: reference.quantities for name, reference in found.items()}
-    study.summarise(folder, converged=True, stroke_reached=1.0, quantities=quantities)
-    if study.comm.rank == 0 and not args.no_pictures:
+            facts = {"command": command, "material": study.fabric.dumps()}
+            found[name] = make_reference(folder, name, series, members, **facts)
+            r = found[name]["reaction_N"]
+            order = "finest mesh" if r["order"] is None else f"order {r['order']:.2g}"
+            value = f"{r['value']:.6g} +- {r['error']:.2g} N"
+            study.say(f"{folder}/{name}.json: reaction {value}, {order}")
+            drawn |= convergence(name, r, members, series, len(found) - 1)
+    study.summarise(folder, converged=True, stroke_reached=1.0, quantities=found)
+    if drawn and not args.no_pictures:
         from fabric_fenicsx.plot.pictures import curves
 
         labels = "unknowns", "error of the reaction, relative", "log"
-        curves(folder / "convergence.png", convergence(found.values()), *labels)
+        curves(folder / "convergence.png", drawn, *labels)
 
 
 if __name__ == "__main__":

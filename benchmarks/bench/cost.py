@@ -1,9 +1,14 @@
-"""What a run costs, measured in this process: seconds, memory, and the unit of a linear-elastic
-solve."""
+"""What a run costs: seconds, memory, and the unit of a linear-elastic solve, measured in this
+process or, by `apart`, in one of its own."""
 
+import dataclasses
+import json
+import os
 import re
+import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -11,50 +16,49 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 from petsc4py import PETSc
-from ufl.core.expr import Expr
 
-from fabric_fenicsx.material.laws import Law
+import fabric_fenicsx as ff
 from fabric_fenicsx.mechanics.shell.membrane import default_degree
-from fabric_fenicsx.mechanics.term import SceneFacts, Term
-from fabric_fenicsx.runtime import timing
-from fabric_fenicsx.scene.scene import Scene
+from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT, on_ranks
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.settings import Settings
-from fabric_fenicsx.solve.stepping import LoadStepping
 
-from .camera import camera_displacements, field_distance
+from . import strips
 from .cost_plan import Configuration
-from .reference import curve_distance, reference_curve, reference_grid
-from .strips import STRIPS, Discretisation, moving_grip, strip_scene, strip_values
+from .reference import reference_curve, reference_grid
 
-REPEATS = 5  # of what is timed alone; the fastest counts
 SHORT = 2.0  # seconds below which a run is timed three times
+FORMED = {  # column of the table -> number of the run
+    "punch_force_N": "punch_force_N",
+    "shear_max_deg": "shear_angle_max_deg",
+    "shear_99_percent_deg": "shear_angle_99_percent_deg",
+    "draw_in_mm": "draw_in.largest_mm",
+}
 
 
-class LinearElasticity(Term):
+class LinearElasticity(ff.Term):
     """Isotropic plane stress on a membrane's mesh, space and points: its solve is the unit of
     cost."""
 
     name, energy_kind = "linear elasticity", "strain"
 
-    def set_up(self, scene: SceneFacts) -> None:
+    def set_up(self, scene: Any) -> None:
         """As in `Term`."""
-        mesh, u = scene.blank.mesh, scene.blank.u
-        degree = default_degree(self.part)
-        self._dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": degree})
-        self.energy = 0.5 * self._work(u, u)
+        degree = {"quadrature_degree": default_degree(self.part)}
+        self._dx = ufl.Measure("dx", scene.blank.mesh, metadata=degree)
+        self.energy = 0.5 * self._work(scene.blank.u, scene.blank.u)
 
     def _work(self, u, v, E=1000.0, nu=0.3):
         strains = [ufl.sym(ufl.grad(x)) for x in (u, v)]
         shear, volume = ufl.inner(*strains), ufl.tr(strains[0]) * ufl.tr(strains[1])
         return (E / (1 + nu) * shear + E * nu / (1 - nu**2) * volume) * self._dx
 
-    def variations(self, v: Expr, w: Expr) -> tuple[Expr, Expr]:
+    def variations(self, v: Any, w: Any) -> tuple[Any, Any]:
         """First and second variation of the energy, for the test and trial functions v and w."""
         return self._work(self.blank.u, v), self._work(w, v)
 
 
-def timed(comm: MPI.Comm, action: Callable[[], Any], repeats: int = REPEATS) -> float:
+def timed(comm: MPI.Comm, action: Callable[[], Any], repeats: int = 5) -> float:
     """Seconds of the fastest of `repeats` runs of `action`, of the slowest rank."""
     times = []
     for _ in range(repeats):
@@ -67,23 +71,21 @@ def timed(comm: MPI.Comm, action: Callable[[], Any], repeats: int = REPEATS) -> 
 
 
 def resident_mib(comm: MPI.Comm, key: str) -> float:
-    """Resident memory of all ranks [MiB], now (key VmRSS) or at most so far (VmHWM; getrusage's may
-    be the parent's)."""
-    found = re.search(rf"{key}:\s+(\d+)", Path("/proc/self/status").read_text())
-    assert found  # Linux has both
-    return comm.allreduce(int(found.group(1)) / 1024)
+    """Resident memory of all ranks [MiB], now (key VmRSS) or at most so far (VmHWM)."""
+    status = Path("/proc/self/status").read_text()
+    return comm.allreduce(int(re.findall(rf"{key}:\s+(\d+)", status)[0]) / 1024)
 
 
-def elastic_seconds(scene: Scene) -> tuple[float, float]:
+def elastic_seconds(scene: ff.Scene) -> tuple[float, float]:
     """Seconds of the assembly, and of assembly, analysis, factorisation and solution by MUMPS, of
     linear elasticity on the scene's mesh."""
-    comm, twin = scene.comm, Scene(scene.blank, [LinearElasticity()], scene.supports)
+    twin = ff.Scene(scene.blank, [LinearElasticity()], scene.supports)
     A, b = twin.create_matrix(), twin.u.duplicate()
     b.set(1.0)
 
     def solve():
         twin.tangent(A)
-        ksp = PETSc.KSP().create(comm)
+        ksp = PETSc.KSP().create(scene.comm)
         ksp.setType("preonly")
         ksp.pc.setType("cholesky")
         ksp.pc.setFactorSolverType("mumps")
@@ -91,103 +93,62 @@ def elastic_seconds(scene: Scene) -> tuple[float, float]:
         ksp.solve(b, b.duplicate())
         ksp.destroy()
 
-    return timed(comm, lambda: twin.tangent(A)), timed(comm, solve)
+    return timed(scene.comm, lambda: twin.tangent(A)), timed(scene.comm, solve)
 
 
-def scene_of(comm: MPI.Comm, fabric: Law, c: Configuration) -> Scene:
-    """The strip of the `Configuration` c, discretised as that says."""
-    how = Discretisation(c.element, c.nx, c.pattern, integration=c.integration)
-    return strip_scene(comm, fabric, STRIPS[c.scene], how)
-
-
-def cost(comm: MPI.Comm, fabric: Law, c: Configuration, reference: Path) -> dict[str, Any]:
-    """As `run_cost`, of a `Configuration` without steps as `solution_cost`, of one with a fibre
-    angle as `forming_cost`."""
-    if c.fibre_angle is not None:
-        from .forming_cost import forming_cost
-
-        return forming_cost(comm, fabric, c)
-    if c.steps:
-        return run_cost(comm, fabric, c, reference)
-    return solution_cost(comm, fabric, c)
-
-
-def run_cost(comm: MPI.Comm, fabric: Law, c: Configuration, reference: Path) -> dict[str, Any]:
+def cost(comm: MPI.Comm, fabric: ff.Law, c: Configuration, reference: Path) -> dict[str, Any]:
     """Row of the table of the `Configuration` c, run in this process: costs and what errors are
-    made of; reference: folder of the references."""
-    strip = STRIPS[c.scene]
-    scene = scene_of(comm, fabric, c)
-    before = resident_mib(comm, "VmRSS")
-    compiled, total = timing.seconds["compile"], 0.0
-    row: dict[str, Any] = {}
-    while not row or (total < SHORT and row["repeats"] < 3):
+    made of; reference: folder of the references. Without steps it is of one tangent and its
+    solution, with a fibre angle of forming."""
+    if c.fibre_angle is not None:
+        return forming_cost(comm, fabric, c)
+    scene = strips.strip_scene(comm, fabric, c.scene, c.mesh, None, c.integration)
+    before, mesh = resident_mib(comm, "VmRSS"), scene.blank.mesh
+    row = run_cost(scene, c, reference) if c.steps else solution_cost(scene, c)
+    row |= {"cells": mesh.topology.index_map(2).size_global, "dofs": scene.u.size}
+    return row | {"memory_mib": row.pop("peak_mib") - before}
+
+
+def run_cost(scene: ff.Scene, c: Configuration, reference: Path) -> dict[str, Any]:
+    """Costs and errors of a whole run of a strip."""
+    comm, walls = scene.comm, list[float]()
+    settings = Settings(steps=c.steps, path_tolerance=c.path_tolerance)
+    ran: Any = None
+
+    def solve():
+        nonlocal ran
+        newton = Newton(scene, c.tolerance, linear_solver=c.linear_solver)
+        ran = newton, *strips.pull(newton, settings)
+
+    while not walls or (sum(walls) < SHORT and len(walls) < 3):
         scene.set(scene.u.duplicate())
-        timing.seconds.clear()
-        measure = moving_grip(strip.stroke)
-        curve: list[tuple[float, float]] = []
-        made: dict[str, Any] = {}
-
-        def solve():
-            newton = made["newton"] = Newton(scene, c.tolerance, linear_solver=c.linear_solver)
-            made["outcome"] = LoadStepping(
-                newton,
-                Settings(steps=c.steps, path_tolerance=c.path_tolerance),
-                on_accept=lambda at: curve.append((at.load, measure(scene, at.load)[1])),
-            ).run()
-
-        wall = timed(comm, solve, 1)
-        total += wall
-        parts = {f"{name}_s": timing.seconds[name] for name in ("assemble", "linear_solve")}
-        if not row:
-            peak = resident_mib(comm, "VmHWM")
-            row = {"wall_s": wall, "repeats": 0} | parts
-        row["repeats"] += 1
-        if wall < row["wall_s"]:
-            row |= {"wall_s": wall} | parts
-    outcome, tangent = made["outcome"], made["newton"].tangent.A
-    row |= {
-        "compile_s": compiled,
-        "dofs": 2 * scene.blank.V.dofmap.index_map.size_global,
-        "cells": scene.blank.mesh.topology.index_map(2).size_global,
-        "iterations": outcome.iterations,
-        "accepted": outcome.accepted,
-        "rejected": outcome.rejected,
-        "reason": outcome.reason,
-        "peak_mib": peak,
-        "memory_mib": peak - before,
-    }
-    assembly = timed(comm, lambda: scene.tangent(tangent))
-    values = strip_values(scene)
-    row["elastic_assembly_s"], row["elastic_solve_s"] = elastic_seconds(scene)
-    row["tangent_ratio"] = assembly / row["elastic_assembly_s"]
-    compared = "reaction_N", "energy_Nmm", "centre_shear_deg", "centre_eps_b"
-    row |= {name: values[name] for name in compared}
-    ends = [values[f"eps_{yarn}_{end}"] for yarn in "ab" for end in ("min", "max")]
-    row["yarn_strain_max"] = max(map(abs, ends))
-    known = reference_curve(reference, c.scene)
-    row["error_curve"] = curve_distance(np.transpose(curve), known)
-    seen, kept = camera_displacements(scene), reference_grid(reference, c.scene)
-    row["error_strain"], row["error_shear_deg"] = field_distance(strip.angle, seen, kept)
-    return row
+        walls.append(timed(comm, solve, 1))
+    newton, outcome, curve = ran
+    row = {"iterations": outcome.iterations, "reason": outcome.reason, "wall_s": min(walls)}
+    row["peak_mib"] = resident_mib(comm, "VmHWM")
+    assembly = timed(comm, lambda: scene.tangent(newton.tangent.A))
+    elastic, row["elastic_solve_s"] = elastic_seconds(scene)
+    row["tangent_ratio"], values = assembly / elastic, strips.strip_values(scene)
+    row |= {"reaction_N": values["reaction_N"], "energy_Nmm": values["energy_Nmm"]}
+    row["error_curve"] = strips.curve_distance(curve, reference_curve(reference, c.scene))
+    fields = strips.camera_displacements(scene), reference_grid(reference, c.scene)
+    apart = strips.field_distance(strips.STRIPS[c.scene].angle, *fields)
+    return row | dict(zip(("error_strain", "error_shear_deg"), apart))
 
 
-def solution_cost(comm: MPI.Comm, fabric: Law, c: Configuration) -> dict[str, Any]:
-    """Row of the table of sizes of the `Configuration` c: assembly and one solution with the
-    tangent of the strip uniformly stretched by 1 % (its width -6.66 %). The error is that of a
-    known solution, in the tangent's energy norm."""
-    scene = scene_of(comm, fabric, c)
-    before = resident_mib(comm, "VmRSS")
-    newton = Newton(scene, linear_solver=c.linear_solver)
+def solution_cost(scene: ff.Scene, c: Configuration) -> dict[str, Any]:
+    """Costs of assembly and one solution with the tangent of the strip uniformly stretched by 1 %
+    (its width -6.66 %). The error is that of a known solution, in the tangent's energy norm."""
+    comm, newton = scene.comm, Newton(scene, linear_solver=c.linear_solver)
     x, A, ksp = newton.x, newton.tangent.A, newton.tangent.ksp
-    gradient = np.diag([0.01, -0.0666])
-    x.array[:] = (scene.blank.coordinates()[:, :2] @ gradient).ravel()[: x.local_size]
+    stretched = scene.blank.coordinates()[:, :2] * [0.01, -0.0666]
+    x.array[:] = stretched.ravel()[: x.local_size]
     scene.set(x)
-    r = x.duplicate()
+    residual, known, d = x.duplicate(), x.copy(), x.duplicate()
     row: dict[str, Any] = {
         "tangent_s": timed(comm, lambda: scene.tangent(A)),
-        "residual_s": timed(comm, lambda: scene.residual(r)),
+        "residual_s": timed(comm, lambda: scene.residual(residual)),
     }
-    known, d = x.copy(), x.duplicate()
     known.array[scene.fixed_dofs] = 0
     rhs = A * known
 
@@ -199,11 +160,49 @@ def solution_cost(comm: MPI.Comm, fabric: Law, c: Configuration) -> dict[str, An
     row["reason"] = "" if ksp.getConvergedReason() > 0 else "the linear solver failed"
     d.axpy(-1.0, known)
     row["linear_error"] = float(np.sqrt(abs(d.dot(A * d)) / known.dot(rhs)))
-    row["linear_iterations"] = ksp.getIterationNumber()
-    row["memory_mib"] = resident_mib(comm, "VmHWM") - before
-    row["elastic_assembly_s"] = None
-    if c.linear_solver == "mumps-cholesky":
-        row["elastic_assembly_s"] = elastic_seconds(scene)[0]
-        row["tangent_ratio"] = row["tangent_s"] / row["elastic_assembly_s"]
-    mesh = scene.blank.mesh
-    return row | {"dofs": x.size, "cells": mesh.topology.index_map(2).size_global}
+    return row | {"peak_mib": resident_mib(comm, "VmHWM")}
+
+
+def dome(fabric: ff.Law, **mesh: Any) -> ff.Press:
+    """The press of the double dome with this fabric and fields of the sheet."""
+    press = ff.Press.read("double_dome")
+    return press.replace(sheets=[dataclasses.replace(press.sheets[0], fabric=fabric, **mesh)])
+
+
+def forming_cost(comm: MPI.Comm, fabric: ff.Law, c: Configuration) -> dict[str, Any]:
+    """Row of the table of forming. cpu_s is of the whole process, its start included; `doubt` is
+    why a result at full load is not to be believed; `curve` is the punch force [N] over the
+    load."""
+    element, pattern, nx = c.mesh.split()
+    cells = {"element": element, "pattern": pattern, "nx": int(nx), "fibre_angle": c.fibre_angle}
+    names = "steps", "tolerance", "path_tolerance", "linear_solver"
+    job = dome(fabric, **cells).build(comm).job(**{name: getattr(c, name) for name in names})
+    try:
+        result, said = job.run(), ""
+    except ff.SolverFailure as failure:
+        result, said = failure.result, str(failure)
+    cpu, whole = time.process_time(), result.number("stroke_reached") == 1
+    row = {"cpu_s": comm.allreduce(cpu), "peak_mib": resident_mib(comm, "VmHWM")}
+    row |= {"reason": "" if whole else said, "doubt": said if whole else ""}
+    row |= {name: result.summary[name] for name in ("dofs", "cells", "newton_iterations")}
+    row["curve"] = [(at["load"], at["reaction_N"]) for at in result.rows]
+    return row | {column: result.number(name) for column, name in FORMED.items()}
+
+
+def apart(c: Configuration, command: Sequence[str], limit: float) -> dict[str, Any]:
+    """Row of the `Configuration` c, which `command` prints as JSON in its last line, run in a
+    process, or ranks, of its own within `limit` [s]; with a `reason` if it did not end well."""
+    words = [*command, "--configuration", json.dumps(asdict(c))]
+    # timeout also ends what mpirun started, and itself where it must kill
+    done = subprocess.run(
+        ["timeout", "-k", "5", f"{limit:g}", *(on_ranks(c.ranks) if c.ranks > 1 else ()), *words],
+        capture_output=True,
+        text=True,
+        env=os.environ | RANKS_ENVIRONMENT,
+        stdin=subprocess.DEVNULL,
+    )
+    if done.returncode == 0:
+        return asdict(c) | json.loads(done.stdout.splitlines()[-1])
+    said = [f"ended with status {done.returncode}", *filter(str.strip, done.stderr.splitlines())]
+    late = done.returncode in (124, -9)
+    return asdict(c) | {"reason": f"not done within {limit:g} s" if late else said[-1]}

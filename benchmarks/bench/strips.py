@@ -1,60 +1,35 @@
-"""Three strips that are pulled, on which meshes they are solved, and what is compared of them."""
+"""Three strips that are pulled: on which meshes they are solved, and what is compared of them."""
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
 
+import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
-from fabric_fenicsx.material.laws import Law
-from fabric_fenicsx.mechanics.shell.membrane import Membrane
-from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.results import measures
-from fabric_fenicsx.results.curve import Measure
-from fabric_fenicsx.scene import output as reports
-from fabric_fenicsx.scene.scene import Scene
-from fabric_fenicsx.scene.supports import clamped_ends
-from fabric_fenicsx.sheets.blank import Blank
+from fabric_fenicsx.scene import output
+from fabric_fenicsx.solve.newton import Newton
+from fabric_fenicsx.solve.settings import Settings
+from fabric_fenicsx.solve.stepping import LoadStepping
 
-LENGTH, WIDTH = 200.0, 50.0
-
-# of quadrature, with which the files of studies/reference were made
-DEGREES = {"P1": 1, "P2": 2, "P3": 4, "Q1": 2, "Q2": 4}
-
-
-@dataclass(frozen=True)
-class Discretisation:
-    """Element, number of rectangles along the length, pattern as of `specimen`, degree of
-    quadrature (None: the membrane's own) and its integration."""
-
-    element: str
-    nx: int
-    pattern: str = "crossed"
-    quadrature: int | None = None
-    integration: str = "full"
-
-    def __str__(self) -> str:
-        words = [self.element, self.pattern, str(self.nx)]
-        return " ".join(words + ([f"degree {self.quadrature}"] if self.quadrature else []))
+LENGTH, WIDTH = 200.0, 50.0  # mm
+SPACING = 2.5  # mm, of the points that a camera follows
+GRID = SPACING * np.moveaxis(
+    np.mgrid[0:81, 0:21], 0, -1
+)  # their undeformed places, (81, 21, 2) [mm]
 
 
-@dataclass(frozen=True)
-class Strip:
-    """A strip with yarns a at `angle` [deg] to its length, clamped and pulled by `strain` of it; a
-    `series` of discretisations, each halving the cells of the one before, and others as
-    `checks`."""
+class Strip(NamedTuple):
+    """A strip with yarns a at `angle` [deg] to its length, clamped and pulled by `strain`. Its
+    meshes are words such as "P2 crossed 24 degree 4", the last of quadrature: a `series` that
+    halves the cells each time, and others as `checks`."""
 
     angle: float
     strain: float
-    series: tuple[Discretisation, ...]
-    checks: tuple[Discretisation, ...]
-
-    @property
-    def stroke(self) -> float:
-        """Displacement of the moving end at full load [mm]."""
-        return self.strain * LENGTH
+    series: tuple[str, ...]
+    checks: tuple[str, ...]
 
 
 # Shear jumps across yarns from the corners, over tenths of a millimetre: meshes are graded there.
@@ -62,66 +37,92 @@ STRIPS = {
     "tensile": Strip(
         0.0,
         0.03,
-        tuple(Discretisation("P2", nx) for nx in (24, 48, 96, 192)),
-        (Discretisation("P1", 192), Discretisation("P2", 96, "unstructured")),
+        tuple(f"P2 crossed {nx}" for nx in (24, 48, 96, 192)),
+        ("P1 crossed 192", "P2 unstructured 96"),
     ),
     "bias10": Strip(
         45.0,
         0.1,
-        tuple(Discretisation("P1", nx, "graded") for nx in (24, 48, 96, 192, 384)),
-        (Discretisation("P2", 96, "graded"), Discretisation("P2", 96, "graded", 4)),
+        tuple(f"P1 graded {nx}" for nx in (24, 48, 96, 192, 384)),
+        ("P2 graded 96", "P2 graded 96 degree 4"),
     ),
     "bias30": Strip(
         45.0,
         0.3,
-        tuple(Discretisation("P1", nx, "graded") for nx in (24, 48, 96, 192)),
-        (Discretisation("P2", 96), Discretisation("P2", 96, quadrature=4)),
+        tuple(f"P1 graded {nx}" for nx in (24, 48, 96, 192)),
+        ("P2 crossed 96", "P2 crossed 96 degree 4"),
     ),
 }
 
 
-def moving_grip(stroke: float) -> Measure:
-    """Function of a strip's scene and its load factor to the moving grip's displacement [mm] and
-    reaction [N]."""
-    return lambda scene, load: (load * stroke, float(scene.reaction("moving grip")[0]))
-
-
 def strip_scene(
-    comm: MPI.Comm, fabric: Law, strip: Strip, how: Discretisation, degree: int | None = None
-) -> Scene:
-    """Scene of `strip` in the `Discretisation` `how`; degree: of its quadrature where it has none
-    of its own."""
-    arrays: tuple[Any, Any, str | None] = (None, None, None)
-    angle = math.radians(strip.angle)
-    if comm.rank == 0:
-        cell = "triangle" if how.element[0] == "P" else "quadrilateral"
-        ny = max(1, round(how.nx * WIDTH / LENGTH))
-        arrays = specimen(LENGTH, WIDTH, how.nx, ny, how.pattern, cell, angle)
-    blank = Blank.from_arrays(comm, *arrays, a=angle, degree=int(how.element[1]))
-    membrane = Membrane(fabric, how.quadrature or degree, how.integration)
-    return Scene(blank, [membrane], clamped_ends(strip.stroke))
+    comm: MPI.Comm, fabric: ff.Law, name: str, mesh: str, degree: int | None, integration: str
+) -> ff.Scene:
+    """Scene of the strip `name` on a mesh; degree: of quadrature, where the mesh has none."""
+    strip, (element, pattern, nx, *own) = STRIPS[name], mesh.split()
+    cells: Any = {"nx": int(nx), "pattern": pattern, "element": element, "comm": comm}
+    blank = ff.Blank.rectangle(LENGTH, WIDTH, fibre_angle=strip.angle, **cells)
+    membrane = ff.Membrane(fabric, int(own[1]) if own else degree, integration)
+    return ff.Scene(blank, [membrane], ff.clamped_ends(strip.strain * LENGTH))
 
 
-def strip_values(scene: Scene) -> dict[str, float]:
+def pull(newton: Newton, settings: Settings) -> tuple[Any, np.ndarray]:
+    """Outcome of a strip's run to full load; its load factors and reactions [N], (2, n)."""
+    scene, curve = newton.scene, list[tuple[float, float]]()
+
+    def keep(accepted):
+        curve.append((accepted.load, float(scene.reaction("moving grip")[0])))
+
+    return LoadStepping(newton, settings, on_accept=keep).run(), np.transpose(curve)
+
+
+def strip_values(scene: ff.Scene) -> dict[str, float]:
     """What is compared of a solved strip. Means at the centre, by area, are of cells with midpoints
     within an eighth of the width of it (or the nearest)."""
-    blank, comm, fields = scene.blank, scene.comm, reports.cell_fields(scene)
-    shear = np.degrees(np.abs(fields["shear_angle"]))
-    distance = np.linalg.norm(blank.midpoints() - [[LENGTH / 2], [WIDTH / 2]], axis=0)
-    centre = distance <= max(WIDTH / 8, measures.extremes(comm, distance)[0])
-    x = blank.mesh.geometry.x[compat.geometry_dofmap(blank.mesh)[: len(distance)]]
-    first, second = x[:, -1] - x[:, 0], x[:, 1] - x[:, 2 if x.shape[1] == 4 else 0]
-    weights = np.linalg.norm(np.cross(first, second), axis=1) * centre
-    compared = {"eps_a": fields["eps_a"], "eps_b": fields["eps_b"], "shear_deg": shear}
+    blank, comm, fields = scene.blank, scene.comm, output.cell_fields(scene)
+    centre = measures.near(comm, blank.midpoints(), (LENGTH / 2, WIDTH / 2), WIDTH / 8)
     values = {
         "reaction_N": float(scene.reaction("moving grip")[0]),
         "energy_Nmm": scene.energies()["strain"],
     }
+    shear = np.degrees(np.abs(fields["shear_angle"]))
+    compared = {"eps_a": fields["eps_a"], "eps_b": fields["eps_b"], "shear_deg": shear}
     for name, field in compared.items():
-        mean = measures.mean(comm, field, weights)
+        mean = measures.mean(comm, field, blank.areas() * centre)
         assert mean is not None  # the nearest cell counts
         values[f"centre_{name}"] = mean
-    for name, field in compared.items():
         values[f"{name}_min"], values[f"{name}_max"] = measures.extremes(comm, field)
-    del values["shear_deg_min"]
     return values
+
+
+def camera_displacements(scene: ff.Scene) -> np.ndarray:
+    """Displacements of the camera's points on a strip, (81, 21, 2) [mm], on all ranks."""
+    edge = 1e-9 * LENGTH  # points on the edge may be outside, by rounding
+    points = np.clip(GRID.reshape(-1, 2), edge, [LENGTH - edge, WIDTH - edge])
+    values = compat.values_at(scene.blank.u, np.pad(points, ((0, 0), (0, 1))))
+    values = np.where(np.isnan(values), -np.inf, values)
+    scene.comm.Allreduce(MPI.IN_PLACE, values, MPI.MAX)
+    return values.reshape(GRID.shape)
+
+
+def field_distance(angle: float, u: np.ndarray, other: np.ndarray) -> tuple[float, float]:
+    """Distances of two displacements [mm] of the camera's points on a strip with yarns a at `angle`
+    [deg]: of Green-Lagrange strains, relative in L2, and of shear angles, root mean square
+    [deg]."""
+    strains, angles = [], []
+    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    for x in (GRID + u, GRID + other):
+        along, across = np.diff(x, axis=0), np.diff(x, axis=1)
+        F = np.stack([along[:, 1:] + along[:, :-1], across[1:] + across[:-1]], -1) / (2 * SPACING)
+        strains.append((np.swapaxes(F, -1, -2) @ F - np.eye(2)) / 2)
+        a, b = F @ [c, s], F @ [-s, c]
+        angles.append(np.degrees(np.arctan2((a * b).sum(-1), np.linalg.det(F))))
+    strain = np.linalg.norm(strains[0] - strains[1]) / np.linalg.norm(strains[1])
+    return float(strain), float(np.sqrt(np.mean((angles[0] - angles[1]) ** 2)))
+
+
+def curve_distance(curve: np.ndarray, reference: np.ndarray) -> float:
+    """Largest distance of the polygon through the points of `curve` from those of `reference`, both
+    (2, n), over the last of the latter: what is read off a plotted curve is off by that."""
+    off = np.abs(np.interp(reference[0], *curve) - reference[1])
+    return float(off.max() / abs(reference[1, -1]))

@@ -5,9 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench.camera import camera_points, field_distance
-from bench.extrapolation import estimate
-from bench.reference import curve_distance
+from bench.reference import estimate
+from bench.strips import GRID, curve_distance, field_distance
 
 REFERENCE = Path(__file__).parents[2] / "studies" / "reference"
 
@@ -16,7 +15,7 @@ def test_fields_are_compared_as_a_camera_sees_them():
     """A finer mesh's displacements are nearer to the kept ones; a uniform shift changes no
     strain."""
     kept = np.loadtxt(REFERENCE / "bias10_grid.csv", delimiter=",", skiprows=1)
-    x, u = camera_points(), kept[:, 2:].reshape(81, 21, 2)
+    x, u = GRID, kept[:, 2:].reshape(GRID.shape)
     assert kept[:, :2] == pytest.approx(x.reshape(-1, 2))
     assert field_distance(45.0, u + 3.0, u) == pytest.approx((0, 0), abs=1e-9)
     stretched = x * [0.01, 0.0]
@@ -39,13 +38,13 @@ def test_a_curve_is_compared_as_a_reader_interpolates_it():
 def test_a_series_is_extrapolated_with_its_own_order():
     """1 + 3 h^2 on h, h/2, h/4 gives 1; the bar reaches to the finest value and to the checks."""
     series = [1 + 3 * h**2 for h in (1, 0.5, 0.25)]
-    found = estimate(series, [])
+    found = estimate(series)
     assert found == pytest.approx((1, series[-1] - 1, 2))
     assert estimate(series, [0.5]).error == pytest.approx(0.5)
 
 
 def test_a_series_that_is_not_monotone_gives_its_finest_value():
-    found = estimate([1.0, 1.3, 1.2], [])
+    found = estimate([1.0, 1.3, 1.2])
     assert found.value == 1.2
     assert found.error == pytest.approx(0.2)
     assert found.order is None

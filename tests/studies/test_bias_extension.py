@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench.reference import curve_distance
+from bench.strips import curve_distance
 
 from fabric_fenicsx.coupons.pin_jointed import PinJointedStrip
 from fabric_fenicsx.postprocess.states import read_state
@@ -121,7 +121,6 @@ def test_against_measured_forces(launch, tmp_path):
     assert "bias.csv: simulated and measured force differ by " in done.out
 
 
-@pytest.mark.mpi
 def test_deep_shear(launch):
     """45 %: beyond the reach of inextensible yarns (gamma 60 deg is passed at about 30 %), which
     would break."""
