@@ -5,6 +5,8 @@ STUDY ?= tensile
 ARGS ?=
 # Runs the tests with this marker alone, e.g. `versions` (or what else pytest's -m takes).
 ONLY ?=
+# What `make test` leaves out.
+SKIP ?= and not long
 DEBIAN13_ROOT ?= .debian13/root
 SID_ROOT ?= .debian13/sid
 # Processes of the tests on one rank: one more than cores, as some wait for others that they start.
@@ -57,20 +59,20 @@ SCREEN :=
 else
 MPI_PARTS = "$(MPI_FILES)"
 VENV := .venv
-# Ranks may outnumber cores. Only then they give up a core while they wait: beside other work it comes back late.
-IDLE = $(shell test $(RANKS) -gt $$(env -u OMP_NUM_THREADS nproc) && echo 1 || echo 0)
-MPIRUN = mpirun.openmpi --map-by :OVERSUBSCRIBE --bind-to none --mca mpi_yield_when_idle $(IDLE) -n $(RANKS)
+# Ranks may outnumber cores, and give one up while they wait: two that spin cost a machine with other work minutes.
+MPIRUN = mpirun.openmpi --map-by :OVERSUBSCRIBE --bind-to none --mca mpi_yield_when_idle 1 -n $(RANKS)
 TEST_MPIRUN = $(MPIRUN) --timeout $(TEST_TIMEOUT)
 endif
 PYTHON := $(VENV)/bin/python
 
-.PHONY: help install install-lint install-docs study test lint docs pictures debian13-root test-debian13 sid-root test-sid test-pip clean
+.PHONY: help install install-lint install-docs study test test-all lint docs pictures debian13-root test-debian13 sid-root test-sid test-pip clean
 
 help:
 	@echo "make study          STUDY=$(STUDY) on RANKS=$(RANKS) ranks; options in ARGS=\"...\" (without any: --overwrite)"
 	@echo "                    FROM=pip (the default where Debian or root is missing): DOLFINx from pip, without root"
-	@echo "make test           the whole test suite: on one rank, but for the tests marked mpi, which run on RANKS=$(RANKS)"
-	@echo "                    ONLY=MARKER: just the tests with this marker, here and in the three below"
+	@echo "make test           the tests, but for those marked long: on one rank, those marked mpi on RANKS=$(RANKS)"
+	@echo "                    ONLY=MARKER: just the tests with this marker, here and in the four below"
+	@echo "make test-all       the whole suite"
 	@echo "make test-pip       the same suite on DOLFINx from pip, in a Python 3.12 or later; CI: ONLY=versions"
 	@echo "make test-debian13  the same suite in a Debian 13 root, made in DEBIAN13_ROOT=$(DEBIAN13_ROOT) (root or sudo); CI: ONLY=versions"
 	@echo "make test-sid       the same suite in a root of Debian unstable, made in SID_ROOT=$(SID_ROOT) (root or sudo)"
@@ -86,9 +88,12 @@ study: $(VENV)/prepared
 	$(SCREEN) $(MPIRUN) $(PYTHON) $(or $(wildcard benchmarks/$(STUDY).py),studies/$(STUDY).py) $(or $(ARGS),--overwrite)
 
 test: $(VENV)/installed
-	$(SCREEN) $(PYTHON) -m pytest -n $(WORKERS) --dist worksteal --durations 20 -m "not mpi$(if $(ONLY), and ($(ONLY)))" tests || { cat .pytest_cache/crash_*.txt; exit 1; }
+	$(SCREEN) $(PYTHON) -m pytest -n $(WORKERS) --dist worksteal --durations 20 -m "not mpi $(SKIP)$(if $(ONLY), and ($(ONLY)))" tests || { cat .pytest_cache/crash_*.txt; exit 1; }
 	for part in $(MPI_PARTS); do \
-	  $(SCREEN) $(TEST_MPIRUN) $(PYTHON) .ci/pytest_on_ranks.py $$part -m "mpi$(if $(ONLY), and ($(ONLY)))" -xq --color=no -p no:cacheprovider || exit 1; done
+	  $(SCREEN) $(TEST_MPIRUN) $(PYTHON) .ci/pytest_on_ranks.py $$part -m "mpi $(SKIP)$(if $(ONLY), and ($(ONLY)))" -xq --color=no -p no:cacheprovider || exit 1; done
+
+test-all:
+	@$(MAKE) test SKIP=
 
 install-lint install-docs: install-%: $(VENV)/installed-%
 

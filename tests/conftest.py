@@ -25,6 +25,8 @@ ROOT = Path(__file__).parents[1]
 # Seconds after which what a test started counts as hung: far more than the slowest takes on a
 # machine with other work.
 HANG = 3600
+# Folders and files whose tests take longest, these first.
+LONGEST = "studies", "sweep", "benchmarks", "test_docs.py", "forming", "identification"
 # lines that tell of a step, and of what takes long
 PROGRESS = re.compile(r": step \d+, .* iterations|; next: |, \d\d:\d\d$", re.M)
 
@@ -41,9 +43,18 @@ def pytest_configure(config):
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Whole runs first: what is left in the end, when a worker has nothing more to take over, is
-    short."""
-    items.sort(key=lambda item: "studies" not in item.path.parts)
+    """Of the parameters of a test on ranks the first run there, the others on one. The longest
+    tests first: what is left in the end, when a worker has nothing more to take over, is short."""
+    for item in items:
+        call = getattr(item, "callspec", None)
+        if call and any(call.indices.values()) and "mpi" not in [m.name for m in call.marks]:
+            item.own_markers[:] = [m for m in item.own_markers if m.name != "mpi"]
+
+    def place(item):
+        folders = [k for k, name in enumerate(LONGEST) if name in item.path.parts]
+        return not item.get_closest_marker("long"), min(folders, default=len(LONGEST))
+
+    items.sort(key=place)
 
 
 def pytest_collection_finish():
