@@ -11,8 +11,7 @@ from bench.hard_cases import noise
     "cases",
     [
         pytest.param("a", marks=[pytest.mark.mpi, pytest.mark.versions]),
-        pytest.param("cm", marks=pytest.mark.mpi),
-        *("fi", "gln", "j", "k"),
+        *("cm", "fi", "gln", "j", "k"),
     ],
 )
 def test_hard_cases(launch, cases):
@@ -26,7 +25,6 @@ def test_hard_cases(launch, cases):
         assert row["faults"] == "[]"
 
 
-@pytest.mark.mpi
 def test_an_unknown_case_is_named(launch):
     done = launch("hard_cases", "--only", "az")
     assert done.status == 2, done.err

@@ -2,7 +2,10 @@
 
 import csv
 
+import pytest
 
+
+@pytest.mark.long
 def test_a_coarse_ply_is_near_the_explicit_one(launch):
     done = launch("openradioss", "--quick", "--steps", 10, "--no-pictures")
     assert done.status == 0, done.err

@@ -121,7 +121,6 @@ def test_plates_of_segments_bear_their_forces(tmp_path):
     assert found == pytest.approx([1000.0, 2000.0], rel=1e-6)
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("where, edges", [(None, 2), (lambda x: x[0] > 234, 1)])
 def test_grippers_pull_at_the_edges_that_are_marked(where, edges):
     ply = dome(**SIZES, holder=ff.Grippers(3.0, where=where))

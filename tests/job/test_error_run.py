@@ -18,7 +18,6 @@ from fabric_fenicsx.runtime.formatting import rounded
 
 
 @pytest.mark.versions
-@pytest.mark.mpi
 def test_the_reactions_error_is_richardsons(folder):
     """By the order that a third mesh tells, from runs on half the rectangles and on a quarter of
     them; in summary.json, too."""
@@ -35,7 +34,6 @@ def test_the_reactions_error_is_richardsons(folder):
     assert "error" not in coarse.summary
 
 
-@pytest.mark.mpi
 def test_curve_and_fields_have_errors(folder):
     result = ff.Tensile(**COARSE).job(steps=4, error=True).run(folder, pictures=False)
     with open(folder / "history.csv", newline="") as file:

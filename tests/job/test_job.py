@@ -69,7 +69,6 @@ def test_a_job_goes_on_from_its_checkpoint(folder):
     assert len(rest.rows) == len(whole.rows)
 
 
-@pytest.mark.mpi
 def test_a_checkpoint_of_another_fabric_is_refused(folder):
     ff.Tensile(**COARSE).job(steps=2).run(folder, pictures=False)
     other = ff.load("komeili").replace(b=600.0)
@@ -184,7 +183,6 @@ def test_a_run_that_ends_early_keeps_its_reason(folder):
     assert (folder / "maps.png").exists()
 
 
-@pytest.mark.mpi
 def test_what_ended_early_without_a_folder_has_its_grid():
     with pytest.raises(ff.SolverFailure, match="not to be believed") as failure:
         ff.Tensile(**COARSE).job(steps=4, limits=Limits(strain=0.01)).run()
@@ -194,7 +192,6 @@ def test_what_ended_early_without_a_folder_has_its_grid():
         assert result.grid.n_cells == result.summary["cells"]
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize(
     "surface", [ff.Sphere(30, (100, 25, -28)), ff.Plane((0, 0, 31), (0, 0, 1))]
 )
@@ -277,7 +274,6 @@ def test_a_tool_that_never_touches_the_sheet_is_told_of(start):
     assert not any("nothing moves" in text for text in told)
 
 
-@pytest.mark.mpi
 def test_a_run_in_which_nothing_moves_says_so():
     ply = ff.Blank.rectangle(20, 10, nx=4)
     terms = [ff.Membrane(ff.load("komeili"))]

@@ -22,7 +22,6 @@ def pressed(fabric, pattern="crossed", angle=0.0):
     return ff.Job(ff.Scene(blank, terms, supports), steps=4, limits=limits)
 
 
-@pytest.mark.mpi
 def test_without_a_limit_shortened_yarns_are_the_first_warning():
     """With the shortest wave: 2 pi sqrt(D / (2 d t eps)), D = E t^3 / 12."""
     job = dataclasses.replace(pressed(ff.load("komeili")), limits=ff.Limits())
@@ -64,7 +63,6 @@ def test_where_cells_lock_that_is_the_first_thing_to_mend():
         pressed(ff.load("komeili").replace(assumed=()), "left", 30.0).run()
 
 
-@pytest.mark.mpi
 def test_what_yarns_contract_by_beside_stretched_ones_does_not_count():
     """A strip in space, pulled along x: yarns across are shorter and free of stress."""
     blank = sheet(100, 20, 20, 4, spatial=True)

@@ -69,7 +69,6 @@ def test_a_cantilever_of_this_length_droops_by_41_5_deg():
     assert np.degrees(np.arctan2(abs(end[3]), end[2])) == pytest.approx(41.5, abs=1.0)
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("angle", [0, 90])
 def test_a_strip_bent_to_a_cylinder(angle):
     """It takes the energy of its curvature, and its forces are the energy's derivatives."""

@@ -106,7 +106,6 @@ def test_rigid_motions_of_a_quadratic_sheet_are_free():
     assert scene.forces.norm() < 1e-9
 
 
-@pytest.mark.mpi
 def test_a_patch_of_quadratic_cells_in_space_is_stretched_evenly():
     """Its rim is stretched, sheared and turned out of the plane; what is inside follows."""
     turn = Rotation.from_rotvec([0.3, -0.2, 0.1]).as_matrix()

@@ -24,7 +24,6 @@ from fabric_fenicsx.solve.newton import Newton
 LENGTH, WIDTH, TENSION = 40.0, 10.0, 8.0
 WEIGHT = 3e-3  # MPa
 FLAT = np.eye(3)
-pytestmark = pytest.mark.mpi
 
 
 def strip(spatial, turn=FLAT, cell="triangle", **options):
@@ -37,6 +36,7 @@ def end(blank, position):
     return lambda x: np.abs(blank.along(x)[0] - position) < 1e-6
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize("kind", ["plane", "P2", "Q1", "in space", "turned"])
 def test_edge_tension_is_the_stress_of_a_strip(kind):
     """Pulled at both ends by T [N/mm], free across: stress T / t along, in each cell; the grips'
@@ -91,6 +91,7 @@ def test_pull_that_is_there_from_the_start_finds_its_equilibrium_before_the_load
     assert len(states) == 3 and states[0].energies["strain"] > 1.0
 
 
+@pytest.mark.mpi
 def test_dead_pressure_on_a_tilted_patch():
     """Held at all its nodes: reaction p A, whatever the tilt, no energy."""
     Q = rotation()
@@ -189,6 +190,7 @@ def test_bad_input_is_refused(make, words):
         alone(blank, make(blank))
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize("name", ["edge tension", "dead pressure"])
 def test_a_load_on_one_sheet_of_a_stack(name):
     """The other one feels nothing."""
@@ -207,6 +209,7 @@ def test_a_load_on_one_sheet_of_a_stack(name):
     assert not scene.reaction("lower").any()
 
 
+@pytest.mark.mpi
 def test_a_checkpoint_knows_the_pull():
     blank = strip(False)
     pull = alone(blank, EdgeTension(TENSION, (1, 0), end(blank, LENGTH)))

@@ -13,7 +13,6 @@ from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.verification.derivatives import check_derivatives
 
 LENGTH, WIDTH, REACH = 40.0, 10.0, 0.3
-pytestmark = pytest.mark.mpi
 
 
 def pulled():
@@ -29,6 +28,7 @@ def pulled():
     return scene, forces
 
 
+@pytest.mark.mpi
 def test_a_stretched_strip_gives_back_what_it_stored():
     scene, forces = pulled()
     stored, states = scene.energies()["strain"], []
@@ -73,11 +73,13 @@ def test_springs_fade_with_the_forces_and_begin_where_these_were_taken():
     assert f[: len(pushed)] == pytest.approx(pushed / 2**6)
 
 
+@pytest.mark.mpi
 def test_forces_are_derivatives():
     scene, forces = pulled()
     assert "agree" in check_derivatives(forces, scene, load=0.3)
 
 
+@pytest.mark.mpi
 def test_what_was_released_is_remembered_on_any_node():
     scene, forces = pulled()
     march(Newton(scene), 10)

@@ -14,7 +14,6 @@ from fabric_fenicsx.verification.derivatives import check_derivatives
 
 LENGTH, WIDTH = 40.0, 10.0
 END = near(0, LENGTH)
-pytestmark = pytest.mark.mpi
 
 
 def strip(**options):
@@ -70,6 +69,7 @@ def test_springs_to_a_point_pull_towards_it():
     assert springs.force() == pytest.approx(7 * (turn @ (9, -WIDTH / 2, 12)) / 15.811388300841896)
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize("degree", [1, 2])
 def test_an_edge_counts_by_its_length(degree):
     """Of cells that differ in size: the resultant is in the middle of the edge."""
@@ -83,6 +83,7 @@ def test_an_edge_counts_by_its_length(degree):
     assert force == pytest.approx(12) and moment == pytest.approx(12 * WIDTH / 2)
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize("options", [{"arm": (3, 1.0, 8)}, {"anchor": (LENGTH + 2, 3, -4)}])
 def test_forces_and_tangent_are_derivatives(options):
     blank = strip(spatial=True)
@@ -93,6 +94,7 @@ def test_forces_and_tangent_are_derivatives(options):
         assert max(off_differences(scene, springs, 2.0)) < 1e-6  # some are slack
 
 
+@pytest.mark.mpi
 def test_springs_on_one_sheet_of_a_stack():
     stack = Stack([(strip(spatial=True), 1.0, each) for each in ("lower", "upper")])
     springs = alone(stack, Springs(END, 3.0, 2.0, arm=(5, 0, 0)).on("upper"))
@@ -123,6 +125,7 @@ def test_bad_input_is_refused(given, options, words):
         alone(strip(), Springs(*given, **options))
 
 
+@pytest.mark.mpi
 def test_a_checkpoint_knows_the_springs():
     springs = alone(strip(), Springs(END, 5.0, 20.0, arm=(30.0, 0)))
     assert {

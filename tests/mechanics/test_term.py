@@ -32,7 +32,6 @@ from fabric_fenicsx.tools.tool import Tool
 COMM = MPI.COMM_WORLD
 KOMEILI = load("komeili")
 K = 0.05  # of the bedding [N/mm^3]
-pytestmark = pytest.mark.mpi
 
 
 class Bedding(Term):
@@ -58,6 +57,7 @@ class Bedding(Term):
         return {"bedding_traction": Value(self.traction(), "MPa")}
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize("element", ["P1", "P3"])
 def test_an_own_term_is_in_history_summary_fields_and_energy_balance(tmp_path, element):
     out, stroke = COMM.bcast(tmp_path) / "out", 2.0
@@ -83,6 +83,7 @@ def test_an_own_term_is_in_history_summary_fields_and_energy_balance(tmp_path, e
     assert "bedding_traction [MPa]" in grid.field_data["units"]
 
 
+@pytest.mark.mpi
 def test_a_term_that_is_no_form_is_solved_for_like_any():
     from fabric_fenicsx.solve.newton import Newton
 
@@ -182,6 +183,7 @@ def test_a_term_that_does_nothing_is_refused():
         )
 
 
+@pytest.mark.mpi
 def test_an_own_energy_on_a_part_is_integrated_over_the_part():
     """`ufl.dx` would take the whole sheet."""
 
@@ -247,6 +249,7 @@ def test_a_component_that_a_plane_sheet_lacks():
         alone(sheet(10, 10, 2, 1), Lifting())
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize(
     "name, value, words",
     [
@@ -388,6 +391,7 @@ def test_an_entry_of_the_summary_that_is_there_already(name):
         )
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize("method", TOLD)
 @pytest.mark.parametrize("rule, merged", [(least, -2), (total, 0), (last, 1)])
 def test_terms_that_say_how_their_values_are_merged_may_share_a_name(method, rule, merged):
@@ -397,6 +401,7 @@ def test_terms_that_say_how_their_values_are_merged_may_share_a_name(method, rul
     assert np.all(getattr(reports, method)(scene)["hits"] == merged)
 
 
+@pytest.mark.mpi
 def test_rules_that_merge_fields():
     blank = sheet(20.0, 10.0, 2, 1)
     here = blank.whole.cells.size
@@ -421,6 +426,7 @@ def test_rules_that_merge_fields():
     assert fields.units == {"size": "mm"} and fields["scalar"] == pytest.approx(-3.0)
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize("order", [1, -1])
 def test_fields_of_parts_are_put_into_one(order):
     blank = sheet(20.0, 10.0, 2, 1)

@@ -14,7 +14,6 @@ from fabric_fenicsx.scene import output as reports
 
 COMM = MPI.COMM_WORLD
 KOMEILI = ff.load("komeili")
-pytestmark = pytest.mark.mpi
 
 
 def scene_with(term):
@@ -61,6 +60,7 @@ def test_a_tangent_that_is_none(tangent, words):
         ff.check_derivatives(mine, scene_with(mine))
 
 
+@pytest.mark.mpi
 def test_a_tangent_of_lists():
     mine = with_own("tangent", lambda self: [list(part) for part in Springs.tangent(self)])
     assert "agree" in ff.check_derivatives(mine, scene_with(mine))
@@ -201,6 +201,7 @@ def giving(**values):
     return lambda self: values
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize(
     "method, does, words",
     [
@@ -279,6 +280,7 @@ def breaking(**own):
     return type("Mine", (Breaking,), own)()
 
 
+@pytest.mark.mpi
 def test_energies_of_several_kinds():
     """Neither `stored` nor `energy_kind` is needed."""
     result = run(breaking())
@@ -318,6 +320,7 @@ def test_a_kind_of_energy_that_comes_with_a_break():
         run(breaking(energies=energies))
 
 
+@pytest.mark.mpi
 @pytest.mark.skipif(COMM.size == 1, reason="needs ranks that differ")
 def test_what_differs_between_ranks_is_named():
     kinds = breaking(energies=lambda self: {f"rank{COMM.rank}": 0.0})
@@ -402,6 +405,7 @@ class OnAnEdge(ff.Term):
         self.energy = 0.5 * k * ufl.inner(u, u) * self.part.ds(self.edge, 2)
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize("last", [False, True])
 def test_energies_on_two_edges(last):
     """UFL takes one set of marked edges in a form."""
@@ -421,6 +425,7 @@ def test_energies_on_two_edges(last):
     assert ff.Job(scene, steps=4).run().summary["energy_imbalance"] < 0.01
 
 
+@pytest.mark.mpi
 def test_an_edge_of_a_part():
     blank = sheet(20.0, 10.0, 4, 2)
     blank.divide({"left": lambda x: x[0] < 10}, rest="right")

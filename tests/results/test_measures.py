@@ -66,7 +66,6 @@ def test_means_and_quantiles_are_those_of_the_area():
     assert measures.mean(COMM, x, 0 * area) is None
 
 
-@pytest.mark.mpi
 def test_quantiles_of_few_values():
     """Of 1, 2, 4 with weights 2, 1, 1, whichever ranks have them: in the middle of each weight is
     its value."""

@@ -71,7 +71,6 @@ def test_draw_in_of_a_sheet_of_a_stack(folder):
         result.draw_in("middle")
 
 
-@pytest.mark.mpi
 def test_draw_in_of_a_sheet_that_is_not_flat_is_refused(folder):
     def shape(x):
         return x + x[:, :1] * [0, 0, 0.01]

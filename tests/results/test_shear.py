@@ -71,7 +71,6 @@ def test_of_several_plies_the_one_is_named():
     assert q["shortened_by_5_percent_share"] == pytest.approx(20 / 800)
 
 
-@pytest.mark.mpi
 def test_a_sheet_that_is_not_shortened():
     result = sheared()
     result.fields["shortening_b"][:] = 0.0
@@ -79,7 +78,6 @@ def test_a_sheet_that_is_not_shortened():
     assert q["shortening_max"] == q["shortened_by_1_percent_share"] == q["excess_length_mm"] == 0
 
 
-@pytest.mark.mpi
 def test_a_largest_angle_in_a_cell_that_crumples_is_told_of():
     _, words = fabric_warnings(sheared(crumpled=0.12))
     assert words.startswith("the largest shear angle of blank, 51.6 deg at (1.667, 5) mm of the")
@@ -89,7 +87,6 @@ def test_a_largest_angle_in_a_cell_that_crumples_is_told_of():
     assert [words.split(",")[0].split()[-1] for words in both[1::2]] == ["left", "right"]
 
 
-@pytest.mark.mpi
 def test_shortening_is_told_of_as_what_hides_wrinkles():
     words, _ = fabric_warnings(sheared(crumpled=0.12))
     assert words.startswith(
@@ -99,7 +96,6 @@ def test_shortening_is_told_of_as_what_hides_wrinkles():
     assert words.endswith("The law stores as shortening what a real ply folds into wrinkles")
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("options", [{"crumpled": 0.019}, {"crumpled": 0.12, "spatial": False}])
 def test_what_is_not_shortened_is_not_told_of(options):
     """Yarns that are hardly shortened, and a plane sheet, which can't fold."""
@@ -119,7 +115,6 @@ def test_a_yarn_loses_its_shortening_times_its_length(nx):
     assert found(result)["excess_length_mm"] == pytest.approx(3.0, rel=0.1)
 
 
-@pytest.mark.mpi
 def test_sheets_without_yarns_are_not_asked():
     result = sheared(crumpled=0.12, names=("metal", "fabric"))
     for values in result.fields.values():

@@ -58,7 +58,6 @@ def test_a_run_that_goes_on_is_held_by_friction_too(folder):
     assert ends[0] == pytest.approx(ends[1], rel=1e-10) and not scene.supports.locates
 
 
-@pytest.mark.mpi
 def test_without_friction_they_bear_what_is_not_symmetric():
     scene = pressed(friction=0.0)
     words = r"supports that only locate the sheet bear \d+\.\d % .*`Limits.located`"
@@ -67,7 +66,6 @@ def test_without_friction_they_bear_what_is_not_symmetric():
     assert scene.reaction("centre")[0] == pytest.approx(-20 * PULL, rel=1e-6)
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("where, held", [(None, True), (at_the_middle, False)])
 def test_friction_near_one_place_does_not_hold_a_sheet_from_turning(where, held):
     """Of five nodes up to 0.9 mm from the middle."""

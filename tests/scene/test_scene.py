@@ -26,7 +26,6 @@ from fabric_fenicsx.tools.tool import Tool
 
 COMM = MPI.COMM_WORLD
 D = 8.33  # [N mm]
-pytestmark = pytest.mark.mpi
 
 
 def test_a_sheet_that_may_leave_its_plane_is_meshed_in_space():
@@ -38,6 +37,7 @@ def test_a_sheet_that_may_leave_its_plane_is_meshed_in_space():
         assert blank.coordinates()[:, 2] == pytest.approx(z)
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize("held", [True, False])
 def test_tangent_is_the_derivative_of_the_residual(held):
     blank = sheet(40, 20, 6, 3, a=math.pi / 4, spatial=True)
@@ -103,6 +103,7 @@ def test_yarns_stiff_in_their_plane_widen_the_zones_of_a_bias_test():
     assert reactions[0] < reactions[1]
 
 
+@pytest.mark.mpi
 def test_what_a_scene_cannot_be_made_of_is_named():
     blank = sheet(40, 20, 6, 3)
     with pytest.raises(InputError, match="no elastic term"):
@@ -124,6 +125,7 @@ def test_a_function_of_a_support_gives_a_row_for_each_axis(shape):
         support.at(np.zeros((3, 6)), 1.0)
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize("nx", [4, 16])
 @pytest.mark.parametrize("pull, warned", [(4.2, True), (4.0, False)])
 def test_supports_that_only_locate_a_sheet_bear_nothing(pull, warned, nx):
@@ -163,6 +165,7 @@ def test_a_dead_pressure_is_a_force_beside_which_locating_supports_bear_nothing(
     assert output.outer_forces(scene)[""] == pytest.approx(0.8) and output.warnings(scene) == []
 
 
+@pytest.mark.mpi
 def test_forces_that_cancel_at_a_locating_support_are_told():
     blank = sheet(40, 20, 8, 4)
     ends = Support("ends", lambda x: np.minimum(x[0], 40 - x[0]) < 1e-6, (0, 1), locates=True)
@@ -180,6 +183,7 @@ WEDGE = Tool(Plane((0, 0, 9), (-0.6, 0, -0.8)), [0, 0, -3], name="wedge")
 LEFT = "left", lambda x: x[0] < 1e-6
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize(
     "terms, supports, height, words",
     [
@@ -220,7 +224,6 @@ def test_a_smooth_tool_holds_no_flat_sheet_within_its_plane(terms, supports, hei
         scene.check_start()
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize(
     "terms, words",
     [

@@ -79,7 +79,6 @@ def test_what_is_doubted_of_tools(surface, mu, words):
 BALL = Sphere(30, (10, 10, -31))
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize(
     "surfaces, loads, supports, said",
     [

@@ -150,7 +150,6 @@ def cylinder(n=24, m=6, cell="triangle"):
 
 
 @pytest.mark.versions
-@pytest.mark.mpi
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_fibres_on_a_curved_blank(cell):
     arrays = cylinder(cell=cell) if COMM.rank == 0 else (None,) * 3
@@ -193,7 +192,6 @@ BAD_FIBRES = [
 ]
 
 
-@pytest.mark.mpi
 def test_straight_and_orthogonal_yarns_are_known_as_such():
     def blank(**options):
         return Blank.from_arrays(COMM, *specimen(40, 40, 4, 4), **options)
@@ -205,7 +203,6 @@ def test_straight_and_orthogonal_yarns_are_known_as_such():
     assert blank(a=lambda x: 0.01 * x[0]).orthogonal and not blank(a=0.3, b=1.8).orthogonal
 
 
-@pytest.mark.mpi
 def test_one_energy_of_yarns_in_constants_and_in_fields():
     energies = []
     for turned in (0.0, 1e-9):  # too little to tell, but for the form
@@ -217,7 +214,6 @@ def test_one_energy_of_yarns_in_constants_and_in_fields():
     assert energies[1] == pytest.approx(energies[0], rel=1e-6)
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("options, words", BAD_FIBRES)
 def test_bad_fibres_are_named(options, words):
     arrays = specimen(nx=4, ny=2) if COMM.rank == 0 else (None,) * 3
@@ -272,7 +268,6 @@ def test_an_element_that_is_not_there_is_named():
         alone(Blank.from_arrays(COMM, *arrays, degree=3), Membrane(load("komeili")))
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("fibres", [{"a": 30.0}, {"b": -45}])
 def test_angles_of_fibres_that_are_surely_degrees(fibres):
     with pytest.raises(InputError, match="an angle in radians; allowed is from -2 pi to 2 pi"):

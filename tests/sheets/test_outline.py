@@ -34,7 +34,6 @@ def test_a_sheet_has_its_holes_place_and_yarns(table, pattern):
         assert blank.degree == 2 and blank.from_file and not blank.warnings
 
 
-@pytest.mark.mpi
 def test_it_may_be_centred_and_as_fine_as_asked_for(table):
     blank = ff.Blank.outline(table, nx=20, centred=True, spatial=True)
     assert np.ravel(blank.extent()) == pytest.approx([-100, -75, 0, 100, 75, 0])

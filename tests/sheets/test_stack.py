@@ -102,7 +102,6 @@ def pulled(blank, names, bend):
     return np.append(scene.reaction("moving grip"), scene.energy())
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("bend", [True, False])
 def test_sheets_that_do_not_touch_bear_what_they_bear_alone(bend):
     def strips():

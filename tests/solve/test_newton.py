@@ -100,8 +100,10 @@ def test_the_last_corrections_take_no_tangent_of_their_own(monkeypatch, angle, s
 
 
 @pytest.mark.versions
-@pytest.mark.mpi
-@pytest.mark.parametrize("solver", [*filter(is_there, LINEAR_SOLVERS)])
+@pytest.mark.parametrize(
+    "solver",
+    [pytest.param(each, marks=pytest.mark.mpi) for each in LINEAR_SOLVERS if is_there(each)],
+)
 def test_linear_solvers_agree(solver):
     found = []
     for name in ("mumps-cholesky", solver):
@@ -137,7 +139,6 @@ def test_a_solver_that_petsc_lacks_is_named(monkeypatch):
         Newton(strip(), linear_solver="cg-hypre")
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("tolerance", [1e-12, 1e-15])
 def test_a_tolerance_below_rounding_ends_at_rounding(tolerance):
     newton = Newton(strip(), tolerance)
@@ -160,7 +161,6 @@ def test_no_saddle_is_accepted():
     assert outcome.reached == 1 or outcome.reason
 
 
-@pytest.mark.mpi
 def test_the_last_tangent_is_believed_on_the_way_if_it_had_no_negative_pivots():
     newton = Newton(strip(fabric=KOMEILI.replace(p_min=0.0), clamped=False))
     blind = Newton(newton.scene, linear_solver="mumps-lu")
@@ -193,7 +193,6 @@ def test_a_start_on_a_saddle_is_left_or_refused():
         )
 
 
-@pytest.mark.mpi
 def test_a_start_inside_out_is_named():
     scene = strip()
     x = scene.u.duplicate()
@@ -217,7 +216,6 @@ def test_inverted_cells_are_never_accepted():
     assert outcome.reached == 1 or (outcome.reason and outcome.rejected > 0)
 
 
-@pytest.mark.mpi
 def test_one_huge_step_arrives_where_small_steps_do():
     ends = []
     for steps in (1, 12):
@@ -270,7 +268,6 @@ def test_steps_are_cut_and_grow_again():
     assert outcome.reached == 0 and "gave up at load factor 0: too large for me" in outcome.reason
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize(
     "options, words",
     [
@@ -378,7 +375,6 @@ def test_a_march_goes_on_from_a_state_under_drag():
         assert newton.scene.energy() == pytest.approx(energy, rel=1e-9)
 
 
-@pytest.mark.mpi
 def test_a_state_that_creeps_for_ever_is_not_the_end():
     newton, states = Newton(strip(), 1e-11), []
 
@@ -400,7 +396,6 @@ def test_drag_fades_at_rest_however_hard_the_steps_are():
     assert viscosity.drag == 0
 
 
-@pytest.mark.mpi
 def test_accuracy_limits_steps():
     steps, energies = [], []
     for accuracy in (None, 1e-3):
@@ -442,7 +437,6 @@ def test_a_material_that_is_not_a_number_ends_at_the_last_sound_state():
     assert np.isfinite(scene.energy())
 
 
-@pytest.mark.mpi
 def test_a_looser_path_ends_in_the_same_state():
     curves, iterations = [], []
     for path_tolerance in (None, 1e-5):

@@ -71,13 +71,11 @@ def test_steps_that_lose_work_are_halved_but_not_for_ever():
     assert steps[0] < 0.25 and 0.75 <= min(steps[:-1]) * FINEST / 0.25 <= 1.5
 
 
-@pytest.mark.mpi
 def test_what_a_snap_loses_is_no_reason_to_halve_again():
     loads, reasons = stretched(0.2, 0.02, Snapping)
     assert len(reasons) == 1 and loads[:5] == [0, 0.25, 0.5, 0.625, 0.75]
 
 
-@pytest.mark.mpi
 def test_a_run_that_loses_more_than_a_tenth_of_its_work_gives_up():
     """However small its steps."""
     loads, reasons = stretched(2.0, 0.02)
@@ -95,7 +93,6 @@ class Hardening(Term):
         self.energy = 250.0 * ufl.dot(u, u) ** 2 * self.part.dx(4)
 
 
-@pytest.mark.mpi
 def test_the_first_step_is_believed_where_forces_grow_as_a_power():
     """A trapezoid would take twice the energy for its work."""
     everywhere = Support("all", lambda x: x[0] < 1e9, (0, 1), (0.1, 0.0))
@@ -105,7 +102,6 @@ def test_the_first_step_is_believed_where_forces_grow_as_a_power():
     assert found[1].external_work == pytest.approx(250.0 * 0.05**4 * 200)
 
 
-@pytest.mark.mpi
 def test_a_state_that_bending_refuses_is_rejected_after_its_work_was_measured_anew(monkeypatch):
     """And what terms noted of it is forgotten."""
     everywhere = Support("all", lambda x: x[0] < 1e9, (0, 1), (0.1, 0.0))
@@ -129,7 +125,6 @@ def test_a_state_that_bending_refuses_is_rejected_after_its_work_was_measured_an
     assert len(forgotten) == 2  # at the beginning, too
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("share, balance", [(0.0, 0.02), (100.0, None)])
 def test_steps_stay_where_work_is_stored_or_nobody_asks(share, balance):
     assert stretched(share, balance) == ([0, 0.25, 0.5, 0.75, 1], [])
@@ -169,7 +164,6 @@ def asked(monkeypatch):
     return tolerances
 
 
-@pytest.mark.mpi
 def test_solves_are_rough_until_nothing_is_taken_anew(asked):
     terms = [builders.Elastic(), Holding()]
     scene = Scene(Blank.rectangle(20, 10, nx=2), terms, clamped_ends(0.2))
@@ -177,7 +171,6 @@ def test_solves_are_rough_until_nothing_is_taken_anew(asked):
     assert asked == [-FIRST, -LOOSE, -LOOSE, 1e-8]
 
 
-@pytest.mark.mpi
 def test_a_long_solve_is_made_exact_before_something_is_taken_anew(asked, monkeypatch):
     """As rounding grows in it, by which ranks differ."""
     monkeypatch.setattr(staggered, "LONG", -1)

@@ -147,7 +147,6 @@ def test_an_equation_whose_derivatives_are_wrong_is_named(changed, words, beneat
         check_start(tool, places, 0.4, comm)
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize(
     "times, words", [(0.99, ""), (1.5, "`bound` of surface Bounded of egg is ")]
 )

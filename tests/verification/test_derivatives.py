@@ -179,7 +179,6 @@ def test_terms(wrong, words):
     assert np.array_equal(scene.u.array, before)
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("sign, told", [(1, False), (-1, True)])
 def test_a_term_that_drives_the_sheet_is_told(sign, told):
     class Driving(Hardening):

@@ -149,7 +149,6 @@ def test_forces_are_derivatives_where_the_mid_surface_is_deep_in_the_tool():
     check_derivatives(contact, u)
 
 
-@pytest.mark.mpi
 def test_tangent_of_a_scene_without_bending():
     """Membrane, contact with a ball moved by force and with one held, friction: what the supports
     hold stays out."""
@@ -277,7 +276,6 @@ def disc(rings, radius, shape=lambda x: x):
     return Blank(compat.create_mesh(COMM, cells, points, "triangle", 1), a=0.0)
 
 
-@pytest.mark.mpi
 def test_circular_membrane_under_pressure():
     """Clamped, of nu = 0.3: w = 0.6534 a (p a / E h)^(1/3) at its centre, by H. Hencky, Z. Math.
     Phys. 63 (1915), in the corrected series of W. B. Fichter, NASA TP-3658 (1997), whose b_0 is
@@ -378,7 +376,6 @@ def test_two_balls_pushed_by_force():
     assert rates(states[-1].report) > 1.6
 
 
-@pytest.mark.mpi
 def test_quadrilaterals_bear_a_pressure():
     points, cells, kind = (
         specimen(20, 10, 4, 2, "left", "quadrilateral") if COMM.rank == 0 else (None,) * 3
@@ -404,7 +401,6 @@ def test_quadrilaterals_bear_a_pressure():
 PLANE = Plane((0, 0, 0), (0, 0, 1))
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize(
     "options, words",
     [
@@ -425,7 +421,6 @@ def test_bad_contact_is_refused(options, words):
         )
 
 
-@pytest.mark.mpi
 def test_contact_without_a_tool_and_twice_with_one_are_refused():
     with pytest.raises(InputError, match="is given Plane; allowed is a tool, as `Tool"):
         Contact(PLANE)
@@ -434,7 +429,6 @@ def test_contact_without_a_tool_and_twice_with_one_are_refused():
         Scene(sheet(10, 10, 2, 2), [Contact(table, T, K), Contact(table, T, K)])
 
 
-@pytest.mark.mpi
 def test_contact_in_a_plane_is_refused():
     blank = Blank.from_arrays(COMM, *(specimen(10, 10, 2, 2) if COMM.rank == 0 else (None,) * 3))
     with pytest.raises(
@@ -443,7 +437,6 @@ def test_contact_in_a_plane_is_refused():
         alone(blank, Contact(Tool(PLANE, name="table"), T, K))
 
 
-@pytest.mark.mpi
 def test_bad_pressing_is_refused():
     blank = sheet(10, 10, 2, 2)
     for pressure, direction, words in (
@@ -499,7 +492,6 @@ def test_a_checkpoint_knows_the_pressure_of_a_holder():
     assert alone(sheet(10, 10, 2, 2), press).fingerprint["pressure"] == 2.0
 
 
-@pytest.mark.mpi
 def test_pressed_areas_that_alternate_are_left_alone_in_the_end():
     """Three times in a step they are taken anew, and in the next step again."""
     shares = iter([0.0, 0.0] + 10 * [1.0, 0.5])
@@ -537,7 +529,6 @@ def test_bad_force_is_refused(force, words):
         Tool(PLANE, force=force, name="press")
 
 
-@pytest.mark.mpi
 def test_a_ball_moved_by_force_lifts_a_flat_sheet_that_nothing_stretches_yet():
     """Sheet and ball can first move together unresisted; MUMPS then has other pivots than its
     analysis foresaw."""
@@ -551,7 +542,6 @@ def test_a_ball_moved_by_force_lifts_a_flat_sheet_that_nothing_stretches_yet():
     assert 5.0 < ball.displacement[2] < 7.0
 
 
-@pytest.mark.mpi
 def test_forces_that_pinch_a_sheet_are_no_measure_of_what_it_bears():
     """A patch pressed on a table: each node's two forces cancel."""
     blank = sheet(10.0, 10.0, 4, 4)
@@ -569,7 +559,6 @@ def test_forces_that_pinch_a_sheet_are_no_measure_of_what_it_bears():
 # -- where steps begin
 
 
-@pytest.mark.mpi
 def test_nodes_are_led_to_the_gaps_that_they_had():
     """What was pressed is as deep as then, what comes in is put on the face; a tool moved by force
     leads nothing."""
@@ -589,7 +578,6 @@ def test_nodes_are_led_to_the_gaps_that_they_had():
     assert not pushed.motion_to_gaps().any()
 
 
-@pytest.mark.mpi
 def test_a_step_that_begins_along_the_tools_takes_fewer_iterations(monkeypatch):
     found = []
     for leads in (True, False):

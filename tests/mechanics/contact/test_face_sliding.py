@@ -37,7 +37,6 @@ def displaced(contact, motion):
     return contact.friction.sliding.slid()
 
 
-@pytest.mark.mpi
 def test_a_small_turn_of_both_is_no_sliding(pair):
     axis = np.array([0.3, -0.5, 0.2])
     slid = displaced(pair, lambda x: 1e-6 * np.cross(axis, x) + [1.0, 2.0, 3.0])

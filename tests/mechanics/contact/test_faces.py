@@ -59,7 +59,6 @@ def test_gap_on_a_paraboloid(side):
     assert off[0] < 1e-5 and off[1] < off[0] / 10
 
 
-@pytest.mark.mpi
 def test_a_paraboloid_is_interpolated_exactly():
     """Exactly that of a paraboloid, where the cells around the corners are regular."""
     face = Face(bent().whole, 1.0, [])
@@ -102,7 +101,6 @@ def test_gap_is_that_along_the_normal():
     assert tilt < 0.05 and finer_tilt < tilt / 3
 
 
-@pytest.mark.mpi
 def test_gradient_and_turning_of_the_normal():
     """The gradient is that of the gap; its turning that of the normal, but for terms of h^2."""
     blank = bent()
@@ -170,7 +168,6 @@ def test_half_a_sheet_with_a_plane_of_symmetry_is_the_whole():
     assert abs(without.gap - one.gap).max() > 1e-3
 
 
-@pytest.mark.mpi
 def test_a_face_turns_with_its_sheet():
     x = places()
     points = np.column_stack([x, height(x) + 0.4])
@@ -182,7 +179,6 @@ def test_a_face_turns_with_its_sheet():
     assert turned.curvature == pytest.approx(Q @ found.curvature @ Q.T, abs=1e-11)
 
 
-@pytest.mark.mpi
 def test_nothing_lies_beyond_the_rim_or_further_off_than_asked():
     face = Face(bent(curve=lambda x: 0 * x[:, 0]).whole, 1.0, [])
     points = [[0, 0, 0.9], [0, 0, 1.1], [0, 0, -0.9], [29.9, 14.9, 0], [30.1, 0, 0], [0, -15.1, 0]]
@@ -202,7 +198,6 @@ def test_a_guess_finds_what_a_search_does():
         assert again.gap == pytest.approx(found.gap, abs=1e-12)
 
 
-@pytest.mark.mpi
 def test_only_layers_that_look_ahead_are_met():
     """Of a sheet folded over at x = 10, whose end lies 0.5 mm above it with its back up."""
     blank = bent(12, 6, curve=lambda x: 0 * x[:, 0])

@@ -130,7 +130,6 @@ def patch(place, stiff=True, tool_path=(0.0, 0.0, 0.0), lag=math.inf, gripped=Tr
 
 
 @pytest.mark.versions
-@pytest.mark.mpi
 def test_stick_slip():
     """Force mu p A x / slip in sticking, mu p A in sliding, there and back again; all energies add
     up to the work."""
@@ -178,7 +177,6 @@ def test_elastic_patch_is_pulled_off(lag):
     assert max(closures) < 0.002
 
 
-@pytest.mark.mpi
 def test_table_drags_a_patch_along():
     """What the table's motion does is the support's force with the opposite sign; a patch that
     nothing holds goes with it."""
@@ -232,7 +230,6 @@ def test_capstan(degrees):
 # -- tools moved by force, resumed runs, ranks
 
 
-@pytest.mark.mpi
 def test_patch_between_plates_pressed_by_force():
     """Both plates rub: pulled by 2 mu F, all energies being those of the work."""
     force, blank = 400.0, sheet(20, 10, 4, 2)
@@ -309,7 +306,6 @@ def test_run_that_is_resumed(tmp_path, by_position):
     assert states[-1].external_work == pytest.approx(first[1].external_work, rel=1e-7)
 
 
-@pytest.mark.mpi
 def test_what_is_known_of_a_march_is_known_to_the_next(tmp_path):
     """What it cost, what its solver met and how deep nodes once were, which no displacement
     tells."""
@@ -393,7 +389,6 @@ def test_normal_forces_follow_within_a_step(lag, followed):
     assert abs(on_nodes(contact)[:, :2]).max() == 0
 
 
-@pytest.mark.mpi
 def test_a_pressure_that_falls_takes_what_the_elastic_slip_held():
     """Energy is neither lost nor made as the load is set, also when a step is repeated."""
     blank = sheet(20.0, 10.0, 4, 2)
@@ -437,7 +432,6 @@ def test_what_leaves_the_holder_is_not_pressed(lag, followed):
     assert total == pytest.approx(-PRESSURE * (inside if followed else AREA))
 
 
-@pytest.mark.mpi
 def test_the_face_slides_on_a_bar_not_the_mid_surface():
     """A strip led round a bar: its face slides by R phi, the mid-surface by (R + T / 2) phi."""
     R, phi, depth = 5.0, 0.3, 0.01

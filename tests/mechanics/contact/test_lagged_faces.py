@@ -38,7 +38,6 @@ def test_points_stand_for_the_area_of_the_sheet_of_smaller_cells(points):
     assert abs(facing.gap).max(initial=0) < 1e-12
 
 
-@pytest.mark.mpi
 def test_the_gap_is_held_as_a_paraboloid(points):
     """Exact, as long as a flat sheet only rises."""
     start = points.facing()
@@ -55,7 +54,6 @@ def test_values_of_points_go_to_cells_and_back(points):
         assert np.array_equal(points.of_cells(points.part.rows(each, points.per_cell)), each)
 
 
-@pytest.mark.mpi
 def test_a_step_begins_with_the_faces_of_its_prediction(points):
     """Over the areas of the last accepted state, until a solution is found."""
     faces = LaggedFaces(points, 0.01, 3 * points.nodes.count)

@@ -104,7 +104,6 @@ def test_action_is_reaction_with_its_moment(fold):
     assert abs(moment).max() < 0.01 * size * T  # triangles are flat, the face is not
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("shape", [{}, {LENGTH / 2: 1}], ids=["flat", "round its thickness"])
 def test_a_sheet_that_is_bent_no_further_than_it_can_be_is_free(shape):
     _, contact = scene_of(shape, 0.05 * T, nx=60)
@@ -112,7 +111,6 @@ def test_a_sheet_that_is_bent_no_further_than_it_can_be_is_free(shape):
     assert not contact.state().pressure.any() and contact.largest_depth() == 0.0
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("way", [1, -1])
 def test_a_limb_that_came_through_is_pressed_back(way):
     """As it lay on the other side in the accepted state."""
@@ -317,7 +315,6 @@ def pressed_fold(contact):
     return ff.Job(ff.Scene(blank, terms + contact, held), steps=8), force, t
 
 
-@pytest.mark.mpi
 def test_a_fold_closes_and_bears_the_load():
     """Its limbs press each other with what the stiff bend does not bear, no deeper than they may;
     energies and work agree."""

@@ -71,7 +71,6 @@ def test_patch_pressure(pressed):
     assert found.mean() == pytest.approx(PRESSURE, rel=0.01)
 
 
-@pytest.mark.mpi
 def test_the_back_of_a_fold_is_not_pressed():
     """The lower sheet's end is folded over and lies in the upper sheet with its back up; the upper
     one is moved, so that what lay below its points has to be sought anew."""
@@ -125,7 +124,6 @@ def test_action_is_reaction_with_its_moment(pressed):
         assert upper == pytest.approx(pair.force(), abs=1e-9 * load)
 
 
-@pytest.mark.mpi
 def test_fabrics_are_compacted_not_penetrated(pressed):
     """By what their laws say under the largest pressure, at the rim."""
     result, _, pairs, _, load = pressed
@@ -201,7 +199,6 @@ def test_derivatives_where_points_slide_over_edges(taken):
     assert stiffness < 1e-6
 
 
-@pytest.mark.mpi
 def test_states_that_alternate_are_met_half_way(by_position):
     """Where the faces were taken to and fro, they are taken between both places."""
     shift = np.array([1.1, 0.5, 0.0])
@@ -244,7 +241,6 @@ def test_pressure_follows_from_the_overlap(penalty):
     assert contact.penetration_of_thickness() == (pytest.approx(z / T) if penalty else 0.0)
 
 
-@pytest.mark.mpi
 def test_depth_counts_in_equilibrium_alone():
     """At load 0 the last state counts, later each."""
     scene = ff.Scene(laid(0.0), [*membranes("ab"), ff.SheetContact("a", "b", penalty=7.0)])
@@ -263,7 +259,6 @@ def test_sheets_apart_bear_nothing():
     assert pair.stored() == 0 and not forces.any() and not pair.tangent()[2].any()
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("state", ["pressed", "partly"])
 def test_a_rigid_motion_of_the_scene(state, by_position):
     """Energy and forces are those of the scene where it was."""
@@ -295,7 +290,6 @@ def test_the_sheet_of_smaller_cells_has_the_points():
         assert COMM.allreduce(pair.points.count) == 3 * 4 * 18
 
 
-@pytest.mark.mpi
 def test_each_fabric_is_compacted_as_its_own_law_says():
     thin = FABRIC.replace(thickness=0.2, compaction=ff.Compaction(8.0, 2e-3))
     sheets = [("a", FABRIC), ("b", thin)]
@@ -346,7 +340,6 @@ def patches():
     return blank
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize(
     "make, penalty, fabric, words",
     [

@@ -78,7 +78,6 @@ def led(motion, steps):
     return job.run(), pair
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("steps", [1, 10, 40])
 def test_a_pressed_pair_that_turns_as_a_whole_does_not_slide(steps):
     def turned(x, load):
@@ -92,7 +91,6 @@ def test_a_pressed_pair_that_turns_as_a_whole_does_not_slide(steps):
     assert result.summary["sheet_contacts"]["a, b"]["sliding_largest_mm"] < 1e-9
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("radius", [40.0, 20.0])
 def test_a_bent_pair_slides_where_its_mid_surfaces_keep_their_length(radius):
     """By some 0.25 and 0.5 mm: at the length s of sheets at the distance D by their angles s / R
@@ -147,7 +145,6 @@ def test_energy_taken_by_friction():
         assert mean <= entry["sliding_largest_mm"] < 1.02 * mean
 
 
-@pytest.mark.mpi
 def test_no_friction_without_a_coefficient():
     """But for what normals of unevenly pressed faces are tilted by."""
     result = pull_out(lambda load: SLIP * load, mu=0.0, steps=1)
@@ -185,7 +182,6 @@ def test_shear_lag(pull, cells, error):
     assert result.rows[-1]["reaction_N"] == pytest.approx(exact, rel=error)
 
 
-@pytest.mark.mpi
 def test_sheets_that_stick_pull_as_one():
     """A sheet held and pulled at its ends carries a free one along by friction alone. As of two
     bars E A joined by a layer of stiffness k, the stretch under P is P / (2 E A) (L + 2 / b tanh(b

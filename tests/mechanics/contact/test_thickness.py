@@ -62,7 +62,6 @@ def test_more_fibres_than_fit_side_by_side_are_told_of(gap, told):
     assert not told or "fill up to 1.2 of its volume, more than round ones can (0.907)" in words[0]
 
 
-@pytest.mark.mpi
 def test_a_sheared_ply_has_more_fibres_in_its_area():
     """Yarns that turn by 40 deg without stretch leave cos 40 deg of the area."""
     blank, angle = rectangle(), math.radians(40)
@@ -77,7 +76,6 @@ def test_a_sheared_ply_has_more_fibres_in_its_area():
     uniform(fields["fibre_volume_fraction"], 0.3 / T / math.cos(angle))
 
 
-@pytest.mark.mpi
 def test_a_dead_pressure_compacts_the_face_that_it_presses():
     """The table bears it on the other one."""
     pressure = 1.5
@@ -92,7 +90,6 @@ def test_a_dead_pressure_compacts_the_face_that_it_presses():
     uniform(half, (T - FABRIC.thickness_under(1.5)) / 2)
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("metal_below", [False, True])
 def test_each_of_two_sheets_loses_its_own_share(metal_below):
     """Pressed by dead pressure, of other fabrics and cells, or on metal, which loses none."""
@@ -156,7 +153,6 @@ def test_pressure_acts_on_the_area_that_shear_leaves(kind, thickening):
     assert sum(end.energies.values()) == pytest.approx(end.external_work, rel=2e-3)
 
 
-@pytest.mark.mpi
 def test_a_dead_pressure_acts_on_the_area_that_shear_leaves():
     """Of a holder on two sheets, and so of one on the other and of both on the table."""
     share, pressure = math.cos(SHEAR), 0.5
@@ -197,7 +193,6 @@ def test_two_sheets_that_thicken_press_each_other_over_it():
     assert FABRIC.thickness_under(pressure) == pytest.approx(gap, rel=1e-3)
 
 
-@pytest.mark.mpi
 def test_rigid_faces_lose_nothing():
     rigid = FABRIC.replace(compaction=None)
     scene = ff.Scene(rectangle(), [ff.Membrane(rigid), *plates(0.99, 1.0)], [PLAIN])
@@ -205,7 +200,6 @@ def test_rigid_faces_lose_nothing():
     uniform(reports.cell_fields(scene)["thickness_under_pressure"], 1.0)
 
 
-@pytest.mark.mpi
 def test_what_is_not_known_is_not_told():
     """Fibre volume without fibre density; thickness where contact contradicts the fabric."""
     fabric = ff.load("komeili")

@@ -156,7 +156,6 @@ def test_strips_in_pure_bending(pattern, angle):
     assert energy(bending) == pytest.approx(total, rel=0.15)
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("pattern", PATTERNS)
 @pytest.mark.parametrize("plane", [True, False])
 def test_bending_of_yarns_in_the_sheet(pattern, plane):
@@ -201,7 +200,6 @@ def test_only_linear_fields_are_free_of_energy(pattern, in_plane):
     assert stiffness[free] > 1e-3 * min(in_plane or 1, 1) * stiffness[-1]
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize(
     "stiffnesses", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.5), (1.0, 1.0, 1e-14), (0.0, 0.0, 0.0)]
 )
@@ -371,7 +369,6 @@ def test_elastica_under_its_own_weight(pattern, angle, meshes):
 # -- objectivity, symmetry, ranks
 
 
-@pytest.mark.mpi
 def test_rigid_motions_cost_nothing():
     blank = sheet(20, 20, 8, 8, a=0.4, b=1.8)
     bending = alone(blank, Bending(2.0, 1.0, 0.7, in_plane=0.2))
@@ -385,7 +382,6 @@ def test_rigid_motions_cost_nothing():
         assert energy(bending) == pytest.approx(stored, rel=1e-12)
 
 
-@pytest.mark.mpi
 def test_curved_sheet_is_at_rest_undeformed():
     """A quarter of a tube needs no energy; unrolled, that of its curvature, whatever the rigid
     motion that goes with it."""
@@ -528,7 +524,6 @@ def test_quarter_of_a_symmetric_sheet(by_position, pattern):
 # -- bad input
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize(
     "options, words",
     [

@@ -36,7 +36,6 @@ def sheet(
     return builders.sheet(length, width, nx, ny, pattern, comm, cell=cell, **options)
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize(
     "size, words",
     [
@@ -55,7 +54,6 @@ def test_a_size_that_speaks_of_other_units_is_doubted(size, words, spatial):
         assert warning.startswith(f"--mesh s.msh is {size[0]:g} x {size[1]:g}")
 
 
-@pytest.mark.mpi
 def test_a_sheet_smaller_than_its_thickness_is_refused():
     with pytest.raises(
         InputError, match=r"s.msh is 0.2 x 0.05 mm, less than .* \(1 mm\); allowed is .* times 1000"
@@ -87,7 +85,6 @@ FOLLOW = [
 ]
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("pattern, cell, angle, off", FOLLOW)
 @pytest.mark.parametrize("spatial", [False, True])
 def test_cells_that_follow_the_yarns(pattern, cell, angle, off, spatial):
@@ -224,7 +221,6 @@ def test_quadratic_cells_at_45_deg_are_not_doubted():
     assert locking_warning(pulled(45, 0.02, pattern="crossed", nx=16, ny=4, degree=2)) == ""
 
 
-@pytest.mark.mpi
 def test_a_state_at_rest_and_a_homogeneous_one_have_no_alternating_energy():
     blank = sheet(40, 20, 8, 4, "left", angle=30)
     membrane = alone(blank, Membrane(KOMEILI))

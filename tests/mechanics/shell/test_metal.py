@@ -96,7 +96,6 @@ def test_equibiaxial_tension_follows_the_hardening_curve(strain):
     assert fields["metal_thickness"] == pytest.approx(np.exp(across), rel=1e-8)
 
 
-@pytest.mark.mpi
 def test_unloading_is_elastic():
     strain, back = 0.05, 5e-4
     scene, states = pulled(strain, steps=8, back=back)

@@ -155,7 +155,6 @@ def test_plies_rub_each_by_its_own_friction():
     assert scene.energies()["yarn_friction"] == pytest.approx(sum(exact) * SIDE**2, rel=1e-12)
 
 
-@pytest.mark.mpi
 def test_a_picture_frame_meets_its_closed_form():
     frame = ff.PictureFrame(FABRIC.replace(couplings=()), nx=2, angle=30).job(steps=6).run()
     exact = frame.number("closed_form_N_per_mm")
