@@ -123,15 +123,14 @@ CASES = {
 }
 
 
-# Words are read on each rank as on one, files and folders by one for all: these, and the first of
-# those, are asked on ranks.
-OF_FILES = "material not there", "mesh not there", "nothing to resume"
-OF_WORDS = [case for case, (_, prepare, _) in CASES.items() if not prepare and case not in OF_FILES]
+# On ranks: a word, a value and a mesh in a file, and files that one rank looks for.
+ON_RANKS = "count below one", "negative thickness", "mesh not there", "nothing to resume"
+assert {*ON_RANKS} <= {*CASES}
 
 
 @pytest.mark.parametrize(
     "case",
-    [case if case in OF_WORDS[1:] else pytest.param(case, marks=pytest.mark.mpi) for case in CASES],
+    [pytest.param(case, marks=pytest.mark.mpi) if case in ON_RANKS else case for case in CASES],
 )
 def test_bad_input(launch, shared_path, case):
     is_refused(launch, shared_path, case)

@@ -71,9 +71,9 @@ def test_the_defaults_give_the_curve_to_a_permille(launch, study, scene):
 @pytest.mark.parametrize(
     "element, integration, nx, pattern, cells, oscillation",
     [
-        ("P3", "full", 30, "unstructured", 1, 2e-3),
+        pytest.param("P3", "full", 30, "unstructured", 1, 2e-3, marks=pytest.mark.long),
         ("P3", "full", 30, "yarns", 1, 1e-3),
-        (None, "inner", 68, "unstructured", 4, 1e-4),
+        pytest.param(None, "inner", 68, "unstructured", 4, 1e-4, marks=pytest.mark.long),
         (None, "inner", 76, "left", 4, 1e-3),
     ],
 )

@@ -90,7 +90,6 @@ def test_the_summary_tells_them(study, shared_path):
     assert doubt.endswith("has its own cells")
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize("name, value", [("length", 200), ("length", 120.5), ("width", 50)])
 def test_a_length_that_is_not_the_meshs_is_refused(study, name, value):
     mine = study(*TENSILE, specimen(120, 30, 12, 3), f"--{name}", str(value))
@@ -101,14 +100,12 @@ def test_a_length_that_is_not_the_meshs_is_refused(study, name, value):
         mine.build(mine.describe(Tensile))
 
 
-@pytest.mark.mpi
 def test_a_length_that_is_the_meshs_is_not(study):
     mine = study(*TENSILE, specimen(120, 30, 12, 3), "--length=120", "--width", "30.00001")
     mine.build(mine.describe(Tensile))
     assert (mine.args.length, mine.args.width) == (120, 30)
 
 
-@pytest.mark.mpi
 def test_a_frame_needs_a_square(study):
     mine = study("picture_frame", picture_frame.options, specimen(120, 120, 6, 6))
     mine.build(mine.describe(PictureFrame))
@@ -118,14 +115,12 @@ def test_a_frame_needs_a_square(study):
         mine.build(mine.describe(PictureFrame))
 
 
-@pytest.mark.mpi
 def test_a_quarter_is_half_as_long_as_its_ply(study):
     mine = study("double_dome", double_dome.options, specimen(200, 120, 10, 6, "left"))
     build(mine, DomeTest)
     assert (mine.args.length, mine.args.width) == (400, 240)
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize(
     "shift, words",
     [
@@ -165,7 +160,6 @@ def test_other_units_than_mm(study, capfd, scale, words):
     assert capfd.readouterr().err.count(words) == (COMM.rank == 0)
 
 
-@pytest.mark.mpi
 def test_other_units_without_a_mesh(shared_path):
     mine = Study(
         "tensile",

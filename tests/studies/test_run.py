@@ -35,7 +35,7 @@ KEPT = (
     "external_work_Nmm",
     "min_stability",
 )
-KILLS = int(os.environ.get("KILLS", 5))
+KILLS = int(os.environ.get("KILLS", 3))
 
 
 def history(folder):

@@ -307,7 +307,6 @@ def test_what_the_regularisation_takes_is_told(tmp_path, monkeypatch, capsys, dr
     assert summary["reaction_N"] == pytest.approx(free["reaction_N"], rel=1e-7)
 
 
-@pytest.mark.mpi
 def test_a_material_that_is_not_a_number_at_run_time(launch, shared_path):
     material = PRESETS["komeili"].dumps().replace("a = 4130.0", "a = 1e308")
     (shared_path / "m.toml").write_text(material)
@@ -427,7 +426,6 @@ def test_a_sheet_without_a_middle(launch, tmp_path):
     assert "whole rectangle" in done.summary["quantities"]["no_theory_because"]
 
 
-@pytest.mark.mpi
 def test_a_pre_sheared_strip_comes_to_rest_before_load(launch):
     """Yarns at +-35 deg of a weave without shear at 90 deg: free sides, homogeneous, so the kernel
     has it all."""
