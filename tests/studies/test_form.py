@@ -11,6 +11,7 @@ PRESS = EXAMPLES / "hemisphere.toml"
 SMALL = PRESS, "--set", "blank.nx=4", "--steps", 2, "--balance", 9, "--no-pictures"
 
 
+@pytest.mark.long
 def test_finer_cells_where_waves_are_and_a_disturbed_run(launch):
     """The ply that nothing holds waves; its waves get more cells, on the whole ply, too."""
     free = "--set", "holders.holder.pressure=0.0001", "--set", "stage.1.moves.punch=10"
