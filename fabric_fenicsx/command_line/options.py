@@ -142,7 +142,7 @@ class Parser(argparse.ArgumentParser):
             near = did_you_mean(word.replace("_", "-"), self._option_string_actions)
             raise InputError(f"option {word} is unknown{near}; {told}")
         if match := re.fullmatch(r"the following arguments are required: (.*)", message):
-            raise InputError(f"{match[1]} is missing; allowed is to name it, see --help")
+            raise InputError(f"{match[1]} is missing; see --help")
         if match := re.match(r"argument (\S+): ignored explicit argument", message):
             raise InputError(f"{match[1]} is given a value; allowed is {match[1]} alone")
         wrong = re.match(r"argument (\S+): (invalid (.*?)(?: value)?: |expected)(\S*)", message)

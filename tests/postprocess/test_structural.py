@@ -295,7 +295,7 @@ def test_the_command(tmp_path, capsys):
     for words, told in (
         ((str(folder), "ply.stl"), "the ending of ply.stl is unknown; allowed are .vtu"),
         ((str(tmp_path), "ply.inp"), "has no fields.pvd; allowed is the folder of a run's results"),
-        ((str(folder),), "FILE is missing; allowed is to name it"),
+        ((str(folder),), "FILE is missing; see --help"),
         ((str(folder), str(tmp_path / "no/ply.inp")), "can't be read or written"),
     ):
         assert main.main(["export", *words]) == 2
