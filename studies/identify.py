@@ -13,10 +13,8 @@ from fabric_fenicsx import __version__, identification
 from fabric_fenicsx.command_line.identification import check, identified, is_first_rank, options
 from fabric_fenicsx.command_line.options import exit_status, program, restart_command
 from fabric_fenicsx.identification import curves
-from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.results import report as html
 from fabric_fenicsx.runtime.errors import InputError, SolverFailure
-from fabric_fenicsx.runtime.formatting import percent
 from fabric_fenicsx.runtime.status import shown, task
 
 
@@ -42,23 +40,6 @@ def write_report(args, path, report, started):
 def main(args):
     check(args)
     started = time.perf_counter()
-    fabric = load(args.synthesize) if args.synthesize else None
-    if fabric:
-        fabric.require(("p_min", "c", "d"), f"--synthesize {args.synthesize}")
-    if args.coverage is not None:
-        seeds = range(args.seed, args.seed + args.coverage)
-        found = identification.coverage(fabric, args.tests, args.noise, seeds)
-        path = args.out.with_name(args.out.stem + "_coverage.json")
-        write_report(args, path, found, started)
-        print(*identification.coverage_lines(found), sep="\n")
-        return
-    if fabric:
-        sheet, tests = identification.synthesise(fabric, args.tests, args.noise, args.seed)
-        remark = (
-            f"synthetic, from {args.synthesize} with seed {args.seed} and normal noise of "
-            f"{percent(args.noise, 6)} of each column's largest value"
-        )
-        curves.write(args.data, sheet, tests, [remark])
     result = identified(*curves.read(args.data), args.homogeneous)
     report = {"data": str(args.data)} | result.report()
     write_report(args, args.out.with_suffix(".json"), report, started)

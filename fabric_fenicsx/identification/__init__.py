@@ -1,6 +1,10 @@
 """The parameters of a woven fabric from test curves: two-stage nonlinear regression with confidence
 intervals. Nothing here needs DOLFINx.
 
+Slack and the load cell's zero of each test with the columns displacement and F come first: they are
+fitted to the test itself, with a stiffness that may be any smooth one (`origin`). What they leave
+uncertain widens the intervals of the parameters.
+
 Stage 1 fits a, b, d and s1..s3 to the points at which no coupling acts (other yarns unstrained, no
 shear: k_TC = 1 in eq. (17)). Stage 2 fits c, p_min, s_T, s_C to all points with the former fixed,
 as in the paper. A joint fit of all of them from there gives the result, since stage 2 alone would
@@ -24,7 +28,6 @@ Compaction is apart from that: `fit_compaction` fits it to tests across the thic
 from .compaction import CompactionFit, fit_compaction
 from .fit import identify
 from .pictures import draw
-from .problem import Assumed, Determined, true_values
-from .result import Identification, coverage_lines, result_lines
+from .problem import Assumed, Determined
+from .result import Identification, result_lines
 from .simulated import identify_simulated
-from .synthetic import PLANS, coverage, synthesise, synthesise_compaction

@@ -14,13 +14,14 @@ from ..runtime.formatting import rounded
 from .compaction import fit_compaction
 from .curves import Curve, Sheet, curve_warnings
 from .friction import fit_friction
+from .origin import effects, with_origins
 from .problem import NOISE, Assumed, Determined, NotConverged, Problem, base, unit_of, yarns_of
 from .result import Identification
-from .toe import toe_warning
 
 STAGE_1 = ("a", "b", "d", *SHEAR)
 # Of the parameters that the data can't tell apart, the first of these becomes an assumption.
 GIVEN_UP = ("s_C", "p_min", "d", "c", "s_T", "s3", "s2", "a", "s1", "b")
+WIDER = 2.0  # times, by which the origin of a test widens an interval that is worth a word
 QUICK = 60  # evaluations of a fit after which it is asked whether the data determine its parameters
 UNCOUPLED = "no coupling, so that held strips are not too stiff"  # source of a p_min of 1
 # higher terms are 0 by default if the lower one is fitted
@@ -31,11 +32,12 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     """Fit the law to the curves, and compaction to the sheet's tests of it; InputError if they
     determine nothing or are too few, SolverFailure if a fit fails."""
     if sheet.compaction and not curves:
-        raise InputError(
-            "all tests are of compaction; allowed are one or more in the fabric's plane, too, or "
-            "`fit_compaction`, which needs no others"
+        needed = (
+            "one or more in the fabric's plane, too, or `fit_compaction`, which needs no others"
         )
+        raise InputError(f"all tests are of compaction; allowed are {needed}")
     compaction = fit_compaction(sheet) if sheet.compaction else None
+    curves = with_origins(curves, sheet.thickness)
     friction = fit_friction(curves)
     problem = Problem(sheet, curves, friction.friction if friction else None)
     default, source, reason = _assumptions(problem, sheet)
@@ -43,7 +45,8 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     theta, staged, fitted = _regression(problem, default, reason, source)
     theta, sd, estimated = _weighted_fit(problem, theta, fitted)
     free = [k for k in range(len(theta)) if k not in reason]
-    found = _statistics(problem, theta, free, sd)
+    alone = _statistics(problem, theta, free, sd)
+    found = _with_origins(problem, theta, sd, alone)
     if estimated is None and not all(c.noise for c in curves):
         estimated = NOISE * math.sqrt(found.variance)
     bound = problem.at_bound(theta, free, fitted)
@@ -63,10 +66,9 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     predicted = problem.predict(theta)
     fits = [(curve, response, predicted[s], sd[s]) for (curve, response), s in problem.parts]
     warnings = [
-        *(f"{curve.file}: {text}" for curve in curves for text in curve.remarks),
-        *(f"{test.file}: {text}" for test in sheet.compaction for text in test.remarks),
-        *_fit_warnings(curves, found, softest, convex, determined, assumed),
-        *filter(None, (toe_warning(*each) for each in fits)),
+        *(f"{c.file}: {text}" for c in (*curves, *sheet.compaction) for text in c.remarks),
+        *_fit_warnings(problem, found, softest, convex, determined, assumed),
+        *_origin_warnings(problem, found, alone),
         *curve_warnings(curves),
         *(compaction.warnings if compaction else ()),
         *_friction_warnings(curves, friction),
@@ -87,7 +89,18 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         sheet.areal_weight,
         compaction,
         friction,
+        origins=_origins(curves),
     )
+
+
+def _origins(curves):
+    """Slack and zero of tests by name."""
+    origins = [curve.origin for curve in curves if curve.origin]
+    return {
+        name: Determined(value, (high - low) / 4, (low, high), unit, value, False, False)
+        for origin in origins
+        for name, (value, low, high, unit) in origin.numbers.items()
+    }
 
 
 def _friction_warnings(curves, friction):
@@ -199,6 +212,40 @@ def _statistics(problem, theta, free, sd):
     return _Statistics(free, dof, variance, error, half, correlation, J)
 
 
+def _with_origins(problem, theta, sd, found):
+    """Statistics with what the origins of tests leave uncertain."""
+    predicted, squares = problem.predict(theta), found.half**2
+    for curve in problem.curves:
+        if not curve.origin:
+            continue
+        moved = np.zeros((len(predicted), 3))
+        parts = [s for (each, _), s in problem.parts if each is curve]
+        for k, s in enumerate(parts):
+            moved[s] = np.transpose(effects(curve, curve.origin, predicted[s], k))
+        solved = np.linalg.lstsq(found.jacobian, moved / sd[:, None], rcond=None)[0]
+        change = np.abs(solved) * problem.natural[found.free][:, None]
+        squares = squares + change[:, :2].max(1) ** 2 + change[:, 2] ** 2
+    half = np.sqrt(squares)
+    return found._replace(error=found.error * half / np.maximum(found.half, 1e-300), half=half)
+
+
+def _origin_warnings(problem, found, alone):
+    names = [problem.names[k] for k in found.free]
+    wide = [name for name, w, v in zip(names, found.half, alone.half) if w > WIDER * v]
+    origins = _origins(problem.curves)
+    if wide:
+        yield (
+            f"intervals of {', '.join(wide)} are more than {WIDER:g} times as wide as they were "
+            f"with a known {', '.join(origins)}: state these in the file if you know them"
+        )
+    for name, number in origins.items():
+        if name.startswith("zero") and number.interval[0] > 0:
+            yield (
+                f"{name} is {rounded(number.value)} {number.unit}, but friction as yarns begin to "
+                "turn looks the same: if the load cell was at 0, state `# zero: 0 N`"
+            )
+
+
 def _moves(problem, theta, found, sd, k):
     """Changes {name: change} of the fitted parameters if the assumed one k is 10 % larger, those
     beyond half the widths of their intervals."""
@@ -237,9 +284,9 @@ def _physics(problem, fabric):
     return softest, convex
 
 
-def _fit_warnings(curves, found, softest, convex, determined, assumed):
+def _fit_warnings(problem, found, softest, convex, determined, assumed):
     limit = stats.chi2.ppf(0.999, found.dof) / found.dof
-    if all(c.noise for c in curves) and found.variance > limit:
+    if all(c.noise for c in problem.curves) and found.variance > limit:
         yield (
             f"the curves lie {rounded(math.sqrt(found.variance), 2)} times their stated noise from "
             "the law, and the intervals are widened by that"
@@ -256,9 +303,23 @@ def _fit_warnings(curves, found, softest, convex, determined, assumed):
                 "but maybe too soft, and does not neck; measure the strain across (eps_a or "
                 "eps_b), or hold the sides"
             )
-    held = [name for name, parameter in determined.items() if parameter.at_bound]
+    held = {name: p.value for name, p in determined.items() if p.at_bound}
+    if softest is not None and held.keys() & set(SHEAR) and held.get("s3"):
+        shear = [name for name in SHEAR if held.pop(name, None) is not None]
+        yield (
+            f"{', '.join(shear)} lie where the shear stiffness is just above 0 at some angle: the "
+            "tests ask for less, which no fabric has, so their intervals are a rough guide"
+        )
+    elif "s3" in held:
+        held = {name: value for name, value in held.items() if name not in ("s1", "s2")}
+    for name, value in held.items():
+        low, high = problem.box(problem.names.index(name))
+        side = ("least", "less") if value - low < high - value else ("largest", "more")
+        yield (
+            f"{name} is {rounded(value)} {unit_of(name)}, the {side[0]} that it can be: "
+            f"the tests ask for {side[1]}, so its interval is a rough guide"
+        )
     weak = [name for name, parameter in determined.items() if parameter.weak]
-    yield from (f"{name} is held by a bound from physics" for name in held)
     yield from (
         f"{name} is weakly determined, as its interval is wider than +-100 %" for name in weak
     )

@@ -1,8 +1,8 @@
 """The result of an identification, for a material file, a report and the screen."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -48,6 +48,7 @@ class Identification:
     compaction: CompactionFit | None = None  # None without a test of it: the default
     friction: FrictionFit | None = None  # between yarns; None without loops
     simulated: SimulatedFit | None = None  # None if no specimen was simulated
+    origins: dict[str, Determined] = field(default_factory=dict)  # slack and zero of tests
 
     def remarks(self) -> list[str]:
         """Lines for a material file on the origin of its values."""
@@ -69,10 +70,11 @@ class Identification:
 
     @property
     def all_determined(self) -> dict[str, Determined]:
-        """Fitted parameters of the law and, as compaction.exponent, of compaction and friction."""
+        """Fitted parameters of the law, of compaction (as compaction.exponent) and of friction, and
+        slack and zero of tests."""
         across = self.compaction.determined if self.compaction else {}
         found = self.determined | {f"compaction.{name}": p for name, p in across.items()}
-        return found | (self.friction.determined if self.friction else {})
+        return found | (self.friction.determined if self.friction else {}) | self.origins
 
     @property
     def all_assumed(self) -> dict[str, Assumed]:
@@ -92,6 +94,7 @@ class Identification:
             "determined": {n: dataclasses.asdict(p) for n, p in self.determined.items()},
             "assumed": {n: dataclasses.asdict(p) for n, p in self.assumed.items()},
             "correlation": {"names": names, "matrix": np.round(self.correlation, 4).tolist()},
+            "tests": {n: dataclasses.asdict(p) for n, p in self.origins.items()},
             "curves": [_error(*fit) for fit in self.fits],
             "compaction": self.compaction and self.compaction.report(),
             "shear_friction": self.friction and self.friction.report(),
@@ -147,10 +150,3 @@ def result_lines(result: Identification) -> Iterator[str]:
         yield f"density {density} = areal weight {result.areal_weight:g} g/m2 / thickness"
     for warning in result.warnings:
         yield f"warning: {warning}"
-
-
-def coverage_lines(found: Mapping[str, Any]) -> Iterator[str]:
-    """Lines for the result of `coverage`: how often true values lay in their intervals."""
-    for name, inside in found["inside"].items():
-        times = f"{inside} of {found['determined'][name]} times"
-        yield f"{name:12s} in its 95 % interval {times}, {found['seeds']} seeds"

@@ -1,16 +1,12 @@
-"""Tables of numbers in text files as testing machines write them.
-
-What is read: UTF-8 and Windows' Latin encoding (cp1252); cells between semicolons, tabs, commas or
-blanks; decimal points or commas, and thousands' separators; lines above the header; units in the
-header or in a row of their own. What can mean two numbers is refused.
+"""Tables of numbers in text files: cells between semicolons, tabs, commas or blanks; lines above
+the header; units in the header or in the row below it. What is not stated is sniffed.
 """
 
 import csv
 import math
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from itertools import groupby
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,13 +14,13 @@ import numpy as np
 
 from ..runtime.errors import InputError
 
-BLANKS = " "
-DELIMITERS = ";", "\t", ",", BLANKS
-GROUPS = "'’\u00a0\u202f "  # between thousands, besides the sign that marks no decimals
+ENCODINGS = "utf-8-sig", "cp1252"
 MOST_TOLD = 5  # cells of one fault that a message names
 _WORKBOOKS = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"  # how files of Excel begin
 _SPELLINGS = {"µm": "um", "μm": "um", "°": "deg", "N/mm²": "N/mm2", "g/m²": "g/m2"}
 _HEADER = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*(.*?)\s*[\])]|(?:/|\bin\b)\s*(\S+))?\s*")
+_NUMBER = re.compile(r"\s*[+-]?[.,]?\d[\d.,]*(?:[eE][+-]?\d+)?\s*")
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+")
 
 
 class Problems(list[str]):
@@ -57,28 +53,38 @@ class TextTable(NamedTuple):
     cells: list[list[str]]
 
 
-def read_lines(path: str | os.PathLike[str]) -> list[str]:
-    """The lines of a text file; InputError without the file's name where it is none."""
+def read_lines(path: str | os.PathLike[str], encoding: str | None = None) -> list[str]:
+    """The lines of a text file, in UTF-8 or Windows' Latin encoding unless another one is stated;
+    InputError without the file's name where it is none."""
     text, reason = "", ""
     try:
         data = Path(path).read_bytes()
-        try:
-            text = data.decode("utf-8-sig")
-        except UnicodeDecodeError:
-            text = data.decode("cp1252", errors="replace")
+        text = _decoded(data, [encoding] if encoding else ENCODINGS)
         if data.startswith(_WORKBOOKS):
             reason = "it is a workbook; save its sheet as CSV"
         elif "\0" in text or not text.strip():
             reason = "it has bytes that are no text in UTF-8" if text.strip() else "it is empty"
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, LookupError) as error:
         reason = getattr(error, "strerror", None) or str(error)
     if reason:
-        raise InputError(f"cannot be read as text ({reason}); allowed is a CSV file in UTF-8")
+        raise InputError(f"cannot be read as text ({reason}); allowed is a CSV file in UTF-8, or in the `encoding` of [csv]")
     return text.splitlines()
 
 
+def _decoded(data, encodings):
+    for encoding in encodings[:-1]:
+        try:
+            return data.decode(encoding)
+        except UnicodeDecodeError:
+            pass
+    return data.decode(encodings[-1], errors="strict" if len(encodings) == 1 else "replace")
+
+
 def table_of(
-    lines: Sequence[str], is_known: Callable[[str], bool], usual: Sequence[str] = ()
+    lines: Sequence[str],
+    is_known: Callable[[str], bool],
+    usual: Sequence[str] = (),
+    delimiter: str | None = None,
 ) -> TextTable:
     """The table in lines, without comments; is_known: whether a column of a name is asked for;
     usual: names of the columns where no header has such a name. InputError by row where there is no
@@ -86,32 +92,29 @@ def table_of(
     rows = [(row, text) for row, text in enumerate(lines, 1) if text.strip(" ,;\t")]
     # a spreadsheet puts a comment in quotes
     rows = [(row, text) for row, text in rows if not text.lstrip(' \t"').startswith("#")]
-    stated = re.findall("^sep=(.)$", rows[0][1]) if rows else []
-    rows = rows[1:] if stated else rows
-    delimiter = stated[0] if stated else _delimiter(rows)
-    split = [(row, _split(text, delimiter)) for row, text in rows]
-    is_data = [sum(map(_is_number, cells)) >= 2 for _, cells in split]
-    known = [k for k, (_, cells) in enumerate(split) if any(is_known(_parted(c)[0]) for c in cells)]
-    if known:  # of several headers the first counts, so that no rows are lost above another one
-        first = [*is_data, True].index(True, known[0] + 1)
-        top = max(k for k in known if k < first)
-    else:
-        runs = [[*run] for flag, run in groupby(range(len(split)), is_data.__getitem__) if flag]
-        first = max(runs, key=len)[0] if runs else len(split)
-        if usual:
-            below, cells = zip(*split[first:]) if split[first:] else ((), ())
-            return TextTable(first - 1, [*usual], [None] * len(usual), [*below], [*cells])
-        top = first - 1
-        while top > 0 and _are_units(split[top][1]):
-            top -= 1
-    if top < 0 or (not known and _are_units(split[top][1])):
-        where = f"row {split[0][0]}: there is no header above it" if split else "there is no header"
+    top = first = -1
+    for k, (_, text) in enumerate(rows):
+        cells = _split(text, delimiter or _delimiter(text))
+        if any(is_known(_parted(cell)[0]) for cell in cells):
+            top = k
+            break
+        if first < 0 and sum(map(bool, map(_NUMBER.fullmatch, cells))) > 1:
+            first = k
+    if top < 0 and not usual:
+        top = first - 1 if first >= 0 else len(rows) - 1
+    if top < 0 and not (usual and rows):
+        where = f"row {rows[0][0]}: there is no header above it" if rows else "there is no header"
         raise InputError(f"{where}; allowed is a line such as eps_a [%], sigma_a [MPa]")
+    delimiter = delimiter or _delimiter(rows[max(top, 0)][1])
+    split = [(row, _split(text, delimiter)) for row, text in rows]
+    if top < 0:
+        numbers, cells = map(list, zip(*split))
+        return TextTable(0, [*usual], [None] * len(usual), numbers, cells)
     row, header = split[top]
     body = split[top + 1 :]
     header = header[: max((k for k, c in enumerate(header) if c.strip()), default=0) + 1]
     names, units = map(list, zip(*map(_parted, header)))
-    if body and top + 1 < first and not any(re.match(r"\s*[+-]?\d", c) for c in body[0][1]):
+    if body and not any(re.match(r"\s*[+-]?[.,]?\d", cell) for cell in body[0][1]):
         units = _with_row_of_units(names, units, *body.pop(0))
     for _, cells in body:
         while len(cells) > len(header) and not cells[-1].strip():
@@ -140,99 +143,74 @@ def _unit(text):
     return _SPELLINGS.get(text, text) or None
 
 
-def _are_units(cells):
-    """True if cells are units in brackets, or known ones without."""
-    texts = [cell.strip() for cell in cells if cell.strip()]
-    return bool(texts) and all(
-        re.fullmatch(r"\[.*\]|\(.*\)|mm|cm|s|k?N|%|deg|rad|[kMG]?Pa", c) for c in texts
-    )
-
-
 def _split(text, delimiter):
-    if delimiter == BLANKS:  # names may have single blanks, and one before their unit
-        cells = text.split()
-        wide = re.split(r"\s{2,}", text.strip())
-        if all(map(_is_number, cells)):
-            return cells
-        return wide if len(wide) > 1 else re.split(r"\s+(?![\[(])", text.strip())
+    if delimiter == " ":
+        return text.split()
     return next(csv.reader([text], delimiter=delimiter, skipinitialspace=True))
 
 
-def _delimiter(lines):
-    """The delimiter that gives most rows of two numbers or more, and then most numbers in them;
-    without any such row, one that there is."""
-
-    def score(delimiter):
-        flags = [[*map(_is_number, _split(text, delimiter))] for _, text in lines]
-        flags = [each for each in flags if sum(each) >= 2]
-        return len(flags), sum(map(sum, flags)) / max(sum(map(len, flags)), 1)
-
-    scores = {delimiter: score(delimiter) for delimiter in DELIMITERS}
-    best = max(scores, key=lambda delimiter: scores[delimiter])
-    present = (d for d in DELIMITERS[:3] if any(d in text for _, text in lines))
-    return best if scores[best][0] else next(present, ",")
-
-
-# by the sign for decimals: what may stand between thousands, and numbers
-_GROUPING = {".": f"[{GROUPS},]", ",": f"[{GROUPS}.]"}
-_NUMBERS = {
-    mark: re.compile(
-        rf"[+-]?(?:(?:[1-9]\d{{0,2}}(?:{between}\d{{3}})+|\d+)(?:[{mark}]\d*)?|[{mark}]\d+)"
-        r"(?:[eE][+-]?\d+)?"
-    )
-    for mark, between in _GROUPING.items()
-}
-
-
-def _plain(cell):
-    return cell.strip().replace("\u2212", "-")
-
-
-def _is_number(cell):
-    return any(pattern.fullmatch(_plain(cell)) for pattern in _NUMBERS.values())
+def _delimiter(text):
+    """The delimiter of a line; blanks only between numbers, as names may have some."""
+    blank = " " if all(map(_NUMBER.fullmatch, text.split())) else ""
+    try:
+        return csv.Sniffer().sniff(text, ";\t," + blank).delimiter
+    except csv.Error:
+        return blank or ","
 
 
 def number(cell: str, decimal: str) -> float:
     """The number in a cell, nan where it has none; decimal: the sign before decimals."""
-    if not _NUMBERS[decimal].fullmatch(_plain(cell)):
+    text = cell.strip().replace("\u2212", "-")
+    if "_" in text or (decimal == "," and "." in text):
         return math.nan
-    return float(re.sub(_GROUPING[decimal], "", _plain(cell)).replace(decimal, "."))
+    try:
+        return float(text.replace(decimal, "."))
+    except ValueError:
+        return math.nan
 
 
-def decimal_signs(table: TextTable, wanted: Iterable[int]) -> list[str]:
-    """The sign before decimals in each column, "." or ","; InputError where both could be meant in
-    one of the columns `wanted`.
-
-    A column of which alone it is not clear goes with the others, or has points.
-    """
-    columns, found = [], []
-    for i in range(len(table.names)):
-        cells = [(row, _plain(c[i])) for row, c in zip(table.rows, table.cells) if i < len(c)]
-        columns.append([(row, cell) for row, cell in cells if _is_number(cell)])
-        dot, comma = (sum(bool(p.fullmatch(c)) for _, c in cells) for p in _NUMBERS.values())
-        found.append("" if dot == comma else "." if dot > comma else ",")
-    others = {sign for sign in found if sign} or {"."}
-    unsure = {".", ","} - (others if len(others) == 1 else set())
-    for i in wanted:
-        for row, cell in columns[i] if not found[i] else ():
-            if unsure & {*cell}:
-                either = f"{number(cell, ','):g} or {number(cell, '.'):g}"
-                raise InputError(
-                    f"row {row}: {cell} may mean {either}, as all numbers of its column have three "
-                    "digits behind that sign; allowed is another number of decimals"
-                )
-    return [sign or min(others) for sign in found]
+def _decimal(table, factors):
+    """The sign before decimals, "." or ","; InputError where columns do not have the same one, or
+    where commas may stand between thousands."""
+    cells = [
+        (row, name, cells[i].strip())
+        for i, (name, _) in factors.items()
+        for row, cells in zip(table.rows, table.cells)
+        if i < len(cells) and _NUMBER.fullmatch(cells[i])
+    ]
+    points, commas = (
+        [each for each in cells if mark in each[2] and other not in each[2]]
+        for mark, other in (".,", ",.")
+    )
+    if points and commas:
+        (row, name, cell), (there, other, point) = commas[0], points[0]
+        raise InputError(
+            f"row {row}: {name} is {cell!r}, with a decimal comma, and {other} in row {there} is "
+            f"{point!r}, with a point; allowed is one of both in a file"
+        )
+    if commas and all(_THOUSANDS.fullmatch(cell) for *_, cell in commas):
+        row, name, cell = commas[0]
+        raise InputError(
+            f"row {row}: {name} is {cell!r}, which may mean {cell.replace(',', '.')} or "
+            f"{cell.replace(',', '')}; allowed is a point before decimals"
+        )
+    return "," if commas else "."
 
 
 def values_of(
-    table: TextTable, factors: Mapping[int, tuple[str, float]], problems: Problems
+    table: TextTable,
+    factors: Mapping[int, tuple[str, float]],
+    problems: Problems,
+    decimal: str | None = None,
 ) -> dict[str, np.ndarray]:
     """The numbers of columns {number: (name, factor)}, {name: (n,)}, each times its factor.
     Problems of rows and cells go to `problems`, and a column's value there is nan."""
-    signs = ["."] * len(table.names)
-    with problems:
-        signs = decimal_signs(table, factors)
     columns = {name: np.full(len(table.rows), math.nan) for name, _ in factors.values()}
+    try:
+        decimal = decimal or _decimal(table, factors)
+    except InputError as error:
+        problems.append(str(error))
+        return columns
     lengths: dict[int, list[str]] = {}
     wrong: list[str] = []
     for k, (row, cells) in enumerate(zip(table.rows, table.cells)):
@@ -240,7 +218,7 @@ def values_of(
             lengths.setdefault(len(cells), []).append(f"row {row}")
             continue
         for i, (name, factor) in factors.items():
-            columns[name][k] = number(cells[i], signs[i]) * factor
+            columns[name][k] = number(cells[i], decimal) * factor
             if not math.isfinite(columns[name][k]):
                 wrong.append(f"row {row}: {name} is {cells[i].strip()!r}")
     for length, rows in lengths.items():
@@ -249,7 +227,7 @@ def values_of(
             "is one number a column (a decimal comma needs semicolons or tabs between them)"
         )
     if wrong:
-        problems.append(f"{some(wrong)}; allowed is a finite number")
+        problems.append(f"{some(wrong)}; allowed is a finite number, as 1058.5")
     return columns
 
 

@@ -5,16 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 from curve_texts import FREE, SHEET, UNIAXIAL, folder
+from synthetic_curves import synthesise, synthesise_compaction
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.identification import (
-    compaction,
-    draw,
-    fit_compaction,
-    identify,
-    synthesise,
-    synthesise_compaction,
-)
+from fabric_fenicsx.identification import compaction, draw, fit_compaction, identify
 from fabric_fenicsx.identification import curves as data
 from fabric_fenicsx.identification.curves import Sheet
 from fabric_fenicsx.runtime.errors import InputError, SolverFailure
@@ -98,8 +92,6 @@ def test_an_onset_that_the_data_do_not_tell_is_assumed():
 def test_a_data_set_gives_the_fabric_its_compaction(tmp_path):
     known = ff.load("komeili").replace(compaction=SOFT, fibre_density=2.54)
     sheet, curves = synthesise(known, "all", 0.005)
-    data.write(tmp_path / "data", sheet, curves)
-    sheet, curves = data.read(tmp_path / "data")
     assert len(sheet.compaction) == 1 and sheet.fibre_density == 2.54
     result = identify(sheet, curves)
     assert result.fabric.fibre_density == 2.54

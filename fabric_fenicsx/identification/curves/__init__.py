@@ -2,7 +2,7 @@
 
 A data set is a folder with one `sheet.toml` (the sheet) and one CSV file a test. A CSV file has
 comment lines `# key: value` that state the test, then a header `name [unit]` for each column, then
-rows of numbers; machines' own spellings are read as well, see `readers.text_tables`:
+rows of numbers:
 
     # test: uniaxial_a
     # lateral: free
@@ -25,4 +25,3 @@ from .checks import check_contradictions, curve_warnings
 from .forces import bias_displacement, bias_force, bias_normalised
 from .model import MIN_POINTS, STRAINS, TESTS, CompactionTest, Curve, Response, Sheet
 from .reading import read, read_sheet
-from .writing import write

@@ -59,6 +59,7 @@ def check_values(name: str, table: Table, runs: str, measured: Sequence[str]) ->
         _check_monotone(table, runs, np.sign(x[-1] - x[0]), "rise or fall")
         _check_reach(table, runs)
     undeformed = ~np.any([table.columns[c] for c in strains if c not in measured], axis=0)
+    undeformed &= "F" not in table.columns  # whose zero is fitted
     for column in measured:
         with problems:
             _check_response(name, table, column, undeformed)

@@ -13,7 +13,7 @@ from ...readers.units import factors
 from ...runtime.errors import InputError
 from ...runtime.rules import unknown_key
 from . import checks
-from .branch import from_zero, kept, loading_branch, slack, way_back
+from .branch import from_zero, kept, loading_branch, way_back
 from .forces import of_fabric, response
 from .model import (
     COLUMNS,
@@ -53,11 +53,14 @@ def read_test(path: Path, sheet: Sheet) -> Curve | CompactionTest:
     """The test in a CSV file, of a sheet. InputError by file and row, of all that is wrong."""
     problems = Problems()
     try:
-        lines = read_lines(path)
+        lines = read_lines(path, sheet.csv.get("encoding"))
         keys = _keys(_key_texts(lines, sheet.keys.get(path.name, {}), problems), problems)
         with problems:
             known = {*sheet.columns, *COLUMNS}
-            cells = table_of(lines, lambda name: bool({name, column_of(name)} & known))
+            delimiter = sheet.csv.get("delimiter")
+            cells = table_of(
+                lines, lambda name: bool({name, column_of(name)} & known), delimiter=delimiter
+            )
             table, remarks = _table(cells, keys, sheet, problems)
         problems.stop()
         if keys.test == COMPACTION:
@@ -69,6 +72,7 @@ def read_test(path: Path, sheet: Sheet) -> Curve | CompactionTest:
 
 def _curve(file, table, keys, thickness, remarks):
     test = TESTS[keys.test]
+    _take_zero(table, keys)
     raw = {column: raw for raw, (column, _) in test.raw.items() if raw in table.columns}
     moved = raw.get(test.strains[0], test.strains[0])
     table, told = from_zero(table, moved, test.sign)
@@ -80,10 +84,6 @@ def _curve(file, table, keys, thickness, remarks):
     told, loose = told + left_out, 0.0
     if "slack" in keys.texts:
         loose = _quantity("slack", keys.texts["slack"], units(moved), zero=True)
-    elif "slack" in test.all_keys:
-        borne = next(c for c in ("F", *test.measured) if c in table.columns)
-        loose, words = slack(table, moved, borne)
-        told += words
     if loose:
         table = kept(table, table.columns[moved] > loose)
         table.columns[moved] = table.columns[moved] - loose
@@ -118,10 +118,27 @@ def _curve(file, table, keys, thickness, remarks):
         _noise(keys.texts.get("noise"), responses, thickness),
         keys.lengths,
         (*remarks, *told),
-        loose,
         back,
         columns.get("displacement"),
+        () if back else _unknown_origin(keys, moved, columns),
+        per_newton=1 / (keys.lengths["width"] * thickness) if "F" in raw.values() else 1.0,
     )
+
+
+def _take_zero(table, keys):
+    """Take a stated zero of the load cell off the force."""
+    if "zero" in keys.texts and "F" in table.columns:
+        place, text = keys.texts["zero"]
+        sign = -1 if text.startswith("-") else 1
+        size = _quantity("zero", (place, text.lstrip("-")), units("F"), zero=True)
+        table.columns["F"] -= sign * size
+
+
+def _unknown_origin(keys, moved, columns):
+    """Which of slack and zero are to be fitted; the angle of a picture frame is that of the
+    frame."""
+    may = {"slack": moved == "displacement" or keys.test == "picture_frame", "zero": "F" in columns}
+    return tuple(name for name in may if may[name] and name not in keys.texts)
 
 
 def _compaction_test(file, table, keys, remarks):
@@ -187,7 +204,7 @@ def _keys(texts, problems):
         if "lateral" in test.keys and "lateral" in texts:
             free, across, others = _lateral(name, *texts.pop("lateral"))
     for key in test.all_keys:
-        if key in texts and key != "slack":
+        if key in texts and key not in ("slack", "zero"):
             with problems:
                 lengths[key] = _quantity(key, texts[key], _LENGTH)
     return _Keys(name, free, (*test.measured, *across), others, lengths, texts)
@@ -285,7 +302,7 @@ def _table(cells, keys, sheet, problems):
         cells.cells[-1][i].strip() for i in factors if i < len(cells.cells[-1])
     ):
         cells.rows.pop(), cells.cells.pop()  # of a longer test beside this one
-    columns = values_of(cells, factors, problems)
+    columns = values_of(cells, factors, problems, sheet.csv.get("decimal"))
     unread = [_unread(*each) for each in unknown if each[0]]
     return Table(columns, header, cells.rows, cells.top), unread
 

@@ -79,8 +79,9 @@ class Kind(NamedTuple):
     def all_keys(self) -> tuple[str, ...]:
         """All keys that files of the test may have besides `test` and `noise`."""
         may_be_slack = self.sign > 0 and self.strains != ("pressure",)
-        keys = *self.keys, *(key for _, key in self.raw.values()), *["slack"][:may_be_slack]
-        return tuple(dict.fromkeys(keys))
+        has_load_cell = "F" in (*self.measured, *self.raw)
+        keys = *self.keys, *(key for _, key in self.raw.values())
+        return tuple(dict.fromkeys((*keys, *["slack"][:may_be_slack], *["zero"][:has_load_cell])))
 
 
 def _strip(strain: str, stress: str) -> Kind:
@@ -143,15 +144,26 @@ class Response:
         return float(np.abs(self.values).max())
 
 
+class Origin(NamedTuple):
+    """The fit of where a test begins. numbers: slack and zero by name, each with its interval and
+    unit; ends: changes of slack [mm or rad] and zero [of the first response] at both ends of the
+    interval of the slack; half: half width of the interval of the zero at the slack itself."""
+
+    numbers: dict[str, tuple[float, float, float, str]]
+    ends: list[tuple[float, float]]
+    half: float
+
+
 @dataclass(frozen=True)
 class Curve:
     """One test. strains: (n, 3) eps_a, eps_b [-], gamma [rad] as prescribed; rows: (n,) line
     numbers in the file; free: 0 or 1 if the yarns across a tension along a or b are free of stress;
     noise: ("maximum" | "value" | "absolute", number) or None; abscissa: the column of `strains`
     that runs; keys: further keys of the file, lengths [mm]; remarks: sentences on what was left
-    out; slack: in the unit of the file's column that runs; back: of a loop in shear the angles (m,)
-    [rad] and what was measured on the way back; displacement (n,) of the clamp [mm], if the file
-    has it."""
+    out; back: of a loop in shear the angles (m,) [rad] and what was measured on the way back;
+    displacement (n,) of the clamp [mm], if the file has it; unknown: "slack" and "zero" if they are
+    to be fitted; origin: their fit; per_newton: what 1 N of the load cell is in the first response.
+    """
 
     file: str
     test: str
@@ -163,9 +175,11 @@ class Curve:
     noise: tuple[str, float] | None = None
     keys: dict[str, float] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
-    slack: float = 0.0
     back: tuple[np.ndarray, Response] | None = None
     displacement: np.ndarray | None = None
+    unknown: tuple[str, ...] = ()
+    origin: Origin | None = None
+    per_newton: float = 1.0
 
     @property
     def is_raw(self) -> bool:
@@ -192,7 +206,8 @@ class Sheet:
     (`balanced`), values to assume for parameters that the data don't determine, as {"p_min": ..} or
     {"warp.p_min": ..}, the areal weight [g/m2] if the density is from one, and the fibre density
     [g/cm3] if known. compaction: tests across the thickness. Of the CSV files: keys {file: {key:
-    text}}, and columns {name in a header: column, maybe with a unit in brackets}."""
+    text}}, columns {name in a header: column, maybe with a unit in brackets}, and csv, their
+    delimiter, decimal and encoding as far as stated."""
 
     name: str
     thickness: float
@@ -204,6 +219,7 @@ class Sheet:
     compaction: tuple[CompactionTest, ...] = field(default=(), compare=False)  # has arrays
     keys: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     columns: Mapping[str, str] = field(default_factory=dict)
+    csv: Mapping[str, str] = field(default_factory=dict)
 
     def measured_thickness(self, test: CompactionTest) -> np.ndarray:
         """Thickness of one ply at each point of a test, (n,) [mm]."""

@@ -1,6 +1,7 @@
 """Data sets from files: `sheet.toml` and a CSV file a test."""
 
 import dataclasses
+import re
 from pathlib import Path
 
 from ...material.files import (
@@ -21,6 +22,7 @@ from .csv_files import read_test
 from .model import COLUMNS, KEYS, CompactionTest, Curve, Sheet
 
 FILES = ".csv", ".tsv"
+SPELLING = {"delimiter": "[;,\t ]", "decimal": "[.,]", "encoding": ".+"}  # of [csv]
 
 
 def read(path: Path | str) -> tuple[Sheet, tuple[Curve, ...]]:
@@ -65,8 +67,8 @@ def read(path: Path | str) -> tuple[Sheet, tuple[Curve, ...]]:
 def read_sheet(path: Path | str) -> Sheet:
     """Read `sheet.toml`: name, thickness_mm, density_g_per_cm3 or areal_weight_g_per_m2, balanced,
     and optional fibre_density_g_per_cm3, [assumed], [assumed.warp], [assumed.weft] with parameters
-    as in a material file (d_MPa, p_min, ..), and [columns] and [tests."FILE"]. Raises InputError by
-    file and key."""
+    as in a material file (d_MPa, p_min, ..), and [csv], [columns] and [tests."FILE"]. Raises
+    InputError by file and key."""
     return read_toml(path, _sheet)
 
 
@@ -112,14 +114,20 @@ def _assumed(assumed, balanced, units):
 def _stated(document):
     """The statements of a document on CSV files, taken out of it."""
     columns, tests = take_table(document, "columns"), take_table(document, "tests")
-    for table, where in ((columns, "columns"), *((tests[f], f"tests.{f!r}") for f in tests)):
+    spelled = take_table(document, "csv")
+    tables = [(columns, "columns"), (spelled, "csv")]
+    for table, where in (*tables, *((tests[f], f"tests.{f!r}") for f in tests)):
         if not isinstance(table, dict):
             raise InputError(f'{where} is {table!r}; allowed is a table, [tests."bias.csv"]')
         for key, text in table.items():
             if not isinstance(text, str):
                 raise InputError(f'{where}.{key} is {text!r}; allowed is a text, as "200 mm"')
-            if where != "columns" and key not in KEYS:
-                raise unknown_key(key, KEYS, f"{where}.{key}")
+            known = SPELLING if where == "csv" else KEYS
+            if where != "columns" and key not in known:
+                raise unknown_key(key, known, f"{where}.{key}")
+            if where == "csv" and not re.fullmatch(known[key], text):
+                allowed = '";", "\\t" or ","' if key == "delimiter" else '"." or ","'
+                raise InputError(f"csv.{key} is {text!r}; allowed is {allowed}")
             if where == "columns" and text.split(" ")[0] not in COLUMNS:
                 raise unknown_key(text, COLUMNS, f"columns.{key} {text!r}")
-    return {"keys": tests, "columns": columns}
+    return {"keys": tests, "columns": columns, "csv": spelled}

@@ -3,9 +3,9 @@ other."""
 
 import pytest
 from curve_texts import FREE, SHEET, UNIAXIAL, folder, scaled
+from synthetic_curves import synthesise
 
 from fabric_fenicsx.identification import curves as data
-from fabric_fenicsx.identification import synthesise
 from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.runtime.errors import InputError
 

@@ -5,7 +5,6 @@ import pytest
 from curve_texts import BIAS, FREE, SHEAR, SHEET, UNIAXIAL, folder, scaled
 
 from fabric_fenicsx.identification import curves as data
-from fabric_fenicsx.identification import synthesise
 
 
 def test_a_file_is_read(tmp_path):
@@ -41,29 +40,6 @@ def test_spellings_give_the_same_curve(tmp_path, text):
     _, (curve,) = data.read(folder(tmp_path, warp=text))
     assert curve.strains[:, 0] == pytest.approx([0.005, 0.01, 0.015, 0.02, 0.025])
     assert curve.responses[0].values == pytest.approx([6.9, 14.5, 22.8, 31.6, 41.1])
-
-
-def test_written_data_read_back(tmp_path, unbalanced):
-    sheet, curves = synthesise(unbalanced, "all", 0.02)
-    data.write(tmp_path / "new", sheet, curves, ["synthetic"])
-    again, read = data.read(tmp_path / "new")
-    assert again == sheet and {c.file for c in read} == {c.file for c in curves}
-    (pressed,), (made,) = again.compaction, sheet.compaction
-    assert pressed.pressure == pytest.approx(made.pressure, rel=1e-11)
-    assert pressed.response.values == pytest.approx(made.response.values, rel=1e-11)
-    assert pressed.noise == made.noise
-    for one in curves:
-        two = next(c for c in read if c.file == one.file)
-        assert (two.test, two.free, two.noise, two.abscissa) == (
-            one.test,
-            one.free,
-            one.noise,
-            one.abscissa,
-        )
-        assert two.strains == pytest.approx(one.strains, rel=1e-11, abs=0)
-        for r, q in zip(one.responses, two.responses, strict=True):
-            assert (r.column, r.unit) == (q.column, q.unit)
-            assert q.values == pytest.approx(r.values, rel=1e-11)
 
 
 def test_areal_weight_is_a_density(tmp_path):

@@ -1,19 +1,15 @@
-"""Test curves that the law predicts, and how often the intervals of a fit to them hold."""
+"""Test curves that the law predicts, with noise."""
 
 import dataclasses
-from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
-from ..material.compaction import Compaction
-from ..material.homogeneous import lateral_strain, nominal
-from ..material.laws.coupled import WovenFabric
-from . import curves as data
-from .curves import CompactionTest, Curve, Response, Sheet
-from .curves.model import unit_inside
-from .fit import identify
-from .problem import true_values
+from fabric_fenicsx.identification import curves as data
+from fabric_fenicsx.identification.curves import CompactionTest, Curve, Response, Sheet
+from fabric_fenicsx.identification.curves.model import unit_inside
+from fabric_fenicsx.material.compaction import Compaction
+from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
+from fabric_fenicsx.material.laws.coupled import WovenFabric
 
 # strains of synthetic tests at their end: eps_a, eps_b [-], gamma [deg]; the first and last are
 # reached from 0 together
@@ -100,30 +96,3 @@ def synthesise_compaction(
     response = Response("thickness", "mm", h, np.ones(points))
     stated = ("maximum", noise) if noise else None
     return CompactionTest("compaction.csv", p, response, np.arange(points), stated)
-
-
-def coverage(
-    fabric: WovenFabric,
-    plan: str = "all",
-    noise: float = 0.02,
-    seeds: Sequence[int] = range(1, 101),
-    stated: bool = True,
-) -> dict[str, Any]:
-    """Over synthetic data of each seed: how often each parameter was determined and its true value
-    lay in its interval.
-
-    stated: whether the curves state their noise. Returns {"seeds": how many, "noise", "plan",
-    "inside": {name: n}, "determined": {name: n}}.
-    """
-    truth = true_values(fabric, fabric.is_balanced)
-    inside, determined = dict.fromkeys(truth, 0), dict.fromkeys(truth, 0)
-    for seed in seeds:
-        sheet, curves = synthesise(fabric, plan, noise, seed)
-        if not stated:
-            curves = tuple(dataclasses.replace(curve, noise=None) for curve in curves)
-        for name, fitted in identify(sheet, curves).determined.items():
-            determined[name] += 1
-            inside[name] += fitted.interval[0] <= truth[name] <= fitted.interval[1]
-    found = {n: d for n, d in determined.items() if d}
-    counts = {"inside": {n: inside[n] for n in found}, "determined": found}
-    return {"seeds": len(seeds), "noise": noise, "plan": plan} | counts
