@@ -32,10 +32,8 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     """Fit the law to the curves, and compaction to the sheet's tests of it; InputError if they
     determine nothing or are too few, SolverFailure if a fit fails."""
     if sheet.compaction and not curves:
-        needed = (
-            "one or more in the fabric's plane, too, or `fit_compaction`, which needs no others"
-        )
-        raise InputError(f"all tests are of compaction; allowed are {needed}")
+        allowed = "one in the fabric's plane, too, or `fit_compaction`, which needs no others"
+        raise InputError(f"all tests are of compaction; allowed is {allowed}")
     compaction = fit_compaction(sheet) if sheet.compaction else None
     curves = with_origins(curves, sheet.thickness)
     friction = fit_friction(curves)
@@ -66,7 +64,8 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     predicted = problem.predict(theta)
     fits = [(curve, response, predicted[s], sd[s]) for (curve, response), s in problem.parts]
     warnings = [
-        *(f"{c.file}: {text}" for c in (*curves, *sheet.compaction) for text in c.remarks),
+        *(f"{curve.file}: {text}" for curve in curves for text in curve.remarks),
+        *(f"{test.file}: {text}" for test in sheet.compaction for text in test.remarks),
         *_fit_warnings(problem, found, softest, convex, determined, assumed),
         *_origin_warnings(problem, found, alone),
         *curve_warnings(curves),

@@ -14,7 +14,7 @@ POWERS = 5  # of the strain, in the stress of a test; the law has fewer and may 
 SHARE = 0.03  # of the force, by which these may be off it
 LEAST = 12  # points
 FIRST = 0.1  # of the last displacement, beyond which the first one is too late
-GRID = 101  # values of the slack that are tried, and tried again where it is likely
+GRID = 61  # values of the slack that are tried, and tried again where it is likely
 ROUNDED = 1e-4  # of the peak, to which forces are known at best
 
 
@@ -77,9 +77,8 @@ def _fitted(curve, thickness):
         series = [force.gain * e**k + half * (e / 2) ** k for k in range(1, powers + 1)]
         return np.column_stack([np.full(len(x), float(has_zero)), *series])
 
-    def fit(slack, sd):
+    def fit(slack, A, sd):
         """Sum of squares, slack, zero, its standard error, and the force of the specimen."""
-        A = columns(slack)
         scaled = A / sd[:, None]
         inverse = np.linalg.pinv(scaled)
         values = inverse @ (y / sd)
@@ -95,18 +94,17 @@ def _fitted(curve, thickness):
 
     slacks = np.linspace(0.0, min(0.5 * x[-1], x[-MIN_POINTS - powers]), GRID)
     slacks = slacks if "slack" in curve.unknown else np.zeros(1)
-    force = np.abs(y)
+    force, tried = y, [(slack, columns(slack)) for slack in slacks]
     for _ in range(3):
         sd = np.hypot(scatter, SHARE * np.abs(force))
-        fits = [fit(slack, sd) for slack in slacks]
+        fits = [fit(*each, sd) for each in tried]
         force = min(fits, key=lambda each: each[0])[-1]
     if len(slacks) > 1:
         near, step = [each[1] for each in likely(fits)[0]], slacks[1]
         finer = np.linspace(max(near[0] - step, 0.0), near[-1] + step, GRID)
-        fits = [fit(slack, sd) for slack in finer]
+        fits = [fit(slack, columns(slack), sd) for slack in finer]
     near, most = likely(fits)
-    # no slack where none is as likely
-    _, slack, zero, error, _ = near[0] if near[0][1] == 0 else min(near, key=lambda each: each[0])
+    _, slack, zero, *_ = min(near, key=lambda each: each[0])
     spans = [np.sqrt(most - each[0]) * each[3] for each in near]
     lows, highs = zip(*((each[2] - span, each[2] + span) for each, span in zip(near, spans)))
     ends = [(near[k][1] - slack, near[k][2] - zero) for k in (0, -1)]

@@ -191,7 +191,7 @@ def test_a_sheet_thicker_than_what_was_measured_is_told_of():
 
 
 def test_compaction_alone_is_no_fabric():
-    with pytest.raises(InputError, match="all tests are of compaction; allowed are one or more in"):
+    with pytest.raises(InputError, match="all tests are of compaction; allowed is one in"):
         identify(pressed_sheet(SOFT), [])
     with pytest.raises(InputError, match="there is no test of compaction; allowed is one or more"):
         fit_compaction(PLY)

@@ -59,7 +59,6 @@ def check_values(name: str, table: Table, runs: str, measured: Sequence[str]) ->
         _check_monotone(table, runs, np.sign(x[-1] - x[0]), "rise or fall")
         _check_reach(table, runs)
     undeformed = ~np.any([table.columns[c] for c in strains if c not in measured], axis=0)
-    undeformed &= "F" not in table.columns  # whose zero is fitted
     for column in measured:
         with problems:
             _check_response(name, table, column, undeformed)
@@ -101,10 +100,13 @@ def _check_response(name, table, column, undeformed):
     """A measured column that is 0, of the wrong sign, not 0 in the rows without strain, or that
     falls."""
     test, values, rows = TESTS[name], table.columns[column], table.rows
+    if "F" in table.columns and not column.startswith("eps"):  # whose zero is fitted
+        values = values - values[0]
     peak = int(np.abs(values).argmax())
     largest = values[peak]
     if not largest:
-        raise InputError(f"row {rows[0]}: {column} is 0 in every row, so there is nothing to fit")
+        same = f"{column} is {table.columns[column][0]:g} in every row"
+        raise InputError(f"row {rows[0]}: {same}, so there is nothing to fit")
     narrows = column.startswith("eps")
     sign = -1 if narrows else test.sign
     if not narrows and sign < 0 and "gamma" in table.columns:
