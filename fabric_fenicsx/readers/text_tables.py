@@ -67,7 +67,7 @@ def read_lines(path: str | os.PathLike[str], encoding: str | None = None) -> lis
     except (OSError, ValueError, LookupError) as error:
         reason = getattr(error, "strerror", None) or str(error)
     if reason:
-        raise InputError(f"cannot be read as text ({reason}); allowed is a CSV file in UTF-8, or in the `encoding` of [csv]")
+        raise InputError(f"cannot be read as text ({reason}); allowed is a CSV file in UTF-8")
     return text.splitlines()
 
 
