@@ -10,7 +10,7 @@ from typing import Any
 import jinja2
 
 from ..material.strains import share_name
-from ..runtime.formatting import percent, rounded
+from ..runtime.formatting import percent, rounded, with_error
 
 # picture -> what it shows, in the order of a report
 CAPTIONS = {
@@ -138,7 +138,7 @@ def _with_errors(values, errors, before=""):
         if isinstance(value, dict):
             value = _with_errors(value, errors, f"{before}{name}.")
         elif before + name in errors:
-            value = f"{_number(value)} +- {rounded(errors[before + name], 2)}"
+            value = with_error(_number(value), value, errors[before + name])
         elif name.endswith("_at_mm"):
             value = f"({', '.join(map(_number, value))})"
         found[name] = value

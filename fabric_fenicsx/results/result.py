@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..mechanics.output import Fields
 from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
-from ..runtime.formatting import rounded
+from ..runtime.formatting import rounded, with_error
 from ..scene import output
 from ..scene.scene import Scene
 from . import measures
@@ -92,7 +92,8 @@ class Result:
         if value is None:
             return "-"
         text = format(round(scale * value, 12) + 0.0, form)
-        return text + (f" +- {rounded(abs(scale) * errors[name], 2)}" if name in errors else "")
+        scaled = scale * value, abs(scale) * errors.get(name, 0.0)
+        return with_error(text, *scaled) if name in errors else text
 
     def force(self, tool: Tool | str) -> np.ndarray:
         """Force of `tool`, or of the tool of that name, on the sheet in the last accepted state,

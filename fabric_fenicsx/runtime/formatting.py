@@ -6,6 +6,7 @@ from decimal import Decimal
 
 TINY = 1e-300  # in place of 0 below a line
 MANY = 10.0  # a share above which its size says nothing more
+ROUNDING = 1e-12  # share of a number below which an error is one of floating point alone
 
 
 def rounded(number: float, digits: int = 3) -> str:
@@ -21,6 +22,10 @@ def rounded(number: float, digits: int = 3) -> str:
 def share(part: float, whole: float) -> float:
     """A part over the size of a whole that may be 0: 0 of nothing is 0, all else is immense."""
     return part / max(abs(whole), TINY)
+def with_error(text: str, number: float, error: float, digits: int = 2) -> str:
+    """The text of a number, with its error behind it: 2033.42 +- 0.29; +- 0 if that is rounding."""
+    exact = abs(error) <= ROUNDING * max(1.0, abs(number))
+    return f"{text} +- {rounded(0.0 if exact else error, digits)}"
 
 
 def percent(share: float, digits: int = 2) -> str:
