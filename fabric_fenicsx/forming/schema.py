@@ -57,6 +57,7 @@ SHAPES: dict[str, tuple[Callable[..., Surface], tuple[str, ...]]] = {
     "block": (Block, ("length", "width", "height", "radius", "corner")),
     "double_dome": (DoubleDome, tuple(each.name for each in dataclasses.fields(DoubleDome))),
 }
+PLAIN = str, bool, int, float, list, dict  # what a file can have
 OVER = (180.0, 0.0, 0.0)  # angles that turn a shape's face down
 # entry of a holder -> the kind of holder that has it
 HOLDERS: dict[str, type] = {
@@ -248,15 +249,17 @@ def _shape(shape: str, table: Mapping[str, Any], path: str, own: Sequence[str]) 
 
 
 def _holder(table: Any, name: str, folder: Path) -> Holder | list[Holder]:
+    path, allowed = f"holders.{name}", f"one of {', '.join(HOLDERS)}"
     if not isinstance(table, Mapping):  # a holder itself, or a list of them
+        parts = table if isinstance(table, list) else [table]
+        if not parts or isinstance(parts[0], PLAIN):
+            raise InputError(f"{path} is {shown(table)}; allowed is a table with {allowed}")
         holders_of(name, table)
         return table
-    path = f"holders.{name}"
     kinds = [key for key in HOLDERS if key in table]
     if len(kinds) != 1:
         raise InputError(
-            f"{path} has {' and '.join(kinds) or 'nothing that holds'}; allowed is one of "
-            f"{', '.join(HOLDERS)}"
+            f"{path} has {' and '.join(kinds) or 'nothing that holds'}; allowed is {allowed}"
         )
     given = dict(table)
     if "where" in table:

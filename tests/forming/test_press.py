@@ -172,6 +172,8 @@ def test_a_ring_pushed_by_a_force_holds_as_its_pressure_does(tmp_path):
         (["stage.forming.steps=three"], "stage.forming.steps is 'three'; allowed is a whole"),
         (["stage.forming.forces={punch=3}"], "forming.forces.punch needs a `force` from the start"),
         (["stage.forming.leave=['punch']"], "stage.forming.leave names punch, which moves in this"),
+        (["holder=3"], "is 3; allowed is a table with one of pressure, force, gap, tension, stiff"),
+        (["holder=[]"], r"is \[\]; allowed is a table with one of pressure"),
         (["holder.force=3"], "has pressure and force; allowed is one of pressure, force, gap"),
         (["holder.pressure=-1"], "holders.holder.pressure is -1; allowed is a number from 0"),
         (["holder.against=punch"], "holder.against is punch, which moves; allowed is a tool"),
