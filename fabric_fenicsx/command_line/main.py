@@ -46,7 +46,7 @@ def main(argv: list[str] | None = None) -> int:
     if command == "sweep":  # before MPI begins, which its runs do by themselves
         from . import sweep
 
-        return sweep.main([*map(_found, argv[1:])] or ["--help"])
+        return sweep.main([*map(_found, argv[1:])])
     comm, status = info.world(), 0
     first = comm is None or comm.rank == 0
     if not first and asks_for_help(argv):
