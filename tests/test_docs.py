@@ -54,6 +54,13 @@ def write_data_set(folder, *more):
     return folder / "mine"
 
 
+def write_files(page, folder):
+    """The TOML files that a page shows under their names, written into a folder."""
+    found = r"^`(\w+\.toml)`:\n\n```\{code-block\} toml\n(.*?)^```"
+    for file, content in re.findall(found, page.read_text(), re.S | re.M):
+        (folder / file).write_text(content)
+
+
 def blocks(text):
     """(kind, text, number of paragraphs before it) of the blocks of a page in their order:
     programs, included files, commands, output."""
@@ -214,6 +221,7 @@ WITH_PROGRAMS = [p for p in PAGES[1:] if "```python" in p.read_text()]
 
 @pytest.mark.parametrize("page", WITH_PROGRAMS, ids=name)
 def test_programs_print_what_their_page_says(run, tmp_path, page):
+    write_files(page, tmp_path)
     if page.stem == "own_tool":
         import pyvista
 
@@ -272,9 +280,7 @@ def test_commands_print_what_their_page_says(run_command, tmp_path, page):
     drawing.saveas(tmp_path / "ply.dxf")
     write_data_set(tmp_path)
     (tmp_path / "studies").symlink_to(ROOT / "studies")
-    found = r"^`(\w+\.toml)`:\n\n```\{code-block\} toml\n(.*?)^```"
-    for file, content in re.findall(found, page.read_text(), re.S | re.M):
-        (tmp_path / file).write_text(content)
+    write_files(page, tmp_path)
     if "--out fabric.toml" not in page.read_text():
         (tmp_path / "fabric.toml").write_text(material_file())
     for lines, output in commands(page.read_text()):

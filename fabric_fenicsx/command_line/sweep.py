@@ -1,11 +1,10 @@
-"""`fabric sweep`: many runs of a press file side by side, and the least value of a quantity."""
+"""`fabric sweep`: many runs of a press file side by side."""
 
 import itertools
 import os
 import shlex
 import sys
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,25 +13,17 @@ from ..runtime.files import unwritable
 from ..runtime.rules import COUNT, Rule
 from ..sweep import varied
 from ..sweep.folder import SweepFolder, check_quantity, read_press
-from ..sweep.processes import Form, Runner
+from ..sweep.form import Form
 from .options import Parser, exit_status, option_type
 
 NAME = "fabric sweep"
 DESCRIPTION = (
-    "Runs `fabric form` with all combinations of values of a press file, side by side, looks for "
-    "the least value of a quantity, or lets numbers scatter. Called again, it goes on. DIR gets "
-    "table.csv, pictures, report.html, and a folder a run. Options behind -- go to `fabric form`."
+    "Runs `fabric form` with all combinations of values of a press file, side by side, or lets "
+    "numbers scatter. Called again, it goes on. DIR gets table.csv, pictures, report.html, and a "
+    "folder a run. Options behind -- go to `fabric form`."
 )
 # what a sweep gives each of its runs, or tells it by itself
 TAKEN = ("--set", "--out", "--resume", "--overwrite")
-# options that do not go together
-APART = (
-    ("scatter", "minimise"),
-    ("slurm", "minimise"),
-    ("only", "minimise"),
-    ("only", "slurm"),
-    ("only", "overwrite"),
-)
 RANKS = "OMPI_COMM_WORLD_SIZE", "PMI_SIZE"
 
 
@@ -41,12 +32,10 @@ def parser() -> Parser:
     usage = "%(prog)s press.toml --vary KEY=VALUES [option ...] [-- option of form ...]"
     p = Parser(prog=NAME, usage=usage, description=DESCRIPTION)
     p.add_argument("press", metavar="press.toml", type=Path, help="the press file")
-    several = Rule("a whole number of 3 or more", lambda v: v >= 3, int)
     power = Rule("a power of 2 from 8 on", lambda v: v >= 8 and v.bit_count() == 1, int)
     more: dict[str, Any] = {"action": "append", "default": []}
-    words = 'as "holder.pressure=0.01,0.05,0.2"; with --minimise and --scatter as '
-    words += '"holder.pressure=0.01..0.2"; several are combined'
-    p.add_argument("--vary", metavar="KEY=VALUES", help=words, **more)
+    words = 'as "holder.pressure=0.01,0.05,0.2"; with --scatter as "holder.pressure=0.01..0.2"; '
+    p.add_argument("--vary", metavar="KEY=VALUES", help=words + "several are combined", **more)
     p.add_argument("--out", metavar="DIR", type=Path, help="default results/sweep_PRESS")
     words = "runs at a time (by default as many as cores and free memory allow)"
     p.add_argument("--jobs", metavar="N", type=option_type(COUNT), help=words)
@@ -56,14 +45,10 @@ def parser() -> Parser:
     p.add_argument("--slurm", metavar="FILE", type=Path, help=words)
     words = "do run K alone, counted from 1, as a task of the array does"
     p.add_argument("--only", metavar="K", type=option_type(COUNT), help=words)
-    words = "say where a quantity is below x over the one number that is varied; with --minimise "
-    words += "look only there, with --scatter count the runs"
-    p.add_argument("--below", metavar="QUANTITY=X", help=words, **more)
-    p.add_argument("--minimise", metavar="QUANTITY", help="look for its least value")
+    words = "say where a quantity is below X over the one number that is varied; with --scatter "
+    p.add_argument("--below", metavar="QUANTITY=X", help=words + "count the runs", **more)
     words = "N runs, 16, 32 or 64, over intervals of [scatter] of the material files and of --vary"
     p.add_argument("--scatter", metavar="N", type=option_type(power), help=words)
-    words = "most runs of --minimise (12 for each number)"
-    p.add_argument("--evaluations", metavar="N", type=option_type(several), help=words)
     words = "do not find the answer again on finer cells"
     p.add_argument("--no-finer", action="store_true", help=words)
     words = "delete the sweep in --out first"
@@ -102,7 +87,8 @@ def _parted(argv):
 
 def _sweep(args, passed, program, argv):
     """Run it and write what it found; why not all runs are believed, or ""."""
-    from ..sweep import job_array, optimum, results, scatter
+    from ..sweep import job_array, limits, results, scatter
+    from ..sweep.runner import Runner
 
     if (ranks := max(int(os.environ.get(name, 1)) for name in RANKS)) > 1:
         raise InputError(f"sweep runs on {ranks} ranks; allowed is one: it starts its runs itself")
@@ -110,8 +96,8 @@ def _sweep(args, passed, program, argv):
         raise InputError("nothing is varied; allowed is one --vary or more")
     _, document = read_press(args.press)
     form, ranges, values = _planned(args, passed, program)
-    limits = [optimum.limit_of(word) for word in args.below]
-    asked = [*filter(None, [args.minimise]), *(name for name, _ in limits)]
+    below = [limits.limit_of(word) for word in args.below]
+    asked = [name for name, _ in below]
     known = form.quantities(values[0]) if asked else ()
     for name in asked:
         check_quantity(name, known, f"none of {args.press}")
@@ -127,22 +113,14 @@ def _sweep(args, passed, program, argv):
     sweep.facts["asked"] = asked
     runner, answers = Runner(sweep, form, args.jobs), list[str]()
     try:
-        evaluate = partial(_evaluated, runner, asked)
-        is_checked = asked and not (args.no_finer or args.scatter)
-        finer = _finer(form.finer(values[0]), evaluate) if is_checked else None
-        if args.minimise:
-            best = optimum.minimise(
-                ranges, args.minimise, evaluate, args.evaluations, limits, finer
-            )
-            runs, answers, sweep.facts["best"] = [best.run], [best.text], best.facts
-        else:
-            _announce(values, runner)
-            runs = runner.all(values)
-            if args.scatter:
-                labels = results.headlines(runs, asked)
-                answers, sweep.facts["scatter"] = scatter.told(runs, ranges, labels, limits)
-            else:
-                answers = [optimum.below(runs, *limit, finer) for limit in limits]
+        _announce(values, runner)
+        runs = runner.all(values)
+        if args.scatter:
+            labels = results.headlines(runs, asked)
+            answers, sweep.facts["scatter"] = scatter.told(runs, ranges, labels, below)
+        elif below:
+            finer = None if args.no_finer else _finer(form.finer(values[0]), runner)
+            answers = [limits.below(runs, *limit, finer) for limit in below]
         sweep.save()
         print(*answers, sep="\n", end="\n" * bool(answers))
     finally:
@@ -151,61 +129,50 @@ def _sweep(args, passed, program, argv):
             results.write(sweep, title, answers, not args.no_pictures)
             print(f"table, pictures and report are in {out}")
         sweep.close()
-    return _doubted(runs, out)
+    if not (doubted := sum(not run.is_believed() for run in runs)):
+        return ""
+    return f"{doubted} of {len(runs)} runs are not believed; table.csv in {out} says why"
 
 
 def _planned(args, passed, program):
-    """The program of the runs, the ranges of --minimise and --scatter, and the values of all runs,
-    or of the ends of the ranges of --minimise; all checked."""
+    """The program of the runs, the ranges of --scatter, and the values of all runs, checked."""
     from ..sweep import scatter
 
-    ranges = varied.ranges(args.vary) if args.minimise or args.scatter else []
     form = program(args.press, passed, args.ranks)
-    if args.scatter:
-        ranges = [*form.scatter(), *ranges]
-    lists = {each.key: each.ends for each in ranges} or varied.lists(args.vary)
-    _check_together(args, lists)
+    ranges = [*form.scatter(), *varied.ranges(args.vary)] if args.scatter else []
+    _check_together(args, ranges)
     if args.scatter:
         values = scatter.design(ranges, args.scatter)
-        form.check([{each.key: each.ends[k] for each in ranges} for k in (0, 1)])
+        form.check([{r.key: varied.spelled(r[k]) for r in ranges} for k in (1, 2)])
     else:
+        lists = varied.lists(args.vary)
         values = [dict(zip(lists, each)) for each in itertools.product(*lists.values())]
+        if args.below:
+            _check_numbers(lists)
         form.check(values)
     if args.only and args.only > len(values):
         raise InputError(f"--only is {args.only}; allowed is 1 to {len(values)}")
     return form, ranges, values
 
 
-def _doubted(runs, out):
-    """Sentence on the runs that are not believed, or ""."""
-    doubted = [run for run in runs if not run.is_believed()]
-    if not doubted:
-        return ""
-    return f"{len(doubted)} of {len(runs)} runs are not believed; table.csv in {out} says why"
-
-
-def _check_together(args, lists):
+def _check_together(args, ranges):
     """InputError for options that do not go together."""
-    if args.evaluations and not args.minimise:
-        raise InputError("--evaluations needs --minimise")
-    for pair in APART:
-        if all(getattr(args, name) for name in pair):
-            both = " and ".join(f"--{name}" for name in pair)
-            raise InputError(f"{both} are both given; allowed is one of them")
-    if args.minimise and len(lists) > 2:
-        raise InputError(f"--minimise varies {len(lists)} numbers; allowed is one or two --vary")
-    if args.scatter:
-        if not lists:
-            allowed = "a table [scatter] in a material file, or --vary KEY=LOW..HIGH"
-            raise InputError(f"nothing scatters; allowed is {allowed}")
-        least = 2 * len(lists) + 2
-        if args.scatter < least:
-            allowed = f"{1 << (least - 1).bit_length()} or more"
-            raise InputError(
-                f"--scatter is {args.scatter}; allowed for {len(lists)} numbers is {allowed}"
-            )
-    if not args.below or args.scatter or args.minimise:
+    for other in ("slurm", "overwrite"):
+        if args.only and getattr(args, other):
+            raise InputError(f"--only and --{other} are both given; allowed is one of them")
+    if not args.scatter:
         return
+    if not ranges:
+        allowed = "a table [scatter] in a material file, or --vary KEY=LOW..HIGH"
+        raise InputError(f"nothing scatters; allowed is {allowed}")
+    least = 2 * len(ranges) + 2
+    if args.scatter < least:
+        allowed = f"allowed for {len(ranges)} numbers is {1 << (least - 1).bit_length()} or more"
+        raise InputError(f"--scatter is {args.scatter}; {allowed}")
+
+
+def _check_numbers(lists):
+    """InputError unless one number is varied."""
     if len(lists) != 1:
         raise InputError(f"--below needs one --vary, and {len(lists)} are given")
     for key, values in lists.items():
@@ -226,21 +193,11 @@ def _announce(values, runner):
         print(f"warning: some were made with other options: {each or 'none'}", file=sys.stderr)
 
 
-def _finer(changes, evaluate):
+def _finer(changes, runner):
     """The `Finer` mesh that these changes of a press make, None without any."""
-    from ..sweep.optimum import Finer
+    from ..sweep.limits import Finer
 
-    def done(values):
-        return evaluate([{**each, **changes} for each in values])
+    def evaluate(values):
+        return runner.all([{**each, **changes} for each in values])
 
-    return Finer(varied.label(changes), done) if changes else None
-
-
-def _evaluated(runner, asked, values):
-    """The runs with these values, done, with a line for each."""
-    runs = runner.all(values)
-    for run in runs:
-        known = asked if run.is_believed() else ()
-        found = ", ".join(f"{name} {run.number(name):.5g}" for name in known)
-        print(f"{run.label}: {found or 'not believed'}", flush=True)
-    return runs
+    return Finer(varied.label(changes), evaluate) if changes else None

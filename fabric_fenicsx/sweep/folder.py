@@ -3,6 +3,7 @@
 import dataclasses
 import hashlib
 import json
+import math
 import shutil
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
@@ -74,8 +75,10 @@ class Run:
         return "not believed" if reached >= 1 else f"ended at load {rounded(reached)}"
 
     def numbers(self) -> dict[str, float]:
-        """Its quantities that are one number {name with dots: number}, force and time first."""
-        summary = self.summary()
+        """Its quantities that are one number {name with dots: number}, force and time first; nan
+        for those without a value."""
+        if not (summary := self.summary()):
+            return {}
         first = {name: summary.get(name) for name in ALWAYS}
         first["wall_s"] = summary.get("wall_s", {}).get("total")
         return flat(first | summary.get("quantities", {}))
@@ -114,11 +117,13 @@ def check_quantity(name: str, known: Iterable[str], where: str) -> None:
 
 
 def flat(values: Mapping[str, Any], before: str = "") -> dict[str, float]:
-    """What is one number in nested dicts, {name with dots: number}."""
+    """What is one number in nested dicts, {name with dots: number}; nan for None."""
     found: dict[str, float] = {}
     for name, value in values.items():
         if isinstance(value, Mapping):
             found |= flat(value, f"{before}{name}.")
+        elif value is None:
+            found[f"{before}{name}"] = math.nan
         elif isinstance(value, (int, float)) and not isinstance(value, bool):
             found[f"{before}{name}"] = value
     return found

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -94,6 +95,10 @@ def _page(sweep, title, answers, runs, shown, files):
     )
 
 
+def _shown(number):
+    return "no value" if math.isnan(number) else rounded(number, 4)
+
+
 def _row(run, keys, names):
     """A run in the report's table."""
     numbers, reason = run.numbers(), run.reason.removeprefix(NOT_BELIEVED)
@@ -102,7 +107,7 @@ def _row(run, keys, names):
     report = f"{run.folder.name}/report.html"
     return {
         "values": [run.values.get(key, "") for key in keys],
-        "numbers": [rounded(numbers[name], 4) if name in numbers else "-" for name in names],
+        "numbers": [_shown(numbers[name]) if name in numbers else "-" for name in names],
         "believed": run.is_believed(),
         "reason": reason or ("" if run.summary() else "not run"),
         "report": report if (run.folder / "report.html").is_file() else "",

@@ -1,12 +1,13 @@
 """Scatter of quantities over runs in which several numbers scatter, and which of these matter."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ..runtime.errors import SolverFailure
-from ..runtime.formatting import percent, rounded
+from ..runtime.formatting import percent, rounded, with_error
 from .folder import Run
 from .varied import Range, Values, short_names, spelled
 
@@ -65,7 +66,7 @@ def _words(label, found):
     )
     lines = [head]
     for each in found["effects"]:
-        change = f"{each['change']:+.3g} +- {rounded(each['error'], 1)}"
+        change = with_error(f"{each['change']:+.3g}", each["change"], each["error"], 1)
         share = f"{percent(each['share'], 2)} of the variance"
         lines.append(
             f"  {each['name']} from {each['low']:g} to {each['high']:g}: {change}, {share}"
@@ -84,12 +85,15 @@ def told(
     known = [run for run in runs if run.is_believed()]
     if len(known) < len(ranges) + 3:
         raise SolverFailure(f"{len(known)} of {len(runs)} runs are believed, too few to tell more")
-    names = [name for name in labels if all(name in run.numbers() for run in known)]
+    numbers = [run.numbers() for run in known]
+    names = [n for n in labels if all(math.isfinite(each.get(n, math.nan)) for each in numbers)]
     found = {name: spread(known, ranges, name) for name in names}
     sentences = [_words(labels[name], each) for name, each in found.items()]
     for name, limit in limits:
-        count = sum(run.number(name) < limit for run in known)
-        sentences.append(f"{name} below {rounded(limit, 5)}: in {count} of {len(known)} runs")
+        values = [y for run in known if math.isfinite(y := run.number(name))]
+        count = f"{sum(y < limit for y in values)} of {len(values)}"
+        without = f", {n} have no value" if (n := len(known) - len(values)) else ""
+        sentences.append(f"{name} below {rounded(limit, 5)}: in {count} runs{without}")
     if lost := len(runs) - len(known):
         left_out = f"{lost} of {len(runs)} runs are not believed and left out"
         sentences.append(f"{left_out}: what is told is of the others, of one side perhaps")

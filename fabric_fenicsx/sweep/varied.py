@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from ..runtime.errors import InputError
 
-DIGITS = 6  # of a number that an optimiser asks for, so that a folder's name can be read
-WIDE = 10.0  # highest over lowest of numbers from which on they are shown and sought by logarithm
+DIGITS = 6  # of a number of a design, so that a folder's name can be read
+WIDE = 10.0  # highest over lowest of numbers from which on they are shown and spread by logarithm
 LONGEST = 120  # characters of a folder's name
 Values = Mapping[str, str]  # of a run {key: value as the press file would have it}
 
@@ -20,11 +20,6 @@ class Range(NamedTuple):
     key: str
     low: float
     high: float
-
-    @property
-    def ends(self) -> list[str]:
-        """Both ends, as values."""
-        return [spelled(self.low), spelled(self.high)]
 
     def at(self, share: float) -> float:
         """The number at a share, 0 to 1, of the range or of its logarithm, to `DIGITS` digits."""
@@ -41,7 +36,7 @@ class Range(NamedTuple):
 
 
 def is_wide(numbers: Sequence[float]) -> bool:
-    """True for numbers above 0 that are `WIDE` apart, which are shown and sought by logarithm."""
+    """True for numbers above 0 that are `WIDE` apart, which are shown and spread by logarithm."""
     return min(numbers) > 0 and max(numbers) / min(numbers) >= WIDE * (1 - 1e-9)
 
 
@@ -68,7 +63,7 @@ def lists(words: Sequence[str]) -> dict[str, list[str]]:
         if not all(values):
             raise InputError(f"--vary {word} has an empty value; allowed is KEY=VALUE,VALUE...")
         if any(None not in _ends(value) for value in values):
-            allowed = "one with --minimise or --scatter, else KEY=VALUE,VALUE..."
+            allowed = "one with --scatter, else KEY=VALUE,VALUE..."
             raise InputError(f"--vary {word} is a range; allowed is {allowed}")
         found[key] = list(dict.fromkeys(values))
     return found
@@ -82,8 +77,7 @@ def ranges(words: Sequence[str]) -> list[Range]:
         low, high = _ends(text)
         if low is None or high is None or not -math.inf < low < high < math.inf:
             allowed = "KEY=LOW..HIGH with numbers, LOW below HIGH"
-            flaw = f"--vary {word} is no range"
-            raise InputError(f"{flaw}; allowed with --minimise and --scatter is {allowed}")
+            raise InputError(f"--vary {word} is no range; allowed with --scatter is {allowed}")
         found[key] = Range(key, low, high)
     return list(found.values())
 
@@ -105,18 +99,8 @@ def _ends(text):
 
 def _parts(text):
     """The parts of a text between commas that stand in no quotes or brackets."""
-    parts, depth, quote = [""], 0, ""
-    for letter in text:
-        if quote:
-            quote = "" if letter == quote else quote
-        elif letter in "\"'":
-            quote = letter
-        else:
-            depth += (letter in "[{") - (letter in "]}")
-        if letter == "," and not (depth or quote):
-            parts.append("")
-        else:
-            parts[-1] += letter
+    closed = r"""'[^']*'|"[^"]*"|\[(?:[^][]|\[[^][]*\])*\]|\{[^{}]*\}"""
+    parts = re.findall(rf"""((?:[^,"'[{{]|{closed}|.)*?),""", text + ",")
     return [part.strip() for part in parts]
 
 

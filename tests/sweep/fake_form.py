@@ -45,7 +45,11 @@ summary = {
     "wall_s": {"total": 0.1},
     "quantities": {
         "shortening_mean": shortening,
-        "wrinkles": {"count": int(pressure < 0.05), "at_mm": [1.0, 2.0]},
+        "wrinkles": {
+            "count": int(pressure < 0.05),
+            "at_mm": [1.0, 2.0],
+            "wavelength_mm": 16 - 40 * (pressure - 0.1) if pressure < 0.2 else None,
+        },
         "shear_angle_max_deg": 40 + pressure,
     },
 }
