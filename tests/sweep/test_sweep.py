@@ -276,6 +276,12 @@ def test_scatter_tells_mean_bounds_and_what_matters(run):
     assert re.search(r"reaction_N below 250: in \d of 16 runs", out)
 
 
+def test_scatter_leaves_out_runs_that_are_not_believed(run):
+    status, out, err = run("--scatter", "8", "--vary", "ring.pressure=0.5..1.1")
+    assert status == 3 and "are not believed and left out: what is told is of the others" in out
+    assert "of 8 runs are not believed" in err
+
+
 def test_a_job_array_does_the_runs_and_the_same_command_their_table(run):
     """A run that gave up in the array is not tried again, nor is any other."""
     vary = "--vary", "ring.pressure=0.1,0.4,2"
