@@ -22,6 +22,8 @@ def rounded(number: float, digits: int = 3) -> str:
 def share(part: float, whole: float) -> float:
     """A part over the size of a whole that may be 0: 0 of nothing is 0, all else is immense."""
     return part / max(abs(whole), TINY)
+
+
 def with_error(text: str, number: float, error: float, digits: int = 2) -> str:
     """The text of a number, with its error behind it: 2033.42 +- 0.29; +- 0 if that is rounding."""
     exact = abs(error) <= ROUNDING * max(1.0, abs(number))
