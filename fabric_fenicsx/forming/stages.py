@@ -242,11 +242,14 @@ class Schedule:
 
     def leaders(self) -> list[str]:
         """For each stage the tool whose force and travel the curve shows: the one that moves
-        furthest, or "" if none moves."""
+        furthest, else the one whose force changes most, or "" if none does."""
         found = []
         for k in range(len(self.stages)):
-            goes = {n: float(np.linalg.norm(p[k + 1] - p[k])) for n, p in self._places.items()}
-            farthest = max(goes, key=lambda name: goes[name], default="")
+            for of_tools in (self._places, self._forces):
+                goes = {n: float(np.linalg.norm(v[k + 1] - v[k])) for n, v in of_tools.items()}
+                farthest = max(goes, key=lambda name: goes[name], default="")
+                if goes.get(farthest):
+                    break
             found.append(farthest if goes.get(farthest) else "")
         return found
 

@@ -98,10 +98,31 @@ def planes_of(grid: Grid) -> list[int]:
     return [axis for axis in marked if abs(grid.points[:, axis].min()) < SAME]
 
 
+def _halved(grid):
+    """The grid with quadrilaterals as halves along their shorter diagonal; of equal ones along that
+    which ends nearest to low x, then y, whatever the order of the nodes."""
+    quads = grid.cells_dict.get(pyvista.CellType.QUAD)  # a sheet has cells of one kind
+    if quads is None:
+        return grid
+    x = grid.points[quads].round(6)
+    apart = np.linalg.norm(x[:, :2] - x[:, 2:], axis=2)
+    first = np.lexsort(np.moveaxis(x, -1, 0)[1::-1], axis=1)[:, 0] % 2
+    equal = abs(apart[:, 0] - apart[:, 1]) < SAME
+    start = np.where(equal, first, apart.argmin(1))
+    nodes = np.take_along_axis(quads, (start[:, None] + np.arange(4)) % 4, 1)
+    halves = nodes[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    found = pyvista.UnstructuredGrid({pyvista.CellType.TRIANGLE: halves}, grid.points)
+    found.point_data.update(grid.point_data)
+    found.field_data.update(grid.field_data)
+    for name, values in grid.cell_data.items():
+        found.cell_data[name] = np.repeat(values, 2, axis=0)
+    return found
+
+
 def ply_of(grid: Grid) -> Ply:
     """The ply in a grid, its nodes merged and its cells cut into triangles."""
     planes = planes_of(grid)
-    grid = grid.triangulate().clean(tolerance=SAME)
+    grid = _halved(grid).triangulate().clean(tolerance=SAME)
     triangles = grid.cells_dict[pyvista.CellType.TRIANGLE].astype(np.int64)
     x = np.array(grid.points, dtype=float)
     x[abs(x) < SAME] = 0  # a path on a plane of symmetry must not miss the ply by rounding

@@ -314,7 +314,8 @@ class WovenFabric(Law):
         table |= {key: dataclasses.asdict(yarn) for key, yarn in self._yarns().items()}
         table |= {"shear": {name: getattr(self, name) for name in SHEAR}}
         more = {name: getattr(self, name) for name in self._added()}  # of a law made from this one
-        return {**({"law": self.law} if more else {}), **more, **table}
+        own = {"law": self.law} if self.law != WovenFabric.law else {}
+        return own | more | table
 
     @classmethod
     def _added(cls):

@@ -30,6 +30,7 @@ LAST_RESORT = 1e-8
 NO_STIFFNESS = 1e-9  # relative, against a free edge's slope
 # coefficients, of a cell's largest, that are rounding: on regular meshes many vanish
 NO_WORK = 1e-12
+PLATE = np.sqrt([1.0, 1.0, 2.0])  # weights of x,11, x,22, x,12 in a norm that no axes change
 
 
 class MorleyCells:
@@ -198,7 +199,9 @@ class MorleyCells:
         lost = np.abs(np.linalg.det(matrix / scale)) < 1e-12  # six nodes on a conic
         matrix[lost] = scale[lost] * np.eye(3)
         inverse = np.linalg.inv(matrix)
-        self.trust = (np.linalg.norm(inverse, axis=(1, 2)) * self.area) ** -4.0
+        # of second derivatives that axes in any direction measure alike
+        size = np.linalg.norm(inverse * PLATE[:, None], axis=(1, 2))
+        self.trust = (size * self.area) ** -4.0
         self.trust[self.free.any(1)] *= LAST_RESORT
         self.trust[lost] = 1e-300
         inverse[lost] = 0
@@ -246,7 +249,7 @@ class MorleyCells:
         """Slopes out of the edges' middles (cells, 3, 6), of the six nodes' displacements, of each
         cell's own quadratic."""
         # slopes must not depend on a D_t near 0
-        plate = np.broadcast_to(np.diag([1, 1, np.sqrt(2)]), (self.count, 3, 3))
+        plate = np.broadcast_to(np.diag(PLATE), (self.count, 3, 3))
         hessian = np.einsum("cke,cen->ckn", _relaxed(self.inverse, plate, self.free), self.jumps)
         slopes = np.einsum("cek,ckn->cen", self.quadratic, hessian)
         slopes[:, :, :3] += self.linear
