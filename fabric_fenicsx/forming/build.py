@@ -34,8 +34,7 @@ from ..scene.scene import Scene
 from ..scene.supports import Support
 from ..sheets.stack import Stack
 from ..solve.checkpoint import STAGES
-from ..tools.checks import check_equation
-from ..tools.surfaces import Offset, Reversed, Surface, radii_of
+from ..tools.surfaces import Offset, Reversed, Surface
 from ..tools.tool import Tool
 from . import stack
 from .checks import PRESSED, check_clearances, symmetry_warnings
@@ -116,8 +115,6 @@ def place(press: Press, laid: Laid, comm: MPI.Comm, warnings: list[str]) -> Plac
     }
     schedule = press.schedule(reach, thickness)
     tools = {name: _tool(press, name, *stood[name], schedule) for name in press.tools}
-    for tool in tools.values():
-        check_equation(tool, nodes, comm)
     placed = Placed(tools, schedule, thickness)
     check_clearances(press, laid, placed, pressed, warnings)
     warnings += symmetry_warnings(press, laid, placed)
@@ -145,7 +142,7 @@ def _tool(press, name, surface, start, schedule):
 def check_clearance(path: str, clearance: float, pressed: float, surface: Surface) -> None:
     """Raise InputError for a distance of tool and die [mm] that is less than the `pressed`
     thickness, or not below the least concave radius of the tool."""
-    radius = radii_of(surface)[1]
+    radius = surface.radii[1]
     if clearance < pressed:
         raise InputError(
             f"{path} is {rounded(clearance, 6)}, less than the blank's thickness under "

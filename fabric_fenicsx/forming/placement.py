@@ -9,9 +9,9 @@ from mpi4py import MPI
 from ..runtime.errors import InputError
 from ..runtime.files import ending
 from ..runtime.formatting import coordinates, rounded
-from ..tools.checks import FLANGE, SMALL, TINY, check_triangles, unit_doubt
+from ..tools.checks import FLANGE, TINY, check_triangles, unit_doubt
 from ..tools.files import CAD
-from ..tools.surfaces import Surface, Turned, radii_of
+from ..tools.surfaces import Surface, Turned
 from ..tools.triangulated import TriangulatedSurface
 from ..tools.values import length_of
 from .tools import PressTool
@@ -82,16 +82,14 @@ class Placement:
             raise InputError(f"{name} {doubt}; allowed is a surface in mm")
 
     def check_matched(self, name: str, surface: Surface, quarter: bool = False) -> None:
-        """Raise InputError for the surface of triangles of a tool with a die if it is not in mm, or
-        has an opening beneath the blank, or beneath the mirror images of a `quarter`."""
+        """Raise InputError for the surface of triangles of a tool with a die that has an opening
+        beneath the blank, or beneath the mirror images of a `quarter`."""
         found, turn = _triangles(surface)
         if found is None:
             return
         low, high = -self._high if quarter else self._low, self._high
         whole, x = float((high - low).max()), found.points @ turn.T
         needed = f"a surface in mm that reaches beyond the blank of {rounded(whole, 4)} mm"
-        if doubt := unit_doubt(float(np.ptp(x, axis=0)[:2].max()), whole, SMALL):
-            raise InputError(f"tools.{name} {doubt}; allowed is {needed}")
         middle = x[found.rim].mean(1)
         margin = 1e-6 * whole
         within = (middle[:, :2] > low + margin) & (middle[:, :2] < high - margin)
@@ -141,7 +139,7 @@ class Placement:
         up, away, between = tool.towards[2], self._size, np.empty((0, 3))
         points = _of_triangles(surface)
         if points is None:
-            far = FAR * self._size + sum(r for r in radii_of(surface) if np.isfinite(r))
+            far = FAR * self._size + sum(r for r in surface.radii if np.isfinite(r))
         else:
             far = 4 * (abs(points).max() + self._size)
         while self._least(surface, start, -up * away, between)[0] <= 0:

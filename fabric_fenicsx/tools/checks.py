@@ -8,7 +8,6 @@ from mpi4py import MPI
 from ..runtime.errors import InputError
 from ..runtime.formatting import coordinates, rounded
 from ..runtime.graph import connected
-from .implicit import ImplicitSurface
 from .radii import least_radii
 from .surfaces import innermost
 from .tool import Tool
@@ -20,13 +19,7 @@ UNITS = {"metres": 1000.0, "inches": 25.4, "cm": 10.0}
 SMALL, TINY = 0.2, 0.02
 FLANGE = 0.05  # share of the thickness by which a tool may be in the sheet at the start
 MIRRORED = 0.25  # share of the thickness by which a tool and its mirror image may differ
-POINTS = 50  # at which an equation's derivatives are compared with differences
-STEP = 1e-3  # step of these differences [mm]
-WRONG = 0.01, 0.1  # share by which derivatives are wrong, and of the points at which they may be
 HOLE = 0.1  # size of an opening, over the surface's, below which it is a hole and not a die's
-PROBED = 1000  # nodes of a rank whose nearest points tell how a surface is curved
-CURVED = 1.05  # times as much as `radii` say, from which they are wrong
-KINKS = 0.02  # share of the points at which it may be curved more
 
 
 def unit_doubt(size: float, sheet: float, least: float) -> str:
@@ -53,12 +46,6 @@ def check_triangles(
     if count := len(surface.forks):
         flaw = f"has {count} edges with more than two triangles, one at {middle(surface.forks[0])}"
         raise InputError(f"{name} {flaw}; allowed are at most two at an edge")
-    if not surface.two_sided:
-        flaw = "has only one side, as a Moebius strip"
-        raise InputError(f"{name} {flaw}; allowed is a surface with two")
-    if surface.turned:
-        some = f"{surface.turned} of {len(surface.triangles)} triangles"
-        warn(f"{name}: {some} were turned round to agree with the others")
     off = 0.75 * surface.curved.patches.bulge  # more than the patches themselves
     worst = int(off.argmax())
     if off[worst] > thickness:
@@ -76,55 +63,10 @@ def check_triangles(
         )
 
 
-def check_equation(tool: Tool, places: np.ndarray, comm: MPI.Comm) -> None:
-    """Raise InputError on all ranks if gradient or Hessian of a tool's `ImplicitSurface` are not
-    the derivatives of its F, or its `bound` exceeds the distance, at points about those `places`
-    (n, 3) [mm] of all ranks, the nearest to the surface as far as its `bound` tells."""
-    low = np.min(comm.allgather(places.min(0, initial=np.inf)), axis=0)
-    high = np.max(comm.allgather(places.max(0, initial=-np.inf)), axis=0)
-    room = 0.02 * (high - low).max()
-    x = np.random.default_rng(0).uniform(low - room, high + room, (20 * POINTS, 3))
-    surface, x = innermost(tool.surface, x - tool.displacement)
-    if not isinstance(surface, ImplicitSurface):
-        return
-
-    def slopes(of):
-        steps = STEP * np.eye(3)[:, :, None]
-        return np.stack([of(x + step) - of(x - step) for step in steps], -2) / (2 * STEP)
-
-    with np.errstate(all="ignore"):
-        x = x[np.argsort(surface.bound(surface.value(x.T), x.T), kind="stable")[:POINTS]].T
-        F, gradient, hessian = surface.derivatives(x)
-        of_F, of_gradient = slopes(surface.value), slopes(lambda x: surface.derivatives(x)[1])
-        gap, bound = abs(surface.evaluate(x.T).gap), surface.bound(surface.value(x), x)
-    name, lost = f"surface {type(surface).__name__} of {tool.name}", ~np.isfinite(F)
-    if lost.mean() > 0.5:
-        place = coordinates(x[:, lost.argmax()])
-        raise InputError(f"F of {name} is not a number at {place}; allowed is a finite one")
-    least = np.nanmax(abs(of_F), initial=0.0)
-    for which, given, found, floor in (
-        ("gradient", gradient, of_F, 1e-6 * least),
-        ("Hessian", hessian, of_gradient, 1e-4 * least),
-    ):
-        off, size = (abs(each).reshape(-1, x.shape[1]).max(0) for each in (given - found, found))
-        wrong = off > WRONG[0] * (size + floor)
-        if wrong.mean() > WRONG[1]:
-            flaw = f"is not that of its F, as at {coordinates(x[:, wrong.argmax()])}"
-            allowed = "allowed is an exact one (see `check_derivatives`)"
-            raise InputError(f"the {which} of {name} {flaw}; {allowed}")
-    beyond = np.where(bound > (1 + WRONG[0]) * gap + STEP, bound - gap, 0.0)
-    if beyond.any():
-        worst = int(beyond.argmax())
-        told, place = f"{rounded(bound[worst])} mm", coordinates(x[:, worst])
-        real = f"which is {rounded(gap[worst])} mm off the surface"
-        raise InputError(f"`bound` of {name} is {told} at {place}, {real}; allowed is up to that")
-
-
 def check_start(tool: Tool, places: np.ndarray, thickness: float, comm: MPI.Comm) -> None:
     """Raise InputError on all ranks for a tool so deep in a sheet, whose nodes of this rank are at
     places (n, 3) [mm], that these are in the tool themselves, or whose surface gives no number
     there."""
-    check_equation(tool, places, comm)
     gap = tool.evaluate(places, reach=thickness).gap
     lost = places[np.isnan(gap)][:1].tolist()
     if lost := sum(comm.allgather(lost), []):
@@ -185,31 +127,3 @@ def hole_warning(tool: Tool) -> str:
             where = "in its own coordinates, where nothing stops the sheet"
             return f"the surface of {tool.name} has {hole} {where}"
     return ""
-
-
-def radii_warning(tool: Tool, places: np.ndarray, comm: MPI.Comm) -> str:
-    """A sentence if an own surface is curved more than its `radii` say at the points nearest to the
-    places (n, 3) [mm] of all ranks when the tool is at the end of its path, else ""."""
-    surface = tool.surface
-    if _triangles(tool):  # which finds them itself
-        return ""
-    x = places[:: max(1, len(places) // PROBED)] - np.asarray(tool.path(1.0), dtype=float)
-    gap, normal, _ = surface.evaluate(x)
-    feet = (x - gap[:, None] * normal)[np.isfinite(gap)]
-    curvature = surface.evaluate(feet).curvature
-    known = np.isfinite(curvature).all((1, 2))
-    feet = np.vstack(comm.allgather(feet[known]))
-    bent = np.linalg.eigvalsh(np.concatenate(comm.allgather(curvature[known])))
-    if not len(feet):
-        return ""
-    inside, outside = 1 / np.asarray(surface.radii, dtype=float)
-    over = np.fmax(bent[:, 2] - CURVED * inside, -bent[:, 0] - CURVED * outside)
-    i = np.argsort(over)[int((1 - KINKS) * (len(over) - 1))]
-    if over[i] <= 1e-6:
-        return ""
-    told = ", ".join(f"{radius:g}" for radius in surface.radii)
-    return (
-        f"surface {type(surface).__name__} of {tool.name} is curved with a radius of "
-        f"{rounded(1 / abs(bent[i]).max())} mm at {coordinates(feet[i])} mm in its own "
-        f"coordinates, but its `radii` are ({told}): penalty and check of the cells rest on them"
-    )

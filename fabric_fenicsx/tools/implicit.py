@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from ..runtime.errors import InputError
 from .newton_kernel import advance, search_from
 from .surfaces import Nearest, Surface
 
@@ -47,8 +46,7 @@ class ImplicitSurface(Surface):
 
     def implicit(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """F (n,), its gradient (3, n) and Hessian (3, 3, n) at x (3, n) [mm]."""
-        name = type(self).__name__
-        raise InputError(f"surface {name} has no `implicit`; allowed is one that gives it")
+        raise NotImplementedError
 
     def bound(self, F: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Lower bound of the distance (n,) [mm] from x (3, n) [mm], where `value` is F (n,). Points
@@ -57,8 +55,8 @@ class ImplicitSurface(Surface):
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         x = np.ascontiguousarray(points.T)
-        F = self._fitting("`value`", self.value(x), x.shape[1:])
-        bound = self._fitting("`bound`", self.bound(F, x), x.shape[1:])
+        F = _fitting(self.value(x), x.shape[1:])
+        bound = _fitting(self.bound(F, x), x.shape[1:])
         up, n = np.array([0.0, 0.0, 1.0]), len(points)
         found = Nearest(np.copysign(bound, F), np.tile(up, (n, 1)), np.zeros((n, 3, 3)))
         near = np.flatnonzero(bound <= reach)
@@ -75,29 +73,10 @@ class ImplicitSurface(Surface):
         return found
 
     def derivatives(self, x: np.ndarray) -> list[np.ndarray]:
-        """Arrays that `implicit` gives at x (3, n); InputError if they are not as they must be."""
-        given, n = self.implicit(x), x.shape[1]
-        shapes = {"F": (n,), "gradient": (3, n), "Hessian": (3, 3, n)}
-        if isinstance(given, (tuple, list)) and len(given) == 3:
-            return [self._fitting(name, each, shapes[name]) for name, each in zip(shapes, given)]
-        found = f"{len(given)} arrays" if isinstance(given, (tuple, list)) else "no tuple"
-        name = type(self).__name__
-        raise InputError(f"`implicit` of surface {name} gives {found}; allowed are three arrays")
-
-    def _fitting(self, name, given, shape):
-        """`given` as an array of this shape; InputError, which calls it `name`, if it is none."""
-        try:
-            array = np.asarray(given, float)
-            if array.shape == shape:
-                return array
-            if array.shape == (*shape[:-1], 1):  # the same at all points is given once
-                return np.array(np.broadcast_to(array, shape))
-            found = f"of shape {array.shape}"
-        except (TypeError, ValueError):
-            found = "no array of numbers"
-        what = f"{name} of surface {type(self).__name__} is {found} at n = {shape[-1]} points"
-        allowed = "(n,)" if len(shape) == 1 else f"({', '.join(map(str, shape[:-1]))}, n)"
-        raise InputError(f"{what}; allowed is {allowed}")
+        """Arrays that `implicit` gives at x (3, n)."""
+        n = x.shape[1]
+        F, gradient, hessian = self.implicit(x)
+        return [_fitting(F, (n,)), _fitting(gradient, (3, n)), _fitting(hessian, (3, 3, n))]
 
     def _project(self, x, rows, found):
         """Put what belongs to the nearest points of x (n, 3) into `rows` of `found`."""
@@ -111,3 +90,9 @@ class ImplicitSurface(Surface):
                 np.ascontiguousarray, self.derivatives(search.trial[:count].T)
             )
             count = advance(search, count, iteration, F, gradient, hessian, found)
+
+
+def _fitting(given, shape):
+    """`given` as an array of this shape: the same at all points is given once."""
+    array = np.asarray(given, float)
+    return array if array.shape == shape else np.array(np.broadcast_to(array, shape))

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 from copy import copy
-from reprlib import repr as shown
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from ..runtime.errors import InputError
 from ..runtime.rules import Rule
 from ..runtime.timing import phase
 from .values import checked_points, checked_vector
@@ -60,11 +58,8 @@ class Surface:
     def evaluate(self, points: ArrayLike, reach: float = math.inf) -> Nearest:
         """Gap, normal and curvature at points (n, 3) [mm]; rows are NaN where one is not finite.
         Where |gap| surely exceeds the reach [mm], the gap need only do so too, with the right sign,
-        and normal and curvature need only be finite; so far points cost little. Raises InputError
-        for points of another shape and for a reach below 0."""
+        and normal and curvature need only be finite; so far points cost little."""
         x = checked_points(points)
-        if not reach >= 0:
-            raise InputError(f"reach is {reach}; allowed is at least 0")
         finite = np.isfinite(x).all(1)
         if finite.all():
             return self.nearest(x, reach)
@@ -124,20 +119,7 @@ class Surface:
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         """As `evaluate`, at points (n, 3) [mm] that are finite; every surface gives it."""
-        name = type(self).__name__
-        raise InputError(f"surface {name} has no `nearest`; allowed is one that gives it")
-
-
-def radii_of(surface: Surface) -> tuple[float, float]:
-    """`radii` of a surface; InputError if they are no two numbers above 0."""
-    try:
-        inside, outside = (float(radius) for radius in surface.radii)
-    except (TypeError, ValueError):
-        inside = outside = math.nan
-    if inside > 0 and outside > 0:
-        return inside, outside
-    name, found = type(surface).__name__, shown(surface.radii)
-    raise InputError(f"`radii` of surface {name} are {found}; allowed are two numbers above 0 [mm]")
+        raise NotImplementedError
 
 
 class _Changed(Surface):
@@ -174,7 +156,7 @@ class Offset(_Changed):
     """
 
     def __init__(self, surface: Surface, distance: float) -> None:
-        inside, outside = radii_of(surface)
+        inside, outside = surface.radii
         allowed = f"a number above {-inside:g} and below {outside:g}, the radii of the surface"
         name = f"distance of the offset of surface {type(surface).__name__}"
         self.surface = surface
@@ -205,7 +187,7 @@ class Reversed(_Changed):
     """
 
     def __init__(self, surface: Surface) -> None:
-        self.surface, self.radii = surface.from_behind(), radii_of(surface)[::-1]
+        self.surface, self.radii = surface.from_behind(), surface.radii[::-1]
 
     def from_behind(self) -> Surface:
         return self
@@ -224,7 +206,7 @@ class _Rigid(_Changed):
     _turn: np.ndarray
 
     def __init__(self, surface: Surface) -> None:
-        self.surface, self.radii = surface, radii_of(surface)
+        self.surface, self.radii = surface, surface.radii
 
     def back(self, points: np.ndarray) -> np.ndarray:
         return points @ self._turn

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..runtime.errors import InputError
-from .surfaces import Nearest, Surface, radii_of
+from .surfaces import Nearest, Surface
 from .values import checked_points, checked_vector
 
 OfLoad = Callable[[float], ArrayLike]  # from the load factor to (3,)
@@ -52,11 +52,9 @@ class Tool:
         name: str = "tool",
     ) -> None:
         if not isinstance(surface, Surface):
-            kind = surface if isinstance(surface, type) else type(surface)
-            found = f"the class {kind.__name__}" if kind is surface else f"a {kind.__name__}"
-            raise InputError(f"surface of {name} is {found}; allowed is a surface, as `Sphere(30)`")
+            found = f"surface of {name} is {surface!r}"
+            raise InputError(f"{found}; allowed is a surface, as `Sphere(30)`")
         self.name, self.surface = name, surface
-        radii_of(surface)
         self.path: OfLoad = _growing(f"path of {name}", path)
         self.force: OfLoad | Literal[False] = force is not None and _growing(
             f"force of {name}", force
@@ -87,14 +85,6 @@ class Tool:
     def evaluate(self, points: ArrayLike, reach: float = math.inf) -> Nearest:
         """As `Surface.evaluate`, where the tool is now."""
         return self.surface.evaluate(checked_points(points) - self.displacement, reach)
-
-
-def checked_tool(name: str, value: object) -> Tool:
-    """`value` itself; raises InputError if it is no tool."""
-    if isinstance(value, Tool):
-        return value
-    given = type(value).__name__
-    raise InputError(f"{name} is given {given}; allowed is a tool, as `Tool(surface, path)`")
 
 
 def _growing(name: str, value: OfLoad | ArrayLike) -> OfLoad:

@@ -18,24 +18,16 @@ CRACK, SHORT = 2e-3, 0.1
 
 def repaired(
     points: ArrayLike, triangles: ArrayLike, normals: ArrayLike | None = None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, int, bool]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """Points (n, 3) [mm] and triangles (m, 3) without doubles and triangles without area, turned
-    the same way round; normals (m, 3, 3) at their corners if given, 0 where there is none; how many
-    triangles were turned; False where no way to turn them makes all agree. Raises InputError if
-    none has an area, and for points, triangles or normals of a wrong shape or not finite."""
+    the same way round; normals (m, 3, 3) at their corners if given, 0 where there is none.
+    Raises InputError if none has an area, and for points that are not finite."""
     x, cells = checked_points(points, "points of the surface"), np.asarray(triangles)
     if not (finite := np.isfinite(x).all(1)).all():
         first, lost = int(finite.argmin()), len(x) - finite.sum()
         flaw = f"{lost} of {len(x)} are not finite, as number {first}, {x[first].tolist()}"
         raise InputError(f"points of the surface: {flaw}; allowed are finite ones")
-    if cells.ndim != 2 or cells.shape[1] != 3 or cells.dtype.kind not in "iu":
-        raise InputError(f"triangles have the shape {cells.shape}; allowed is (m, 3), of integers")
-    if cells.size and not 0 <= cells.min() <= cells.max() < len(x):
-        found, last = f"{cells.min()} to {cells.max()}", len(x) - 1
-        raise InputError(f"triangles name points {found}; allowed are numbers from 0 to {last}")
     given = None if normals is None else np.asarray(normals, dtype=float)
-    if given is not None and given.shape != (*cells.shape, 3):
-        raise InputError(f"normals have the shape {given.shape}; allowed is {(*cells.shape, 3)}")
     x, number = np.unique(x, axis=0, return_inverse=True)
     cells = number.ravel()[cells]
     same = cKDTree(x).query_pairs(SAME * abs(x).max(initial=0), output_type="ndarray")
@@ -50,7 +42,7 @@ def repaired(
     if not area.any():
         raise InputError("the surface has no triangle with an area; allowed is one at least")
     used, number = np.unique(cells[area], return_inverse=True)
-    cells, turn, two_sided = _agreeing(number.reshape(-1, 3))
+    cells, turn = _agreeing(number.reshape(-1, 3))
     if given is not None:
         given = given[area]
         given[turn] = given[turn][:, [0, 2, 1]]
@@ -59,7 +51,7 @@ def repaired(
         # at poles of a CAD model's faces there is none
         known = (given * facets).sum(2)[..., None] > math.cos(math.pi / 3)
         given = np.where(known, given, 0.0)
-    return x[used], cells, given, int(turn.sum()), two_sided
+    return x[used], cells, given
 
 
 def _cracks(x, cells):
@@ -89,8 +81,8 @@ def _joined(x, cells, pairs):
 
 
 def _agreeing(triangles):
-    """The triangles, turned the same way round as the first of their connected part; which were
-    (m,); whether all agree."""
+    """The triangles, turned the same way round as the first of their connected part; and which
+    were (m,)."""
     m = len(triangles)
     ends = np.stack([triangles[:, NEXT], triangles[:, LAST]], 2)
     across = topology(triangles)
@@ -102,7 +94,6 @@ def _agreeing(triangles):
     label = connected(2 * m, joined)[1].reshape(2, m)
     _, first, part = np.unique(label.min(0), return_index=True, return_inverse=True)
     turn = label[0] != label[0][first][part]
-    agrees = bool((label[0] != label[1]).all())
     triangles = triangles.copy()
     triangles[turn] = triangles[turn][:, [0, 2, 1]]
-    return triangles, turn, agrees
+    return triangles, turn

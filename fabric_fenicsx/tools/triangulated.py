@@ -67,14 +67,12 @@ class TriangulatedSurface(Surface):
         facets; normals (n, 3) at the points, averaged where edges are sharp.
     rim, forks, sharp : (k, 2)
         Points at the ends of edges of one triangle, of more than two, and of sharp ones.
-    turned, two_sided
-        Number of triangles that were turned; False if no way to turn them makes all agree.
 
     Raises
     ------
     InputError
-        If no triangle has an area, for arrays of a wrong shape or not finite, and for a crease not
-        between 0 and 180.
+        If no triangle has an area, for points that are not finite, and for a crease not between 0
+        and 180.
 
     References
     ----------
@@ -96,7 +94,7 @@ class TriangulatedSurface(Surface):
         crease: float = CREASE,
     ) -> None:
         self.crease = BELOW_180.check("crease", crease)
-        x, cells, given, self.turned, self.two_sided = repaired(points, triangles, normals)
+        x, cells, given = repaired(points, triangles, normals)
         self.curved = curved = CurvedTriangles(x, cells, math.radians(self.crease), given)
         self.points: np.ndarray = curved.points
         self.triangles: np.ndarray = curved.triangles

@@ -42,13 +42,7 @@ def length_of(value: Any) -> int:
 
 def checked_points(points: ArrayLike, name: str = "points") -> np.ndarray:
     """`points` as an array of shape (n, 3); raises InputError for any other, by `name`."""
-    try:
-        x = np.asarray(points)
-    except ValueError:  # rows of different lengths
-        x = np.empty(0, object)
-    if x.dtype.kind not in "iuf":
-        raise InputError(f"{name} are {shown(points)}; allowed are numbers of shape (n, 3)")
-    x = x.astype(float)
+    x = np.asarray(points, float)
     if x.ndim != 2 or x.shape[1] != 3:
         raise InputError(f"{name} have the shape {x.shape}; allowed is (n, 3)")
     return x

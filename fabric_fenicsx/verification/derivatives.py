@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from mpi4py import MPI
 
-from ..material.law_checks import check_shapes
 from ..material.laws import Law
 from ..mechanics.assembly import Assembly
 from ..mechanics.term import Term
@@ -13,6 +12,7 @@ from ..mechanics.term_checks import check_answers
 from ..runtime.errors import InputError
 from ..runtime.rules import FINITE, POSITIVE
 from ..scene.scene import Scene
+from ..tools.implicit import ImplicitSurface
 from ..tools.surfaces import Surface
 
 ALLOWED = 1e-4  # difference, over the largest of its kind
@@ -146,23 +146,16 @@ def _stresses(law, x):
 
 
 def _of_law(law, at):
-    x, rest, none = _states(at), np.zeros((1, 3)), "at (0, 0, 0)"
-    check_shapes(law)
-    every = np.vstack([rest, x])
+    law.check_rest()
+    x = _states(at)
+    every = np.vstack([np.zeros((1, 3)), x])
     W = _energy(law, every)
     for lost in every[~np.isfinite(W)]:
         raise InputError(
             f"law {law.law}: the energy is not a number {_place(lost)}; allowed is one at every "
             "eps_a, eps_b and gamma"
         )
-    here, there = law.derivatives(*x.T), law.derivatives(*rest.T)
-    known = np.array([*there.first, *(() if there.second is None else there.second)])
-    scales = np.nanmax(abs(here.first), 1)  # each stress by its own: shear is by far the least
-    scales = np.maximum(scales, max(1e-12 * scales.max(), TINY))
-    off = float((abs(there.first[:, 0]) / scales).max()) if np.isfinite(known).all() else np.nan
-    left = float(abs(W[0]) / max(abs(W - W[0]).max(), TINY))
-    yield Row("energy at rest and none", left, none, "the energy at rest is")
-    yield Row("stresses at rest and none", off, none, "the stresses at rest are")
+    here = law.derivatives(*x.T)
     yield _row("energies of kernel and law", here.parts.sum(1), W[1:], x)
     slopes = _central(lambda x: _energy(law, x), x, 1e-6)
     for i, name in enumerate(("sigma_a", "sigma_b", "tau")):
@@ -206,6 +199,10 @@ def _of_surface(surface, at):
     there = surface.evaluate(feet)
     yield _row("gaps and distances along the normal", gap, gap - there.gap[:, None], x)
     yield _of_radii(surface, feet, there.curvature)
+    if isinstance(surface, ImplicitSurface):
+        bound = surface.bound(surface.value(x.T), x.T)
+        reach = np.maximum(bound, abs(here.gap))
+        yield _row("`bound` and distances that it must not exceed", reach, abs(here.gap), x, 0.0)
 
 
 def _of_radii(surface, feet, curvature):

@@ -11,7 +11,7 @@ from ...runtime.formatting import coordinates, of_sheet
 from ...runtime.rules import POSITIVE
 from ...tools.checks import check_start
 from ...tools.surfaces import Nearest
-from ...tools.tool import Tool, checked_tool
+from ...tools.tool import Tool
 from ..materials import materials_at_nodes
 from ..output import Value, largest, least, total
 from ..shell.morley import Where
@@ -79,7 +79,6 @@ class Contact(ToolInteraction):
         friction: float | Mapping[str, float] | Coulomb = 0.0,
         where: Where | None = None,
     ) -> None:
-        tool = checked_tool("contact", tool)
         super().__init__(tool, friction, f"contact with {tool.name}")
         self._face, self.where = {"thickness": thickness, "penalty": penalty}, where
         for name, value in self._face.items():
