@@ -42,7 +42,6 @@ TAKERS = {
     "preload of springs": (lambda v: ff.Springs(lambda x: x[0] < 1, 1, v, arm=(1, 0, 0)), 1),
     "holder's pressure": (lambda v: ff.BlankHolderPressure(v, (0, 0, -1), lambda x: x[0]), 1),
     "holder's lag": (lambda v: ff.BlankHolderPressure(1, (0, 0, -1), lambda x: x[0], lag=v), 0.01),
-    "component of a support": (lambda v: ff.Support("s", lambda x: x[0] < 1, (v,)), 1),
     "value of a support": (lambda v: ff.Support("s", lambda x: x[0] < 1, (0,), (v, 0, 0)), 1),
     "stroke of ends": (ff.clamped_ends, 1),
     "stroke of rollers": (ff.rolling_ends, 1),

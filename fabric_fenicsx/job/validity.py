@@ -7,7 +7,6 @@ from ..material.strains import SHORTENED
 from ..mechanics.contact.self_crossing import crossing_warning, self_crossings
 from ..mechanics.materials import materials_of
 from ..mechanics.shell.membrane import Membrane
-from ..mechanics.term_checks import misspelt
 from ..results.history import energy_balance, stretching
 from ..results.quantities import fabric_warnings
 from ..results.result import Result
@@ -93,7 +92,7 @@ def _separation(scene):
 
 def warnings_at_start(scene: Scene) -> list[str]:
     """Warnings of a scene before it is loaded."""
-    found = [scene.check_held(), *(words for term in scene.terms for words in misspelt(term))]
+    found = [scene.check_held()]
     if scene.blank.mesh.geometry.dim == 3:  # strips do without the tools' modules
         from ..scene.tool_warnings import tool_warnings
 

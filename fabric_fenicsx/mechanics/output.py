@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable, Collection, Iterable, Mapping
-from numbers import Real
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
@@ -150,17 +149,16 @@ def merged(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> d
     """Output of `terms` by their `method`, one of `OUTPUT`, merged.
 
     Raises InputError for one of the names `taken`, for a name that two terms give without a rule,
-    for what JSON can't hold, and on all ranks for a field of another size than the rank's cells or
-    nodes.
+    for what differs between ranks, and for a field of another size than the rank's cells or nodes.
     """
     noun, place = OUTPUT[method]
-    check: Callable[..., Mapping[str, Any]] = arrays if noun == "field" else _known_to_json
+    check: Callable[..., Mapping[str, Any]] = arrays if noun == "field" else _same_on_ranks
     found: dict[str, Value] = {}
     givers = dict.fromkeys(taken, f"{place} has")
     for term in terms:
         if not overrides(term, method):
             continue
-        given = asked(term, method, noun)
+        given = getattr(term, method)()
         mine = {k: v if isinstance(v, Value) else Value(v) for k, v in given.items()}
         derived = {k for k, v in given.items() if isinstance(v, Value) and callable(v.value)}
         plain = {name: each.value for name, each in mine.items() if name not in derived}
@@ -182,17 +180,6 @@ def merged(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> d
         name: each._replace(value=each.value(known)) if callable(each.value) else each
         for name, each in found.items()
     }
-
-
-def asked(term: Term, method: str, noun: str) -> Mapping[str, Any]:
-    """Answer of a term's `method`; InputError if that is no dict."""
-    given = getattr(term, method)()
-    if not isinstance(given, Mapping):
-        raise InputError(
-            f"`{method}` of term {term.name} returns {type(given).__name__}; allowed is a dict "
-            f"{{{noun}: value}}"
-        )
-    return given
 
 
 def arrays(
@@ -221,18 +208,7 @@ def _larger(before, now):
     return np.where(kept if now.ndim == 1 else kept[:, None], before, now)
 
 
-def _known_to_json(term, method, given, noun):
-    for name, value in given.items():
-        try:
-            json.dumps(value)
-            if method == "history" and not (value is None or isinstance(value, Real)):
-                raise TypeError
-        except (TypeError, ValueError) as error:
-            raise InputError(
-                f"`{method}` of term {term.name} gives the {noun} {name}, of type "
-                f"{type(value).__name__}; allowed is "
-                f"{'a number' if noun == 'column' else 'what JSON can hold'}, as float(value)"
-            ) from error
+def _same_on_ranks(term, method, given, noun):
     texts = dict.fromkeys(term.blank.mesh.comm.allgather(json.dumps(given)))
     if len(texts) > 1:
         raise InputError(

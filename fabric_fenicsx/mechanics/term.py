@@ -12,7 +12,6 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from ..material.laws.base import Material
-from ..runtime.errors import InputError
 from ..sheets.blank import Blank, Part
 from ..tools.tool import Tool
 
@@ -120,15 +119,7 @@ class Term:
         Term
             The term itself.
 
-        Raises
-        ------
-        InputError
-            For what is no name, and for a term that is on a part already.
         """
-        if self.part_name or not (isinstance(part, str) and part):
-            raise InputError(
-                f"term {self.name} is put on {part!r}; allowed is the name of one part, once"
-            )
         self.part_name = part
         self.name = f"{self.name} of {part}"
         return self

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from ..mechanics.output import arrays, asked
+from ..mechanics.output import arrays
 from ..mechanics.term import Term, overrides
 from ..mechanics.work import STATES
 from ..runtime.errors import InputError
@@ -59,7 +59,7 @@ def _memory(term: Term) -> dict[tuple[str, str], np.ndarray]:
     found: dict[tuple[str, str], np.ndarray] = {}
     for place, method in METHODS:
         if overrides(term, method):
-            own = arrays(term, method, asked(term, method, "array"))
+            own = arrays(term, method, getattr(term, method)())
             found |= {(place, key): values for key, values in own.items()}
     return found
 

@@ -12,7 +12,7 @@ from .. import dolfinx_compat as compat
 from ..mechanics.assembly import Assembly
 from ..mechanics.fingerprint import entries, plain
 from ..mechanics.term import Term, overrides
-from ..mechanics.term_checks import bind, check_answers, check_number
+from ..mechanics.term_checks import bind, check_answers
 from ..runtime.errors import InputError
 from ..runtime.timing import phase
 from ..sheets.blank import Blank
@@ -108,7 +108,6 @@ class Scene:
             self.accept()
             for term in self.terms:
                 check_answers(term)
-                check_number(term, "work", term.work())
             self.memory()
             self._checked = True
 

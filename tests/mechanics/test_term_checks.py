@@ -8,8 +8,6 @@ from dolfinx import fem
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.job.validity import warnings_at_start
-from fabric_fenicsx.mechanics.term_checks import misspelt
 from fabric_fenicsx.scene import output as reports
 
 COMM = MPI.COMM_WORLD
@@ -31,33 +29,53 @@ def with_own(method, does):
     return type("Mine", (Springs,), own)()
 
 
-def moved(self, by):
-    """The tangent's triplets, with the first row further by this, on the last rank alone."""
+def moved(self):
+    """The tangent's triplets, with the first row far below, on the last rank alone."""
     rows, cols, values = Springs.tangent(self)
-    rows[:1] += by * (COMM.rank == COMM.size - 1)
+    rows[:1] += 10**6 * (COMM.rank == COMM.size - 1)
     return rows, cols, values
 
 
 @pytest.mark.parametrize(
-    "tangent, words",
+    "method, does, words",
     [
-        (lambda self: Springs.tangent(self)[1:], r"gives \(array.*; allowed are rows, columns and"),
+        ("tangent", moved, "`tangent` of term springs gives other places than rows and columns"),
         (
+            "tangent",
             lambda self: (*Springs.tangent(self)[:2], np.ones(3)),
-            r"gives arrays of shapes \(\d+,\), .*, \(3,\);",
+            "`tangent` of term springs gives other places",
         ),
-        (lambda self: (*Springs.tangent(self)[:2], 3.0), r"gives arrays of shapes .*, \(\);"),
-        (lambda self: np.eye(5), r"gives array\("),
-        (lambda self: moved(self, 10**6), r"gives the degree of freedom 1000\d\d\d; .*, 0 to \d+$"),
+        ("add_forces", lambda self, f: f + 1.0, "`add_forces` of term springs returns something"),
+        ("energies", lambda self: {"viscous": 1.0}, "springs has the kind of energy viscous; allo"),
     ],
 )
-def test_a_tangent_that_is_none(tangent, words):
-    mine = with_own("tangent", tangent)
-    with pytest.raises(ff.InputError, match="`tangent` of term springs " + words):
+def test_answers_that_give_wrong_forces(method, does, words):
+    mine = with_own(method, does)
+    with pytest.raises(ff.InputError, match=words):
         run(mine)
-    mine = with_own("tangent", tangent)
+    mine = with_own(method, does)
     with pytest.raises(ff.InputError, match=words):
         ff.check_derivatives(mine, scene_with(mine))
+
+
+@pytest.mark.parametrize(
+    "energy, words",
+    [
+        (lambda u, dx: ufl.inner(u, u), "is .*; allowed is the energy itself, .* integrated"),
+        (lambda u, dx: ufl.inner(u, ufl.TestFunction(u.ufl_function_space())) * dx, "is Form"),
+        (lambda u, dx: fem.Constant(u.function_space.mesh, 2.0) * dx, "does not depend on the dis"),
+        (lambda u, dx: 0.0 * ufl.inner(u, u) * dx, "does not depend on the displacement"),
+    ],
+)
+def test_a_form_that_is_no_energy_of_the_displacement(energy, words):
+    class Mine(ff.Term):
+        name = energy_kind = "mine"
+
+        def set_up(self, scene):
+            self.energy = energy(scene.blank.u, self.part.dx(2))
+
+    with pytest.raises(ff.InputError, match=f"energy of term mine {words}"):
+        alone(sheet(20.0, 10.0, 2, 1), Mine())
 
 
 @pytest.mark.mpi
@@ -87,14 +105,6 @@ def test_places_that_depend_on_the_displacement_are_told():
         ff.check_derivatives(mine, scene_with(mine), size=1e-3)
 
 
-def test_forces_that_are_returned():
-    def add_forces(self, f):
-        return f + 1.0
-
-    with pytest.raises(ff.InputError, match="`add_forces` of term springs returns something; al"):
-        run(with_own("add_forces", add_forces))
-
-
 def test_forces_in_place_of_others():
     """Alone in the array they are right."""
 
@@ -104,13 +114,6 @@ def test_forces_in_place_of_others():
     mine = with_own("add_forces", add_forces)
     with pytest.raises(ff.InputError, match="springs loses what other terms added; allowed is to"):
         ff.check_derivatives(mine, scene_with(mine))
-
-
-@pytest.mark.parametrize("method", ["stored", "work"])
-@pytest.mark.parametrize("value", [None, np.ones(3)])
-def test_energies_and_work_that_are_no_number(method, value):
-    with pytest.raises(ff.InputError, match=f"`{method}` of term springs gives .*; allowed is one"):
-        run(with_own(method, lambda self: value))
 
 
 @pytest.mark.parametrize("k, words", [(0.0, "gives no forces here: nothing was compared"), (1, "")])
@@ -139,58 +142,6 @@ def test_a_break_is_checked_by_a_size_beyond_it():
     assert "nothing was compared" in table and "agree" not in table
 
 
-def test_places_that_depend_on_a_break_are_told():
-    def tangent(self):
-        return tuple(part[self.whole()] for part in Springs.tangent(self))
-
-    mine = breaking(tangent=tangent)
-    with pytest.raises(ff.InputError, match="springs gives other places where the sheet is else"):
-        ff.check_derivatives(mine, scene_with(mine), size=0.03)
-
-
-@pytest.mark.parametrize(
-    "energy, words",
-    [
-        (lambda u, dx: ufl.inner(u, ufl.TestFunction(u.ufl_function_space())) * dx, "has test or"),
-        (lambda u, dx: fem.Constant(u.function_space.mesh, 2.0) * dx, "does not depend on the dis"),
-    ],
-)
-def test_a_form_that_is_no_energy_of_the_displacement(energy, words):
-    class Mine(ff.Term):
-        name = energy_kind = "mine"
-
-        def set_up(self, scene):
-            self.energy = energy(scene.blank.u, self.part.dx(2))
-
-    with pytest.raises(ff.InputError, match=f"energy of term mine {words}.*; allowed is"):
-        alone(sheet(20.0, 10.0, 2, 1), Mine())
-
-
-@pytest.mark.parametrize("k", [1, "1"])
-def test_a_constant_that_is_no_float(k):
-    class Mine(ff.Term):
-        name = energy_kind = "mine"
-
-        def set_up(self, scene):
-            u = scene.blank.u
-            self.energy = fem.Constant(scene.blank.mesh, k) * ufl.inner(u, u) * self.part.dx(2)
-
-    with pytest.raises(ff.InputError, match=r"in `fem.Constant` that is no float; .*, float\(k\)"):
-        alone(sheet(20.0, 10.0, 2, 1), Mine())
-
-
-@pytest.mark.parametrize(
-    "name, value, words",
-    [
-        ("resists", ("shift",), "allowed is a tuple of move, turn, lift, slide, stretch"),
-        ("resists", "move", "allowed is a tuple of"),
-    ],
-)
-def test_words_that_are_none(name, value, words):
-    with pytest.raises(ff.InputError, match=f"`{name}` of term springs is .*; {words}"):
-        alone(sheet(20.0, 10.0, 2, 1), with_own(name, value))
-
-
 @pytest.mark.parametrize("term", [Springs, lambda u: u, None])
 def test_what_is_no_term(term):
     with pytest.raises(ff.InputError, match="a term of the scene is .*; allowed are objects of"):
@@ -205,19 +156,9 @@ def giving(**values):
 @pytest.mark.parametrize(
     "method, does, words",
     [
-        ("history", giving(hits=np.ones(3)), "column hits, of type ndarray; allowed is a number"),
-        ("history", giving(hits=np.int64(3)), "column hits, of type int64; allowed is a number"),
-        ("history", giving(hits="three"), "column hits, of type str; allowed is a number, as fl"),
-        ("summary", giving(hits=np.ones(3)), "entry hits, of type ndarray; allowed is what"),
         ("summary", giving(converged=3), "entry converged, which summary.json has already"),
-        ("summary", giving(cells=3), "entry cells, which summary.json has already"),
-        ("summary", lambda self: None, "returns NoneType; allowed is a dict {entry: value}"),
         ("nodal_fields", giving(u=3), r"field u with shape \(\); allowed is"),
-        ("nodal_fields", giving(hits=["a"]), "field hits with"),
-        ("cell_fields", lambda self: 3, "returns int; allowed is a dict {field: value}"),
-        ("memory", lambda self: np.ones(3), "returns ndarray; allowed is a dict {array: value}"),
         ("memory", lambda self: {"hits": np.ones(3)}, r"array hits with shape \(3,\); allowed is"),
-        ("memory", lambda self: {"hits": 3.0}, r"array hits with shape \(\); allowed is"),
     ],
 )
 def test_what_cannot_be_told_or_kept(method, does, words):
@@ -289,26 +230,6 @@ def test_energies_of_several_kinds():
     assert energy["springs"] > 0 and energy["broken"] > 0
 
 
-@pytest.mark.parametrize(
-    "does, words",
-    [
-        (lambda self: [3.0], "returns list; allowed is a dict {kind: value}"),
-        (giving(viscous=1.0), "is 'viscous'; .*, other than viscous and external_work, which"),
-        (giving(external_work=1.0), "is 'external_work'; allowed is a name of letters"),
-        (lambda self: {"broken, springs": 1.0}, "is 'broken, springs'; allowed is a name of le"),
-        (giving(springs=None), "gives None; allowed is one number"),
-    ],
-)
-def test_kinds_of_energy_that_are_none(does, words):
-    with pytest.raises(ff.InputError, match=f"`energies` of term springs {words}"):
-        run(breaking(energies=does))
-
-
-def test_a_stored_energy_that_is_no_number_beside_kinds():
-    with pytest.raises(ff.InputError, match="`stored` of term springs gives None; allowed is one"):
-        run(breaking(stored=lambda self: None))
-
-
 def test_a_kind_of_energy_that_comes_with_a_break():
     """On the ranks where something broke."""
 
@@ -351,15 +272,6 @@ def test_a_memory_that_is_not_recalled(recall, words):
     assert np.array_equal(again.broken, first.broken)
 
 
-def test_a_name_that_is_nearly_a_roles():
-    mine = breaking(nodal_field=giving(), histories=giving(), pull=giving())
-    found = misspelt(mine)
-    assert len(found) == 2 and not misspelt(breaking())
-    assert found[0].endswith("has `histories`; a run asks for `history`, not for this")
-    assert found[1].endswith("has `nodal_field`; a run asks for `nodal_fields`, not for this")
-    assert set(found) <= set(warnings_at_start(scene_with(mine)))
-
-
 def test_the_part_is_not_known_before_set_up():
     def make(self):
         self.mask = self.part.nodes
@@ -373,14 +285,6 @@ def test_a_nodal_field_of_a_name_that_cells_have():
     mine = with_own("nodal_fields", lambda self: {"shear_angle": np.ones(len(self.part.nodes))})
     with pytest.raises(ff.InputError, match="field shear_angle, which the sheet has already"):
         run(mine)
-
-
-def test_a_field_that_the_sheet_has():
-    def nodal_fields(self):
-        return {"u": self.blank.nodal_displacement()[: len(self.part.nodes)]}
-
-    with pytest.raises(ff.InputError, match="field u, which the sheet has already; allowed is ano"):
-        run(with_own("nodal_fields", nodal_fields))
 
 
 def test_a_field_of_a_list():

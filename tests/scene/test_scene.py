@@ -118,13 +118,6 @@ def test_what_a_scene_cannot_be_made_of_is_named():
         Scene(blank, [Membrane(load("komeili"))], normal)
 
 
-@pytest.mark.parametrize("shape", [(1, 6), (2, 5), (6,)])
-def test_a_function_of_a_support_gives_a_row_for_each_axis(shape):
-    support = Support("edge", lambda x: x[0] < 1, (0, 1), lambda x, load: np.zeros(shape))
-    with pytest.raises(InputError, match=r"edge returns an array .*; allowed is .* \(2 or more, 6"):
-        support.at(np.zeros((3, 6)), 1.0)
-
-
 @pytest.mark.mpi
 @pytest.mark.parametrize("nx", [4, 16])
 @pytest.mark.parametrize("pull, warned", [(4.2, True), (4.0, False)])
