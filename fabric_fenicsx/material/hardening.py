@@ -150,10 +150,9 @@ class Numbers(NamedTuple):
 
     def check(self, name: str, value: Any) -> tuple[float, ...]:
         """The numbers; InputError, which calls them `name`, for anything else."""
-        try:
-            return tuple(FINITE.check("", each) for each in value)
-        except (TypeError, InputError):
-            raise InputError(f"{name} is {shown(value)}; allowed is a list of numbers") from None
+        if not isinstance(value, (list, tuple)):
+            raise InputError(f"{name} is {shown(value)}; allowed is a list of numbers")
+        return tuple(FINITE.check(name, each) for each in value)
 
 
 @dataclass(frozen=True)

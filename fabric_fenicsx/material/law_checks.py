@@ -1,17 +1,14 @@
 """Checks of laws as users write them, and of numbers that may be in a wrong unit."""
 
-import dataclasses
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
-from ..readers.units import UNITS
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
-from ..runtime.rules import Rule, shown, unknown_key
-from .energy import Derivatives, Energy
-from .files import SHEET
+from ..runtime.rules import shown, unknown_key
+from .energy import Energy
 
 COUPLINGS = ("biaxial", "tension_shear", "compression_shear")
 # what fabrics have, widely taken; beyond it a unit is probably wrong
@@ -55,29 +52,6 @@ def couples(law: Energy, name: str) -> bool:
     return bool(abs(mixed).max() > 1e-9 * abs(second).max())
 
 
-def check_class(cls: Any) -> None:
-    """InputError for a class of a law that is no dataclass of its own, or whose numbers and rules
-    do not match."""
-    named = {*cls.__dict__.get("__annotations__", {}), *cls.rules}
-    if missing := sorted(named - {*cls.__dataclass_fields__}):
-        raise InputError(
-            f"law {cls.law} has no number {', '.join(missing)}; allowed is a class with "
-            f"@dataclass(frozen=True) above it and `{missing[0]}: float` in it"
-        )
-    for name, rule in cls.rules.items():
-        unit = getattr(rule, "unit", rule)
-        if not isinstance(rule, Rule) or unit not in ("", *UNITS):
-            raise InputError(
-                f"rule of {name} of law {cls.law} is for {shown(unit)}; allowed is one of "
-                f"`runtime.rules`, as above_zero(unit), for {', '.join(UNITS)} or none"
-            )
-    for field in dataclasses.fields(cls):  # a file would lack a number that no rule names
-        number = field.init and field.type in (float, "float")
-        if number and field.name not in cls.rules and field.name not in SHEET:
-            allowed = "allowed is one for each number, in `rules`"
-            raise InputError(f"{field.name} of law {cls.law} has no rule; {allowed}")
-
-
 def check_rest(law: Energy) -> None:
     """InputError where the fabric as it lies, without strain, has energy or stress, or a negative
     stiffness."""
@@ -95,24 +69,6 @@ def check_rest(law: Energy) -> None:
             raise InputError(
                 f"the stiffness of law {law.law} along {name} is {rounded(k.min())} MPa in "
                 "fabric as it lies, without strain; allowed is 0 or more: look at its signs"
-            )
-
-
-def check_shapes(law: Energy) -> None:
-    """InputError where closed forms of `derivatives` have other shapes than `Derivatives`."""
-    none, right = np.zeros(2), [(2, 3), (3, 2), (6, 2)]
-    for second in (True, False):
-        given: Any = None
-        try:
-            given = law.derivatives(none, none, none, second)
-            shapes: list[object] = [np.shape(each) for each in given]
-        except TypeError as error:
-            shapes = [error]
-        if not isinstance(given, Derivatives) or shapes[: 2 + second] != right[: 2 + second]:
-            raise InputError(
-                f"`derivatives` of law {law.law} gives {', '.join(map(str, shapes))} at n = 2 "
-                f"states with second={second}; allowed is `Derivatives` of parts (n, 3), first "
-                "(3, n) and second (6, n), None where `second` is False"
             )
 
 

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Self
 import tomli_w
 
 from ..runtime.errors import InputError
-from ..runtime.rules import POSITIVE, Rule, shown, unknown_key
+from ..runtime.rules import POSITIVE, Rule, unknown_key
 from .files import SHEET, read_toml, write_whole
 
 # fields of materials that have no part in the energy of the membrane
@@ -69,8 +69,6 @@ class Material(Parameters):
         super().__post_init__()
         for name, rule in SHEET.items():
             object.__setattr__(self, name, rule.check(name, getattr(self, name)))
-        if not isinstance(self.name, str):
-            raise InputError(f"name is {shown(self.name)}; allowed is a text")
         for name, (low, high) in self.scatter.items():
             value, *others = [1.0] if name in self.factors else self.values(name)
             if others:

@@ -72,10 +72,6 @@ class Metal(Material):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not isinstance(self.hardening, Hardening):
-            raise InputError(
-                f"hardening is {shown(self.hardening)}; allowed is a Swift, Voce or HardeningTable"
-            )
 
     def table(self) -> dict[str, Any]:
         numbers = {name: getattr(self, name) for name in ("name", *self.numbers())}

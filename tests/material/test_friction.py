@@ -40,8 +40,6 @@ def test_a_table_is_read_or_refused(tmp_path, table, message):
         return
     with pytest.raises(ff.InputError, match=message):
         ff.load(path)
-    with pytest.raises(ff.InputError, match="bending_friction is .*; allowed is a BendingFriction"):
-        LAW58.replace(bending_friction=ONE)
 
 
 def test_a_loop_of_the_kernel_is_masings():
@@ -79,8 +77,3 @@ def test_tangents_of_the_kernel_are_those_of_its_stresses(random_states):
             S.append(kernel.evaluate(fabric, cauchy_green=C + sign * dC, **given).S)
         change = ((S[0] - S[1]) / 2e-7)[:, [0, 1, 0], [0, 1, 1]]
         assert np.abs(change - K[:, :, k]).max() < 1e-6 * np.abs(K).max()
-
-
-def test_sliding_needs_friction():
-    with pytest.raises(ff.InputError, match="the fabric has no `shear_friction`"):
-        kernel.evaluate(LAW58, gradient=[np.eye(2)], sliding=(0.0,))

@@ -221,24 +221,13 @@ TABLE = '[hardening]\nlaw = "table"\n'
 @pytest.mark.parametrize(
     "text, words",
     [
-        (SWIFT, "law is None; allowed for a metal is 'metal'"),
-        (HEAD.replace("metal", "coupled") + SWIFT, "law is 'coupled'; allowed for a metal"),
         (HEAD, "hardening.law None is unknown.*allowed are swift, voce, table"),
-        (HEAD + SWIFT.replace("swift", "swfit"), "did you mean swift"),
         (HEAD + SWIFT.replace("n = 0.2", "n = 2"), "hardening.n is 2; .*from 0 to 1"),
         (HEAD + SWIFT.replace("n = 0.2", ""), "missing hardening.n; allowed is to give all"),
         (HEAD + SWIFT.replace("K_MPa", "K"), "hardening.K has no unit; allowed is K_MPa"),
-        (HEAD + SWIFT + "m = 1\n", "hardening.m is unknown"),
-        (HEAD.replace("0.3", "0.6") + SWIFT, "nu is 0.6; .*from 0 to 0.5"),
-        (HEAD.replace("E_GPa", "E_N") + SWIFT, "stress unit 'N' is unknown"),
-        (HEAD.replace("nu = 0.3\n", "") + SWIFT, "missing nu"),
-        (HEAD + TABLE + "eps = [0, 0.1]\n", "missing hardening.sigma"),
-        (HEAD + TABLE + "eps = [0, 0.1]\nsigma = [1, 2]\n", "hardening.sigma has no unit"),
         (HEAD + TABLE + "eps = [0]\nsigma_MPa = [1]\n", "two lists of 2 or more"),
-        (HEAD + TABLE + "eps = [0.1, 0.2]\nsigma_MPa = [1, 2]\n", r"point 1 is \(0.1, 1.0\)"),
         (HEAD + TABLE + "eps = [0, 0.2]\nsigma_MPa = [2, 1]\n", r"point 2 is \(0.2, 1.0\)"),
         (HEAD + TABLE + "eps = 3\nsigma_MPa = [2, 1]\n", "hardening.eps is 3; allowed is a list"),
-        (HEAD + TABLE + 'eps = [0, "x"]\nsigma_MPa = [1, 2]\n', "allowed is a list of numbers"),
     ],
 )
 def test_what_is_wrong_in_a_file_is_said(tmp_path, text, words):
@@ -253,7 +242,3 @@ def test_what_is_no_metal_is_refused():
         load_metal("brass")
     with pytest.raises(InputError, match="replace: Y is unknown"):
         METALS["dc04"].replace(Y=3)
-    with pytest.raises(InputError, match="hardening is 159; allowed is a Swift"):
-        DC04.replace(hardening=159)
-    with pytest.raises(InputError, match="name is 3; allowed is a text"):
-        DC04.replace(name=3)

@@ -63,18 +63,11 @@ class Curve(Parameters):
     def __post_init__(self) -> None:
         x, y = np.asarray(self.x, float), np.asarray(self.y, float)
         for k, (e, stress) in enumerate(zip(x, y)):
-            words = ""
-            if not (math.isfinite(e) and math.isfinite(stress)):
-                words = f" is ({e}, {stress}); allowed are finite numbers"
-            elif e * stress < 0:
-                words = (
-                    f": the stress is {stress:.6g} MPa at the strain {e:.6g}; allowed is one of "
+            if not (abs(stress) < math.inf and e * stress >= 0 and (not k or e > x[k - 1])):
+                raise InputError(
+                    f"point {k + 1} is ({e:.6g}, {stress:.6g}); allowed are rising strains, and "
+                    "stresses of their sign"
                 )
-                words += "the same sign"
-            elif k and e <= x[k - 1]:
-                words = f": {e:.6g} comes after {x[k - 1]:.6g}; allowed are rising strains"
-            if words:
-                raise InputError(f"point {k + 1}{words}")
         if len(x) < MIN_POINTS:
             raise InputError(f"the curve has {len(x)} points; allowed is {MIN_POINTS} or more")
         if (0.0, 0.0) not in zip(x, y):
@@ -171,9 +164,7 @@ class TabulatedFabric(Law):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.shear.x[0] < 0:
-            raise InputError(
-                f"shear begins at {self.shear.x[0]:.6g}; allowed is 0, as both senses are alike"
-            )
+            raise InputError("shear begins below 0; allowed is 0, as both senses are alike")
         x, y = ((*(-u for u in v[:0:-1]), *v) for v in (self.shear.x, self.shear.y))
         object.__setattr__(self, "_both", Curve(x, y, self.shear.extrapolation))
 
@@ -240,10 +231,8 @@ class TabulatedFabric(Law):
         own = {key: document.pop(key, None) for key in ("law", "model", "extrapolation", *CURVES)}
         fields = sheet_fields(cls, document, take_units(document), tuple(own))
         for key in CURVES:
-            if not isinstance(own[key], str):
-                raise InputError(
-                    f"{key} is {own[key]!r}; allowed is the name of a CSV file beside this one"
-                )
+            if own[key] is None:
+                raise InputError(f"missing {key}; allowed is a CSV file beside this one")
             curve = read_table(folder / own[key], _SHEAR if key == "shear" else _YARN)
             if own["extrapolation"] is not None:
                 curve = dataclasses.replace(curve, extrapolation=own["extrapolation"])

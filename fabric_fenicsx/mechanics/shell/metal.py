@@ -103,8 +103,6 @@ class SheetMetal(Term):
         symmetric: Where | Sequence[Where] = (),
         clamped: Where | Sequence[Where] = (),
     ) -> None:
-        if not isinstance(metal, Metal):
-            raise InputError(f"metal is {metal!r}; allowed is a Metal, as `load_metal` gives")
         self.metal, self._edges = metal, (symmetric, clamped)
         self._places, self._weights = through_thickness(points)
         self.resists = ("stretch", "turn") if symmetric or clamped else ("stretch",)

@@ -10,7 +10,6 @@ from unittest.mock import patch
 import mpmath
 import numpy as np
 import pytest
-import ufl
 from builders import sheet
 
 from fabric_fenicsx.material.functions import exp, negative, positive, sqrt
@@ -20,12 +19,10 @@ from fabric_fenicsx.material.laws import COUPLINGS, LAWS, Law, coupling_variants
 from fabric_fenicsx.material.laws.coupled import WovenFabric
 from fabric_fenicsx.material.laws.tabulated import Curve, TabulatedFabric
 from fabric_fenicsx.material.presets import PRESETS, load
-from fabric_fenicsx.mechanics.membrane_energy import energy_density
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.runtime.rules import above_zero
 from fabric_fenicsx.scene.scene import Scene
-from fabric_fenicsx.verification.derivatives import check_derivatives
 
 LAW58 = LAWS["law58"](
     E_a=1335.0,
@@ -208,32 +205,19 @@ def test_a_material_file_names_its_law(tmp_path):
         LAW58.replace(p_min=1)
 
 
-def test_a_number_without_a_rule_is_refused():
-    @dataclass(frozen=True)
-    class Ruleless(Law):
-        law = "ruleless"
-        E: float
-
-    with pytest.raises(InputError, match="E of law ruleless has no rule; allowed is one for each"):
-        Ruleless(3.0)
-
-
-def own_law(energy, rules=None, decorated=True):
+def own_law(energy):
     """A law of one number E with this energy; it is not kept among `LAWS`."""
-    rules = {"E": above_zero("stress")} if rules is None else rules
+    rules = {"E": above_zero("stress")}
     fields = {"law": "own", "rules": rules, "__annotations__": {"E": float}}
     made = type("Own", (Law,), fields | {"energy": lambda self, *strains: energy(*strains)})
     del LAWS["own"]
-    return dataclass(frozen=True)(made) if decorated else made
+    return dataclass(frozen=True)(made)
 
 
 @pytest.mark.parametrize(
     "energy, words",
     [
-        (lambda a, b, g: (np.tan(a), b, g), "fails (TypeError: operand 'HyperDual' does not"),
         (lambda a, b, g: (a if a > 0 else 0.0, b, g), "fails (ValueError: The truth value of"),
-        (lambda a, b, g: a + b + g, "fails (TypeError: cannot unpack non-iterable HyperDual"),
-        (lambda a, b, g: (a, b), "fails (ValueError: not enough values to unpack"),
         (lambda a, b, g: (np.where(a > 0, a, 0), b, g), "has a part of type ndarray; allowed are"),
     ],
 )
@@ -243,26 +227,8 @@ def test_an_energy_that_is_not_written_as_it_must(energy, words):
     assert "the functions of `material.functions`, as where(eps > 0, x, y)" in str(raised.value)
 
 
-@pytest.mark.parametrize(
-    "energy",
-    [
-        lambda a, b, g: (a if ufl.as_ufl(a > 0) else 0.0, b, g),
-        lambda a, b, g: (np.maximum(a, 0.0), b, g),
-        lambda a, b, g: a,
-    ],
-)
-def test_such_an_energy_in_a_form(energy):
-    with pytest.raises(InputError, match="energy of law own (fails|has)"):
-        energy_density(*(ufl.as_ufl(x) for x in (1.0, 0.1, 1.0, 0.0)), own_law(energy)(E=3.0))
-
-
 def test_a_part_of_an_energy_may_be_a_number():
     assert own_law(lambda a, b, g: (0, b, g))(E=3.0).shear_stiffness == 0.0
-
-
-def test_a_law_that_is_no_dataclass():
-    with pytest.raises(InputError, match="law own has no number E; allowed is a class with @data"):
-        own_law(lambda a, b, g: (a, b, g), decorated=False)(E=3.0)
 
 
 @pytest.mark.parametrize(
@@ -333,14 +299,8 @@ def test_a_coupling_that_a_law_cannot_switch_off(name, shear):
     "energy, words",
     [
         (lambda a, b, g: (exp(a * a), b**2, g**2), "the energy of law own is 1 MPa in fabric as"),
-        (lambda a, b, g: (a**2, b**2 + 0.1 * b, g**2), "stress sigma_b of law own is 0.1 MPa in f"),
         (lambda a, b, g: (1e3 * a**2, 1e3 * b**2, 0.01 * g**2 + 1e-4 * g), "stress tau of law own"),
         (lambda a, b, g: (sqrt(a * a), b**2, g**2), "stress sigma_a of law own is nan MPa in fab"),
-        (
-            lambda a, b, g: (-a * a, b**2, g**2),
-            "law own along eps_a is -2 MPa in fabric as it lies",
-        ),
-        (lambda a, b, g: (a * a, b * abs(b), g**2), "law own along eps_b is -2 MPa in fabric as"),
         (lambda a, b, g: (1e3 * a * a, b * b, -1e-3 * g**2), "along gamma is -0.002 MPa in fab"),
         (lambda a, b, g: (math.exp(a * a) - 1, b**2, g**2), "fails .TypeError: must be real num"),
     ],
@@ -353,42 +313,11 @@ def test_a_fabric_is_at_rest_without_strain(energy, words, caplog):
     assert not caplog.records
 
 
-@pytest.mark.parametrize(
-    "rules, words",
-    [
-        ({"E": above_zero("pressure")}, "rule of E of law own is for 'pressure'; allowed is one"),
-        ({"E": "stress"}, "rule of E of law own is for 'stress'; allowed is one of `runtime"),
-        ({"E": above_zero("stress"), "F": above_zero()}, "law own has no number F; allowed is"),
-    ],
-)
-def test_a_rule_that_is_none(rules, words):
-    with pytest.raises(InputError, match=words):
-        own_law(lambda a, b, g: (a, b, g), rules)(E=3.0)
-
-
 def test_a_law_without_an_energy():
     law = own_law(None)
     law.energy = Law.energy
     with pytest.raises(InputError, match="law own has no energy; allowed is a method energy.self"):
         law(E=3.0).check_rest()
-
-
-@pytest.mark.parametrize(
-    "closed, words",
-    [
-        (lambda *given: Law.derivatives(*given).first, r"gives \(2,\), \(2,\), \(2,\) at n = 2"),
-        (lambda *given: tuple(Law.derivatives(*given)), r"gives \(2, 3\), \(3, 2\), \(6, 2\) at"),
-        (lambda self, a, b, g: Law.derivatives(self, a, b, g), "gives .* takes 4 positional arg"),
-        (lambda *given: Law.derivatives(*given)._replace(second=None), "gives .* second=True; al"),
-    ],
-)
-def test_closed_forms_of_another_shape(closed, words):
-    law = own_law(lambda a, b, g: (a * a, b * b, g * g))
-    law.derivatives = closed
-    with pytest.raises(InputError, match=f"`derivatives` of law own {words}"):
-        law(E=3.0).check_rest()
-    with pytest.raises(InputError, match=f"`derivatives` of law own {words}"):
-        check_derivatives(law(E=3.0))
 
 
 def test_a_law_with_an_energy_of_its_own_has_derivatives_of_its_own():

@@ -151,36 +151,10 @@ def test_symbols():
     assert symbols.couplings == {"tension_shear", "compression_shear"}
 
 
-def test_not_a_finite_number():
-    """Each number goes through its rule, and the rule refuses each kind of value."""
-    values = [math.nan, math.inf, True, np.True_, "1", None, 1j, [1.0], 10**400, np.ones(1)]
-    names = [*KOMEILI.parameters, "thickness", "density"]
-    for name, value in [*((name, math.nan) for name in names), *(("a", v) for v in values)]:
-        with pytest.raises(InputError, match=rf"{name} is .*; allowed is a \w+"):
-            KOMEILI.replace(**{name: value})
-
-
-@pytest.mark.parametrize(
-    ("allowed", "good", "bad"),
-    [
-        ("from 0", {"a": 0, "c": 0, "s_T": 0, "s_C": 0, "s3": 0}, -1e-9),
-        ("above 0", {"b": 1e-9, "d": 1e-9, "s1": 1e-9, "thickness": 1e-9, "density": 1e-9}, 0),
-        ("from 0 to 1", {"p_min": 1}, 1.001),
-        ("from 0 to 1", {"p_min": 0}, -0.001),
-    ],
-)
-def test_ranges(allowed, good, bad):
-    KOMEILI.replace(**good)
-    for name in good:
-        with pytest.raises(InputError, match=f"{name} is {bad}; allowed is a number {allowed}"):
-            KOMEILI.replace(**{name: bad})
-
-
-def test_fields_that_are_no_numbers():
-    with pytest.raises(InputError, match="weft is 3; allowed is a Yarn"):
-        KOMEILI.replace(weft=3)
-    with pytest.raises(InputError, match="name is 3; allowed is a text"):
-        KOMEILI.replace(name=3)
+def test_each_number_goes_through_its_rule():
+    for name in [*KOMEILI.parameters, "thickness", "density"]:
+        with pytest.raises(InputError, match=rf"{name} is nan; allowed is a \w+"):
+            KOMEILI.replace(**{name: math.nan})
 
 
 @pytest.mark.parametrize(
@@ -216,17 +190,12 @@ def test_units_and_layouts_give_the_same_fabric(tmp_path, text):
     ("old", "new", "sentence"),
     [
         ("a = 4130", "a = -1", "yarns.a is -1; allowed is a number from 0"),
-        ("a = 4130", "a_GPa = nan", "yarns.a_GPa is nan; allowed is a number from 0"),
-        ("a = 4130", "a_GPa = 1e308", "yarns.a_GPa is inf; allowed is a number from 0"),
         ("a = 4130", "a = 1\na_Pa = 1", "yarns.a_Pa repeats yarns.a; allowed is a once"),
-        ("a = 4130", "a = 1\na = 2", "is not valid TOML"),
         (
             "a = 4130",
             "a_psi = 1",
             "yarns.a_psi: stress unit 'psi' is unknown; allowed are MPa, kPa, Pa, GPa",
         ),
-        ("a = 4130", "a = '1'", "yarns.a is '1'; allowed is a number from 0"),
-        ("a = 4130", "a = true", "yarns.a is True; allowed is a number from 0"),
         ("a = 4130", "", "missing yarns.a; allowed is to give all, in [yarns] or [warp]"),
         ("[yarns]", "[warp]", "missing weft.a, weft.b, weft.d"),
         (
@@ -239,55 +208,18 @@ def test_units_and_layouts_give_the_same_fabric(tmp_path, text):
             "p_min_MPa =",
             "yarns.p_min_MPa has a unit, but p_min is a pure number; allowed is the key p_min",
         ),
-        ("s_C =", "s_C_MPa =", "yarns.s_C_MPa has a unit"),
-        (
-            "[shear]",
-            "[weft]\np_min = 1.5\n[shear]",
-            "weft.p_min is 1.5; allowed is a number from 0 to 1",
-        ),
         ("[shear]", "[sheer]", "sheer is unknown (did you mean shear?)"),
-        ("s1 = 25.06e-3", "", "missing shear.s1; allowed is to give all, in [shear]"),
-        (
-            "thickness = 1.0",
-            "",
-            "missing thickness; allowed is to give all, at the top of the file",
-        ),
-        ("thickness =", "thikness_mm =", "thikness_mm is unknown (did you mean thickness?)"),
-        (
-            "thickness =",
-            "thickness_inch =",
-            "thickness_inch: length unit 'inch' is unknown; allowed are mm, cm, m, um",
-        ),
-        (
-            'stress = "MPa"',
-            "",
-            "shear.s1 has no unit; allowed is s1_MPa or s1_kPa or s1_Pa or s1_GPa, or stress in",
-        ),
         (
             'density = "g/cm3"',
             "",
             "density has no unit; allowed is density_g_per_cm3 or density_kg_per_m3, or",
         ),
-        ('stress = "MPa"', 'stress = "psi"', "units.stress 'psi' is unknown; allowed are MPa"),
-        ('stress = "MPa"', "stress = [1]", "units.stress [1] is unknown; allowed are MPa"),
         (
             'stress = "MPa"',
             'sress = "MPa"',
             "units.sress is unknown (did you mean stress?); allowed are stress",
         ),
-        ("thickness = 1.0", "thickness = 1.0\nshear = 1\n", "is not valid TOML"),
         ("thickness = 1.0", "thickness = 1.0\nwarp = 1", "warp is 1; allowed is a table, [warp]"),
-        ("thickness = 1.0", "thickness = 1.0\nname = 1", "name is 1; allowed is a text"),
-        (
-            "thickness = 1.0",
-            "thickness = 1.0\ncouplings = 1",
-            "couplings is 1; allowed is a list of biaxial",
-        ),
-        (
-            "thickness = 1.0",
-            "thickness = 1.0\ncouplings = [1]",
-            "couplings: coupling 1 is unknown; allowed",
-        ),
         (
             "thickness = 1.0",
             "thickness = 1.0\ncouplings = ['biaxal']",
@@ -308,20 +240,14 @@ def test_files_that_cannot_be_read_or_written(tmp_path):
         match=r"nylon.toml' is unknown; allowed is a preset \(komeili, fabric\) or a file that",
     ):
         load("nylon.toml")
-    with pytest.raises(InputError, match="material None is unknown; allowed is a preset"):
-        load(None)
-    with pytest.raises(InputError, match="nylon.toml: cannot be read .No such file"):
-        WovenFabric.from_toml(tmp_path / "nylon.toml")
     with pytest.raises(InputError, match=r"cannot be read .Is a directory"):
         load(tmp_path)
     (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match="bytes.toml: cannot be read .*; allowed is a TOML file"):
         load(tmp_path / "bytes.toml")
-    for target in (tmp_path / "none" / "x.toml", tmp_path / "bytes.toml" / "x.toml", tmp_path):
-        with pytest.raises(InputError, match=re.escape(f"{target}: cannot be written")):
-            KOMEILI.to_toml(target)
-    with pytest.raises(InputError, match="cannot be written"):
-        KOMEILI.replace(name="\ud800").to_toml(tmp_path / "x.toml")
+    target = tmp_path / "none" / "x.toml"
+    with pytest.raises(InputError, match=re.escape(f"{target}: cannot be written")):
+        KOMEILI.to_toml(target)
     assert os.listdir(tmp_path) == ["bytes.toml"]
 
 
@@ -352,9 +278,6 @@ def test_assumed_numbers_are_kept_in_a_file(tmp_path):
     assert load(tmp_path / "fabric.toml").assumed == KOMEILI.assumed
 
 
-@pytest.mark.parametrize(
-    "given, words", [("d", "assumed is 'd'; allowed is a list"), (["D"], "assumed: 'D' is unknown")]
-)
-def test_unknown_assumed_numbers_are_refused(given, words):
-    with pytest.raises(InputError, match=words):
-        KOMEILI.replace(assumed=given)
+def test_unknown_assumed_numbers_are_refused():
+    with pytest.raises(InputError, match="assumed: 'D' is unknown"):
+        KOMEILI.replace(assumed=["D"])

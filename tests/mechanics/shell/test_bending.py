@@ -527,8 +527,6 @@ def test_quarter_of_a_symmetric_sheet(by_position, pattern):
 @pytest.mark.parametrize(
     "options, words",
     [
-        ({"D_a": -1.0}, "`D_a` of the bending is -1.0; allowed is a number from 0"),
-        ({"D_a": 1.0, "in_plane": math.nan}, "`in_plane` of the bending is nan; allowed is"),
         (
             {"D_a": 1.0, "clamped": edge(0, 77.0)},
             "function 1 in `clamped` of the bending of blank marks no side of the sheet's edge",
@@ -557,9 +555,3 @@ def test_only_triangles(cell, degree):
     blank = Blank.from_arrays(MPI.COMM_SELF, *arrays, spatial=True, degree=degree)
     with pytest.raises(InputError, match="allowed are P1, and P2 with straight sides"):
         alone(blank, Bending(1.0))
-
-
-def test_of_a_blank_in_a_plane_the_plane_is_told_first():
-    """By default it has quadratic cells, too, but linear ones would not bend either."""
-    with pytest.raises(InputError, match="needs a blank made with `spatial=True`"):
-        alone(Blank.rectangle(20, 10, nx=2), Bending(1.0))
