@@ -135,24 +135,10 @@ H = [0.4, 0.36, 0.32, 0.28]
     [
         (text_of(P[:3], H[:3]), "row 5: the file ends after 3 points; allowed is 4 or more"),
         (text_of(P[::-1], H), "row 4: pressure is 0.1 MPa after 1 MPa; allowed is to"),
-        (
-            text_of([*P, 0.5, 2], [*H, 0.3, 0.2]),
-            "row 7: pressure is 0.5 MPa after 1 MPa; allowed is",
-        ),
         (text_of([0, *P], [0.45, *H]), "row 3: pressure is 0 MPa; allowed is above 0"),
-        (text_of(P, [0.4, -0.3, 0.3, 0.2]), "row 4: thickness is -0.3 mm; allowed is above 0"),
         (text_of([1, 2, 3, 4], H), "row 6: pressure ends at 4 times the first; allowed is 5 times"),
         (text_of(P, H[::-1]), "thickness is 0.4 mm under the highest pressure and 0.28 mm under"),
-        (
-            text_of(P, H, "fibre_volume_fraction [-]"),
-            "0.28 under the highest pressure and 0.4 under the lowest; allowed is more",
-        ),
-        (text_of(P, [40, 50, 60, 70], "fibre_volume_fraction [-]"), "row 3: fibre_volume_fraction"),
-        (text_of(P, H, "thickness [kPa]"), "unit [kPa] of column thickness is unknown"),
         (text_of(P, H, "gap [mm]"), "column 'gap' is unknown"),
-        (text_of(P, H, unit="N/mm"), "unit [N/mm] of column pressure is unknown"),
-        (text_of(P, H, head="# width: 50 mm\n"), "key width does not belong to the test"),
-        (text_of(P, H, head="# noise: 2 % of value\n# noise: 1\n"), "the key noise is repeated"),
         (
             "# test: compaction\npressure [MPa],thickness [mm],fibre_volume_fraction [-]\n"
             + "".join(f"{p},{h},{0.1 / h}\n" for p, h in zip(P, H)),

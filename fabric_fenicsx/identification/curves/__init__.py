@@ -21,7 +21,7 @@ dW/d(eps_i), tau = dW/d(gamma); a force per width (N/mm) is divided by the sheet
 start at right angles. Noise is the standard deviation of a test.
 """
 
-from .checks import check_contradictions, curve_warnings
+from .checks import check_copies, curve_warnings
 from .forces import bias_displacement, bias_force, bias_normalised
 from .model import MIN_POINTS, STRAINS, TESTS, CompactionTest, Curve, Response, Sheet
 from .reading import read, read_sheet

@@ -1,9 +1,8 @@
-"""Values that a test curve cannot have, and curves that contradict each other."""
+"""Values that a test curve cannot have."""
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
-from itertools import combinations, product
+from itertools import combinations
 
 import numpy as np
 
@@ -14,7 +13,6 @@ from .model import STRAINS, TESTS, Curve, Table, unit_inside, units
 
 # beyond it a wrong unit is the likely reason
 _RANGE = {"eps_a": 0.5, "eps_b": 0.5, "gamma": math.radians(85)}
-_LONGEST = 0.2  # strain of a yarn in tension that fabrics hardly have
 # what a test must reach: below it fractions were taken for percent, or radians for degrees
 _LEAST = {"%": (5e-4, "-"), "deg": (math.radians(1.6), "rad")}
 _OFFSET = 0.2  # largest share of the peak that may be measured in the undeformed state
@@ -22,8 +20,6 @@ _FALLEN = 0.5  # share of the peak below which tension falls where yarns break
 TRUSTED = 30.0  # deg, to which angles by the displacement of a bias test are measured ones
 _PRESSED = 4  # points that tell compaction's three numbers
 _RANGE_OF_PRESSURE = 5.0  # the last over the first, as thickness follows the logarithm
-_DIFFERENCE = 0.25  # of the larger peak, r.m.s., beyond which curves contradict each other
-_EXCHANGED = {"eps_a": "eps_b", "eps_b": "eps_a", "sigma_a": "sigma_b", "sigma_b": "sigma_a"}
 
 
 def _refused(row: int, text: str, allowed: str) -> InputError:
@@ -152,7 +148,7 @@ def check_compaction(table: Table, column: str) -> None:
 
 def curve_warnings(curves: Sequence[Curve]) -> Iterator[str]:
     """Sentences on bias tests whose shear angles are from the displacement, and beyond `TRUSTED`,
-    where the specimen is not simulated; and on curves that may be in a wrong unit."""
+    where the specimen is not simulated."""
     for curve in curves:
         if curve.is_raw and curve.responses[0].linear is None:
             for k in _first(np.abs(curve.strains[:, 2]) > math.radians(TRUSTED)):
@@ -161,23 +157,10 @@ def curve_warnings(curves: Sequence[Curve]) -> Iterator[str]:
                     "deg by the displacement, where those of a real strip are less: simulate the "
                     "specimen, which needs DOLFINx, measure them, or leave these rows out"
                 )
-    for curve in curves:
-        if (strain := curve.strains[:, :2].max(initial=0)) > _LONGEST:
-            yield (
-                f"{curve.file}: a yarn is stretched by {100 * strain:.3g} %, where fabrics have up "
-                f"to {100 * _LONGEST:g} %; look at the unit"
-            )
 
 
-def check_contradictions(curves: Sequence[Curve], balanced: bool) -> None:
-    """InputError if two curves of the same states contradict each other.
-
-    They do if their difference, as r.m.s. over the common range, is more than a quarter of the
-    larger peak and more than 4 standard deviations of their stated noise. If `balanced`, warp is
-    also compared with weft. Also an error are two copies of one file, which would count twice, and
-    a strip that is stiffer with free sides than with held ones: k_TC <= 1 where the yarns across
-    contract (eq. 17).
-    """
+def check_copies(curves: Sequence[Curve]) -> None:
+    """InputError for two copies of one file, which would count twice."""
     for one, two in combinations(curves, 2):
         mine, theirs = ([c.strains, *(r.values for r in c.responses)] for c in (one, two))
         if len(mine) == len(theirs) and all(map(np.array_equal, mine, theirs)):
@@ -185,69 +168,3 @@ def check_contradictions(curves: Sequence[Curve], balanced: bool) -> None:
                 f"{two.file} has the values of {one.file}, row by row; allowed is each test once, "
                 "and as one kind of test"
             )
-        _check_pair(one, two, "")
-        if balanced:
-            _check_pair(one, _exchanged(two), "; if warp and weft differ, say balanced = false")
-
-
-def _exchanged(curve):
-    """The curve with the names a and b exchanged."""
-    responses = [replace(r, column=_EXCHANGED.get(r.column, r.column)) for r in curve.responses]
-    return replace(
-        curve,
-        strains=curve.strains[:, [1, 0, 2]],
-        responses=tuple(responses),
-        abscissa=(1, 0, 2)[curve.abscissa],
-        free=None if curve.free is None else 1 - curve.free,
-    )
-
-
-def _check_pair(one, two, hint):
-    """InputError if two curves contradict; of held and free sides only one way round."""
-    if one.free == two.free:
-        _compare(one, two, hint)
-    elif one.test == two.test and None in (one.free, two.free):
-        held, loose = (one, two) if one.free is None else (two, one)
-        _compare(held, loose, hint, softer=True)
-
-
-def _compare(one, two, hint, softer=False):
-    """InputError if responses differ in the same states; softer: if those of `two` are above those
-    of `one`."""
-    if one.abscissa != two.abscissa:
-        return
-    x, order = one.strains[:, one.abscissa], np.argsort(two.strains[:, two.abscissa])
-    there = two.strains[order]
-    along = there[:, two.abscissa]
-    common = np.flatnonzero((x >= along[0]) & (x <= along[-1]))
-    if common.size < 3:
-        return
-    x, here = x[common], one.strains[common]
-    other = np.transpose([np.interp(x, along, strain) for strain in there.T])
-    if np.any(np.abs(here - other) > 0.05 * np.abs([*one.strains, *there]).max(0)):
-        return
-    for r, q in product(one.responses, two.responses):
-        plain = r.half is None and q.half is None
-        if r.component != q.component or not (plain or one.keys == two.keys):
-            continue
-        mine, theirs = (each.values / (each.gain if plain else 1) for each in (r, q))
-        gap = np.interp(x, along, theirs[order]) - mine[common]
-        gap = np.maximum(gap, 0) if softer else np.abs(gap)
-        peak = max(np.abs(mine[common]).max(), np.abs(theirs).max())
-        noises = [c.noise for c in (one, two) if c.noise]
-        stated = [size / (peak if kind == "absolute" else 1) for kind, size in noises]
-        found = np.sqrt(np.mean(gap**2)) / peak
-        if found <= max(_DIFFERENCE, 4 * math.hypot(*stated)):
-            continue
-        where = f"{one.file}, row {one.rows[common[np.argmax(gap)]]}"
-        if softer:
-            raise InputError(
-                f"{where}: with lateral: held {r.column} is {100 * found:.0f} % of the peak "
-                f"(r.m.s.) below that of {two.file} with lateral: free; allowed is above it, as "
-                "free sides make a fabric softer (are the two exchanged?)"
-            )
-        raise InputError(
-            f"{where}: {r.column} contradicts {q.column} of {two.file}, as they differ by "
-            f"{100 * found:.0f} % of their peak (r.m.s.) in the same states; allowed is "
-            f"{100 * _DIFFERENCE:g} % or 4 standard deviations{hint}"
-        )

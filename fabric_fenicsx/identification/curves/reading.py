@@ -53,7 +53,7 @@ def read(path: Path | str) -> tuple[Sheet, tuple[Curve, ...]]:
         problems.append(f"{folder / 'sheet.toml'}: tests.{lost[0]!r} is no file; {allowed}")
     problems.stop()
     curves = tuple(test for test in tests if isinstance(test, Curve))
-    checks.check_contradictions(curves, sheet.balanced)
+    checks.check_copies(curves)
     compaction = tuple(test for test in tests if isinstance(test, CompactionTest))
     for test in compaction:
         if test.response.column == "fibre_volume_fraction" and sheet.fibre_density is None:
