@@ -27,7 +27,6 @@ class Laid(NamedTuple):
 def lay(
     sheet: SheetFields,
     sides: tuple[str, str],
-    thickness: float,
     comm: MPI.Comm,
     *,
     spatial: bool = False,
@@ -37,9 +36,9 @@ def lay(
 ) -> Laid:
     """Mesh a sheet, and check it.
 
-    sides: names of its fields of length and width; thickness: of its material [mm]; spatial: free
-    to leave its plane; share: of length and width that is modelled; height: as in `Blank.read`;
-    layout: `turned` and `centred` of `Layout`. Raises InputError as `Blank` does, and for fields
+    sides: names of its fields of length and width; spatial: free to leave its plane; share: of
+    length and width that is modelled; height: as in `Blank.read`; layout: `turned` and `centred`
+    of `Layout`. Raises InputError as `Blank` does, and for fields
     that do not fit the mesh.
     """
     source = sheet.sheet_file or "the specimen"
@@ -56,9 +55,9 @@ def lay(
             "allowed is P on triangles, Q on quadrilaterals"
         )
     settled: dict[str, Any] = {"element": f"{kind}{blank.degree}"}
-    warnings = [*blank.warnings, mesh_warnings.size_warning(blank, thickness, source)]
+    warnings = [*blank.warnings, mesh_warnings.size_warning(blank, source)]
     if sheet.sheet_file:
-        warnings += [*mesh_warnings.cell_warnings(blank, source), _idle_warning(sheet)]
+        warnings.append(_idle_warning(sheet))
         settled |= _own_sizes(sheet, sides, blank, share)
         settled |= dict.fromkeys(("nx", "ny", "pattern") if sheet.mesh else ("ny",))
     return Laid(blank, settled, [*filter(None, warnings)])

@@ -29,7 +29,7 @@ class CouponSetup(Setup):
         self.choose()
         sides = [*data.SIDES]
         self.blank, settled, self.warnings = lay(
-            self.data, (sides[0], sides[-1]), data.fabric.thickness, self.comm, turned=self.turned
+            self.data, (sides[0], sides[-1]), self.comm, turned=self.turned
         )
         self.low, self.high = self.blank.extent()  # corners (2,) [mm]
         self.data = replace(self.data, **settled)

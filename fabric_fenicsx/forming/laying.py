@@ -108,11 +108,9 @@ def _with_nx(sheet, nx, quarter, element=None):
 
 
 def _laid(sheet, quarter, comm):
-    sides, thickness = ("length", "width"), sheet.thickness_under(0.0)
     return lay(
         sheet,
-        sides,
-        thickness,
+        ("length", "width"),
         comm,
         spatial=True,
         share=0.5 if quarter else 1.0,

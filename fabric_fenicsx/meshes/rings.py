@@ -1,6 +1,5 @@
 """Closed rings of lines in a plane, and the sheet that they bound: an outline with holes."""
 
-import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -52,50 +51,20 @@ def joined(lines: Sequence[np.ndarray], source: str) -> list[np.ndarray]:
 
 def sheet_of(rings: Sequence[np.ndarray], source: str) -> shapely.Polygon:
     """The sheet that rings (n, 2) [mm] bound: the largest is its outline, the others are holes.
-    source: what errors call the rings. Raises InputError, by the place, for a ring that crosses
-    itself or has fewer than three points, for one outside the outline, and for one that crosses,
-    touches or lies in another."""
-    shapes = [_area(ring, source) for ring in rings]
-    if not shapes:
-        raise InputError(f"{source} holds no ring; allowed is an outline, and holes in it")
-    outline, *holes = sorted(shapes, key=lambda shape: -shape.area)
-    for hole in holes:
-        if not shapely.contains_properly(outline, hole):
-            how = "outside it" if outline.disjoint(hole) else "across it, or touching it"
-            raise InputError(
-                f"{source} has a ring at {_place(hole)} mm that lies {how}; allowed is one "
-                "outline, and holes inside it"
-            )
-    tree = shapely.STRtree(np.array(holes, dtype=object))
-    pairs = tree.query(tree.geometries, predicate="intersects").T
-    for hole, other in ((holes[i], holes[j]) for i, j in pairs if i > j):
-        how = "lies in" if other.contains(hole) else "meets"
+    source: what errors call the rings. Raises InputError, by the place, for rings that do not bound
+    one sheet."""
+    for small in (ring for ring in rings if len(np.unique(ring, axis=0)) < 3):
         raise InputError(
-            f"{source} has a ring at {_place(hole)} mm that {how} the hole at {_place(other)} mm; "
-            "allowed are holes apart from each other"
+            f"{source} has a ring of 2 points or less at {coordinates(small[0])} mm; allowed are 3"
         )
-    return shapely.Polygon(outline.exterior, [hole.exterior for hole in holes])
-
-
-def _area(ring, source):
-    points = len(np.unique(ring, axis=0))
-    if points < 3:
+    areas = sorted((shapely.Polygon(ring) for ring in rings), key=lambda area: -area.area)
+    outline, *holes = [area.exterior for area in areas] or [None]
+    sheet = shapely.Polygon(outline, holes)
+    fault, _, place = shapely.is_valid_reason(sheet).partition("[")
+    if place:  # as of Self-intersection[5 10]
+        where = coordinates(map(float, place.rstrip("]").split()))
         raise InputError(
-            f"{source} has a ring of {points} points at {coordinates(ring[0])} mm; allowed are 3 "
-            "or more"
+            f"{source} bounds no sheet: {fault.lower()} at {where} mm; allowed is one outline, and "
+            "holes inside it that are apart from each other"
         )
-    area = shapely.Polygon(ring)
-    reason = shapely.is_valid_reason(area)
-    if reason != "Valid Geometry":
-        found = re.search(r"\[(.*)\]", reason)
-        place = map(float, found[1].split()) if found else ring[0]
-        raise InputError(
-            f"{source} crosses or touches itself at {coordinates(place)} mm; allowed are rings "
-            "that do not"
-        )
-    return area
-
-
-def _place(shape):
-    """Text of the first point of an area's ring."""
-    return coordinates(shape.exterior.coords[0])
+    return sheet

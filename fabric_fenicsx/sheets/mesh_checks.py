@@ -10,8 +10,6 @@ from ..runtime.errors import InputError
 from ..runtime.graph import connected
 from .cells import CELLS, at_place, check_shapes, one_sense
 
-# cosine of the angle between two cells at their edge below which one lies on the other
-FOLDED = np.cos(np.radians(10))
 # distance from an edge, over its length, of a node that lies on it; curved edges are cut
 NEAR = {1: 1e-3, 2: 3e-2}
 PLANE = 1e-7  # extent in z over the sheet's below which it is plane: files have singles
@@ -36,8 +34,8 @@ def checked_mesh(
     errors call the mesh. Cells of a plane mesh that are turned over are turned, and warned of.
     Raises InputError, with the first number (from 0) and place, for a mesh without cells, nodes
     that are not there or not finite, cells without area, turned over inside by curved edges, given
-    twice, lying on others or hanging on a node inside an edge, edges of more than two cells, and
-    several sheets. Open slits are warned of.
+    twice or hanging on a node inside an edge, edges of more than two cells, and several sheets.
+    Open slits are warned of.
     """
     if kind not in CELLS:
         raise InputError(f"{source} holds cells of kind {kind}; allowed are {sorted(CELLS)}")
@@ -68,7 +66,7 @@ def checked_mesh(
     if plane:
         cells, warnings = one_sense(x, cells, how, source)
     check_shapes(x, cells, how, source)
-    warnings += _Neighbours(x, cells, used, how, source, plane).check()
+    warnings += _Neighbours(x, cells, used, how, source).check()
     return MeshArrays(x[:, :2] if plane and not spatial else x, cells, kind, warnings)
 
 
@@ -76,9 +74,9 @@ class _Neighbours:
     """Cells of a mesh beside each other. x: points (n, 3) [mm]; numbers: (n,) of these in the
     file."""
 
-    def __init__(self, x, cells, numbers, how, source, plane):
+    def __init__(self, x, cells, numbers, how, source):
         self.x, self.cells, self.numbers = x, cells, numbers
-        self.how, self.source, self.plane = how, source, plane
+        self.how, self.source = how, source
         corners = cells[:, : how.corners]
         n, k = corners.shape
         ends = np.stack([corners, np.roll(corners, -1, 1)], -1).reshape(-1, 2)
@@ -99,13 +97,8 @@ class _Neighbours:
         """Warnings, a sentence each; raises InputError for what no sheet has."""
         self._crowded()
         self._sheets()
-        if self.middles is not None:
-            self._middles(self.middles)
-        self._folds()
         rim = self._rim()
         self._hanging(*rim)
-        if self.plane:
-            self._overlaps(*rim)
         return self._slits(rim[0])
 
     def _cell(self, number):
@@ -132,32 +125,6 @@ class _Neighbours:
             one, other = self._cell(0), self._cell((part != part[0]).argmax())
             flaw = f"falls into {parts} parts that share no edge, one with {one}, one with {other}"
             raise self._wrong(flaw, "is one sheet, whose cells share nodes where they meet")
-
-    def _middles(self, middles):
-        k = self.how.corners
-        both = np.intersect1d(self.cells[:, :k], self.cells[:, k:])
-        if both.size:
-            where = "at the corner of one cell and inside an edge or cell of another"
-            flaw = f"has a node, number {self._node(both[0])}, {where}"
-            raise self._wrong(flaw, "are cells that meet at whole edges")
-        middle = middles[self.pairs]
-        torn = np.flatnonzero(middle[:, 0] != middle[:, 1])
-        if torn.size:
-            one, other = middle[torn[0]]
-            names = f"{self.numbers[one]} and {self.numbers[other]} {at_place(self.x[one])}"
-            raise self._wrong(f"has two middle nodes, numbers {names}, for one edge", "is one")
-
-    def _folds(self):
-        p, q = self.x[self.ends[self.pairs[:, 0]]].swapaxes(0, 1)
-        along = (q - p) / np.linalg.norm(q - p, axis=1, keepdims=True)
-        arms = self.centres[self.of_cell[self.pairs]] - p[:, None]  # of both cells
-        across = arms - (arms * along[:, None]).sum(2, keepdims=True) * along[:, None]
-        across /= np.linalg.norm(across, axis=2, keepdims=True)
-        folded = np.flatnonzero(across.prod(1).sum(1) > FOLDED)
-        if folded.size:
-            one, other = self.of_cell[self.pairs[folded[0]]]
-            flaw = f"folds back on itself: {self._cell(other)} lies on cell {one} at their edge"
-            raise self._wrong(flaw, "is a sheet without overlap")
 
     def _rim(self):
         """Straight edges (m, 2) by nodes on the sheet's rim, and their cells (m,)."""
@@ -188,31 +155,6 @@ class _Neighbours:
             flaw = f"has a hanging node, number {hanging}: it lies on an edge of cell {cell}"
             allowed = "are cells that meet at whole edges"
             raise self._wrong(f"{flaw}, which does not have it", allowed)
-
-    def _overlaps(self, ends, cells):
-        """Look for places of the rim inside other cells, as no sheet of one sense lies on itself
-        without."""
-        shares = np.array([0.0, 0.25, 0.5, 0.75])[:, None, None]
-        p, q = self.x[ends].swapaxes(0, 1)
-        places, own = ((1 - shares) * p + shares * q).reshape(-1, 3), np.tile(cells, 4)
-        # (n, 3 or 4, 3)
-        parts = self.x[np.concatenate([self.cells[:, part] for part in self.how.parts])]
-        whole = np.tile(np.arange(len(self.cells)), len(self.how.parts))
-        centre = parts.mean(1)
-        reach = np.linalg.norm(parts - centre[:, None], axis=2).max(1)
-        place, part = _within(centre, places, reach.max())
-        edges = np.roll(parts[part], -1, 1) - parts[part]
-        arms = places[place][:, None] - parts[part]
-        turn = edges[..., 0] * arms[..., 1] - edges[..., 1] * arms[..., 0]
-        # the distance from each edge, over its length, to the left of it
-        turn = turn / (edges**2).sum(2)
-        turn = turn * np.sign(turn.sum(1, keepdims=True))
-        inside = (turn > NEAR[self.how.degree]).all(1) & (whole[part] != own[place])
-        if inside.any():
-            at, other = place[inside.argmax()], whole[part[inside.argmax()]]
-            reach = f"cell {own[at]} reaches into cell {other}"
-            flaw = f"overlaps itself {at_place(places[at])}: {reach}"
-            raise self._wrong(flaw, "is a sheet without overlap")
 
     def _slits(self, ends):
         nodes = np.unique(ends)

@@ -1,6 +1,5 @@
 """Meshes of sheets in files."""
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +16,6 @@ GEOMETRY = (".geo", ".step", ".stp", ".iges", ".igs", ".brep")  # what gmsh make
 
 def read_mesh(path: Path | str) -> MeshArrays:
     """The mesh in a file, not checked yet; InputError as in `Blank.read`."""
-    if not isinstance(path, (str, os.PathLike)):
-        flaw = f"mesh file is given as {type(path).__name__}"
-        raise InputError(f"{flaw}; allowed is its name, as a text or a path")
     path = Path(path)
     file, kind_of_file = f"mesh file {path}", ending(path)
     if kind_of_file in GEOMETRY:

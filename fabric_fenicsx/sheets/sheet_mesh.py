@@ -299,9 +299,6 @@ def _tangent(mesh, centre, normal, direction, name):
     value = np.broadcast_to(value, (n, value.shape[-1])).astype(float)
     if value.shape[1] == 2:
         value = np.column_stack([value, np.zeros(n)])
-    if value.shape[1] != 3:
-        found = f"fibre direction {name} has {value.shape[1]} components"
-        raise InputError(f"{found}; allowed is an angle or {gdim} components")
 
     def refuse(bad, flaw):
         _refuse(mesh, bad, centre, f"fibre direction {name} {flaw}")

@@ -8,7 +8,7 @@ import numpy as np
 from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
-from ..runtime.rules import FINITE, POSITIVE, shown
+from ..runtime.rules import FINITE, POSITIVE
 from .blank import Blank, Part
 
 FLAT = 1e-9  # distance from its plane of a sheet that is flat, over its size
@@ -84,17 +84,11 @@ class Stack(Blank):
 
 
 def _sheet(given):
-    try:
-        blank, thickness, name = given
-    except (TypeError, ValueError):
-        found, allowed = shown(given), "blank, thickness [mm] and name"
-        raise InputError(f"a sheet of the stack is {found}; allowed are {allowed}") from None
+    blank, thickness, name = given
     return Sheet(blank, POSITIVE.check(f"thickness of sheet {name} of the stack", thickness), name)
 
 
 def _check(sheets):
-    if not sheets:
-        raise InputError("the stack has no sheet; allowed are one or more")
     names = [sheet.name for sheet in sheets]
     if len(set(names)) < len(names) or not all(names):
         raise InputError(f"sheets of the stack are named {names}; allowed are different names")
@@ -112,13 +106,6 @@ def _check(sheets):
         if high[2] - low[2] > FLAT * (high - low).max():
             height = rounded(high[2] - low[2], 4)
             raise InputError(f"{where} is {height} mm high; allowed is a flat sheet, z = const")
-    extents = [sheet.blank.extent() for sheet in sheets]
-    for k, (low, high) in enumerate(extents):
-        others = extents[:k] + extents[k + 1 :]
-        apart = [((low >= h) | (high <= l))[:2].any() for l, h in others]
-        if others and all(apart):
-            flaw = f"sheet {sheets[k].name} of the stack lies beside all others"
-            raise InputError(f"{flaw}; allowed is one that has another above or below it")
 
 
 def _merged(sheets, lifts, comm):

@@ -24,47 +24,24 @@ def test_options_are_the_fields_with_their_defaults(kind):
     [
         (ff.Tensile, {"nx": 0}, "`nx` is 0; allowed is a whole number of 1 or more"),
         (
-            ff.Tensile,
-            {"fabric": "komeili"},
-            "`fabric` is 'komeili'; allowed is a fabric, as `load(",
-        ),
-        (
             ff.Membrane,
             {"fabric": "komeili"},
             "fabric of a membrane is 'komeili'; allowed is a fabr",
         ),
         (
             ff.Tensile,
-            {"fibre_angle": 400},
-            "`fibre_angle` is 400; allowed is an angle from -360 to 360 deg",
-        ),
-        (
-            ff.Tensile,
             {"fiber_angle": 1},
             "(did you mean fibre_angle?); allowed are fabric, mesh, outline",
         ),
-        (ff.Tensile, {"nx": 2.5}, "`nx` is 2.5; allowed is a whole number of 1 or more"),
-        (ff.Tensile, {"strain": float("nan")}, "`strain` is nan; allowed is a fraction"),
-        (ff.Tensile, {"width": "wide"}, "`width` is 'wide'; allowed is a number above 0"),
         (ff.Tensile, {"pattern": "zigzag"}, "`pattern` is 'zigzag'; allowed is one of crossed"),
-        (ff.Tensile, {"grips": "glue"}, "`grips` is 'glue'; allowed is one of clamped, rollers"),
         (ff.BiasExtension, {"length": 80}, "allowed is a length of 2 widths or more"),
-        (ff.BiasExtension, {"in_plane_bending": 1, "element": "P3"}, "allowed are P1, and P2"),
         (ff.PictureFrame, {"fibre_angle": 30}, "allowed is 0 and 90, along its arms"),
-        (ff.PictureFrame, {"pre_tension": 0.5}, "allowed is a strain from 0 to 0.1"),
     ],
 )
 def test_a_field_that_is_not_allowed(kind, fields, words):
     with pytest.raises(ff.InputError) as error:
         kind(**fields).build()
     assert words in str(error.value)
-
-
-@pytest.mark.parametrize("make", [*COUPONS, lambda mesh: ff.Blank.read(mesh)])
-def test_a_mesh_that_is_no_name_of_a_file(make):
-    words = "mesh file is given as Blank; allowed is its name, as a text or a path"
-    with pytest.raises(ff.InputError, match=words):
-        make(mesh=ff.Blank.rectangle(20, 10, nx=2)).build()
 
 
 @pytest.mark.parametrize("kind", [ff.Tensile, ff.BiasExtension, ff.PictureFrame])

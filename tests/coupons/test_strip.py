@@ -117,18 +117,8 @@ def test_held_sides_are_warned_of():
 @pytest.mark.parametrize(
     "kind, fields, file, words",
     [
-        (
-            ff.Tensile,
-            {},
-            "glass_pp_115x230",
-            "has no test for this study but bias_extension; allowed is a",
-        ),
         (ff.Tensile, {}, "komeili_all/uniaxial_b.csv", "but uniaxial_b; allowed is a tension test"),
         (ff.Tensile, {"fibre_angle": 30}, "komeili_all", "allowed is `fibre_angle` 0 or 90"),
-        (ff.Tensile, {"yarn_angle": 80}, "komeili_all", "allowed is `fibre_angle` 0 or 90"),
-        (ff.Tensile, {}, "komeili_all/none.csv", "none.csv does not exist"),
-        (ff.Tensile, {}, "none", "allowed is a folder with a sheet.toml and a CSV file"),
-        (ff.BiasExtension, {}, "komeili_all/uniaxial_a.csv", "allowed is bias_extension, or shear"),
         (ff.BiasExtension, {}, "komeili_all/shear_tension_a.csv", "allowed is bias_extension"),
         (ff.BiasExtension, {"strain": 0.01}, "glass_pp_115x230", "allowed is a `strain` above 0.0"),
     ],

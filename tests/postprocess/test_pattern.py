@@ -135,7 +135,7 @@ def test_a_whole_ply_with_its_corner_at_the_origin_is_not_mirrored():
         (SQUARE + [0, 0, 3], r"3 mm away from the ply at \(-20, -10, 3\) mm; allowed is up to 0.5"),
         (SQUARE * 3.01, r"leaves the ply at \(60.2, .*\) and \(-60.2, .*\) mm; "),
         (2.5 * SQUARE[:, :2] + [20, 0], r"leaves the ply at"),
-        (SQUARE[[0, 2, 1, 3, 0]], r"on the flat ply, crosses or touches itself at \(0, 0\) mm"),
+        (SQUARE[[0, 2, 1, 3, 0]], r"bounds no sheet: self-intersection at \(0, 0\) mm"),
         (SQUARE[:4], r"on the flat ply, is open at \(-20, "),
     ],
 )
