@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
+from ..material.files import Interval
 from ..runtime.errors import InputError
 from ..runtime.fields import check_fields, number
 from ..runtime.rules import FINITE, FROM_ZERO, POSITIVE, shown, unknown_key
@@ -54,13 +55,7 @@ class Region:
                 continue
             if name not in MEASURES:
                 raise unknown_key(name, (*MEASURES, AT), f"`where`.{name}")
-            if not isinstance(ends, (list, tuple)) or len(ends) != 2:
-                raise InputError(f"`where`.{name} is {shown(ends)}; allowed are two numbers")
-            low, high = (FINITE.check(f"`where`.{name}", each) for each in ends)
-            if low >= high:
-                raise InputError(
-                    f"`where`.{name} is {shown(ends)}; allowed is the smaller number first"
-                )
+            Interval(FINITE).check(f"`where`.{name}", ends)
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
         """The mask (n,)."""

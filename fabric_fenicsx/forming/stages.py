@@ -164,11 +164,6 @@ class Schedule:
                         f"{label}.leave names {name}, which moves in this stage; allowed is a tool "
                         "that does not"
                     )
-                if not places[-1].any():
-                    raise InputError(
-                        f"{label}.leave names {name}, which is where it started; allowed is a tool "
-                        "that has moved before"
-                    )
                 places.append(np.zeros(3))
                 continue
             move = moves.get(name, 0.0)

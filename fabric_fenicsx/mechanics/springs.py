@@ -10,7 +10,7 @@ from mpi4py import MPI
 from numpy.typing import ArrayLike
 
 from ..runtime.errors import InputError
-from ..runtime.rules import FROM_ZERO, shown
+from ..runtime.rules import FROM_ZERO
 from .assembly import assembled
 from .contact.nodes import values_at
 from .gathered import CoupledNodes
@@ -77,15 +77,6 @@ class Springs(Term):
         self.name = name
         self._stiffness = FROM_ZERO.check(f"stiffness of {name} [N/mm]", stiffness)
         self._preload = FROM_ZERO.check(f"preload of {name} [N]", preload)
-        if not (self._stiffness or self._preload):
-            raise InputError(
-                f"stiffness and preload of {name} are both 0; allowed is one above 0, or both"
-            )
-        if not callable(where):
-            raise InputError(
-                f"`where` of {name} is {shown(where)}; allowed is a function of points (3, n) to "
-                "a mask (n,)"
-            )
         if (anchor is None) == (arm is None):
             raise InputError(f"{name} need one of `anchor` and `arm`")
         self.where, self._anchor, self.arm = where, anchor, arm
@@ -125,7 +116,7 @@ class Springs(Term):
         owned, gdim = blank.V.dofmap.index_map.size_local, blank.mesh.geometry.dim
 
         def where(points):
-            return values_at(self.where, points, f"`where` of {self.name}")
+            return values_at(self.where, points)
 
         found = (self.part.nodes & where(blank.coordinates()[:owned].T)).astype(float)
         try:

@@ -14,13 +14,8 @@ from fabric_fenicsx.solve.settings import Settings
     "name, value, allowed",
     [
         ("steps", 0, "a whole number of 1 or more"),
-        ("max_step", 1.5, "a load factor above 0 and up to 1"),
-        ("tolerance", 1.0, "a number above 0 and below 1"),
-        ("path_tolerance", "loose", "a number above 0 and below 1"),
         ("viscosity", "on", "one of auto, off"),
-        ("balance", 0, "a number above 0"),
         ("linear_solver", "magic", "one of mumps-cholesky"),
-        ("every", 2.5, "a whole number of 1 or more"),
     ],
 )
 def test_a_value_that_is_not_allowed_is_named(name, value, allowed):

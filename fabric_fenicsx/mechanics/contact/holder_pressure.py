@@ -166,7 +166,7 @@ class BlankHolderPressure(ToolInteraction):
 
     def shares(self, points: np.ndarray) -> np.ndarray:
         """Share of each of `points` (3, n) [mm] that is under the holder, 0 to 1 (n,)."""
-        return np.clip(values_at(self.under, points, f"`under` of the {self.name}", float), 0, 1)
+        return np.clip(values_at(self.under, points, float), 0, 1)
 
     def _pressed(self):
         """Areas (nodes,) under the holder, where all the other sheets lie on this one [mm^2]."""

@@ -14,22 +14,10 @@ from ..shell.morley import Where
 
 
 def values_at(
-    function: Callable[[np.ndarray], np.ndarray], points: np.ndarray, name: str, kind: type = bool
+    function: Callable[[np.ndarray], np.ndarray], points: np.ndarray, kind: type = bool
 ) -> np.ndarray:
-    """Values of a `function` of `points` (3, n): a mask (n,) or, of `kind` float, numbers (n,).
-    Raises InputError, which calls the function `name`, where it fails and for another answer."""
-    n, answer = points.shape[1], "a mask (n,)" if kind is bool else "numbers (n,)"
-    allowed = f"allowed is a function of points (3, n) to {answer}"
-    try:
-        found = np.asarray(function(points))
-    except (AttributeError, IndexError, TypeError, ValueError) as error:
-        raise InputError(f"{name} fails ({type(error).__name__}: {error}); {allowed}") from error
-    if found.shape not in ((n,), ()) or not np.can_cast(found.dtype, kind):
-        given = f"values of type {found.dtype} and shape {found.shape}"
-        raise InputError(f"{name} gives {given} at {n} points; {allowed}")
-    if not np.isfinite(found).all():
-        raise InputError(f"{name} gives numbers that are not finite; {allowed}")
-    return np.broadcast_to(found.astype(kind), n)
+    """Values of a `function` of `points` (3, n): a mask (n,) or, of `kind` float, numbers (n,)."""
+    return np.broadcast_to(np.asarray(function(points)).astype(kind), points.shape[1])
 
 
 class Nodes:
@@ -43,7 +31,7 @@ class Nodes:
     - rows, cols (9 count,): global degrees of freedom of each node's 3 x 3 block
 
     Raises InputError for a blank in a plane, along turned axes or of other cells, and for a `where`
-    that gives no mask or marks no node.
+    that marks no node.
     """
 
     def __init__(self, blank: Blank, part: Part | None = None, where: Where | None = None) -> None:
@@ -63,8 +51,7 @@ class Nodes:
         self.areas, self.part = _areas(blank, part)[: self.count], part
         self.own = part.nodes
         if where:
-            name = f"`where` of a contact of {blank.name}"
-            self.own = part.nodes & values_at(where, self.places.T, name)
+            self.own = part.nodes & values_at(where, self.places.T)
             self.areas[~self.own] = 0.0
             if not self.comm.allreduce(int(self.own.sum())):
                 raise InputError(f"{asked} where no node is; allowed are 1 or more")

@@ -323,8 +323,6 @@ class SheetContact(FaceContact):
         self.sheets = lower, upper
         name = f"contact of {lower} and {upper}"
         super().__init__(name, penalty, points, lag, symmetric, friction)
-        if lower == upper:
-            raise InputError(f"{name} is of one sheet; allowed are two different ones")
 
     def set_up(self, scene: SceneFacts) -> None:
         lower, upper = parts = [scene.blank.part(name) for name in self.sheets]
@@ -341,11 +339,6 @@ class SheetContact(FaceContact):
 
     def _check_start(self):
         self.first = self.faces.accepted
-        if not self.blank.mesh.comm.allreduce(len(self.first.gap)):
-            raise InputError(
-                f"{self.name} finds no place of one over the other; allowed are sheets that lie on "
-                "one another"
-            )
         super()._check_start()
 
     def force(self) -> np.ndarray:

@@ -188,11 +188,6 @@ def test_a_run_goes_on_from_what_it_remembers(by_position):
             {},
             "self-contact needs a penalty, a number above 0, as the sheet has not a fabric or",
         ),
-        (
-            lambda: rectangle(9, 9, 2, 2, cell="quadrilateral", spatial=True),
-            {"penalty": 1.0},
-            "on other cells; allowed are P1",
-        ),
     ],
 )
 def test_sheets_that_cannot_touch_themselves(make, options, words):

@@ -292,16 +292,12 @@ def test_forces_and_tangent_are_derivatives(distance):
 @pytest.mark.parametrize(
     "given, words",
     [
-        ({"coefficient": -0.1}, "coefficient of friction is -0.1; allowed is a number from 0"),
-        ({"coefficient": math.nan}, "coefficient of friction is nan; allowed is a number from 0"),
         (
             {"coefficient": {"a": 0.1, "b": -1}},
             "coefficient of friction is -1; allowed is a number from 0",
         ),
         ({"slip": 0.0}, "slip of friction is 0.0; allowed is a number above 0"),
-        ({"slip": math.inf}, "slip of friction is inf; allowed is a number above 0"),
         ({"lag": 0.0}, "lag of friction is 0.0; allowed is a number above 0"),
-        ({"lag": math.nan}, "lag of friction is nan; allowed is a number above 0"),
     ],
 )
 def test_numbers_that_are_not_allowed(given, words):
