@@ -5,27 +5,24 @@ from pathlib import Path
 
 from bench import explicit_code
 
-from fabric_fenicsx.command_line.forming_study import DomeTest, build, dome_parser
-from fabric_fenicsx.command_line.study import Study, run
+from fabric_fenicsx.command_line.press_study import PressStudy, press_parser
+from fabric_fenicsx.command_line.study import run
 
 REFERENCE = Path(__file__).resolve().parents[1] / "studies" / "reference" / "openradioss"
-SAME = {  # as in OpenRadioss, which has rigid contact, and no bending: ours is small
-    "material": str(REFERENCE / "tab.toml"),
-    "holder": "force",
-    "holder_force": 20000.0,
-    "bending_modulus": 20.0,
-    "twist_modulus": 0.0,
-    "penalty": 333.0,  # N/mm^3: 2 % of stretch over the die's radius press the ply 1.25 % deep
-}
+SAME = (  # as in OpenRadioss, which has rigid contact, and no bending: ours is small
+    f"fabric={REFERENCE / 'tab.toml'}",
+    "nx=47",
+    "holder.force=20000",
+    "blank.bending_modulus=20",
+    "blank.twist_modulus=0",
+    "contact.penalty=333",  # N/mm^3: 2 % of stretch over the die's radius press the ply 1.25 % deep
+)
 
 
-def options():
-    return dome_parser(DomeTest, __doc__, name="openradioss", **SAME)
-
-
-def main(study: Study):
-    explicit_code.check_angle(study.args.fibre_angle)
-    forming = build(study, DomeTest)
+def main(study: PressStudy):
+    press = study.read(*SAME)
+    explicit_code.check_angle(press.sheets[0].fibre_angle)
+    forming = study.build(press)
     result, found = study.run(forming), None
     if study.comm.rank == 0:
         found = explicit_code.compare_formed(
@@ -38,4 +35,4 @@ def main(study: Study):
 
 
 if __name__ == "__main__":
-    run("openradioss", options(), main)
+    run("openradioss", press_parser(__doc__, "openradioss", "double_dome"), main, PressStudy)

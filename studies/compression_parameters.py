@@ -1,33 +1,25 @@
 """Influence of the compression parameters on a formed double dome: Figs 12 to 14 of Schäfer et al.,
 each varied alone."""
 
-from fabric_fenicsx.command_line.forming_study import DomeTest, build, dome_parser
+from fabric_fenicsx.command_line.press_study import PressStudy, press_parser
 from fabric_fenicsx.command_line.study import run
 from fabric_fenicsx.runtime.errors import SolverFailure
 from fabric_fenicsx.studies.lib import compression_parameters as parameters
 
 
-class CompressedPly(DomeTest):
-    """The ply whose parameters are varied."""
-
-    NAME = "compression_parameters"
-    PRESS = "double_dome"
-    FULL = {"nx": 24, "steps": 40, "balance": 0.02}
-    QUICK = {"nx": 10, "steps": 10, "balance": None}
-
-
 def options():
-    p, names = dome_parser(CompressedPly, __doc__), tuple(parameters.VARIED)
+    p = press_parser(__doc__, "compression_parameters", "double_dome")
+    names = tuple(parameters.VARIED)
     p.group("test")
     p.option("--vary", nargs="+", choices=names, default=[*names])
     return p
 
 
-def formed(study, values):
+def formed(study, press, values):
     """Summary of the ply formed with these parameters, its grid on rank 0, the contrast of its
     shear angle [deg], and why it was not formed ("" if it was)."""
     part = "_".join(f"{name}_{value:g}" for name, value in values.items())
-    ply = build(study, CompressedPly, parameters.changed(study.fabric, values))
+    ply = study.build(press.with_fabrics(lambda fabric: parameters.changed(fabric, values)))
     try:
         result, reason = study.run(ply, part), ""
     except SolverFailure as failure:
@@ -42,11 +34,12 @@ def formed(study, values):
 
 
 def main(study):
+    press = study.read("stage.1.steps=40")
     folder, runs, rows, grids = study.folder(), {}, [], {}
     for name, value, values in parameters.variants(study.args.vary):
         key = tuple(values.values())
         if key not in runs:
-            runs[key] = formed(study, values)
+            runs[key] = formed(study, press, values)
         summary, grid, contrast, reason = runs[key]
         rows.append(parameters.row(name, value, summary, contrast, reason))
         grids.setdefault(name, {})[parameters.title(rows[-1])] = grid
@@ -76,4 +69,4 @@ def main(study):
 
 
 if __name__ == "__main__":
-    run("compression_parameters", options(), main)
+    run("compression_parameters", options(), main, PressStudy)

@@ -1,18 +1,51 @@
 """Forming in a press of your own: blank, tools, holders and stages from a file."""
 
+from fabric_fenicsx.command_line.options import Parser, option_type
 from fabric_fenicsx.command_line.press_study import PressStudy, press_parser
 from fabric_fenicsx.command_line.study import run
 from fabric_fenicsx.forming.unloading import unloading
 from fabric_fenicsx.job.validity import WAVE, coarsest_waves
+from fabric_fenicsx.material.laws import coupling_variants
 from fabric_fenicsx.postprocess.wrinkles import LEAST
-from fabric_fenicsx.runtime.errors import SolverFailure
+from fabric_fenicsx.runtime.errors import InputError, SolverFailure
 from fabric_fenicsx.runtime.formatting import percent, rounded
+from fabric_fenicsx.runtime.rules import POSITIVE
+from fabric_fenicsx.sweep.folder import flat
 
 ELSEWHERE = 0.05  # of a number, by which a disturbed run ends elsewhere
 
 
+def options(description: str | None, press: str = "") -> Parser:
+    """The options of the example `press`, by default of the press that the command names."""
+    p = press_parser(description, press or "form", press)
+    p.group("more runs")
+    p.option(
+        "--compare",
+        action="store_true",
+        help="run all variants of the couplings, each until it is formed",
+        free=True,
+    )
+    p.option(
+        "--refine",
+        action="store_true",
+        help=f"if a wave has fewer than {WAVE:g} cells, run again with as many more as it needs",
+        free=True,
+    )
+    p.option(
+        "--disturb",
+        metavar="MM",
+        type=option_type(POSITIVE),
+        help="run the whole blank, too, with the leading tool aside, and tell what changes [mm]",
+        free=True,
+    )
+    return p
+
+
 def main(study: PressStudy):
-    press = study.press()
+    if study.args.compare:
+        compared(study, study.read())
+        return
+    press = study.build(study.read())
     try:
         result = study.run(press)
     except SolverFailure as failure:
@@ -35,6 +68,39 @@ def main(study: PressStudy):
             for name, each in sheets.items()
         ]
         study.say(f"{study.args.out}/unloaded: without tools springs back {', '.join(back)}")
+
+
+def compared(study, press):
+    """Run the variants of the couplings, and lay them side by side."""
+    if study.args.refine or study.args.disturb:
+        raise InputError("`compare` is not allowed beside `refine` and `disturb`")
+    results, failed = {}, []
+    for label in coupling_variants(press.fabric):
+        made = study.build(press.with_fabrics(lambda f, label=label: coupling_variants(f)[label]))
+        try:
+            results[label] = study.run(made, label.replace(" ", "_"))
+        except SolverFailure as failure:
+            if not failure.result:
+                raise
+            results[label] = failure.result
+            failed.append(f"{label}: {failure}")
+        tell(study, made, results[label], label)
+    reached = {label: r.summary["stroke_reached"] for label, r in results.items()}
+    numbers = {label: flat(r.summary["quantities"]) for label, r in results.items()}
+    rows = [{"variant": n, "stroke_reached": reached[n], **each} for n, each in numbers.items()]
+    folder = study.folder()
+    study.write_table(folder / "variants.csv", rows)
+    if study.comm.rank == 0 and not study.args.no_pictures:
+        from fabric_fenicsx.forming.pictures import compare
+        from fabric_fenicsx.plot import pictures
+
+        compare(made, results, folder)
+        labels = "stroke / mm", f"{made.force_name()} / N"
+        pictures.reactions(folder / "compare_curves.png", results, *labels)
+    least = min(reached.values())
+    study.summarise(folder, converged=not failed, stroke_reached=least, quantities=numbers)
+    if failed:
+        raise SolverFailure("; ".join(failed))
 
 
 def refined(study, press, result):
@@ -93,4 +159,4 @@ def tell(study, press, result, folder):
 
 
 if __name__ == "__main__":
-    run("form", press_parser(__doc__), main, PressStudy)
+    run("form", options(__doc__), main, PressStudy)

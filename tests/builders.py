@@ -1,17 +1,16 @@
 """Sheets, terms and runs that several tests share."""
 
+import json
 from contextlib import contextmanager
-from dataclasses import fields
-from pathlib import Path
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
 
+import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
-from fabric_fenicsx.forming.interface import Interface
-from fabric_fenicsx.forming.sheet import Sheet
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.mechanics.term_checks import bind
@@ -26,27 +25,30 @@ KOMEILI = load("komeili")
 COARSE = {"nx": 8, "element": "P1"}  # a strip that is pulled in a moment
 
 
-def dome_press(fabric=None, plies=None, kind=None, surface=None, **given):
-    """The press of the study of the double dome with these options; plies: tables of [[ply]],
-    surface: of the punch."""
-    from fabric_fenicsx.command_line.forming_study import DomeTest
-    from fabric_fenicsx.forming.press import EXAMPLES
-    from fabric_fenicsx.forming.schema import read_document
-
-    kind, known = kind or DomeTest, {}
-    for owner in (kind, Interface, Sheet):
-        names = [each.name for each in fields(owner) if each.name in given]
-        known[owner] = {name: given.pop(name) for name in names}
-    assert not given
-    test, interface, fabric = kind(**known[kind]), Interface(**known[Interface]), fabric or KOMEILI
-    if plies is None and surface is None:
-        return test.press(fabric, known[Sheet], interface)
-    document = read_document(EXAMPLES / f"{kind.PRESS}.toml")
-    document = test.document(document, fabric, known[Sheet], interface)
-    document |= {} if plies is None else {"ply": plies}
+def dome_press(
+    fabric=None, plies=None, surface=None, holder=None, changes=(), stroke=None, full=False, **given
+):
+    """The press of the double dome with these changes, stroke [mm] and fields of its sheet and
+    interface; plies: fields in which each differs from the sheet; surface: of the punch."""
+    tables = {f.name: "contact" for f in fields(ff.Interface)}
+    words = [f"{tables.get(name, 'blank')}.{name}={json.dumps(v)}" for name, v in given.items()]
+    words += [f"stage.1.moves.punch={stroke}"] * (stroke is not None)
+    words += ["blank.quarter=false"] * full
+    press = ff.Press.read("double_dome", [*words, *changes])
+    sheet, tools = press.sheets[0], dict(press.tools)
+    sheets = [sheet]
+    if fabric:
+        sheets = [sheet := replace(sheet, fabric=fabric)]
+    if plies is not None:
+        bare = replace(sheet, fabric=None)
+        sheets = [
+            replace(bare if "metal" in own else sheet, **{"name": f"ply {k}"} | own)
+            for k, own in enumerate(plies, 1)
+        ]
     if surface is not None:
-        document["tools"]["punch"] = {"file": surface}
-    return test.read(document, Path("press.toml"))
+        tools["punch"] = replace(tools["punch"], surface=surface)
+    holders = press.holders if holder is None else {"blank holder": holder}
+    return press.replace(sheets=sheets, tools=tools, holders=holders)
 
 
 def dome(*args, comm=None, **given):
@@ -226,9 +228,4 @@ def off_differences(scene, term, by=0.01):
 
 def check_default(field, options):
     """The option of a dataclass's field has the field's default."""
-    default = [] if "repeated" in field.metadata else field.default
-    if "kinds" in field.metadata:  # an object by its name, with an option of its own
-        made = field.metadata["kinds"][options[field.name]](options[default.OPTION])
-        assert made == default
-    else:
-        assert options[field.name] == default, field.name
+    assert options[field.name] == field.default, field.name

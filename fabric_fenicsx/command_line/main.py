@@ -105,7 +105,7 @@ def _listed(scripts):
     for path in scripts:
         words = " ".join((ast.get_docstring(ast.parse(path.read_text())) or "").split())
         lines += textwrap.wrap(f"{path.stem:24}{words}", 100, subsequent_indent=24 * " ")
-    kinds = "data/*/sheet.toml", "presses/*.toml", "stacks/*.toml"
+    kinds = "data/*/sheet.toml", "presses/*.toml"
     examples = sorted(path for kind in kinds for path in STUDIES.glob(kind))
     lines.append(f"\nexample data: these names work in any folder; the files are in {STUDIES}")
     for path in examples:

@@ -2,44 +2,39 @@
 
 from typing import Any
 
-from ..forming.build import FormingScene
 from ..forming.press import Press
-from ..job.validity import WAVE
+from ..forming.schema import OF_ALL_PLIES, short_forms
+from ..forming.sheet import Sheet
 from ..material.presets import read_laws
 from ..runtime.fields import declared
-from ..runtime.rules import POSITIVE
 from ..solve.limits import Limits
-from .options import Parser, option_type, program, spelled
-from .study import LAW_FILE, Study, add_output, add_solver
+from .options import Parser, program, spelled
+from .study import Study, add_material, add_output, add_solver, kind_of_option
 
 
-def press_parser(description: str | None) -> Parser:
-    """The parser of a study of the press in a file."""
-    usage = "%(prog)s press.toml [option ...]"
-    p = Parser(prog=program(Press.NAME), usage=usage, description=description)
-    words = "the press: blank, tools, holders, stages; examples: studies/presses"
-    p.option("file", metavar="press.toml", help=words, free=True)
+def press_parser(description: str | None, name: str = Press.NAME, press: str = "") -> Parser:
+    """The parser of a study `name` of the example `press`, by default of the press that the command
+    names."""
+    usage = f"%(prog)s {'' if press else 'press.toml '}[option ...]"
+    p = Parser(prog=program(name), usage=usage, description=description)
+    p.group("usual")
+    if press:
+        p.set_defaults(file=press)
+    else:
+        words = "the press: blank, tools, holders, stages; or the name of one in studies/presses"
+        p.option("file", metavar="press.toml", help=words, free=True)
     p.group("press")
     several = {"action": "append", "metavar": "KEY=VALUE", "default": []}
     words = "change an entry of the file, as tools.punch.radius=40"
     p.option("--set", **several, help=words, free=True)
-    p.option("--law-file", metavar="FILE.py", help=LAW_FILE, free=True)
+    p.group("all plies, in place of what the press says")
+    for each in declared(Sheet):
+        if each.name in OF_ALL_PLIES:
+            how = kind_of_option(each.metadata)
+            p.option(spelled(each.name), help=each.metadata["help"], free=True, **how)
+    add_material(p, None)
     add_solver(p, Press)
-    p.group("wrinkles")
-    p.option(
-        "--refine",
-        action="store_true",
-        help=f"if a wave has fewer than {WAVE:g} cells, run again with as many more as it needs",
-        free=True,
-    )
-    p.option(
-        "--disturb",
-        metavar="MM",
-        type=option_type(POSITIVE),
-        help="run the whole blank, too, with the leading tool aside, and tell what changes [mm]",
-        free=True,
-    )
-    add_output(p, Press.NAME)
+    add_output(p, name)
     words = "load steps of all stages together (by default those of the stages)"
     p.change("--steps", default=None, help=words)
     p.set_defaults(_sizes={False: Press.FULL, True: Press.QUICK}, **dict(Press.SOLVER))
@@ -58,11 +53,12 @@ class PressStudy(Study):
         if self.args.law_file:
             read_laws(self.args.law_file)
 
-    def press(self) -> FormingScene:
-        """The press of the options, built; with --quick its cells are twice as large and its steps
-        a third as many."""
+    def read(self, *changes: str) -> Press:
+        """The press of the options, with these changes before theirs; with --quick its cells are
+        twice as large and its steps a third as many."""
         args = self.args
-        press = Press.read(args.file, args.set)
+        changes = *changes, *short_forms(vars(args)), *args.set
+        press = Press.read(args.file, changes).with_fabrics(self.coupled)
         for each in declared(Limits):
             name = f"max_{each.name}"
             if getattr(args, name) is None:
@@ -74,4 +70,4 @@ class PressStudy(Study):
             made = press.build(self.comm)
             press, stages = made.coarser() or press, made.schedule.stages
             args.steps = args.steps or max(len(stages), made.schedule.steps // 3)
-        return self.build(press)
+        return press

@@ -5,7 +5,7 @@ import signal
 import sys
 import traceback
 from argparse import BooleanOptionalAction
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -42,31 +42,33 @@ LAW_FILE = "Python file with the classes of your own laws"
 METAVARS = {"deg": "DEG", "mm": "MM"}  # unit of an option's number -> what stands for it
 
 
-def parser(
-    test: Any, description: str | None, name: str = "", parts: Sequence[Any] = (), **defaults: Any
-) -> Parser:
-    """The parser of study `name` (the test's own by default): the fields of the class `test` and of
-    the `parts` it is made of, and the options that all studies share; `defaults` override theirs.
-    An option that a resumed run may change says `free=True` where it is declared; all others define
-    the problem."""
+def parser(test: Any, description: str | None, name: str = "", **defaults: Any) -> Parser:
+    """The parser of study `name` (the test's own by default): the fields of the class `test`, and
+    the options that all studies share; `defaults` override theirs. An option that a resumed run may
+    change says `free=True` where it is declared; all others define the problem."""
     name = name or test.NAME
     p = Parser(prog=program(name), usage="%(prog)s [option ...]", description=description)
     p.group("usual")
-    for owner in (test, *parts):
-        add_fields(p, owner, test)
+    add_fields(p, test, test)
+    add_material(p, "komeili")
+    add_solver(p, test)
+    add_output(p, name)
+    p.set_defaults(_sizes={False: test.FULL, True: test.QUICK}, **dict(test.SOLVER) | defaults)
+    return p
+
+
+def add_material(p: Parser, default: str | None) -> None:
+    """Add the options of the material; default: what it is."""
     p.group("material")
     presets = f"material file, or one of {', '.join(PRESETS)}"
-    p.option("--material", metavar="FILE|PRESET", default="komeili", help=presets, free=True)
+    presets += "" if default else " (that of the press)"
+    p.option("--material", metavar="FILE|PRESET", default=default, help=presets, free=True)
     p.option("--law-file", metavar="FILE.py", help=LAW_FILE, free=True)
     models = {"choices": ("hyperelastic", "fabric"), "default": "hyperelastic"}
     p.option("--model", **models, help="fabric: without all couplings", free=True)
     several = {"metavar": "COUPLING", "action": "append", "default": []}
     couplings = f"turn off one of {', '.join(COUPLINGS)}"
     p.option("--without", **several, help=couplings, free=True)
-    add_solver(p, test)
-    add_output(p, name)
-    p.set_defaults(_sizes={False: test.FULL, True: test.QUICK}, **dict(test.SOLVER) | defaults)
-    return p
 
 
 def add_solver(p: Parser, test: Any) -> None:
@@ -87,57 +89,35 @@ def add_fields(p: Parser, owner: Any, test: Any, prefix: str = "", free: bool = 
     sizes and limits are defaults, prefix: of the options' names."""
     for each in declared(owner):
         meta, name = each.metadata, each.name
-        if meta["group"] == "ply" or (owner is Coupon and meta["group"] == "weave"):
+        if owner is Coupon and meta["group"] == "weave":
             continue
         p.group(meta["group"])
         how = {"help": meta["help"].replace("%", "%%"), "default": each.default}
-        how |= _kind_of_option(meta)
+        how |= kind_of_option(meta)
         if name in test.FULL:
             full, quick = (
                 "any" if (v := sizes[name]) is None else v for sizes in (test.FULL, test.QUICK)
             )
             how |= {"help": f"{how['help']} ({full}, with --quick {quick})", "default": None}
-        if "kinds" in meta:
-            kind_of = type(each.default)
-            how["default"] = next(k for k, kind in meta["kinds"].items() if kind_of is kind)
-        elif "repeated" in meta:
-            how["default"] = []
         p.option(spelled(prefix + name), free=free, **how)
-        for kind in meta.get("kinds", {}).values():
-            one, *_ = declared(kind)
-            own = {"help": one.metadata["help"], "type": option_type(one.metadata["rule"])}
-            p.option(spelled(kind.OPTION), default=one.default, free=free, metavar="X", **own)
 
 
-def _kind_of_option(meta):
-    """Argparse's settings for the values of a declared field."""
+def kind_of_option(meta: Mapping[str, Any]) -> dict[str, Any]:
+    """Argparse's settings for the values of a declared field with this metadata."""
     if "rule" in meta:
         unit = next((unit for unit in METAVARS if meta["help"].endswith(f"[{unit}]")), "")
         letter = METAVARS.get(unit, "N" if meta["rule"].kind is int else "X")
         return {"type": option_type(meta["rule"]), "metavar": letter}
     if "switch" in meta:
         return {"action": "store_true"}
-    if "repeated" in meta:
-        return {"action": "append", "metavar": meta["repeated"]}
     if "metavar" in meta:
         return {"metavar": meta["metavar"]}
-    return {"choices": tuple(meta.get("choices") or meta["kinds"])}
+    return {"choices": tuple(meta["choices"])}
 
 
 def options_of(owner: Any, args: Any) -> dict[str, Any]:
-    """Values {name: value} of the declared fields of the class `owner` that have options: of one of
-    several kinds an object of the kind that the option names, with the number of that kind's own
-    option. InputError if the option of another kind is given."""
-    found = {f.name: getattr(args, f.name) for f in declared(owner) if hasattr(args, f.name)}
-    for field in declared(owner):
-        kinds = field.metadata.get("kinds", {})
-        for other, kind in kinds.items():
-            (one, *_), number = declared(kind), getattr(args, kind.OPTION)
-            if other == getattr(args, field.name):
-                found[field.name] = kind(number)
-            elif number != one.default:
-                raise InputError(f'`{kind.OPTION}` needs `{field.name}="{other}"`')
-    return found
+    """Values {name: value} of the declared fields of the class `owner` that have options."""
+    return {f.name: getattr(args, f.name) for f in declared(owner) if hasattr(args, f.name)}
 
 
 def add_output(p: Parser, name: str) -> None:
@@ -200,8 +180,12 @@ class Study:
             flaw = f"but the material {args.material} is of the law {fabric.law}"
             allowed = "--material with a file of the law in it"
             raise InputError(f"{given}, {flaw}; allowed is {allowed}")
-        whole = fabric.decoupled() if args.model == "fabric" else fabric
-        return whole.without(*args.without)
+        return self.coupled(fabric)
+
+    def coupled(self, fabric: Law) -> Law:
+        """The fabric with the couplings that the options leave."""
+        whole = fabric.decoupled() if self.args.model == "fabric" else fabric
+        return whole.without(*self.args.without)
 
     def describe(self, kind: type, fabric: Law | None = None) -> Any:
         """The test of this kind with the options' fields, of their fabric or another."""

@@ -14,7 +14,7 @@ from ..runtime.rules import COUNT, Rule
 from ..sweep import varied
 from ..sweep.folder import SweepFolder, check_quantity, read_press
 from ..sweep.form import Form
-from .options import Parser, exit_status, option_type
+from .options import STUDIES, Parser, exit_status, option_type
 
 NAME = "fabric sweep"
 DESCRIPTION = (
@@ -31,7 +31,8 @@ def parser() -> Parser:
     """The parser of the command."""
     usage = "%(prog)s press.toml --vary KEY=VALUES [option ...] [-- option of form ...]"
     p = Parser(prog=NAME, usage=usage, description=DESCRIPTION)
-    p.add_argument("press", metavar="press.toml", type=Path, help="the press file")
+    words = "the press file, or the name of one in studies/presses"
+    p.add_argument("press", metavar="press.toml", type=_press_file, help=words)
     power = Rule("a power of 2 from 8 on", lambda v: v >= 8 and v.bit_count() == 1, int)
     more: dict[str, Any] = {"action": "append", "default": []}
     words = 'as "holder.pressure=0.01,0.05,0.2"; with --scatter as "holder.pressure=0.01..0.2"; '
@@ -55,6 +56,12 @@ def parser() -> Parser:
     p.add_argument("--overwrite", action="store_true", help=words)
     p.add_argument("--no-pictures", action="store_true", help="draw nothing")
     return p
+
+
+def _press_file(word):
+    """The press file of this path, or the example of this name."""
+    example = STUDIES / "presses" / f"{word}.toml"
+    return example if example.is_file() and not Path(word).is_file() else Path(word)
 
 
 def main(argv: Sequence[str], program: type[Form] = Form) -> int:

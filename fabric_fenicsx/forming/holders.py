@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from ..mechanics.term import Term
     from .holding import HolderSite
 
-GROUP = "blank holder"  # of options
 # above which a run warns
 PRESSURE = 10.0, "pressures are in MPa (Pa over 1e6)"
 # edge of a rectangle around the blank -> axis, and which end of it
@@ -130,10 +129,8 @@ class PressureHolder(_Checked):
     0.1
     """
 
-    OPTION: ClassVar[str] = "holder_pressure"
-
     pressure: float | Callable[[float], float] = number(
-        2.0, FROM_ZERO, "pressure on what lies on the flange [MPa]", GROUP, PRESSURE
+        2.0, FROM_ZERO, "pressure on what lies on the flange [MPa]", doubt=PRESSURE
     )
     where: Where | None = None
     against: str = ""
@@ -168,9 +165,7 @@ class ForceHolder(_Checked):
     20000.0
     """
 
-    OPTION: ClassVar[str] = "holder_force"
-
-    force: float = number(1e5, POSITIVE, "force on the whole ply [N]", GROUP)
+    force: float = number(1e5, POSITIVE, "force on the whole ply [N]")
     where: Where | None = None
     against: str = ""
 
@@ -198,11 +193,7 @@ class GapHolder(_Checked):
     True
     """
 
-    OPTION: ClassVar[str] = "holder_gap"
-
-    gap: float | None = number(
-        None, POSITIVE, "distance of holder and die (1.1 thicknesses) [mm]", GROUP
-    )
+    gap: float | None = number(None, POSITIVE, "distance of holder and die (1.1 thicknesses) [mm]")
     where: Where | None = None
     against: str = ""
 
@@ -231,9 +222,7 @@ class Grippers(_Checked):
     3.0
     """
 
-    OPTION: ClassVar[str] = "gripper_tension"
-
-    tension: float = number(5.0, FROM_ZERO, "pull at the edges of the ply [N/mm]", GROUP)
+    tension: float = number(5.0, FROM_ZERO, "pull at the edges of the ply [N/mm]")
     where: Where | None = None
     edges: Sequence[str] = tuple(EDGES)
 
@@ -289,13 +278,6 @@ class SpringHolder(_Checked):
 
 
 PULLING = Grippers, SpringHolder  # holders that do not press the blank on a die
-# by their names on the command line
-HOLDERS: dict[str, type] = {
-    "pressure": PressureHolder,
-    "force": ForceHolder,
-    "gap": GapHolder,
-    "grippers": Grippers,
-}
 
 
 def check_edges(names: Any) -> None:

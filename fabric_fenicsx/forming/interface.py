@@ -49,24 +49,22 @@ class Interface:
     0.1
     """
 
-    friction: float = number(0.25, FROM_ZERO, "coefficient between fabric and tools", "tools")
+    friction: float = number(0.25, FROM_ZERO, "coefficient between fabric and tools")
     metal_friction: float = number(
         TOOL_ON_METAL, FROM_ZERO, "coefficient between metal and tools", "tools"
     )
-    slip: float = number(0.1, POSITIVE, "elastic slip while a sheet sticks [mm]", "tools")
+    slip: float = number(0.1, POSITIVE, "elastic slip while a sheet sticks [mm]")
     lag: float = number(
         0.002,
         POSITIVE,
         "share of normal forces, and of areas under the holder, that may lag behind the state",
-        "tools",
     )
     penalty: float | None = number(
         None,
         POSITIVE,
         "stiffness of contact with rigid faces (by default fabric is compacted) [N/mm^3]",
-        "tools",
     )
-    self: bool = switch("let each sheet touch itself where a fold closes", "tools")
+    self: bool = switch("let each sheet touch itself where a fold closes")
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from ..job.job import Job
+    from ..material.laws import Law
     from .build import FormingScene
 
 EXAMPLES = Path(__file__).parents[1] / "studies" / "presses"
@@ -148,19 +149,13 @@ class Press(KnowsItsFields):
     def read(cls, path: str | os.PathLike[str], changes: Sequence[str] = ()) -> Self:
         """The press in a TOML file, or the example of that name in studies/presses.
 
-        changes: of its entries, as "tools.punch.radius=40". Raises InputError that names file,
-        table and key.
+        changes: of its entries, as "tools.punch.radius=40", or of all plies, as "nx=8". Raises
+        InputError that names file, table and key.
         """
         example = EXAMPLES / f"{path}.toml"
         file = example if not os.path.isfile(path) and example.is_file() else Path(path)
         document = {"title": file.stem.replace("_", " ")}
         document |= schema.read_document(file, changes)
-        return cls.from_document(document, file)
-
-    @classmethod
-    def from_document(cls, document: Mapping[str, Any], file: Path) -> Self:
-        """The press in the tables of a file. Materials, surfaces and holders may stand in them in
-        place of names. Raises InputError that names file, table and key."""
         try:
             return cls(**schema.fields_of(document, file.parent))
         except InputError as error:
@@ -174,6 +169,11 @@ class Press(KnowsItsFields):
     def replace(self, **changes: Any) -> Self:
         """The press with other fields."""
         return dataclasses.replace(self, **changes)
+
+    def with_fabrics(self, change: Callable[[Law], Law]) -> Self:
+        """The press with `change` made in the fabric of each sheet."""
+        made = [dataclasses.replace(s, fabric=s.fabric and change(s.fabric)) for s in self.sheets]
+        return self.replace(sheets=made)
 
     @property
     def fabric(self) -> Any:

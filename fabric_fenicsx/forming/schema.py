@@ -4,7 +4,7 @@ import dataclasses
 import os
 import re
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
@@ -24,16 +24,7 @@ from ..solve.limits import Limits
 from ..tools.double_dome import DoubleDome
 from ..tools.primitives import Block, Cylinder, Plane, Plate, Sphere, Torus
 from ..tools.surfaces import Surface, Turned
-from .holders import (
-    ForceHolder,
-    GapHolder,
-    Grippers,
-    Holder,
-    PressureHolder,
-    Region,
-    SpringHolder,
-    holders_of,
-)
+from .holders import ForceHolder, GapHolder, Grippers, Holder, PressureHolder, Region, SpringHolder
 from .interface import Interface
 from .sheet import OWN, Sheet
 from .stages import Stage
@@ -43,6 +34,13 @@ TABLES = "blank", "contact", "limits", "tools", "holders"
 LISTS = "ply", "stage"
 ENTRIES = "unit", "title", *TABLES, *LISTS
 MATERIALS, SOURCE = ("fabric", "metal"), "material"  # as {material = "komeili", s1 = 0.03}
+# option of a study -> entry of a sheet: a change without a table, as "nx=8", is of all plies
+OF_ALL_PLIES = {"material": "fabric"} | {
+    name: name
+    for name in ("nx", "ny", "size", "pattern", "element", "integration")
+    + ("fibre_angle", "yarn_angle")
+}
+SURFACES = "shape", "file", "die_of"  # entries of a tool, one of which it has
 ORIGIN, UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 # shape -> function of its numbers, and their names; its face is up, its origin at `PressTool.at`
 SHAPES: dict[str, tuple[Callable[..., Surface], tuple[str, ...]]] = {
@@ -57,7 +55,6 @@ SHAPES: dict[str, tuple[Callable[..., Surface], tuple[str, ...]]] = {
     "block": (Block, ("length", "width", "height", "radius", "corner")),
     "double_dome": (DoubleDome, tuple(each.name for each in dataclasses.fields(DoubleDome))),
 }
-PLAIN = str, bool, int, float, list, dict  # what a file can have
 OVER = (180.0, 0.0, 0.0)  # angles that turn a shape's face down
 # entry of a holder -> the kind of holder that has it
 HOLDERS: dict[str, type] = {
@@ -74,7 +71,8 @@ HOLDERS: dict[str, type] = {
 
 def read_document(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> dict[str, Any]:
     """The tables of a press file. changes: of its entries, texts "KEY=VALUE", as
-    "tools.punch.radius=40". Raises InputError that names the file."""
+    "tools.punch.radius=40"; one that excludes others replaces them. Raises InputError that names
+    the file."""
     check_file(Path(path), "press file", "a TOML file of a press")
 
     def changed(document):
@@ -87,8 +85,7 @@ def read_document(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> 
 
 def fields_of(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """The fields of a `Press` from the tables of its file. Other files that it names may be in
-    `folder`; in place of names there may be materials, surfaces and holders themselves. Raises
-    InputError that names table and key."""
+    `folder`. Raises InputError that names table and key."""
     for key in document:
         if key not in ENTRIES:
             raise unknown_key(key, ENTRIES, f"entry {key}")
@@ -143,7 +140,7 @@ def located(path: str, names: Any) -> Iterator[None]:
 
 def _value(value, meta, path, folder):
     """A value of a table in the form that a field with this metadata takes."""
-    if "read" in meta and not isinstance(value, Material):
+    if "read" in meta:
         numbers = dict(value) if isinstance(value, Mapping) else {SOURCE: value}
         source = numbers.pop(SOURCE, None)
         if not isinstance(source, str):
@@ -206,16 +203,14 @@ def _sheets(document, blank, folder):
 
 def _tool(table, name, folder):
     path = f"tools.{name}"
-    if isinstance(table, PressTool):
-        return table
     table = _table(table, path, f"[{path}]")
-    kinds = [key for key in ("shape", "file", "die_of") if key in table]
+    kinds = [key for key in SURFACES if key in table]
     if len(kinds) != 1:
         raise InputError(
             f"{path} has {' and '.join(kinds) or 'no surface'}; allowed is one of shape "
             f"({', '.join(SHAPES)}), file and die_of"
         )
-    own = [each.name for each in dataclasses.fields(PressTool) if each.name != "surface"]
+    own = _names(PressTool)[1:]
     (kind,), given = kinds, {key: table.pop(key) for key in own if key in table}
     value = table.pop(kind)
     if kind == "shape":
@@ -226,7 +221,7 @@ def _tool(table, name, folder):
         surface = made(DieOf, {"tool": value} | table, path, folder)
         given = {"side": "above"} | given
     else:
-        surface = value if isinstance(value, Surface) else _file(value, f"{path}.file", folder)
+        surface = _file(value, f"{path}.file", folder)
         if table:
             raise unknown_key(next(iter(table)), own, f"{path}.{next(iter(table))}")
     return made(PressTool, {"surface": surface} | given, path, folder)
@@ -248,14 +243,10 @@ def _shape(shape: str, table: Mapping[str, Any], path: str, own: Sequence[str]) 
         raise InputError(f"{path}: {error}") from None
 
 
-def _holder(table: Any, name: str, folder: Path) -> Holder | list[Holder]:
+def _holder(table: Any, name: str, folder: Path) -> Holder:
     path, allowed = f"holders.{name}", f"one of {', '.join(HOLDERS)}"
-    if not isinstance(table, Mapping):  # a holder itself, or a list of them
-        parts = table if isinstance(table, list) else [table]
-        if not parts or isinstance(parts[0], PLAIN):
-            raise InputError(f"{path} is {shown(table)}; allowed is a table with {allowed}")
-        holders_of(name, table)
-        return table
+    if not isinstance(table, Mapping):
+        raise InputError(f"{path} is {shown(table)}; allowed is a table with {allowed}")
     kinds = [key for key in HOLDERS if key in table]
     if len(kinds) != 1:
         raise InputError(
@@ -278,6 +269,10 @@ def _change(document, change):
         raise InputError(
             f"change {shown(change)} is no KEY=VALUE; allowed is for example blank.nx=8"
         )
+    value = _toml_value(text.strip())
+    if len(names) == 1 and names[0] in OF_ALL_PLIES.values():
+        _change_all_plies(document, names[0], value)
+        return
     if names[0] in MATERIALS:
         _change_material(document, names, text)
         return
@@ -293,6 +288,9 @@ def _change(document, change):
             by_name, found = table, table.get(name)
         if name in MATERIALS and isinstance(found, str):
             found = table[name] = {SOURCE: found}
+        if names[0] == "stage" and depth == 2 and found is None:  # moves, forces or pressures
+            _make_way(table, "stage", name, found)
+            found = table[name] = {}
         if not isinstance(found, (dict, list)):
             before = ".".join(names[:depth])
             raise unknown_key(name, by_name, f"{'.'.join(names)}: {name} of {before or 'the file'}")
@@ -302,7 +300,53 @@ def _change(document, change):
             f"change {shown(change)} names no entry of {names[-2]}; allowed is "
             f"{names[-2]}.NAME.KEY=VALUE"
         )
-    table[names[-1]] = _toml_value(text.strip())
+    if len(names) == (2 if names[0] == "blank" else 3):
+        _make_way(table, names[0], names[-1], value)
+    table[names[-1]] = value
+
+
+def _make_way(table, kind, key, value):
+    """Take out of a table of this kind the entries that a new one excludes."""
+    if key in table and not (key == "shape" and table[key] != value):
+        return
+    out: Iterable[str] = ()
+    if kind in ("blank", "ply"):
+        out = OWN.get(key, ())
+    elif kind == "stage":
+        out = {"moves": ("close",), "close": ("moves",)}.get(key, ())
+    elif kind == "tools" and key in SURFACES:
+        out = {*table} - {*_names(PressTool)}
+    elif kind == "holders" and key in HOLDERS:
+        out = {*table} - {*_names(HOLDERS[key])}
+    for each in out:
+        table.pop(each, None)
+
+
+def _change_all_plies(document, key, value):
+    """Change an entry of all plies. One with `nx` or `ny` of its own keeps its share of cells."""
+    blank, plies = document.setdefault("blank", {}), document.get("ply", [])
+    for ply in plies if isinstance(plies, list) else ():
+        if key in ("nx", "ny") and key in ply and isinstance(value, int):
+            ply[key] = max(1, round(ply[key] * value / blank.get(key, ply[key])))
+            continue
+        for each in (key, *OWN.get(key, ())):
+            ply.pop(each, None)
+    _make_way(blank, "blank", key, value)
+    blank[key] = value
+
+
+def short_forms(options: Mapping[str, Any]) -> list[str]:
+    """The changes that options {name: value} of `OF_ALL_PLIES` stand for; a material's file is one
+    in the present folder."""
+    given = {OF_ALL_PLIES[n]: v for n, v in options.items() if n in OF_ALL_PLIES and v is not None}
+    if os.path.isfile(given.get("fabric", "")):
+        given["fabric"] = os.path.abspath(given["fabric"])
+    return [f"{key}={value}" for key, value in given.items()]
+
+
+def _names(kind):
+    """Names of the fields of a dataclass."""
+    return [each.name for each in dataclasses.fields(kind)]
 
 
 def _change_material(document, names, text):

@@ -85,20 +85,17 @@ class Sheet(SheetFields):
     integration: str = choice(
         None, ("full", "inner"), "points of P2: full, or inner: nearer to a cell's centre", "mesh"
     )
-    length: float | None = number(None, POSITIVE, "of the whole sheet, along x [mm]", "sheet")
-    width: float | None = number(None, POSITIVE, "of the whole sheet, along y [mm]", "sheet")
-    thickness: float | None = number(None, POSITIVE, "in place of the material's [mm]", "ply")
-    centred: bool = switch("put the middle of an outline or mesh at the origin", "sheet")
-    bending_modulus: float = number(100.0, FROM_ZERO, "bending modulus of the yarns [MPa]", "sheet")
-    twist_modulus: float = number(1.0, FROM_ZERO, "twisting modulus of the sheet [MPa]", "sheet")
+    length: float | None = number(None, POSITIVE, "of the whole sheet, along x [mm]")
+    width: float | None = number(None, POSITIVE, "of the whole sheet, along y [mm]")
+    thickness: float | None = number(None, POSITIVE, "in place of the material's [mm]")
+    centred: bool = switch("put the middle of an outline or mesh at the origin")
+    bending_modulus: float = number(100.0, FROM_ZERO, "bending modulus of the yarns [MPa]")
+    twist_modulus: float = number(1.0, FROM_ZERO, "twisting modulus of the sheet [MPa]")
     in_plane_bending: float = number(
-        0.0,
-        FROM_ZERO,
-        "stiffness of yarns against bending within the sheet, over that out of it",
-        "sheet",
+        0.0, FROM_ZERO, "stiffness of yarns against bending within the sheet, over that out of it"
     )
     friction: float | None = number(
-        None, FROM_ZERO, "coefficient to the next sheet (0.334, beside metal 0.25)", "ply"
+        None, FROM_ZERO, "coefficient to the next sheet (0.334, beside metal 0.25)"
     )
 
     def __post_init__(self) -> None:

@@ -3,7 +3,7 @@
 import dataclasses
 import inspect
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import field
 from typing import Any, Self, TypeVar
 
@@ -85,20 +85,9 @@ def choice(default: str | None, allowed: tuple[str, ...], text: str, group: str 
     return field(default=default, metadata={"choices": allowed, "help": text, "group": group})
 
 
-def one_of(default: Any, kinds: Mapping[str, type], text: str, group: str = "test") -> Any:
-    """A field: an object of one of several kinds, by their names on the command line. Each is a
-    dataclass with one declared number, whose option it calls `OPTION`."""
-    return field(default=default, metadata={"kinds": kinds, "help": text, "group": group})
-
-
 def switch(text: str, group: str = "test") -> Any:
     """A field: off unless asked for."""
     return field(default=False, metadata={"switch": True, "help": text, "group": group})
-
-
-def repeated(words: str, metavar: str, group: str = "test") -> Any:
-    """A field: several texts, none by default."""
-    return field(default=(), metadata={"repeated": metavar, "help": words, "group": group})
 
 
 def text(default: str | None, words: str, metavar: str, group: str = "test") -> Any:

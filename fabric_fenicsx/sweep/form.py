@@ -43,6 +43,7 @@ class Form:
     def _read(self, values=MappingProxyType({})):
         """The press with these values."""
         from ..forming.press import Press  # takes seconds to import
+        from ..forming.schema import OF_ALL_PLIES, short_forms
         from ..material.presets import read_laws
 
         words = [*(part for word in self.options for part in word.split("=", 1)), "--law-file", ""]
@@ -50,7 +51,9 @@ class Form:
         if law_file and not self._laws_are_read:
             read_laws(law_file)
             self._laws_are_read = True
-        return Press.read(self.press, changes(values))
+        given = dict(zip(words, words[1:]))
+        short = {name: given.get(f"--{name.replace('_', '-')}") for name in OF_ALL_PLIES}
+        return Press.read(self.press, [*short_forms(short), *changes(values)])
 
     def _build(self, values):
         """The built press with these values."""

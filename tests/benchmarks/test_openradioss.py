@@ -7,7 +7,7 @@ import pytest
 
 @pytest.mark.long
 def test_a_coarse_ply_is_near_the_explicit_one(launch):
-    done = launch("openradioss", "--quick", "--steps", 10, "--no-pictures")
+    done = launch("openradioss", "--nx", 12, "--steps", 10, "--no-pictures")
     assert done.status == 0, done.err
     with open(done.folder / "openradioss.csv", newline="") as file:
         (row,) = csv.DictReader(file)

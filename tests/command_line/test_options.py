@@ -3,7 +3,6 @@
 import pytest
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.command_line.forming_study import DomeTest, dome_parser, sheet_fields
 from fabric_fenicsx.command_line.press_study import press_parser
 from fabric_fenicsx.command_line.study import Study, parser
 from fabric_fenicsx.coupons.coupon import Coupon
@@ -44,11 +43,8 @@ def test_bad_options_are_told_in_the_form_of_all_messages(words, told):
 
 
 def test_help_speaks_of_options():
-    told = dome_parser(DomeTest, "").format_help()
-    assert "(its length over --nx)" in told and "`nx`" not in told
-    assert "--length MM" in told and "--nx N " in told
-    assert "along x (470, or the mesh's) [mm]" in " ".join(told.split())
     told = " ".join(press_parser("").format_help().split())
+    assert "(its length over --nx)" in told and "`nx`" not in told and "--nx N " in told
     assert "for singular points (the press's, or 0.1)" in told
 
 
@@ -76,10 +72,3 @@ def test_the_library_speaks_of_parameters(tmp_path):
 def test_angles_of_the_weave_are_options_of_tests_alone():
     assert "--yarn-angle" in parser(ff.Tensile, "").format_help()
     assert "--yarn-angle" not in parser(Coupon, "", "reference").format_help()
-
-
-def test_a_zero_of_a_sheet_is_an_option_that_is_given(tmp_path):
-    words = ["--bending-modulus", "0", "--twist-modulus", "0", "--out", str(tmp_path)]
-    given = sheet_fields(Study("double_dome", dome_parser(DomeTest, ""), words).args)
-    assert (given["bending_modulus"], given["twist_modulus"]) == (0, 0)
-    assert "centred" not in given and "thickness" not in given

@@ -1,58 +1,39 @@
-"""The press of the double dome: its options, own punches, a quarter and a whole ply."""
+"""The press of the double dome: own punches, a quarter and a whole ply."""
 
 import dataclasses
 
 import numpy as np
 import pytest
-from builders import COMM, KOMEILI, check_default, dome, dome_press
+from builders import COMM, KOMEILI, dome, dome_press
 from dome_triangles import double_dome
 from mpi4py import MPI
 from scipy.spatial import Delaunay
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.command_line.forming_study import DIMENSIONS, DomeTest, dome_parser
-
-
-def test_options_are_the_fields_with_their_defaults():
-    options = vars(dome_parser(DomeTest, "").parse_args([]))
-    for owner in (DomeTest, ff.Interface, ff.Sheet):
-        for each in dataclasses.fields(owner):
-            if each.metadata.get("group") not in (None, "weave", "ply") and each.name != "nx":
-                check_default(each, options)
 
 
 @pytest.mark.parametrize(
     "given, words",
     [
-        (
-            {"dome": ["depht=3"]},
-            "`dome` NAME=VALUE: field `depht` of DoubleDome is unknown (did you mean depth?); "
-            f"allowed are {', '.join(DIMENSIONS)}",
-        ),
-        ({"dome": ["waist=wide"]}, "`dome` NAME=VALUE: waist is 'wide'; allowed is a number above"),
-        ({"stroke": 1000}, "`stroke` is 1000; allowed is up to 60 mm, the punch's height"),
+        ({"stroke": 1000}, "die and punch go 938.7 mm through one another at the end of forming"),
         ({"surface": ff.Sphere(5, (0, 0, -5))}, "allowed is the die of an open surface"),
-        ({"surface": ff.Sphere}, "`punch` is <class"),
-        ({"surface": ff.Tool(ff.Sphere(30))}, "`punch` is <fabric"),
-        ({"punch": "punch.stl", "dome": ["depth=50"]}, "`dome` is not allowed beside `punch`"),
+        ({"surface": ff.Sphere}, "tools.punch.surface is <class"),
+        ({"surface": ff.Tool(ff.Sphere(30))}, "tools.punch.surface is <fabric"),
         (
-            {"clearance": 30},
+            {"changes": ["tools.die.clearance=30"]},
             "clearance is 30, which is not below the tool's least concave radius; allowed",
         ),
         ({"fabric": KOMEILI.replace(thickness=40)}, "clearance is 51.5647, which is not below the"),
-        ({"lag": None}, "`lag` is None; allowed is"),
-        ({"stack": "nowhere.toml"}, "stack file nowhere.toml does not exist or is not a file"),
     ],
 )
 def test_what_is_refused(given, words):
-    with pytest.raises(ff.InputError) as error:
+    with pytest.raises(ff.InputError, match=words):
         dome(**{"nx": 4} | given)
-    assert words in str(error.value)
 
 
 def test_a_punch_as_a_surface_is_the_dome_of_its_dimensions():
     found = []
-    for punch in ({"surface": ff.DoubleDome(depth=55)}, {"dome": ["depth=55"]}):
+    for punch in ({"surface": ff.DoubleDome(depth=55)}, {"changes": ["tools.punch.depth=55"]}):
         result = dome(nx=6, stroke=10.0, **punch).job(steps=4).run()
         assert result.summary["converged"]
         found.append([row["reaction_N"] for row in result.rows])
@@ -82,8 +63,10 @@ def test_a_punch_of_ones_own_forms_part_of_the_way():
 def test_tools_close_to_the_clearance_that_is_asked():
     """Whatever the punch; where it stops before, they are not closed."""
     sizes = {"length": 300.0, "width": 200.0, "nx": 8}
-    for clearance in (1.2 * KOMEILI.thickness_under(0.0), 1.5):
-        made = dome(surface=Bump(25.0, 80.0), clearance=clearance, **sizes)
+    thickness = KOMEILI.thickness_under(0.0)
+    for clearance in (1.2 * thickness, 1.5):
+        to_it = f"tools.die.clearance={clearance}", f"stage.1.close={clearance / thickness}"
+        made = dome(surface=Bump(25.0, 80.0), changes=to_it, **sizes)
         way = made.tools["punch"].path(1.0) - made.tools["punch"].path(0.0)
         assert way[2] == pytest.approx(25.0, abs=1e-6)
         assert made.schedule.distance("punch", 1.0) == pytest.approx(clearance)
@@ -127,14 +110,14 @@ def test_a_punch_with_a_crack_beneath_the_ply_or_in_inches_is_refused():
 
 
 def test_dimensions_of_the_dome_are_options():
-    made = dome(nx=4, dome=["depth=55"])
+    made = dome(nx=4, changes=["tools.punch.depth=55"])
     assert made.tools["punch"].surface == ff.DoubleDome(depth=55)
     assert made.schedule.travel(1.0) == pytest.approx(55)
 
 
 def test_a_whole_ply_has_a_node_at_its_centre():
-    made = [dome(full=True, nx=n).sheets[0] for n in (12, 22, 47)]
-    assert [(sheet.nx, sheet.ny) for sheet in made] == [(12, 6), (22, 12), (48, 28)]
+    made = [dome(full=True, nx=n).sheets[0] for n in (12, 22)]
+    assert [(sheet.nx, sheet.ny) for sheet in made] == [(12, 6), (22, 12)]
 
 
 @pytest.mark.parametrize(

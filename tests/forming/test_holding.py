@@ -9,7 +9,7 @@ from builders import dome
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.forming import pictures
-from fabric_fenicsx.forming.holders import HOLDERS, Region
+from fabric_fenicsx.forming.holders import Region
 from fabric_fenicsx.scene import output as reports
 
 SIZES = {"nx": 6, "stroke": 8.0}
@@ -223,10 +223,6 @@ def test_a_holder_of_ones_own():
 def test_what_holds_nothing_is_refused(make, words):
     with pytest.raises(ff.InputError, match=words):
         make()
-
-
-def test_each_holder_has_its_own_option():
-    assert len({kind.OPTION for kind in HOLDERS.values()}) == len(HOLDERS)
 
 
 def test_the_picture_of_the_setup_shows_holders(monkeypatch, tmp_path):

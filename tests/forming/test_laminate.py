@@ -2,17 +2,21 @@
 
 import numpy as np
 import pytest
-from builders import dome
 
-from fabric_fenicsx.command_line.forming_study import AREA, LaminateTest
+import fabric_fenicsx as ff
 from fabric_fenicsx.mechanics.contact.sheet_contact import SheetContact
 
-COARSE = {"nx": 6, "stroke": 2.0, "kind": LaminateTest}
+AREA = 13568 / 20268  # of metal over that of fabric, from the paper's numbers of elements
+
+
+def laminate(*changes):
+    """The press, built."""
+    return ff.Press.read("laminate", ["nx=6", "stage.1.moves.punch=2", *changes]).build()
 
 
 @pytest.fixture(scope="module")
 def laid():
-    return dome(**COARSE)
+    return laminate()
 
 
 def test_metal_covers_two_thirds_of_the_fabric(laid):
@@ -32,7 +36,7 @@ def test_friction_is_that_of_table_2(laid):
 def test_the_die_is_not_sharper_than_the_metal_bears(laid):
     assert min(laid.tools["die"].surface.radii) > 10
     # 45 mm would be too low with the steeper walls of the double dome's own press
-    own = dome(**COARSE, dome=["entry_radius=20", "depth=45"]).tools["punch"].surface
+    own = laminate("tools.punch.entry_radius=20", "tools.punch.depth=45").tools["punch"].surface
     assert (own.entry_radius, own.wall_angle, own.depth) == (20.0, 20.0, 45.0)
 
 
@@ -51,7 +55,9 @@ def test_roundings_begin_and_end_where_the_dome_is_flat(laid):
     "sizes, loose", [((640, 400), ""), ((470, 400), "x = 192"), ((640, 170), "y = 69.5")]
 )
 def test_metal_that_ends_over_the_opening_is_told_of(sizes, loose):
-    made = dome(**COARSE, length=float(sizes[0]), width=float(sizes[1]))
+    own = dict(zip(("length", "width"), np.multiply(sizes, AREA**0.5)))
+    metal = [f"ply.{side} metal.{k}={v}" for side in ("lower", "upper") for k, v in own.items()]
+    made = laminate(f"blank.length={sizes[0]}", f"blank.width={sizes[1]}", *metal)
     made.job()
     found = [words for words in made.warnings if "opening" in words]
     assert len(found) == bool(loose) and all(loose in words for words in found)

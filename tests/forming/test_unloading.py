@@ -129,9 +129,9 @@ def test_fabric_whose_yarns_rub_keeps_its_height_if_that_is_stronger_than_the_la
 
 @pytest.mark.parametrize("together", [pytest.param(True, marks=pytest.mark.mpi), False])
 def test_sheets_of_a_stack_spring_back_on_each_other_or_alone(together):
-    plies = [{"metal": "dc04", "name": "metal"}, {"name": "fabric"}]
-    gentle = ["entry_radius=45", "wall_angle=20"]
-    forming = dome(plies=plies, nx=4, stroke=4.0, dome=gentle)
+    plies = [{"metal": ff.load_metal("dc04"), "name": "metal"}, {"name": "fabric"}]
+    gentle = ["tools.punch.entry_radius=45", "tools.punch.wall_angle=20"]
+    forming = dome(plies=plies, nx=4, stroke=4.0, changes=gentle)
     formed = forming.job(steps=2, balance=None).run()
     late = ff.unloading(formed)
     ff.unloading(formed, together=not together).run()  # after which the sheets lie elsewhere
@@ -151,9 +151,9 @@ def test_sheets_of_a_stack_spring_back_on_each_other_or_alone(together):
 
 def test_metal_that_yielded_all_over_is_not_driven_on_by_what_formed_it():
     """As dead forces drove it, 12 mm far, until it had yielded by a quarter more."""
-    plies = [{"metal": "dc04", "name": "metal"}, {"name": "fabric"}]
-    gentle = ["entry_radius=45", "wall_angle=20"]
-    forming = dome(plies=plies, nx=6, stroke=15.0, dome=gentle)
+    plies = [{"metal": ff.load_metal("dc04"), "name": "metal"}, {"name": "fabric"}]
+    gentle = ["tools.punch.entry_radius=45", "tools.punch.wall_angle=20"]
+    forming = dome(plies=plies, nx=6, stroke=15.0, changes=gentle)
     formed = forming.job(steps=6, balance=None).run()
     unloaded = ff.unloading(formed, together=False).run()
     before, after = formed.summary["energy"], unloaded.summary["energy"]

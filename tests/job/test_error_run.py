@@ -142,14 +142,14 @@ def test_a_homogeneous_state_has_no_error():
 def test_a_formed_ply(launch, monkeypatch):
     # pictures of the formed ply have a test of their own
     monkeypatch.setattr(FormingScene, "pictures", lambda *_: None)
-    coarse = "--nx", 6, "--steps", 4, "--stroke", 24, "--max-imbalance", 0.2, "--balance", 1
-    done = launch("double_dome", *coarse, "--error")
+    coarse = "--nx", 6, "--steps", 4, "--max-imbalance", 0.2, "--balance", 1
+    done = launch("double_dome", *coarse, "--set", "stage.1.moves.punch=24", "--error")
     assert done.status == 0, done.err
     error, force = done.summary["error"], done.summary["quantities"]["punch_force_N"]
     assert {"punch_force_N", "shear_angle_max_deg", "draw_in.largest_mm"} < error.keys()
     assert 0 < error["punch_force_N"]  # on 3 x 3 rectangles it is as large as the force
     assert (
-        f"punch force {rounded(force, 5)} +- {rounded(error['punch_force_N'], 2)} N"
+        f"quarter of the blank {rounded(force, 5)} +- {rounded(error['punch_force_N'], 2)} N"
         in done.out + done.err
     )
     assert (done.folder / "error.png").stat().st_size > 10_000

@@ -49,7 +49,8 @@ def test_a_run_beyond_a_limit_ends_with_the_reason_and_may_go_on_with_another(la
 
 
 def test_a_ply_that_tools_cut_into_is_not_formed_further(launch):
-    options = "--nx", 6, "--steps", 4, "--stroke", 8, "--max-penetration", 1e-3, "--no-pictures"
-    done = launch("double_dome", "--penalty", 680, *options)
+    options = "--nx", 6, "--steps", 4, "--max-penetration", 1e-3, "--no-pictures"
+    changes = "--set", "contact.penalty=680", "--set", "stage.1.moves.punch=8"
+    done = launch("double_dome", *changes, *options)
     assert done.status == 3 and "; deepest is die at (" in done.summary["reason"], done.err
     assert done.summary["stroke_reached"] < 0.5

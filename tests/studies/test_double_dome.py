@@ -6,15 +6,17 @@ import json
 import numpy as np
 import pytest
 
-from fabric_fenicsx.command_line.forming_study import DomeTest, build, dome_parser
-from fabric_fenicsx.command_line.study import Study
 from fabric_fenicsx.forming.build import FormingScene
 from fabric_fenicsx.plot import pictures
 from fabric_fenicsx.postprocess.states import read_last
-from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.studies.lib import compression_parameters
 
 EXACT = "--tolerance", 1e-9, "--path-tolerance", 1e-8, "--viscosity", "off", "--no-pictures"
+
+
+def to(stroke):
+    """Options of a stroke [mm]."""
+    return "--set", f"stage.1.moves.punch={stroke}"
 
 
 def last_row(folder):
@@ -41,7 +43,7 @@ def placed(folder):
     ],
 )
 def test_a_ply_is_formed(launch, angle):
-    done = launch("double_dome", "--quick", "--nx", 8, "--steps", 16, "--fibre-angle", angle)
+    done = launch("double_dome", "--nx", 8, "--steps", 16, "--fibre-angle", angle)
     assert done.status == 0, done.err
     s = done.summary
     q, energy = s["quantities"], s["energy"]
@@ -75,9 +77,9 @@ def test_a_formed_ply_is_the_same_again(launch):
     length that differs by as much as rounding; every force on the way, too."""
     found = []
     for ranks, length in ((1, 470), (3, 470), (1, 470.0000000001)):
-        coarse = ("--nx", 4, "--steps", 4, "--stroke", 24, "--max-imbalance", 0.2, "--balance", 1)
-        options = (*coarse, "--fibre-angle", 30, "--length", length, "--no-pictures")
-        done = launch("double_dome", *options, ranks=ranks)
+        coarse = "--nx", 4, "--steps", 4, *to(24), "--max-imbalance", 0.2, "--balance", 1
+        more = "--fibre-angle", 30, "--set", f"blank.length={length}", "--no-pictures"
+        done = launch("double_dome", *coarse, *more, ranks=ranks)
         assert done.status == 0, done.err
         with open(done.folder / "history.csv", newline="") as file:
             forces = [float(row["reaction_N"]) for row in csv.DictReader(file)]
@@ -88,11 +90,11 @@ def test_a_formed_ply_is_the_same_again(launch):
 
 
 def test_the_whole_ply_is_four_quarters(launch):
-    same = "--ny", 5, "--steps", 3, "--stroke", 12, *EXACT
+    same = "--ny", 5, "--steps", 3, *to(12), *EXACT
     quarter = launch("double_dome", "--nx", 8, *same)
     x, u = placed(quarter.folder)
     of_whole = float(last_row(quarter.folder)["reaction_of_whole_N"])
-    whole = launch("double_dome", "--full", "--nx", 16, "--ny", 10, *same[2:])
+    whole = launch("double_dome", "--set", "blank.quarter=false", "--nx", 16, "--ny", 10, *same[2:])
     assert quarter.status == whole.status == 0, whole.err
     assert not any("keep the sheet in its place" in w for w in whole.summary["warnings"])
     reaction = float(last_row(whole.folder)["reaction_N"])
@@ -105,34 +107,22 @@ def test_the_whole_ply_is_four_quarters(launch):
     assert whole.summary["reaction_N"] == pytest.approx(4 * quarter.summary["reaction_N"], rel=1e-6)
 
 
-@pytest.mark.parametrize("holder, stroke", [("force", 40), ("gap", 5), ("grippers", 20)])
-def test_blank_holders(launch, holder, stroke):
-    done = launch(
-        "double_dome",
-        "--quick",
-        "--nx",
-        8,
-        "--stroke",
-        stroke,
-        "--steps",
-        8,
-        "--holder",
-        holder,
-        "--no-pictures",
-    )
+@pytest.mark.parametrize("holder, stroke", [("force=1e5", 40), ("gap=1.4", 5), ("tension=5", 20)])
+def test_another_holder_in_place_of_the_pressure(launch, holder, stroke):
+    coarse = "--nx", 8, "--steps", 8, "--balance", 9, "--no-pictures"
+    done = launch("double_dome", "--set", f"holder.{holder}", *to(stroke), *coarse)
     assert done.status == 0, done.err
     s = done.summary
     assert s["energy_imbalance"] < 0.03
-    if holder == "gap":
-        assert s["quantities"]["contact_forces_N"]["blank holder"] > 0
-    if holder == "force":  # of a quarter
-        assert s["quantities"]["contact_forces_N"]["blank holder"] == pytest.approx(
-            25_000, rel=1e-6
-        )
+    forces = s["quantities"]["contact_forces_N"]
+    if "gap" in holder:
+        assert forces["blank holder"] > 0
+    if "force" in holder:  # of a quarter
+        assert forces["blank holder"] == pytest.approx(25_000, rel=1e-6)
 
 
 def test_a_run_goes_on_from_its_checkpoint(launch):
-    options = "double_dome", "--nx", 6, "--steps", 10, "--stroke", 12, *EXACT
+    options = "double_dome", "--nx", 6, "--steps", 10, *to(12), *EXACT
     whole = launch(*options)
     u = placed(whole.folder)[1]
     launch(*options, kill_at_row=5)
@@ -145,28 +135,19 @@ def test_a_run_goes_on_from_its_checkpoint(launch):
 
 
 @pytest.mark.parametrize(
-    "options, words",
+    "change, words",
     [
-        (("--dome", "depth=-3"), ["depth", "-3", "above 0"]),
-        (("--dome", "height=60"), ["--dome", "height", "entry_radius"]),
-        (("--dome", "depth"), ["--dome NAME=VALUE", "depth is ''", "above 0"]),
-        (("--stroke", 70), ["--stroke is 70", "up to 60"]),
-        (("--clearance", 0.5), ["--clearance is 0.5", "from 0.697 mm"]),
-        (("--penalty", 0), ["--penalty", "above 0"]),
-        (("--holder", "gap", "--holder-gap", 0.2), ["gap", "is 0.2", "from 0.537"]),
-        (("--holder-force", 5e4), ["--holder-force needs", "--holder force"]),
-        (
-            ("--holder", "gap", "--holder-pressure", 1),
-            ["--holder-pressure needs", "--holder pressure"],
-        ),
-        (("--punch", "nowhere.stl"), ["--punch is", "nowhere.stl", "no file"]),
-        (("--element", "P3"), ["P1", "P2"]),
-        (("--friction", "nan"), ["--friction", "nan", "from 0"]),
-        (("--dome", "depth=10"), ["--dome NAME=VALUE", "top_radius + entry_radius"]),
+        ("tools.punch.depth=-3", ["tools.punch: `depth` is -3", "above 0"]),
+        ("tools.punch.height=60", ["tools.punch.height is unknown", "entry_radius"]),
+        ("tools.punch.depth=10", ["tools.punch: top_radius + entry_radius"]),
+        ("stage.1.moves.punch=70", ["die and punch go", "less travel"]),
+        ("tools.die.clearance=0.5", ["tools.die.clearance is 0.5", "from 0.697 mm"]),
+        ("holder.gap=0.2", ["blank holder.gap is 0.2", "from 0.537"]),
+        ("tools.punch.file=nowhere.stl", ["tools.punch.file is 'nowhere.stl', no file"]),
     ],
 )
-def test_bad_input(launch, options, words):
-    done = launch("double_dome", "--quick", *options)
+def test_bad_input(launch, change, words):
+    done = launch("double_dome", "--nx", 6, "--set", change)
     assert done.status == 2 and "Traceback" not in done.err, done.err
     (line,) = [line for line in done.err.splitlines() if "error:" in line]
     assert all(word in line for word in words), line
@@ -181,89 +162,23 @@ def test_a_punch_from_a_file(launch, tmp_path):
     meshio.write_points_cells(tmp_path / "punch.stl", points, [("triangle", triangles)])
     part, of_it = double_dome(size=8.0, turn=6.0, quarter=True)
     meshio.write_points_cells(tmp_path / "quarter.stl", part, [("triangle", of_it)])
-    options = "--quick", "--nx", 6, "--stroke", 12, "--steps", 4, "--no-pictures"
+    options = "--nx", 6, *to(12), "--steps", 4, "--balance", 9, "--no-pictures"
     forces = []
-    for punch in ((), ("--punch", "punch.stl")):
+    for punch in ((), ("--set", "tools.punch.file=punch.stl")):
         done = launch("double_dome", *options, *punch)
         assert done.status == 0, done.err
         forces.append(done.summary["quantities"]["punch_force_N"])
     assert forces[1] == pytest.approx(forces[0], rel=0.02)
-    for options, words in [
-        (("--punch", "punch.stl", "--stroke", 61), ["--stroke is 61", "up to 60 mm"]),
-        (("--punch", "quarter.stl"), ["--punch is open at (0, ", "the blank of 470 mm"]),
-    ]:
-        done = launch("double_dome", "--nx", 4, *options)
-        assert done.status == 2 and all(word in done.err for word in words), done.err
-
-
-def test_a_stroke_up_to_the_top_of_a_file_closes_its_die(tmp_path):
-    import meshio
-    from dome_triangles import double_dome
-
-    points, triangles = double_dome(size=8.0, turn=6.0)
-    file = tmp_path / "punch.stl"
-    meshio.write_points_cells(file, points, [("triangle", triangles)])
-    words = ["--nx", "4", "--punch", str(file), "--out", str(tmp_path / "out"), "--stroke"]
-    left = []
-    for stroke in ("60", "59"):
-        made = build(Study("double_dome", dome_parser(DomeTest, ""), [*words, stroke]), DomeTest)
-        left.append(made.schedule.distance("punch", 1.0))
-    assert left[0] == pytest.approx(1.2 * made.thickness, abs=0.01)
-    assert left[1] == pytest.approx(left[0] + 1, abs=0.01)
-
-
-def test_a_file_of_an_option_is_not_one_beside_the_stack(tmp_path, monkeypatch):
-    for name in ("plies", "here"):
-        (tmp_path / name).mkdir()
-    (tmp_path / "plies" / "sheet.csv").write_text("x,y\n0,0\n9,0\n9,9\n0,9\n")
-    (tmp_path / "here" / "sheet.csv").write_text("x,y\n0,0\n235,0\n235,135\n0,135\n")
-    (tmp_path / "plies" / "stack.toml").write_text('unit = "mm"\n[[ply]]\n[[ply]]\n')
-    monkeypatch.chdir(tmp_path / "here")
-    words = ["--nx", "4", "--outline", "sheet.csv", "--stack", "../plies/stack.toml"]
-    study = Study("double_dome", dome_parser(DomeTest, ""), words)
-    assert build(study, DomeTest).extent[1][0] == 235
-
-
-def test_errors_of_a_stack_name_its_file(tmp_path):
-    file = tmp_path / "stack.toml"
-    for text, words in (
-        ("[[ply]]\nfibre_angle = 'x'", "stack.toml: ply.1.fibre_angle is 'x'"),
-        ("[[ply]", "stack.toml: is not valid TOML"),
-        ("foo = 1", "stack.toml: entry foo is unknown"),
-    ):
-        file.write_text(f'unit = "mm"\n{text}\n')
-        study = Study("double_dome", dome_parser(DomeTest, ""), ["--stack", str(file)])
-        with pytest.raises(InputError, match=words):
-            build(study, DomeTest)
-    for options, words in (
-        (["--nx", "4", "--clearance", "0.3"], "`clearance` is"),
-        (["--layer", "A"], "^`layer` needs `outline`"),
-    ):
-        study = Study("double_dome", dome_parser(DomeTest, ""), options)
-        with pytest.raises(InputError, match=words):
-            build(study, DomeTest)
-
-
-@pytest.mark.parametrize(
-    "options, words",
-    [
-        ("--yarn-angle 80", "take the whole ply (--full)"),
-        ("--holder-pressure 0", "--holder-pressure is 0: it does not hold the rim"),
-        ("--holder grippers --gripper-tension 0", "--gripper-tension is 0: it does not hold"),
-    ],
-)
-def test_warnings_speak_of_options(tmp_path, options, words):
-    given = ["--nx", "4", "--out", str(tmp_path), *options.split()]
-    study = Study("double_dome", dome_parser(DomeTest, ""), given)
-    build(study, DomeTest)
-    assert any(words in each for each in study.output.warnings)
+    done = launch("double_dome", "--nx", 4, "--set", "tools.punch.file=quarter.stl")
+    assert done.status == 2
+    assert "tools.punch is open at (0, " in done.err and "the blank of 470 mm" in done.err
 
 
 @pytest.mark.versions
 def test_compression_parameters(launch, monkeypatch):
     # of each ply, which others test
     monkeypatch.setattr(FormingScene, "pictures", lambda *_: None)
-    options = "--nx", 6, "--steps", 2, "--vary", "s_C", "--stroke", 2
+    options = "--nx", 6, "--steps", 2, "--vary", "s_C", *to(2)
     done = launch("compression_parameters", *options)
     assert done.status == 0, done.err
     lines = (done.folder / "parameters.csv").read_text().splitlines()

@@ -1,10 +1,13 @@
-"""Runs that follow a run of a press: on finer cells, and disturbed."""
+"""Changes of a press, and runs that follow its run: finer, disturbed, without couplings."""
 
 import json
 
+import meshio
+import numpy as np
 import pytest
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.command_line.press_study import PressStudy, press_parser
 from fabric_fenicsx.forming.press import EXAMPLES
 
 PRESS = EXAMPLES / "hemisphere.toml"
@@ -45,3 +48,45 @@ def test_a_mesh_from_a_file_gets_no_finer_cells(tmp_path):
         sheet.finer(2.0)
     outline = ff.Sheet(ff.load("komeili"), outline="ply.dxf", size=9.0)
     assert outline.finer(3.0).size == 3.0
+
+
+TWO = ("two_plies", ["nx=6", "fibre_angle=30"]), ("laminate", ["blank.nx=12", "nx=6"])
+
+
+def test_short_forms_are_of_all_plies(tmp_path):
+    two, laminate = (ff.Press.read(*each).sheets for each in TWO)
+    assert [(ply.nx, ply.fibre_angle) for ply in two] == [(6, 30), (6, 30)]
+    assert [ply.nx for ply in laminate] == [10, 6, 6, 6, 10]  # metal keeps its share of cells
+    out = "--out", str(tmp_path), "--yarn-angle", "80", "--element", "P2", "--without", "biaxial"
+    words = ["two_plies", "--nx", "4", "--set", "ply.2.nx=3", "--material", "komeili", *out]
+    sheets = PressStudy("form", press_parser(""), words).read().sheets
+    assert [(s.nx, s.yarn_angle, s.element) for s in sheets] == [(4, 80, "P2"), (3, 80, "P2")]
+    assert all(s.fabric == ff.load("komeili").without("biaxial") for s in sheets)
+
+
+def test_a_change_replaces_what_it_excludes(tmp_path):
+    meshio.write_points_cells(tmp_path / "p.stl", np.eye(3), [("triangle", [[0, 1, 2]])])
+    file, outline = tmp_path / "p.stl", tmp_path / "ply.csv"
+    outline.write_text("x,y\n0,0\n235,0\n235,135\n0,135\n")
+    changes = [f"tools.punch.file={file}", "tools.punch.chord=0.2", "stage.1.moves.punch=20"]
+    changes += ["holder.tension=3", f"blank.outline={outline}", "blank.size=9"]
+    press = ff.Press.read("double_dome", changes)
+    punch, (sheet,), (stage,) = press.tools["punch"], press.sheets, press.stages
+    assert (punch.surface, punch.chord, stage.close) == (str(file), 0.2, None)
+    assert (stage.moves, press.holders) == ({"punch": 20}, {"blank holder": ff.Grippers(3)})
+    assert (sheet.length, sheet.nx, sheet.size) == (None, None, 9)
+    ball = ["tools.punch.shape=sphere", "tools.punch.radius=40", "ply.2.metal=dc04"]
+    plies = ff.Press.read("two_plies", ball)
+    assert plies.tools["punch"].surface == ff.Sphere(40) and plies.sheets[1].fabric is None
+
+
+@pytest.mark.long
+def test_variants_of_the_couplings_lie_side_by_side(launch):
+    coarse = "--nx", 4, "--steps", 2, "--set", "stage.1.moves.punch=5", "--balance", 9
+    done = launch("form", "double_dome", *coarse, "--max-imbalance", 9, "--compare")
+    assert done.status == 0, done.err
+    forces = {n: q["punch_force_N"] for n, q in done.summary["quantities"].items()}
+    assert len(forces) == 4 and len({round(f, 6) for f in forces.values()}) > 1
+    assert (done.folder / "compare_curves.png").exists()
+    rows = (done.folder / "variants.csv").read_text().splitlines()
+    assert len(rows) == 5 and rows[0].startswith("variant,stroke_reached")

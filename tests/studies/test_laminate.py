@@ -12,8 +12,8 @@ SHEETS = ["lower metal", "lower", "middle", "upper", "upper metal"]
 @pytest.mark.versions
 def test_a_laminate_is_formed(launch):
     # a step of hardly any work: what is missing of it differs from machine to machine
-    short = "--steps", 1, "--stroke", 1.5, "--max-imbalance", 0.5
-    done = launch("laminate", "--quick", *short)
+    short = "--set", "stage.1.moves.punch=1.5", "--steps", 1, "--max-imbalance", 0.5
+    done = launch("laminate", "--nx", 5, *short, "--balance", 9)
     assert done.status == 0, done.err
     s = done.summary
     q, energy = s["quantities"], s["energy"]
@@ -45,18 +45,3 @@ def test_a_laminate_is_formed(launch):
         thickness = np.asarray(grid.cell_data["metal_thickness"])
         assert np.array_equal(np.isfinite(thickness), is_metal)
         assert np.allclose(thickness[is_metal], 1.0, atol=0.01)
-
-
-@pytest.mark.parametrize(
-    "options, words",
-    [
-        (("--metal", "gold"), "metal 'gold' is unknown; allowed is a preset (dc04)"),
-        (("--metal-area", 1.5), "1.5"),
-        (("--mesh", __file__), "--mesh is not allowed, as a laminate's plies are rectangles"),
-        (("--compare", "--vary", "p_min"), "--compare and --vary are both given; allowed is one"),
-    ],
-)
-def test_what_is_refused(launch, options, words):
-    done = launch("laminate", "--quick", *options)
-    assert done.status == 2
-    assert words in done.err

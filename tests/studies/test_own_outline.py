@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from builders import dome, dome_press
+from builders import dome
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.command_line.study import Study
@@ -102,30 +102,26 @@ def test_the_ply_of_a_press_has_cells_along_its_yarns(table, angle):
     assert (ply.sheets[0].pattern, ply.sheets[0].element) == ("unstructured", "P2")
 
 
-def test_plies_of_a_stack_have_outlines(table, tmp_path):
-    table(500, 300)
-    stack = tmp_path / "stack.toml"
-    each = 'outline = "ply.csv"\nsize = 50\ncentred = true\n'
-    stack.write_text(f'unit = "mm"\n[[ply]]\n{each}[[ply]]\n{each}fibre_angle = 45\n')
-    forming = dome(FABRIC, stack=str(stack), full=True)
+def test_plies_of_a_stack_have_outlines(table):
+    each = {"outline": table(500, 300), "size": 50, "centred": True, "nx": None}
+    each |= dict.fromkeys(("length", "width"))
+    forming = dome(FABRIC, plies=[each, each | {"fibre_angle": 45}], full=True)
     for sheet in forming.blank.sheets:
         assert np.ravel(sheet.blank.extent())[[0, 1, 3, 4]] == pytest.approx([-250, -150, 250, 150])
     assert forming.coarser().sheets[1].size == 100
 
 
 @pytest.mark.parametrize(
-    "lines, words",
+    "changes, words",
     [
-        ('outline = "none.dxf"', ".outline is 'none.dxf', no file"),
-        ("size = 8", ".size needs ply"),
-        ("layer = 3", ".layer is 3; allowed is a name"),
-        ('outline = "ply.csv"\ncentred = "yes"', ".centred is 'yes'; allowed is true or"),
-        ('outline = "ply.csv"\nsize = 8\nnx = 9', ".nx is given beside ply.1.size"),
-        ('outline = "ply.csv"\nmesh = "ply.csv"', ".outline is given beside ply.1.mesh"),
+        (["size=8"], "blank.size needs blank.outline"),
+        (["blank.outline=ply.csv", "blank.layer=3"], "blank.layer is 3; allowed is a name"),
+        (["blank.outline=ply.csv", "blank.centred=yes"], "centred is 'yes'; allowed is true or"),
+        (["blank={outline='ply.csv', size=8, nx=9}"], "blank.nx is given beside blank.size"),
+        (["blank={outline='ply.csv', mesh='ply.csv'}"], "outline is given beside blank.mesh"),
     ],
 )
-def test_what_is_wrong_with_a_plys_outline_is_told(table, tmp_path, lines, words):
-    table(500, 300)
-    (tmp_path / "stack.toml").write_text(f'unit = "mm"\n[[ply]]\n{lines}\n')
+def test_what_is_wrong_with_an_outline_is_told(table, monkeypatch, changes, words):
+    monkeypatch.chdir(Path(table(500, 300)).parent)
     with pytest.raises(ff.InputError, match=words):
-        dome_press(stack=str(tmp_path / "stack.toml"))
+        ff.Press.read("double_dome", changes)

@@ -224,7 +224,8 @@ def test_ranks_end_together_if_asked(launch, tmp_path, hang):
 
 
 def test_a_finished_run_is_left_as_it_is(launch):
-    coarse = "--nx", 6, "--steps", 3, "--stroke", 6, "--max-imbalance", 0.5, "--no-pictures"
+    coarse = "--nx", 6, "--steps", 3, "--max-imbalance", 0.5, "--no-pictures"
+    coarse += "--set", "stage.1.moves.punch=6"
     done = launch("double_dome", *coarse)
     assert done.status == 0, done.err
     again = launch("double_dome", *coarse, "--resume", ranks=2)
