@@ -9,7 +9,7 @@ from mpi4py import MPI
 from ..runtime.errors import InputError
 from ..runtime.files import ending
 from ..runtime.formatting import coordinates, rounded
-from ..tools.checks import FLANGE, TINY, check_triangles, unit_doubt
+from ..tools.checks import FLANGE, MIN_SHARE, check_triangles, unit_doubt
 from ..tools.files import CAD
 from ..tools.surfaces import Surface, Turned
 from ..tools.triangulated import TriangulatedSurface
@@ -78,7 +78,7 @@ class Placement:
 
     def _check_units(self, name, surface):
         size = float(np.ptp(surface.points, axis=0).max())
-        if doubt := unit_doubt(size, self._size, TINY):
+        if doubt := unit_doubt(size, self._size, MIN_SHARE):
             raise InputError(f"{name} {doubt}; allowed is a surface in mm")
 
     def check_matched(self, name: str, surface: Surface, quarter: bool = False) -> None:

@@ -13,13 +13,13 @@ from .surfaces import innermost
 from .tool import Tool
 from .triangulated import TriangulatedSurface
 
-COARSE = 20.0  # deg, by which neighbouring facets turn on a surface that is to be smooth
+MAX_TURN = 20.0  # [deg] between facets of a surface that is to be smooth
 UNITS = {"metres": 1000.0, "inches": 25.4, "cm": 10.0}
-# shares of a sheet's size below which a tool may be, and is, in another unit
-SMALL, TINY = 0.2, 0.02
+# shares of a sheet's size below which a tool is doubted, and refused, as in another unit
+MIN_SHARE_DOUBTED, MIN_SHARE = 0.2, 0.02
 FLANGE = 0.05  # share of the thickness by which a tool may be in the sheet at the start
 MIRRORED = 0.25  # share of the thickness by which a tool and its mirror image may differ
-HOLE = 0.1  # size of an opening, over the surface's, below which it is a hole and not a die's
+MAX_HOLE = 0.1  # size of an opening over the surface's, up to which it is no die's
 
 
 def unit_doubt(size: float, sheet: float, least: float) -> str:
@@ -55,11 +55,11 @@ def check_triangles(
             f"ply's thickness {thickness:g} mm"
         )
     edges, turn = surface.curved.turns()
-    if len(turn) and np.degrees(turn.max()) > COARSE:
+    if len(turn) and np.degrees(turn.max()) > MAX_TURN:
         sharpest = f"{np.degrees(turn.max()):.0f} deg at {middle(edges[turn.argmax()])}"
         warn(
             f"{name} is coarse: its facets turn by {sharpest} where it is to be smooth; beyond "
-            f"{COARSE:g} deg its curvature is a guess"
+            f"{MAX_TURN:g} deg its curvature is a guess"
         )
 
 
@@ -108,12 +108,14 @@ def size_warning(tool: Tool, sheet: float) -> str:
     """A sentence if a tool of triangles is as small beside a sheet of this length [mm] as if it
     were in metres, inches or cm, else ""."""
     surface = _triangles(tool)
-    doubt = surface and unit_doubt(float(np.ptp(surface.points, axis=0).max()), sheet, SMALL)
+    doubt = surface and unit_doubt(
+        float(np.ptp(surface.points, axis=0).max()), sheet, MIN_SHARE_DOUBTED
+    )
     return f"the surface of {tool.name} {doubt}; lengths are in mm" if doubt else ""
 
 
 def hole_warning(tool: Tool) -> str:
-    """A sentence if triangles of a tool leave an opening below `HOLE` of their extent, else ""."""
+    """A sentence if triangles of a tool leave an opening below `MAX_HOLE` of them, else ""."""
     surface = _triangles(tool)
     if not surface or not len(surface.rim):
         return ""
@@ -122,7 +124,7 @@ def hole_warning(tool: Tool) -> str:
     for number in np.unique(loop):
         around = x[surface.rim[loop == number]].reshape(-1, 3)
         width = float(np.ptp(around, axis=0).max())
-        if width < HOLE * np.ptp(x, axis=0).max():
+        if width < MAX_HOLE * np.ptp(x, axis=0).max():
             hole = f"a hole {rounded(width)} mm wide at {coordinates(around.mean(0))} mm"
             where = "in its own coordinates, where nothing stops the sheet"
             return f"the surface of {tool.name} has {hole} {where}"
