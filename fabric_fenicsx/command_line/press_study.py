@@ -17,12 +17,12 @@ def press_parser(description: str | None, name: str = Press.NAME, press: str = "
     names."""
     usage = f"%(prog)s {'' if press else 'press.toml '}[option ...]"
     p = Parser(prog=program(name), usage=usage, description=description)
-    p.group("usual")
     if press:
         p.set_defaults(file=press)
     else:
         words = "the press: blank, tools, holders, stages; or the name of one in studies/presses"
         p.option("file", metavar="press.toml", help=words, free=True)
+    p.group("usual")
     p.group("press")
     several = {"action": "append", "metavar": "KEY=VALUE", "default": []}
     words = "change an entry of the file, as tools.punch.radius=40"

@@ -137,9 +137,9 @@ def test_a_run_goes_on_from_its_checkpoint(launch):
 @pytest.mark.parametrize(
     "change, words",
     [
-        ("tools.punch.depth=-3", ["tools.punch: `depth` is -3", "above 0"]),
+        ("tools.punch.depth=-3", ["tools.punch: depth is -3", "above 0"]),
         ("tools.punch.height=60", ["tools.punch.height is unknown", "entry_radius"]),
-        ("tools.punch.depth=10", ["tools.punch: top_radius + entry_radius"]),
+        ("tools.punch.depth=10", ["tools.punch: ", "top_radius + entry_radius is 55"]),
         ("stage.1.moves.punch=70", ["die and punch go", "less travel"]),
         ("tools.die.clearance=0.5", ["tools.die.clearance is 0.5", "from 0.697 mm"]),
         ("holder.gap=0.2", ["blank holder.gap is 0.2", "from 0.537"]),
@@ -198,7 +198,8 @@ def test_plies_that_end_early_are_drawn_with_the_reason(launch, monkeypatch):
     monkeypatch.setattr(
         pictures, "maps", lambda path, plies, *_, **__: drawn.update({path.name: plies})
     )
-    done = launch("compression_parameters", "--quick", "--nx", 7, "--vary", "p_min")
+    coarse = "--nx", 7, "--steps", 10, "--balance", 9
+    done = launch("compression_parameters", *coarse, "--vary", "p_min")
     assert done.status == 3 and "1 of 2 plies were not formed to the end" in done.err
     with open(done.folder / "parameters.csv") as file:
         ended, formed = csv.DictReader(file)
