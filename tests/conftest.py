@@ -93,9 +93,9 @@ def run_here(patch, script):
 
     made, log = [], logging.getLogger("fabric_fenicsx")
 
-    class Noted(study.Study):
-        def __init__(self, *args):
-            super().__init__(*args)
+    class Noted(study.Output):  # of studies of any kind
+        def __init__(self, *args, **options):
+            super().__init__(*args, **options)
             made.append(self)
 
     def unexpected():
@@ -108,7 +108,7 @@ def run_here(patch, script):
         draw(figure, path, **options | {"bbox_inches": None})
 
     patch.setattr(Figure, "savefig", savefig)
-    patch.setattr(study, "Study", Noted)
+    patch.setattr(study, "Output", Noted)
     patch.setattr(study, "traceback", SimpleNamespace(print_exc=unexpected))
     for name in ("level", "propagate"):
         patch.setattr(log, name, getattr(log, name))
@@ -123,7 +123,7 @@ def run_here(patch, script):
         status = end.code or 0
     finally:
         for each in made:
-            each.output.close()
+            each.close()
         for each, handler in signals.items():
             signal.signal(each, handler)
         if world().size == 1:  # PETSc's objects are in circles; ranks would free them out of order

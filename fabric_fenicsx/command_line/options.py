@@ -17,7 +17,7 @@ STUDIES = Path(__file__).parents[1] / "studies"  # a link in the repository, a c
 
 # what most runs are told, first in the help of a study
 USUAL = (
-    *("--material", "--length", "--width", "--strain", "--stroke", "--nx", "--steps", "--quick"),
+    *("--material", "--length", "--width", "--strain", "--nx", "--steps", "--quick"),
     *("--out", "--overwrite", "--resume"),
 )
 
