@@ -62,13 +62,18 @@ def load(source: str | os.PathLike[str]) -> Law:
 
 def read_laws(path: str | os.PathLike[str]) -> None:
     """Run a Python file, so that `load` knows the laws whose classes are in it. Raises InputError
-    if it is not there."""
+    if it cannot be run."""
     found = spec_from_file_location(Path(path).stem, path)
     if not (found and found.loader and os.path.isfile(path)):
         raise InputError(
             f"law file {shown(path)} is not there or no Python file; allowed is a .py that exists"
         )
-    found.loader.exec_module(module_from_spec(found))
+    try:
+        found.loader.exec_module(module_from_spec(found))
+    except Exception as error:
+        raise InputError(
+            f"law file {path} fails ({type(error).__name__}: {error}); allowed is one that runs"
+        ) from error
 
 
 def checked_fabric(name: str, fabric: Any) -> Law:

@@ -78,12 +78,13 @@ class Form:
         """Names of the numbers that the run with these values will have: those of its blank as it
         lies, which is not run, with those that have no value there."""
         from ..results.fields import FieldSeries
+        from ..results.history import COLUMN, ENERGIES
         from ..results.result import Result
         from ..scene.output import cell_fields
 
         made = self._build(values)
         fields = cell_fields(made.scene)
-        row = defaultdict[str, Any](float, load=1.0)
+        row = defaultdict[str, Any](float, {f"{kind}{COLUMN}": 0.0 for kind in ENERGIES}, load=1.0)
         with TemporaryDirectory() as folder:
             FieldSeries(Path(folder), made.scene, ()).write(1.0, fields)
             result = Result({}, [row], fields, Path(folder), made.scene)

@@ -101,7 +101,7 @@ def test_a_sweep_is_a_command(capsys):
     assert main.main(["sweep", "press.toml"]) == 2
     assert capsys.readouterr().err.startswith("fabric sweep: error: nothing is varied; allowed is")
     assert main.main(["sweep"]) == 2
-    told = "fabric sweep: error: press.toml is missing; allowed is to name it, see --help\n"
+    told = "fabric sweep: error: press.toml is missing; see --help\n"
     assert capsys.readouterr().err == told
 
 

@@ -453,11 +453,7 @@ def test_doubts_are_told():
     sheet = dataclasses.replace(SHEET, density=619.0)
     x = np.linspace(0.02, 0.3, 10)
     warnings = identify(sheet, [curve("uniaxial_a", x, "sigma_a", 0.2 * x, 0)]).warnings
-    for words in (
-        "a yarn is stretched by 30 %",
-        "density of material x is 619 g/cm3",
-        "b of yarns of material x is 0.1 MPa",
-    ):
+    for words in ("density of material x is 619 g/cm3", "b of yarns of material x is 0.1 MPa"):
         assert any(words in warning for warning in warnings), words
 
 

@@ -75,11 +75,15 @@ def test_a_path_over_a_cylinder_is_its_arc():
     assert paths[90].formed == pytest.approx(paths[90].distance, rel=1e-8)
 
 
-def test_a_path_needs_the_origin():
-    grid = formed(SHEARED)
-    grid.points[:, 0] += 1
-    with pytest.raises(InputError, match="origin"):
-        shape.along_paths(grid)
+def test_a_path_needs_the_centroid_and_starts_there_wherever_the_ply_lies():
+    grid, there = formed(SHEARED), formed(SHEARED)
+    there.points[:, :2] += [2300.0, -400.0]
+    one, other = (shape.along_paths(each)[45] for each in (grid, there))
+    np.testing.assert_allclose(one.formed, other.formed, atol=1e-8)
+    middle = grid.points.mean(0)
+    ring = np.linalg.norm(grid.cell_centers().points - middle, axis=1) > 40
+    with pytest.raises(InputError, match="does not cover its centroid"):
+        shape.along_paths(grid.extract_cells(ring))
 
 
 @pytest.mark.parametrize("ranks", [1, 3])

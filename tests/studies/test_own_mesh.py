@@ -141,10 +141,7 @@ def test_a_mesh_that_is_no_quarter(tmp_path, shift, words):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize(
-    "scale, words",
-    [(1e-3, "times 1000"), (1 / 25.4, "inches times 25.4"), (1e3, "micrometres over 1000")],
-)
+@pytest.mark.parametrize("scale, words", [(1e-3, "times 1000"), (1 / 25.4, "inches times 25.4")])
 def test_other_units_than_mm(study, capfd, scale, words):
     points, cells, kind = specimen(200, 50, 8, 2)
     mine = study(*TENSILE, (scale * points, cells, kind))
@@ -157,18 +154,6 @@ def test_other_units_than_mm(study, capfd, scale, words):
     (doubt,) = mine.output.warnings
     assert words in doubt
     assert capfd.readouterr().err.count(words) == (COMM.rank == 0)
-
-
-def test_other_units_without_a_mesh(shared_path):
-    mine = Study(
-        "tensile",
-        tensile.options(),
-        ["--length", "0.2", "--width", "0.05", "--out", str(shared_path / "out")],
-    )
-    with pytest.raises(
-        InputError, match="the specimen is 0.2 x 0.05 mm, less than the fabric is thick"
-    ):
-        mine.build(mine.describe(Tensile))
 
 
 @pytest.mark.mpi

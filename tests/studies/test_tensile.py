@@ -508,7 +508,7 @@ def test_a_law_file_whose_law_no_material_has(launch, tmp_path):
         (None, "law.py' is not there or no Python file; allowed is a .py that exists"),
         ("no Python", "law.py fails (SyntaxError: invalid syntax"),
         ("1 / 0", "law.py fails (ZeroDivisionError: division by zero); allowed is one that runs"),
-        ("x = 1", "law.py has no class of a law; allowed are one or more"),
+        ("x = 1", "the material komeili is of the law coupled; allowed is --material with a file"),
     ],
 )
 def test_a_law_file_that_is_none(launch, tmp_path, text, words):

@@ -114,7 +114,6 @@ def patch(place, stiff=True, tool_path=(0.0, 0.0, 0.0), lag=math.inf, gripped=Tr
         Tool(Plane((0, 0, -T / 2), (0, 0, 1)), tool_path, name="table"),
         T,
         K,
-        SMOOTHING,
         friction=Coulomb(MU, SLIP, lag),
     )
     press = BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: np.ones(x.shape[1]))
