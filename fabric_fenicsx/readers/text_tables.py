@@ -151,9 +151,11 @@ def _split(text, delimiter):
 
 def _delimiter(text):
     """The delimiter of a line; blanks only between numbers, as names may have some."""
+    if sure := next((sign for sign in ";\t" if sign in text), ""):  # a comma may be a decimal one
+        return sure
     blank = " " if all(map(_NUMBER.fullmatch, text.split())) else ""
     try:
-        return csv.Sniffer().sniff(text, ";\t," + blank).delimiter
+        return csv.Sniffer().sniff(text, "," + blank).delimiter
     except csv.Error:
         return blank or ","
 
