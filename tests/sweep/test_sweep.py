@@ -341,3 +341,9 @@ def test_folders_have_readable_names_that_file_systems_take():
 def test_values_may_be_texts_lists_and_tables():
     found = varied.lists(["a.b=komeili,[1, 2],{punch = 40, die = 1},'x,y',5e-2"])
     assert found == {"a.b": ["komeili", "[1, 2]", "{punch = 40, die = 1}", "'x,y'", "0.05"]}
+
+
+def test_a_press_is_named_and_short_forms_behind_two_dashes_are_its_runs():
+    """So the finer cells are finer than those that the runs have."""
+    file = sweep.parser().parse_args(["hemisphere"]).press
+    assert Form(file, ["--nx", "4", "--fibre-angle=45"]).finer({}) == {"blank.nx": "6"}
