@@ -15,12 +15,12 @@ WORKERS ?= $(shell echo $$(($$(env -u OMP_NUM_THREADS nproc) + 1)))
 TEST_TIMEOUT ?= 21600
 
 # The one list of Debian packages. With OpenBLAS MUMPS factorises a forming step five times faster than with the default.
-# Debian 13 has all; what Debian 12 lacks pip fetches, and to draw
+# Debian 13 has all (meshio reads Exodus by netCDF4 there, PyVista elsewhere); what Debian 12 lacks pip fetches, and to draw
 # without a screen VTK's wheel there wants EGL, Debian 13's VTK an X server.
 PACKAGES := python3-dolfinx-real python3-petsc4py python3-mpi4py python3-gmsh python3-meshio python3-scipy python3-matplotlib python3-jinja2 \
   python3-pip python3-setuptools gcc g++ libc6-dev python3-dev openmpi-bin libopenblas0-serial
 PACKAGES_12 := libegl1
-PACKAGES_13 := python3-pyvista python3-numba python3-ezdxf python3-shapely python3-h5py xvfb xauth python3-pytest python3-pytest-xdist python3-hypothesis python3-mpmath python3-tomli-w python3-tqdm
+PACKAGES_13 := python3-pyvista python3-numba python3-ezdxf python3-shapely python3-h5py python3-netcdf4 xvfb xauth python3-pytest python3-pytest-xdist python3-hypothesis python3-mpmath python3-tomli-w python3-tqdm
 DEBIAN := $(shell . /etc/os-release 2>/dev/null && [ "$$ID" = debian ] && echo "$${VERSION_ID:-sid}")
 ifeq ($(DEBIAN),12)
 NEEDS := $(PACKAGES) $(PACKAGES_12)

@@ -18,7 +18,7 @@ from .surface_mesh import OtherFormat, SurfaceMesh, surface_kind
 # gmsh takes a file of another ending for a script and runs it
 GMSH = (".msh", ".unv", ".bdf", ".nas", ".fem", ".dat", ".mesh", ".ply2", ".med", ".cgns", ".p3d")
 XDMF = (".xdmf", ".xmf")
-HDF = (*XDMF, ".med", ".cgns", ".h5m")  # of numbers in HDF5
+HDF = (*XDMF, ".med", ".cgns", ".h5m", ".e", ".exo", ".ex2")  # of numbers in HDF5
 OBJ = ["v"], ["f"]  # first words of lines that count
 PIXEL = 8  # VTK's type of a cell with its nodes row by row
 
