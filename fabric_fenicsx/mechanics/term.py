@@ -161,8 +161,9 @@ class Term:
         load that is a form does without."""
         raise NotImplementedError
 
-    def anticipate(self, f: np.ndarray) -> None:
-        """See the residual f (owned dofs,) [N] before `tangent` is asked for a correction."""
+    def use_secant_stiffness(self, f: np.ndarray) -> None:
+        """Give the next `tangent` by secant stiffnesses up to the state that the residual f (owned
+        dofs,) [N] leads to."""
 
     def compliance(self) -> tuple[np.ndarray, float] | None:
         """c (owned dofs,) and k [N/mm] of a tool moved by force, by which it takes c c^T / k from

@@ -221,10 +221,10 @@ class Scene:
         return self.fixed_dofs is not self._fixed_in_matrix or self._assembly.places_changed()
 
     @phase("contact")
-    def anticipate(self) -> None:
-        """Show terms the last residual before the tangent for the next correction."""
+    def use_secant_stiffness(self) -> None:
+        """Let terms use secant stiffnesses in the tangent of the next correction."""
         for term in self.terms:
-            term.anticipate(self.forces.array)
+            term.use_secant_stiffness(self.forces.array)
 
     def support_forces(self) -> np.ndarray:
         """Forces of the supports on this rank's `fixed_dofs`, after `residual` (dofs,) [N]."""

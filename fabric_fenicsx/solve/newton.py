@@ -47,7 +47,7 @@ class Directions:
         if not self.reused:
             self._scene.set(x)
             if report.residuals[-1] > self.CLOSE * report.scale:
-                self._scene.anticipate()
+                self._scene.use_secant_stiffness()
             self._tangent.assemble()
             largest = x.norm(PETSc.NormType.NORM_INFINITY)
             self.noise = self.EPSILON * largest * self._tangent.stiffness_norm()

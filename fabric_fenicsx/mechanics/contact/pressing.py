@@ -6,7 +6,7 @@ import numpy as np
 
 from .pressure_law import PressureLaw, only
 
-ANTICIPATED = 4.0  # times the present pressure, up to which the next one is anticipated
+MAX_SECANT_PRESSURE = 4.0  # of the present one, up to which a secant stiffness looks
 
 
 class Pressed(NamedTuple):
@@ -43,7 +43,9 @@ def press(
     return Pressed(gap, normal, curvature, depth, pressure, slope, forces, blocks, areas * energy)
 
 
-def anticipate(law: PressureLaw, areas: np.ndarray, now: Pressed, missing: np.ndarray) -> Pressed:
+def with_secant_stiffness(
+    law: PressureLaw, areas: np.ndarray, now: Pressed, missing: np.ndarray
+) -> Pressed:
     """The same points with other blocks: of the law's slope up to the pressure that balances the
     other forces. missing (n,): what is missing to that pressure [MPa].
 
@@ -52,7 +54,7 @@ def anticipate(law: PressureLaw, areas: np.ndarray, now: Pressed, missing: np.nd
     """
     at = np.flatnonzero(now.pressure > 0)
     p = now.pressure[at]
-    balancing = np.clip(p + missing[at], 0.0, ANTICIPATED * p)
+    balancing = np.clip(p + missing[at], 0.0, MAX_SECANT_PRESSURE * p)
     changes = abs(balancing - p) > 1e-6 * p
     at, p, balancing = at[changes], p[changes], balancing[changes]
     chord = (balancing - p) / (only(law, at).depth(balancing) - now.depth[at])

@@ -16,7 +16,7 @@ from .coulomb import Coulomb
 from .face_sliding import FaceSliding
 from .interaction import Interaction
 from .lagged_faces import LaggedFaces
-from .pressing import Pressed, anticipate, press
+from .pressing import Pressed, press, with_secant_stiffness
 from .pressure_law import (
     PENETRATION,
     SMOOTHING,
@@ -174,15 +174,15 @@ class FaceContact(Interaction):
         rows, cols, values = (np.concatenate(both) for both in zip(pressed, rubbed))
         return rows, cols, values
 
-    def anticipate(self, f: np.ndarray) -> None:
+    def use_secant_stiffness(self, f: np.ndarray) -> None:
         """See `Term`: until the sheets move, let `tangent` be the law's slope up to the
-        pressure that balances the other forces on both of them, see `pressing.anticipate`."""
+        pressure that balances the other forces on both of them, see `with_secant_stiffness`."""
         now, facing, nodes = self.state(), self.faces.now, self.points.nodes
         forces = f[: 3 * nodes.count].reshape(-1, 3)
         apart = facing.pairs.apart(forces / nodes.areas[:, None])
         missing = 0.5 * (apart * now.normal).sum(1)
         law = Grown(self._law, facing.growth)
-        now = anticipate(law, facing.areas, now, missing)
+        now = with_secant_stiffness(law, facing.areas, now, missing)
         self._found = self.blank.u.x.array.copy(), facing, now
 
     # -- steps

@@ -20,7 +20,7 @@ from ..work import Work
 from .coulomb import LAG, Coulomb
 from .interaction import ToolInteraction
 from .nodes import Nodes
-from .pressing import Pressed, anticipate, press
+from .pressing import Pressed, press, with_secant_stiffness
 from .pressure_law import PENETRATION, SMOOTHING, ByPlace, Grown, Rigid, face_of, thickening_of
 from .thickness import PlyThickness
 
@@ -238,12 +238,12 @@ class Contact(ToolInteraction):
         by_force = self.tool.force and self.nodes.comm.rank == 0
         return kinds | {None: -self.tool.push * self.tool.travel if by_force else 0.0}
 
-    def anticipate(self, f: np.ndarray) -> None:
+    def use_secant_stiffness(self, f: np.ndarray) -> None:
         """See `Term`: until the sheet moves, let `tangent` be the law's slope up to the
-        pressure that balances the other forces, see `pressing.anticipate`."""
+        pressure that balances the other forces, see `with_secant_stiffness`."""
         now, areas = self.state(), self.areas
         others = (f[: 3 * self.nodes.count].reshape(-1, 3) * now.normal).sum(1)
-        now = anticipate(self._law, areas, now, others / np.maximum(areas, 1e-300))
+        now = with_secant_stiffness(self._law, areas, now, others / np.maximum(areas, 1e-300))
         self._found = self.nodes.displacement(), now
 
     def compliance(self) -> tuple[np.ndarray, float] | None:

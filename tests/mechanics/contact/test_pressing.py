@@ -9,7 +9,7 @@ from mpi4py import MPI
 import fabric_fenicsx as ff
 from fabric_fenicsx.mechanics.contact.coulomb import Coulomb
 from fabric_fenicsx.mechanics.contact.friction import FrictionState
-from fabric_fenicsx.mechanics.contact.pressing import anticipate, press
+from fabric_fenicsx.mechanics.contact.pressing import press, with_secant_stiffness
 from fabric_fenicsx.mechanics.contact.pressure_law import (
     HARD,
     ByPlace,
@@ -56,15 +56,15 @@ def test_a_point_that_others_pull_off_leaves_the_face_in_one_correction(law):
     """With the law's own slope its depth would be about halved."""
     depth = 0.5e-3
     now = pressed(law, np.full(4, -depth))
-    anticipated = anticipate(law, AREAS, now, -2 * now.pressure)
-    step = now.forces[:, 2] / anticipated.blocks[:, 2, 2]
+    secant = with_secant_stiffness(law, AREAS, now, -2 * now.pressure)
+    step = now.forces[:, 2] / secant.blocks[:, 2, 2]
     assert step == pytest.approx(depth)
     assert now.forces[:, 2] / now.blocks[:, 2, 2] == pytest.approx(depth / 2, rel=0.01)
 
 
-def test_what_touches_nothing_is_not_anticipated():
+def test_what_touches_nothing_has_no_stiffness():
     now = pressed(FACE, np.full(4, 1.0))
-    assert not anticipate(FACE, AREAS, now, np.full(4, 5.0)).blocks.any()
+    assert not with_secant_stiffness(FACE, AREAS, now, np.full(4, 5.0)).blocks.any()
 
 
 @pytest.mark.parametrize("start", [-3.0, 0.5, 4.0])
