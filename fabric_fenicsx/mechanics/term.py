@@ -178,7 +178,7 @@ class Term:
     def set_load(self, load: float) -> None:
         """Set the load factor, and go back to the last accepted state in all else."""
 
-    def look_ahead(self) -> None:
+    def on_prediction(self) -> None:
         """See the predicted state from which a step's solution begins, to hold what is as it is
         there."""
 

@@ -129,10 +129,10 @@ class Scene:
             term.reject()
 
     @phase("contact")
-    def look_ahead(self) -> None:
+    def on_prediction(self) -> None:
         """Show terms the present displacement as the prediction of the next state."""
         for term in self.terms:
-            term.look_ahead()
+            term.on_prediction()
 
     @phase("contact")
     def update_lagged(self) -> bool:

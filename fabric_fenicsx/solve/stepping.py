@@ -160,7 +160,7 @@ class LoadStepping:
         if scene.keeping and not start and not keep_contact(scene, x):
             self._predicted.copy(x)
         scene.set(x)
-        scene.look_ahead()
+        scene.on_prediction()
         scene.drag, scene.origin = progress.viscosity.drag, progress.x
         trial.report, iterations = solve_staggered(self.newton, x, trial.tolerance)
         progress.iterations += iterations

@@ -61,7 +61,7 @@ class LaggedFaces:
         self._aitken.start(self._place)
         self.now = self.accepted
 
-    def look_ahead(self) -> None:
+    def on_prediction(self) -> None:
         """Take the faces of a predicted state, with the areas of the last accepted one."""
         points, present = self._points, self._points.facing()
         before = points.of_all(self.accepted, self.accepted.areas, np.nan)[present.points]

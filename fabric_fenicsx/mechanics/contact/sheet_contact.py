@@ -193,8 +193,8 @@ class FaceContact(Interaction):
         self.faces.restore()
         super().set_load(load)
 
-    def look_ahead(self) -> None:
-        self.faces.look_ahead()
+    def on_prediction(self) -> None:
+        self.faces.on_prediction()
 
     def update_lagged(self) -> bool:
         """See `Term`. Friction follows the normal forces in balance, which on faces taken anew they

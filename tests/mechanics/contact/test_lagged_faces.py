@@ -59,7 +59,7 @@ def test_a_step_begins_with_the_faces_of_its_prediction(points):
     faces = LaggedFaces(points, 0.01, 3 * points.nodes.count)
     start = faces.now
     points.blank.u.x.array.reshape(-1, 3)[:] = 0.1 * points.blank.coordinates()
-    faces.look_ahead()
+    faces.on_prediction()
     assert faces.now.relative == pytest.approx(points.facing().relative)
     assert np.array_equal(faces.now.areas, start.areas)
     faces.restore()
