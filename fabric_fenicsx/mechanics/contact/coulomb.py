@@ -80,7 +80,7 @@ class Coulomb:
         )
 
 
-def as_coulomb(friction: float | Mapping[str, float] | Coulomb, owner: str) -> Coulomb | None:
+def friction_law(friction: float | Mapping[str, float] | Coulomb, owner: str) -> Coulomb | None:
     """Law of a term's `friction`, None if all coefficients are 0. owner: the term, named in
     errors."""
     try:

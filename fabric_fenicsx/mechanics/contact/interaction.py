@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 from ...tools.tool import Tool
 from ..term import NO_TANGENT, Term, Triplets
-from .coulomb import Coulomb, as_coulomb
+from .coulomb import Coulomb, friction_law
 from .friction import FrictionState, Sliding
 from .friction_loops import turned, turned_blocks
 from .nodes import Nodes
@@ -36,7 +36,7 @@ class Interaction(Term):
     thickness: Any = 1.0
 
     def __init__(self, friction: float | Mapping[str, float] | Coulomb, owner: str) -> None:
-        self.coulomb = as_coulomb(friction, owner)
+        self.coulomb = friction_law(friction, owner)
 
     def normal_forces(self) -> np.ndarray:
         """Sizes of the forces that press this rank's points, (points,) [N]."""
