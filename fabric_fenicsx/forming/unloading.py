@@ -126,7 +126,7 @@ def _memory(terms):
     pressure goes, the energy of its elastic slip would be lost without being counted."""
     memory = memory_of(terms)
     for i, term in enumerate(terms):
-        if isinstance(term, FaceContact) and term.friction:
+        if isinstance(term, FaceContact) and term.friction_state:
             for name in ("slip", "energy"):
                 memory[f"{OF_CELLS}{i} {name}"] *= 0.0
     return memory

@@ -195,5 +195,5 @@ def test_a_holder_begins_with_sheets_pressed_as_it_presses(laid):
 def test_friction_of_tools_is_that_of_the_sheet_they_touch(laid):
     part = laid.blank.part("sheet").nodes
     for term in laid.pressing:
-        mu = term.friction.coefficient
+        mu = term.friction_state.coefficient
         assert np.allclose(mu[part], 0.1) and np.allclose(mu[~part], 0.25)

@@ -111,8 +111,8 @@ class BlankHolderPressure(ToolInteraction):
         """Set the pressure; InputError if it is not a number from 0 there."""
         self.now = at_load(PRESSURE, FROM_ZERO, self._pressure, load)
         self.areas, self._updates = self._accepted_areas, 0
-        if self.friction:  # as these forces follow from the load alone
-            self.friction.begin(self.normal_forces())
+        if self.friction_state:  # as these forces follow from the load alone
+            self.friction_state.begin(self.normal_forces())
 
     def accept(self) -> None:
         """Count `work` from the present state, and press what is under the holder now."""

@@ -23,14 +23,14 @@ class Interaction(Term):
     and the hooks `_update_pressing`, `_sliding` and `_slid_exactly`. It calls `_start_friction` at
     the end of `set_up`.
 
-    - coulomb, friction: the law of friction and its state; None without friction
+    - coulomb, friction_state: the law of friction and its state; None without friction
     - taken (points,): energy that contact gave as the pressed areas changed, no force of the points
       doing the work [N mm]
     - depth, rigid, thickness: at each point, or one of all: deepest overlap in accepted states
       [mm], whether that is penetration of a rigid face, and the sheet's thickness [mm]
     """
 
-    friction: FrictionState | None = None
+    friction_state: FrictionState | None = None
     depth = taken = np.zeros(0)
     rigid: Any = False
     thickness: Any = 1.0
@@ -66,7 +66,9 @@ class Interaction(Term):
         """Begin friction in the present state."""
         if self.coulomb:
             state = self.normal_forces(), self._sliding(), self.blank.mesh.comm
-            self.friction = FrictionState(self.coulomb, self._coefficient(self.coulomb), *state)
+            self.friction_state = FrictionState(
+                self.coulomb, self._coefficient(self.coulomb), *state
+            )
 
     def _note_depth(self, load, depth):
         """Keep the deepest overlap. At load 0 the last state counts, as those before it were not in
@@ -91,8 +93,8 @@ class Interaction(Term):
         return self.blank.mesh.comm.allreduce(float(values.max(initial=0.0)), MPI.MAX)
 
     def set_load(self, load: float) -> None:
-        if self.friction:
-            self.friction.begin()
+        if self.friction_state:
+            self.friction_state.begin()
 
     def update_lagged(self) -> bool:
         """See `Term`: of what presses, then of friction."""
@@ -101,21 +103,21 @@ class Interaction(Term):
 
     def _update_friction(self, normal_forces):
         """Let friction follow these normal forces, if needed; true if it did."""
-        if not self.friction:
+        if not self.friction_state:
             return False
-        exact = self._slid_exactly(self.friction.start)
-        if not self.friction.update(normal_forces, exact, self._sliding):
+        exact = self._slid_exactly(self.friction_state.start)
+        if not self.friction_state.update(normal_forces, exact, self._sliding):
             return False
         self._forget_balance()
         return True
 
     def accept(self) -> None:
-        if self.friction:
-            exact = self._slid_exactly(self.friction.start)
-            self.friction.accept(self.normal_forces(), exact, self._sliding())
+        if self.friction_state:
+            exact = self._slid_exactly(self.friction_state.start)
+            self.friction_state.accept(self.normal_forces(), exact, self._sliding())
 
     def energies(self) -> dict[str | None, float]:
-        return {"friction": self.friction.energy()} if self.friction else {}
+        return {"friction": self.friction_state.energy()} if self.friction_state else {}
 
     def stored(self) -> float:
         """See `Term`, energy taken by friction included."""
@@ -224,28 +226,30 @@ class ToolInteraction(Interaction):
     def _friction_forces(self):
         """Forces on this rank's nodes that have the moment of friction at the face (nodes, 3) [N]:
         less than friction where the sheet lies round a bar, more where it lies in a hollow."""
-        if not self.friction:
+        if not self.friction_state:
             return np.zeros((self.nodes.count, 3))
-        return self.friction.sliding.on_nodes(self.friction.forces())
+        return self.friction_state.sliding.on_nodes(self.friction_state.forces())
 
     def _blocks(self):
         """Decrease of all forces as nodes move (nodes, 3, 3) [N/mm]: those of friction; None if
         there are none."""
-        return self.friction and self.friction.sliding.on_node_blocks(self.friction.blocks())
+        return self.friction_state and self.friction_state.sliding.on_node_blocks(
+            self.friction_state.blocks()
+        )
 
     def _friction_work(self):
         """Work of the tool's motion against friction since the accepted state, by trapezoids, on
         rank 0 [N mm]."""
-        if not self.friction:
+        if not self.friction_state:
             return 0.0
         ends = self._friction_at_start + self.nodes.total(self._friction_forces())
-        work = 0.5 * ends @ self.friction.start.tool_moved()
+        work = 0.5 * ends @ self.friction_state.start.tool_moved()
         return float(work) if self.nodes.comm.rank == 0 else 0.0
 
     # -- asked by a scene
 
     def accept(self) -> None:
-        if self.friction:
+        if self.friction_state:
             self._friction_force = self.nodes.total(self._friction_forces())
             super().accept()
             self._friction_at_start = self.nodes.total(self._friction_forces())
@@ -256,7 +260,7 @@ class ToolInteraction(Interaction):
     def applied_forces(self) -> np.ndarray:
         """See `Term`, friction included."""
         forces = self._pressing_forces()
-        return (forces + self._friction_forces() if self.friction else forces).ravel()
+        return (forces + self._friction_forces() if self.friction_state else forces).ravel()
 
     def tangent(self) -> Triplets:
         """See `Term`, (9 nodes,) each [N/mm]."""
@@ -265,15 +269,15 @@ class ToolInteraction(Interaction):
 
     def memory(self) -> dict[str, np.ndarray]:
         """See `Term`: of friction."""
-        return self.friction.memory() if self.friction else {}
+        return self.friction_state.memory() if self.friction_state else {}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        if self.friction:
-            self.friction.recall(memory, self._sliding())
+        if self.friction_state:
+            self.friction_state.recall(memory, self._sliding())
 
     def rubbed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """See `Term`: the nodes."""
-        limit = self.friction.limit if self.friction else np.zeros(self.nodes.count)
+        limit = self.friction_state.limit if self.friction_state else np.zeros(self.nodes.count)
         pressed = limit > 0
         return self.nodes.places[pressed], self._normals()[pressed], limit[pressed]
 

@@ -150,7 +150,7 @@ class FaceContact(Interaction):
 
     @property
     def pattern(self) -> int:  # type: ignore[override]
-        facings = self.faces.now, self.friction and self.friction.sliding.start
+        facings = self.faces.now, self.friction_state and self.friction_state.sliding.start
         coupled = [each for each in facings if each and len(each.points)]
         if list(map(id, coupled)) != list(map(id, self._coupled)):
             self._coupled, self._pattern = coupled, self._pattern + 1
@@ -163,14 +163,14 @@ class FaceContact(Interaction):
 
     def add_forces(self, f: np.ndarray) -> None:
         self.faces.now.pairs.add(-self.state().forces, f)
-        if self.friction:
-            self.friction.sliding.add(-self.friction.forces(), f)
+        if self.friction_state:
+            self.friction_state.sliding.add(-self.friction_state.forces(), f)
 
     def tangent(self) -> Triplets:
         pressed = self.faces.now.pairs.triplets(self.state().blocks)
-        if not self.friction:
+        if not self.friction_state:
             return pressed
-        rubbed = self.friction.sliding.triplets(self.friction.blocks())
+        rubbed = self.friction_state.sliding.triplets(self.friction_state.blocks())
         rows, cols, values = (np.concatenate(both) for both in zip(pressed, rubbed))
         return rows, cols, values
 
@@ -239,7 +239,7 @@ class FaceContact(Interaction):
         """Of each point in the accepted state, (cells, points) each: largest overlap [mm], energy
         `taken` and that of friction [N mm]; elastic slip (cells, 3 points) [mm]."""
         known = {"depth": self.depth, "taken": self.taken} | (
-            self.friction.memory() if self.friction else {}
+            self.friction_state.memory() if self.friction_state else {}
         )
         points = self.points
         return {name: points.part.rows(each, points.per_cell) for name, each in known.items()}
@@ -249,8 +249,8 @@ class FaceContact(Interaction):
         self.depth = known["depth"]
         self.taken = self._accepted_taken = known["taken"]
         self.faces.accept()
-        if self.friction:
-            self.friction.recall(known, self._sliding())
+        if self.friction_state:
+            self.friction_state.recall(known, self._sliding())
 
     # -- output
 

@@ -34,13 +34,13 @@ def displaced(contact, motion):
     blank = contact.blank
     x = blank.coordinates() + blank.nodal_displacement()
     blank.u.x.array[:] += motion(x).ravel()
-    return contact.friction.sliding.slid()
+    return contact.friction_state.sliding.slid()
 
 
 def test_a_small_turn_of_both_is_no_sliding(pair):
     axis = np.array([0.3, -0.5, 0.2])
     slid = displaced(pair, lambda x: 1e-6 * np.cross(axis, x) + [1.0, 2.0, 3.0])
-    normals = pair.friction.sliding.normals
+    normals = pair.friction_state.sliding.normals
     along = slid - (slid * normals).sum(1, keepdims=True) * normals
     assert abs(along).max(initial=0) < 0.01 * 1e-6 * T  # normals are the smooth face's
 
@@ -51,7 +51,7 @@ def test_forces_at_faces_have_neither_sum_nor_moment(pair):
     along = np.array([1.0, 0.4, 0.0]) + 0 * facing.normal
     along -= (along * facing.unit_normals()).sum(1, keepdims=True) * facing.unit_normals()
     f = np.zeros(len(blank.u.x.array))
-    pair.friction.sliding.add(pair.points.of_all(facing, along), f)
+    pair.friction_state.sliding.add(pair.points.of_all(facing, along), f)
     owned = 3 * pair.points.nodes.count
     forces = f[:owned].reshape(-1, 3)
     x = (blank.coordinates() + blank.nodal_displacement())[: len(forces)]

@@ -80,7 +80,7 @@ def test_derivatives(distance, pushed):
     if pushed:
         c, k = contact.compliance()
         K_total -= np.outer(c, c) / k
-    rubbing = np.linalg.norm(contact.friction.forces(), axis=1)
+    rubbing = np.linalg.norm(contact.friction_state.forces(), axis=1)
     slides = (limit > 0) & (rubbing > (1 - 1e-9) * limit)
     assert {
         0.3: not slides.any(),
