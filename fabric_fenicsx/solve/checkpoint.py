@@ -22,7 +22,7 @@ from ..sheets.blank import Blank
 from .progress import Progress
 from .viscosity import Viscosity
 
-FORMAT = 9  # counted up with each change of what the file holds
+FORMAT = 10  # counted up with each change of what the file holds
 COUNTS = ("accepted", "rejected", "iterations")
 SCALARS = ("load", "step", "last_step", "work", "stored", "missed", "missed_at", "solver", *COUNTS)
 PLACES = ("x", "around")  # of the nodes

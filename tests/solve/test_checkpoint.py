@@ -152,8 +152,8 @@ BROKEN = {
         "cannot be read",
     ),
     "arrays of another program": (lambda path: np.savez(path, u=np.ones(3)), "cannot be read"),
-    "earlier version": (lambda path: of_format(path, 8), "is of format 8; this version reads 9"),
-    "later version": (lambda path: of_format(path, 10), "is of format 10; this version reads 9"),
+    "earlier version": (lambda path: of_format(path, 9), "is of format 9; this version reads 10"),
+    "later version": (lambda path: of_format(path, 11), "is of format 11; this version reads 10"),
     "another displacement": (lambda path: changed(path, u=lambda u: 2 * u), "another checksum"),
     "short displacement": (lambda path: changed(path, u=lambda u: u[:-1]), "another checksum"),
     "other words": (

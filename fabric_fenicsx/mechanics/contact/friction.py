@@ -57,10 +57,12 @@ class FrictionState:
 
     def begin(self, normal_forces: np.ndarray | None = None) -> None:
         """Go back to the accepted state, or to it under other normal forces. The energy that
-        changes because they do counts as taken."""
+        changes because they do is a correction."""
         self._limit = self.limit if normal_forces is None else self.coefficient * normal_forces
         # what the elastic slip does not hold
-        self._taken = self._accepted_energy - self.law.potential(self._slip, self._limit)[0]
+        self._energy_correction = (
+            self._accepted_energy - self.law.potential(self._slip, self._limit)[0]
+        )
         self._take(self.start, self._slip)
 
     def _take(self, sliding, slip):
@@ -90,7 +92,9 @@ class FrictionState:
             return False
         mean = (self.limit + limit) / 2  # as normal forces changed along the way
         before, after = (self.law.potential(z, mean)[0] for z in (self._slip, slip))
-        self._taken = self._accepted_energy + after - before - self.law.potential(slip, limit)[0]
+        self._energy_correction = (
+            self._accepted_energy + after - before - self.law.potential(slip, limit)[0]
+        )
         self._limit = limit
         self._take(now, slip)
         return True
@@ -99,7 +103,7 @@ class FrictionState:
         """Take the present state as the accepted one: keep the elastic part of the slip. exact
         (n, 3): how far points slid to it [mm]; sliding: from it on."""
         slip = self._slip_at(exact, self.sliding)
-        self._accepted_energy = self._taken + self.law.potential(slip, self._limit)[0]
+        self._accepted_energy = self._energy_correction + self.law.potential(slip, self._limit)[0]
         self._slip = self.law.elastic(slip)
         self._start(normal_forces, sliding)
 
@@ -141,7 +145,7 @@ class FrictionState:
         slid, known = self.sliding.slid(), self._known
         if known is None or not np.array_equal(slid, known[0]):
             energy, forces = self.law.potential(self._slipped(slid), self._limit)
-            known = self._known = slid, float((self._taken + energy).sum()), forces
+            known = self._known = slid, float((self._energy_correction + energy).sum()), forces
         return known
 
 

@@ -24,14 +24,14 @@ class Interaction(Term):
     the end of `set_up`.
 
     - coulomb, friction_state: the law of friction and its state; None without friction
-    - taken (points,): energy that contact gave as the pressed areas changed, no force of the points
-      doing the work [N mm]
+    - energy_correction (points,): energy that contact gave as the pressed areas changed, without
+      work of a force [N mm]
     - depth, rigid, thickness: at each point, or one of all: deepest overlap in accepted states
       [mm], whether that is penetration of a rigid face, and the sheet's thickness [mm]
     """
 
     friction_state: FrictionState | None = None
-    depth = taken = np.zeros(0)
+    depth = energy_correction = np.zeros(0)
     rigid: Any = False
     thickness: Any = 1.0
 

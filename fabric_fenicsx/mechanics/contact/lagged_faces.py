@@ -15,25 +15,25 @@ class Aitken:
     as far as A. C. Aitken's rule says (U. Küttler and W. A. Wall, 2008), less where solutions
     alternate. The first `owned` numbers of a solution are this rank's."""
 
-    def __init__(self, comm: MPI.Comm, owned: int, taken: np.ndarray) -> None:
+    def __init__(self, comm: MPI.Comm, owned: int, state: np.ndarray) -> None:
         self._comm, self._owned = comm, owned
-        self.start(taken)
+        self.start(state)
 
-    def start(self, taken: np.ndarray) -> None:
-        """Begin at the state that was `taken` last."""
-        self._taken, self.share = taken, 1.0
+    def start(self, state: np.ndarray) -> None:
+        """Begin at this state."""
+        self._state, self.share = state, 1.0
         self._missed: np.ndarray | None = None
 
     def next(self, found: np.ndarray) -> np.ndarray:
         """State to take after the solution `found`."""
-        missed = found - self._taken
+        missed = found - self._state
         if self._missed is not None:
             less, before = (missed - self._missed)[: self._owned], self._missed[: self._owned]
             along, square = self._comm.allreduce(np.array([before @ less, less @ less]))
             self.share = float(np.clip(-self.share * along / max(square, 1e-300), LEAST, 1.0))
-        self._taken = found.copy() if self.share == 1 else self._taken + self.share * missed
+        self._state = found.copy() if self.share == 1 else self._state + self.share * missed
         self._missed = missed
-        return self._taken
+        return self._state
 
 
 class LaggedFaces:

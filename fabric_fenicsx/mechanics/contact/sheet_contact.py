@@ -69,7 +69,7 @@ class FaceContact(Interaction):
         self.plies = PlyThickness(scene, rigid=bool(self._penalty))
         self.faces = LaggedFaces(points, self._lag, 3 * points.nodes.count)
         self.depth, self._load = np.zeros(points.count), 0.0
-        self.taken = self._accepted_taken = np.zeros(points.count)
+        self.energy_correction = self._accepted_correction = np.zeros(points.count)
         # the last displacement and faces, and what was found there
         self._found: tuple[np.ndarray, Facing, Pressed] | None = None
         # the faces whose nodes are coupled, and their number
@@ -158,7 +158,7 @@ class FaceContact(Interaction):
 
     def energies(self) -> dict[str | None, float]:
         """See `Term`: of contact, and what friction took."""
-        stored = float(self.state().energy.sum() + self.taken.sum())
+        stored = float(self.state().energy.sum() + self.energy_correction.sum())
         return {"contact": stored, **super().energies()}
 
     def add_forces(self, f: np.ndarray) -> None:
@@ -189,7 +189,7 @@ class FaceContact(Interaction):
 
     def set_load(self, load: float) -> None:
         """Go back to the faces and normal forces of the last accepted state."""
-        self._load, self.taken = load, self._accepted_taken
+        self._load, self.energy_correction = load, self._accepted_correction
         self.faces.restore()
         super().set_load(load)
 
@@ -214,14 +214,14 @@ class FaceContact(Interaction):
         return True
 
     def _follow_areas(self, before):
-        """Count as `taken` what contact gave as areas changed from those of a `Facing` before."""
+        """Correct the energy by what contact gave as areas changed from those of a `Facing`."""
         now = self.faces.now
         if now is not before:
             areas = self.points.of_all(before, before.areas, 1.0)
             grown = 1 - areas[now.points] / now.areas
             grown[~np.isin(now.points, before.points)] = 0.0
             given = self.points.of_all(now, self.state().energy * grown)
-            self.taken = self.taken - given
+            self.energy_correction = self.energy_correction - given
 
     def accept(self) -> None:
         """Take the faces as they are, and let friction follow."""
@@ -230,15 +230,15 @@ class FaceContact(Interaction):
             self.totals = self._totals()
         self.faces.accept()
         self._follow_areas(before)
-        self._accepted_taken = self.taken
+        self._accepted_correction = self.energy_correction
         now = self.faces.accepted
         self._note_depth(self._load, self.points.of_all(now, -now.gap))
         super().accept()
 
     def cell_memory(self) -> dict[str, np.ndarray]:
         """Of each point in the accepted state, (cells, points) each: largest overlap [mm], energy
-        `taken` and that of friction [N mm]; elastic slip (cells, 3 points) [mm]."""
-        known = {"depth": self.depth, "taken": self.taken} | (
+        correction and that of friction [N mm]; elastic slip (cells, 3 points) [mm]."""
+        known = {"depth": self.depth, "energy_correction": self.energy_correction} | (
             self.friction_state.memory() if self.friction_state else {}
         )
         points = self.points
@@ -247,7 +247,7 @@ class FaceContact(Interaction):
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         known = {name: self.points.of_cells(rows) for name, rows in memory.items()}
         self.depth = known["depth"]
-        self.taken = self._accepted_taken = known["taken"]
+        self.energy_correction = self._accepted_correction = known["energy_correction"]
         self.faces.accept()
         if self.friction_state:
             self.friction_state.recall(known, self._sliding())

@@ -129,9 +129,9 @@ class Contact(ToolInteraction):
         self._thickening = powers[which] * ~is_rigid
         return thickness, ByPlace(laws, which) if laws[1:] else laws[0], is_rigid
 
-    def _press_on(self, areas, taken):
+    def _press_on(self, areas, correction):
         """Press on areas (nodes,) [mm^2], where a sheet may be thicker as they shrink."""
-        self.areas, self.taken, self._found = areas, taken, None
+        self.areas, self.energy_correction, self._found = areas, correction, None
         self.thickness, self._law = self._flat_thickness, self._flat_law
         if self._thickening.any():
             ratios = np.where(areas > 0, areas / np.maximum(self.nodes.areas, 1e-300), 1.0)
@@ -233,7 +233,7 @@ class Contact(ToolInteraction):
     def energies(self) -> dict[str | None, float]:
         """See `Term`: of contact, what friction took, and on rank 0 minus the work of the
         force that moves the tool."""
-        stored = float((self.state().energy + self.taken).sum())
+        stored = float((self.state().energy + self.energy_correction).sum())
         kinds = {"contact": stored, **super().energies()}
         by_force = self.tool.force and self.nodes.comm.rank == 0
         return kinds | {None: -self.tool.push * self.tool.travel if by_force else 0.0}
@@ -267,7 +267,7 @@ class Contact(ToolInteraction):
         """Take the present place of the tool as the last accepted one."""
         now = self.state()
         self._accepted_travel = self.tool.travel
-        self._accepted_areas = self.areas, self.taken
+        self._accepted_areas = self.areas, self.energy_correction
         self._accepted_gap = now.gap
         self._work.accept(self._load, self.force(), self.tool.displacement)
         self._note_depth(self._load, -now.gap)
@@ -288,9 +288,9 @@ class Contact(ToolInteraction):
         changed, total = self.nodes.total(pressed)
         if changed <= min(self.coulomb.lag if self.coulomb else LAG, MOST) * total:
             return False
-        self._press_on(areas, self.taken)
+        self._press_on(areas, self.energy_correction)
         then = self._state_at(self.nodes.places + u)
-        self.taken = self.taken + now.energy - then.energy
+        self.energy_correction = self.energy_correction + now.energy - then.energy
         self._found = None if self.tool.force else (u, then)
         return True
 
@@ -311,19 +311,19 @@ class Contact(ToolInteraction):
         return np.nan_to_num(off[:, None] * now.normal).ravel()
 
     def memory(self) -> dict[str, np.ndarray]:
-        """Travel of the tool and depths [mm], areas [mm^2] and energy `taken`
-        [N mm], (nodes, 1) each, in the last accepted state; what its work is counted from (nodes,
+        """Travel of the tool and depths [mm], areas [mm^2] and energy correction [N mm],
+        (nodes, 1) each, in the last accepted state; what its work is counted from (nodes,
         24), and that of friction."""
         rows = self._accepted_travel, self._work.memory().ravel()
         travel, work = (np.tile(row, (self.nodes.count, 1)) for row in rows)
-        areas, taken = self._accepted_areas
-        at_nodes = {"depth": self.depth, "areas": areas, "taken": taken}
+        areas, correction = self._accepted_areas
+        at_nodes = {"depth": self.depth, "areas": areas, "energy_correction": correction}
         at_nodes = {name: values[:, None] for name, values in at_nodes.items()}
         return super().memory() | {"travel": travel, "work": work} | at_nodes
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         self.depth = memory["depth"][:, 0]
-        self._accepted_areas = memory["areas"][:, 0], memory["taken"][:, 0]
+        self._accepted_areas = memory["areas"][:, 0], memory["energy_correction"][:, 0]
         self._press_on(*self._accepted_areas)
         self.tool.travel = self._accepted_travel = float(self.nodes.common(memory["travel"])[0])
         self._work.recall(self.nodes.common(memory["work"]).reshape(3, -1))
