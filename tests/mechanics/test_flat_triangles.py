@@ -64,7 +64,7 @@ def test_the_smooth_face_is_that_of_the_linear_sheet():
     )
     for blank in sheets():
         bend(blank)
-        found.append(Face(blank.whole, 1.0, []).below(points, np.full(50, -1), 10.0).gap)
+        found.append(Face(blank.whole, 1.0, []).project(points, np.full(50, -1), 10.0).gap)
     assert found[0] == pytest.approx(found[1], abs=1e-10)
 
 

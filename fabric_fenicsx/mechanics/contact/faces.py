@@ -20,7 +20,7 @@ INSIDE = 1e-7  # of a triangle, what a point may lie beyond its edge
 ITERATIONS = 12  # of Newton's method; three or four do
 
 
-class Over(NamedTuple):
+class FaceProjection(NamedTuple):
     """Places on the face below n points.
 
     - triangle (n,), -1 where there is none; weights (n, 3): barycentric coordinates in it
@@ -205,10 +205,10 @@ class Face:
         (n, 3)."""
         return flat + weights @ self.displacement
 
-    def below(
+    def project(
         self, points: np.ndarray, guess: np.ndarray, reach: float, ahead: np.ndarray | None = None
-    ) -> Over:
-        """The `Over` of points (n, 3) [mm], up to `reach` [mm] away. guess (n,): triangles to
+    ) -> FaceProjection:
+        """The places below points (n, 3) [mm], up to `reach` [mm] away. guess (n,): triangles to
         look in first, -1 for none; ahead (n, 3): if given, triangles are passed over whose normal
         is more than 90 deg off this one."""
 
@@ -222,7 +222,7 @@ class Face:
         if len(rest):
             near = self._near(points[rest], reach)
             triangle[rest], y[rest] = self.seek(points, rest, near, fits)
-        return self.over(triangle, y, reach)
+        return self.projection(triangle, y, reach)
 
     def _near(self, points, reach):
         """Numbers of the triangles near points (n, 3), the nearest first, (n, k)."""
@@ -246,24 +246,24 @@ class Face:
         found, y = np.full(len(rows), -1), np.zeros((len(rows), 3))
         for k, candidates in enumerate(triangles.T):
             at = np.flatnonzero((found < 0) & (candidates >= 0))
-            place, within, along = self._over(points[rows[at]], candidates[at])
+            place, within, along = self._project_onto(points[rows[at]], candidates[at])
             within &= fits(rows[at], k, place[:, 2], along)
             found[at[within]], y[at[within]] = candidates[at[within]], place[within]
         return found, y
 
-    def over(self, triangle: np.ndarray, y: np.ndarray, reach: float) -> Over:
-        """The `Over` of points up to `reach` [mm] away over places y (n, 3) of triangles (n,), as
+    def projection(self, triangle: np.ndarray, y: np.ndarray, reach: float) -> FaceProjection:
+        """The places below points up to `reach` [mm] away, over y (n, 3) of triangles (n,) as
         `seek` gives them."""
         n = len(triangle)
         empty = np.zeros((n, 3)), np.full(n, np.inf), np.zeros((n, 3)), np.zeros((n, 3, 3))
-        found = Over(triangle, *empty)
+        found = FaceProjection(triangle, *empty)
         at = np.flatnonzero(triangle >= 0)
         if len(at):
             self._fill(at, y, found)
         found.triangle[~(abs(found.gap) <= reach)] = -1
         return found
 
-    def _over(self, points, triangle):
+    def _project_onto(self, points, triangle):
         """The places (n, 3), as in `seek`, of triangles (n,) whose interpolated normals go through
         points (n, 3); whether they are within the triangle; and those normals. They are not the
         nearest ones, as the triangle is not curved with its normals."""
@@ -311,7 +311,7 @@ class Face:
 
 @compiled
 def _meet(points, corners, normals):
-    """Places y and normals as in `Face._over`, of corners (n, 3, 3) and normals there (n, 3, 3), by
+    """Places y and normals as in `Face._project_onto`, of corners and normals there (n, 3, 3), by
     Newton's method, and whether that settled (n,)."""
     n = len(points)
     y, along, settled = np.zeros((n, 3)), np.empty((n, 3)), np.zeros(n, np.bool_)

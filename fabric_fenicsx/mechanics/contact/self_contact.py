@@ -52,7 +52,7 @@ class SelfPoints(SheetPoints):
         """Take the places found last as those of the accepted state."""
         self._partners = self._partners_now
 
-    def _over(self):
+    def _project(self):
         face, many = self._own, len(self._places)
         triangle, y = np.full(self.count, -1), np.zeros((self.count, 3))
         self._partners_now = np.full((self.count, 3), np.inf)
@@ -61,7 +61,7 @@ class SelfPoints(SheetPoints):
         size = np.linalg.norm(corners - middles[:, None], axis=2).max()
         cells, near = self._opposed(middles, across, self._reach + 2 * size)
         if not len(cells):
-            return face.over(triangle, y, self._reach)
+            return face.projection(triangle, y, self._reach)
         rows = (cells[:, None] * many + np.arange(many)).ravel()
         near, sides = near.repeat(many, axis=0), self._sides[rows]
         points = face.points(self._weights[rows], self._flat[rows])
@@ -85,18 +85,18 @@ class SelfPoints(SheetPoints):
             return ((along * normals[at]).sum(1) < 0) & (sides[at] * height > least[at, k])
 
         triangle[rows], y[rows] = face.seek(points, np.arange(len(rows)), near, fits)
-        over = face.over(triangle, y, self._reach)
-        at = np.flatnonzero(over.triangle >= 0)
+        below = face.projection(triangle, y, self._reach)
+        at = np.flatnonzero(below.triangle >= 0)
         # in a bend, past its centre, the place found is the farthest one, not the nearest
-        turned = abs(over.gap[at]) * np.linalg.norm(over.curvature[at], axis=(1, 2))
-        over.triangle[at[turned > 1]] = -1
+        turned = abs(below.gap[at]) * np.linalg.norm(below.curvature[at], axis=(1, 2))
+        below.triangle[at[turned > 1]] = -1
         at = at[turned <= 1]
-        flat = face.X[face.triangles[over.triangle[at]]]
-        self._partners_now[at] = np.einsum("nc,nci->ni", over.weights[at], flat)
-        over.gap[at] *= self._sides[at]
-        over.normal[at] *= self._sides[at, None]
-        over.curvature[at] *= self._sides[at, None, None]
-        return over
+        flat = face.X[face.triangles[below.triangle[at]]]
+        self._partners_now[at] = np.einsum("nc,nci->ni", below.weights[at], flat)
+        below.gap[at] *= self._sides[at]
+        below.normal[at] *= self._sides[at, None]
+        below.curvature[at] *= self._sides[at, None, None]
+        return below
 
     def _opposed(self, middles, normals, reach):
         """Numbers (k,) of this rank's triangles that have others within `reach` with normals

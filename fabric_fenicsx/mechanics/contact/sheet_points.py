@@ -126,35 +126,35 @@ class SheetPoints:
     def _faced(self):
         for face in dict.fromkeys((self._face, self._own)):
             face.take()
-        over = self._over()
-        at = np.flatnonzero(over.triangle >= 0)
-        corners = self._corners(over, at)
+        below = self._project()
+        at = np.flatnonzero(below.triangle >= 0)
+        corners = self._corners(below, at)
         pairs = Pairs(self.blank, corners)
         areas = self.areas[at] * self.blank.area_ratios()[self.part.cells[at // self.per_cell]]
-        growth = self._growth(over, at)
+        growth = self._growth(below, at)
         return Facing(
             at,
             areas,
             growth,
-            over.gap[at] - self._distance * growth,
-            over.normal[at],
-            over.curvature[at],
+            below.gap[at] - self._distance * growth,
+            below.normal[at],
+            below.curvature[at],
             pairs,
             pairs.relative(),
             corners,
         )
 
-    def _over(self):
-        """The `Over` of all points."""
+    def _project(self):
+        """The `FaceProjection` of all points."""
         own = self._own
         points = own.points(self._weights, self._flat)
         # a sheet that is folded over shows its back to points of the other one
         ahead = self.side * own.flat(self._places, own.normals)
-        over = self._face.below(points, self._below, self._reach, ahead)
-        self._below = over.triangle
-        return over
+        below = self._face.project(points, self._below, self._reach, ahead)
+        self._below = below.triangle
+        return below
 
-    def _growth(self, over, at):
+    def _growth(self, below, at):
         """`growth` of the `Facing` of the points `at`."""
         if not self._thickens:
             return np.ones(len(at))
@@ -162,16 +162,16 @@ class SheetPoints:
         ratios = np.where(areas > 0, self.nodes.areas_now() / np.maximum(areas, 1e-300), 1.0)
         thicker = (ratios**-self._powers)[:, None]
         mine = self._own.flat(self._places, self._own.gathered(thicker))[at, 0]
-        others = self._face.gathered(thicker)[self._face.triangles[over.triangle[at]], 0]
-        return self._share * mine + (1 - self._share) * (over.weights[at] * others).sum(1)
+        others = self._face.gathered(thicker)[self._face.triangles[below.triangle[at]], 0]
+        return self._share * mine + (1 - self._share) * (below.weights[at] * others).sum(1)
 
-    def _corners(self, over, at):
+    def _corners(self, below, at):
         """`corners` of the `Facing` of the points `at`."""
-        own, face, gap = self._own, self._face, over.gap[at]
+        own, face, gap = self._own, self._face, below.gap[at]
         mine, N = at // len(self._places), self._places[at % len(self._places)]
         return (
             own.corners(own.own_triangles[mine], N, -self._share * gap),
-            face.corners(over.triangle[at], over.weights[at], (1 - self._share) * gap),
+            face.corners(below.triangle[at], below.weights[at], (1 - self._share) * gap),
         )
 
     def of_all(self, facing: Facing, values: np.ndarray, other: float = 0.0) -> np.ndarray:

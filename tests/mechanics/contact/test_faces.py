@@ -42,7 +42,7 @@ def places(n=200, within=(18.0, 7.0)):
 
 
 def over(face, points, reach=5.0):
-    return face.below(points, np.full(len(points), -1), reach)
+    return face.project(points, np.full(len(points), -1), reach)
 
 
 @pytest.mark.mpi
@@ -110,7 +110,7 @@ def test_gradient_and_turning_of_the_normal():
     found, h = over(face, points), 1e-5
     for axis in range(3):
         ahead, back = (
-            face.below(points + s * h * np.eye(3)[axis], found.triangle, 5.0) for s in (1, -1)
+            face.project(points + s * h * np.eye(3)[axis], found.triangle, 5.0) for s in (1, -1)
         )
         same = (ahead.triangle == found.triangle) & (back.triangle == found.triangle)
         assert same.sum() > 150
@@ -194,7 +194,7 @@ def test_a_guess_finds_what_a_search_does():
     points = np.column_stack([x, height(x) + 0.3])
     found = over(face, points)
     for guess in (found.triangle, np.roll(found.triangle, 1)):
-        again = face.below(points, guess, 5.0)
+        again = face.project(points, guess, 5.0)
         assert again.gap == pytest.approx(found.gap, abs=1e-12)
 
 
@@ -208,7 +208,7 @@ def test_only_layers_that_look_ahead_are_met():
     points, guess = np.column_stack([x - 2, y, 0 * x + 0.6]), np.full(len(x), -1)
     up = np.tile([0.0, 0.6, 0.8], (len(x), 1))
     for ahead, gap in ((None, -0.1), (up, 0.6), (-up, -0.1)):
-        assert face.below(points, guess, 5.0, ahead).gap == pytest.approx(gap, abs=1e-9)
+        assert face.project(points, guess, 5.0, ahead).gap == pytest.approx(gap, abs=1e-9)
 
 
 @pytest.mark.parametrize("options", [{"cell": "quadrilateral"}, {"degree": 3}])
