@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from mpi4py import MPI
 
-from .sheet_points import Facing, SheetPoints
+from .sheet_points import ContactPairs, SheetPoints
 
 LEAST = 0.1  # share of the way to a solution
 
@@ -37,7 +37,7 @@ class Aitken:
 
 
 class LaggedFaces:
-    """The `Facing` that contact uses within a solve, so that its energy has no kinks.
+    """The `ContactPairs` that contact uses within a solve, so that its energy has no kinks.
 
     After a solve the faces are looked at again. If that changes the forces on the points by more
     than `lag` of their sum, they are taken anew, and the solve is to be repeated. Where solutions
@@ -50,7 +50,7 @@ class LaggedFaces:
         self._points, self.lag = points, lag
         self._place = self._u.copy()  # of the last accepted state
         self._aitken = Aitken(points.blank.mesh.comm, owned, self._place)
-        self.accepted = self.now = points.facing()
+        self.accepted = self.now = points.pairs()
 
     @property
     def _u(self):
@@ -63,7 +63,7 @@ class LaggedFaces:
 
     def on_prediction(self) -> None:
         """Take the faces of a predicted state, with the areas of the last accepted one."""
-        points, present = self._points, self._points.facing()
+        points, present = self._points, self._points.pairs()
         before = points.of_all(self.accepted, self.accepted.areas, np.nan)[present.points]
         areas = np.where(np.isnan(before), present.areas, before)
         self._aitken.start(self._u.copy())
@@ -72,12 +72,12 @@ class LaggedFaces:
     def accept(self) -> None:
         """Take the faces as they are, as the accepted ones."""
         self._place = self._u.copy()
-        self.accepted = self.now = self._points.facing()
+        self.accepted = self.now = self._points.pairs()
 
-    def update(self, forces: Callable[[Facing], np.ndarray]) -> bool:
+    def update(self, forces: Callable[[ContactPairs], np.ndarray]) -> bool:
         """Take the faces anew if they are off by more than `lag`; true if so, the same on all
-        ranks. forces: function of a `Facing` to the forces on all points (count, 3) [N]."""
-        present = self._points.facing()
+        ranks. forces: function of a `ContactPairs` to the forces on all points (count, 3) [N]."""
+        present = self._points.pairs()
         before, after = forces(self.now), forces(present)
         sizes = [np.linalg.norm(each, axis=1).sum() for each in (after - before, after)]
         changed, total = self._points.blank.mesh.comm.allreduce(np.array(sizes))
@@ -86,7 +86,7 @@ class LaggedFaces:
         place, found = self._aitken.next(self._u), self._u.copy()
         if self._aitken.share < 1:
             self._u[:] = place
-            present = self._points.facing()
+            present = self._points.pairs()
             self._u[:] = found
         self.now = present
         return True

@@ -26,7 +26,7 @@ from .pressure_law import (
     face_of,
     thickening_of,
 )
-from .sheet_points import POINTS, Facing, SheetPoints
+from .sheet_points import POINTS, ContactPairs, SheetPoints
 from .thickness import PlyThickness
 
 LAG = 0.01  # of the contact's forces, by which those of the faces as they are may differ
@@ -71,9 +71,9 @@ class FaceContact(Interaction):
         self.depth, self._load = np.zeros(points.count), 0.0
         self.energy_correction = self._accepted_correction = np.zeros(points.count)
         # the last displacement and faces, and what was found there
-        self._found: tuple[np.ndarray, Facing, Pressed] | None = None
+        self._found: tuple[np.ndarray, ContactPairs, Pressed] | None = None
         # the faces whose nodes are coupled, and their number
-        self._coupled: list[Facing] = []
+        self._coupled: list[ContactPairs] = []
         self._pattern = 0
         # in the last accepted state, before faces were taken anew
         self.totals = self._totals()
@@ -111,18 +111,18 @@ class FaceContact(Interaction):
 
     # -- state
 
-    def state(self, facing: Facing | None = None) -> Pressed:
-        """The points of a `Facing`, by default that of the present solve, as they are pressed at
-        the present displacement."""
-        facing, u = facing or self.faces.now, self.blank.u.x.array
+    def state(self, pairs: ContactPairs | None = None) -> Pressed:
+        """The points of `pairs`, by default those of the present solve, as they are pressed at the
+        present displacement."""
+        pairs, u = pairs or self.faces.now, self.blank.u.x.array
         found = self._found
-        known = found is not None and found[1] is facing and np.array_equal(u, found[0])
+        known = found is not None and found[1] is pairs and np.array_equal(u, found[0])
         # relative motion asks all ranks
         if found is None or not self.blank.mesh.comm.allreduce(known, MPI.LAND):
-            gap, normal = facing.paraboloid()
-            law = Grown(self._law, facing.growth)
-            now = press(law, facing.areas, gap, normal, facing.curvature)
-            self._found = found = u.copy(), facing, now
+            gap, normal = pairs.paraboloid()
+            law = Grown(self._law, pairs.growth)
+            now = press(law, pairs.areas, gap, normal, pairs.curvature)
+            self._found = found = u.copy(), pairs, now
         return found[2]
 
     def normal_forces(self) -> np.ndarray:
@@ -150,8 +150,8 @@ class FaceContact(Interaction):
 
     @property
     def pattern(self) -> int:  # type: ignore[override]
-        facings = self.faces.now, self.friction_state and self.friction_state.sliding.start
-        coupled = [each for each in facings if each and len(each.points)]
+        both = self.faces.now, self.friction_state and self.friction_state.sliding.start
+        coupled = [each for each in both if each and len(each.points)]
         if list(map(id, coupled)) != list(map(id, self._coupled)):
             self._coupled, self._pattern = coupled, self._pattern + 1
         return self._pattern
@@ -162,12 +162,12 @@ class FaceContact(Interaction):
         return {"contact": stored, **super().energies()}
 
     def add_forces(self, f: np.ndarray) -> None:
-        self.faces.now.pairs.add(-self.state().forces, f)
+        self.faces.now.motion.add(-self.state().forces, f)
         if self.friction_state:
             self.friction_state.sliding.add(-self.friction_state.forces(), f)
 
     def tangent(self) -> Triplets:
-        pressed = self.faces.now.pairs.triplets(self.state().blocks)
+        pressed = self.faces.now.motion.triplets(self.state().blocks)
         if not self.friction_state:
             return pressed
         rubbed = self.friction_state.sliding.triplets(self.friction_state.blocks())
@@ -177,13 +177,13 @@ class FaceContact(Interaction):
     def use_secant_stiffness(self, f: np.ndarray) -> None:
         """See `Term`: until the sheets move, let `tangent` be the law's slope up to the
         pressure that balances the other forces on both of them, see `with_secant_stiffness`."""
-        now, facing, nodes = self.state(), self.faces.now, self.points.nodes
+        now, pairs, nodes = self.state(), self.faces.now, self.points.nodes
         forces = f[: 3 * nodes.count].reshape(-1, 3)
-        apart = facing.pairs.apart(forces / nodes.areas[:, None])
+        apart = pairs.motion.apart(forces / nodes.areas[:, None])
         missing = 0.5 * (apart * now.normal).sum(1)
-        law = Grown(self._law, facing.growth)
-        now = with_secant_stiffness(law, facing.areas, now, missing)
-        self._found = self.blank.u.x.array.copy(), facing, now
+        law = Grown(self._law, pairs.growth)
+        now = with_secant_stiffness(law, pairs.areas, now, missing)
+        self._found = self.blank.u.x.array.copy(), pairs, now
 
     # -- steps
 
@@ -206,15 +206,13 @@ class FaceContact(Interaction):
     def _update_pressing(self):
         """Take the faces anew, if needed."""
         before = self.faces.now
-        if not self.faces.update(
-            lambda facing: self.points.of_all(facing, self.state(facing).forces)
-        ):
+        if not self.faces.update(lambda pairs: self.points.of_all(pairs, self.state(pairs).forces)):
             return False
         self._follow_areas(before)
         return True
 
     def _follow_areas(self, before):
-        """Correct the energy by what contact gave as areas changed from those of a `Facing`."""
+        """Correct the energy by what contact gave as areas changed from those of `before`."""
         now = self.faces.now
         if now is not before:
             areas = self.points.of_all(before, before.areas, 1.0)
@@ -226,7 +224,7 @@ class FaceContact(Interaction):
     def accept(self) -> None:
         """Take the faces as they are, and let friction follow."""
         before = self.faces.now
-        if self.points.facing() is not before:
+        if self.points.pairs() is not before:
             self.totals = self._totals()
         self.faces.accept()
         self._follow_areas(before)

@@ -11,20 +11,20 @@ from ...sheets.blank import Part
 from ..shell.morley import Where
 from .faces import Corners, Face
 from .nodes import Nodes
-from .pairs import Pairs
+from .relative_motion import RelativeMotion
 
 POINTS = {1: 1, 3: 2, 6: 4}  # of a cell: degree that they integrate exactly
 REACH = 1.0  # of the distance between the sheets, by which points may rise that are followed
 
 
-class Facing(NamedTuple):
+class ContactPairs(NamedTuple):
     """The points of a sheet that lie over the other one, with the sheets in one shape.
 
     - points (n,): their numbers among all points; areas (n,): that they stand for [mm^2], as the
       sheet has stretched and sheared
     - gap (n,) between the faces [mm], its gradient `normal` (n, 3), its Hessian `curvature`
       (n, 3, 3) [1/mm]; growth (n,): how many times as thick both sheets are as at the start
-    - pairs: what the points move with, on flat triangles, so that few nodes are coupled; relative
+    - motion: what the points move with, on flat triangles, so that few nodes are coupled; relative
       (n, 3): their displacement relative to the other sheet in that shape [mm]
     - corners: the flat triangles of both sheets, of the one with the points first
     """
@@ -35,7 +35,7 @@ class Facing(NamedTuple):
     gap: np.ndarray
     normal: np.ndarray
     curvature: np.ndarray
-    pairs: Pairs
+    motion: RelativeMotion
     relative: np.ndarray
     corners: tuple[Corners, Corners]
 
@@ -58,7 +58,7 @@ class Facing(NamedTuple):
 
     def moved(self) -> np.ndarray:
         """Displacement relative to the other sheet since then, (n, 3) [mm]."""
-        return self.pairs.relative() - self.relative
+        return self.motion.relative() - self.relative
 
 
 class SheetPoints:
@@ -113,9 +113,9 @@ class SheetPoints:
         for part, power in zip(parts, thickening):
             self._powers[part.nodes] = power
         self._below = np.full(self.count, -1)  # what was found last
-        self._found: tuple[np.ndarray, Facing] | None = None
+        self._found: tuple[np.ndarray, ContactPairs] | None = None
 
-    def facing(self) -> Facing:
+    def pairs(self) -> ContactPairs:
         """The points over the other sheet at the present displacement, on all ranks together."""
         u = self.blank.u.x.array
         known = self._found is not None and np.array_equal(u, self._found[0])
@@ -129,18 +129,18 @@ class SheetPoints:
         below = self._project()
         at = np.flatnonzero(below.triangle >= 0)
         corners = self._corners(below, at)
-        pairs = Pairs(self.blank, corners)
+        motion = RelativeMotion(self.blank, corners)
         areas = self.areas[at] * self.blank.area_ratios()[self.part.cells[at // self.per_cell]]
         growth = self._growth(below, at)
-        return Facing(
+        return ContactPairs(
             at,
             areas,
             growth,
             below.gap[at] - self._distance * growth,
             below.normal[at],
             below.curvature[at],
-            pairs,
-            pairs.relative(),
+            motion,
+            motion.relative(),
             corners,
         )
 
@@ -155,7 +155,7 @@ class SheetPoints:
         return below
 
     def _growth(self, below, at):
-        """`growth` of the `Facing` of the points `at`."""
+        """`growth` of the `ContactPairs` of the points `at`."""
         if not self._thickens:
             return np.ones(len(at))
         areas = self.nodes.areas
@@ -166,7 +166,7 @@ class SheetPoints:
         return self._share * mine + (1 - self._share) * (below.weights[at] * others).sum(1)
 
     def _corners(self, below, at):
-        """`corners` of the `Facing` of the points `at`."""
+        """`corners` of the `ContactPairs` of the points `at`."""
         own, face, gap = self._own, self._face, below.gap[at]
         mine, N = at // len(self._places), self._places[at % len(self._places)]
         return (
@@ -174,11 +174,11 @@ class SheetPoints:
             face.corners(below.triangle[at], below.weights[at], (1 - self._share) * gap),
         )
 
-    def of_all(self, facing: Facing, values: np.ndarray, other: float = 0.0) -> np.ndarray:
-        """Values (n, ...) at the points of a `Facing` as values of all points (count, ...), `other`
-        at those that lie over nothing."""
+    def of_all(self, pairs: ContactPairs, values: np.ndarray, other: float = 0.0) -> np.ndarray:
+        """Values (n, ...) at the points of `pairs` as values of all points (count, ...), `other` at
+        those that lie over nothing."""
         found = np.full((self.count, *values.shape[1:]), other)
-        found[facing.points] = values
+        found[pairs.points] = values
         return found
 
     def means(self, values: np.ndarray) -> np.ndarray:
@@ -195,23 +195,23 @@ class SheetPoints:
         wide = values.shape[1] // self.per_cell
         return values.reshape((self.count, wide) if wide > 1 else self.count)
 
-    def below(self, facing: Facing, values: np.ndarray) -> np.ndarray:
+    def below(self, pairs: ContactPairs, values: np.ndarray) -> np.ndarray:
         """Values of all points (count,) as means at the nodes of the sheet below them, 0 at nodes
         with no points over them, (owned nodes,)."""
-        areas = facing.areas
-        weighed = np.column_stack([areas * values[facing.points], areas, 0 * areas])
+        areas = pairs.areas
+        weighed = np.column_stack([areas * values[pairs.points], areas, 0 * areas])
         found = np.zeros(3 * self.nodes.count)
-        facing.pairs.add(weighed, found)
+        pairs.motion.add(weighed, found)
         sums, areas = found.reshape(-1, 3)[:, :2].T
         return np.divide(sums, areas, out=np.zeros_like(sums), where=areas < 0)
 
     def covered(self, above: np.ndarray | None = None) -> np.ndarray:
         """Areas of the lower sheet over which the upper one lies, at this rank's owned nodes (n,)
         [mm^2]. above (n,): such areas of the upper sheet, if only those count."""
-        now, forces = self.facing(), np.zeros(3 * self.nodes.count)
+        now, forces = self.pairs(), np.zeros(3 * self.nodes.count)
         areas = now.areas
         if above is not None:
             share = np.where(self._upper.nodes, above / self.nodes.areas_now(), 0.0)
-            areas = areas * abs(now.pairs.apart(np.tile(share[:, None], 3)))[:, 0]
-        now.pairs.add(np.tile(areas[:, None], 3), forces)
+            areas = areas * abs(now.motion.apart(np.tile(share[:, None], 3)))[:, 0]
+        now.motion.add(np.tile(areas[:, None], 3), forces)
         return np.where(self._lower.nodes, abs(forces[::3]), 0.0)

@@ -47,11 +47,11 @@ def test_a_small_turn_of_both_is_no_sliding(pair):
 
 @pytest.mark.mpi
 def test_forces_at_faces_have_neither_sum_nor_moment(pair):
-    facing, blank = pair.faces.accepted, pair.blank
-    along = np.array([1.0, 0.4, 0.0]) + 0 * facing.normal
-    along -= (along * facing.unit_normals()).sum(1, keepdims=True) * facing.unit_normals()
+    pairs, blank = pair.faces.accepted, pair.blank
+    along = np.array([1.0, 0.4, 0.0]) + 0 * pairs.normal
+    along -= (along * pairs.unit_normals()).sum(1, keepdims=True) * pairs.unit_normals()
     f = np.zeros(len(blank.u.x.array))
-    pair.friction_state.sliding.add(pair.points.of_all(facing, along), f)
+    pair.friction_state.sliding.add(pair.points.of_all(pairs, along), f)
     owned = 3 * pair.points.nodes.count
     forces = f[:owned].reshape(-1, 3)
     x = (blank.coordinates() + blank.nodal_displacement())[: len(forces)]

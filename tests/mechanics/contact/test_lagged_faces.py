@@ -33,18 +33,18 @@ def lift(points, by):
 def test_points_stand_for_the_area_of_the_sheet_of_smaller_cells(points):
     assert points.part.name == "b" and points.side == 1
     assert COMM.allreduce(points.areas.sum()) == pytest.approx(200)
-    facing = points.facing()
-    assert COMM.allreduce(len(facing.gap)) == COMM.allreduce(points.count)
-    assert abs(facing.gap).max(initial=0) < 1e-12
+    pairs = points.pairs()
+    assert COMM.allreduce(len(pairs.gap)) == COMM.allreduce(points.count)
+    assert abs(pairs.gap).max(initial=0) < 1e-12
 
 
 def test_the_gap_is_held_as_a_paraboloid(points):
     """Exact, as long as a flat sheet only rises."""
-    start = points.facing()
+    start = points.pairs()
     lift(points, lambda x: 0.2)
     gap, normal = start.paraboloid()
     assert gap == pytest.approx(0.2) and normal[:, 2] == pytest.approx(1.0)
-    assert points.facing() is not start and points.facing() is points.facing()
+    assert points.pairs() is not start and points.pairs() is points.pairs()
 
 
 @pytest.mark.mpi
@@ -60,7 +60,7 @@ def test_a_step_begins_with_the_faces_of_its_prediction(points):
     start = faces.now
     points.blank.u.x.array.reshape(-1, 3)[:] = 0.1 * points.blank.coordinates()
     faces.on_prediction()
-    assert faces.now.relative == pytest.approx(points.facing().relative)
+    assert faces.now.relative == pytest.approx(points.pairs().relative)
     assert np.array_equal(faces.now.areas, start.areas)
     faces.restore()
     assert faces.now is start
@@ -71,8 +71,8 @@ def test_faces_are_taken_anew_only_if_forces_change(points):
     faces = LaggedFaces(points, 0.01, 3 * points.nodes.count)
     start = faces.now
 
-    def forces(facing):
-        return points.of_all(facing, facing.normal)
+    def forces(pairs):
+        return points.of_all(pairs, pairs.normal)
 
     def tilt(slope):
         z = points.blank.u.x.array.reshape(-1, 3)[:, 2]
@@ -85,4 +85,4 @@ def test_faces_are_taken_anew_only_if_forces_change(points):
     faces.restore()
     assert faces.now is start is faces.accepted
     faces.accept()
-    assert faces.accepted is points.facing()
+    assert faces.accepted is points.pairs()

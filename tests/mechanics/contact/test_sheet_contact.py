@@ -83,9 +83,9 @@ def test_the_back_of_a_fold_is_not_pressed():
     x = np.where((lower & (X[:, 0] > 40))[:, None], fold, X)
     x[~lower, 0] -= 3.0
     stack.u.x.array[:] = (x - X).ravel()
-    facing = contact.points.facing()
-    assert COMM.allreduce(len(facing.gap)) > 1000
-    assert facing.gap.min(initial=0) > -1e-9 and (facing.normal[:, 2] > 0).all()
+    pairs = contact.points.pairs()
+    assert COMM.allreduce(len(pairs.gap)) > 1000
+    assert pairs.gap.min(initial=0) > -1e-9 and (pairs.normal[:, 2] > 0).all()
 
 
 @pytest.mark.mpi
@@ -187,13 +187,13 @@ def test_forces_and_tangent_are_derivatives(state, points):
 def test_derivatives_where_points_slide_over_edges(taken):
     """By more than a cell, before the faces are taken anew and after."""
     scene, pair = two(**STATES["pressed"])
-    before = pair.points.facing().pairs
+    before = pair.points.pairs().motion
     stack = scene.blank
     u, on_upper = stack.u.x.array.reshape(-1, 3), stack.coordinates()[:, 2] > T / 2
     u[on_upper] += (2.9, 1.3, -0.06)
     if taken:
         assert scene.update_lagged()
-    assert (pair.points.facing().pairs is not before) and (pair.normal_forces() > 0).any()
+    assert (pair.points.pairs().motion is not before) and (pair.normal_forces() > 0).any()
     forces, stiffness = off_differences(scene, pair)
     assert forces < 1e-6
     assert stiffness < 1e-6

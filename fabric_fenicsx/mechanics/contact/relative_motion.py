@@ -14,7 +14,7 @@ from ..term import Triplets
 from .faces import Corners
 
 
-class Pairs:
+class RelativeMotion:
     """Points of a sheet that move relative to another one.
 
     They move as the flat triangles do that they and the places below them lie in, `corners`. If
