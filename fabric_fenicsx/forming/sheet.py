@@ -110,8 +110,8 @@ class Sheet(SheetFields):
     @property
     def material(self) -> Material:
         """Its metal or fabric, with the sheet's own thickness if it has one."""
-        made_of: Any = self.metal or self.fabric
-        return made_of.replace(thickness=self.thickness) if self.thickness else made_of
+        material: Any = self.metal or self.fabric
+        return material.replace(thickness=self.thickness) if self.thickness else material
 
     def ready(self, name: str, interface: Interface) -> Self:
         """The sheet with a name and its final material, as it is built. Raises InputError if it has

@@ -16,8 +16,8 @@ def materials_of(scene: SceneFacts, part: Part) -> Iterator[Material]:
     here = part, scene.blank.whole
     for term in scene.terms:
         on_it = part.is_whole or scene.blank.part(term.part_name) in here
-        if on_it and term.made_of is not None:
-            yield term.made_of
+        if on_it and term.material is not None:
+            yield term.material
 
 
 def material_of(scene: SceneFacts, part: Part) -> Material | None:

@@ -128,7 +128,7 @@ class Term:
         """Make what needs the sheet; `blank` and `part` are known."""
 
     @property
-    def made_of(self) -> Material | None:
+    def material(self) -> Material | None:
         """Fabric or metal of the term's part of the sheet."""
         return None
 

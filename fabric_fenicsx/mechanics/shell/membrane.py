@@ -156,7 +156,7 @@ class Membrane(Term):
             self._rubbing = YarnsRubbing(self.part, friction, law, yarns, rest, self.degree)
 
     @property
-    def made_of(self) -> Law:
+    def material(self) -> Law:
         """The fabric."""
         return self.fabric
 

@@ -134,7 +134,7 @@ class SheetMetal(Term):
         self._count_from(undeformed)
 
     @property
-    def made_of(self) -> Metal:
+    def material(self) -> Metal:
         """The metal."""
         return self.metal
 

@@ -99,8 +99,8 @@ def test_each_of_two_sheets_loses_its_own_share(metal_below):
     layers = [(rectangle(5, 3), lower.thickness_under(0.0), "a")]
     layers += [(rectangle(8, 4), thin.thickness_under(0.0), "b")]
     stack = ff.Stack(layers)
-    made_of = ff.SheetMetal(metal) if metal_below else ff.Membrane(FABRIC)
-    terms = [made_of.on("a"), ff.Membrane(thin).on("b"), ff.Bending(modulus=100.0).on("b")]
+    layer = ff.SheetMetal(metal) if metal_below else ff.Membrane(FABRIC)
+    terms = [layer.on("a"), ff.Membrane(thin).on("b"), ff.Bending(modulus=100.0).on("b")]
     table = ff.Contact(ff.Tool(ff.Plane((0, 0, -layers[0][1] / 2), (0, 0, 1)), name="table"))
     press = ff.BlankHolderPressure(
         lambda load: pressure * load, (0, 0, -1), lambda x: np.ones(x.shape[1])
