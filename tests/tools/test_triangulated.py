@@ -171,7 +171,16 @@ def test_sharp_edges_stay_sharp():
     exact = np.where(outside, np.hypot(*arm.T), np.maximum(-arm[:, 0], arm[:, 1]))
     found = surface.evaluate(points)
     assert outside.sum() > 50 and abs(found.gap - exact).max() <= 2e-3
-    cube = cube_of_slivers()
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4)]
+    cells = [(a, b, c) for a, b, c, _ in quads] + [(a, c, d) for a, _, c, d in quads]
+    # slivers along the diagonal of the face z = 1
+    slivers = [[1e-3 * k - 0.5, 1e-4 * (-1) ** k, 1.0] for k in range(7)]
+    left, right, low, high = 1, 5, 3, 7
+    cells += [(right, high, 14), (low, left, 8), (left, right, 14), (high, low, 14)]
+    for a in range(8, 14):
+        cells += [(left, a + 1, a), (low, a, a + 1)]
+    cube = TriangulatedSurface(np.vstack([corners, slivers]), cells)
     points = rng.uniform(-2, 2, (2000, 3))
     q = abs(points) - 1
     exact = np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(1), 0)
@@ -180,26 +189,6 @@ def test_sharp_edges_stay_sharp():
     foot = points - found.gap[:, None] * found.normal
     assert abs(abs(foot).max(1) - 1).max() <= 1e-12
     assert len(cube.rim) == len(cube.forks) == 0 and cube.radii == (math.inf, math.inf)
-
-
-def cube_of_slivers():
-    """The cube of edge 2 about 0; on one face the diagonal's triangles are cut into fans of
-    slivers."""
-    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
-    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4)]
-    cells = [(a, b, c) for a, b, c, _ in quads] + [(a, c, d) for a, _, c, d in quads]
-    middle = np.array([[1e-3 * k - 0.5, 1e-4 * (-1) ** k, 1.0] for k in range(7)])
-    points = np.vstack([corners, middle])
-    left, right, low, high = 1, 5, 3, 7  # of the face z = 1: (-1, -1), (1, -1), (-1, 1), (1, 1)
-    fan = list(range(8, 15))
-    cells += [(left, right, each) for each in fan[:0]]
-    ring = [left, right, high, low]
-    cells += [(a, b, fan[-1]) for a, b in ((right, high),)] + [(low, left, fan[0])]
-    for a, b in zip(fan, fan[1:]):
-        cells += [(left, b, a), (low, a, b)]
-    cells += [(left, right, fan[-1]), (high, low, fan[-1])]
-    assert len(ring) == 4
-    return TriangulatedSurface(points, cells)
 
 
 def slopes(surface, points, h=1e-4):
@@ -235,7 +224,7 @@ def test_normal_and_curvature_are_derivatives_of_the_gap(name):
         assert abs(gradient - found.normal).max() <= 1e-5
 
 
-@pytest.mark.parametrize("off", [0.0, 1e-9, -1e-6, 1e-6, -1e-4, 1e-4, -2e-3, 2e-3])
+@pytest.mark.parametrize("off", [0.0, 1e-9, -1e-6, 1e-4, -2e-3])
 @pytest.mark.parametrize("ending", ["stl", "step"])
 def test_what_touches_has_the_normal_of_the_surface(ending, off, tool_files):
     """Inside triangles, on their edges and at their corners, where a search across an edge must not
@@ -362,11 +351,7 @@ def test_cracks_between_triangles_are_closed(off):
     surface = TriangulatedSurface(cracked, np.arange(len(corners)).reshape(-1, 3))
     assert len(surface.points) == len(TriangulatedSurface(points, triangles).points)
     assert not len(surface.rim)
-
-
-def test_gaps_wider_than_cracks_stay_open():
-    points, triangles = refined_sphere(4)
-    lower = points[triangles][:, :, 2].mean(1) < 0
+    lower = points[triangles][:, :, 2].mean(1) < 0  # wider gaps stay open
     halves = np.vstack([30 * points, 30 * points - [0, 0, 0.2]])
     halves = TriangulatedSurface(halves, triangles + np.where(lower, len(points), 0)[:, None])
     assert len(halves.rim)
@@ -397,29 +382,16 @@ def test_points_that_are_not_finite_are_told():
         TriangulatedSurface(points, [[0, 1, 2]])
 
 
-def test_surfaces_that_are_none():
-    p, t = refined_sphere(2)
-    fork = TriangulatedSurface(np.vstack([p, [[3, 3, 3]]]), np.vstack([t, [[*t[0][:2], len(p)]]]))
-    assert len(fork.forks) == 1 and len(fork.rim) == 2
-
-
 @pytest.mark.versions
-@pytest.mark.parametrize("ending", ["stl", "vtp", "msh", "ply", "vtu"])
-def test_round_trip(tmp_path, ending):
+def test_a_file_holds_the_surface(tmp_path):
     points, triangles = double_dome(size=20, turn=20, quarter=True)
-    if ending in ("stl", "vtp", "ply"):
-        pyvista.PolyData.from_regular_faces(points, triangles).save(tmp_path / f"tool.{ending}")
-    else:
-        meshio.write_points_cells(tmp_path / f"tool.{ending}", points, [("triangle", triangles)])
-    read, made = (
-        TriangulatedSurface.read(tmp_path / f"tool.{ending}"),
-        TriangulatedSurface(points, triangles),
-    )
+    pyvista.PolyData.from_regular_faces(points, triangles).save(tmp_path / "tool.stl")
+    read = TriangulatedSurface.read(tmp_path / "tool.stl")
+    made = TriangulatedSurface(points, triangles)
     assert len(read.points) == len(made.points) and len(read.triangles) == len(made.triangles)
-    x, y = np.random.default_rng(0).uniform(0, 1, (2, 200)) * [[250], [150]]
-    at = DOME.lift(x, y) + [0, 0, 2]
-    tolerance = 1e-3 if ending in ("stl", "ply") else 1e-12  # single precision
-    assert abs(read.evaluate(at).gap - made.evaluate(at).gap).max() <= tolerance
+    at = DOME.lift(*np.random.default_rng(0).uniform(0, 1, (2, 200)) * [[250], [150]]) + [0, 0, 2]
+    # single precision
+    assert abs(read.evaluate(at).gap - made.evaluate(at).gap).max() <= 1e-3
 
 
 def test_quadrilaterals_are_cut_and_solids_are_refused(tmp_path):
@@ -436,29 +408,7 @@ def test_quadrilaterals_are_cut_and_solids_are_refused(tmp_path):
 
 
 @pytest.mark.versions
-def test_tools_of_finite_element_programs_are_read(tmp_path):
-    nodes = "1, 0., 0., 0.\n2, 4., 0., 0.\n3, 4., 4., 0.\n4, 0., 4., 0."
-    deck = f"*NODE\n{nodes}\n*ELEMENT, TYPE=R3D4, ELSET=plate\n1, 1, 2, 3, 4\n"
-    (tmp_path / "plate.inp").write_text(deck)
-    grids = "GRID,1,,0.,0.,0.\nGRID,2,,4.,0.,0.\nGRID,3,,4.,4.,0.\nGRID,4,,0.,4.,0.\n"
-    (tmp_path / "plate.bdf").write_text(f"{grids}CQUAD4,1,1,1,2,3,4,45.0\n")
-    for name in ("plate.inp", "plate.bdf"):
-        plate = TriangulatedSurface.read(tmp_path / name)
-        assert plate.evaluate([[1, 3, 2]]).gap == 2 and plate.areas.sum() == pytest.approx(16)
-
-
-@pytest.mark.versions
-@pytest.mark.filterwarnings("ignore:The VTK reader")
-@pytest.mark.parametrize("name", ["tool.stl", "tool.vtp", "tool.msh", "tool.txt"])
-def test_broken_files(tmp_path, name, capfd):
-    (tmp_path / name).write_text("this is no surface\n")
-    with pytest.raises(InputError) as error:
-        TriangulatedSurface.read(tmp_path / name)
-    assert name in str(error.value) and "\n" not in str(error.value)
-
-
-@pytest.mark.versions
-@pytest.mark.parametrize("ending, unit", [("step", 1.0), ("step", 1000.0), ("brep", 1.0)])
+@pytest.mark.parametrize("ending, unit", [("step", 1000.0), ("brep", 1.0)])
 def test_cad_models(tmp_path, ending, unit):
     """A ball on a plate, joined: a sharp edge between what is round and what is flat."""
     import gmsh
@@ -486,41 +436,6 @@ def test_cad_models(tmp_path, ending, unit):
     assert sign * found.normal[2] == pytest.approx([0, 0, 1], abs=1e-12)
     finer = TriangulatedSurface.read(path, chord=0.02)
     assert 1.5 * len(surface.triangles) < len(finer.triangles)
-
-
-def test_faces_of_an_iges_file(tmp_path):
-    """A roof of two bilinear faces (entity 128), which in this format do not share their edge."""
-    faces = [
-        [(0, 0, 0), (10, 0, 0), (0, 20, 0), (10, 20, 0)],
-        [(10, 0, 0), (20, 0, -10), (10, 20, 0), (20, 20, -10)],
-    ]
-    start = "a roof".ljust(72) + "S      1\n"
-    head = "1H,,1H;,1Ht,1Ht,1Ht,1Ht,32,38,6,308,15,1Ht,1.,2,2HMM,1,0.01,15H20240101.000000,"
-    head = [head, "1.E-6,100.,1Ht,1Ht,11,0,15H20240101.000000;"]
-    directory, data = [], []
-    for corners in faces:
-        numbers = ",".join(f"{each}." for corner in corners for each in corner)
-        lines = [
-            "128,1,1,1,1,0,0,1,0,0,0.,0.,1.,1.,0.,0.,1.,1.,1.,1.,1.,1.,",
-            numbers + ",",
-            "0.,1.,0.,1.;",
-        ]
-        here = len(directory) + 1
-        entry = [128, len(data) + 1, 0, 0, 0, 0, 0, 0, 0], [128, 0, 0, len(lines), 0, 0, 0, 0, 0]
-        directory += ["".join(f"{each:8d}" for each in part) for part in entry]
-        data += [f"{line:64s}{here:8d}" for line in lines]
-    parts = {"G": [head[0][:72], head[0][72:] + head[1]], "D": directory, "P": data}
-    text = start + "".join(
-        f"{line:72s}{key}{i + 1:7d}\n"
-        for key, lines in parts.items()
-        for i, line in enumerate(lines)
-    )
-    end = f"S{1:7d}G{len(parts['G']):7d}D{len(directory):7d}P{len(data):7d}"
-    (tmp_path / "roof.igs").write_text(text + f"{end:72s}T{1:7d}\n")
-    surface = TriangulatedSurface.read(tmp_path / "roof.igs")
-    assert len(surface.sharp) >= 1 and (surface.points[surface.sharp][..., 0] == 10).all()
-    found = surface.evaluate([[5, 5, 2], [15, 10, -3]])
-    assert abs(found.gap) == pytest.approx([2, math.sqrt(2)], abs=1e-9)
 
 
 @pytest.mark.mpi
@@ -554,43 +469,57 @@ def test_radii_of_marching_cubes_are_those_over_several_cells():
     assert 1 / patches < 1 and 10 < min(surface.radii) < 17 and np.isinf(max(surface.radii))
 
 
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        (lambda text: text[: len(text) // 2], "does not end as .step files do: it is cut off"),
+        (
+            lambda text: entity("VERTEX_POINT", text),
+            "cannot be read as .step .*: the model may be br",
+        ),
+        (
+            lambda text: entity("ADVANCED_FACE", text, 1),
+            "its solid is open at .*, where a face is m",
+        ),
+    ],
+)
+def test_a_broken_model_is_called_so(tmp_path, change, words):
+    write_block(tmp_path / "block.step")
+    text = (tmp_path / "block.step").read_text()
+    (tmp_path / "block.step").write_text(change(text))
+    with pytest.raises(InputError, match=words):
+        TriangulatedSurface.read(tmp_path / "block.step")
+
+
+def entity(name, text, count=0):
+    """Text of a STEP file without its first or all entities of this name."""
+    return re.sub(rf"#\d+ = {name}.*?;", "", text, count=count, flags=re.DOTALL)
+
+
+def test_faces_of_an_iges_file(tmp_path):
+    """A roof of two bilinear faces (entity 128), which in this format do not share their edge."""
+    head = "1H,,1H;,1Ht,1Ht,1Ht,1Ht,32,38,6,308,15,1Ht,1.,2,2HMM,1,0.01,15H20240101.000000,"
+    sections = {"S": ["a roof"], "G": [head[:72], f"{head[72:]}1.E-6,100.,1Ht,1Ht,11,0,4H2024;"]}
+    sections |= {"D": [], "P": []}
+    for x, z in (((0, 10), (0, 0)), ((10, 20), (0, -10))):
+        corners = [(x[i], y, z[i]) for y in (0, 20) for i in (0, 1)]
+        numbers = ",".join(f"{each}." for corner in corners for each in corner)
+        here, first = len(sections["D"]) + 1, len(sections["P"]) + 1
+        for entry in [128, first, *[0] * 7], [128, 0, 0, 3, *[0] * 5]:
+            sections["D"].append("".join(f"{each:8d}" for each in entry))
+        knots = "128,1,1,1,1,0,0,1,0,0,0.,0.,1.,1.,0.,0.,1.,1.,1.,1.,1.,1.,"
+        sections["P"] += [f"{line:64s}{here:8d}" for line in (knots, numbers + ",", "0.,1.,0.,1.;")]
+    sections["T"] = ["".join(f"{key}{len(lines):7d}" for key, lines in sections.items())]
+    rows = [(line, key, i) for key, lines in sections.items() for i, line in enumerate(lines, 1)]
+    (tmp_path / "roof.igs").write_text("".join(f"{r[0]:72s}{r[1]}{r[2]:7d}\n" for r in rows))
+    surface = TriangulatedSurface.read(tmp_path / "roof.igs")
+    assert len(surface.sharp) >= 1 and (surface.points[surface.sharp][..., 0] == 10).all()
+    found = surface.evaluate([[5, 5, 2], [15, 10, -3]])
+    assert abs(found.gap) == pytest.approx([2, math.sqrt(2)], abs=1e-9)
+
+
 def test_the_face_of_a_closed_surface():
     box = pyvista.Cube(x_length=4, y_length=6, z_length=8).triangulate().clean()
     surface = TriangulatedSurface(box.points, box.faces.reshape(-1, 4)[:, 1:])
     face = surface.face((0, 0, 1))
     assert face.areas.sum() == pytest.approx(24) and face.points[:, 2].min() == pytest.approx(4)
-
-
-def test_a_broken_model_is_called_so(tmp_path):
-    write_block(tmp_path / "block.step")
-    text = (tmp_path / "block.step").read_text()
-    for name, broken, words in (
-        ("cut.step", text[: len(text) // 2], "does not end as .step files do: it is cut off"),
-        (
-            "points.step",
-            re.sub(r"#\d+ = VERTEX_POINT.*?;", "", text, flags=re.DOTALL),
-            "cannot be read as .step .*: the model may be broken",
-        ),
-    ):
-        (tmp_path / name).write_text(broken)
-        with pytest.raises(InputError, match=words):
-            TriangulatedSurface.read(tmp_path / name)
-
-
-def test_a_solid_without_one_of_its_faces_is_broken(tmp_path):
-    import gmsh
-
-    gmsh.initialize(readConfigFiles=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.model.occ.addBox(0, 0, 0, 10, 10, 10)
-        gmsh.model.occ.synchronize()
-        gmsh.write(str(tmp_path / "box.step"))
-    finally:
-        gmsh.finalize()
-    assert not len(TriangulatedSurface.read(tmp_path / "box.step").rim)
-    text = (tmp_path / "box.step").read_text()
-    text = re.sub(r"#\d+ = ADVANCED_FACE.*?;", "", text, count=1, flags=re.DOTALL)
-    (tmp_path / "box.step").write_text(text)
-    with pytest.raises(InputError, match="its solid is open at .*, where a face is missing"):
-        TriangulatedSurface.read(tmp_path / "box.step")
