@@ -44,19 +44,12 @@ def test_cells_fill_the_sheet_and_are_none_thin(name, pattern):
         SHEETS[name].area, rel=4e-3
     )
     assert corners_angles(points, cells).min() > 15 and not told
-
-
-@pytest.mark.parametrize("pattern", PATTERNS)
-def test_corners_stay(pattern):
-    points, *_ = outline_mesh(SHEETS["notch and hole"], 8.0, pattern, YARNS)
-    for corner in NOTCHED:
+    for corner in NOTCHED if name == "notch and hole" else ():
         assert abs(points[:, :2] - corner).sum(1).min() < 1e-9
-
-
-def test_cells_are_of_the_size():
-    sheet = shapely.Polygon(NOTCHED)
-    _, cells, _, _ = outline_mesh(sheet, 8.0)
-    assert len(cells) == pytest.approx(sheet.area / (np.sqrt(3) / 4 * 64), rel=0.05)
+    moved = affinity.translate(SHEETS[name], 1234.567, -98.7)  # cells are the same anywhere
+    there = outline_mesh(moved, 8.0, pattern, YARNS)[0] - [1234.567, -98.7, 0]
+    here, there = (x[np.lexsort(x.round(6).T)] for x in (points, there))
+    assert there == pytest.approx(here, abs=1e-8)
 
 
 @pytest.mark.parametrize("between", [90, 60])
@@ -86,6 +79,12 @@ def test_a_sheet_too_narrow_for_squares_has_other_cells():
     assert np.array_equal(*(cells for _, cells, *_ in both))
 
 
+def test_cells_are_of_the_size():
+    sheet = shapely.Polygon(NOTCHED)
+    cells = outline_mesh(sheet, 8.0)[1]
+    assert len(cells) == pytest.approx(sheet.area / (np.sqrt(3) / 4 * 64), rel=0.05)
+
+
 def test_small_holes_are_left_out_and_narrow_places_told():
     sheet = shapely.box(0, 0, 100, 80) - shapely.box(50, 0.4, 60, 20)
     sheet -= shapely.Point(20, 40).buffer(0.2)
@@ -94,33 +93,18 @@ def test_small_holes_are_left_out_and_narrow_places_told():
     assert told[1].startswith("the outline is 0.4") and len(told) == 2
 
 
-def test_an_outline_that_nearly_touches_itself_is_refused_by_the_place():
-    sheet = shapely.box(0, 0, 100, 80) - shapely.box(50, 0.001, 60, 20)
-    words = r"comes within 0.001 mm of itself; allowed .* 0.008 mm; .* 0.001 mm wide at \(5\d"
-    with pytest.raises(InputError, match=words):
-        outline_mesh(sheet, 8.0)
+SLIT = shapely.box(0, 0, 100, 80) - shapely.box(50, 0.001, 60, 20)
 
 
 @pytest.mark.parametrize(
     "options, words",
     [
-        ({"size": 0}, "`size` is 0; allowed is a number above 0"),
-        ({"size": 90}, "`size` is 90, but the outline is 200 x 150 mm; allowed is up to half"),
+        ({"size": 90}, "`size` is 90, but the outline is 200 x 150 mm; "),
         ({"size": 0.1}, "`size` 0.1 makes about 6.6"),
-        ({"size": 8, "pattern": "left"}, "`pattern` is 'left'; allowed for an outline are"),
+        ({"pattern": "left"}, "`pattern` is 'left'; allowed for an outline are"),
+        ({"sheet": SLIT}, r"comes within 0.001 mm of itself; .* 0.001 mm wide at \(5\d"),
     ],
 )
 def test_sizes_and_patterns_that_are_not_allowed(options, words):
     with pytest.raises(InputError, match=words):
-        outline_mesh(SHEETS["notch and hole"], **options)
-
-
-@pytest.mark.parametrize("pattern", PATTERNS)
-@pytest.mark.parametrize("name", SHEETS)
-def test_cells_do_not_depend_on_where_the_outline_lies(name, pattern):
-    points, cells, *_ = outline_mesh(SHEETS[name], 9.0, pattern, YARNS)
-    moved = affinity.translate(SHEETS[name], 1234.567, -98.7)
-    there, others, *_ = outline_mesh(moved, 9.0, pattern, YARNS)
-    assert len(cells) == len(others)
-    found, known = (x[np.lexsort(x.round(6).T)] for x in (there - [1234.567, -98.7, 0], points))
-    assert found == pytest.approx(known, abs=1e-8)
+        outline_mesh(**{"sheet": SHEETS["notch and hole"], "size": 8.0} | options)

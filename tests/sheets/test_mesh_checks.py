@@ -19,6 +19,7 @@ BOTH_CELLS = [pattern for pattern in PATTERNS if pattern != "along"]
 
 STRIP = specimen(4, 2, 4, 2, "right")
 CORNER = STRIP[0][STRIP[1][0]]
+SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
 TWO = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [2, 1, 0], [2, 2, 0.0]])
 
 
@@ -86,11 +87,6 @@ def tee():
     return points, np.array([[0, 2, 3, 1], [4, 0, 1, 5], [0, 1, 7, 6]]), "quad"
 
 
-def again(mesh, *extra, new=()):
-    points, cells, kind = mesh
-    return np.vstack([points, *new]), np.vstack([cells, *extra]), kind
-
-
 def merged(mesh):
     """The same mesh with one node for all that are at the same place."""
     points, cells, kind = mesh
@@ -110,7 +106,15 @@ LIES = {
         r"hanging node, number 31 at \[1.25, 1.0, 0.0\] mm",
     ),
     "corner inside an edge": (merged(second_order(*hanging())), "has a hanging node, number 31 at"),
-    "a cell twice": (again(STRIP, STRIP[1][:1]), r"edge at .* that 3 cells share, .*0, .*\b16;"),
+    "a cell twice": (
+        (STRIP[0], np.vstack([STRIP[1], STRIP[1][:1]]), "triangle"),
+        r"edge at .* that 3 cells share, .*0, .*\b16;",
+    ),
+    "no area": ((SQUARE, [[0, 1, 1]], "triangle"), "degenerate"),
+    "a cell that crosses itself": ((SQUARE, [[0, 2, 1, 3]], "quad"), "degenerate or non-convex"),
+    "no number": ((SQUARE * np.nan, [[0, 1, 2]], "triangle"), "not a number at node 0"),
+    "no cells": ((SQUARE, np.empty((0, 3), int), "triangle"), "0 cells"),
+    "solids": ((SQUARE, [[0, 1, 2, 3]], "tetra"), "kind tetra"),
     "an edge of three cells": (
         tee(),
         r"edge at \[0.0, 2.5, 0.0\] mm that 3 cells share, numbers 0, 1, 2",
@@ -160,28 +164,18 @@ def test_a_cell_that_is_turned_over_between_its_nodes_only():
 )
 def test_specimens_are_not_doubted(pattern, cell):
     mesh = specimen(60, 20, 12, 4, pattern, cell, 0.5)
+    x, y = np.moveaxis(mesh[0][mesh[1]], 2, 0)[:2]
+    areas = (x * np.roll(y, -1, 1) - y * np.roll(x, -1, 1)).sum(1) / 2
+    assert abs(areas).sum() == pytest.approx(1200, rel=1e-12)
     assert checked_mesh(*mesh, "sheet").warnings == []
     assert checked_mesh(*second_order(*mesh), "sheet").warnings == []
 
 
-def curved(kind):
+def curved(cell):
     """A ring's part of quadratic cells, whose edges are arcs as long as the radius."""
-    points, cells, kind = second_order(
-        *specimen(
-            2 * math.pi - 1e-2,
-            10,
-            6,
-            1,
-            cell={"triangle6": "triangle", "quad9": "quadrilateral"}[kind],
-        )
-    )
+    points, cells, kind = second_order(*specimen(2 * math.pi - 1e-2, 10, 6, 1, cell=cell))
     t, r = points[:, 0], 20 - points[:, 1]
     return np.column_stack([r * np.cos(t), r * np.sin(t), 0 * t]), cells, kind
-
-
-def helix():
-    points, cells, kind = spiral(1.5)
-    return points + np.linspace(0, 20, len(points))[:, None] * [0, 0, 1], cells, kind
 
 
 def tube():
@@ -196,10 +190,9 @@ def tube():
 
 SOUND = {
     "nearly a ring": lambda: spiral(0.999),
-    "helix": helix,
     "tube": tube,
-    "curved triangles": lambda: curved("triangle6"),
-    "curved quadrilaterals": lambda: curved("quad9"),
+    "curved triangles": lambda: curved("triangle"),
+    "curved quadrilaterals": lambda: curved("quadrilateral"),
     "one triangle": lambda: one("triangle6", {3: (0.5, -1)}),
 }
 

@@ -47,17 +47,15 @@ def test_it_may_be_centred_and_as_fine_as_asked_for(table):
     [
         ({"element": "Q1"}, "`element` is Q1; allowed for an outline are triangles"),
         ({"pattern": "crossed"}, "`pattern` is 'crossed'; allowed for an outline are"),
+        (
+            {"outline": [[(0, 0), (100, 80), (100, 0), (0, 80)]]},
+            "the outline bounds no sheet: self-intersection at",
+        ),
     ],
 )
 def test_errors_reach_all_ranks(table, options, words):
     with pytest.raises(ff.InputError, match=words):
-        ff.Blank.outline(table, **options)
-
-
-@pytest.mark.mpi
-def test_rings_that_bound_no_sheet_reach_all_ranks():
-    with pytest.raises(ff.InputError, match="the outline bounds no sheet: self-intersection at"):
-        ff.Blank.outline([[(0, 0), (100, 80), (100, 0), (0, 80)]])
+        ff.Blank.outline(**{"outline": table} | options)
 
 
 def test_a_wrong_unit_is_told_with_what_it_leads_to(tmp_path):

@@ -7,7 +7,6 @@ from mpi4py import MPI
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.material.laws.tabulated import Curve
-from fabric_fenicsx.sheets.blank import Part
 
 LEFT, RIGHT = (lambda x: x[0] < 40), (lambda x: x[0] > 40)
 
@@ -50,27 +49,14 @@ def test_patches_share_out_the_sheet():
     }
     assert found == pytest.approx({"left": 800.0, "rest": 1200.0})
     assert all(part.straight is not None and part.orthogonal for part in blank.parts.values())
-
-
-@pytest.mark.mpi
-def test_no_rest_where_patches_cover_all():
-    blank = strip()
-    blank.divide({"left": LEFT, "right": RIGHT}, "rest")
-    assert list(blank.parts) == ["left", "right"]
-
-
-@pytest.mark.mpi
-def test_values_of_a_part_are_spread_among_all_cells():
-    blank = strip()
-    blank.divide({"left": LEFT}, "rest")
     left, inside = blank.part("left"), blank.midpoints()[0] < 40
     assert np.array_equal(np.isfinite(left.spread(np.ones(len(left.cells)))), inside)
     assert np.array_equal(left.spread(np.ones(len(left.cells), dtype=np.int32)), inside)
-
-
-def test_all_of_a_blank_is_a_part_without_a_name():
+    with pytest.raises(ff.InputError, match="has parts left, rest already"):
+        blank.divide({"right": RIGHT}, "rest")
     blank = strip()
-    assert blank.part() is blank.whole and isinstance(blank.whole, Part) and blank.whole.is_whole
+    blank.divide({"left": LEFT, "right": RIGHT}, "rest")
+    assert list(blank.parts) == ["left", "right"]
 
 
 @pytest.mark.mpi
@@ -85,15 +71,6 @@ def test_patches_that_are_not_allowed(patches, words):
     with pytest.raises(ff.InputError) as error:
         strip().divide(patches, "rest")
     assert words in str(error.value)
-
-
-def test_a_sheet_is_divided_once():
-    blank = strip()
-    blank.divide({"left": LEFT}, "rest")
-    with pytest.raises(
-        ff.InputError, match="has parts left, rest already: it is divided only once"
-    ):
-        blank.divide({"right": RIGHT}, "rest")
 
 
 @pytest.mark.parametrize("divided", [False, True])

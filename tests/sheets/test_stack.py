@@ -7,7 +7,6 @@ from builders import sheet as rectangle
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.meshes.specimen import specimen
 
 FABRIC = ff.load("komeili")
 T = FABRIC.thickness
@@ -22,12 +21,11 @@ def sheet(length=20.0, width=10.0, nx=4, **options):
 
 def three():
     """Sheets that differ in cells, yarns, size and thickness, the first at z = 0."""
-    given = [
+    return [
         (sheet(), 0.5, "lower"),
         (sheet(nx=5, fibre_angle=45), 1.0, "middle"),
         (sheet(16.0, 8.0, 3, fibre_angle=30, yarn_angle=70), 0.2, "upper"),
     ]
-    return given
 
 
 def area(part):
@@ -39,13 +37,10 @@ def test_sheets_lie_on_one_another():
     stack = ff.Stack(three(), play=0.1)
     assert stack.heights == pytest.approx([0.0, 0.85, 1.55], abs=1e-14)
     assert stack.thickness == pytest.approx(1.7)
+    assert ff.Stack(three(), bottom=-3.0).heights == pytest.approx([-2.75, -2.0, -1.4])
     z = stack.coordinates()[: stack.V.dofmap.index_map.size_local, 2]
     for part, height in zip(stack.parts.values(), stack.heights):
         assert z[part.nodes] == pytest.approx(np.full(part.nodes.sum(), height), abs=1e-12)
-
-
-def test_the_lowest_face_is_laid_where_it_is_asked():
-    assert ff.Stack(three(), bottom=-3.0).heights == pytest.approx([-2.75, -2.0, -1.4])
 
 
 @pytest.mark.versions
@@ -116,20 +111,6 @@ def test_sheets_that_do_not_touch_bear_what_they_bear_alone(bend):
 def test_one_sheet_of_degree_2_makes_all_so():
     parts = (sheet(), T, "a"), (sheet(element="P2"), T, "b")
     assert [ff.Stack(order).degree for order in (parts, parts[::-1], parts[:1])] == [2, 2, 1]
-
-
-def test_own_meshes_are_laid_on_one_another(tmp_path):
-    import meshio
-
-    for name, n in (("one", 3), ("two", 4)):
-        points, cells, kind = specimen(20.0, 10.0, n, 2, "unstructured", "triangle", 0.0)
-        points = np.column_stack([np.asarray(points)[:, :2], np.full(len(points), 3.0)])
-        meshio.Mesh(points, [(kind, cells)]).write(tmp_path / f"{name}.vtu")
-    stack = ff.Stack(
-        [(ff.Blank.read(tmp_path / f"{n}.vtu", spatial=True), T, n) for n in ("one", "two")]
-    )
-    assert stack.heights == pytest.approx([3.0, 3.0 + T])
-    assert [area(part) for part in stack.parts.values()] == pytest.approx([200.0, 200.0])
 
 
 def bent():
