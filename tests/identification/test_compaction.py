@@ -8,10 +8,10 @@ from curve_texts import FREE, SHEET, UNIAXIAL, folder
 from synthetic_curves import synthesise, synthesise_compaction
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.identification import compaction, draw, fit_compaction, identify
 from fabric_fenicsx.identification import curves as data
+from fabric_fenicsx.identification import draw, fit_compaction, identify
 from fabric_fenicsx.identification.curves import Sheet
-from fabric_fenicsx.runtime.errors import InputError, SolverFailure
+from fabric_fenicsx.runtime.errors import InputError
 
 PLY = Sheet("x", 0.4, 0.75, True)
 SOFT = ff.Compaction(9.0, onset=5e-3, pressure=2e-3)
@@ -32,9 +32,8 @@ def text_of(p, values, column="thickness [mm]", unit="MPa", head=""):
 
 @pytest.mark.versions
 @pytest.mark.parametrize("known", KNOWN)
-@pytest.mark.parametrize("points", [4, 20])
-def test_round_trip(known, points):
-    found = fit_compaction(pressed_sheet(known, points=points))
+def test_round_trip(known):
+    found = fit_compaction(pressed_sheet(known, points=4))
     assert list(found.determined) == ["exponent", "onset", "pressure"] and not found.assumed
     for name, p in found.determined.items():
         assert p.value == pytest.approx(getattr(known, name), rel=1e-6)
@@ -42,23 +41,18 @@ def test_round_trip(known, points):
     assert not found.warnings and found.scatter < 1e-9
 
 
-def test_noise():
-    """Half a per cent of thickness, in two tests: all three numbers lie in their intervals."""
-    found = fit_compaction(pressed_sheet(SOFT, (0.005, 1), (0.005, 2)))
-    for name, p in found.determined.items():
-        low, high = p.interval
-        assert low < getattr(SOFT, name) < high < 2 * low
-    assert found.scatter == pytest.approx(0.005, rel=0.3)
-    assert [len(measured) for _, measured, _ in found.tests] == [30, 30]
-
-
 def test_how_often_the_intervals_hold():
     """40 seeds at 1 %: a 95 % interval holds in 33 or more but about once in 500 times."""
-    inside = dict.fromkeys(("exponent", "onset", "pressure"), 0)
+    inside, scatter = dict.fromkeys(("exponent", "onset", "pressure"), 0), []
     for seed in range(40):
-        for name, p in fit_compaction(pressed_sheet(SOFT, (0.01, seed))).determined.items():
+        found = fit_compaction(pressed_sheet(SOFT, (0.01, seed)))
+        scatter.append(found.scatter)
+        for name, p in found.determined.items():
             inside[name] += p.interval[0] <= getattr(SOFT, name) <= p.interval[1]
     assert min(inside.values()) >= 33
+    (_, _, thickness) = found.tests[0]  # noise is a share of the largest
+    relative = 0.01 * np.sqrt(np.mean((thickness.max() / thickness) ** 2))
+    assert np.mean(scatter) == pytest.approx(relative, rel=0.05)
 
 
 def test_more_certain_tests_count_more():
@@ -97,12 +91,9 @@ def test_a_data_set_gives_the_fabric_its_compaction(tmp_path):
     assert result.fabric.fibre_density == 2.54
     assert result.fabric.compaction.exponent == pytest.approx(9.0, rel=0.1)
     assert result.report()["compaction"]["determined"]["onset"]["unit"] == "MPa"
-    remarks = "\n".join(result.remarks())
-    assert "compaction.exponent was fitted, 95 % interval " in remarks
     result.fabric.to_toml(tmp_path / "x.toml", result.remarks())
     assert ff.load(tmp_path / "x.toml") == result.fabric
     assert f"{tmp_path / 'x'}_compaction.png" in draw(result, tmp_path / "x")
-    assert (tmp_path / "x_compaction.png").stat().st_size > 5000
 
 
 def test_without_a_test_compaction_is_the_default(tmp_path):
@@ -135,10 +126,8 @@ H = [0.4, 0.36, 0.32, 0.28]
     [
         (text_of(P[:3], H[:3]), "row 5: the file ends after 3 points; allowed is 4 or more"),
         (text_of(P[::-1], H), "row 4: pressure is 0.1 MPa after 1 MPa; allowed is to"),
-        (text_of([0, *P], [0.45, *H]), "row 3: pressure is 0 MPa; allowed is above 0"),
         (text_of([1, 2, 3, 4], H), "row 6: pressure ends at 4 times the first; allowed is 5 times"),
         (text_of(P, H[::-1]), "thickness is 0.4 mm under the highest pressure and 0.28 mm under"),
-        (text_of(P, H, "gap [mm]"), "column 'gap' is unknown"),
         (
             "# test: compaction\npressure [MPa],thickness [mm],fibre_volume_fraction [-]\n"
             + "".join(f"{p},{h},{0.1 / h}\n" for p, h in zip(P, H)),
@@ -181,18 +170,6 @@ def test_compaction_alone_is_no_fabric():
         identify(pressed_sheet(SOFT), [])
     with pytest.raises(InputError, match="there is no test of compaction; allowed is one or more"):
         fit_compaction(PLY)
-
-
-def test_a_compaction_test_is_no_curve(tmp_path):
-    folder(tmp_path, pressed=text_of(P, H))
-    sheet, curves = data.read(tmp_path / "pressed.csv")
-    assert len(sheet.compaction) == 1 and not curves
-
-
-def test_a_fit_that_gives_up(monkeypatch):
-    monkeypatch.setattr(compaction, "EVALUATIONS", 1)
-    with pytest.raises(SolverFailure, match="compaction did not converge in 1 evaluations"):
-        fit_compaction(pressed_sheet(SOFT))
 
 
 def test_of_a_loop_the_loading_is_fitted(tmp_path):

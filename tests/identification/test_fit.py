@@ -12,14 +12,14 @@ from scipy import stats
 from synthetic_curves import synthesise
 
 from fabric_fenicsx.identification import curves as data
-from fabric_fenicsx.identification import draw, identify, problem
+from fabric_fenicsx.identification import draw, identify
 from fabric_fenicsx.identification.curves import Curve, Response, Sheet
 from fabric_fenicsx.identification.curves.forces import response as predicted
 from fabric_fenicsx.identification.problem import true_values
 from fabric_fenicsx.material.homogeneous import nominal
 from fabric_fenicsx.material.laws.coupled import WovenFabric
 from fabric_fenicsx.material.presets import PRESETS
-from fabric_fenicsx.runtime.errors import InputError, SolverFailure
+from fabric_fenicsx.runtime.errors import InputError
 
 KOMEILI = PRESETS["komeili"]
 SHEET = Sheet("x", 1.0, 0.75, True)
@@ -51,8 +51,7 @@ def worst(result, truth):
 
 
 @pytest.mark.versions
-@pytest.mark.parametrize("plan", ["paper", "all"])
-@pytest.mark.parametrize("start", [0.4, 2.5])
+@pytest.mark.parametrize("plan, start", [("paper", 0.4), ("all", 2.5)])
 def test_round_trip_of_table_1(plan, start):
     sheet, curves = synthesise(KOMEILI, plan)
     far = FAR if plan == "paper" else FAR_ALL
@@ -229,18 +228,16 @@ def test_a_decoupled_fabric_has_no_coupling():
     assert result.fabric.warp.s_T == pytest.approx(0, abs=1e-2)
 
 
-@pytest.mark.parametrize(
-    ("plan", "stated", "seeds"), [("paper", True, 20), ("paper", False, 10), ("all", True, 4)]
-)
-def test_coverage(plan, stated, seeds):
+@pytest.mark.parametrize(("stated", "seeds"), [(True, 20), (False, 10)])
+def test_coverage(stated, seeds):
     """Of a 95 % interval. The threshold is missed by chance about once in 500 runs."""
     truth, inside = true_values(KOMEILI, True), Counter()
     for seed in range(1, seeds + 1):
-        sheet, curves = synthesise(KOMEILI, plan, 0.02, seed)
+        sheet, curves = synthesise(KOMEILI, "paper", 0.02, seed)
         if not stated:
             curves = [dataclasses.replace(curve, noise=None) for curve in curves]
         determined = identify(sheet, curves).determined
-        assert len(determined) == {"paper": 7, "all": 10}[plan]
+        assert len(determined) == 7
         for name, fitted in determined.items():
             inside[name] += fitted.interval[0] <= truth[name] <= fitted.interval[1]
     least = stats.binom.ppf(1e-3, seeds, 0.95)
@@ -259,21 +256,8 @@ def test_errors():
         identify(SHEET, [shear(0 * g, g)])
 
 
-def test_a_fit_that_gives_up(monkeypatch):
-    monkeypatch.setattr(
-        problem,
-        "least_squares",
-        lambda *a, **k: type("R", (), {"status": 0, "nfev": 300, "x": a[1]}),
-    )
-    g = np.linspace(0.1, 0.8, 10)
-    with pytest.raises(
-        SolverFailure, match="the fit of s1, s2, s3 did not converge in 300 evaluations"
-    ):
-        identify(SHEET, [shear(g, g)])
-
-
 @pytest.mark.parametrize(("name", "count"), [("komeili_paper", 7), ("komeili_all", 10)])
-def test_shipped_synthetic_data(tmp_path, name, count):
+def test_shipped_synthetic_data(name, count):
     sheet, curves = data.read(SHIPPED / name)
     result = identify(sheet, curves)
     assert len(result.determined) == count and not result.warnings
@@ -282,9 +266,7 @@ def test_shipped_synthetic_data(tmp_path, name, count):
         assert [r.values for r in two.responses] == [
             pytest.approx(r.values, rel=1e-9) for r in one.responses
         ]
-    report = result.report()
-    assert report["parameters"] == 10 and len(report["curves"]) == len(result.fits)
-    assert all(0.01 < c["rms_error_of_peak"] < 0.03 for c in report["curves"])
+    assert all(0.01 < c["rms_error_of_peak"] < 0.03 for c in result.report()["curves"])
 
 
 @pytest.mark.versions
@@ -303,13 +285,9 @@ def test_shipped_measured_data(tmp_path, size, off):
         "150x450": [0.0064, 0.0092, 0.0143, 0.0244],
     }
     assert F_sh == pytest.approx(by_hand[size], rel=0.1)
-    assert [Path(p).name for p in draw(result, tmp_path / "x")] == [
-        "x_fit.png",
-        "x_residuals.png",
-        "x_correlation.png",
+    assert [Path(p).stem for p in draw(result, tmp_path / "x")] == [
+        f"x_{picture}" for picture in ("fit", "residuals", "correlation")
     ]
-    result.fabric.to_toml(tmp_path / "x.toml")
-    assert WovenFabric.from_toml(tmp_path / "x.toml") == result.fabric
 
 
 def strip(curve):
@@ -317,8 +295,7 @@ def strip(curve):
     return dataclasses.replace(curve, responses=curve.responses[:1])
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.005, 0.02])
-@pytest.mark.parametrize("p_min", [0.3, 0.75, 1.0])
+@pytest.mark.parametrize("p_min, noise", [(0.3, 0.02), (0.75, 0.0), (1.0, 0.005)])
 def test_strips_with_free_sides_and_no_width_are_taken_as_uncoupled(p_min, noise):
     """So a held strip comes out as stiff as the free one was: never stiffer than the fabric's."""
     fabric = KOMEILI.replace(p_min=p_min)
@@ -338,7 +315,7 @@ def test_strips_with_free_sides_and_no_width_are_taken_as_uncoupled(p_min, noise
             assert low - 1e-3 <= getattr(KOMEILI.warp, name) <= high + 1e-3
 
 
-@pytest.mark.parametrize("p_min, seed", [(0.85, 3), (0.85, 7), (0.85, 8), (0.95, 2), (0.95, 4)])
+@pytest.mark.parametrize("p_min, seed", [(0.85, 8), (0.95, 4)])
 def test_intervals_hold_where_coupling_is_weak(p_min, seed):
     """At p_min = 1 and d = 0 only their ratio counts: 0.999 to 1 was the interval there."""
     _, curves = synthesise(KOMEILI.replace(p_min=p_min), "all", 0.03, seed)
@@ -359,8 +336,7 @@ def test_strips_with_free_sides_tell_the_rest_if_p_min_is_known():
     assert exact.assumed["d"].moves == {"c": pytest.approx(0.5 * 2.367, rel=1e-3)}
 
 
-@pytest.mark.parametrize("noise", [None, ("maximum", 0.02)])
-def test_other_tests_do_not_move_the_yarns(noise):
+def test_other_tests_do_not_move_the_yarns():
     """A noisy strip with free sides and no width, alone and with a bias test, which says nothing of
     yarns: a, p_min and c can't all be told, and in either case p_min is assumed."""
     e = np.linspace(0.0005, 0.015, 30)
@@ -370,10 +346,10 @@ def test_other_tests_do_not_move_the_yarns(noise):
         "37.359 40.288 42.822 45.453 48.54 51.557 53.927 57.336 60.292 63.707 "
     )
     force = np.array(force.split(), float) / 0.6
-    pulled = curve("uniaxial_a", e, "sigma_a", force, 0, noise)
+    pulled = curve("uniaxial_a", e, "sigma_a", force, 0)
     pulled = dataclasses.replace(pulled, free=0)
     g = np.linspace(0.01, 0.6, 40)
-    sheared = shear(g, 0.2 * g + g**3 + 0.002 * np.sin(40 * np.arange(40.0) ** 2), noise)
+    sheared = shear(g, 0.2 * g + g**3 + 0.002 * np.sin(40 * np.arange(40.0) ** 2))
     alone, both = identify(SHEET, [pulled]), identify(SHEET, [pulled, sheared])
     for result in (alone, both):
         assert "p_min" in result.assumed
@@ -384,34 +360,8 @@ def test_other_tests_do_not_move_the_yarns(noise):
         assert both.determined[name].value == pytest.approx(alone.determined[name].value, rel=1e-4)
 
 
-def test_whether_p_min_rests_on_the_form_of_free_tests():
-    _, curves = synthesise(KOMEILI, "all", 0.0)
-    (free,) = only(curves, "free_a")
-    alone = strip(free)
-    held = dataclasses.replace(alone, free=None)
-    cases = {True: [[alone]], False: [[free], [alone, held]]}
-    for rests, given in ((rests, given) for rests, each in cases.items() for given in each):
-        assert problem.Problem(SHEET, given).rests_on_form("p_min") == rests
-
-
-def test_a_strip_is_not_held():
-    """What calling it so would cost: a fit several times its noise from the data, and a wrong a."""
-    _, curves = synthesise(KOMEILI, "all", 0.005)
-    (free,) = only(curves, "free_a")
-    wrong = identify(SHEET, [dataclasses.replace(strip(free), free=None)])
-    assert abs(wrong.fabric.warp.a / KOMEILI.warp.a - 1) > 0.15
-    assert (
-        not wrong.determined["a"].interval[0] < KOMEILI.warp.a < wrong.determined["a"].interval[1]
-    )
-
-
 @pytest.mark.parametrize(
-    "other",
-    [
-        {"a": 82.6, "b": 13.35},
-        {"a": 2e5, "b": 3e4},
-        {"a": 27e3, "b": 410.0, "p_min": 0.4, "c": 17.0},
-    ],
+    "other", [{"a": 82.6, "b": 13.35}, {"a": 27e3, "b": 410.0, "p_min": 0.4, "c": 17.0}]
 )
 def test_strips_far_from_where_the_fit_starts(other):
     fabric = KOMEILI.replace(**other)
@@ -429,9 +379,6 @@ def test_a_direction_that_no_test_pulls_is_refused():
         r"allowed is a test uniaxial_b or biaxial, values in \[assumed.weft\], or balanced = true",
     ):
         identify(sheet, only(curves, "uniaxial_a", "shear"))
-    half = dataclasses.replace(sheet, assumed={"warp.b": 300.0})
-    with pytest.raises(InputError, match="no test tells the warp's a; allowed"):
-        identify(half, only(curves, "free_b"))
     assert identify(sheet, only(curves, "shear")).fabric.is_balanced  # nothing is said to differ
     both = identify(sheet, only(curves, "biaxial_1_2"))
     assert {"warp.b", "weft.b"} <= set(both.determined)
@@ -455,12 +402,3 @@ def test_doubts_are_told():
     warnings = identify(sheet, [curve("uniaxial_a", x, "sigma_a", 0.2 * x, 0)]).warnings
     for words in ("density of material x is 619 g/cm3", "b of yarns of material x is 0.1 MPa"):
         assert any(words in warning for warning in warnings), words
-
-
-def test_units_are_those_of_the_law():
-    units = {
-        name: problem.unit_of(name)
-        for name in ("a", "d", "warp.p_min", "c", "s_T", "weft.s_C", "s2")
-    }
-    assert [name for name, unit in units.items() if unit == "-"] == ["warp.p_min", "c", "weft.s_C"]
-    assert {units[name] for name in ("a", "d", "s_T", "s2")} == {"MPa"}

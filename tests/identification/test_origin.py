@@ -34,7 +34,7 @@ def fit(tmp_path, text):
 
 
 @pytest.mark.parametrize("kind, end", [("bias_extension", 50.0), ("picture_frame", 40.0)])
-@pytest.mark.parametrize("slack, zero", [(0.0, 0.0), (3.0, 0.0), (0.0, -0.5), (2.0, 0.4)])
+@pytest.mark.parametrize("slack, zero", [(0.0, 0.0), (2.0, 0.4)])
 def test_slack_and_zero_are_fitted(tmp_path, kind, end, slack, zero):
     x = np.linspace(0, end, 60)
     found = fit(tmp_path, sheared(kind, x, slack, zero, 0.003))
