@@ -305,7 +305,8 @@ class Bench:
         return tools[flat[0]]
 
     def _is_flat(self, tool):
-        flange = Flange(tool, self.placed.thickness, -self.press.tools[tool.name].towards[2])
+        up, extent = -self.press.tools[tool.name].towards[2], self.laid.blank.extent()
+        flange = Flange(tool, self.placed.thickness, up, extent)
         share = flange(self.laid.flat_nodes().T)
         return bool(self.laid.blank.mesh.comm.allreduce(int((share > 0).sum())))
 

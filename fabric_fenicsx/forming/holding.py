@@ -108,7 +108,7 @@ class HolderSite:
 
     def on_flange(self) -> Callable[[np.ndarray], np.ndarray]:
         """Function of positions (3, n) to the share (n,) of each that is on the die's flange."""
-        return Flange(self.die, self.thickness, self.up[2])
+        return Flange(self.die, self.thickness, self.up[2], self.blank.extent())
 
 
 def holder_terms(holder: Holder, site: HolderSite) -> list[Term]:

@@ -10,6 +10,7 @@ from fabric_fenicsx.tools.tool import Tool
 T = 2e-4
 ANGLES = np.arange(8) * np.pi / 4
 RING = np.concatenate([r * np.array([np.cos(ANGLES), np.sin(ANGLES)]) for r in (2, 4, 6)], 1)
+EXTENT = np.array([[-50, -60, 0], [50, 60, 0]])  # some places lie beyond
 PLACES = np.random.default_rng(0).uniform(-60, 60, (3, 4000))
 
 
@@ -25,8 +26,8 @@ def counted(places, middle):
 
 
 def test_the_share_is_what_all_rings_tell():
-    """Though most places are judged by their tile; whatever was asked before."""
-    flange, right = Flange(over_opening((0, 0)), T), counted(PLACES, (0, 0))
+    """Though most places are judged by the lattice about them; whatever was asked before."""
+    flange, right = Flange(over_opening((0, 0)), T, 1.0, EXTENT), counted(PLACES, (0, 0))
     assert np.array_equal(flange(PLACES), right)
     assert np.array_equal(flange(PLACES[:, ::-7]), right[::-7])
     assert {0.0, 1.0} < set(right) and ((right > 0) & (right < 1)).sum() > 100
@@ -34,14 +35,14 @@ def test_the_share_is_what_all_rings_tell():
 
 def test_the_flange_moves_with_the_die():
     die = over_opening((3.0, 0.0))
-    flange = Flange(die, T)
+    flange = Flange(die, T, 1.0, EXTENT)
     flange(PLACES)
     die.at(1.0)
     assert np.array_equal(flange(PLACES), counted(PLACES, (3, 0)))
 
 
 def test_places_that_are_no_numbers_are_not_beneath_it():
-    flange = Flange(over_opening((0, 0)), T)
+    flange = Flange(over_opening((0, 0)), T, 1.0, EXTENT)
     assert flange(np.array([[50.0, np.nan, np.inf, 1e300], [0.0] * 4, [0.0] * 4])).tolist() == [
         1.0,
         0.0,
