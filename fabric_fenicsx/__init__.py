@@ -27,10 +27,10 @@ if TYPE_CHECKING:
         PressureHolder,
         SpringHolder,
     )
-    from .forming.holding import HolderSite
     from .forming.interface import Interface
     from .forming.press import Press
     from .forming.sheet import Sheet
+    from .forming.site import HolderSite
     from .forming.stages import Stage
     from .forming.tools import DieOf, PressTool
     from .forming.unloading import unloading

@@ -17,7 +17,7 @@ import pytest
 from builders import dome
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.forming.build import FormingScene
+from fabric_fenicsx.forming.forming_scene import FormingScene
 from fabric_fenicsx.identification import curves, identify, result_lines
 from fabric_fenicsx.identification.curves.model import COLUMNS, KEYS
 from fabric_fenicsx.identification.curves.model import units as units_of

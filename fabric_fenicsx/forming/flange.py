@@ -4,6 +4,7 @@ import itertools
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import ndimage
 
 from ..tools.tool import Tool
@@ -26,7 +27,7 @@ class Flange:
     holder [mm]; up: 1 for a die above the blank, -1 below it.
     """
 
-    def __init__(self, die: Tool, thickness: float, up: float, extent: np.ndarray) -> None:
+    def __init__(self, die: Tool, thickness: float, up: float, extent: ArrayLike) -> None:
         self.die, self.thickness, self._up = die, thickness, up
         self._ring = np.array(
             [(r * math.cos(a), r * math.sin(a)) for r, a in itertools.product(RINGS, AROUND)]

@@ -1,25 +1,30 @@
-"""Blank holders: objects that make the terms with which they act on the blank."""
+"""Blank holders: each kind is one class, with its numbers and the terms with which it acts."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
 from ..material.files import Interval
 from ..runtime.errors import InputError
 from ..runtime.fields import check_fields, number
+from ..runtime.formatting import coordinates
 from ..runtime.rules import FINITE, FROM_ZERO, POSITIVE, shown, unknown_key
+from ..tools.primitives import Plane
+from ..tools.tool import Tool
 from ..tools.values import checked_vector
 
 if TYPE_CHECKING:
     from ..mechanics.term import Term
-    from .holding import HolderSite
+    from .site import HolderSite
 
-# above which a run warns
-PRESSURE = 10.0, "pressures are in MPa (Pa over 1e6)"
+# mechanics are imported when terms are made: a press is read without them
+
+MAX_PRESSURE = 10.0, "pressures are in MPa (Pa over 1e6)"  # above which a run warns
 # edge of a rectangle around the blank -> axis, and which end of it
 EDGES = {"low x": (0, 0), "high x": (0, 1), "low y": (1, 0), "high y": (1, 1)}
 SAME = 1e-6  # mm or deg, by which rounding may put a node beyond a limit
@@ -87,25 +92,22 @@ class Holder(Protocol):
         """The terms with which it acts on the blank, new ones in each call."""
 
 
-class _Checked:
-    """A holder of the package: its numbers are checked when it is made."""
+class Kind:
+    """A kind of holder of the package: a dataclass whose first field is its key in a file."""
+
+    presses: ClassVar[bool] = True  # the blank on a die; otherwise it pulls
 
     def __post_init__(self) -> None:
-        self.doubts()
+        check_fields(self)
 
-    def doubts(self) -> list[str]:
-        """Warnings of numbers that seem to be in another unit."""
-        return check_fields(self)
-
-    def terms(self, site: HolderSite) -> list[Term]:
-        """As in `Holder`."""
-        from . import holding
-
-        return holding.terms_of(self, site)
+    @classmethod
+    def key(cls) -> str:
+        """The entry of a file that tells the kind."""
+        return dataclasses.fields(cls)[0].name  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
-class PressureHolder(_Checked):
+class PressureHolder(Kind):
     """A pressure on what lies on the flat face of the die, a tool that does not move.
 
     Parameters
@@ -130,18 +132,48 @@ class PressureHolder(_Checked):
     """
 
     pressure: float | Callable[[float], float] = number(
-        2.0, FROM_ZERO, "pressure on what lies on the flange [MPa]", doubt=PRESSURE
+        2.0, FROM_ZERO, "pressure on what lies on the flange [MPa]", doubt=MAX_PRESSURE
     )
     where: Where | None = None
     against: str = ""
 
-    def doubts(self) -> list[str]:
-        """As in `_Checked`; a function is not checked."""
-        return [] if callable(self.pressure) else super().doubts()
+    def __post_init__(self) -> None:
+        if not callable(self.pressure):
+            super().__post_init__()
+
+    def terms(self, site: HolderSite) -> list[Term]:
+        """As in `Holder`; a stack is pressed where all its sheets lie on one another."""
+        from ..mechanics.contact.holder_pressure import BlankHolderPressure
+
+        if not callable(self.pressure):
+            site.warn(*check_fields(self, lambda name: f"{site.path}.{name}"))
+            site.warn_of_zero("pressure", self.pressure)
+        flange, where = site.on_flange(), site.claim_face(self.where)
+        site.warn_of_loose_ends(flange)
+        pressure = BlankHolderPressure(
+            self.pressure,
+            site.up,
+            (lambda x: flange(x) * where(x)) if where else flange,
+            tool=Tool(Plane((0, 0, 0), site.up), name=site.name),
+            lag=site.lag,
+            against=site.against,
+            friction=site.friction,
+        )
+        if not site.sheets:
+            return [pressure]
+        if site.up[2] < 0:
+            raise InputError(
+                f"{site.path} presses a stack downwards on {site.die.name}; allowed is a die "
+                "above the stack (turn the press over), or a holder that is a tool with a force"
+            )
+        # sheets that reach beyond the lowest one can't sink below the holder's face
+        face = Tool(Plane(-site.thickness / 2 * site.up, site.up), name=f"{site.name}'s face")
+        below = [site.contact(face, where).on(name) for name in site.rims[:1]]
+        return [pressure.on(site.sheets[0]), *below]
 
 
 @dataclass(frozen=True)
-class ForceHolder(_Checked):
+class ForceHolder(Kind):
     """A plate that a force pushes towards the die, with the blank between them.
 
     Parameters
@@ -169,9 +201,16 @@ class ForceHolder(_Checked):
     where: Where | None = None
     against: str = ""
 
+    def terms(self, site: HolderSite) -> list[Term]:
+        """As in `Holder`."""
+        force = self.force * (1.0 if site.whole else 0.25)
+        plate = Plane(-site.thickness / 2 * site.up, site.up)
+        tool = Tool(plate, force=lambda load: force * site.up, name=site.name)
+        return [site.contact(tool, site.at_plate(self.where))]
+
 
 @dataclass(frozen=True)
-class GapHolder(_Checked):
+class GapHolder(Kind):
     """A plate at a fixed distance from the die, on the other side of the blank.
 
     Parameters
@@ -197,9 +236,21 @@ class GapHolder(_Checked):
     where: Where | None = None
     against: str = ""
 
+    def terms(self, site: HolderSite) -> list[Term]:
+        """As in `Holder`. Raises InputError for a gap below half a thickness."""
+        t = site.thickness
+        gap = self.gap or 1.1 * t
+        if gap < 0.5 * t:
+            raise InputError(
+                f"{site.path}.gap is {gap:g}, which crushes the blank; allowed is from "
+                f"{t / 2:g} mm, half its thickness"
+            )
+        tool = Tool(Plane((t / 2 - gap) * site.up, site.up), name=site.name)
+        return [site.contact(tool, site.at_plate(self.where))]
+
 
 @dataclass(frozen=True)
-class Grippers(_Checked):
+class Grippers(Kind):
     """A pull at the edges of a rectangular blank, outwards and within its plane.
 
     Parameters
@@ -225,14 +276,34 @@ class Grippers(_Checked):
     tension: float = number(5.0, FROM_ZERO, "pull at the edges of the ply [N/mm]")
     where: Where | None = None
     edges: Sequence[str] = tuple(EDGES)
+    presses: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_edges(self.edges)
 
+    def terms(self, site: HolderSite) -> list[Term]:
+        """As in `Holder`. Raises InputError if no edge is gripped."""
+        from ..mechanics.load import EdgeTension
+
+        site.warn_of_zero("tension", self.tension)
+        where = site.checked(self.where)
+        pulls: list[Term] = []
+        for name, outwards, edge in site.edges(self.edges):
+            gripped = site.claim_edge(name, edge, where)
+            if gripped:
+                pulls.append(EdgeTension(self.tension, outwards, gripped))
+                pulls[-1].name = f"{site.name}, {name}"
+        if not pulls:
+            raise InputError(
+                f"`where` of {site.path} marks no edge; allowed is a function that is true on at "
+                "least one"
+            )
+        return pulls
+
 
 @dataclass(frozen=True)
-class SpringHolder(_Checked):
+class SpringHolder(Kind):
     """Springs that pull the blank outwards to fixed anchors; the sheets of a stack share each.
 
     Parameters
@@ -263,6 +334,7 @@ class SpringHolder(_Checked):
     length: float = number(100.0, POSITIVE, "of each at the start [mm]")
     edges: Sequence[str] = ()
     at: Sequence[Sequence[float]] = ()
+    presses: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -276,8 +348,41 @@ class SpringHolder(_Checked):
         if not (self.at or self.edges):
             raise InputError("a `SpringHolder` needs `edges` or points `at`")
 
+    def terms(self, site: HolderSite) -> list[Term]:
+        """As in `Holder`. Raises InputError for a point that is not in the quarter."""
+        half = 1.0 if site.whole else 0.5  # share of a spring in a plane of symmetry
+        edges = site.edges(self.edges)
+        springs = [self._spring(site, name, edge, half, way) for name, way, edge in edges]
+        for k, place in enumerate(self.at, 1):
+            x = np.append(np.asarray(place, dtype=float), 0.0)
+            if not site.whole and (x < 0).any():
+                raise InputError(
+                    f"{site.path}.at has the point {coordinates(x[:2])} mm, which is not in the "
+                    "quarter; allowed are x and y from 0"
+                )
+            away = x - np.append(site.centre, 0.0)
+            if not (length := np.linalg.norm(away)):
+                raise InputError(
+                    f"{site.path}.at has the blank's centroid, {coordinates(x[:2])} mm, from which "
+                    "springs pull away; allowed are other points"
+                )
+            share, near = half ** int((x[:2] == 0).sum()), site.nearest_nodes(x[:2])
+            springs.append(self._spring(site, f"point {k}", near, share, away / length))
+        return springs
 
-PULLING = Grippers, SpringHolder  # holders that do not press the blank on a die
+    def _spring(self, site, name, where, share, direction):
+        from ..mechanics.springs import Springs
+
+        return Springs(
+            where,
+            share * self.stiffness,
+            share * self.preload,
+            arm=self.length * direction,
+            name=f"{site.name}, {name}",
+        )
+
+
+KINDS: tuple[type[Kind], ...] = PressureHolder, ForceHolder, GapHolder, Grippers, SpringHolder
 
 
 def check_edges(names: Any) -> None:

@@ -1,13 +1,15 @@
 """The blank of a press: sheets of cells, one or a stack."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from mpi4py import MPI
+from numpy.typing import ArrayLike
 
 from ..coupons.laying import lay
+from ..mechanics.term import Term
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from ..sheets.blank import Blank
@@ -39,8 +41,16 @@ class Laid:
     @property
     def blanks(self) -> list[Blank]:
         """The blank of each sheet."""
-        stack = self.blank
-        return [s.blank for s in stack.sheets] if isinstance(stack, Stack) else [stack]
+        return [sheet.blank for sheet in self.stack.sheets] if self.stack else [self.blank]
+
+    @property
+    def stack(self) -> Stack | None:
+        """The blank, if it is a stack."""
+        return self.blank if isinstance(self.blank, Stack) else None
+
+    def on(self, sheet: Sheet, term: Term) -> Term:
+        """A term, of a stack on this sheet of it."""
+        return term.on(sheet.name) if self.stack else term
 
     def flat_nodes(self) -> np.ndarray:
         """Nodes (n, 3) of this rank [mm], as if all sheets lay in the blank's middle, z = 0."""
@@ -50,6 +60,21 @@ class Laid:
     def extents(self) -> list[np.ndarray]:
         """Length and width (2,) of the modelled part of each sheet [mm]."""
         return [np.subtract(*blank.extent()[::-1])[:2] for blank in self.blanks]
+
+    def nearest_nodes(self, place: ArrayLike) -> Callable[[np.ndarray], np.ndarray]:
+        """Function of points (3, n) to a mask (n,) of one node of each sheet: the nearest to
+        `place` (x, y) [mm]; of equally near ones the one with the largest x, then y."""
+        nodes = []
+        for part in list(self.blank.parts.values()) or [self.blank.whole]:
+            x = part.blank.coordinates()[: len(part.nodes)][part.nodes]
+            away = np.hypot(*(x[:, :2] - np.asarray(place)).T).round(6)
+            order = np.lexsort((-x[:, 1], -x[:, 0], away))[:1]
+            mine = [(away[k], *-x[k]) for k in order]
+            nodes.append(
+                min(each for rank in self.blank.mesh.comm.allgather(mine) for each in rank)
+            )
+        places = -np.array(nodes)[:, 1:]
+        return lambda x: (np.linalg.norm(x.T[:, None] - places, axis=2) < 1e-6).any(1)
 
 
 def lay_blank(press: Press, comm: MPI.Comm, warnings: list[str]) -> Laid:

@@ -21,7 +21,7 @@ from ..results.measures import planes_of_symmetry
 from ..results.quantities import middle_of
 from ..runtime.logs import MARKED, log
 from ..runtime.status import task
-from .build import FormingScene
+from .forming_scene import FormingScene
 
 # of a holder in setup.png, over the blank's size: distance from the blank, length of its pulls
 AWAY, LONG = 0.02, 0.15

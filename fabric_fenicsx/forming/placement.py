@@ -1,6 +1,8 @@
 """The places of the tools of a press before anything moves."""
 
+import dataclasses
 import os
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,18 +11,110 @@ from mpi4py import MPI
 from ..runtime.errors import InputError
 from ..runtime.files import ending
 from ..runtime.formatting import coordinates, rounded
+from ..runtime.status import task
 from ..tools.checks import FLANGE, MIN_SHARE, check_triangles, unit_doubt
 from ..tools.files import CAD
-from ..tools.surfaces import Surface, Turned
+from ..tools.surfaces import Offset, Reversed, Surface, Turned
+from ..tools.tool import Tool
 from ..tools.triangulated import TriangulatedSurface
 from ..tools.values import length_of
-from .tools import PressTool
+from .checks import PRESSED, check_clearances, symmetry_warnings
+from .laying import Laid
+from .press import Press
+from .stages import Schedule
+from .tools import DieOf, PressTool
 
+CLEARANCE = 1.2  # thicknesses between a tool and its die, by default
 FAR = 1e3  # sizes of the blank beyond a tool's radii, within which its face is looked for
 FINER = 1, 2, 5  # numbers by which a CAD model's chord is divided, one after the other
 TOUCHES = 1e-9  # of the thickness: a tool so near touches the blank
 TRIES = 500  # at most, to bring it there
 KEPT = 10  # points besides the nodes, at which the tool was nearest before
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Tools in their places: tools {name: `Tool`}, which the `schedule` moves, and the thickness of
+    the blank without pressure [mm]."""
+
+    tools: dict[str, Tool]
+    schedule: Schedule
+    thickness: float
+
+
+@task("placing the tools")
+def place(press: Press, laid: Laid, comm: MPI.Comm, warnings: list[str]) -> Placed:
+    """The tools of a press in their places at its blank. Raises InputError, on all ranks, for tools
+    that can't stand or move as given."""
+    nodes, thickness, pressed = laid.flat_nodes(), press.thickness(), press.thickness(PRESSED)
+    at, dies = Placement(nodes, thickness, comm, warnings), press.dies()
+    given = {name: tool.surface for name, tool in press.tools.items()}
+    clearances = {
+        name: surface.clearance or CLEARANCE * thickness
+        for name, surface in given.items()
+        if isinstance(surface, DieOf)
+    }
+    usual_off = {of: max(0.0, clearances[name] - thickness) for name, of in dies.items()}
+    stood: dict[str, tuple[Surface, np.ndarray]] = {}
+    for name in (n for n in press.tools if n not in dies):
+        stood[name] = at.stand(name, press.tool(name), usual_off.get(name, 0.0))
+    for name, of in dies.items():
+        face = face_of(stood[of][0], press.tools[of].towards)
+        at.check_matched(of, face, press.quarter)
+        check_clearance(f"tools.{name}.clearance", clearances[name], pressed, face)
+        surface = Reversed(Offset(face, clearances[name]))
+        try:
+            die = dataclasses.replace(press.tool(name), surface=surface)
+            stood[name] = at.stand(name, die, is_die=True)
+        except InputError as error:
+            raise InputError(
+                f"tools.{name} can't be the die of {of}; allowed is the die of an open surface, as "
+                f"double_dome or a file, not of a closed one, as a ball ({error})"
+            ) from None
+    reach = {
+        of: float((stood[name][1] - stood[of][1]) @ press.tools[of].towards) + clearances[name]
+        for name, of in dies.items()
+    }
+    schedule = press.schedule(reach, thickness)
+    tools = {name: _tool(press, name, *stood[name], schedule) for name in press.tools}
+    placed = Placed(tools, schedule, thickness)
+    check_clearances(press, laid, placed, pressed, warnings)
+    warnings += symmetry_warnings(press, laid, placed)
+    sides = {tool.side for tool in press.tools.values()}
+    if len(sides) == 1 and len(press.tools) > 1:
+        warnings.append(
+            f"{' and '.join(press.tools)} all stand {next(iter(sides))} the blank, and only "
+            "holders resist them: `side` says where a tool stands"
+        )
+    return placed
+
+
+def _tool(press, name, surface, start, schedule):
+    given, force = press.tools[name], None
+    share = 0.25 if press.quarter else 1.0
+    if given.force is not None:
+        size = schedule.force(name)
+
+        def force(load):
+            return share * size(load) * given.towards
+
+    return Tool(surface, schedule.path(name, start), force=force, name=name)
+
+
+def check_clearance(path: str, clearance: float, pressed: float, surface: Surface) -> None:
+    """Raise InputError for a distance of tool and die [mm] that is less than the `pressed`
+    thickness, or not below the least concave radius of the tool."""
+    radius = surface.radii[1]
+    if clearance < pressed:
+        raise InputError(
+            f"{path} is {rounded(clearance, 6)}, less than the blank's thickness under "
+            f"{PRESSED:g} MPa; allowed is from {rounded(pressed)} mm"
+        )
+    if clearance >= radius:
+        raise InputError(
+            f"{path} is {rounded(clearance, 6)}, which is not below the tool's least concave radius"
+            f"; allowed is from {rounded(pressed)} to below {radius:g} mm"
+        )
 
 
 class Placement:

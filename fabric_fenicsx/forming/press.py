@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from ..job.job import Job
     from ..material.laws import Law
-    from .build import FormingScene
+    from .forming_scene import FormingScene
 
 EXAMPLES = Path(__file__).parents[1] / "studies" / "presses"
 

@@ -13,7 +13,7 @@ from ..results.history import energies_of, stretching
 from ..runtime.formatting import share
 from ..scene import output
 from ..sheets.blank import Part
-from .build import FormingScene
+from .forming_scene import FormingScene
 
 
 def all_of(made: FormingScene, result: Result) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from ..solve.limits import Limits
 from ..tools.double_dome import DoubleDome
 from ..tools.primitives import Block, Cylinder, Plane, Plate, Sphere, Torus
 from ..tools.surfaces import Surface, Turned
-from .holders import ForceHolder, GapHolder, Grippers, Holder, PressureHolder, Region, SpringHolder
+from .holders import KINDS, Holder, Kind, Region
 from .interface import Interface
 from .sheet import OWN, Sheet
 from .stages import Stage
@@ -57,13 +57,7 @@ SHAPES: dict[str, tuple[Callable[..., Surface], tuple[str, ...]]] = {
 }
 OVER = (180.0, 0.0, 0.0)  # angles that turn a shape's face down
 # entry of a holder -> the kind of holder that has it
-HOLDERS: dict[str, type] = {
-    "pressure": PressureHolder,
-    "force": ForceHolder,
-    "gap": GapHolder,
-    "tension": Grippers,
-    "stiffness": SpringHolder,
-}
+HOLDERS: dict[str, type[Kind]] = {kind.key(): kind for kind in KINDS}
 
 
 # -- reading

@@ -13,6 +13,7 @@ from ..mechanics.shell.morley import Where
 from ..mechanics.term import Term
 from ..sheets.blank import Blank
 from ..sheets.stack import Stack
+from ..tools.tool import Tool
 from .interface import Interface
 from .sheet import Sheet
 
@@ -51,12 +52,10 @@ def rims(stack: Stack, sheets: Sequence[Sheet]) -> list[str]:
     return [s.name for s, reaches in zip(sheets[1:], beyond) if reaches]
 
 
-def ends_of_all(blank: Blank, whole: bool) -> list[tuple[int, str, int, float]]:
-    """Ends up to which all sheets of a blank reach: axis, its name, 1 at the high and -1 at the low
-    end, and the coordinate [mm]; a quarter has no low ends."""
-    sheets = [sheet.blank for sheet in blank.sheets] if isinstance(blank, Stack) else [blank]
-    extents = [sheet.extent() for sheet in sheets]
-    low, high = (np.array(each)[:, :2] for each in zip(*extents))
+def ends_of_all(blanks: Sequence[Blank], whole: bool) -> list[tuple[int, str, int, float]]:
+    """Ends up to which all sheets reach: axis, its name, 1 at the high and -1 at the low end, and
+    the coordinate [mm]; a quarter has no low ends."""
+    low, high = (np.array(each)[:, :2] for each in zip(*(blank.extent() for blank in blanks)))
     ends = [(k, "xy"[k], 1, float(end)) for k, end in enumerate(high.min(0))]
     ends += [(k, "xy"[k], -1, float(end)) for k, end in enumerate(low.max(0)) if whole]
     return ends
@@ -78,18 +77,16 @@ def _facing(stack, sheets):
     return pairs
 
 
-def press(
-    stack: Stack,
-    pairs: Sequence[SheetContact],
-    on_top: Contact,
-    holders: Sequence[BlankHolderPressure],
-    stiff: bool = False,
-) -> None:
-    """Move the sheets towards the tool `on_top`, above the last one, by as much as the present
-    pressures of the holders press them into it and into each other. pairs: contacts of each sheet
-    with the next; stiff: whether there is metal, which moves up as a whole, as it would not bend at
+def press(stack: Stack, sheets: Sequence[Sheet], terms: Sequence[Term], die: Tool | None) -> None:
+    """Press the sheets together and onto the `die`, as the present pressures of holders do: sheets
+    that do not touch at first resist nothing. Metal moves up as a whole, as it would not bend at
     the flange's end."""
-    names, comm = [sheet.name for sheet in stack.sheets], stack.mesh.comm
+    holders = [t for t in terms if isinstance(t, BlankHolderPressure) and t.now]
+    if not holders:
+        return
+    on_top = next(t for t in terms if isinstance(t, Contact) and t.tool is die)
+    pairs, comm = neighbours(terms, sheets), stack.mesh.comm
+    names = [sheet.name for sheet in stack.sheets]
     on_it = stack.parts[names[-1]].nodes
     rises = np.zeros((len(holders), 1))
     for k, each in enumerate(holders):
@@ -97,7 +94,7 @@ def press(
         rises[k] = comm.allreduce(depth, MPI.MAX)
     places = stack.coordinates()[: len(on_it)].T
     shares = np.array([each.shares(places) for each in holders])
-    if stiff:
+    if any(sheet.metal for sheet in sheets):
         shares[:] = 1 / len(holders)
     u = stack.u.x.array.reshape(-1, 3)
     for k, name in reversed(list(enumerate(names))):

@@ -10,7 +10,7 @@ from builders import COARSE, COMM, dome
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.forming.build import FormingScene
+from fabric_fenicsx.forming.forming_scene import FormingScene
 from fabric_fenicsx.job.error_run import FOLDERS, coarsened
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.results.error import ORDERS, SAFETY, bound, curve_errors

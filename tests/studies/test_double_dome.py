@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from fabric_fenicsx.forming.build import FormingScene
+from fabric_fenicsx.forming.forming_scene import FormingScene
 from fabric_fenicsx.plot import pictures
 from fabric_fenicsx.postprocess.states import read_last
 from fabric_fenicsx.studies.lib import compression_parameters
