@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from .forming.tools import DieOf, PressTool
     from .forming.unloading import unloading
     from .job.job import Job, Result
+    from .job.setup import Setup
     from .material.bending import MeasuredBending
     from .material.compaction import Compaction
     from .material.friction import BendingFriction, ShearFriction

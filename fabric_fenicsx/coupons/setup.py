@@ -38,7 +38,7 @@ class CouponSetup(Setup):
         self.membrane = Membrane(data.fabric, integration=self.data.integration, weave_angle=weave)
         self.prepare()
         terms = [self.membrane, *self.terms()]
-        super().__init__(self.data, Scene(self.blank, terms, self.supports()), self.warnings)
+        super().__init__(Scene(self.blank, terms, self.supports()), self.data, self.warnings)
 
     def choose(self) -> None:
         """Set defaults of `data` that depend on other fields."""

@@ -49,7 +49,7 @@ class FormingScene(Setup):
         placed: Placed,
         holders: Mapping[str, Sequence[Term]],
     ) -> None:
-        super().__init__(data, scene, warnings)
+        super().__init__(scene, data, warnings)
         self.holders = holders
         self.laid, self.blank, self.sheets = laid, laid.blank, laid.sheets
         self.tools, self.schedule = placed.tools, placed.schedule
@@ -165,11 +165,16 @@ class FormingScene(Setup):
     def job(self, **changes: Any) -> Job:
         """As in `Setup`, with the steps of the stages; a step ends at the end of each stage."""
         ends = tuple(float(each) for each in self.schedule.joints[1:-1])
-        usual: dict[str, Any] = {"first_picture": self.first_picture, "columns": self.columns}
-        usual["stage"] = lambda load: self.schedule.stages[self.schedule.stage_at(load)].name
-        headlines = (*self.data.HEADLINES, f"{self.leader().name}_force_N")
-        usual |= {"milestones": ends, "limits": self.data.limits, "headlines": headlines} | changes
+        usual = {"milestones": ends, "limits": self.data.limits} | changes
         return super().job(**usual | {"steps": changes.get("steps") or self.schedule.steps})
+
+    def stage(self, load: float) -> str:
+        """As in `Setup`."""
+        return self.schedule.stages[self.schedule.stage_at(load)].name
+
+    def headlines(self) -> Sequence[str]:
+        """As in `Setup`."""
+        return (*super().headlines(), f"{self.leader().name}_force_N")
 
     def quantities(self, result: Result) -> dict[str, Any]:
         """As in `Setup`: forces, penetration, shear, strains, draw-in, thickness and wrinkles."""

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from copy import copy
-from functools import partial
 from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -11,6 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..job.job import Job, Result
+from ..job.setup import Setup
 from ..mechanics.contact.sheet_contact import FaceContact, SheetContact
 from ..mechanics.contact.thickness import PlyThickness
 from ..mechanics.materials import fabric_of, materials_of
@@ -28,7 +28,7 @@ from ..scene.supports import Support
 NAME = "unloaded"  # of the job, and usually of its folder
 # energies that are no longer in the sheets, or that they can't give back
 SPENT = "plastic", "friction", KIND, "viscous", "external_work", RELEASED
-USUAL: dict[str, Any] = {"steps": 20, "path_tolerance": 1e-6, "name": NAME}  # of the job
+USUAL: dict[str, Any] = {"steps": 20, "path_tolerance": 1e-6}  # of the job
 
 # displacement (dofs,) of formed sheets, as they lie elsewhere once they were unloaded
 _formed: WeakKeyDictionary[Scene, np.ndarray] = WeakKeyDictionary()
@@ -104,7 +104,7 @@ def unloading(
     scene.set_load(0.0)
     scene.accept()
     forces.take(_from_outside(scene, kept))
-    return Job(scene, **USUAL | _output(scene, forces, held) | changes)
+    return Job(Unloading(scene, forces, held), **USUAL | changes)
 
 
 class _Release(ReleaseForces):
@@ -203,46 +203,50 @@ def _fabric_warnings(scene, forces):
     return found
 
 
-def _output(scene, forces, held):
-    """The fields of the job for its curve, quantities and pictures."""
-    parts = list(scene.blank.parts.values()) or [scene.blank.whole]
+class Unloading(Setup):
+    """A scene of formed sheets that are `held` at a few nodes, and the forces that go."""
 
-    largest = partial(_largest, scene, forces)
+    def __init__(self, scene: Scene, forces: ReleaseForces, held: Sequence[Support]) -> None:
+        super().__init__(scene)
+        self.name, self._forces, self._held = NAME, forces, held
+        self._parts = list(scene.blank.parts.values()) or [scene.blank.whole]
 
-    def measure(scene: Scene, load: float) -> tuple[float, float]:
-        return max(map(largest, parts)), forces.remaining()
+    def _largest(self, part):
+        return _largest(self.scene, self._forces, part)
 
-    def quantities(result: Result) -> dict[str, Any]:
-        energy = result.summary["energy"] if result.summary else scene.energies()
+    def measure(self, scene: Scene, load: float) -> tuple[float, float]:
+        """The largest springback [mm], and the forces that are left [N]."""
+        return max(map(self._largest, self._parts)), self._forces.remaining()
+
+    def force_name(self) -> str:
+        """As in `Setup`."""
+        return "forces that are left"
+
+    def quantities(self, result: Result) -> dict[str, Any]:
+        """Springback, energies and the forces on fixed nodes."""
+        scene, energy = self.scene, result.summary.get("energy") or self.scene.energies()
         left = {kind: value for kind, value in energy.items() if kind not in SPENT}
-        dofs = [scene.supports.dofs_of[s.name][:, list(s.components)] for s in held]
+        dofs = [scene.supports.dofs_of[s.name][:, list(s.components)] for s in self._held]
         borne = sum(float(abs(scene.forces.array[each]).sum()) for each in dofs)
-        found: dict[str, Any] = {
-            "springback_largest_mm": max(map(largest, parts)),
+        own: dict[str, Any] = {
+            "springback_largest_mm": max(map(self._largest, self._parts)),
             "energy_left_Nmm": sum(left.values()),
             "energy_released_Nmm": energy[RELEASED],
             "supports_bear_N": scene.comm.allreduce(borne, MPI.SUM),
         }
-        if len(parts) > 1:
-            sheets = {part.name: {"springback_largest_mm": largest(part)} for part in parts}
-            found["sheets"] = sheets
-        return found
+        if len(self._parts) > 1:
+            own["sheets"] = {
+                part.name: {"springback_largest_mm": self._largest(part)} for part in self._parts
+            }
+        return own
 
-    return {
-        "measure": measure,
-        "force_name": "forces that are left",
-        "quantities": quantities,
-        "pictures": _pictures,
-    }
+    def pictures(self, result: Result, folder: Path) -> None:
+        """A map of the springback on the unloaded sheets."""
+        from ..plot import pictures
 
-
-def _pictures(result: Result, folder: Path) -> None:
-    """A map of the springback on the unloaded sheets."""
-    from ..plot import pictures
-
-    name, grids = "springback", {}
-    for title, grid in result.grids.items():
-        size = np.linalg.norm(grid.point_data[name], axis=1)
-        grid.point_data[name] = size
-        grids[title or NAME] = grid.point_data_to_cell_data(pass_point_data=True)
-    pictures.maps(folder / f"{name}.png", grids, (name,), 0.0, {name: "mm"})
+        name, grids = "springback", {}
+        for title, grid in result.grids.items():
+            size = np.linalg.norm(grid.point_data[name], axis=1)
+            grid.point_data[name] = size
+            grids[title or NAME] = grid.point_data_to_cell_data(pass_point_data=True)
+        pictures.maps(folder / f"{name}.png", grids, (name,), 0.0, {name: "mm"})

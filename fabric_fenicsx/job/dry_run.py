@@ -24,7 +24,7 @@ def checked(job: Job, output: Output, part: str, pictures: bool) -> list[str]:
     with all_or_none(comm), task("checking the scene"):
         scene.check_start()
     folder = output.folder(part)
-    for warning in [*job.warnings, *validity.warnings_at_start(scene)]:
+    for warning in [*job.setup.warnings, *validity.warnings_at_start(scene)]:
         output.warn(warning)
     newton = Newton(scene, job.tolerance, linear_solver=job.linear_solver)
     with task("factoring a tangent"):
@@ -36,8 +36,8 @@ def checked(job: Job, output: Output, part: str, pictures: bool) -> list[str]:
             seconds = time.process_time() - began
     scene_output.nodal_fields(scene, scene_output.cell_fields(scene))  # no name is given twice
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    if job.first_picture and pictures:
-        job.first_picture(folder)
+    if pictures:
+        job.setup.first_picture(folder)
     terms = ", ".join(scene_output.summary(scene)["terms"])
     size = scene_output.sizes(scene)
     return [

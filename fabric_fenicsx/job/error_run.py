@@ -24,8 +24,7 @@ def coarsened(job: Job, made: Any) -> Any:
     """The job `made` on a mesh twice as coarse, with the settings of `job` that go with it."""
     settings = job.coarser_settings()
     given = {each.name: getattr(settings, each.name) for each in dataclasses.fields(settings)}
-    changes = given | {"every": 10**9, "error": False, "tables": None, "pictures": None}
-    return dataclasses.replace(made, **changes, name=f"{job.name}, twice as coarse")
+    return dataclasses.replace(made, **given | {"every": 10**9, "error": False})
 
 
 def estimated(
@@ -41,21 +40,20 @@ def estimated(
     from ..results import error
 
     assert result.folder
-    coarser, runs, began = job.coarser, list[Result](), time.perf_counter()
+    made, runs, began = job, list[Result](), time.perf_counter()
     for name in FOLDERS:
-        if not coarser:
-            break
         try:
-            made = coarsened(job, coarser())
+            if not (coarse := made.on_coarser_mesh()):
+                break
+            made = coarsened(job, coarse)
             if runs and _cells(made) < FEWEST:
                 break
             runs.append(_run(made, output, result, name, problem))
-            coarser = made.coarser
         except (InputError, SolverFailure) as failure:
             if not runs:
                 output.warn(f"no error is known, as the run on the coarser mesh failed: {failure}")
                 return {}
-    errors = error.estimate(result, runs, job.headlines)
+    errors = error.estimate(result, runs, job.setup.headlines())
     write_history(result, job.scene.comm)
     facts = {"cells": _cells(runs[0]), "steps": runs[0].summary["steps_accepted"]}
     facts["wall_s"] = round(time.perf_counter() - began, 4)
@@ -70,7 +68,7 @@ def _run(made, output, result, name, problem):
         f"in {made.steps:g} steps"
     )
     known = output.resume and comm.bcast((folder / "checkpoint.npz").exists())
-    apart = Output(made.name, folder, comm, resume=known, overwrite=not known)
+    apart = Output(f"{made.name}, twice as coarse", folder, comm, resume=known, overwrite=not known)
     apart.is_quiet = True
     try:
         return made.run(apart, problem=dict(problem) | {"mesh": name}, pictures=False)

@@ -1,8 +1,10 @@
 """A job: brings a scene to full load, and keeps what happened on the way."""
 
+from __future__ import annotations
+
 import logging
 import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,7 +13,6 @@ from typing import Any
 from ..mechanics.fingerprint import entries
 from ..mechanics.materials import materials_of
 from ..mechanics.output import Fields
-from ..results.curve import Curves, Measure
 from ..results.output import Output
 from ..results.quantities import waves_that_do_not_form
 from ..results.result import Result
@@ -28,6 +29,7 @@ from ..solve.newton import Newton
 from ..solve.settings import Settings
 from .error_run import estimated
 from .run import Run
+from .setup import Setup
 
 log = logging.getLogger("fabric_fenicsx")
 
@@ -38,39 +40,14 @@ class Job(Settings):
 
     Parameters
     ----------
-    scene : Scene
-        At rest, with new terms.
+    setup : Scene or Setup
+        A scene at rest, with new terms; or one with what is measured, written and drawn of it.
     steps, max_step, tolerance, path_tolerance, viscosity, ...
         Keywords of the solver, the fields of `Settings`.
     error : bool
         Estimate errors from the same run on two meshes, each twice as coarse.
     coarser : callable, optional
-        Function that makes this job on a mesh twice as coarse.
-    headlines : sequence of str
-        Quantities that get errors, nested ones as "draw_in.largest_mm".
-    measure : callable, optional
-        Function of scene and load factor to displacement [mm] and force [N] of the history, by
-        default of the first tool or support that moves.
-    stage : callable, optional
-        Function of the load factor to the name of the stage under way there.
-    columns : callable, optional
-        Function of the scene to more columns of the history {name: value}, on all ranks.
-    force_name : str
-        What the force is called.
-    modelled : float
-        Share of the sheet that symmetry leaves; the history has the force on the whole one, too.
-    quantities : callable, optional
-        Function of a `Result` to further entries of the summary.
-    tables, pictures : callable, optional
-        Functions of a `Result` and its folder that write and draw besides.
-    first_picture : callable, optional
-        Function that draws into the folder before the run, on all ranks.
-    warnings : iterable of str
-        Sentences with which the run begins.
-    beside : mapping
-        Curves drawn into curve.png as well {label: (displacements [mm], forces [N])}.
-    name : str
-        Of the study in the summary.
+        Function that makes this job on a mesh twice as coarse, by default as the `Setup` says.
 
     Examples
     --------
@@ -81,22 +58,31 @@ class Job(Settings):
     [0.0, 0.5, 1.0]
     """
 
-    scene: Scene = field(kw_only=False)
+    setup: Any = field(kw_only=False)
     error: bool = False
     coarser: Callable[[], Any] | None = None
-    headlines: Sequence[str] = ()
-    measure: Measure | None = None
-    stage: Callable[[float], str] | None = None
-    columns: Callable[[Scene], dict[str, float]] | None = None
-    force_name: str = "reaction"
-    modelled: float = 1.0
-    quantities: Callable[[Result], dict[str, Any]] | None = None
-    tables: Callable[[Result, Path], None] | None = None
-    pictures: Callable[[Result, Path], None] | None = None
-    first_picture: Callable[[Path], None] | None = None
-    warnings: Iterable[str] = ()
-    beside: Curves = field(default_factory=dict)
-    name: str = "job"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if isinstance(self.setup, Scene):
+            object.__setattr__(self, "setup", Setup(self.setup))
+
+    @property
+    def scene(self) -> Scene:
+        """The scene that it runs."""
+        return self.setup.scene
+
+    @property
+    def name(self) -> str:
+        """Of the study in the summary."""
+        return self.setup.name
+
+    def on_coarser_mesh(self) -> Job | None:
+        """The same job on a mesh twice as coarse, None if none is known."""
+        if self.coarser:
+            return self.coarser()
+        data = self.setup.coarser()
+        return data and data.build(self.scene.comm).job()
 
     @phase("setup")
     def run(
@@ -139,7 +125,7 @@ class Job(Settings):
         Interrupted
             After SIGINT or SIGTERM.
         """
-        if self.error and not self.coarser:
+        if self.error and not (self.coarser or self.setup.coarser()):
             raise InputError(
                 "`error=True` needs a mesh twice as coarse, and none is known; allowed is a "
                 "rectangle of 2 x 2 or more that the program meshes, an outline with 4 cells "
@@ -192,8 +178,8 @@ class Job(Settings):
                     before = Result(known, notes["rows"], Fields({}), folder, scene)
                     return self._finished_before(output, before, start, notes, problem, pictures)
         run = Run(self, output, folder, newton, checkpoint, start, notes)
-        if self.first_picture and pictures:
-            self.first_picture(folder)
+        if pictures:
+            self.setup.first_picture(folder)
         result = run.to_full_load()
         if run.stopped:
             reached = result.summary["stroke_reached"]
@@ -245,14 +231,15 @@ class Job(Settings):
     def _show(self, output, result, pictures):
         """Draw the last state; of a run that reached its end write the tables and pictures, too."""
         reached = result.summary["stroke_reached"] == 1
-        if self.tables and reached:
-            self.tables(result, result.folder)
+        if reached:
+            self.setup.tables(result, result.folder)
         if self.scene.comm.rank == 0 and pictures:
             from ..plot.pictures import draw_state
 
-            if self.pictures and reached:
-                self.pictures(result, result.folder)
-            draw_state(output.name, result, result.folder, self.beside, self.force_name)
+            if reached:
+                self.setup.pictures(result, result.folder)
+            beside, force_name = self.setup.reference_curves(), self.setup.force_name()
+            draw_state(output.name, result, result.folder, beside, force_name)
         self.scene.comm.barrier()
 
 

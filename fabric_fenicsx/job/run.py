@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 from petsc4py import PETSc
 from tqdm import tqdm
 
-from ..results.curve import default_measure
 from ..results.history import ENERGIES, History, energy_balance, viscous_warning
 from ..results.output import Output
 from ..results.result import Result
@@ -58,7 +57,7 @@ class Run:
         self.job, self.output, self.folder, self.scene = job, output, folder, job.scene
         self._newton, self._checkpoint, self._start = newton, checkpoint, start
         comm = self.scene.comm
-        for warning in [*job.warnings, *validity.warnings_at_start(self.scene)]:
+        for warning in [*job.setup.warnings, *validity.warnings_at_start(self.scene)]:
             output.warn(warning)
         if comm.rank == 0:
             for old in [folder / "summary.json", *folder.glob("*.png")]:
@@ -66,7 +65,6 @@ class Run:
         self.history = History(folder / "history.csv", comm, notes.get("rows", ()))
         with phase("output"):
             self.series = FieldSeries(folder, self.scene, notes.get("states", ()))
-        self._measure = job.measure or default_measure(self.scene)
         self._from = start.load if start else 0.0
         self._reached = f"{self._stage(self._from)}: first step"
         self._wrong_now: list[str] = []  # what is wrong with the last accepted state
@@ -102,7 +100,7 @@ class Run:
                 f"at rest in its supports, before load, the sheet has moved by up to {moved:.3g} mm"
             )
         self._wrong_now = validity.beyond_limits_now(scene, self.job.limits)
-        measured = self._measure(scene, accepted.load)
+        measured: tuple[float, float] = self.job.setup.measure(scene, accepted.load)
         with phase("output"):
             self.history.add(accepted, *measured, partial(self._further, measured[1]))
             if len(rows) == 1:
@@ -138,17 +136,17 @@ class Run:
 
     def _stage(self, load):
         """What the run is called at a load factor."""
-        folder, stage = self.folder, self.job.stage(load) if self.job.stage else ""
+        folder, stage = self.folder, self.job.setup.stage(load)
         part = folder.name if folder != self.output.path else "" if stage else self.output.name
         return ", ".join(filter(None, [part, stage]))
 
     def _further(self, force, taken):
         """Columns of the history beside those `taken`: of the terms, and the whole sheet's force
         where symmetry leaves a share of it."""
-        share, found = self.job.modelled, scene_output.history(self.scene, taken)
-        if self.job.columns:
-            found |= self.job.columns(self.scene)
-        return found if share == 1 else {"reaction_of_whole_N": force / share} | found
+        share = self.job.setup.modelled_share()
+        whole = {} if share == 1 else {"reaction_of_whole_N": force / share}
+        own = self.job.setup.columns(self.scene)
+        return whole | scene_output.history(self.scene, taken) | own
 
     def _reject(self, load: float, report: Report) -> None:
         if self.scene.comm.rank == 0:
@@ -170,7 +168,7 @@ class Run:
             self.series.write(outcome.reached, fields)
         result = Result({}, rows, fields, self.folder, scene)
         energy = self._energy()
-        quantities = self.job.quantities(result) if self.job.quantities else {}
+        quantities = self.job.setup.quantities(result)
         for warning in validity.warnings_at_end(result, energy, quantities):
             output.warn(warning)
         wrong = validity.beyond_limits_at_end(scene, self.job.limits, rows, energy)
@@ -187,7 +185,7 @@ class Run:
             newton_iterations=outcome.iterations,
             energy=energy,
             reaction_N=rows[-1]["reaction_N"],
-            reaction_is=self.job.force_name,
+            reaction_is=self.job.setup.force_name(),
             **energy_balance(rows, energy),
             quantities=quantities,
         )

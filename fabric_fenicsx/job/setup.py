@@ -1,36 +1,87 @@
-"""A built test: its scene, and what its job measures, writes and draws."""
+"""What a job runs: a scene, and what is measured, written and drawn of it."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ..results.curve import Curves
+from ..results.curve import Curves, default_measure
+from ..results.result import Result
 from ..runtime.fields import declared
 from ..scene.scene import Scene
 from ..solve.settings import Settings
-from .job import Job, Result
+
+if TYPE_CHECKING:
+    from .job import Job
 
 
 class Setup:
-    """A `scene` made from the `data` of a test, and what a job needs to know of it.
+    """A `scene`, and what is measured, written and drawn of it; a subclass overrides what it has.
 
-    data: a frozen dataclass with the class variables NAME, FULL, SOLVER, HEADLINES and
-    CHEAP_FROM, in which every default has its value; warnings: sentences found while building. A
-    subclass overrides what it has.
+    Parameters
+    ----------
+    scene : Scene
+        At rest, with new terms.
+    data : optional
+        The description that it was built of, a frozen dataclass with the class variables NAME,
+        FULL, SOLVER, HEADLINES and CHEAP_FROM, in which every default has its value.
+    warnings : sequence of str
+        Sentences with which a run begins.
+
+    Examples
+    --------
+    >>> class Pulled(ff.Setup):
+    ...     def quantities(self, result):
+    ...         return {"shear_deg": float(result.fields["shear_angle"].max())}
+    >>> sheet = ff.Blank.rectangle(40, 20, nx=2, element="P1")
+    >>> scene = ff.Scene(sheet, [ff.Membrane(ff.load("komeili"))], ff.clamped_ends(0.4))
+    >>> ff.Job(Pulled(scene), steps=2).run().summary["quantities"]["shear_deg"] < 1
+    True
     """
 
-    def __init__(self, data: Any, scene: Scene, warnings: list[str]) -> None:
-        self.data, self.scene, self.warnings = data, scene, warnings
+    def __init__(self, scene: Scene, data: Any = None, warnings: Sequence[str] = ()) -> None:
+        self.scene, self.data, self.warnings = scene, data, list(warnings)
+        self.name: str = data.NAME if data else "job"
+        self._measure = None if data else default_measure(scene)
 
     def measure(self, scene: Scene, load: float) -> tuple[float, float]:
-        """Displacement [mm] and force [N] for the history, at a load factor."""
-        raise NotImplementedError
+        """Displacement [mm] and force [N] for the history, at a load factor; by default of the
+        first tool or support that moves."""
+        if not self._measure:
+            raise NotImplementedError
+        return self._measure(scene, load)
+
+    def force_name(self) -> str:
+        """Name of the force of `measure`."""
+        return "reaction"
+
+    def modelled_share(self) -> float:
+        """Share of the whole sheet that symmetry leaves; the history has the force on the whole
+        one, too."""
+        return 1.0
+
+    def stage(self, load: float) -> str:
+        """Name of the stage under way at a load factor."""
+        return ""
+
+    def columns(self, scene: Scene) -> dict[str, float]:
+        """Further columns of the history {name: value}, on all ranks."""
+        return {}
 
     def quantities(self, result: Result) -> dict[str, Any]:
         """Its own numbers for the summary; their names end with their units."""
         return {}
 
+    def headlines(self) -> Sequence[str]:
+        """Quantities that get errors, nested ones as "draw_in.largest_mm"."""
+        return self.data.HEADLINES if self.data else ()
+
     def tables(self, result: Result, folder: Path) -> None:
         """Write its own tables into `folder`; called on all ranks."""
+
+    def first_picture(self, folder: Path) -> None:
+        """Draw into `folder` before the run; called on all ranks."""
 
     def pictures(self, result: Result, folder: Path) -> None:
         """Draw its own pictures into `folder`; called on rank 0."""
@@ -38,14 +89,6 @@ class Setup:
     def reference_curves(self) -> Curves:
         """Curves of force over displacement to draw beside the run's."""
         return {}
-
-    def force_name(self) -> str:
-        """Name of the force of `measure`."""
-        return "reaction"
-
-    def modelled_share(self) -> float:
-        """Share of the whole sheet that symmetry leaves."""
-        return 1.0
 
     def title_and_text(self) -> tuple[str, str]:
         """Title and description of the report, "" for those of the study."""
@@ -71,20 +114,8 @@ class Setup:
 
     def job(self, **changes: Any) -> Job:
         """The `Job` of this test with its defaults, `changes` in its fields."""
-        coarser, comm = self.coarser(), self.scene.comm
+        from .job import Job
+
         names = [each.name for each in declared(Settings)]
-        usual: dict[str, Any] = {k: v for k, v in self.data.FULL.items() if k in names}
-        usual |= {
-            "name": self.data.NAME,
-            "measure": self.measure,
-            "force_name": self.force_name(),
-            "modelled": self.modelled_share(),
-            "quantities": self.quantities,
-            "tables": self.tables,
-            "pictures": self.pictures,
-            "warnings": self.warnings,
-            "beside": self.reference_curves(),
-            "coarser": None if coarser is None else lambda: coarser.build(comm).job(),
-            "headlines": self.data.HEADLINES,
-        }
-        return Job(self.scene, **usual | dict(self.data.SOLVER) | changes)
+        usual = {name: value for name, value in self.data.FULL.items() if name in names}
+        return Job(self, **usual | dict(self.data.SOLVER) | changes)

@@ -111,10 +111,11 @@ def test_a_run_that_was_killed_goes_on(scene, tmp_path):
     accuracy depends on a step's share of the whole run."""
     press = PRESSES[scene](tmp_path)
 
-    def run(press, folder, resume=False, balance: float | None = 0.02, **hooks):
+    def run(press, folder, resume=False, balance: float | None = 0.02, columns=None):
         """As a command runs it: stages may be added."""
         built = press.build()
-        job = built.job(balance=balance, limits=ff.Limits(imbalance=0.5), **hooks)
+        built.columns = columns or built.columns
+        job = built.job(balance=balance, limits=ff.Limits(imbalance=0.5))
         how = {"resume": resume, "pictures": False, "problem": built.fingerprint()}
         return outcome(job.run(tmp_path / folder, **how))
 

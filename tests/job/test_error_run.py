@@ -125,7 +125,7 @@ def test_a_coarser_run_that_fails_costs_the_errors_alone():
 def test_half_the_steps_and_looser_tolerances_go_with_a_coarser_mesh():
     asked = {"max_step": 0.4, "path_tolerance": 1e-4, "balance": 0.02, "accuracy": 0.01}
     job = ff.Tensile(**COARSE).job(steps=5, limits=ff.Limits(viscous=0.1), **asked)
-    made = coarsened(job, job.coarser())
+    made = coarsened(job, job.on_coarser_mesh())
     assert (made.steps, made.max_step, made.balance, made.accuracy) == (3, 0.8, 0.04, 0.02)
     assert made.limits.viscous == pytest.approx(0.4)
     assert made.path_tolerance == pytest.approx(4e-4) and made.tolerance == job.tolerance

@@ -150,7 +150,7 @@ def test_a_picture_of_a_field_that_the_finished_run_did_not_keep(tmp_path):
 
 def test_the_force_and_travel_of_a_moving_support_are_measured():
     measured = ff.Tensile(**COARSE).job(steps=2).run()
-    plain = ff.Tensile(**COARSE).job(steps=2, measure=None).run()
+    plain = ff.Job(ff.Tensile(**COARSE).build().scene, steps=2).run()
     for mine, row in zip(plain.rows, measured.rows):
         assert mine["displacement_mm"] == pytest.approx(row["displacement_mm"])
         assert mine["reaction_N"] == pytest.approx(row["reaction_N"])
@@ -164,11 +164,14 @@ def test_a_field_is_drawn(tmp_path):
 
 
 def test_quantities_and_tables_of_ones_own(folder):
-    job = ff.Tensile(**COARSE).job(
-        steps=4,
-        quantities=lambda result: {"mean_eps_a": float(np.mean(result.fields["eps_a"]))},
-        tables=lambda result, folder: (folder / "own.txt").write_text("own"),
-    )
+    class Own(ff.Setup):
+        def quantities(self, result):
+            return {"mean_eps_a": float(np.mean(result.fields["eps_a"]))}
+
+        def tables(self, result, folder):
+            (folder / "own.txt").write_text("own")
+
+    job = ff.Job(Own(ff.Tensile(**COARSE).build().scene), steps=4)
     result = job.run(folder, pictures=False)
     assert math.isclose(result.summary["quantities"]["mean_eps_a"], 0.03, rel_tol=0.1)
     assert (folder / "own.txt").read_text() == "own"
@@ -341,7 +344,8 @@ def test_a_warning_carries_its_level_once(folder, capsys):
     try:
         for handler in handlers:
             log.addHandler(handler)
-        job = ff.Tensile(**COARSE).job(steps=2, warnings=["100 % odd"])
+        setup = ff.Setup(ff.Tensile(**COARSE).build().scene, warnings=["100 % odd"])
+        job = ff.Job(setup, steps=2)
         job.run(folder, pictures=False)
     finally:
         for handler in handlers:

@@ -53,12 +53,9 @@ def pull_out(path, rigid=True, cells=6, others=5, mu=MU, steps=8, thickness=T):
     depth = contacts[0].depth_under(PRESSURE)
     z = stack.coordinates()[:, 2]
     stack.u.x.array[2::3] = -depth * np.rint(z / T)
-    job = ff.Job(
-        scene,
-        steps=steps,
-        measure=lambda scene, load: (path(load), float(scene.reaction("grip")[0])),
-    )
-    return job.run()
+    setup = ff.Setup(scene)
+    setup.measure = lambda scene, load: (path(load), float(scene.reaction("grip")[0]))
+    return ff.Job(setup, steps=steps).run()
 
 
 def led(motion, steps):
