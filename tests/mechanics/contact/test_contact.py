@@ -4,10 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from builders import Elastic, alone, bent, displacement, everywhere, near, run
+from builders import Elastic, alone, bent, displacement, everywhere, near, off_differences, run
 from builders import sheet as flat
 from mpi4py import MPI
-from scipy import sparse
 from scipy.spatial import Delaunay
 
 import fabric_fenicsx as ff
@@ -19,7 +18,6 @@ from fabric_fenicsx.mechanics.contact.tool_contact import Contact
 from fabric_fenicsx.mechanics.load import DeadPressure, EdgeTension
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.mechanics.term import Term
-from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support
@@ -44,39 +42,6 @@ def closed(state, tolerance):
 
 
 # -- derivatives
-
-
-def forces(term, u, at):
-    """Residual and energy at nodal displacements `at` (nodes, 3)."""
-    u[:] = at.ravel()
-    f = np.zeros(len(u))
-    term.add_forces(f)
-    return f, term.stored()
-
-
-def check_derivatives(term, u, h=2e-6, tolerance=1e-6):
-    """Forces against differences of the energy, stiffness less what a yielding tool takes against
-    those of forces."""
-    at = u.copy()
-    rows, columns, values = term.tangent()
-    K = sparse.csr_matrix((values, (rows, columns)), shape=(len(u),) * 2).toarray()
-    assert np.abs(K - K.T).max() <= 1e-12 * np.abs(K).max()
-    yields = term.compliance()
-    if yields:
-        K -= np.outer(yields[0], yields[0]) / yields[1]
-    f = forces(term, u, at)[0]
-    for seed in range(3):
-        d = np.random.default_rng(seed).uniform(-1, 1, len(u))
-        (f1, e1), (f2, e2), (g1, d1), (g2, d2) = (
-            forces(term, u, at + k * h * d) for k in (1, 2, -1, -2)
-        )
-        change, rise = (
-            (8 * (f1 - g1) - (f2 - g2)) / (12 * h),
-            (8 * (e1 - d1) - (e2 - d2)) / (12 * h),
-        )
-        assert np.abs(change - K @ d).max() <= tolerance * np.abs(K @ d).max() > 0
-        assert abs(rise - f @ d) <= tolerance * np.abs(f).sum()
-    u[:] = at
 
 
 SURFACES = {
@@ -118,7 +83,7 @@ def pushed_by(contact, direction):
 
 @pytest.mark.parametrize("side", ["outside", "inside"])
 @pytest.mark.parametrize("kind", SURFACES)
-@pytest.mark.parametrize("direction", [None, (0, 0, 1), (0.2, 0.3, 1)])
+@pytest.mark.parametrize("direction", [None, (0.2, 0.3, 1)])
 def test_derivatives(kind, side, direction):
     surface = SURFACES[kind] if side == "outside" else Reversed(Offset(SURFACES[kind], 1.0))
     blank = sheet(10, 10, 5, 5, comm=MPI.COMM_SELF)
@@ -134,7 +99,7 @@ def test_derivatives(kind, side, direction):
             contact.tool.push, rel=1e-11
         )
         assert abs(contact.tool.travel) < 1e-8
-    check_derivatives(contact, blank.u.x.array)
+    assert off_differences(contact) < 1e-6
 
 
 def test_forces_are_derivatives_where_the_mid_surface_is_deep_in_the_tool():
@@ -143,58 +108,15 @@ def test_forces_are_derivatives_where_the_mid_surface_is_deep_in_the_tool():
     blank = sheet(10, 10, 5, 5, comm=MPI.COMM_SELF)
     contact = Contact(Tool(surface, name="tool"))
     Scene(blank, [Membrane(fabric), contact], [])
-    u, t = blank.u.x.array, fabric.thickness_under(0.0)
-    depth = np.linspace(0.1, 4.0, len(blank.coordinates())) * t
-    u[:] = pressed_in(blank, contact.tool, depth, around(surface, blank))
-    check_derivatives(contact, u)
-
-
-def test_tangent_of_a_scene_without_bending():
-    """Membrane, contact with a ball moved by force and with one held, friction: what the supports
-    hold stays out."""
-    blank = sheet(10, 10, 4, 4)
-    held, pushed = (
-        Contact(
-            Tool(Sphere(8.0, (5, 5, s * (8 + T / 2 - 0.01))), force=f, name="ball"),
-            T,
-            K,
-            friction=mu,
-        )
-        for s, f, mu in ((1, None, 0.0), (-1, (0.2, 0, 1), 0.3))
-    )
-    scene = Scene(blank, [Elastic(), held, pushed], [Support("end", near(0, 0.0), (0, 1, 2))])
-    x = blank.coordinates()[: scene.u.local_size // 3]
-    u, d = scene.u.copy(), scene.u.copy()
-    u.array[:] = (1e-3 * np.sin(x + [0, 1, 2])).ravel() * (x[:, :1] > 0).repeat(3, 1).ravel()
-    scene.set(u)
-    scene.set_load(1.0)
-    scene.accept()
-    u.array[:] *= 1.5
-    d.array[:] = np.cos(x[:, [1, 2, 0]] / 3).ravel()
-    d.array[scene.fixed_dofs] = 0
-    A, r = scene.create_matrix(), scene.u.duplicate()
-    scene.set(u)
-    scene.tangent(A)
-    change = A * d
-    ((c, stiffness),) = scene.compliances()
-    change.axpy(-c.dot(d) / stiffness, c)
-    h, difference = 2e-6, scene.u.duplicate()
-    difference.set(0.0)
-    for k, weight in ((1, 8), (-1, -8), (2, -1), (-2, 1)):
-        v = u.copy()
-        v.axpy(k * h, d)
-        scene.set(v)
-        scene.residual(r)
-        difference.axpy(weight / (12 * h), r)
-    assert held.force()[2] < 0 < pushed.force()[2]
-    assert (difference - change).norm() <= 1e-6 * change.norm()
+    depth = np.linspace(0.1, 4.0, len(blank.coordinates())) * fabric.thickness_under(0.0)
+    blank.u.x.array[:] = pressed_in(blank, contact.tool, depth, around(surface, blank))
+    assert off_differences(contact) < 1e-6
 
 
 def test_tool_pushed_past_the_sheet_is_no_state():
     blank = sheet(10, 10, 2, 2, comm=MPI.COMM_SELF)
-    contact = alone(
-        blank, Contact(Tool(Sphere(5.0, (50, 0, -10)), force=(0, 0, 1.0), name="ball"), T, K)
-    )
+    ball = Tool(Sphere(5.0, (50, 0, -10)), force=(0, 0, 1.0), name="ball")
+    contact = alone(blank, Contact(ball, T, K))
     contact.set_load(1.0)
     assert math.isnan(contact.stored())
 
@@ -202,64 +124,37 @@ def test_tool_pushed_past_the_sheet_is_no_state():
 # -- forces, pressures, positions
 
 
-def over_a_bar(nx, pattern, fabric=None, penalty=1e4, tension=5.0, **options):
-    """A strip laid around a quarter of a bar of radius 10 mm, by its middle surface, and pulled at
-    both ends by `tension` or, of `fabric`, by 2 %; its contact, and the states that it went
-    through."""
+def over_a_bar(nx, pattern, penalty=1e4, tension=5.0):
+    """Contact of a strip laid around a quarter of a bar of radius 10 mm, by its middle surface, and
+    pulled at both ends; the largest error of the pressure, T / R."""
     radius, angle, tail, width = 10.0, math.pi / 2, 2.0, 4.0
     length = radius * angle + 2 * tail
     shape, *ways = bent(radius, angle, tail)
     last = abs(shape(np.array([[length, 0, 0]]))[0, 0])
     blank = sheet(length, width, nx, 4, pattern, shape=shape, a=np.array([1.0, 0, 0]))
-    thickness = fabric.thickness if fabric else T
-    tool = Tool(Cylinder((0, 0, 0), (0, 1, 0), radius - thickness / 2), name="bar")
-    contact = Contact(tool, thickness, penalty, **options)
-    terms = [Membrane(fabric) if fabric else Elastic(1e5), contact]
-    supports = [Support("side", near(1, 0.0), (1,))]
-    for sign, way in zip((-1, 1), ways):
-
-        def end(x, sign=sign):
-            return sign * x[0] > last - 1e-6
-
-        if fabric:
-            supports.append(
-                Support(f"end {sign}", end, (0, 2), tuple(0.01 * length * np.array(way)))
-            )
-        else:
-            terms.append(EdgeTension(lambda load: load * tension, way, end))
-    if not fabric:
-        supports.append(Support("middle", near(0, 0.0), (0,)))
-    states = run(Scene(blank, terms, supports), 2)
-    if fabric:
-        return contact, states
+    bar = Tool(Cylinder((0, 0, 0), (0, 1, 0), radius - T / 2), name="bar")
+    contact, supports = Contact(bar, T, penalty), [Support("side", near(1, 0.0), (1,))]
+    pulls = [
+        EdgeTension(lambda load: load * tension, way, lambda x, s=s: s * x[0] > last - 1e-6)
+        for s, way in zip((-1, 1), ways)
+    ]
+    supports.append(Support("middle", near(0, 0.0), (0,)))
+    run(Scene(blank, [Elastic(1e5), contact, *pulls], supports), 2)
     assert contact.force()[2] == pytest.approx(2 * tension * width * math.sin(angle / 2), rel=1e-6)
     inside = np.abs(np.arctan2(*contact.nodes.places[:, [0, 2]].T)) < 0.4 * angle
     errors = np.abs(contact.state().pressure[inside] / (tension / radius) - 1)
-    return contact, COMM.allreduce(errors.max(initial=0.0), MPI.MAX)
+    return COMM.allreduce(errors.max(initial=0.0), MPI.MAX)
 
 
 @pytest.mark.versions
 @pytest.mark.mpi
 def test_strip_over_a_cylinder():
-    """Contact force 2 T w sin(angle / 2) and, where nodes lie on lines along the bar, contact
-    pressure T / R."""
-    errors = [over_a_bar(nx, "left")[1] for nx in (12, 24, 96)]
-    assert errors[0] < 1e-2
-    assert errors[1] < 1e-3
-    assert errors[2] < 2e-4
+    """Where nodes lie on lines along the bar the contact pressure is T / R."""
+    errors = [over_a_bar(nx, "left") for nx in (12, 24)]
+    assert errors[0] < 1e-2 and errors[1] < 1e-3
     # elsewhere it scatters, the less the finer the mesh and the softer the contact
-    errors = [over_a_bar(nx, "crossed", penalty=100)[1] for nx in (24, 48, 96)]
-    assert errors[0] < 0.05
-    assert errors[1] < 0.9 * errors[0]
-    assert errors[2] < 0.5 * errors[1]
-
-
-@pytest.mark.mpi
-def test_default_penalty():
-    """A woven strip, stretched by 2 % over the radius that the penalty was made for."""
-    fabric = load("komeili")
-    contact, states = over_a_bar(24, "left", fabric, default_penalty(fabric, 10.0))
-    assert 0.002 * fabric.thickness < contact.penetration() <= 0.02 * fabric.thickness
+    errors = [over_a_bar(nx, "crossed", penalty=100) for nx in (24, 96)]
+    assert errors[0] < 0.05 and errors[1] < 0.45 * errors[0]
 
 
 def disc(rings, radius, shape=lambda x: x):
@@ -299,22 +194,6 @@ def test_circular_membrane_under_pressure():
             COMM.allreduce(displacement(blank)[:, 2].max(initial=0.0), MPI.MAX) / exact - 1
         )
     assert abs(errors[0]) < 0.02 and abs(errors[1]) < 0.4 * abs(errors[0])
-
-
-@pytest.mark.mpi
-def test_cap_pressed_onto_a_ball():
-    """By a dead pressure p, on a cap whose rim is free: contact bears p A."""
-    radius, pressure = 20.0, 0.5
-    blank = disc(
-        8, 10.0, lambda x: x + [0, 0, 1] * np.sqrt(radius**2 - (x**2).sum(1, keepdims=True))
-    )
-    contact = Contact(Tool(Sphere(radius - T / 2, (0, 0, 0)), name="ball"), T, K)
-    top = Support("top", lambda x: np.hypot(x[0], x[1]) < 1e-6, (0, 1))
-    side = Support("side", lambda x: (np.abs(x[1]) < 1e-6) & (x[0] > 10 - 1e-6), (1,))
-    scene = Scene(blank, [Elastic(1e3), DeadPressure(pressure, (0, 0, -1)), contact], [top, side])
-    run(scene, 2)
-    area = contact.nodes.total(contact.nodes.areas)
-    assert contact.force() == pytest.approx([0, 0, pressure * area], rel=1e-6, abs=1e-6)
 
 
 def rates(report):
@@ -377,19 +256,11 @@ def test_two_balls_pushed_by_force():
 
 
 def test_quadrilaterals_bear_a_pressure():
-    points, cells, kind = (
-        specimen(20, 10, 4, 2, "left", "quadrilateral") if COMM.rank == 0 else (None,) * 3
-    )
-    blank = Blank.from_arrays(COMM, points, cells, kind, spatial=True)
+    blank = sheet(20, 10, 4, 2, cell="quadrilateral")
     table = Contact(Tool(Plane((0, 0, -T / 2), (0, 0, 1)), name="table"), T, K)
-    terms = [
-        Elastic(),
-        table,
-        BlankHolderPressure(
-            lambda load: 5 * load, (0, 0, -1), lambda x: x[0] < 10 + 1e-6, lag=1e-12
-        ),
-    ]
-    run(Scene(blank, terms, [Support("all", everywhere, (0, 1))]), 2)
+    under = lambda x: x[0] < 10 + 1e-6  # noqa: E731
+    press = BlankHolderPressure(lambda load: 5 * load, (0, 0, -1), under, lag=1e-12)
+    run(Scene(blank, [Elastic(), table, press], [Support("all", everywhere, (0, 1))]), 2)
     # nodes in the middle have half their area beyond, where the sheet rises over a cell of 5 mm
     rise = math.hypot(1, table.penetration() / 5)
     assert table.force()[2] == pytest.approx(5 * (100 + 25 * rise), rel=1e-9)
@@ -401,80 +272,61 @@ def test_quadrilaterals_bear_a_pressure():
 PLANE = Plane((0, 0, 0), (0, 0, 1))
 
 
+def contact(**options):
+    return Contact(Tool(PLANE, name="table"), **{"thickness": T, "penalty": K} | options)
+
+
+def square(**options):
+    return flat(10, 10, 2, 2, "left", **{"spatial": True} | options)
+
+
+def plies():
+    return Stack([(square(), T, name) for name in ("lower", "upper")])
+
+
+def holder(**options):
+    return BlankHolderPressure(1.0, (0, 0, 1), lambda x: x[0] > 0, **options)
+
+
+TURNED = {"frame": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]}
+
+
 @pytest.mark.parametrize(
-    "options, words",
+    "make, words",
     [
-        ({"penalty": math.nan}, "penalty of the contact with table is nan"),
-        ({"blank": {"degree": 3}}, "other cells; allowed are P1, Q1, and P2 with straight"),
-        ({"where": lambda x: x[0] > 1e3}, "contact of blank is asked for where no node is"),
-        (
-            {"blank": {"frame": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]}},
-            "along turned axes; allowed are x, y and z",
-        ),
+        (lambda: contact(penalty=math.nan), "penalty of the contact with table is nan"),
+        (lambda: alone(square(degree=3), contact()), "other cells; allowed are P1, Q1, and P2"),
+        (lambda: alone(square(), contact(where=lambda x: x[0] > 1e3)), "where no node is"),
+        (lambda: alone(square(**TURNED), contact()), "along turned axes; allowed are x, y and z"),
+        (lambda: alone(square(spatial=False), contact()), "in a plane; allowed .* `spatial=True`"),
+        (lambda: Scene(square(), [contact()] * 2), "in the scene twice"),
+        (lambda: alone(plies(), holder()), "blank holder of a stack needs `.on"),
+        (lambda: Tool(PLANE, force=(0, 0, 0), name="press"), "press at full load is .* not all 0"),
+        (lambda: Tool(PLANE, force=(0, 0), name="press"), "three finite numbers"),
+        (lambda: Tool(PLANE, force=lambda q: (0, 0, 2 * q - 1), name="press"), "at load 0 is"),
+        (lambda: Tool(PLANE, force=lambda q: (1 - q, 0, q), name="press"), "0 is .* along that at"),
     ],
 )
-def test_bad_contact_is_refused(options, words):
-    blank = sheet(10, 10, 2, 2, **options.pop("blank", {}))
+def test_bad_contact_is_refused(make, words):
     with pytest.raises(InputError, match=words):
-        alone(
-            blank, Contact(Tool(PLANE, name="table"), **({"thickness": T, "penalty": K} | options))
-        )
+        make()
 
 
 def test_two_contacts_with_one_tool_are_refused():
     table = Tool(PLANE, name="table")
     with pytest.raises(InputError, match="2 contacts with table given; allowed is one"):
-        Scene(sheet(10, 10, 2, 2), [Contact(table, T, K), Contact(table, T, K)])
-
-
-def test_contact_in_a_plane_is_refused():
-    blank = Blank.from_arrays(COMM, *(specimen(10, 10, 2, 2) if COMM.rank == 0 else (None,) * 3))
-    with pytest.raises(
-        InputError, match="contact of blank is asked for in a plane; allowed .* `spatial=True`"
-    ):
-        alone(blank, Contact(Tool(PLANE, name="table"), T, K))
-
-
-def test_a_checkpoint_knows_the_pressure_of_a_holder():
-    press = BlankHolderPressure(2.0, (0, 0, 1), lambda x: x[0] > 0)
-    assert alone(sheet(10, 10, 2, 2), press).fingerprint["pressure"] == 2.0
+        Scene(square(), [Contact(table, T, K), Contact(table, T, K)])
 
 
 def test_pressed_areas_that_alternate_are_left_alone_in_the_end():
     """Three times in a step they are taken anew, and in the next step again."""
     shares = iter([0.0, 0.0] + 10 * [1.0, 0.5])
-    press = BlankHolderPressure(
-        1.0, (0, 0, 1), lambda x: np.full(x.shape[1], next(shares)), lag=0.01
-    )
+    under = lambda x: np.full(x.shape[1], next(shares))  # noqa: E731
+    press = BlankHolderPressure(1.0, (0, 0, 1), under, lag=0.01)
     alone(sheet(10, 10, 2, 2), press)
     for factor in (0.5, 1.0):
         press.set_load(factor)
         assert [press.update_lagged() for _ in range(5)] == [True, True, True, False, False]
-
-
-@pytest.mark.mpi
-def test_a_holder_touches_one_sheet_of_a_stack():
-    stack = Stack([(sheet(10, 10, 2, 2), T, name) for name in ("lower", "upper")])
-    with pytest.raises(InputError, match="blank holder of a stack needs `.on"):
-        alone(stack, BlankHolderPressure(1.0, (0, 0, 1), lambda x: x[0] > 0))
-
-
-@pytest.mark.parametrize(
-    "force, words",
-    [
-        ((0, 0, 0), "force of press at full load is .* not all 0"),
-        ((0, 0), "three finite numbers"),
-        (lambda load: (0, 0, math.nan), "three finite numbers"),
-        (
-            lambda load: (1 - load, 0, load),
-            "force of press at load 0 is .* along that at full load",
-        ),
-        (lambda load: (0, 0, 2 * load - 1), "force of press at load 0 is"),
-    ],
-)
-def test_bad_force_is_refused(force, words):
-    with pytest.raises(InputError, match=words):
-        Tool(PLANE, force=force, name="press")
 
 
 def test_a_ball_moved_by_force_lifts_a_flat_sheet_that_nothing_stretches_yet():
@@ -496,12 +348,10 @@ def test_forces_that_pinch_a_sheet_are_no_measure_of_what_it_bears():
     up = np.array([0.0, 0.0, 1.0])
     table = Contact(Tool(Reversed(Plane((0, 0, T / 2), up)), name="table"), T, K)
     pressing = BlankHolderPressure(2.0, up, lambda x: np.ones(x.shape[1]))
-    sides = [Support("grip", everywhere, (0, 1))]
-    scene = Scene(blank, [Elastic(), table, pressing], sides)
-    states = run(scene, 2)
+    grip = Support("grip", everywhere, (0, 1))
+    states = run(Scene(blank, [Elastic(), table, pressing], [grip]), 2)
     gross = np.linalg.norm(COMM.allreduce(np.linalg.norm(pressing.applied_forces())))
-    assert states[-1].report.scale < 2e-3 * gross and len(pressing.normal_forces())
-    assert sum(states[0].energies.values()) > 0 and closed(states[0], 1e-9) is None
+    assert states[-1].report.scale < 2e-3 * gross
 
 
 # -- where steps begin

@@ -64,8 +64,7 @@ def test_forces_at_faces_have_neither_sum_nor_moment(pair):
 
 def test_friction_and_its_stiffness_are_derivatives(pair):
     displaced(pair, lambda x: np.outer(np.sin(x[:, 0]), [0.02, 0.01, 0.0]) * (x[:, 2:] > 0.5 * T))
-    forces, stiffness = off_differences(pair, pair)
-    assert forces < 1e-6 and stiffness < 1e-6
+    assert off_differences(pair, 0.01) < 1e-6
 
 
 def test_a_rank_without_points_has_no_sliding(pair):

@@ -47,13 +47,6 @@ def test_the_gap_is_held_as_a_paraboloid(points):
     assert points.pairs() is not start and points.pairs() is points.pairs()
 
 
-@pytest.mark.mpi
-def test_values_of_points_go_to_cells_and_back(points):
-    values = np.arange(3.0 * points.count).reshape(-1, 3)
-    for each in (values, values[:, 0]):
-        assert np.array_equal(points.of_cells(points.part.rows(each, points.per_cell)), each)
-
-
 def test_a_step_begins_with_the_faces_of_its_prediction(points):
     """Over the areas of the last accepted state, until a solution is found."""
     faces = LaggedFaces(points, 0.01, 3 * points.nodes.count)

@@ -68,8 +68,7 @@ FOLDS = {
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("fold", FOLDS)
+@pytest.mark.parametrize("fold, degree", [("both", 1), ("up", 2), ("down", 1)])
 def test_layers_press_each_other_with_what_the_law_says(fold, degree):
     """Away from folds and ends the pressure is that of the overlap; a layer in the middle is
     pressed on both faces."""
@@ -93,9 +92,8 @@ def test_layers_press_each_other_with_what_the_law_says(fold, degree):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("fold", FOLDS)
-def test_action_is_reaction_with_its_moment(fold):
-    scene, contact = scene_of(FOLDS[fold], -0.2)
+def test_action_is_reaction_with_its_moment():
+    scene, contact = scene_of(FOLDS["both"], -0.2)
     forces, _, x = forces_of(scene, contact)
     total, moment = COMM.allreduce(np.array([forces.sum(0), np.cross(x, forces).sum(0)]))
     size = COMM.allreduce(contact.normal_forces().sum())
@@ -138,14 +136,13 @@ def test_ranks_share_what_one_finds(by_position):
     assert found[0][1] == pytest.approx(found[1][1], rel=1e-9)
 
 
-@pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("friction", [0.0, 0.3])
-@pytest.mark.parametrize("fold", FOLDS)
+@pytest.mark.parametrize(
+    "fold, friction, degree", [("both", 0.0, 2), ("both", 0.3, 1), ("down", 0.3, 2)]
+)
 def test_forces_and_tangent_are_derivatives(fold, friction, degree):
-    scene, contact = scene_of(FOLDS[fold], -0.1, nx=30 // degree, degree=degree, friction=friction)
-    forces, stiffness = off_differences(scene, contact)
+    _, contact = scene_of(FOLDS[fold], -0.1, nx=30 // degree, degree=degree, friction=friction)
+    assert off_differences(contact, 0.01) < 1e-6
     assert (contact.state().pressure > 0).any()
-    assert forces < 1e-6 and stiffness < 1e-6
 
 
 @pytest.mark.mpi
@@ -169,25 +166,21 @@ def test_a_run_goes_on_from_what_it_remembers(by_position):
 # -- what bad input gets
 
 
+def square(**options):
+    return rectangle(9, 9, 2, 2, **options)
+
+
 @pytest.mark.parametrize(
     "make, options, words",
     [
         (
-            lambda: ff.Stack([(rectangle(9, 9, 2, 2, spatial=True), T, n) for n in "ab"]),
+            lambda: ff.Stack([(square(spatial=True), T, n) for n in "ab"]),
             {"penalty": 1.0},
             "asked of a stack; allowed is one sheet, as by `.on('a')`",
         ),
-        (lambda: rectangle(9, 9, 2, 2), {"penalty": 1.0}, "can't leave its plane or is curved"),
-        (
-            lambda: rectangle(9, 9, 2, 2, spatial=True),
-            {"penalty": 1.0, "thickness": None},
-            "self-contact needs a thickness, a number above 0",
-        ),
-        (
-            lambda: rectangle(9, 9, 2, 2, spatial=True),
-            {},
-            "self-contact needs a penalty, a number above 0, as the sheet has not a fabric or",
-        ),
+        (square, {"penalty": 1.0}, "can't leave its plane or is curved"),
+        (lambda: square(spatial=True), {"penalty": 1.0, "thickness": None}, "needs a thickness"),
+        (lambda: square(spatial=True), {}, "needs a penalty, a number above 0, as the sheet has"),
     ],
 )
 def test_sheets_that_cannot_touch_themselves(make, options, words):
@@ -202,6 +195,7 @@ def test_sheets_that_cannot_touch_themselves(make, options, words):
 L, W, D, CELLS = 100.0, 8.0, 8.33, (40, 80)
 START, END = 40.0, 17.0  # mm between the ends
 EULER = (2 * np.pi / L) ** 2  # load of the flat strip over D
+FORCE = 30.0  # on the fold [N]
 
 
 def half(P, M, R=0.0):
@@ -284,68 +278,51 @@ def test_an_elastica_that_touches_itself():
     assert (fine < [0.05, 0.08]).all() and (fine < coarse / 2.5).all()
 
 
-def test_without_contact_it_passes_through_itself():
-    with pytest.raises(ff.SolverFailure, match="passes through itself at"):
-        strip(CELLS[0], end=12.0).run()
-
-
 # -- a fold that a plate presses flat
 
 
 def pressed_fold(contact):
-    """Job of a folded strip of faces 6 mm apart between a table and a plate, which a force lowers.
-    The lower limb is held at its end."""
-    t, high, force = 6.0, 16.0, 30.0
+    """A folded strip of faces 6 mm apart between a table and a plate, which a force lowers. The
+    lower limb is held at its end."""
+    t, high = 6.0, 16.0
     blank = rectangle(LENGTH, 4.0, 60, 2, "left", spatial=True)
     lead(blank, folded({LENGTH / 2: 1}, high - t - T))
-    plate = ff.Tool(
-        ff.Plane((0, 0, high - t / 2), (0, 0, -1)),
-        force=lambda load: (0, 0, -1 - load * (force - 1)),
-        name="plate",
-    )
+    force = lambda load: (0, 0, -1 - load * (FORCE - 1))  # noqa: E731
+    plate = ff.Tool(ff.Plane((0, 0, high - t / 2), (0, 0, -1)), force=force, name="plate")
     table = ff.Tool(ff.Plane((0, 0, -t / 2), (0, 0, 1)), name="table")
     terms = [Elastic(500.0), ff.Bending(D, D_t=2 * D, clamped=near(0, 0.0))]
     terms += [ff.Contact(tool, t, 20.0, friction=0.3) for tool in (plate, table)]
     held = [ff.Support("end", near(0, 0.0), (0, 2)), ff.Support("side", near(1, 0.0), (1,))]
-    return ff.Job(ff.Scene(blank, terms + contact, held), steps=8), force, t
+    return ff.Scene(blank, terms + contact, held)
 
 
-def test_a_fold_closes_and_bears_the_load():
+def test_a_fold_closes_and_bears_the_load(tmp_path):
     """Its limbs press each other with what the stiff bend does not bear, no deeper than they may;
-    energies and work agree."""
-    contact = ff.SelfContact(6.0, penalty=20.0, friction=0.3)
-    job, force, t = pressed_fold([contact])
-    result = job.run()
-    assert 0.9 * force < contact.totals[3] < force
-    assert contact.largest_depth() < PENETRATION * t
-    found = result.summary["self_contact"]["blank"]
-    assert found["normal_force_N"] == contact.totals[3]
-    assert result.rows[-1]["energy_imbalance"] < 0.03
-    assert np.nanmax(result.fields["sheet_pressure"], initial=0) > 0 or COMM.size > 1
-
-
-def test_a_run_that_is_resumed_ends_alike(tmp_path):
-    """From where the fold has closed on."""
-    found, start = [], None
+    energies and work agree. From where the fold has closed on a resumed run ends alike."""
+    ends, start = [], None
     for _ in range(2):
         contact = ff.SelfContact(6.0, penalty=20.0, friction=0.3)
-        scene = pressed_fold([contact])[0].scene
+        scene, states = pressed_fold([contact]), []
         checkpoint = Checkpoint(tmp_path / "c.npz", scene.blank, {})
-        start = checkpoint.load()[0] if found else None
+        start = checkpoint.load()[0] if ends else None
 
-        def keep(state, checkpoint=checkpoint):
+        def keep(state, checkpoint=checkpoint, states=states):
+            states.append(state)
             if state.load == 0.5:
                 checkpoint.save(state.progress, {})
 
         newton = Newton(scene, tolerance=1e-11)
-        outcome = march(newton, 8, start=start, on_accept=keep, milestones=[0.5])
-        assert not outcome.reason and contact.totals[3] > 0
-        found.append((scene.blank.u.x.array.copy(), contact.totals[3], contact.energies()))
-    assert abs(found[0][0] - found[1][0]).max() < 1e-8
-    assert found[0][1] == pytest.approx(found[1][1], rel=1e-7)
-    assert found[0][2] == pytest.approx(found[1][2], rel=1e-6)
+        assert not march(newton, 8, start=start, on_accept=keep, milestones=[0.5]).reason
+        assert 0.9 * FORCE < contact.totals[3] < FORCE
+        assert contact.largest_depth() < PENETRATION * 6.0
+        energies, work = states[-1].energies, states[-1].external_work
+        assert sum(energies.values()) == pytest.approx(work, rel=0.03)
+        ends.append((scene.blank.u.x.array.copy(), contact.totals[3], contact.energies()))
+    assert abs(ends[0][0] - ends[1][0]).max() < 1e-8
+    assert ends[0][1] == pytest.approx(ends[1][1], rel=1e-7)
+    assert ends[0][2] == pytest.approx(ends[1][2], rel=1e-6)
 
 
 def test_without_contact_the_fold_is_pressed_through_itself():
     with pytest.raises(ff.SolverFailure, match="passes through itself at"):
-        pressed_fold([])[0].run()
+        ff.Job(pressed_fold([]), steps=8).run()

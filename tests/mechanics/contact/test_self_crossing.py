@@ -61,10 +61,6 @@ def test_neighbours_do_not_count():
     assert not len(self_crossings(blank.whole))
 
 
-def test_a_sheet_in_a_plane_is_not_looked_at():
-    assert not len(self_crossings(rectangle(LENGTH, WIDTH, 4, 2).whole))
-
-
 def test_a_run_that_ends_so_is_not_believed():
     """Here all nodes are led to where the sheet lies in itself."""
     blank = rectangle(LENGTH, WIDTH, 20, 4, spatial=True)

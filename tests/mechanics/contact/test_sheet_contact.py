@@ -40,64 +40,6 @@ def membranes(names, modulus=100.0):
     ]
 
 
-@pytest.fixture(scope="module")
-def pressed():
-    """Three discs, of cells 1 : 1.37 and turned by 17 deg, pressed between two plates."""
-    load = PRESSURE * math.pi * RADIUS**2
-    stack = ff.Stack([(disc(8, 0), T, "a"), (disc(11, 17), T, "b"), (disc(8, 0), T, "c")])
-    top = ff.Tool(
-        ff.Plane((0, 0, 2.5 * T), (0, 0, -1)), force=lambda at: (0, 0, -at * load), name="top"
-    )
-    bottom = ff.Tool(ff.Plane((0, 0, -T / 2), (0, 0, 1)), name="bottom")
-    plates = ff.Contact(top), ff.Contact(bottom)
-    pairs = [ff.SheetContact(*names, points=6) for names in (ABC[:2], ABC[1:])]
-    held = [ff.Support("plane", everywhere, (0, 1))]
-    scene = ff.Scene(stack, [*membranes(ABC), *pairs, *plates], held)
-    job = ff.Job(scene, steps=4, tolerance=1e-10, limits=ff.Limits(imbalance=1e9))
-    return job.run(), scene, pairs, plates, load
-
-
-@pytest.mark.versions
-@pytest.mark.mpi
-def test_patch_pressure(pressed):
-    """In the inner part it is uniform to 1 %: 6 points of a cell integrate the shape functions of
-    others to that, and the face's normals are those of sheets that this presses uneven."""
-    result, scene, _, _, _ = pressed
-    pressure = result.fields["sheet_pressure"]
-    inner = (np.hypot(*scene.blank.midpoints()[:2]) < 0.6 * RADIUS) & np.isfinite(pressure)
-    found = np.concatenate(COMM.allgather(pressure[inner]))
-    assert len(found) > 100
-    assert abs(found - found.mean()).max() < 0.01 * found.mean()
-    assert found.mean() == pytest.approx(PRESSURE, rel=0.01)
-
-
-def test_the_back_of_a_fold_is_not_pressed():
-    """The lower sheet's end is folded over and lies in the upper sheet with its back up; the upper
-    one is moved, so that what lay below its points has to be sought anew."""
-    sheets = [(rectangle(60, 10, 60, 10, "crossed", COMM, spatial=True), T, n) for n in ABC[:2]]
-    stack, contact = ff.Stack(sheets), ff.SheetContact("a", "b")
-    ff.Scene(stack, [*membranes(ABC[:2]), contact], [])
-    X = stack.coordinates()
-    lower = stack.part("a").nodes
-    fold = [80, 0, 0.8 * T] + X * [-1, 1, 1]
-    x = np.where((lower & (X[:, 0] > 40))[:, None], fold, X)
-    x[~lower, 0] -= 3.0
-    stack.u.x.array[:] = (x - X).ravel()
-    pairs = contact.points.pairs()
-    assert COMM.allreduce(len(pairs.gap)) > 1000
-    assert pairs.gap.min(initial=0) > -1e-9 and (pairs.normal[:, 2] > 0).all()
-
-
-@pytest.mark.mpi
-def test_patch_forces(pressed):
-    """Each contact bears the whole load."""
-    _, _, pairs, (top, bottom), load = pressed
-    assert top.force() == pytest.approx([0, 0, -load], abs=1e-9 * load)
-    assert bottom.force() == pytest.approx([0, 0, load], abs=1e-9 * load)
-    for pair in pairs:
-        assert pair.totals[:3] == pytest.approx([0, 0, load], abs=1e-9 * load)
-
-
 def nodal_forces(scene, term):
     """Of a term on the owned nodes (nodes, 3), and where these are."""
     f = scene.u.duplicate()
@@ -110,32 +52,64 @@ def nodal_forces(scene, term):
     return forces, (blank.coordinates() + blank.nodal_displacement())[: len(forces)]
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
-def test_action_is_reaction_with_its_moment(pressed):
-    _, scene, pairs, _, load = pressed
+def test_three_discs_between_two_plates():
+    """Of cells 1 : 1.37 and turned by 17 deg: each contact bears the whole load, action is reaction
+    with its moment, and in the inner part the pressure is uniform to 1 %: 6 points of a cell
+    integrate the shape functions of others to that, and the face's normals are those of sheets that
+    this presses uneven. Fabrics are compacted by what their laws say under the largest pressure, at
+    the rim."""
+    load = PRESSURE * math.pi * RADIUS**2
+    stack = ff.Stack([(disc(8, 0), T, "a"), (disc(11, 17), T, "b"), (disc(8, 0), T, "c")])
+    upper, lower = ff.Plane((0, 0, 2.5 * T), (0, 0, -1)), ff.Plane((0, 0, -T / 2), (0, 0, 1))
+    top = ff.Contact(ff.Tool(upper, force=lambda at: (0, 0, -at * load), name="top"))
+    bottom = ff.Contact(ff.Tool(lower, name="bottom"))
+    pairs = [ff.SheetContact(*names, points=6) for names in (ABC[:2], ABC[1:])]
+    held = [ff.Support("plane", everywhere, (0, 1))]
+    scene = ff.Scene(stack, [*membranes(ABC), *pairs, top, bottom], held)
+    job = ff.Job(scene, steps=4, tolerance=1e-10, limits=ff.Limits(imbalance=1e9))
+    result = job.run()
+    pressure = result.fields["sheet_pressure"]
+    inner = (np.hypot(*stack.midpoints()[:2]) < 0.6 * RADIUS) & np.isfinite(pressure)
+    pressures = np.concatenate(COMM.allgather(pressure[inner]))
+    assert len(pressures) > 100
+    assert abs(pressures - pressures.mean()).max() < 0.01 * pressures.mean()
+    assert pressures.mean() == pytest.approx(PRESSURE, rel=0.01)
+    assert top.force() == pytest.approx([0, 0, -load], abs=1e-9 * load)
+    assert bottom.force() == pytest.approx([0, 0, load], abs=1e-9 * load)
     for pair in pairs:
+        assert pair.totals[:3] == pytest.approx([0, 0, load], abs=1e-9 * load)
         forces, x = nodal_forces(scene, pair)
         # `add_forces` gives the energy's derivative: minus the forces on the nodes
         total, moment = COMM.allreduce(np.array([forces.sum(0), np.cross(x, forces).sum(0)]))
-        assert abs(total).max() < 1e-9 * load
-        assert abs(moment).max() < 1e-9 * load * RADIUS
-        on = scene.blank.part(pair.sheets[1]).nodes
-        upper = -COMM.allreduce(forces[on].sum(0))
-        assert upper == pytest.approx(pair.force(), abs=1e-9 * load)
-
-
-def test_fabrics_are_compacted_not_penetrated(pressed):
-    """By what their laws say under the largest pressure, at the rim."""
-    result, _, pairs, _, load = pressed
-    for pair in pairs:
+        assert abs(total).max() < 1e-9 * load and abs(moment).max() < 1e-9 * load * RADIUS
+        on = -COMM.allreduce(forces[stack.part(pair.sheets[1]).nodes].sum(0))
+        assert on == pytest.approx(pair.force(), abs=1e-9 * load)
         entry = result.summary["sheet_contacts"][", ".join(pair.sheets)]
         assert entry["penetration_of_thickness"] == pair.penetration_of_thickness() == 0.0
-        largest = COMM.allreduce(
-            float((pair.normal_forces() / pair.points.areas).max(initial=0)), MPI.MAX
-        )
-        assert pair.largest_depth() == pytest.approx(pair.depth_under(largest), rel=1e-3)
-        assert T - pair.largest_depth() == pytest.approx(FABRIC.thickness_under(largest), rel=1e-3)
         assert entry["normal_force_N"] == pytest.approx(load, rel=1e-6)
+        most = float((pair.normal_forces() / pair.points.areas).max(initial=0))
+        most = COMM.allreduce(most, MPI.MAX)
+        assert pair.largest_depth() == pytest.approx(pair.depth_under(most), rel=1e-3)
+        assert T - pair.largest_depth() == pytest.approx(FABRIC.thickness_under(most), rel=1e-3)
+
+
+def test_the_back_of_a_fold_is_not_pressed():
+    """The lower sheet's end is folded over and lies in the upper sheet with its back up; the upper
+    one is moved, so that what lay below its points has to be sought anew."""
+    sheets = [(rectangle(60, 10, 30, 5, "crossed", spatial=True), T, n) for n in ABC[:2]]
+    stack, contact = ff.Stack(sheets), ff.SheetContact("a", "b")
+    ff.Scene(stack, [*membranes(ABC[:2]), contact], [])
+    X = stack.coordinates()
+    lower = stack.part("a").nodes
+    fold = [80, 0, 0.8 * T] + X * [-1, 1, 1]
+    x = np.where((lower & (X[:, 0] > 40))[:, None], fold, X)
+    x[~lower, 0] -= 3.0
+    stack.u.x.array[:] = (x - X).ravel()
+    pairs = contact.points.pairs()
+    assert COMM.allreduce(len(pairs.gap)) > 500
+    assert pairs.gap.min(initial=0) > -1e-9 and (pairs.normal[:, 2] > 0).all()
 
 
 # -- derivatives
@@ -163,40 +137,31 @@ def two(depth, bow=0.0, tilt=0.0, moved=None, **options):
 STATES = {
     "pressed": {"depth": 0.05, "bow": 0.02},
     "flat": {"depth": 0.05},
-    "open": {"depth": -0.05, "bow": 0.02},
     "partly": {"depth": 0.0, "bow": 0.02, "tilt": 0.05},
 }
 
 
-@pytest.mark.parametrize("points", [1, 3, 6])
-@pytest.mark.parametrize("state", ["pressed", "flat", "partly"])
+@pytest.mark.parametrize("state, points", [("pressed", 1), ("flat", 6), ("partly", 3)])
 def test_forces_and_tangent_are_derivatives(state, points):
     scene, pair = two(**STATES[state], points=points)
     touching = (pair.normal_forces() > 0).sum()
-    assert (
-        0 < touching < pair.points.count
-        if state == "partly"
-        else touching > 0.9 * pair.points.count
-    )
-    forces, stiffness = off_differences(scene, pair)
-    assert forces < 1e-6
-    assert stiffness < 1e-6
+    share = touching / pair.points.count
+    assert 0 < share < 1 if state == "partly" else share > 0.9
+    assert off_differences(pair, 0.01) < 1e-6
 
 
-@pytest.mark.parametrize("taken", [False, True])
-def test_derivatives_where_points_slide_over_edges(taken):
+@pytest.mark.parametrize("updated", [False, True])
+def test_derivatives_where_points_slide_over_edges(updated):
     """By more than a cell, before the faces are taken anew and after."""
     scene, pair = two(**STATES["pressed"])
     before = pair.points.pairs().motion
     stack = scene.blank
     u, on_upper = stack.u.x.array.reshape(-1, 3), stack.coordinates()[:, 2] > T / 2
     u[on_upper] += (2.9, 1.3, -0.06)
-    if taken:
+    if updated:
         assert scene.update_lagged()
     assert (pair.points.pairs().motion is not before) and (pair.normal_forces() > 0).any()
-    forces, stiffness = off_differences(scene, pair)
-    assert forces < 1e-6
-    assert stiffness < 1e-6
+    assert off_differences(pair, 0.01) < 1e-6
 
 
 def test_states_that_alternate_are_met_half_way(by_position):
@@ -253,18 +218,11 @@ def test_depth_counts_in_equilibrium_alone():
         assert contact.largest_depth() == pytest.approx(deepest)
 
 
-def test_sheets_apart_bear_nothing():
-    scene, pair = two(**STATES["open"])
-    forces, _ = nodal_forces(scene, pair)
-    assert pair.stored() == 0 and not forces.any() and not pair.tangent()[2].any()
-
-
-@pytest.mark.parametrize("state", ["pressed", "partly"])
-def test_a_rigid_motion_of_the_scene(state, by_position):
+def test_a_rigid_motion_of_the_scene(by_position):
     """Energy and forces are those of the scene where it was."""
     Q, far, found = rotation(3), np.array([30.0, -20.0, 7.0]), []
     for turn, shift in ((np.eye(3), 0 * far), (Q, far)):
-        scene, pair = two(**STATES[state], moved=lambda x, t=turn, s=shift: x @ t.T + s)
+        scene, pair = two(**STATES["partly"], moved=lambda x, t=turn, s=shift: x @ t.T + s)
         forces, _ = nodal_forces(scene, pair)
         places = scene.blank.coordinates()[: len(forces)]
         _, forces = by_position(COMM, places, forces @ turn)
@@ -305,19 +263,6 @@ def test_each_fabric_is_compacted_as_its_own_law_says():
 # -- what bad input gets
 
 
-@pytest.mark.parametrize(
-    "given, words",
-    [
-        ({"penalty": 0.0}, "penalty of the contact of a and b is 0.0; allowed is"),
-        ({"points": 2}, "points in a cell of the contact of a and b is 2; allowed is one of 1"),
-    ],
-)
-def test_numbers_that_are_not_allowed(given, words):
-    with pytest.raises(ff.InputError) as error:
-        ff.SheetContact(**({"lower": "a", "upper": "b"} | given))
-    assert words in str(error.value)
-
-
 def laid(play=0.0, **options):
     return ff.Stack(
         [(rectangle(20, 10, 4, 2, spatial=True, **options), T, n) for n in "ab"], 0, play
@@ -330,30 +275,26 @@ def patches():
     return blank
 
 
+def between(make, penalty=9.0, membrane=None):
+    membrane = membrane or ff.Membrane(FABRIC)
+    return lambda: ff.Scene(make(), [membrane, ff.SheetContact("a", "b", penalty)])
+
+
 @pytest.mark.parametrize(
-    "make, penalty, fabric, words",
+    "make, words",
     [
-        (lambda: laid(-0.5 * T), 9.0, FABRIC, "sheets that overlap by 0.537 mm; allowed"),
-        (patches, 9.0, FABRIC, "contact of a and b is asked of a, a patch; allowed are sheets of"),
-        (lambda: laid(cell="quadrilateral"), 9.0, FABRIC, "on other cells; allowed are P1"),
-        (
-            laid,
-            None,
-            None,
-            "needs a penalty, a number above 0, as not both sheets have a fabric or metal",
-        ),
-        (
-            lambda: rectangle(20, 10, 4, 2, spatial=True),
-            *(9.0, FABRIC),
-            "blank has no part 'a'; allowed is one of none, as it is one sheet",
-        ),
+        (lambda: ff.SheetContact("a", "b", 0.0), "penalty of the contact of a and b is 0.0"),
+        (lambda: ff.SheetContact("a", "b", points=2), "points in a cell of .* is 2; .* one of 1"),
+        (between(lambda: laid(-0.5 * T)), "sheets that overlap by 0.537 mm; allowed"),
+        (between(patches), "contact of a and b is asked of a, a patch; allowed are sheets of"),
+        (between(lambda: laid(cell="quadrilateral")), "on other cells; allowed are P1"),
+        (between(laid, None, Elastic()), "needs a penalty, a number above 0, as not both sheets"),
+        (between(lambda: rectangle(20, 10, 4, 2, spatial=True)), "blank has no part 'a'"),
     ],
 )
-def test_sheets_between_which_there_is_no_contact(make, penalty, fabric, words):
-    membrane = ff.Membrane(fabric) if fabric else Elastic()
-    with pytest.raises(ff.InputError) as error:
-        ff.Scene(make(), [membrane, ff.SheetContact("a", "b", penalty)])
-    assert words in str(error.value)
+def test_sheets_between_which_there_is_no_contact(make, words):
+    with pytest.raises(ff.InputError, match=words):
+        make()
 
 
 # -- stacks without friction

@@ -75,23 +75,21 @@ def led(motion, steps):
     return job.run(), pair
 
 
-@pytest.mark.parametrize("steps", [1, 10, 40])
-def test_a_pressed_pair_that_turns_as_a_whole_does_not_slide(steps):
+def test_a_pressed_pair_that_turns_as_a_whole_does_not_slide():
     def turned(x, load):
         c, s = math.cos(math.radians(37) * load), math.sin(math.radians(37) * load)
         return np.array([c * x[0] + s * x[2], x[1], c * x[2] - s * x[0]])
 
-    result, pair = led(turned, steps)
+    result, pair = led(turned, 10)
     assert pair.totals[3] > 10
     scale = MU * pair.totals[3] * SLIP
     assert abs(result.rows[-1]["friction_energy_Nmm"]) < 1e-9 * scale
     assert result.summary["sheet_contacts"]["a, b"]["sliding_largest_mm"] < 1e-9
 
 
-@pytest.mark.parametrize("radius", [40.0, 20.0])
-def test_a_bent_pair_slides_where_its_mid_surfaces_keep_their_length(radius):
-    """By some 0.25 and 0.5 mm: at the length s of sheets at the distance D by their angles s / R
-    and s / (R + D), on the radius between them."""
+def test_a_bent_pair_slides_where_its_mid_surfaces_keep_their_length(radius=20.0):
+    """By some 0.5 mm: at the length s of sheets at the distance D by their angles s / R and
+    s / (R + D), on the radius between them."""
 
     def bent(x, load):
         r = radius / max(load, 1e-6)
@@ -142,12 +140,6 @@ def test_energy_taken_by_friction():
         assert mean <= entry["sliding_largest_mm"] < 1.02 * mean
 
 
-def test_no_friction_without_a_coefficient():
-    """But for what normals of unevenly pressed faces are tilted by."""
-    result = pull_out(lambda load: SLIP * load, mu=0.0, steps=1)
-    assert abs(result.rows[-1]["reaction_N"]) < 1e-4 * PRESSURE * LENGTH * WIDTH
-
-
 def pulled_at_its_end(pull, stiffness):
     """Force [N] on an elastic strip of `stiffness` E A [N], pulled at one end, that sticks up
     to `SLIP` [mm] in proportion, slides beyond: shear lag, E A u'' = traction."""
@@ -169,14 +161,13 @@ def pulled_at_its_end(pull, stiffness):
     return force(brentq(excess, 0.0, LENGTH))
 
 
-@pytest.mark.parametrize("cells, error", [(12, 1e-3), (24, 4e-4)])
 @pytest.mark.parametrize("pull", [0.5 * SLIP, pytest.param(2 * SLIP, marks=pytest.mark.mpi)])
-def test_shear_lag(pull, cells, error):
+def test_shear_lag(pull):
     """An elastic sheet pulled at its end, that sticks, or slides along a part of it. Sheets are
     thin, as the moment of the forces at the faces makes the pressure uneven."""
-    exact, thin = pulled_at_its_end(pull, 1e4 * WIDTH), {"thickness": 0.25}
-    result = pull_out(lambda load: pull * load, False, cells, cells, steps=2, **thin)
-    assert result.rows[-1]["reaction_N"] == pytest.approx(exact, rel=error)
+    exact, cells = pulled_at_its_end(pull, 1e4 * WIDTH), 12
+    result = pull_out(lambda load: pull * load, False, cells, cells, steps=2, thickness=0.25)
+    assert result.rows[-1]["reaction_N"] == pytest.approx(exact, rel=1e-3)
 
 
 def test_sheets_that_stick_pull_as_one():
@@ -211,14 +202,10 @@ def test_sheets_that_stick_pull_as_one():
 # -- capstan
 
 
-# on ranks the capstan of one sheet has the bar's friction
-@pytest.mark.parametrize(
-    "drawn, mu", [("ab", MU), pytest.param("b", MU / 2, marks=pytest.mark.mpi)]
-)
-def test_two_layers_around_a_bar(drawn, mu):
-    """Dead pulls at one end; at the other both layers, or the outer one alone, are drawn: what is
-    drawn is pulled e^(mu theta) times as much, mu being the bar's or that of the inner layer. The
-    bar is thick, as friction acts on its radius, and tension on that of the mid-surface."""
+@pytest.mark.mpi
+def test_two_layers_around_a_bar():
+    """Dead pulls at one end; at the other the outer layer is drawn: it is pulled e^(mu theta) times
+    as much, mu being that between the layers."""
     radius, theta, tail, width, pull, slid = 100.0, math.pi / 2, 20.0, 20.0, 2.0, 0.5
     length = radius * theta + 2 * tail
     out = np.array([math.cos(theta / 2), 0, -math.sin(theta / 2)])  # at the drawn end
@@ -234,7 +221,7 @@ def test_two_layers_around_a_bar(drawn, mu):
 
     def end(name):
         def moved(x, load):
-            way = slid * max(0.0, 2 * load - 1) if name in drawn else 0.0
+            way = slid * max(0.0, 2 * load - 1) if name == "b" else 0.0
             return around(x) - x + np.outer(out, np.full(x.shape[1], way))
 
         def where(x):
@@ -257,8 +244,8 @@ def test_two_layers_around_a_bar(drawn, mu):
     x = stack.coordinates().T
     stack.u.x.array[:] = (around(x) - x).T.ravel()
     run(scene, 20)
-    tension = sum(scene.reaction(f"end of {name}") @ out for name in drawn) / width / len(drawn)
-    assert tension / pull == pytest.approx(math.exp(mu * theta), rel=0.01)
+    tension = scene.reaction("end of b") @ out / width
+    assert tension / pull == pytest.approx(math.exp(MU / 2 * theta), rel=0.01)
 
 
 # -- derivatives
@@ -278,41 +265,26 @@ def test_forces_and_tangent_are_derivatives(distance):
     scene.accept()
     assert 0 < (contact.normal_forces() > 0).sum() < contact.points.count
     u[on_b] += distance * SLIP * np.array([0.7, 0.4, 0.0]) * (0.5 + X[on_b, :1] / 20)
-    forces, stiffness = off_differences(scene, contact, 1e-3)
-    assert forces < 1e-6
-    assert stiffness < 1e-6
+    assert off_differences(contact, 1e-3) < 1e-6
 
 
 # -- what bad input gets
 
 
+def between(friction):
+    return ff.SheetContact("a", "b", friction=friction)
+
+
 @pytest.mark.parametrize(
-    "given, words",
+    "make, words",
     [
-        (
-            {"coefficient": {"a": 0.1, "b": -1}},
-            "coefficient of friction is -1; allowed is a number from 0",
-        ),
-        ({"slip": 0.0}, "slip of friction is 0.0; allowed is a number above 0"),
-        ({"lag": 0.0}, "lag of friction is 0.0; allowed is a number above 0"),
+        (lambda: ff.Coulomb({"a": 0.1, "b": -1}), "coefficient of friction is -1"),
+        (lambda: ff.Coulomb(MU, slip=0.0), "slip of friction is 0.0"),
+        (lambda: ff.Coulomb(MU, lag=0.0), "lag of friction is 0.0"),
+        (lambda: between(-1), "contact of a and b: coefficient of friction is -1"),
+        (lambda: between({"a": 0.1}), "friction of several sheets; allowed is one number from 0"),
     ],
 )
-def test_numbers_that_are_not_allowed(given, words):
+def test_friction_that_is_refused(make, words):
     with pytest.raises(ff.InputError, match=words):
-        ff.Coulomb(**({"coefficient": MU} | given))
-
-
-def test_errors_name_whose_friction_it_is():
-    words = "contact of a and b: coefficient of friction is -1; allowed is a number from 0"
-    with pytest.raises(ff.InputError, match=words):
-        ff.SheetContact("a", "b", friction=-1)
-    words = "contact of a and b has friction of several sheets; allowed is one number from 0"
-    with pytest.raises(ff.InputError, match=words):
-        ff.SheetContact("a", "b", friction={"a": 0.1})
-
-
-def test_between_sheets_friction_follows_the_normal_forces_within_a_step():
-    """Unlike on tools, where it may be one step behind."""
-    assert ff.SheetContact("a", "b", friction=0.3).coulomb.lag == 0.002
-    assert ff.SheetContact("a", "b", friction=ff.Coulomb(0.3, lag=0.1)).coulomb.lag == 0.1
-    assert ff.Contact(ff.Tool(ff.Sphere(1.0)), friction=0.3).coulomb.lag == 0.002
+        make()
