@@ -5,41 +5,8 @@ import pytest
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.material import kernel
-from fabric_fenicsx.material.laws import LAWS
 
-ONE = ff.ShearFriction(0.2, 0.01)
 TWO = ff.ShearFriction((0.2, 0.05), (0.01, 0.02))
-BENT = ff.BendingFriction((8.0, 2.0), (0.02, 0.01))
-LAW58 = LAWS["law58"](1335.0, 900.0, 4000.0, 0.0, 1e-3, 0.025, 0.6, 0.8, thickness=0.4)
-
-
-@pytest.mark.parametrize("fabric", [ff.load("komeili"), LAW58], ids=["coupled", "law58"])
-@pytest.mark.parametrize("shear, bent", [(ONE, None), (TWO, BENT), (None, None)])
-def test_a_file_reads_back_equal(tmp_path, fabric, shear, bent):
-    fabric = fabric.replace(shear_friction=shear, bending_friction=bent)
-    fabric.to_toml(tmp_path / "m.toml")
-    assert ff.load(tmp_path / "m.toml") == fabric
-    assert ("friction" in fabric.dumps()) == (shear is not None)
-
-
-@pytest.mark.parametrize(
-    "table, message",
-    [
-        ("stiffness_kPa = 200\nstrength_kPa = [10]", ""),
-        ("stiffness_MPa = [0.2, 0.1]\nstrength_MPa = 0.01", "2 stiffnesses and 1 strengths"),
-        ("stiffness_MPa = [0.2, 0]\nstrength_MPa = [1, 1]", "stiffness_MPa is 0; allowed is"),
-        ("stiffness_MPa = 0.2", "missing shear_friction.strength"),
-        ("stiffness_Nmm = 0.2", "shear_friction.stiffness_Nmm: stress unit 'Nmm' is unknown"),
-    ],
-)
-def test_a_table_is_read_or_refused(tmp_path, table, message):
-    path = tmp_path / "m.toml"
-    path.write_text(LAW58.dumps() + f"\n[shear_friction]\n{table}\n")
-    if not message:
-        assert ff.load(path).shear_friction == ONE
-        return
-    with pytest.raises(ff.InputError, match=message):
-        ff.load(path)
 
 
 def test_a_loop_of_the_kernel_is_masings():

@@ -13,33 +13,6 @@ FALLING = ff.MeasuredBending(
 KOMEILI = ff.load("komeili")
 
 
-def test_a_file_reads_back_equal(tmp_path):
-    for bending in (FALLING, ff.MeasuredBending(cantilever_a=210.0, cantilever_b=160.0), None):
-        fabric = KOMEILI.replace(bending=bending)
-        fabric.to_toml(tmp_path / "m.toml")
-        assert ff.load(tmp_path / "m.toml") == fabric
-
-
-@pytest.mark.parametrize(
-    "table, message",
-    [
-        # non-crimp fabric of Broberg et al. (2024), Composites B 274:111268: 0.119 N mm/mm per 1/m
-        ("curvature_1_per_m = [0, 1]\nmoment_a_N = [0, 0.119]", ""),
-        ("cantilever_a_mm = 200", "bending is incomplete, or told twice; allowed are cantilever_a"),
-        ("curvature_1_per_m = [0, 1]\nmoment_a_N = [0, 1, 2]", "of as many numbers"),
-        ("curvature_1_per_m = [0, 1]\nmoment_a_N = [0.1, 1]", "moment_a is .*numbers that rise"),
-    ],
-)
-def test_a_table_is_read_or_refused(tmp_path, table, message):
-    (tmp_path / "m.toml").write_text(KOMEILI.dumps() + f"\n[bending]\n{table}\n")
-    if not message:
-        found = ff.load(tmp_path / "m.toml").bending.stiffnesses(0.75)
-        assert found == pytest.approx([119.0, 119.0])
-        return
-    with pytest.raises(ff.InputError, match=message):
-        ff.load(tmp_path / "m.toml")
-
-
 def test_the_moment_is_the_energy_s_derivative_and_odd():
     k = np.linspace(-0.15, 0.15, 31)
     both = np.stack([k, k], axis=1)

@@ -54,23 +54,6 @@ def test_intervals_are_read_in_their_units_and_written(read):
     assert fabric == read(FABRIC)  # where numbers are from does not make another fabric
 
 
-@pytest.mark.parametrize(
-    ("interval", "message"),
-    [
-        (
-            "s1 = [30, 35]",
-            "scatter.s1 is from 0.03 to 0.035, and s1 is 0.025; allowed is an interval",
-        ),
-        ("s1 = [35, 18]", "scatter.s1 is [35, 18]; allowed are two numbers, [lowest, highest]"),
-        ("shear_facto = [0.5, 2]", "scatter.shear_facto is unknown (did you mean shear_factor?)"),
-    ],
-)
-def test_other_intervals_are_told(read, interval, message):
-    with pytest.raises(InputError) as told:
-        read(FABRIC + interval)
-    assert message in str(told.value) and "own.toml: " in str(told.value)
-
-
 def test_a_number_of_both_yarns_that_differ_has_no_interval(read):
     text = FABRIC.replace("[shear]", "[weft]\nb = 3e5\n[shear]")
     assert read(text + "yarn_factor = [0.5, 2]").scatter

@@ -64,7 +64,7 @@ CASES = ["unbalanced", "p_min 0.1", "FABRIC", "table", *(f"without {name}" for n
 
 @pytest.mark.parametrize("name", CASES)
 def test_ellipticity_against_ten_thousand_directions(fabrics, random_states, name):
-    fabric, (C, a, b) = fabrics[name], random_states(150)
+    fabric, (C, a, b) = fabrics[name], random_states(60)
     theta = np.broadcast_to(np.linspace(-np.pi / 2, np.pi / 2, 10_001)[1:], (len(C), 10_000))
     Q, NSN, invariants = acoustic(fabric, C, a, b, theta)
     found, scale = stability.evaluate(fabric, invariants), np.abs(Q).max((1, 2, 3))
@@ -172,13 +172,9 @@ def test_state_at_rest_and_sides_of_the_kink():
     e = np.array([-1e-12, 0.0, 1e-12])  # rounding must not decide the side
     assert np.ptp(stability.evaluate(KOMEILI, stability.invariants(0.02, e)).hessian) < 1e-8
     assert stability.convexity(KOMEILI, 0.02, 1e-6) > 10 * stability.convexity(KOMEILI, 0.02, 0.0)
-
-
-def test_decoupled_baseline_is_convex_everywhere():
-    e = np.linspace(-0.2, 0.08, 113)
-    assert stability.convexity(
-        KOMEILI.decoupled(), e[:, None], e, np.radians(40)
-    ).min() == pytest.approx(1.3, rel=1e-12)
+    e = np.linspace(-0.2, 0.08, 15)  # the decoupled baseline is convex everywhere
+    least = stability.convexity(KOMEILI.decoupled(), e[:, None], e, np.radians(40)).min()
+    assert least == pytest.approx(1.3, rel=1e-12)
 
 
 def test_slight_compression_ends_ellipticity():

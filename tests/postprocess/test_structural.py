@@ -68,9 +68,10 @@ def directions():
 
 
 @pytest.mark.versions
-@pytest.mark.parametrize("element", ["P1", "P2", "P3", "Q1", "Q2"])
+@pytest.mark.parametrize("element", ["P1", "P3", "Q2"])
 def test_abaqus_reads_places_and_both_yarns(tmp_path, element):
-    structural.export(states.read_grids(formed(tmp_path, element)), tmp_path / "ply.inp")
+    grid, t = with_thickness(formed(tmp_path, element))
+    structural.export({"": grid}, tmp_path / "ply.inp")
     mesh, found = read_abaqus(tmp_path / "ply.inp")
     a, b, n = directions()
     ((kind, cells),) = mesh.cells_dict.items()
@@ -90,6 +91,9 @@ def test_abaqus_reads_places_and_both_yarns(tmp_path, element):
         numbers, values = found[name]
         assert numbers.tolist() == list(range(1, len(cells) + 1))
         np.testing.assert_allclose(values, np.tile(axes, (len(cells), 1)), atol=1e-6)
+    np.testing.assert_allclose(found["ply_thickness"][1][:, 0], t, rtol=1e-8)
+    shear = np.degrees((B - A) - np.arccos(a @ b))
+    np.testing.assert_allclose(found["ply_shear_angle"][1], shear, atol=1e-4)
 
 
 @pytest.mark.versions
@@ -127,17 +131,6 @@ def with_thickness(folder):
     return grid, t
 
 
-@pytest.mark.parametrize("element", ["P1", "Q1"])
-def test_abaqus_reads_thickness_and_shear_in_deg(tmp_path, element):
-    grid, t = with_thickness(formed(tmp_path, element))
-    structural.export({"": grid}, tmp_path / "ply.inp")
-    found = read_abaqus(tmp_path / "ply.inp")[1]
-    a, b, _ = directions()
-    np.testing.assert_allclose(found["ply_thickness"][1][:, 0], t, rtol=1e-8)
-    shear = np.degrees((B - A) - np.arccos(a @ b))
-    np.testing.assert_allclose(found["ply_shear_angle"][1], shear, atol=1e-4)
-
-
 def read_dyna(file):
     """Points, cells, and layers (cells, n, 2) of thickness and angle, of a keyword file."""
     lines = [line for line in file.read_text().splitlines() if line[0] != "$"]
@@ -171,7 +164,7 @@ def read_nastran(file):
 
 
 @pytest.mark.versions
-@pytest.mark.parametrize("element", ["P1", "P2", "Q1"])
+@pytest.mark.parametrize("element", ["P2", "Q1"])
 @pytest.mark.parametrize("ending, read", [(".k", read_dyna), (".bdf", read_nastran)])
 def test_layers_of_elements_lie_along_both_yarns(tmp_path, element, ending, read):
     """Turned from the first side by its angle, about the normal; thicknesses add up."""
@@ -195,6 +188,8 @@ def test_a_sheet_of_metal_has_one_layer(tmp_path):
         grids[name].cell_data[thickness] = np.full(grids[name].n_cells, 0.3)
     grids["metal"].cell_data.remove("a")
     structural.export(grids, tmp_path / "p.k")
+    with pytest.raises(InputError, match="no sheet has yarns"):
+        structural.export({"metal": grids["metal"]}, tmp_path / "ply.inp")
     metal, fabric = (tmp_path / "p.k").read_text().split("*ELEMENT_SHELL_COMPOSITE\n")[1:]
     assert metal.splitlines()[1].split() == ["1", "0.300000", "0.0000", "0"]
     assert fabric.splitlines()[1].split()[:2] == ["2", "0.075000"]
@@ -206,7 +201,7 @@ def symmetric(x, y):
     return np.column_stack([x * (1 - 1e-4 * y**2), y * (1 + 2e-4 * x**2), height])
 
 
-@pytest.mark.parametrize("angle", [0.0, 45.0, 30.0])
+@pytest.mark.parametrize("angle", [45.0, 30.0])
 def test_a_quarter_is_mirrored_with_its_yarns(angle, tmp_path):
     """To what the whole ply has, if its yarns are their own mirror images; yarns at 30 and 120 deg
     are continued by those at 60 and 150 deg."""
@@ -265,17 +260,6 @@ def test_labels_are_legal_in_abaqus_and_no_two_alike():
     assert told == ["p45", "m45", "ply_0_90", "skin_2", "warp_p30", "top_ply_2"]
 
 
-def test_plies_at_plus_and_minus_45_have_sets_and_orientations_of_their_own(tmp_path):
-    structural.export(states.read_grids(formed(tmp_path, plies=("+45", "-45"))), tmp_path / "o.inp")
-    mesh, found = read_abaqus(tmp_path / "o.inp")
-    assert {name: len(sum(map(list, cells), [])) for name, cells in mesh.cell_sets.items()} == {
-        "p45": 24,
-        "m45": 24,
-    }
-    assert {name.split("_")[0] for name in found} == {"p45", "m45"}
-    assert "** ply '-45': ELSET m45\n" in (tmp_path / "o.inp").read_text()
-
-
 @pytest.mark.mpi
 def test_nodes_of_several_ranks_are_one(tmp_path):
     comm = MPI.COMM_WORLD
@@ -311,10 +295,3 @@ def test_results_that_are_not_believed_are_exported_with_a_warning(tmp_path, cap
         (folder / "summary.json").write_text(json.dumps(summary))
         assert main.main(["export", str(folder), str(tmp_path / "ply.vtu")]) == 0
         assert capsys.readouterr().err.strip().endswith(told)
-
-
-def test_a_sheet_without_yarns_alone_is_not_written(tmp_path):
-    grids = states.read_grids(formed(tmp_path))
-    grids[""].cell_data.remove("a")
-    with pytest.raises(InputError, match="no sheet has yarns"):
-        structural.export(grids, tmp_path / "ply.inp")

@@ -30,20 +30,15 @@ def test_beyond_their_softening_yarns_hold_their_stress():
     assert tangent[0, 2:] == pytest.approx(0, abs=1e-12)
 
 
-@pytest.mark.parametrize("study", ["tensile", "picture_frame", "bias_extension"])
-def test_it_runs_in_studies(launch, tmp_path, study):
+def test_it_runs_in_a_study(launch, tmp_path):
     FABRIC.to_toml(tmp_path / "m.toml")
-    options = {"tensile": ("--nx", 24), "bias_extension": ("--nx", 24, "--strain", 0.05)}
-    done = launch(
-        study, "--quick", "--no-pictures", "--material", "m.toml", *options.get(study, ())
-    )
+    done = launch("picture_frame", "--quick", "--no-pictures", "--material", "m.toml")
     s = done.summary
     assert done.status == 0, done.err
     assert s["converged"] and s["kernel_mismatch"] <= 1e-10
     assert (s["material"], s["couplings"]) == ("law58", [])
-    if study == "picture_frame":  # homogeneous
-        q = s["quantities"]
-        closed = q["closed_form_N_per_mm"]
-        assert q["normalised_shear_force_N_per_mm"] == pytest.approx(closed, rel=1e-8)
-        gamma = np.radians(q["shear_angle_deg"])
-        assert closed == pytest.approx(0.025 * np.tan(gamma) / np.cos(gamma), rel=1e-8)
+    q = s["quantities"]
+    closed = q["closed_form_N_per_mm"]
+    assert q["normalised_shear_force_N_per_mm"] == pytest.approx(closed, rel=1e-8)
+    gamma = np.radians(q["shear_angle_deg"])
+    assert closed == pytest.approx(0.025 * np.tan(gamma) / np.cos(gamma), rel=1e-8)

@@ -1,0 +1,240 @@
+"""Materials in files: what is written reads back equal, units, and what a wrong file is told."""
+
+import math
+import os
+import tomllib
+
+import numpy as np
+import pytest
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.material.laws import LAWS
+from fabric_fenicsx.material.laws.coupled import Yarn
+
+KOMEILI, DC04 = ff.load("komeili"), ff.load_metal("dc04")
+UNBALANCED = KOMEILI.replace(
+    weft=Yarn(a=1 / 3, b=0.1 + 0.2, d=5e-324, c=math.pi, s_T=1e300),
+    s2=-1 / 7,
+    name='plain "2/2"\n\x7f µ',
+    density=2 / 3,
+)
+LAW58 = LAWS["law58"](1335.0, 900.0, 4000.0, 0.0, 1e-3, 0.025, 0.6, 0.8, thickness=0.4, name="58")
+FALLING = ff.MeasuredBending(curvature=(0, 0.005, 0.02), moment_a=(0, 0.04, 0.1))
+YARNS = """[yarns]
+a = 4130
+b = 667.5
+d = 0.65
+p_min = 0.75
+c = 23.67
+s_T = 1467.6
+s_C = 100
+"""
+FABRIC = f"""
+thickness = 1.0
+density = 0.75
+[units]
+stress = "MPa"
+length = "mm"
+density = "g/cm3"
+{YARNS}
+[shear]
+s1 = 25.06e-3
+s2 = -186.79e-3
+s3 = 562.39e-3
+"""
+KEYS = """
+thickness_um = 1000
+density_kg_per_m3 = 750
+[yarns]
+a_GPa = 4.13
+b_MPa = 667.5
+d_kPa = 650
+p_min = 0.75
+c = 23.67
+s_T_Pa = 1467.6e6
+s_C = 100
+[shear]
+s1_kPa = 25.06
+s2_Pa = -186790
+s3_GPa = 562.39e-6
+"""
+KILO = """
+thickness = 0.1
+density = 750
+units = { stress = "kPa", length = "cm", density = "kg/m3" }
+[yarns]
+a = 1
+b = 667.5e3
+d = 650
+p_min = 0.75
+c = 23.67
+s_T_MPa = 1467.6
+s_C = 100
+[warp]
+a = 4130e3
+[weft]
+a_MPa = 4130
+[shear]
+s1 = 25.06
+s2 = -186.79
+s3 = 562.39
+"""
+CURVE = '[hardening]\nlaw = "swift"\nK_MPa = 520\neps0 = 0.002\nn = 0.2\n'
+METAL = f'law = "metal"\nE_GPa = 186.6\nnu = 0.3\nthickness_mm = 1\n{CURVE}'
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Function of a text and a loader to the material in it."""
+
+    def read(text, load=ff.load):
+        (tmp_path / "m.toml").write_text(text, encoding="utf-8")
+        return load(tmp_path / "m.toml")
+
+    return read
+
+
+@pytest.mark.parametrize(
+    "material",
+    [
+        KOMEILI,
+        ff.load("fabric"),
+        UNBALANCED.without("biaxial").replace(assumed=["s1", "d"], compaction=None),
+        KOMEILI.replace(bending=FALLING, shear_friction=ff.ShearFriction(0.2, 0.01)),
+        LAW58,
+        LAW58.replace(
+            compaction=ff.Compaction(12.5, onset=2e-3, pressure=5e-4, thickening=1.0),
+            fibre_density=2.54,
+            shear_friction=ff.ShearFriction((0.2, 0.05), (0.01, 0.02)),
+            bending_friction=ff.BendingFriction((8.0, 2.0), (0.02, 0.01)),
+            bending=ff.MeasuredBending(cantilever_a=210.0, cantilever_b=160.0),
+            scatter={"E_a": (1e3, 2e3)},
+        ),
+        DC04,
+        DC04.replace(hardening=ff.Voce(159.0, 180.0, 14.0), name="so named"),
+        DC04.replace(hardening=ff.HardeningTable((0.0, 0.1, 0.3), (159.0, 260.0, 390.0))),
+    ],
+)
+def test_a_file_reads_back_equal(tmp_path, material):
+    load = ff.load_metal if isinstance(material, ff.Metal) else ff.load
+    for _ in range(2):  # the second one overwrites
+        material.to_toml(tmp_path / "m.toml", ["a remark"])
+    again = load(tmp_path / "m.toml")
+    assert again == material and again.dumps() == material.dumps()
+    assert again.scatter == material.scatter
+    assert getattr(again, "assumed", ()) == getattr(material, "assumed", ())
+    assert os.listdir(tmp_path) == ["m.toml"]
+    assert (tmp_path / "m.toml").read_text().startswith("# a remark\n")
+    units = {"stress": "MPa", "length": "mm", "density": "g/cm3"}
+    assert tomllib.loads(material.dumps())["units"] == units
+
+
+@pytest.mark.parametrize(
+    "text", [FABRIC, KEYS, KILO, "\ufeff" + FABRIC, FABRIC.replace("\n", "\r\n")]
+)
+def test_units_and_layouts_give_the_same_fabric(read, text):
+    fabric = read(text)
+    assert fabric == KOMEILI.replace(name="") and fabric.compaction == ff.Compaction()
+
+
+def test_units_of_more_tables(read):
+    fabric = read(
+        f"fibre_density_kg_per_m3 = 2540\n{FABRIC}"
+        "[compaction]\nexponent = 12.5\nonset_kPa = 2\npressure_Pa = 500\n"
+        "[shear_friction]\nstiffness_kPa = 200\nstrength_kPa = [10]\n"
+        # non-crimp fabric of Broberg et al. (2024), Composites B 274:111268
+        "[bending]\ncurvature_1_per_m = [0, 1]\nmoment_a_N = [0, 0.119]\n"
+    )
+    assert fabric.fibre_density == 2.54
+    assert fabric.compaction == ff.Compaction(12.5, onset=2e-3, pressure=5e-4)
+    assert fabric.shear_friction == ff.ShearFriction(0.2, 0.01)
+    assert fabric.bending.stiffnesses(0.75) == pytest.approx([119.0, 119.0])
+    table = 'law = "table"\neps = [0, 0.1]\nsigma_kPa = [159e3, 330e3]\n'
+    metal = read(METAL.replace(CURVE, "[hardening]\n" + table), ff.load_metal)
+    assert (metal.E, metal.thickness, metal.density) == (186600.0, 1.0, 7.85)
+    assert metal.hardening == ff.HardeningTable((0.0, 0.1), (159.0, 330.0))
+
+
+END, TOP = "s3 = 562.39e-3\n", "thickness = 1.0"
+REFUSED = [  # of a file, or behind a line of it
+    ("a = 4130", "a = -1", "yarns.a is -1; "),
+    ("a = 4130", "a = 1\na_Pa = 1", "yarns.a_Pa repeats yarns.a; "),
+    ("a = 4130", "a_psi = 1", "yarns.a_psi: stress unit 'psi' is unknown; allowed are MPa, kPa"),
+    ("a = 4130", "", "missing yarns.a; allowed is to give all, in [yarns] or [warp]"),
+    ("[yarns]", "[warp]", "missing weft.a, weft.b, weft.d"),
+    ("p_min =", "p_mn =", "yarns.p_mn is unknown (did you mean p_min?); allowed are a, b, d"),
+    ("p_min =", "p_min_MPa =", "yarns.p_min_MPa has a unit, but p_min is a pure number; "),
+    ("[shear]", "[sheer]", "sheer is unknown (did you mean shear?)"),
+    ('density = "g/cm3"', "", "density has no unit; allowed is density_g_per_cm3 or density_kg"),
+    ('stress = "MPa"', 'sress = "MPa"', "units.sress is unknown (did you mean stress?)"),
+    (TOP, f"{TOP}\nwarp = 1", "warp is 1; allowed is a table, [warp]"),
+    (TOP, f"{TOP}\ncouplings = ['biaxal']", "'biaxal' is unknown (did you mean biaxial?)"),
+    (TOP, f"{TOP}\nlaw = 'law85'", "law 'law85' is unknown (did you mean law58?); allowed are"),
+    (TOP, f"{TOP}\ncompaction = 3", "allowed is a table [compaction], or false"),
+    (END, "[compaction]\nexponent = 16", "missing compaction.onset, compaction.pressure"),
+    (END, "[compaction]\nexponent = 1.0", "compaction.exponent is 1.0; "),
+    (END, "[shear_friction]\nstiffness_MPa = [2, 1]\nstrength_MPa = 1", "2 stiffnesses and 1 str"),
+    (END, "[shear_friction]\nstiffness_MPa = [2, 0]", "shear_friction.stiffness_MPa is 0; "),
+    (END, "[shear_friction]\nstiffness_MPa = 0.2", "missing shear_friction.strength"),
+    (END, "[bending]\ncantilever_a_mm = 200", "bending is incomplete, or told twice"),
+    (END, "[bending]\ncurvature_1_per_m = [0, 1]\nmoment_a_N = [0, 1, 2]", "of as many numbers"),
+    (END, "[bending]\ncurvature_1_per_m = [0, 1]\nmoment_a_N = [1, 2]", "numbers that rise from 0"),
+    (END, "[scatter]\ns1 = [0.03, 0.035]", "scatter.s1 is from 0.03 to 0.035, and s1 is 0.02506"),
+    (END, "[scatter]\ns1 = [0.035, 0.018]", "scatter.s1 is [0.035, 0.018]; allowed are two number"),
+    (END, "[scatter]\nshear_facto = [0.5, 2]", "scatter.shear_facto is unknown (did you mean shea"),
+    (CURVE, "", "hardening.law None is unknown"),
+    ("n = 0.2", "n = 2", "hardening.n is 2; "),
+    ("n = 0.2", "", "missing hardening.n; allowed is to give all"),
+    ("K_MPa", "K", "hardening.K has no unit; allowed is K_MPa"),
+    (CURVE, '[hardening]\nlaw = "table"\neps = [0]\nsigma_MPa = [1]', "two lists of 2 or more"),
+    (CURVE, '[hardening]\nlaw = "table"\neps = [0, 1]\nsigma_MPa = [2, 1]', "point 2 is (1.0, 1.0"),
+    (CURVE, '[hardening]\nlaw = "table"\neps = 3', "hardening.eps is 3; allowed is a list"),
+]
+
+
+@pytest.mark.parametrize("old, new, words", REFUSED)
+def test_what_is_wrong_in_a_file_is_said(read, old, new, words):
+    text, load = (FABRIC, ff.load) if old in FABRIC else (METAL, ff.load_metal)
+    with pytest.raises(ff.InputError) as error:
+        read(text.replace(old, f"{END}{new}" if old == END else new, 1), load)
+    assert "m.toml: " in str(error.value) and words in str(error.value)
+
+
+def test_files_that_cannot_be_read_or_written(tmp_path):
+    (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe\x00")
+    for call, words in (
+        (lambda: ff.load("nylon.toml"), r"nylon.toml' is unknown; allowed is a preset \(komeili, "),
+        (lambda: ff.load_metal("brass"), "metal 'brass' is unknown; allowed is a preset .dc04."),
+        (lambda: ff.load(tmp_path), "cannot be read .Is a directory"),
+        (lambda: ff.load(tmp_path / "bytes.toml"), "bytes.toml: cannot be read .*; allowed is a"),
+        (lambda: KOMEILI.to_toml(tmp_path / "none" / "x.toml"), "x.toml: cannot be written"),
+    ):
+        with pytest.raises(ff.InputError, match=words):
+            call()
+    assert os.listdir(tmp_path) == ["bytes.toml"]
+
+
+REPLACED = [
+    (KOMEILI, "p_mn", 0.1, "replace: p_mn is unknown (did you mean p_min?)"),
+    (KOMEILI, "couplings", "biaxial", "couplings is 'biaxial'; allowed is a list of biaxial"),
+    (KOMEILI, "fibre_density", 0.75, "fibre_density is 0.75 g/cm3; allowed is more than"),
+    (KOMEILI, "assumed", ["D"], "assumed: 'D' is unknown"),
+    (LAW58, "E_a", -1, "E_a is -1; "),
+    (LAW58, "flex", 2, "flex is 2; "),
+    (LAW58, "gamma_T", 45, "gamma_T is 45; allowed is an angle"),
+    (DC04, "nu", 0.6, "nu is 0.6; "),
+]
+
+
+@pytest.mark.parametrize("material, name, value, words", REPLACED)
+def test_numbers_that_are_not_allowed(material, name, value, words):
+    with pytest.raises(ff.InputError) as error:
+        material.replace(**{name: value})
+    assert words in str(error.value)
+
+
+def test_numbers_become_floats():
+    fabric = KOMEILI.replace(a=4130, c=np.float32(0.5), s2=-0.0)
+    assert {type(v) for v in (*vars(fabric.warp).values(), fabric.s2)} == {float}
+    assert math.copysign(1, fabric.s2) == 1 and (fabric.warp.a, fabric.weft.a) == (4130, 4130)
+    assert hash(fabric) == hash(KOMEILI.replace(a=4130.0, c=0.5, s2=0.0))
