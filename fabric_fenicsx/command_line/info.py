@@ -1,7 +1,6 @@
-"""Check of what is installed, each piece by itself.
+"""What is installed, and whether each piece of it works by itself.
 
-Nothing outside the standard library is imported before its turn, so that what is missing or broken
-is told in words.
+Nothing outside the standard library is imported before its turn, so that what is missing is told.
 """
 
 import os
@@ -14,6 +13,7 @@ from contextlib import suppress
 from functools import partial
 from importlib import import_module
 from importlib.metadata import version as installed
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from unittest.mock import patch
 
@@ -24,9 +24,8 @@ from ..runtime.version import __version__
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-PATIENCE = 60  # seconds to draw
-LONG = 300  # characters of a reason
-DRAWING = f"from {__name__} import draw_triangle; draw_triangle()"  # in a process of its own
+DRAWING_SECONDS = 60.0  # after which a picture counts as hung
+MAX_REASON = 300  # characters of an error, from its end, where the reason stands
 
 
 def world() -> "MPI.Comm | None":
@@ -41,71 +40,37 @@ def world() -> "MPI.Comm | None":
 def show(comm: "MPI.Comm | None") -> int:
     """Print versions, presets and checks on rank 0; returns the exit status on all ranks: 0 if all
     is well, else 1."""
-    # compiled forms in an empty place, so that one is compiled
-    with tempfile.TemporaryDirectory() as cache, patch.dict(os.environ, XDG_CACHE_HOME=cache):
-        with suppress(Exception):  # told below
-            import_module("dolfinx")  # on all ranks, which PETSc starts together
-        end_with_reader()  # after PETSc, which has a handler of its own
-        first = comm is None or comm.rank == 0
-        told = [("presets", _presets), *VERSIONS.items()] if first else []
-        well = all([_told(*each) for each in told]) & _checks(comm, first)
-    if comm is not None and comm.size > 1:
-        well = all(comm.allgather(well))
-    return 0 if well else 1
+    with suppress(Exception):  # told below
+        import_module("dolfinx")  # on all ranks, which PETSc starts together
+    end_with_reader()  # after PETSc, which has a handler of its own
+    status = 0
+    if comm is None or comm.rank == 0:
+        works = [_tell(name, version, "") for name, version in VERSIONS.items()]
+        works += [_tell(name, check, "ok") for name, check in CHECKS.items()]
+        status = 0 if all(works) else 1
+    return comm.bcast(status) if comm else status
 
 
-def _told(name, find):
-    """Print what is found; whether that works."""
+def _tell(name, act, well):
+    """Print what `act` returns behind the word `well`, or why it fails; whether it works."""
+    began, works = time.perf_counter(), True
     try:
-        text, well = find(), True
-    except ImportError as error:
-        text, well = f"missing ({error})", False
+        words = act() or ""
     except Exception as error:
-        text, well = f"broken ({_reason(error)})", False
-    print(f"{name:15} {text}")
-    return well
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        works, words = False, f"{type(error).__name__}: {(lines or ['?'])[-1][-MAX_REASON:]}"
+    result = well if works else "fails"
+    cost = f" {time.perf_counter() - began:.2f} s" if well else ""
+    print(f"{name:15} {f'{result}{cost} {words}'.strip()}", flush=True)
+    return works
 
 
-def _presets():
-    from ..material.presets import PRESETS
-
-    return ", ".join(PRESETS)
-
-
-def _checks(comm, first):
-    well = True
-    for name, (check, on_all_ranks) in CHECKS.items():
-        if not (first or on_all_ranks):
-            continue
-        start, result = time.perf_counter(), "ok"
-        try:
-            text = check(comm) or ""
-        except Exception as error:
-            well, result, text = False, "fails", _reason(error)
-        if first:
-            seconds = time.perf_counter() - start
-            print(f"{name:15} {result:5} {seconds:6.2f} s  {text}".rstrip(), flush=True)
-    return well
-
-
-def _reason(error):
-    """The text of an exception in one line; of long ones the end, where the reason is."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    text = lines[-1] if lines else "no reason given"
-    text = text if len(text) <= LONG else f"... {text[-LONG:]}"
-    return text if isinstance(error, RuntimeError) else f"{type(error).__name__}: {text}"
-
-
-def _attribute(module):
-    return import_module(module).__version__
-
-
-# by name: a function that returns the version
 IMPORTED = "dolfinx", "ufl", "petsc4py", "mpi4py", "numpy", "scipy", "gmsh"
 VERSIONS: dict[str, Callable[[], Any]] = {
+    "presets": lambda: ", ".join(import_module("fabric_fenicsx.material.presets").PRESETS),
     "fabric_fenicsx": lambda: __version__,
     "python": platform.python_version,
-    **{name: partial(_attribute, name) for name in IMPORTED},
+    **{name: lambda name=name: import_module(name).__version__ for name in IMPORTED},
     "petsc": lambda: ".".join(map(str, import_module("petsc4py.PETSc").Sys.getVersion())),
     "MPI library": lambda: re.split("[,\n]", import_module("mpi4py.MPI").Get_library_version())[0],
     "VTK": lambda: import_module("vtkmodules.vtkCommonCore").vtkVersion.GetVTKVersion(),
@@ -113,29 +78,18 @@ VERSIONS: dict[str, Callable[[], Any]] = {
 }
 
 
-def _ranks(comm):
-    from mpi4py import MPI  # which says why it can't be imported
-
-    comm = comm or MPI.COMM_WORLD
-    total = comm.allreduce(comm.rank + 1)
-    if total != comm.size * (comm.size + 1) // 2:
-        raise RuntimeError(f"the sum of 1 to {comm.size} over the ranks came out as {total}")
-    return f"{comm.size} rank{'s' * (comm.size > 1)}"
-
-
-def _mumps(comm):
+def _mumps():
     """CPU seconds of a standard piece of work, by which machines compare: one core factorises the
     Laplacian of a cube of 27 x 27 x 27 nodes, the best time of three."""
     from petsc4py import PETSc
     from scipy import sparse
 
-    n = 27
+    n, seconds = 27, []
     line = sparse.diags([-1.0, 2.0, -1.0], [-1, 0, 1], shape=(n, n))
     laplacian = sparse.kronsum(sparse.kronsum(line, line), line).tocsr()
     rows = [each.astype(PETSc.IntType) for each in (laplacian.indptr, laplacian.indices)]
     A = PETSc.Mat().createAIJ(laplacian.shape, csr=(*rows, laplacian.data), comm=PETSc.COMM_SELF)
     A.setOption(PETSc.Mat.Option.SPD, True)
-    times = []
     for _ in range(3):
         pc = PETSc.PC().create(PETSc.COMM_SELF)
         pc.setOperators(A)
@@ -143,76 +97,56 @@ def _mumps(comm):
         pc.setFactorSolverType("mumps")
         began = time.process_time()
         pc.setUp()
-        times.append(time.process_time() - began)
+        seconds.append(time.process_time() - began)
     x, b = A.createVecs()
     x.set(1.0)
-    A.mult(x, b)
-    pc.apply(b, x)
-    x.shift(-1.0)
-    if not (error := x.norm()) < 1e-8:
+    pc.apply(A * x, b)
+    b.axpy(-1.0, x)
+    if not (error := b.norm()) < 1e-8:
         raise RuntimeError(f"the solution of {n**3} equations is off by {error:.2g}")
-    return f"{min(times):.2f} s of CPU for the standard factorisation of {n**3} unknowns"
+    return f"{min(seconds):.2f} s of CPU for the standard factorisation of {n**3} unknowns"
 
 
-def _blas(comm):
-    """The BLAS of the system that PETSc calls, as this process has loaded it."""
+def _blas():
+    """The BLAS of the system that PETSc calls, as this process has loaded it, and a faster one."""
     import_module("petsc4py.PETSc")
-    with open("/proc/self/maps") as maps:
-        files = {line.split()[-1] for line in maps if re.search(r"/lib\w*blas\w*[.-]", line)}
-    # NumPy's wheels bring one of their own
-    found = sorted(file for file in files if ".libs/" not in file)
-    if not found:
-        raise RuntimeError("no shared BLAS is loaded with PETSc")
-    return describe_blas(found)
+    maps = Path("/proc/self/maps").read_text()
+    files = {line.split()[-1] for line in maps.splitlines() if re.search(r"/lib\w*blas", line)}
+    names = ", ".join(sorted(file for file in files if ".libs/" not in file))  # not NumPy's own
+    slow = "/libblas.so" in names and "openblas" not in names
+    return names + "; libopenblas0-serial makes MUMPS up to five times faster" * slow
 
 
-def describe_blas(files: list[str]) -> str:
-    """Name of the BLAS of these shared libraries, and of a faster one."""
-    names = ", ".join(files)
-    if "openblas" in names:
-        return f"OpenBLAS ({names})"
-    faster = "MUMPS is up to five times faster with OpenBLAS (apt install libopenblas0-serial)"
-    return f"reference ({names}); {faster}" if "/libblas.so" in names else names
-
-
-def _jit(comm):
-    """Compile the area of one triangle and assemble it."""
-    import numpy as np
+def _jit():
+    """Compile the area of a square, which no cache has, and assemble it."""
     import ufl
-    from dolfinx import fem
+    from dolfinx import fem, mesh
     from mpi4py import MPI
 
     from .. import dolfinx_compat as compat
 
-    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    cells = np.array([[0, 1, 2]], dtype=np.int64)
-    mesh = compat.create_mesh(MPI.COMM_SELF, cells, corners, "triangle", 1)
-    area = fem.assemble_scalar(compat.form(fem.Constant(mesh, 1.0) * ufl.dx(mesh)))
-    if abs(area - 0.5) > 1e-12:
-        raise RuntimeError(f"a triangle of area 0.5 has {area:.6g}")
+    with tempfile.TemporaryDirectory() as cache, patch.dict(os.environ, XDG_CACHE_HOME=cache):
+        square = mesh.create_unit_square(MPI.COMM_SELF, 1, 1)
+        area = fem.assemble_scalar(compat.form(fem.Constant(square, 1.0) * ufl.dx(square)))
+    return f"area of a unit square {area:.6g}"
 
 
-def _gmsh(comm):
-    """Mesh a square, with 4 cells or so along each side."""
+def _gmsh():
     from ..meshes.specimen import specimen
 
-    if (count := len(specimen(1.0, 1.0, 4, 4, "unstructured")[1])) < 16:
-        raise RuntimeError(f"the mesh of a square has {count} cells")
+    return f"{len(specimen(1.0, 1.0, 4, 4, 'unstructured')[1])} cells in a square"
 
 
-def _pyvista(comm):
+def _pyvista():
     """Draw in a process of its own, as VTK may take it down where there is no screen."""
     try:
-        in_child(exec, DRAWING, patience=PATIENCE)
+        in_child(draw_triangle, patience=DRAWING_SECONDS)
     except RuntimeError as error:
-        hint = "found nothing to draw on? (libegl1 on Debian 12, xvfb on 13)"
-        raise RuntimeError(
-            f"{error}; VTK {hint}" if "crashed" in str(error) else str(error)
-        ) from None
+        raise RuntimeError(f"{error} (libegl1 on Debian 12, xvfb on 13?)") from None
 
 
 def draw_triangle() -> None:
-    """Draw a red triangle on white as the package's pictures are drawn; an exception if none is
+    """Draw a red triangle on white as the package's pictures are drawn; RuntimeError if none is
     seen."""
     import numpy as np
     import pyvista
@@ -227,12 +161,12 @@ def draw_triangle() -> None:
         raise RuntimeError("the picture of a triangle is blank or wrong")
 
 
-# by name: a function that returns what else is to be said, or raises; True if all ranks take part
-CHECKS: dict[str, tuple[Callable[["MPI.Comm | None"], str | None], bool]] = {
-    "MPI": (_ranks, True),
-    "MUMPS": (_mumps, False),
-    "BLAS": (_blas, False),
-    "JIT": (_jit, False),
-    "gmsh": (_gmsh, False),
-    "pyvista": (_pyvista, False),
+# what each returns is said; what it raises is why it fails
+CHECKS: dict[str, Callable[[], Any]] = {
+    "MPI": lambda: f"{import_module('mpi4py.MPI').COMM_WORLD.size} rank(s)",
+    "MUMPS": _mumps,
+    "BLAS": _blas,
+    "JIT": _jit,
+    "gmsh": _gmsh,
+    "pyvista": _pyvista,
 }
