@@ -1,5 +1,6 @@
 """One mesh from a file: the first reader that reads it without doubt counts."""
 
+import locale
 import logging
 import os
 import re
@@ -78,7 +79,7 @@ def _attempt(reader: Reader, path: Path) -> tuple[SurfaceMesh | None, str]:
     """The mesh that a reader finds, and its reason to fail or to doubt, "" if there is none."""
     lines: list[str] = []
     try:
-        with _printed(lines):
+        with _same_locale(), _printed(lines):
             mesh = reader(path)
     except InputError:
         raise
@@ -114,6 +115,17 @@ def _line(lines, path):
     text = "".join(letter if letter.isprintable() else "?" for letter in text)
     text = text.strip(" ;").removeprefix("Error: ")
     return text if len(text) <= LONGEST else text[:LONGEST].rsplit(" ", 1)[0] + " ..."
+
+
+@contextmanager
+def _same_locale() -> Iterator[None]:
+    """Undo what the block changes: VTK reads legacy files in C's and stays there, where Python
+    takes all text for ASCII."""
+    before = locale.setlocale(locale.LC_ALL)
+    try:
+        yield
+    finally:
+        locale.setlocale(locale.LC_ALL, before)
 
 
 @contextmanager

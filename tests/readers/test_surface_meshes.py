@@ -1,6 +1,7 @@
 """Meshes of other programs are read with their points and cells, and a file that no reader reads is
 refused with each reader's reason."""
 
+import locale
 import logging
 import math
 import os
@@ -23,6 +24,14 @@ from fabric_fenicsx.tools.files import read_triangles
 SQUARE = np.array([[0.0, 0, 0], [10, 0, 0], [10, 10, 0], [0, 10, 0]])
 POINTS, TRIANGLES, _ = specimen(20, 10, 4, 2, "right")
 QUADS = specimen(20, 10, 4, 2, cell="quadrilateral")[1]
+
+
+@pytest.fixture(autouse=True)
+def same_locale():
+    """VTK's writers leave another one behind."""
+    before = locale.setlocale(locale.LC_ALL)
+    yield
+    locale.setlocale(locale.LC_ALL, before)
 
 
 def read(path, text=None):
@@ -81,7 +90,9 @@ GMSH = {
 def test_what_gmsh_writes_is_read(tmp_path, case, capfd):
     name, options = GMSH[case]
     by_gmsh(tmp_path / name, **options)
+    before = locale.setlocale(locale.LC_ALL)
     mesh = read(tmp_path / name)
+    assert locale.setlocale(locale.LC_ALL) == before
     assert len(mesh.cells) == 1 and area(mesh) == pytest.approx(200)
     assert capfd.readouterr() == ("", "")
 
