@@ -20,14 +20,18 @@ def all_of(made: FormingScene, result: Result) -> dict[str, Any]:
     """Forces, penetrations, shear, strains, draw-in, thickness, wrinkles; for metal thinning,
     plastic strain and stress; for a stack the pressure between sheets. Those of a stack are for all
     sheets together; `plies` has those of each sheet."""
-    found = of_forces(made, result) | of_contact(made, result) | of_sheets(made, result)
+    found = (
+        force_quantities(made, result)
+        | contact_quantities(made, result)
+        | sheet_quantities(made, result)
+    )
     if "sheet_pressure" in result.fields:  # means of cells on the next sheet
         pressure = np.nan_to_num(result.fields["sheet_pressure"])
         found["sheet_pressure_largest_MPa"] = measures.extremes(made.comm, pressure)[1]
     return found
 
 
-def of_forces(made: FormingScene, result: Result) -> dict[str, Any]:
+def force_quantities(made: FormingScene, result: Result) -> dict[str, Any]:
     """Forces [N]: of the leading tool towards the blank, as `force_N` and under its name, on the
     modelled part and on the whole blank; the size of each contact force on the modelled part; the
     force of each tool along z on the whole blank."""
@@ -47,7 +51,7 @@ def of_forces(made: FormingScene, result: Result) -> dict[str, Any]:
     }
 
 
-def of_contact(made: FormingScene, result: Result) -> dict[str, Any]:
+def contact_quantities(made: FormingScene, result: Result) -> dict[str, Any]:
     """Forces that are not in balance, penetration of tools, and what else checks the contact."""
     scene, interface, energies = made.scene, made.data.interface, energies_of(result.rows[-1])
     total = sum((output.tool_force(scene, term.tool) for term in made.pressing), np.zeros(3))
@@ -63,7 +67,7 @@ def of_contact(made: FormingScene, result: Result) -> dict[str, Any]:
     }
 
 
-def of_sheets(made: FormingScene, result: Result) -> dict[str, Any]:
+def sheet_quantities(made: FormingScene, result: Result) -> dict[str, Any]:
     """Quantities of the one sheet, or of all sheets of a stack together and of each."""
     parts = made.blank.parts or {"": made.blank.whole}
     plies: dict[str, dict[str, Any]] = {}

@@ -97,18 +97,18 @@ def fields_of(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         "title": document.get("title", ""),
         "quarter": quarter,
         "sheets": _sheets(document, tables["blank"], folder),
-        "interface": made(Interface, tables["contact"], "contact", folder),
-        "limits": made(Limits, tables["limits"], "limits", folder),
+        "interface": from_table(Interface, tables["contact"], "contact", folder),
+        "limits": from_table(Limits, tables["limits"], "limits", folder),
         "tools": {name: _tool(table, name, folder) for name, table in tables["tools"].items()},
         "holders": {n: _holder(table, n, folder) for n, table in tables["holders"].items()},
         "stages": [
-            made(Stage, {"name": f"stage {k}"} | each, f"stage.{each.get('name', k)}", folder)
+            from_table(Stage, {"name": f"stage {k}"} | each, f"stage.{each.get('name', k)}", folder)
             for k, each in enumerate(stages, 1)
         ],
     }
 
 
-def made(kind: type, table: Mapping[str, Any], path: str, folder: Path) -> Any:
+def from_table(kind: type, table: Mapping[str, Any], path: str, folder: Path) -> Any:
     """The dataclass object that a table describes; path: of the table, for messages."""
     known = {each.name: each.metadata for each in dataclasses.fields(kind) if each.init}
     given = {}
@@ -176,7 +176,7 @@ def _sheets(document, blank, folder):
     """The sheets of the tables [[ply]], the lowest first, completed by [blank]; without such tables
     the one sheet of [blank]."""
     if "ply" not in document:
-        return [made(Sheet, blank, "blank", folder)]
+        return [from_table(Sheet, blank, "blank", folder)]
     plies = _list(document, "ply")
     if not plies:
         raise InputError("ply is empty; allowed is a table [[ply]] for each")
@@ -188,7 +188,7 @@ def _sheets(document, blank, folder):
         barred = {other for key in ply for other in OWN.get(key, ())}
         handed = {key: value for key, value in blank.items() if key not in barred}
         path = f"ply.{ply.get('name', k)}"
-        sheets.append(made(Sheet, handed | ply | {"name": name}, path, folder))
+        sheets.append(from_table(Sheet, handed | ply | {"name": name}, path, folder))
     names = [sheet.name for sheet in sheets]
     if twice := next((name for name in names if names.count(name) > 1), ""):
         raise InputError(f"two plies are called {twice}; allowed are different names")
@@ -212,13 +212,13 @@ def _tool(table, name, folder):
         over = given.get("side") == "above"
         surface: Surface | str | DieOf = Turned(shape, OVER) if over else shape
     elif kind == "die_of":
-        surface = made(DieOf, {"tool": value} | table, path, folder)
+        surface = from_table(DieOf, {"tool": value} | table, path, folder)
         given = {"side": "above"} | given
     else:
         surface = _file(value, f"{path}.file", folder)
         if table:
             raise unknown_key(next(iter(table)), own, f"{path}.{next(iter(table))}")
-    return made(PressTool, {"surface": surface} | given, path, folder)
+    return from_table(PressTool, {"surface": surface} | given, path, folder)
 
 
 def _shape(shape: str, table: Mapping[str, Any], path: str, own: Sequence[str]) -> Surface:
@@ -250,7 +250,7 @@ def _holder(table: Any, name: str, folder: Path) -> Holder:
     if "where" in table:
         with located(path, ("where",)):
             given["where"] = Region(table["where"])
-    return made(HOLDERS[kinds[0]], given, path, folder)
+    return from_table(HOLDERS[kinds[0]], given, path, folder)
 
 
 def _change(document, change):

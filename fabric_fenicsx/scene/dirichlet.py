@@ -49,7 +49,7 @@ class FixedDofs:
                 )
             self._nodes.append(nodes)
             self.dofs_of[support.name] = owned[:, None] * self._gdim + np.arange(self._gdim)
-        self.locates = any(support.locates for support in self)  # until `let_go`
+        self.locates = any(support.locates for support in self)  # until `release_locating_supports`
         self._fix(self)
 
     def __iter__(self) -> Iterator[Support]:
@@ -67,7 +67,7 @@ class FixedDofs:
         self.bcs = [fem.dirichletbc(zero, dofs[dofs % gdim == i], V.sub(i)) for i in range(gdim)]
         self.dofs = dofs[dofs < self._owned * gdim]
 
-    def let_go(self) -> None:
+    def release_locating_supports(self) -> None:
         """Drop the supports that only locate the sheet."""
         before, self.locates = self.dofs, False
         self._fix(support for support in self if not support.locates)

@@ -85,10 +85,10 @@ class Scene:
         self._free.set(1.0)
         self._free.array[self.fixed_dofs] = 0.0
 
-    def let_go(self) -> None:
+    def release_locating_supports(self) -> None:
         """Drop supports that only locate, if friction holds the sheet in its accepted state."""
         if self.supports.locates and is_held_by_friction(self.blank, self.terms):
-            self.supports.let_go()
+            self.supports.release_locating_supports()
             self._set_fixed_dofs()
 
     def check_held(self) -> str:

@@ -116,7 +116,7 @@ class LoadStepping:
             places = progress.x.array[scene.fixed_dofs]
             scene.supports.work.accept(progress.load, scene.support_forces(), places)
         if not self._is_new:
-            scene.let_go()
+            scene.release_locating_supports()
             return
         progress.stored = sum(self._energies().values())
         self._in_equilibrium = newton.is_at_rest(progress.x)
@@ -246,7 +246,7 @@ class LoadStepping:
         self.newton.x.copy(progress.x)
         scene.supports.work.accept(trial.load, trial.forces, trial.values)
         scene.accept()
-        scene.let_go()
+        scene.release_locating_supports()
         progress.memory, progress.solver = scene.memory(), self.newton.memory()
         if self._in_equilibrium:
             progress.accepted += 1
