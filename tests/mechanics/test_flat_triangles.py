@@ -68,18 +68,6 @@ def test_the_smooth_face_is_that_of_the_linear_sheet():
     assert found[0] == pytest.approx(found[1], abs=1e-10)
 
 
-def test_metal_remembers_strains_in_triangles():
-    blank, _ = sheets()
-    metal = alone(blank, SheetMetal(ff.load_metal("dc04")))
-    bend(blank)
-    metal.accept()
-    kept, before = metal.cell_memory(), metal.stored()
-    assert kept["plastic"].max() > 0 and len(kept["plastic"]) == len(blank.areas())
-    again = alone(blank, SheetMetal(ff.load_metal("dc04")))
-    again.recall(kept)
-    assert again.stored() == pytest.approx(before, rel=1e-12)
-
-
 # -- the whole element of forming: quadratic membrane, bending on flat triangles
 
 

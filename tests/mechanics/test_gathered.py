@@ -27,8 +27,3 @@ def test_pairs_that_do_not_count_have_no_place():
     coupled = CoupledNodes(NODES, COLUMNS, alone, dim=2)
     assert coupled.count == 5 and (coupled.places[~alone] == -1).all()
     assert sorted({*coupled.rows}) == sorted({*np.ravel([2 * NODES, 2 * NODES + 1])})
-
-
-def test_no_cells_couple_nothing():
-    none = CoupledNodes(np.empty(0, dtype=int), np.empty((0, 6), dtype=int))
-    assert none.count == len(none.rows) == len(none.cols) == 0

@@ -35,18 +35,13 @@ def end(blank, position):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("kind", ["plane", "P2", "Q1", "in space", "turned"])
+@pytest.mark.parametrize("kind", ["P2", "Q1", "turned"])
 def test_edge_tension_is_the_stress_of_a_strip(kind):
     """Pulled at both ends by T [N/mm], free across: stress T / t along, in each cell; the grips'
     work is its energy."""
-    turn = rotation() if kind == "turned" else FLAT
-    spatial = kind in ("in space", "turned")
-    blank = strip(
-        spatial,
-        turn,
-        "quadrilateral" if kind == "Q1" else "triangle",
-        degree=2 if kind == "P2" else 1,
-    )
+    spatial = kind == "turned"
+    turn, cell = rotation() if spatial else FLAT, "quadrilateral" if kind == "Q1" else "triangle"
+    blank = strip(spatial, turn, cell, degree=2 if kind == "P2" else 1)
     fabric = load("komeili").without("biaxial")
     membrane = Membrane(fabric)
     gdim = blank.mesh.geometry.dim
@@ -67,7 +62,6 @@ def test_edge_tension_is_the_stress_of_a_strip(kind):
     assert nominal == pytest.approx(
         np.broadcast_to(np.diag([TENSION, 0]), nominal.shape), abs=1e-6 * TENSION
     )
-    print(kind, sum(states[-1].energies.values()) / states[-1].external_work - 1)
     assert sum(states[-1].energies.values()) == pytest.approx(states[-1].external_work, rel=1e-3)
 
 
@@ -138,16 +132,15 @@ def exact_sag():
     return trapezoid(WEIGHT * s * thread(span), s)
 
 
-@pytest.mark.parametrize("steps", [1, 2, 5, 10, 20])
+@pytest.mark.parametrize("steps", [1, 5])
 def test_a_strip_that_hangs_is_believed_in_few_steps(steps):
     """Its sag grows as the load's cube root, so a straight first step does twice the work."""
     sag, imbalance = hung(steps)
-    print(steps, sag, exact_sag(), imbalance)
     assert sag == pytest.approx(exact_sag(), rel=5e-4)
     assert imbalance < 0.025
 
 
-@pytest.mark.parametrize("steps", [1, 5, 20])
+@pytest.mark.parametrize("steps", [1, 5])
 def test_a_strip_of_which_work_is_missing_is_not_believed(steps):
     class Helped(Springs):
         """Springs that a load bends, whose work is not told."""
@@ -180,10 +173,9 @@ def test_bad_input_is_refused(make, words):
 def test_a_load_on_one_sheet_of_a_stack(name):
     """The other one feels nothing."""
     stack = Stack([(strip(True), 1.0, each) for each in ("lower", "upper")])
+    term, total = DeadPressure(TENSION, (1, 0, 0)), TENSION * WIDTH * LENGTH
     if name == "edge tension":
         term, total = EdgeTension(TENSION, (1, 0, 0), lambda x: x[0] < 1e-6), TENSION * WIDTH
-    else:
-        term, total = DeadPressure(TENSION, (1, 0, 0)), TENSION * WIDTH * LENGTH
     held = [
         Support("lower", lambda x: x[2] < 0.5, (0, 1, 2)),
         Support("upper", lambda x: x[2] > 0.5, (0, 1, 2)),
@@ -192,10 +184,3 @@ def test_a_load_on_one_sheet_of_a_stack(name):
     run(scene, 1)
     assert scene.reaction("upper") == pytest.approx([-total, 0, 0], rel=1e-12)
     assert not scene.reaction("lower").any()
-
-
-@pytest.mark.mpi
-def test_a_checkpoint_knows_the_pull():
-    blank = strip(False)
-    pull = alone(blank, EdgeTension(TENSION, (1, 0), end(blank, LENGTH)))
-    assert pull.fingerprint["tension"] == TENSION

@@ -5,7 +5,6 @@ import pytest
 from builders import Elastic, alone, march, near, sheet
 
 from fabric_fenicsx.mechanics.release_forces import ReleaseForces
-from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support
@@ -51,13 +50,6 @@ def test_they_are_whole_at_the_start_and_gone_in_the_end():
     scene.set_load(0.9)
     assert forces.remaining() == 0
     assert scene.force_scale() > 1  # a residual stays small beside what formed the sheet
-
-
-def test_a_reach_is_above_zero():
-    with pytest.raises(
-        InputError, match=r"reach of release forces \[mm\] is 0.0; allowed is a numb"
-    ):
-        ReleaseForces(0.0)
 
 
 def test_springs_fade_with_the_forces_and_begin_where_these_were_taken():

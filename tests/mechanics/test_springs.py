@@ -27,7 +27,7 @@ def held(blank, stroke=0.0):
     return [grip, Support("rest", lambda x: np.full(x.shape[1], True), tuple(rest))]
 
 
-@pytest.mark.parametrize("nx, degree", [(4, 1), (9, 1), (5, 2)])
+@pytest.mark.parametrize("nx, degree", [(9, 1), (5, 2)])
 def test_parallel_springs_and_the_strip_share_the_stroke(nx, degree):
     """In series: k = E h b / l of the strip, 60 N/mm of the springs, at any mesh."""
     blank = sheet(LENGTH, WIDTH, nx, 3, "crossed", degree=degree)
@@ -106,11 +106,7 @@ def test_springs_on_one_sheet_of_a_stack():
 @pytest.mark.parametrize(
     "given, options, words",
     [
-        (
-            (END, -1.0),
-            {"arm": (1, 0)},
-            r"stiffness of springs \[N/mm\] is -1.0; allowed is a number",
-        ),
+        ((END, -1.0), {"arm": (1, 0)}, r"stiffness of springs \[N/mm\] is -1.0; allowed is"),
         ((END, 1.0), {}, "springs need one of `anchor` and `arm`"),
         ((END, 1.0), {"arm": (0, 0)}, r"arm of springs \[mm\] is \(0, 0\); allowed are two finite"),
         ((END, 1.0), {"anchor": (LENGTH, 0)}, "an anchor at a node that they hold, so no direc"),
@@ -122,11 +118,7 @@ def test_bad_input_is_refused(given, options, words):
         alone(strip(), Springs(*given, **options))
 
 
-@pytest.mark.mpi
 def test_a_checkpoint_knows_the_springs():
     springs = alone(strip(), Springs(END, 5.0, 20.0, arm=(30.0, 0)))
-    assert {
-        "stiffness": 5.0,
-        "preload": 20.0,
-        "arm": [30.0, 0],
-    }.items() <= springs.fingerprint.items()
+    known = {"stiffness": 5.0, "preload": 20.0, "arm": [30.0, 0]}
+    assert known.items() <= springs.fingerprint.items()

@@ -118,16 +118,12 @@ def test_travel_that_follows_from_a_first_load(power):
     assert found == pytest.approx(1 / (power + 1), rel=0.02)
 
 
-def test_states_of_a_rejected_step_are_forgotten():
+def test_what_was_rejected_or_let_go_does_no_work():
     work = Work()
     work.accept(0.0, np.zeros(1), np.zeros(1))
     work.since(0.05, np.full(1, 9.0), np.ones(1))
     work.reject()
     assert work.since(0.1, np.ones(1), np.ones(1)) == pytest.approx(0.5)
-
-
-def test_points_that_are_let_go_do_no_work():
-    work = Work()
     work.accept(0.0, np.ones(2), np.zeros(2))
     work.keep(np.array([True, False]))
     assert work.since(1.0, np.ones(1), np.full(1, 3.0)) == pytest.approx(3.0)

