@@ -1,19 +1,16 @@
 """Bending of a fabric's yarns as tests tell it."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from ..readers.units import suffixes
 from ..runtime.errors import InputError
 from ..runtime.rules import above_zero, not_negative
-from .files import read_numbers, take_table
-from .friction import Each
+from .files import Several
+from .material import Parameters
 
 GRAVITY = 9.81e-6  # N/mm^2 of a sheet of 1 g/cm^3 and 1 mm
-HALF = 0.5  # bending length over the overhang that droops by 41.5 deg (Peirce 1930, ISO 4604)
 
 
 class Bent(NamedTuple):
@@ -26,7 +23,7 @@ class Bent(NamedTuple):
 
 
 @dataclass(frozen=True)
-class MeasuredBending:
+class MeasuredBending(Parameters):
     """Moment over curvature of both yarns, elastic: from a cantilever test, or as a table.
 
     Parameters
@@ -53,6 +50,16 @@ class MeasuredBending:
     [[0.1, -0.25]]
     """
 
+    rules = {
+        "cantilever_a": above_zero("length"),
+        "cantilever_b": above_zero("length"),
+        "curvature": Several(not_negative("curvature")),
+        "moment_a": Several(not_negative("line_moment")),
+        "moment_b": Several(not_negative("line_moment")),
+    }
+    optional = tuple(rules)
+    prefix = "bending."
+
     cantilever_a: float | None = None
     cantilever_b: float | None = None
     curvature: tuple[float, ...] = ()
@@ -60,9 +67,7 @@ class MeasuredBending:
     moment_b: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        for name, rule in RULES.items():
-            if given := getattr(self, name):
-                object.__setattr__(self, name, rule.check(f"bending.{name}", given))
+        super().__post_init__()
         lengths = self.cantilever_a, self.cantilever_b
         object.__setattr__(self, "moment_b", self.moment_b or self.moment_a)
         curves = self.curvature, self.moment_a, self.moment_b
@@ -99,25 +104,7 @@ class MeasuredBending:
             return [(self.curvature, moment) for moment in (self.moment_a, self.moment_b)]
         weight = GRAVITY * areal_weight
         lengths = (self.cantilever_a or 0.0, self.cantilever_b or 0.0)
-        return [((0.0, 1.0), (0.0, weight * (HALF * length) ** 3)) for length in lengths]
-
-    def table(self) -> dict[str, Any]:
-        """Its table in a material file."""
-        units = {name: next(iter(suffixes(rule.unit))) for name, rule in RULES.items()}
-        given = {name: value for name in units if (value := getattr(self, name))}
-        return {
-            f"{name}_{units[name]}": list(value) if isinstance(value, tuple) else value
-            for name, value in given.items()
-        }
-
-
-RULES: dict[str, Any] = {
-    "cantilever_a": above_zero("length"),
-    "cantilever_b": above_zero("length"),
-    "curvature": Each(not_negative("curvature")),
-    "moment_a": Each(not_negative("line_moment")),
-    "moment_b": Each(not_negative("line_moment")),
-}
+        return [((0.0, 1.0), (0.0, weight * (length / 2) ** 3)) for length in lengths]
 
 
 def _along(curvature, moment, values):
@@ -132,13 +119,3 @@ def _along(curvature, moment, values):
     energy = curve.antiderivative()(inside) - curve.antiderivative()(0.0)
     energy = energy + (at_last + slope * beyond / 2) * beyond
     return energy, np.sign(values) * (at_last + slope * beyond), slope
-
-
-def bending_of(document: dict[str, Any], units: Mapping[str, str]) -> MeasuredBending | None:
-    """The table [bending] of a material file, taken out of its document; None without one. units:
-    its table [units]. Raises InputError by key."""
-    if "bending" not in document:
-        return None
-    return MeasuredBending(
-        **read_numbers(take_table(document, "bending"), RULES, units, "bending.")
-    )

@@ -1,15 +1,12 @@
 """Loss of a ply's thickness under pressure."""
 
-import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from ..runtime.errors import InputError
-from ..runtime.rules import FROM_ZERO, Rule, above_zero, check_complete, shown
-from .files import read_numbers
+from ..runtime.rules import FROM_ZERO, Rule, above_zero
 from .material import Parameters
 
 ITERATIONS = 6  # of Newton's method; three or four do
@@ -53,6 +50,7 @@ class Compaction(Parameters):
         "pressure": above_zero("stress"),
         "thickening": FROM_ZERO,
     }
+    optional = ("thickening",)
 
     exponent: float = 16.0
     onset: float = 1e-3
@@ -63,31 +61,6 @@ class Compaction(Parameters):
         """Thickness under pressures p from 0 [MPa], over the fabric's."""
         y = log_compaction(np.array([self.pressure, *np.atleast_1d(p).ravel()]) / self.onset)
         return np.exp((y[0] - y[1:]) / self.exponent).reshape(np.shape(p))
-
-
-def compaction_of(document: dict[str, Any], units: Mapping[str, str]) -> Compaction | None:
-    """The table [compaction] of a material file, taken out of its document; None for `compaction =
-    false`, the default without either. units: its table [units]. Raises InputError by key."""
-    if "compaction" not in document:
-        return Compaction()
-    given = document.pop("compaction")
-    if given is False:
-        return None
-    if not isinstance(given, dict):
-        raise InputError(
-            f"compaction is {shown(given)}; allowed is a table [compaction], or false for none"
-        )
-    numbers = read_numbers(given, Compaction.rules, units, "compaction.")
-    check_complete(numbers, ("exponent", "onset", "pressure"), "compaction.", "in [compaction]")
-    return Compaction(**numbers)
-
-
-def table_of(compaction: Compaction | None) -> dict[str, float] | bool:
-    """Its entry in a material file."""
-    if not compaction:
-        return False
-    known = dataclasses.asdict(compaction)
-    return {name: value for name, value in known.items() if name != "thickening" or value}
 
 
 def log_compaction(q: np.ndarray) -> np.ndarray:

@@ -50,20 +50,15 @@ class Energy:
     thickness: Any  # [mm]
 
     def energy(self, eps_a: Any, eps_b: Any, gamma: Any) -> tuple[Any, Any, Any]:
-        """The three parts of the strain energy density W, along a, along b and shear with its
-        couplings [MPa = N mm per mm3 of undeformed fabric].
-
-        eps_a, eps_b: nominal strains of the yarns, eq. (9) [-]; gamma: shear angle, eq. (8), of
-        either sign [rad]; UFL expressions, NumPy arrays or hyper-dual numbers. So the functions in
-        it are those of `material.functions`.
-        """
+        """The parts of the strain energy density W, along a, along b and shear with its couplings
+        [MPa], of nominal strains of the yarns [-] and the shear angle of either sign [rad], UFL
+        expressions, arrays or hyper-dual numbers, with the functions of `material.functions`."""
         raise InputError(
             f"law {self.law} has no energy; allowed is a method energy(self, eps_a, eps_b, gamma)"
         )
 
     def parts(self, eps_a: Any, eps_b: Any, gamma: Any) -> tuple[Any, Any, Any]:
-        """The parts of `energy`; InputError if that fails or gives something else than three, as
-        where it is not written with the functions of `material.functions`."""
+        """The parts of `energy`; InputError if that fails or gives something else than three."""
         try:
             a, b, shear = self.energy(eps_a, eps_b, gamma)
         except InputError:
@@ -106,11 +101,8 @@ class Energy:
 def stresses_of_energy(
     law: Energy, eps_a: ArrayLike, eps_b: ArrayLike, gamma: ArrayLike
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """sigma_a, sigma_b, tau (n,) [MPa] from the energy alone, without the law's closed forms.
-
-    eps_a, eps_b [-], gamma [rad]: (n,) or a number each. Per undeformed volume, so F:P-conjugate
-    (eq. 14 calls sigma_a at eps_b = 0, gamma = 0 sigma-hat). Kernel and elements must hit them.
-    """
+    """sigma_a, sigma_b, tau (n,) [MPa] at eps_a, eps_b [-] and gamma [rad], (n,) or a number each,
+    from the energy alone, without the law's closed forms."""
     strains = (np.atleast_1d(v).astype(float) for v in (eps_a, eps_b, gamma))
     a, b, g = np.broadcast_arrays(*strains)
     sigma_a, sigma_b, tau = Energy.derivatives(law, a, b, g, second=False).first

@@ -18,6 +18,22 @@ OWN_UNITS = {kind: OWN[kind] for kind in ("stress", "length", "density")}  # of 
 FIBRES = {"fibre_density": above_zero("density")}
 
 
+class Several(NamedTuple):
+    """The rule for one or several numbers that `rule` allows."""
+
+    rule: Rule
+
+    @property
+    def unit(self) -> str:
+        """That of the numbers, as of a `Rule`."""
+        return self.rule.unit
+
+    def check(self, name: str, value: Any) -> tuple[float, ...]:
+        """The numbers; InputError, which calls them `name`, for one that is not allowed."""
+        numbers = value if isinstance(value, (list, tuple)) and value else [value]
+        return tuple(self.rule.check(name, each) for each in numbers)
+
+
 class Interval(NamedTuple):
     """The rule for two numbers that `rule` allows, the first below the second."""
 
@@ -56,12 +72,10 @@ def read_toml(path: str | os.PathLike[str], make: Callable[[dict[str, Any]], Any
     """make(document) of the TOML file at `path`; InputErrors name the file."""
     try:
         document = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: is not valid TOML ({error}); allowed is a TOML file") from None
     except (OSError, ValueError, RecursionError) as error:
-        raise InputError(
-            f"{path}: cannot be read ({_reason(error)}); allowed is a TOML file"
-        ) from None
+        is_toml = isinstance(error, tomllib.TOMLDecodeError)
+        flaw = "is not valid TOML" if is_toml else "cannot be read"
+        raise InputError(f"{path}: {flaw} ({_reason(error)}); allowed is a TOML file") from None
     try:
         return make(document)
     except InputError as error:
@@ -108,12 +122,9 @@ def read_numbers(
     where: str,
     also: tuple[str, ...] = (),
 ) -> dict[str, Any]:
-    """The numbers of one TOML table by the names of `rules`, in the package's units.
-
-    The unit is in the key, as `d_kPa` for the name d, or in `units`, the file's table {kind: unit}.
-    where: what stands before a key in messages; also: keys that belong to others. Raises InputError
-    by key.
-    """
+    """The numbers of one TOML table by the names of `rules`, in the package's units: the unit is in
+    the key, as `d_kPa`, or in the file's `units` {kind: unit}. where: what stands before a key in
+    messages; also: keys that belong to others. Raises InputError by key."""
     found: dict[str, Any] = {}
     spelled: dict[str, str] = {}
     for key, value in table.items():
@@ -176,11 +187,8 @@ def read_sheet_numbers(
     also: tuple[str, ...] = (),
     rules: Mapping[str, Rule] | None = None,
 ) -> tuple[dict[str, Any], float | None]:
-    """The numbers that a table has of thickness [mm], density [g/cm3] and the names of `rules`, and
-    the areal weight [g/m2] if the density is from one: areal weight / thickness.
-
-    also: keys that belong to others. Raises InputError by key.
-    """
+    """The numbers that a table has of thickness, density and the names of `rules`, and the areal
+    weight [g/m2] if the density is from one; also: keys of others. Raises InputError by key."""
     known = {**SHEET, "areal_weight": above_zero("areal_weight"), **(rules or {})}
     numbers = read_numbers(table, known, units, "", also)
     weight = numbers.pop("areal_weight", None)

@@ -1,40 +1,21 @@
 """Friction between yarns, beside the elastic law: why fabric keeps most of its shape."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from ..readers.units import suffixes
 from ..runtime.errors import InputError
-from ..runtime.rules import Rule, above_zero, check_complete
-from .files import read_numbers, take_table
+from ..runtime.rules import above_zero
+from .files import Several
 from .functions import negative, positive
 from .material import Parameters
 
 
-class Each(NamedTuple):
-    """The rule for one or several numbers that `rule` allows."""
-
-    rule: Rule
-
-    @property
-    def unit(self) -> str:
-        """That of the numbers, as of a `Rule`."""
-        return self.rule.unit
-
-    def check(self, name: str, value: Any) -> tuple[float, ...]:
-        """The numbers; InputError, which calls them `name`, for one that is not allowed."""
-        several = value if isinstance(value, (list, tuple)) and value else [value]
-        return tuple(self.rule.check(name, each) for each in several)
-
-
 class Response(NamedTuple):
-    """Of points (...): potential of the step, stress, its derivative, sliding and dissipation.
-
-    The units are those of the numbers; sliding has another axis, of the elements (..., k).
-    """
+    """Of points (...): potential of the step, stress, its derivative, sliding (..., k) of the
+    elements, and dissipation, in units of the numbers."""
 
     energy: np.ndarray
     stress: np.ndarray
@@ -45,11 +26,8 @@ class Response(NamedTuple):
 
 @dataclass(frozen=True)
 class YarnFriction(Parameters):
-    """Elements in parallel, each a spring in series with a slider, which a strain moves.
-
-    With z = strain - sliding, an element has the stress `stiffness` z up to its `strength`, where
-    it slides. Within a step its energy is that of the spring and, beyond, what sliding takes.
-    """
+    """Elements in parallel, each a spring in series with a slider, which a strain moves: with
+    z = strain - sliding its stress is `stiffness` z up to its `strength`, where it slides."""
 
     stiffness: tuple[float, ...]
     strength: tuple[float, ...]
@@ -92,11 +70,6 @@ class YarnFriction(Parameters):
             dissipated=lost,
         )
 
-    def table(self) -> dict[str, list[float]]:
-        """Its table in a material file."""
-        units = {name: next(iter(suffixes(rule.unit))) for name, rule in self.rules.items()}
-        return {f"{name}_{unit}": list(getattr(self, name)) for name, unit in units.items()}
-
 
 @dataclass(frozen=True)
 class ShearFriction(YarnFriction):
@@ -119,7 +92,7 @@ class ShearFriction(YarnFriction):
     [0.008, 0.01]
     """
 
-    rules = {name: Each(above_zero("stress")) for name in ("stiffness", "strength")}
+    rules = {name: Several(above_zero("stress")) for name in ("stiffness", "strength")}
 
 
 @dataclass(frozen=True)
@@ -145,25 +118,6 @@ class BendingFriction(YarnFriction):
     """
 
     rules = {
-        "stiffness": Each(above_zero("bending_stiffness")),
-        "strength": Each(above_zero("line_moment")),
+        "stiffness": Several(above_zero("bending_stiffness")),
+        "strength": Several(above_zero("line_moment")),
     }
-
-
-# fields of a law and tables of its file
-FRICTIONS: dict[str, type[YarnFriction]] = {
-    "shear_friction": ShearFriction,
-    "bending_friction": BendingFriction,
-}
-
-
-def frictions_of(document: dict[str, Any], units: Mapping[str, str]) -> dict[str, Any]:
-    """The tables of `FRICTIONS` of a material file, taken out of its document, by field; None for
-    one that it does not have. units: its table [units]. Raises InputError by key."""
-    found: dict[str, Any] = dict.fromkeys(FRICTIONS)
-    for key, kind in FRICTIONS.items():
-        if key in document:
-            numbers = read_numbers(take_table(document, key), kind.rules, units, f"{key}.")
-            check_complete(numbers, kind.rules, f"{key}.", f"in [{key}]")
-            found[key] = kind(**numbers)
-    return found

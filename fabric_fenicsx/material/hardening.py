@@ -7,7 +7,7 @@ file alone. Yield stresses never fall, so that what a step minimises is convex.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -15,13 +15,13 @@ from ..runtime.errors import InputError
 from ..runtime.rules import (
     FINITE,
     above_zero,
-    check_complete,
     fraction,
     not_negative,
+    of_either_sign,
     shown,
     unknown_key,
 )
-from .files import read_numbers
+from .files import Several
 from .material import Parameters
 
 CURVES: "dict[str, type[Hardening]]" = {}  # by their names in material files
@@ -50,8 +50,7 @@ class Hardening(Parameters):
         raise NotImplementedError
 
     def table(self) -> dict[str, Any]:
-        """Its table in a material file, in MPa."""
-        return {"law": self.law} | {name: getattr(self, name) for name in self.rules}
+        return {"law": self.law} | super().table()
 
 
 @dataclass(frozen=True)
@@ -143,18 +142,6 @@ class Voce(Hardening):
         return (self.Y0 + self.Q) * p + self.Q * np.expm1(-self.b * p) / self.b
 
 
-class Numbers(NamedTuple):
-    """The rule for a list of finite numbers; unit: as of a `Rule`."""
-
-    unit: str = ""
-
-    def check(self, name: str, value: Any) -> tuple[float, ...]:
-        """The numbers; InputError, which calls them `name`, for anything else."""
-        if not isinstance(value, (list, tuple)):
-            raise InputError(f"{name} is {shown(value)}; allowed is a list of numbers")
-        return tuple(FINITE.check(name, each) for each in value)
-
-
 @dataclass(frozen=True)
 class HardeningTable(Hardening):
     """Yield stress through points.
@@ -182,7 +169,7 @@ class HardeningTable(Hardening):
     """
 
     law = "table"
-    rules = {"eps": Numbers(), "sigma": Numbers("stress")}
+    rules = {"eps": Several(FINITE), "sigma": Several(of_either_sign("stress"))}
 
     eps: tuple[float, ...]
     sigma: tuple[float, ...]
@@ -227,7 +214,4 @@ def hardening_from(table: dict[str, Any], units: Mapping[str, str]) -> Hardening
     law = table.pop("law", None)
     if not isinstance(law, str) or law not in CURVES:
         raise unknown_key(law, CURVES, f"hardening.law {shown(law)}")
-    curve = CURVES[law]
-    numbers = read_numbers(table, curve.rules, units, "hardening.", ("law",))
-    check_complete(numbers, curve.rules, "hardening.", "in [hardening]")
-    return curve(**numbers)
+    return CURVES[law].from_table(table, units, "hardening", ("law",))

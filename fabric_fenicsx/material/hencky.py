@@ -41,11 +41,9 @@ class Hencky(NamedTuple):
 
 
 def hencky(C: np.ndarray) -> Hencky:
-    """Strain 1/2 ln C of right Cauchy-Green tensors C (n, 3), both as (m, d, o).
-
-    With rho = d^2 + o^2, D = det C = m^2 - rho and u = rho / m^2 it is (ln(D) / 4, phi d, phi o),
-    phi = artanh(sqrt(u)) / (2 m sqrt(u)): smooth where C's two eigenvalues meet, without its axes.
-    """
+    """Strain 1/2 ln C of right Cauchy-Green tensors C (n, 3), both as (m, d, o)."""
+    # with rho = d^2 + o^2, D = det C = m^2 - rho and u = rho / m^2 it is (ln(D) / 4, phi d, phi o),
+    # phi = artanh(sqrt(u)) / (2 m sqrt(u)): smooth where C's two eigenvalues meet
     m, d, o = C.T
     with np.errstate(all="ignore"):
         rho = d * d + o * o

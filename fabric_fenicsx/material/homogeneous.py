@@ -18,11 +18,7 @@ def gradient(eps_a: np.ndarray, eps_b: np.ndarray, gamma: np.ndarray) -> np.ndar
 
 def conjugate(P: np.ndarray, F: np.ndarray) -> np.ndarray:
     """Stresses conjugate to eps_a, eps_b, gamma, (n, 3) [MPa], from first Piola-Kirchhoff stresses
-    P (n, 2, 2) at `gradient` F.
-
-    The rates of F are a/|a| e1 for eps_a, b/|b| e2 for eps_b, and both yarns turning towards each
-    other for gamma.
-    """
+    P (n, 2, 2) at `gradient` F."""
     a, b = F[:, :, 0], F[:, :, 1]
     turn = 0.5 * np.stack(
         [np.stack([-a[:, 1], a[:, 0]], -1), np.stack([b[:, 1], -b[:, 0]], -1)], -1
@@ -48,12 +44,7 @@ def lateral_strain(
     law: Law, along: int, strain: np.ndarray, start: np.ndarray | None = None
 ) -> np.ndarray:
     """Strain (n,) across a tension of `strain` (n,) along yarn a (0) or b (1), where the stress
-    across is zero.
-
-    Newton's method, halving the interval of the root where a step would leave it. The strain is
-    sought from -99 % to 0 and is that bound if the root lies beyond. Raises SolverFailure if a
-    stress is not a number, and if no root is found.
-    """
+    across is zero, from -99 % to 0. Raises SolverFailure if a stress is not a number."""
     across = 1 - along
     e = np.zeros((len(strain), 3))
     e[:, along] = strain

@@ -64,16 +64,12 @@ def evaluate(
     weave_angle: float | None = None,
     sliding: ArrayLike | None = None,
 ) -> State:
-    """Evaluate the law of `fabric` from one of U `stretch`, F `gradient` or C `cauchy_green`.
+    """Evaluate the law of `fabric` from one of U `stretch`, F `gradient` or C `cauchy_green`,
+    (..., 2, 2), or (..., 3, 2) of a gradient into space.
 
-    stretch, cauchy_green: (..., 2, 2), symmetric; gradient: (..., 2, 2) or (..., 3, 2); any memory
-    layout; n is the product of the leading shape. fibres: pair of unit vectors a0, b0, each (2,) or
-    (..., 2), not parallel; default the two base vectors. tangent: whether to return it, too.
-    weave_angle: angle between the yarns from which gamma counts [rad], by default the initial one
-    as in eq. (8). sliding: (n, k) or (k,), of each element of the fabric's `shear_friction` before
-    the step [rad]; without it that has no part in the result.
-    Raises InputError if not exactly one measure is given, if it is not finite or inverted at a
-    point, for fibres that are no unit vectors or parallel, and as `check_weave_angle` does.
+    fibres: unit vectors a0, b0, each (2,) or (..., 2), by default the base vectors. weave_angle:
+    between the yarns, from which gamma counts [rad], by default the initial one. sliding: (n, k) or
+    (k,), of the elements of `shear_friction` before the step [rad], which has no part without it.
     """
     given, C = _deformation(stretch, gradient, cauchy_green)
     (a1, a2), (b1, b2) = _directions(fibres)

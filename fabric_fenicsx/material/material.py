@@ -10,9 +10,10 @@ from typing import Any, ClassVar, Self
 
 import tomli_w
 
+from ..readers.units import suffixes
 from ..runtime.errors import InputError
-from ..runtime.rules import POSITIVE, Rule, unknown_key
-from .files import SHEET, read_toml, write_whole
+from ..runtime.rules import POSITIVE, Rule, check_complete, unknown_key
+from .files import OWN_UNITS, SHEET, read_numbers, read_toml, write_whole
 
 # fields of materials that have no part in the energy of the membrane
 NO_ENERGY = "density", "fibre_density", "compaction", "bending", "bending_friction"
@@ -20,15 +21,42 @@ NO_ENERGY = "density", "fibre_density", "compaction", "bending", "bending_fricti
 
 @dataclass(frozen=True)
 class Parameters:
-    """Numbers with rules: `rules` names those fields that are checked, and how."""
+    """Numbers with rules: `rules` names those fields that are checked, and how, here and in tables
+    of files."""
 
     rules: ClassVar[Mapping[str, Any]] = {}
+    optional: ClassVar[tuple[str, ...]] = ()  # those that may be left out
     prefix: ClassVar[str] = ""  # of names in messages
 
     def __post_init__(self) -> None:
         for name, rule in self.rules.items():
-            number = rule.check(self.prefix + name, getattr(self, name))
-            object.__setattr__(self, name, number)
+            value = getattr(self, name)
+            if name not in self.optional or value:
+                object.__setattr__(self, name, rule.check(self.prefix + name, value))
+
+    def table(self) -> dict[str, Any]:
+        """Its table in a file that has the units `OWN_UNITS`; other units are in the keys."""
+        entries = {}
+        for name, rule in self.rules.items():
+            if (value := getattr(self, name)) or name not in self.optional:
+                is_plain = rule.unit in ("", *OWN_UNITS)
+                entries[name if is_plain else f"{name}_{next(iter(suffixes(rule.unit)))}"] = value
+        return entries
+
+    @classmethod
+    def from_table(
+        cls,
+        table: Mapping[str, Any],
+        units: Mapping[str, str],
+        name: str,
+        also: tuple[str, ...] = (),
+    ) -> Self:
+        """What the table [name] of a file has; units: those of the file, also: keys of others.
+        InputError by key."""
+        numbers = read_numbers(table, cls.rules, units, f"{name}.", also)
+        needed = [each for each in cls.rules if each not in cls.optional]
+        check_complete(numbers, needed, f"{name}.", f"in [{name}]")
+        return cls(**numbers)
 
     def __rmul__(self, factor: float) -> Self:
         """A copy with all stresses times a factor."""

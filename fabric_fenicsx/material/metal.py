@@ -70,9 +70,6 @@ class Metal(Material):
     name: str = ""
     scatter: Mapping[str, tuple[float, float]] = field(default_factory=dict, compare=False)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-
     def table(self) -> dict[str, Any]:
         numbers = {name: getattr(self, name) for name in ("name", *self.numbers())}
         scatter = {"scatter": dict(self.scatter)} if self.scatter else {}

@@ -19,12 +19,8 @@ ITERATIONS = 100  # at most; each halves what is left of either excess or bracke
 
 
 class Response(NamedTuple):
-    """After a step: elastic strain (n, 3), equivalent plastic strain (n,), stress (n, 3) [MPa], all
-    as (m, d, o), and the derivative of stress in strain (n, 3, 3) if asked for.
-
-    The energy's derivative in the strain is twice the stress, as m, d and o each stand twice in the
-    tensor.
-    """
+    """After a step: elastic strain (n, 3), equivalent plastic strain (n,), stress (n, 3) [MPa],
+    half the energy's derivative, as (m, d, o), and its derivative in strain (n, 3, 3) or None."""
 
     elastic: np.ndarray
     plastic: np.ndarray
@@ -83,11 +79,8 @@ def _stiffness(metal):
 
 def _flow(metal, parts, plastic, equivalent, strength):
     """Growth g of the equivalent plastic strain (n,), and what is left of mean and shears of the
-    trial stress, 1 / (1 + K x) with x = g / 2 Y(plastic + g) and K of K_1, 3 K_2, (n, 2).
-
-    parts: squares of both in the trial stress (2, n). The root of a falling function, as the
-    potential is convex where the yield stress does not fall: Newton's method in a bracket.
-    """
+    trial stress, 1 / (1 + K x) with x = g / 2 Y(plastic + g) and K of K_1, 3 K_2, (n, 2); parts:
+    squares of both in the trial stress (2, n). Newton's method in a bracket."""
     K = _stiffness(metal)[:2] * [1, 3]
     low, high = np.zeros(len(plastic)), 2 * (equivalent - strength) / K.min()
     flow, before = np.minimum((equivalent - strength) / K.max(), high), np.inf

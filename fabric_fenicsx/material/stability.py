@@ -29,9 +29,8 @@ OUTER, INNER = 60, 4  # iterations of `smallest_eigenvalue`; most points end aft
 class Stability(NamedTuple):
     """Result of `evaluate`; arrays in the leading shape of its input.
 
-    - convexity: indicator [-], hessian over its value at rest; 1 at rest, negative where it is lost
-    - ellipticity: indicator [-], acoustic over the shear stiffness at rest; 1 at rest for
-      orthogonal yarns, negative where it is lost
+    - convexity, ellipticity: hessian and acoustic over their values at rest [-], negative where
+      they are lost
     - hessian: smallest eigenvalue of d2W/d(eps_a, eps_b)2 [MPa]
     - acoustic: smallest eigenvalue of Q over all directions N [MPa]
     - direction: its N, angle from a0 towards b0 [rad], above -pi/2 and up to pi/2
@@ -68,11 +67,8 @@ def convexity(
 
 
 def evaluate(fabric: Law, invariants: ArrayLike) -> Stability:
-    """Stability at states given by their invariants (..., 4) as in `kernel.State`.
-
-    W has no other arguments, and the invariants also tell the initial angle of the yarns, or the
-    weave's if shear counts from that (no sign depends on it). A state that is not finite gives nan.
-    """
+    """Stability at states given by their invariants (..., 4) as in `kernel.State`, nan where one is
+    not finite."""
     given = np.asarray(invariants, float)
     W, Q, out_of_plane = _second(fabric, given.reshape(-1, 4))
     hessian, (acoustic, direction) = _hessian(W), smallest_eigenvalue(Q)
@@ -152,12 +148,11 @@ def smallest_eigenvalue(Q: np.ndarray, only_least: bool = False) -> tuple[np.nda
     """Smallest eigenvalue over all directions (n,) and its theta (n,), from `_acoustic`'s
     coefficients (3, 3, n).
 
-    No scan: wells near N across a stiff yarn are a fraction of a degree wide. det(Q - l) for a
-    given l is a quadratic function of x = (cos, sin) of 2 theta. One secular equation gives its
-    global minimum on the unit circle (More and Sorensen 1983, SIAM J. Sci. Stat. Comput. 4,
-    553-572). If that is negative, the smaller eigenvalue at its x is the next l. So l falls, faster
-    than linearly, until no direction has an eigenvalue below it. only_least: only the least of all
-    n is wanted; all start from the value of a likely point, or below, and most end there.
+    det(Q - l) for a given l is a quadratic function of x = (cos, sin) of 2 theta. One secular
+    equation gives its global minimum on the unit circle (More and Sorensen 1983, SIAM J. Sci. Stat.
+    Comput. 4, 553-572). If that is negative, the smaller eigenvalue at its x is the next l. So l
+    falls until no direction has an eigenvalue below it. only_least: of all n, so that most end
+    where they start, at the value of a likely point.
     """
     n = Q.shape[2]
     (t0, t1, t2), (h0, h1, h2), (o0, o1, o2) = Q

@@ -22,12 +22,9 @@ def nominal_strain(I: Any) -> Any:
 
 
 def shear_angle(I6: Any, area: Any, cos_angle: Any, sin_angle: Any) -> Any:
-    """Invariant I10 = gamma [rad], eq. (8), signed.
-
-    As arctan of I6 over the area of the fibre pair, sqrt(I4 I8 - I6^2), it stays smooth where the
-    paper's arccos does not. cos_angle, sin_angle: of the angle between the yarns without shear,
-    which is the initial one, a0·b0, or the weave's own.
-    """
+    """Invariant I10 = gamma [rad], eq. (8), signed; area: of the fibre pair, sqrt(I4 I8 - I6^2);
+    cos_angle, sin_angle: of the angle between the yarns without shear."""
+    # smooth where the paper's arccos is not
     return atan(I6 / area) - atan(cos_angle / sin_angle)
 
 
@@ -36,11 +33,8 @@ DEPENDENT = (0, 2), (2,), (1, 2)
 
 
 def in_invariants(I: Any, A: Any, W1: Any, W2: Any) -> tuple[list[Any], list[list[Any]] | None]:
-    """First, [3], and second, [3][3], derivatives of an energy in I = (I4, I6, I8), from those in
-    (eps_a, eps_b, gamma), W1 [3] and W2 [3][3], by the chain rule; without W2 the second are None.
-
-    A: 1 / sqrt(I4 I8 - I6^2).
-    """
+    """First, [3], and second, [3][3], derivatives of an energy in I = (I4, I6, I8), from W1 [3] and
+    W2 [3][3] in (eps_a, eps_b, gamma); None without W2. A: 1 / sqrt(I4 I8 - I6^2)."""
     I4, I6, I8 = I
     three, a, b, g = range(3), 1 / sqrt(I4), 1 / sqrt(I8), I6 * A / 2
     # dq/dI

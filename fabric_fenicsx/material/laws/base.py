@@ -11,17 +11,32 @@ from ...readers.units import OWN
 from ...runtime.errors import InputError
 from ...runtime.rules import Rule, check_complete, shown, unknown_key
 from .. import law_checks
-from ..bending import MeasuredBending, bending_of
-from ..compaction import Compaction, compaction_of, table_of
+from ..bending import MeasuredBending
+from ..compaction import Compaction
 from ..energy import Derivatives, Energy, Range, stresses_of_energy
-from ..files import FIBRES, OWN_UNITS, SHEET, read_scatter, read_sheet_numbers, take_units
-from ..friction import FRICTIONS, BendingFriction, ShearFriction, frictions_of
+from ..files import (
+    FIBRES,
+    OWN_UNITS,
+    SHEET,
+    read_scatter,
+    read_sheet_numbers,
+    take_table,
+    take_units,
+)
+from ..friction import BendingFriction, ShearFriction
 from ..law_checks import COUPLINGS, check_couplings
-from ..material import Material
+from ..material import Material, Parameters
 
 __all__ = ["COUPLINGS", "LAWS", "Derivatives", "Law", "Material", "Range", "stresses_of_energy"]
 
 LAWS: "dict[str, type[Law]]" = {}  # by their names in material files
+# fields of a law that are tables of its file, where `false` stands for none
+TABLES: dict[str, type[Parameters]] = {
+    "compaction": Compaction,
+    "shear_friction": ShearFriction,
+    "bending_friction": BendingFriction,
+    "bending": MeasuredBending,
+}
 
 
 @dataclass(frozen=True)
@@ -209,9 +224,8 @@ class Law(Material, Energy):
         entries = {name: value for name, value in known.items() if value is not None}
         entries |= {"assumed": list(self.assumed)} if self.assumed else {}
         entries |= {"scatter": dict(self.scatter)} if self.scatter else {}
-        of_yarns = (*FRICTIONS, "bending")
-        tables = {name: each.table() for name in of_yarns if (each := getattr(self, name))}
-        return entries | {"compaction": table_of(self.compaction)} | tables
+        tables = {name: each.table() for name in TABLES if (each := getattr(self, name))}
+        return entries | {"compaction": False} | tables
 
     @classmethod
     def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
@@ -230,11 +244,15 @@ def sheet_fields(
     """The fields that every law has, and the numbers of `rules`, from what a `law` leaves of a TOML
     document; units: of its table [units], also: keys that the law took. Raises InputError by key,
     and for a number that is missing."""
-    fields = {"name": document.pop("name", ""), "compaction": compaction_of(document, units)}
-    fields |= frictions_of(document, units) | {"bending": bending_of(document, units)}
+    fields: dict[str, Any] = {"name": document.pop("name", "")}
+    for key, kind in TABLES.items():
+        if document.get(key) is False:
+            fields[key] = document.pop(key) or None
+        elif key in document:
+            fields[key] = kind.from_table(take_table(document, key), units, key)
     fields |= {"assumed": document.pop("assumed", ())}
     fields |= {"scatter": read_scatter(document, law.numbers(), law.factors, units)}
-    known, rules = (*also, *fields), rules or {}
+    known, rules = (*also, *fields, *TABLES), rules or {}
     fields |= read_sheet_numbers(document, units, known, {**FIBRES, **rules})[0]
     check_complete(fields, (*SHEET, *rules), "", "at the top of the file")
     return fields

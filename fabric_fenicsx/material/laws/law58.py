@@ -11,18 +11,12 @@ from .base import Law, Range
 
 @dataclass(frozen=True)
 class Law58(Law):
-    """Loading without hysteresis of Radioss' /MAT/LAW58 (FABR_A), for yarns without crimp.
+    """Loading of Radioss' /MAT/LAW58 (FABR_A) without hysteresis, for yarns without crimp (Altair
+    Radioss Reference Guide; OpenRadioss, hm_read_mat58.F and, beyond E / B, sigeps58c.F).
 
-    - E_a, E_b [MPa]: stiffness of the yarns (E1, E2 there); B_a, B_b [MPa]: their softening (B1,
-      B2), which ends their stiffness at a strain of E / B; beyond it the stress stays at E^2 / 2B
+    - E_a, E_b, B_a, B_b [MPa]: stiffness and softening of the yarns (E1, E2, B1, B2 there)
     - flex [-]: stiffness in compression over E
     - G_0 [MPa]: shear stiffness at rest; G_T [MPa]: that at the locking angle gamma_T [rad]
-      (GT and AlphaT, which Radioss takes in degrees)
-
-    Source: Altair Radioss Reference Guide, /MAT/LAW58, and OpenRadioss, hm_read_mat58.F and, beyond
-    E / B, sigeps58c.F.
-    Crimp, friction, viscosity and unloading are left out; tau is taken as conjugate to gamma. The
-    guide has no constants of a real fabric: those of a file are the user's own.
     """
 
     law = "law58"
@@ -60,13 +54,11 @@ class Law58(Law):
 
     def ranges(self) -> tuple[Range, ...]:
         """Yarns up to E / B, where their stiffness ends."""
-        yarns = (
-            ("eps_a", "E_a / B_a", self.E_a, self.B_a),
-            ("eps_b", "E_b / B_b", self.E_b, self.B_b),
-        )
+        yarns = ("a", self.E_a, self.B_a), ("b", self.E_b, self.B_b)
+        beyond = "there the stress stays as it is"
         return tuple(
-            Range(strain, source, -math.inf, E / B, "there the stress stays as it is")
-            for strain, source, E, B in yarns
+            Range(f"eps_{yarn}", f"E_{yarn} / B_{yarn}", -math.inf, E / B, beyond)
+            for yarn, E, B in yarns
             if B
         )
 

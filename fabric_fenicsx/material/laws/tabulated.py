@@ -37,19 +37,12 @@ _SHEAR = {"gamma": ANGLE, "tau": factors("stress")}
 
 @dataclass(frozen=True)
 class Curve(Parameters):
-    """Nominal stress [MPa] over strain [- or rad] through points; x, y: tuples of n >= 3 numbers,
-    x rising.
+    """Nominal stress y [MPa] over rising strain x [- or rad] through 3 points or more and (0, 0), a
+    monotone cubic (SciPy's PCHIP), so that the energy is C2.
 
-    Between the points it is a monotone cubic (Fritsch and Carlson 1980, SciPy's PCHIP): it rises
-    where the data rise, and its slope is continuous, so the energy is C2. Energy counts from zero
-    strain, where the curve must be free of stress.
-
-    extrapolation, in Abaqus' words: `constant` holds the first and the last stress beyond the
-    points, `linear` goes on with the slopes there, but holds a stress that falls towards 0. A
-    curve that begins at 0 has no stress below, with either.
-
-    Raises InputError, which names the point, for points of another kind, and for another
-    extrapolation.
+    extrapolation: `constant` holds the first and the last stress beyond the points, `linear` goes
+    on with the slopes there, but holds a stress that falls towards 0. A curve that begins at 0 has
+    no stress below. Raises InputError, which names the point, for others.
     """
 
     x: tuple[float, ...]
@@ -183,8 +176,6 @@ class TabulatedFabric(Law):
         return Derivatives(np.stack([A, B, H], -1), np.stack([A_a, B_b, H_g]), tangent)
 
     def ranges(self) -> tuple[Range, ...]:
-        """Strains that the tables cover. Yarns of a table without compression have none, which
-        `plausibility_warnings` says."""
         curves = [(name, strain, getattr(self, name)) for name, strain in CURVES.items()]
         lows = [c.x[0] if c.x[0] < 0 else -math.inf for *_, c in curves]
         return tuple(
@@ -193,8 +184,6 @@ class TabulatedFabric(Law):
         )
 
     def plausibility_warnings(self) -> list[str]:
-        """Sentences on numbers that fabrics hardly have, and on tables without compression or with
-        a stress that falls."""
         found = super().plausibility_warnings()
         for name in CURVES:
             curve, table = getattr(self, name), f"the table of {name} of material {self.name}"
@@ -222,12 +211,8 @@ class TabulatedFabric(Law):
 
     @classmethod
     def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
-        """The fabric of a TOML document in `folder` with `law = "tabulated"` or `model = "fabric"`.
-
-        Top level: name, thickness, density as in any material file, and `warp`, `weft`, `shear`:
-        CSV files beside it with the headers `eps [%], sigma [MPa]` and `gamma [deg], tau [MPa]`,
-        and `extrapolation` of all, see `Curve`. Raises InputError by file and row.
-        """
+        """The fabric of a TOML document in `folder`, in which `warp`, `weft` and `shear` are CSV
+        files with the headers `eps [%], sigma [MPa]` and `gamma [deg], tau [MPa]`."""
         own = {key: document.pop(key, None) for key in ("law", "model", "extrapolation", *CURVES)}
         fields = sheet_fields(cls, document, take_units(document), tuple(own))
         for key in CURVES:
