@@ -4,7 +4,6 @@ reason."""
 import textwrap
 
 from bench.hard_cases import CASES, Setting, run_case
-from bench.once import once
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.command_line.study import parser, run
@@ -42,7 +41,7 @@ def main(study):
     folder, rows = study.folder(), []
     setting = Setting(study.comm, study.fabric, args.integration or "full", args.quick)
     for letter in args.only:
-        rows.append(row := once(study, letter, run_case, letter, setting))
+        rows.append(row := run_case(letter, setting))
         holds = "holds" if row["holds"] else "FAILS"
         cost = f"{row['wall_s']} s, {row['steps']} steps, {row['iterations']} iterations"
         faults = "; not sound: " + "; ".join(row["faults"][:3]) if row["faults"] else ""

@@ -5,7 +5,6 @@ import shlex
 import sys
 import time
 
-from bench.once import once
 from bench.reference import LOADS, make_reference
 from bench.strips import STRIPS, camera_displacements, pull, strip_scene, strip_values
 
@@ -71,7 +70,7 @@ def main(study):
         series = strip.series[:2] if args.quick else strip.series
         for mesh in (*series, *(() if args.quick else strip.checks)):
             key = f"{name} {mesh}"
-            members[mesh] = m = once(study, key, solved, study, name, mesh)
+            members[mesh] = m = solved(study, name, mesh)
             study.say(
                 f"{key:36s} {m['dofs']:7d} dofs {m['iterations']:4d} iterations "
                 f"{m['wall_s']:7.1f} s  reaction {m['values']['reaction_N']:.8g} N"

@@ -17,7 +17,6 @@ class Configuration:
     tolerance: float = 1e-8
     path_tolerance: float = 1e-5
     linear_solver: str = "mumps-cholesky"
-    ranks: int = 1
     fibre_angle: float | None = None
 
     def __str__(self) -> str:
@@ -33,7 +32,7 @@ def on(meshes: str, **more: Any) -> list[dict[str, Any]]:
 OFF = "P1 {0} 133 66, P2 {0} 66 33, P3 {0} 42 21"
 INNER = {"integration": "inner"}
 QUICK = on("P1 crossed 48, P1 unstructured 48, P2 unstructured 24")
-QUICK += [{"linear_solver": "cg-gamg"}, {"ranks": 2}]
+QUICK += [{"linear_solver": "cg-gamg"}]
 FULL = [
     *on("P1 crossed 24 48 120 192, P2 crossed 12 24 48 96, P3 crossed 12 16 24 32"),
     *on("Q1 crossed 48 96, Q2 crossed 24 48, P1 left 150, P2 left 76, P3 left 50"),
@@ -48,7 +47,6 @@ FULL = [
     *({"tolerance": tolerance} for tolerance in (1e-2, 1e-11)),
     *({"path_tolerance": tolerance} for tolerance in (1e-2, 1e-3)),
     *({"linear_solver": solver} for solver in ("mumps-lu", "cg-gamg", "cg-hypre")),
-    {"ranks": 2},
     *on("P1 crossed 24, P2 crossed 12", steps=5, path_tolerance=1e-2),
     *on("P1 crossed 24, P2 crossed 12 24", steps=5, path_tolerance=1e-3),
     *on("P1 crossed 24, P2 crossed 12 48, P3 crossed 16", steps=10, path_tolerance=1e-3),
@@ -63,15 +61,6 @@ def plan(scenes: Iterable[str], quick: bool) -> list[Configuration]:
     changes: list[dict[str, Any]] = [{}, *(QUICK if quick else FULL)]
     quickly: dict[str, Any] = {"mesh": "P1 crossed 24", "steps": 5} if quick else {}
     return [Configuration(scene, **quickly | change) for scene in scenes for change in changes]
-
-
-def plan_sizes(quick: bool) -> list[Configuration]:
-    """The sizes and solvers of which one tangent and its solution are measured."""
-    meshes, two = ("24 48", "48") if quick else ("96 208 448 1000", "96 448")
-    solvers = ("mumps-cholesky",) if quick else ("mumps-cholesky", "cg-gamg", "cg-hypre")
-    alone = [on(f"P1 crossed {meshes}", linear_solver=solver) for solver in solvers]
-    changes = [*sum(alone, []), *on(f"P1 crossed {two}", ranks=2)]
-    return [Configuration("tensile", steps=0, **change) for change in changes]
 
 
 def plan_forming(angles: Iterable[float], quick: bool) -> list[Configuration]:

@@ -3,7 +3,6 @@
 import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -131,20 +130,3 @@ def judge(rows: Sequence[Row]) -> list[Row]:
         row["covered"] = sum(row["covered"] for row in mine) / len(mine)
         found.append(row | {"estimated_over_true": statistics.median(sharp) if sharp else None})
     return found
-
-
-def draw(path: Path, rows: Sequence[Row]) -> None:
-    """Estimated errors over true ones, both relative to the largest true one of the quantity and
-    test; above the line estimates cover the truth."""
-    from fabric_fenicsx.plot.pictures import curves
-
-    series: dict[str, Sequence] = {"estimated = true": ([1e-4, 1], [1e-4, 1], "k-")}
-    for test, style in zip(dict.fromkeys(row["test"] for row in rows), ("C0o", "C1s", "C2^")):
-        points = []
-        for quantity in dict.fromkeys(row["quantity"] for row in rows):
-            mine = [r for r in rows if (r["test"], r["quantity"]) == (test, quantity)]
-            largest = max((r["true"] for r in mine), default=0.0) or 1e-300
-            points += [[max(r[k] / largest, 1e-6) for k in ("true", "estimated")] for r in mine]
-        series[test] = *np.transpose(points), style
-    labels = "true error, of the test's largest", "estimated error, of the same"
-    curves(path, series, *labels, scale="log")

@@ -26,7 +26,7 @@ from ..runtime.logs import MARKED, LogFile, log
 from ..runtime.version import __version__
 
 # the files by which a folder is known to hold results
-RESULTS = "summary.json", "history.csv", "checkpoint.npz", "done.json"
+RESULTS = "summary.json", "history.csv", "checkpoint.npz"
 VERSIONS = {
     "fabric_fenicsx": __version__,
     "dolfinx": dolfinx.__version__,
@@ -115,7 +115,7 @@ class Output:
 
     def _make(self, path):
         """Make the folder and, the first time, lock it."""
-        resumable = {"checkpoint.npz", "done.json"} & {file.name for file in self._results()}
+        resumable = any(file.name == "checkpoint.npz" for file in self._results())
         if self.resume and not (self._lock or resumable):
             flaw = f"`resume=True` finds no checkpoint in {path}"
             raise InputError(f"{flaw}; allowed is the `out` of a run that was begun")

@@ -65,32 +65,17 @@ def test_length_and_width_are_the_meshs_own(study, turned):
 
 
 def test_the_summary_tells_them(study, shared_path):
-    tensile.main(
-        study(
-            *TENSILE,
-            specimen(120, 30, 12, 3),
-            "--quick",
-            "--no-pictures",
-            "--width",
-            "30",
-            "--nx",
-            "9",
-        )
-    )
+    words = "--quick", "--no-pictures", "--width", "30.00001", "--nx", "9"  # as good as its own
+    tensile.main(study(*TENSILE, specimen(120, 30, 12, 3), *words))
     summary = json.loads((shared_path / "out" / "summary.json").read_text())
-    options = summary["options"]
-    assert (options["length"], options["width"], options["nx"], options["pattern"]) == (
-        120,
-        30,
-        None,
-        None,
-    )
+    options = (summary["options"][name] for name in ("length", "width", "nx", "pattern"))
+    assert tuple(options) == (120, 30, None, None)
     (doubt,) = summary["warnings"]
     assert doubt.startswith("--nx changes nothing, as --mesh")
     assert doubt.endswith("has its own cells")
 
 
-@pytest.mark.parametrize("name, value", [("length", 200), ("length", 120.5), ("width", 50)])
+@pytest.mark.parametrize("name, value", [("length", 120.5), ("width", 50)])
 def test_a_length_that_is_not_the_meshs_is_refused(study, name, value):
     mine = study(*TENSILE, specimen(120, 30, 12, 3), f"--{name}", str(value))
     own = {"length": 120, "width": 30}[name]
@@ -98,12 +83,6 @@ def test_a_length_that_is_not_the_meshs_is_refused(study, name, value):
         InputError, match=f"`{name}` {value} does not fit `mesh` .*s.vtk, of {own} mm; allowed"
     ):
         mine.build(mine.describe(Tensile))
-
-
-def test_a_length_that_is_the_meshs_is_not(study):
-    mine = study(*TENSILE, specimen(120, 30, 12, 3), "--length=120", "--width", "30.00001")
-    mine.build(mine.describe(Tensile))
-    assert (mine.args.length, mine.args.width) == (120, 30)
 
 
 def test_a_frame_needs_a_square(study):

@@ -9,7 +9,6 @@ import pytest
     [
         pytest.param((), marks=pytest.mark.mpi),
         ("--pre-tension", 0.01),
-        ("--pre-tension", 0.02, "--model", "fabric"),
         ("--element", "Q2", "--angle", 60),
     ],
 )
@@ -31,8 +30,8 @@ def test_normalised_shear_force(launch, options):
     assert not drawn or (done.folder / "shear_force.png").stat().st_size > 10_000
 
 
-@pytest.mark.parametrize("weave", [70, 120])
-def test_a_weave_that_is_mounted_sheared(launch, weave):
+def test_a_weave_that_is_mounted_sheared(launch):
+    weave = 70
     options = "--weave-angle", weave, "--pre-tension", 0.01, "--no-pictures"
     done = launch("picture_frame", "--quick", "--steps", 10, *options)
     assert done.status == 0, done.err
@@ -44,12 +43,6 @@ def test_a_weave_that_is_mounted_sheared(launch, weave):
     assert q["shear_angle"] == pytest.approx([gamma] * 2, abs=1e-10)
     assert done.summary["kernel_mismatch"] <= 1e-10
     assert "moved by up to 0 mm" in done.out  # all edges are held, and the state is homogeneous
-
-
-@pytest.mark.parametrize("options", [("--fibre-angle", 30), ("--yarn-angle", 80)])
-def test_yarns_that_are_not_along_the_arms(launch, options):
-    done = launch("picture_frame", "--quick", *options)
-    assert done.status == 2 and "along its arms" in done.err
 
 
 def test_pre_tension_stiffens_shear(launch):

@@ -14,12 +14,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench.once import once
-from mpi4py import MPI
+import pyvista
 
 from fabric_fenicsx.command_line.study import Study, parser
 from fabric_fenicsx.coupons.coupon import Tensile
-from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.postprocess.states import read_last
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.runtime.files import lock_folder
@@ -35,7 +33,7 @@ KEPT = (
     "external_work_Nmm",
     "min_stability",
 )
-KILLS = int(os.environ.get("KILLS", 3))
+KILLS = int(os.environ.get("KILLS", 2))
 
 
 def history(folder):
@@ -85,25 +83,24 @@ def wait_for_rows(process, folder, rows=5):
         time.sleep(0.002)
 
 
+def everything(folder):
+    return {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+
+
 def test_results_are_lost_only_if_that_is_asked(launch):
     done = launch("tensile", "--quick")
     assert done.status == 0
-    before = {file: file.read_bytes() for file in done.folder.rglob("*") if file.is_file()}
-    again = launch("tensile", "--quick", "--strain", 0.01, overwrite=False)
-    assert again.status == 2
-    assert "--overwrite" in again.err
-    assert "--resume" in again.err
-    assert again.err.count("\n") == 1
-    assert {file: file.read_bytes() for file in done.folder.rglob("*") if file.is_file()} == before
+    before = everything(done.folder)
+    for part in ((), ("--compare",)):  # whose results are in subfolders
+        again = launch("tensile", "--quick", "--strain", 0.01, *part, overwrite=False)
+        assert again.status == 2 and again.err.count("\n") == 1
+        assert "--overwrite" in again.err and "--resume" in again.err
+        assert everything(done.folder) == before
     both = launch("tensile", "--quick", "--resume", "--overwrite")
     assert both.status == 2 and "one of them" in both.err
     lost = launch("tensile", "--quick", "--strain", 0.01, "--no-pictures")
     assert lost.status == 0 and lost.summary["options"]["strain"] == 0.01
     assert not list(lost.folder.glob("*.png"))
-    parts = launch(
-        "tensile", "--quick", "--compare", ranks=2, overwrite=False
-    )  # results in the folder itself, to be in its subfolders
-    assert parts.status == 2 and "--overwrite" in parts.err
 
 
 HOLDER = """
@@ -116,10 +113,6 @@ sys.stdin.read()
 """
 
 
-def everything(folder):
-    return {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
-
-
 def test_a_folder_in_use_is_refused_until_its_run_ends(launch, tmp_path):
     """However a second run would take it, on any number of ranks; a run that is killed leaves it to
     the next."""
@@ -128,7 +121,7 @@ def test_a_folder_in_use_is_refused_until_its_run_ends(launch, tmp_path):
     first = subprocess.Popen(holder, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert first.stdout.readline() == "True\n"
     before = everything(done.folder)
-    for ranks, *options in ((1,), (1, "--overwrite"), (2, "--resume")):
+    for ranks, *options in ((1, "--overwrite"), (2, "--resume")):
         again = launch("tensile", *OPTIONS, "--steps", 3, *options, ranks=ranks, overwrite=False)
         assert again.status == 2 and again.err.count("studies/tensile.py: error: --out ") == 1, (
             again.err
@@ -156,8 +149,7 @@ def test_a_run_holds_its_folder_from_before_it_writes(tmp_path):
     study().folder()
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_a_spoilt_checkpoint_is_refused(launch, ranks):
+def test_a_spoilt_checkpoint_is_refused(launch):
     done = launch("tensile", *OPTIONS, "--steps", 3)
     path = done.folder / "checkpoint.npz"
     with np.load(path) as file:
@@ -165,48 +157,29 @@ def test_a_spoilt_checkpoint_is_refused(launch, ranks):
     arrays["u"][3] = np.nan
     np.savez(path, **arrays)
     before = everything(done.folder)
-    again = launch("tensile", *OPTIONS, "--steps", 3, "--resume", ranks=ranks)
+    again = launch("tensile", *OPTIONS, "--steps", 3, "--resume", ranks=2)
     assert again.status == 2 and again.err.count("studies/tensile.py: error: ") == 1, again.err
     assert "Traceback" not in again.err
     assert "checkpoint.npz is damaged: its content has another checksum" in again.err
-    assert {k: v for k, v in everything(done.folder).items() if k.name != "log.txt"} == {
-        k: v for k, v in before.items() if k.name != "log.txt"
-    }
+    del before[done.folder / "log.txt"]
+    assert before.items() <= everything(done.folder).items()
 
 
-@pytest.mark.mpi
-@pytest.mark.parametrize("text", ["{", "[1]", '{"problem": {}}', '{"problem": 3, "done": {}}'])
-def test_a_spoilt_list_of_what_is_done_is_refused(tmp_path, text):
-    folder = MPI.COMM_WORLD.bcast(tmp_path)
-    (folder / "done.json").write_text(text)
-    MPI.COMM_WORLD.barrier()
-    study = Study("tensile", parser(Tensile, ""), ["--out", str(folder), "--resume"])
-    with pytest.raises(
-        InputError, match="done.json cannot be read .*; allowed is one that a study wrote"
-    ):
-        once(study, "a", lambda: 1)
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_ends_after_its_step_if_asked_and_goes_on(launch, tmp_path, whole, number, hang):
+def test_ends_after_its_step_if_asked_and_goes_on(launch, tmp_path, whole, hang):
     process = begun(tmp_path / "out")
     wait_for_rows(process, tmp_path / "out")
-    process.send_signal(number)
+    process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=hang)
     assert process.returncode == 3
-    assert re.fullmatch(
-        (
-            rf"studies/tensile.py: stopped by {number.name} at load factor [\d.]+; "
-            r"--resume goes on from there\n"
-        ),
-        err,
-    )
+    told = r"stopped by SIGINT at load factor [\d.]+; --resume goes on from there"
+    assert re.fullmatch(rf"studies/tensile.py: {told}\n", err)
     assert 5 <= rows_written(tmp_path / "out") < 61
     assert launch("tensile", *OPTIONS, "--resume").status == 0
     same_curve(tmp_path / "out", whole)
 
 
-def test_ranks_end_together_if_asked(launch, tmp_path, hang):
+@pytest.mark.versions
+def test_ranks_end_together_if_asked_and_one_goes_on(launch, tmp_path, whole, hang):
     folder = tmp_path / "out"
     process = subprocess.Popen(
         [*on_ranks(2), *command("--out", folder)],
@@ -220,15 +193,15 @@ def test_ranks_end_together_if_asked(launch, tmp_path, hang):
     process.communicate(timeout=hang)
     assert process.returncode != 0
     done = launch("tensile", *OPTIONS, "--resume")
-    assert done.status == 0 and len(history(folder)) == 61
+    assert done.status == 0 and done.summary["steps_accepted"] == 60
+    same_curve(folder, whole)
+    times = pyvista.PVDReader(folder / "fields.pvd").time_values
+    assert times == pyvista.PVDReader(whole / "fields.pvd").time_values
 
 
 def test_a_finished_run_is_left_as_it_is(launch):
-    coarse = "--nx", 6, "--steps", 3, "--max-imbalance", 0.5, "--no-pictures"
-    coarse += "--set", "stage.1.moves.punch=6"
-    done = launch("double_dome", *coarse)
-    assert done.status == 0, done.err
-    again = launch("double_dome", *coarse, "--resume", ranks=2)
+    done = launch("tensile", *OPTIONS, "--steps", 3)
+    again = launch("tensile", *OPTIONS, "--steps", 3, "--resume", ranks=2)
     assert again.status == 0 and "nothing is left to do" in again.err
     assert again.summary == done.summary and again.out == done.out
 
@@ -240,15 +213,6 @@ def test_pictures_that_a_finished_run_lacks_are_drawn(launch):
     assert {"maps.png", "curve.png", "axis.png"} <= {
         file.name for file in done.folder.glob("*.png")
     }
-
-
-def test_the_command_of_a_summary_repeats_the_run(launch, tmp_path):
-    done = launch("tensile", "--quick", "--strain", 0.02, "--no-pictures")
-    shutil.move(done.folder, tmp_path / "first")
-    subprocess.run(
-        done.summary["command"], shell=True, check=True, capture_output=True, cwd=tmp_path
-    )
-    same_curve(done.folder, tmp_path / "first")
 
 
 def test_killed_at_any_moment_it_goes_on(tmp_path, whole):
@@ -292,7 +256,7 @@ runpy.run_path(sys.argv[0], run_name="__main__")
 """
 
 
-@pytest.mark.parametrize("limit", [1_000, 5_000, 62_000])
+@pytest.mark.parametrize("limit", [1_000, 62_000])
 def test_full_disk(launch, tmp_path, whole, limit):
     """As far as files of a limited size tell: one sentence, and what was there goes on once there
     is space."""
@@ -314,31 +278,21 @@ def test_full_disk(launch, tmp_path, whole, limit):
 
 def flat(values, name=""):
     """{path: number} of nested summaries."""
-    if isinstance(values, dict):
-        return {
-            k: v for key, each in values.items() for k, v in flat(each, f"{name}/{key}").items()
-        }
     if isinstance(values, list):
-        return {
-            k: v for key, each in enumerate(values) for k, v in flat(each, f"{name}/{key}").items()
-        }
+        values = dict(enumerate(values))
+    if isinstance(values, dict):
+        parts = (flat(each, f"{name}/{key}") for key, each in values.items())
+        return {key: number for part in parts for key, number in part.items()}
     return {name: values} if isinstance(values, (int, float)) else {}
 
 
 # on two ranks numbers are known: test_tensile.py, test_numbers_are_the_same_on_every_debian
 def test_every_output_is_that_of_any_number_of_ranks(launch):
     outputs = []
+    # to the solver's tolerance along the whole path, as that is what is compared
+    exact = "--path-tolerance", 1e-10, "--tolerance", 1e-10, "--no-pictures"
     for ranks in (1, 3):
-        # to the solver's tolerance along the whole path, as that is what is compared
-        done = launch(
-            "bias_extension",
-            "--quick",
-            "--path-tolerance",
-            1e-10,
-            "--tolerance",
-            1e-10,
-            ranks=ranks,
-        )
+        done = launch("bias_extension", "--nx", 12, "--steps", 3, *exact, ranks=ranks)
         assert done.status == 0, done.err
         summary = {
             k: done.summary[k]
@@ -352,18 +306,15 @@ def test_every_output_is_that_of_any_number_of_ranks(launch):
         x, once = np.unique(x, axis=0, return_index=True)  # nodes that ranks share are there twice
         nodes = np.column_stack([x, grid.point_data["u"][once, :2]])
         axis = np.loadtxt(done.folder / "axis.csv", delimiter=",", skiprows=1)
-        pictures = sorted(file.name for file in done.folder.glob("*.png"))
-        outputs.append(
-            (flat(summary) | flat(rows, "row"), fields | {"axis": axis, "nodes": nodes}, pictures)
-        )
-    (numbers, arrays, pictures), *others = outputs
-    for mine, fields, seen in others:
-        assert mine == pytest.approx(numbers, rel=1e-6, abs=1e-9)
-        for name in ("/reaction_N", "/energy/strain"):
-            assert mine[name] == pytest.approx(numbers[name], rel=1e-8)
-        assert seen == pictures and fields.keys() == arrays.keys()
-        for name, values in fields.items():
-            assert values == pytest.approx(arrays[name], rel=1e-6, abs=1e-6), name
+        arrays = fields | {"axis": axis, "nodes": nodes}
+        outputs.append((flat(summary) | flat(rows, "row"), arrays))
+    (numbers, arrays), (mine, others) = outputs
+    assert mine == pytest.approx(numbers, rel=1e-6, abs=1e-9)
+    for name in ("/reaction_N", "/energy/strain"):
+        assert mine[name] == pytest.approx(numbers[name], rel=1e-8)
+    assert others.keys() == arrays.keys()
+    for name, values in others.items():
+        assert values == pytest.approx(arrays[name], rel=1e-6, abs=1e-6), name
 
 
 @pytest.mark.versions
@@ -393,39 +344,7 @@ def test_report(launch):
     done = launch("bias_extension", "--quick", "--strain", 0.05)
     text = (done.folder / "report.html").read_text()
     assert "Done" in text and f"{done.summary['reaction_N']:.5g}" in text
-    for word in (
-        "--strain 0.05",
-        "kernel",
-        "s_T = 1467.6",
-        "petsc4py",
-        "Newton iterations",
-        "centre shear angle [deg]",
-    ):
+    for word in ("--strain 0.05", "s_T = 1467.6", "petsc4py", "centre shear angle [deg]"):
         assert word in text, word
     assert text.count("data:image/png;base64,") == len(list(done.folder.glob("*.png"))) >= 3
     assert set(re.findall(r"(?:src|href)=\"(\w+):", text)) == {"data"} and "<script" not in text
-
-
-def test_report_of_a_run_that_gave_up(launch, tmp_path):
-    (tmp_path / "m.toml").write_text(PRESETS["komeili"].dumps().replace("a = 4130.0", "a = 1e308"))
-    done = launch("tensile", "--quick", "--material", "m.toml", "--no-pictures")
-    assert done.status == 3
-    text = (done.folder / "report.html").read_text()
-    assert "gave up" in text and "Done" not in text
-
-
-def test_report_of_several_runs(launch):
-    done = launch("tensile", "--quick", "--compare", "--no-pictures")
-    text = (done.folder / "report.html").read_text()
-    for part in done.summary["variants"]:
-        assert f"<h2>{part}</h2>" in text
-
-
-def test_studies_of_many_runs_go_on(launch):
-    first = launch("hard_cases", "--quick", "--only", "ln")
-    assert first.status == 0
-    again = launch("hard_cases", "--quick", "--only", "ln", "--resume")
-    assert again.status == 0
-    assert (
-        again.summary["quantities"] == first.summary["quantities"]
-    )  # to the hundredth of a second: not run again

@@ -6,7 +6,7 @@ import pytest
 
 
 @pytest.mark.versions
-@pytest.mark.parametrize("element", ["Q1", pytest.param("P1", marks=pytest.mark.mpi), "Q2"])
+@pytest.mark.parametrize("element", ["Q1", pytest.param("P1", marks=pytest.mark.mpi)])
 def test_elements_and_kernel_hit_the_closed_form(launch, element):
     done = launch("single_element", "--element", element)
     assert done.status == 0, done.err

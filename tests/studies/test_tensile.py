@@ -26,41 +26,8 @@ COMM = MPI.COMM_WORLD
 sys.path.insert(0, str(Path(__file__).parents[2] / "studies"))
 import tensile  # noqa: E402
 
-FULL = (
-    "--element",
-    "P1",
-    "--nx",
-    100,
-    "--ny",
-    25,
-    "--pattern",
-    "crossed",
-    "--steps",
-    20,
-    "--path-tolerance",
-    1e-5,
-    "--no-error",
-)
-CONTRACT = {
-    "study",
-    "converged",
-    "stroke_reached",
-    "dofs",
-    "cells",
-    "element",
-    "ranks",
-    "terms",
-    "steps_accepted",
-    "steps_rejected",
-    "newton_iterations",
-    "wall_s",
-    "peak_memory_mib",
-    "energy",
-    "reaction_N",
-    "kernel_mismatch",
-    "versions",
-    "quantities",
-}
+MESH = "--element", "P1", "--nx", 100, "--ny", 25, "--pattern", "crossed"
+FULL = *MESH, "--steps", 20, "--path-tolerance", 1e-5, "--no-error"
 
 
 def balance(summary):
@@ -79,22 +46,9 @@ def test_the_papers_specimen(launch):
     done = launch("tensile", *FULL, "--verbose", "--path-tolerance", 1e-8)
     s = done.summary
     assert done.status == 0, done.err
-    assert set(s) >= CONTRACT
-    assert s["converged"]
-    assert s["stroke_reached"] == 1
-    assert s["cells"] == 10_000
-    assert s["ranks"] == COMM.size
+    assert (s["converged"], s["stroke_reached"], s["ranks"]) == (True, 1, COMM.size)
     wall = s["wall_s"]
-    assert set(wall) >= {"setup", "compile", "assemble", "linear_solve", "output", "total"}
     assert sum(wall.values()) - wall["total"] == pytest.approx(wall["total"], rel=0.05)
-    assert set(s["energy"]) == {
-        "strain",
-        "bending",
-        "contact",
-        "friction",
-        "viscous",
-        "external_work",
-    }
     assert s["kernel_mismatch"] <= 1e-10
     assert balance(s) <= 2e-3
     assert -0.155 <= s["quantities"]["log_eps_22_min"] <= -0.135
@@ -120,25 +74,16 @@ def test_the_papers_specimen(launch):
         assert (done.folder / picture).stat().st_size > 10_000
 
 
-@pytest.mark.parametrize("study, allowed", [("tensile", 30), ("bias_extension", 70)])
-def test_a_curve_to_five_digits_is_cheap(launch, study, allowed):
-    mesh = "--nx", 48, "--ny", 12, "--no-pictures"
-    exact = launch(study, *FULL, *mesh, "--path-tolerance", 1e-8)
-    forces = np.array([row["reaction_N"] for row in rows(exact.folder)])
-    done = launch(study, *FULL, *mesh)
-    assert np.array([row["reaction_N"] for row in rows(done.folder)]) == pytest.approx(
-        forces, rel=1e-5, abs=1e-5
-    )
-    assert done.summary["reaction_N"] == pytest.approx(exact.summary["reaction_N"], rel=1e-8)
-    assert done.summary["newton_iterations"] <= allowed < exact.summary["newton_iterations"]
+def test_a_curve_to_five_digits_is_cheap(launch):
+    def pulled(*options):
+        mesh = "--nx", 24, "--ny", 6, "--no-pictures"
+        s = launch("bias_extension", *FULL, *mesh, *options)
+        return s.summary, np.array([row["reaction_N"] for row in rows(s.folder)])
 
-
-# and in bias: test_run.py, test_every_output_is_that_of_any_number_of_ranks
-def test_ranks_agree(launch):
-    options = *FULL, "--nx", 40, "--ny", 10, "--steps", 5, "--no-pictures"
-    one, three = (launch("tensile", *options, ranks=n).summary for n in (1, 3))
-    assert three["energy"]["strain"] == pytest.approx(one["energy"]["strain"], rel=1e-8)
-    assert three["reaction_N"] == pytest.approx(one["reaction_N"], rel=1e-8)
+    (exact, forces), (cheap, mine) = pulled("--path-tolerance", 1e-8), pulled()
+    assert mine == pytest.approx(forces, rel=1e-5, abs=1e-5)
+    assert cheap["reaction_N"] == pytest.approx(exact["reaction_N"], rel=1e-8)
+    assert cheap["newton_iterations"] <= 70 < exact["newton_iterations"]
 
 
 # of --tolerance 1e-11 on one rank on Debian 12 (DOLFINx 0.5.2); what runs on two, or on Debian 13
@@ -164,7 +109,7 @@ def test_numbers_are_the_same_on_every_debian(launch, study):
 def test_energy_balance_is_better_than_chords_make_it(launch):
     """Straight lines between the states are off by 8.5e-5 with 20 steps and a quarter of that with
     40; parabolas by much less."""
-    options = ("--quick", "--path-tolerance", 1e-5, "--no-pictures")
+    options = ("--nx", 10, "--path-tolerance", 1e-5, "--no-pictures")
     errors = [balance(launch("tensile", *options, "--steps", n).summary) for n in (20, 40)]
     assert errors[0] < 1e-5 and errors[1] < errors[0]
 
@@ -182,23 +127,24 @@ def test_no_contraction_without_the_biaxial_coupling(launch, options):
 
 
 def test_comparison_of_the_variants(launch):
-    done = launch("tensile", "--quick", "--compare", "--without", "compression_shear")
+    """Beside a curve that was made with all couplings."""
+    measured = Path(__file__).parents[2] / "studies/data/komeili_all/free_a.csv"
+    done = launch("tensile", "--quick", "--compare", "--measured", measured)
     assert done.status == 0, done.err
-    assumed, *results = done.out.splitlines()
-    assert assumed == "no test has determined these numbers of komeili: d = 0.65 MPa, p_min = 0.75"
-    assert len(results) == 4
+    assumed, *_ = done.out.splitlines()
+    assert assumed.startswith("no test has determined these numbers of komeili: d = 0.65 MPa")
+    assert done.out.count("free_a.csv: simulated and measured force differ by ") == 4
+    found = done.summary["quantities"]
+    off = {name: found[name]["measured"][0]["rms_of_peak"] for name in found}
+    assert off["all couplings"] < 0.05 < 0.15 < off["FABRIC"]
+    report = (done.folder / "report.html").read_text()
+    assert all(f"<h2>{variant}</h2>" in report for variant in done.summary["variants"])
     for picture in ("compare.png", "compare_curves.png"):
         assert (done.folder / picture).stat().st_size > 10_000
 
 
-ELEMENTS = "P1", "P2", "P3", "Q1", "Q2"
-
-
 @pytest.mark.versions
-@pytest.mark.parametrize(
-    "element",
-    [pytest.param(e, marks=pytest.mark.mpi) if e in ("P3", "Q1") else e for e in ELEMENTS],
-)
+@pytest.mark.parametrize("element", ["P2", pytest.param("Q1", marks=pytest.mark.mpi)])
 def test_fields_for_paraview_are_those_of_the_solution(launch, element):
     # on ranks others draw
     pictures = () if COMM.size == 1 else ("--no-pictures",)
@@ -233,29 +179,6 @@ def test_fields_for_paraview_are_those_of_the_solution(launch, element):
     assert u @ along == pytest.approx(0.03 * (x @ along), abs=1e-6)
 
 
-@pytest.mark.versions
-def test_resume_after_a_kill_on_other_ranks(launch):
-    def curve(folder):
-        return [row["reaction_N"] for row in rows(folder)]
-
-    options = ("--quick", "--steps", 40, "--no-pictures")
-    whole = launch("tensile", *options)
-    expected = curve(whole.folder)
-    for file in ("summary.json", "history.csv", "checkpoint.npz"):
-        (whole.folder / file).unlink()
-    launch("tensile", *options, kill_at_row=10)
-    assert not (whole.folder / "summary.json").exists()
-    again = launch("tensile", *options, "--resume", ranks=2)
-    assert again.status == 0
-    assert again.summary["reaction_N"] == pytest.approx(whole.summary["reaction_N"], rel=1e-9)
-    assert again.summary["energy"] == pytest.approx(whole.summary["energy"], rel=1e-9)
-    assert again.summary["steps_accepted"] == 40
-    assert curve(again.folder) == pytest.approx(expected, rel=1e-9, abs=1e-12)
-    assert pyvista.PVDReader(again.folder / "fields.pvd").time_values == pytest.approx(
-        np.linspace(0, 1, 9)
-    )
-
-
 def test_a_load_that_cannot_be_reached(launch):
     options = "--element", "P1", "--strain", 1, "--max-strain", 10, "--no-pictures"
     done = launch("bias_extension", "--quick", *options)
@@ -279,26 +202,18 @@ def test_a_load_that_cannot_be_reached(launch):
     assert s["energy"]["viscous"] == pytest.approx(history[-1]["viscous_energy_Nmm"])
 
 
-@pytest.mark.parametrize("drag, warned", [(0.3, True), (1e-3, False)])
-def test_what_the_regularisation_takes_is_told(tmp_path, monkeypatch, capsys, drag, warned):
-    """With a drag [N/mm] on the nodes from the start; it fades at full load and leaves the state as
-    it is without."""
-    viscosity = Viscosity(drag, stiffness=1000 * drag, easy_steps_asked=100)
+def test_what_the_regularisation_takes_is_told(tmp_path, monkeypatch, capsys):
+    """With a drag of 0.3 N/mm on the nodes from the start; it fades at full load and leaves the
+    state as it is without."""
+    viscosity = Viscosity(0.3, stiffness=300.0, easy_steps_asked=100)
     monkeypatch.setattr(stepping, "Progress", partial(Progress, viscosity=viscosity))
     options = ["--quick", "--no-pictures", "--element", "P1"]
     tensile.main(Study("tensile", tensile.options(), [*options, "--out", str(tmp_path)]))
     summary, history = json.loads((tmp_path / "summary.json").read_text()), rows(tmp_path)
     told = [row for row in history if row["viscous_energy_Nmm"] > 0.01 * row["strain_energy_Nmm"]]
-    said = [
-        line
-        for line in capsys.readouterr().err.splitlines()
-        if "the regularisation has taken" in line
-    ]
-    assert len(said) == warned == bool(told)
-    if warned:
-        assert said[0].startswith(
-            f"warning: at load {told[0]['load']:.6g} (step {told[0]['step']:.0f})"
-        )
+    lines = capsys.readouterr().err.splitlines()
+    (said,) = (line for line in lines if "the regularisation has taken" in line)
+    assert said.startswith(f"warning: at load {told[0]['load']:.6g} (step {told[0]['step']:.0f})")
     assert summary["energy"]["viscous"] == pytest.approx(history[-1]["viscous_energy_Nmm"])
     monkeypatch.undo()
     tensile.main(Study("tensile", tensile.options(), [*options, "--out", str(tmp_path / "free")]))
@@ -315,19 +230,21 @@ def test_a_material_that_is_not_a_number_at_run_time(launch, shared_path):
     assert done.status == 3, done.err
     assert "the energy, its forces or its tangent are not a number" in done.err
     assert not done.summary["converged"]
+    report = (done.folder / "report.html").read_text()
+    assert "gave up" in report and "Done" not in report
     assert len(rows(done.folder)) == 1
     assert pyvista.PVDReader(done.folder / "fields.pvd").time_values == [0.0]
 
 
 def test_more_ranks_than_cells(launch):
-    few = "--nx", 1, "--ny", 1, "--pattern", "left", "--steps", 2, "--no-pictures"
-    done = launch("tensile", *few, ranks=3)
+    few = "--nx", 1, "--ny", 1, "--element", "Q1", "--steps", 2, "--no-pictures"
+    done = launch("tensile", *few, ranks=2)
     assert done.status == 0, done.err
-    assert done.summary["cells"] == 2
+    assert done.summary["cells"] == 1
 
 
 def test_a_comparison_goes_on_where_it_was_killed(launch):
-    options = ("--quick", "--compare", "--no-pictures")
+    options = ("--nx", 8, "--steps", 2, "--compare", "--no-pictures")
     whole = launch("tensile", *options)
     for file in (whole.folder / "FABRIC").glob("*.*"):
         file.unlink()
@@ -336,22 +253,7 @@ def test_a_comparison_goes_on_where_it_was_killed(launch):
     assert again.out == whole.out
 
 
-def test_another_mesh_is_not_resumed(launch, tmp_path):
-    from fabric_fenicsx.meshes.specimen import specimen
-
-    def write(nx, ny):
-        points, cells, kind = specimen(nx=nx, ny=ny)
-        meshio.write_points_cells(tmp_path / "s.msh", points, [(kind, cells)])
-
-    write(20, 5)
-    options = ("--quick", "--no-pictures", "--mesh", "s.msh")
-    assert launch("tensile", *options).status == 0
-    write(24, 6)
-    again = launch("tensile", *options, "--resume", ranks=2)
-    assert again.status == 2 and "another mesh" in again.err
-
-
-@pytest.mark.parametrize("study", ["tensile", "bias_extension", "picture_frame", "single_element"])
+@pytest.mark.parametrize("study", ["tensile", "picture_frame"])
 def test_a_tabulated_material_runs_in_every_study(launch, tmp_path, study):
     """Fine tables of the preset `fabric`'s curves give its reactions."""
     from fabric_fenicsx.material.laws.base import stresses_of_energy
@@ -379,10 +281,8 @@ def test_a_tabulated_material_runs_in_every_study(launch, tmp_path, study):
     assert tables["converged"]
     assert tables["couplings"] == []
     assert tables["kernel_mismatch"] <= 1e-10
-    if "reaction_N" in tables:
-        assert tables["reaction_N"] == pytest.approx(
-            preset["reaction_N"], rel=2e-2
-        )  # of the interpolation
+    interpolation = 2e-2
+    assert tables["reaction_N"] == pytest.approx(preset["reaction_N"], rel=interpolation)
 
 
 def test_what_is_said_first_holds_as_the_mesh_is_refined(launch):
@@ -489,17 +389,6 @@ def test_a_law_in_a_file(launch, shared_path):
         assert done.summary["reaction_N"] == pytest.approx(100 * 0.03 * 50, rel=1e-6)
     finally:
         LAWS.pop("straight", None)
-
-
-def test_a_law_file_whose_law_no_material_has(launch, tmp_path):
-    """Otherwise the run would be of komeili."""
-    (tmp_path / "law.py").write_text(LAW_FILE)
-    try:
-        done = launch("tensile", "--law-file", tmp_path / "law.py")
-    finally:
-        LAWS.pop("straight", None)
-    words = "is given, but the material komeili is of the law coupled; allowed is --material with"
-    assert done.status == 2 and words in done.err, done.err
 
 
 @pytest.mark.parametrize(
