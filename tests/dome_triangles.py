@@ -32,7 +32,7 @@ def _quarter(dome, x, y, size, turn):
     along, up = (np.linspace(0, end, max(2, math.ceil(end / size) + 1)) for end in (x, y))
     sides = [(x, each) for each in up] + [(each, y) for each in along[-2::-1]]
     outline = np.array(sides)
-    outline = outline + (dome.developed[-1] - dome.foot) * dome.plan(*outline.T)[1].T
+    outline = outline + (dome.developed[-1] - dome.roundings[1]) * dome.plan(*outline.T)[1].T
 
     rounding, wall, fillet, flange = dome.developed
     fine = ((rounding, wall, dome.top_radius * turn), (fillet, flange, dome.entry_radius * turn))

@@ -9,7 +9,6 @@ import numpy as np
 from ..runtime.rules import FROM_ZERO, Rule, above_zero
 from .material import Parameters
 
-ITERATIONS = 6  # of Newton's method; three or four do
 SMALL = 1e-3  # of y, below which e^y - 1 - y is taken as a series
 
 
@@ -66,7 +65,8 @@ class Compaction(Parameters):
 def log_compaction(q: np.ndarray) -> np.ndarray:
     """y (n,) from 0 of which e^y - 1 - y = q, for q (n,) from 0."""
     y = np.log1p(q + np.sqrt(2 * q))
-    for _ in range(ITERATIONS):  # convex, so each comes nearer from above
+    # of Newton's method; three or four do
+    for _ in range(6):  # convex, so each comes nearer from above
         slope = np.expm1(y)
         excess = np.where(y < SMALL, _series(y), slope - y) - q
         y = y - np.divide(excess, slope, out=np.zeros_like(y), where=slope > 0)

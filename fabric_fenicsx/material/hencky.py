@@ -9,7 +9,6 @@ import numpy as np
 from numpy.polynomial.polynomial import polyval
 
 SMALL = 0.02  # value of u below which series replace quotients of differences
-TERMS = 10  # terms of the series; the next one is below 1e-17
 
 
 class Hencky(NamedTuple):
@@ -61,7 +60,8 @@ def hencky(C: np.ndarray) -> Hencky:
 
 def _artanh(u):
     """artanh(sqrt(u)) / sqrt(u) and its two derivatives."""
-    k, low = np.arange(TERMS), np.minimum(u, SMALL)
+    # terms of the series; the next one is below 1e-17
+    k, low = np.arange(10), np.minimum(u, SMALL)
     value, slope, bend = (
         polyval(low, factors / (2 * k + odd))
         for factors, odd in ((1.0, 1), (k + 1.0, 3), ((k + 1.0) * (k + 2), 5))

@@ -13,10 +13,6 @@ import numpy as np
 
 from .metal import Metal
 
-YIELDS = 1e-13  # excess over the yield stress, relative, from which a stress yields
-FOUND = 4e-15  # tolerance, relative to the yield stress and to the stress of an increment
-ITERATIONS = 100  # at most; each halves what is left of either excess or bracket, so they suffice
-
 
 class Response(NamedTuple):
     """After a step: elastic strain (n, 3), equivalent plastic strain (n,), stress (n, 3) [MPa],
@@ -49,7 +45,8 @@ def respond(metal: Metal, trial: np.ndarray, plastic: np.ndarray, tangent: bool 
     K = _stiffness(metal)
     stress, plastic = trial * K, plastic.copy()
     equivalent, strength = von_mises(stress), metal.hardening.stress(plastic)
-    at = np.flatnonzero(equivalent > (1 + YIELDS) * strength)
+    # excess over the yield stress, relative, from which a stress yields
+    at = np.flatnonzero(equivalent > (1 + 1e-13) * strength)
     D = np.zeros((len(trial), 3, 3)) if tangent else None
     if D is not None:
         D[:, [0, 1, 2], [0, 1, 2]] = K
@@ -84,13 +81,15 @@ def _flow(metal, parts, plastic, equivalent, strength):
     K = _stiffness(metal)[:2] * [1, 3]
     low, high = np.zeros(len(plastic)), 2 * (equivalent - strength) / K.min()
     flow, before = np.minimum((equivalent - strength) / K.max(), high), np.inf
-    for _ in range(ITERATIONS):
+    # at most; each halves what is left of either excess or bracket, so they suffice
+    for _ in range(100):
         Y, slope = metal.hardening.stress(plastic + flow), metal.hardening.slope(plastic + flow)
         softer = 1 / (1 + K * (flow / (2 * Y))[:, None])
         left = parts.T * softer**2
         now = np.sqrt(left.sum(1))
         excess = now - Y
-        found = np.abs(excess) <= FOUND * (Y + 0.1 * K.max() * flow)
+        # tolerance, relative to the yield stress and to the stress of an increment
+        found = np.abs(excess) <= 4e-15 * (Y + 0.1 * K.max() * flow)
         if found.all():
             break
         low, high = np.where(excess > 0, flow, low), np.where(excess > 0, high, flow)

@@ -21,8 +21,6 @@ from numpy.typing import ArrayLike
 from .laws import Law
 from .strains import nominal_strain
 
-# |I - 1| up to which a yarn counts as unstrained: the softer side is taken, compression (d << b)
-KINK = 1e-10
 OUTER, INNER = 60, 4  # iterations of `smallest_eigenvalue`; most points end after 2 to 5 outer ones
 
 
@@ -88,7 +86,9 @@ def least_ellipticity(fabric: Law, invariants: ArrayLike) -> float:
 
 def _in_strains(fabric, I4, I8, gamma):
     """dW/d(a, b, g) and d2W (aa, ab, bb, ag, bg, gg) in eps_a, eps_b, gamma."""
-    eps_a, eps_b = (nominal_strain(np.where(np.abs(I - 1) <= KINK, 1.0, I)) for I in (I4, I8))
+    # |I - 1| up to which a yarn counts as unstrained: the softer side is taken, compression (d <<
+    # b)
+    eps_a, eps_b = (nominal_strain(np.where(np.abs(I - 1) <= 1e-10, 1.0, I)) for I in (I4, I8))
     _, first, second = fabric.derivatives(eps_a, eps_b, gamma)
     return *first, *second
 

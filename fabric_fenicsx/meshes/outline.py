@@ -13,12 +13,8 @@ from ..runtime.rules import POSITIVE
 from .gmsh_cells import meshed, own_model
 
 PATTERNS = "along", "unstructured"
-DETAIL = 0.02  # distance from a curve, over the cells' size, up to which an edge stands for it
 SMALL = 0.1  # the same of an edge's or hole's length below which it is left out
 CLOSE = 1e-3  # the same of the distance of parts of the outline, below which it is refused
-GROWTH = 0.4  # of the cells' size over the distance from a small edge
-NECK = 6.0  # way along a ring over the distance through the sheet, above which it is narrow
-EDGE = 0.5  # least distance of squares along yarns from the outline, over their size
 MOST = 1_000_000  # cells
 
 
@@ -68,7 +64,8 @@ def outline_mesh(
 
     def size_at(x, y):
         off = np.hypot(places[:, 0] - x, places[:, 1] - y)
-        return float((sizes + GROWTH * off).min(initial=size))
+        # of the cells' size over the distance from a small edge
+        return float((sizes + 0.4 * off).min(initial=size))
 
     sheet = _divided(sheet, size, size_at)
     if pattern == "along":
@@ -93,7 +90,8 @@ def _simplified(sheet, size, centre):
             continue
         # where it begins it stays: at a corner
         rings.append(np.roll(x, -np.linalg.norm(x - x.mean(0), axis=1).round(6).argmax(), 0))
-    sheet = shapely.Polygon(rings[0], rings[1:]).simplify(DETAIL * size)
+    # distance from a curve, over the cells' size, up to which an edge stands for it
+    sheet = shapely.Polygon(rings[0], rings[1:]).simplify(0.02 * size)
     coarser = shapely.remove_repeated_points(sheet, SMALL * size)
     return (coarser if coarser.is_valid else sheet), notes
 
@@ -116,7 +114,8 @@ def _fine_places(sheet, size, notes, centre):
     way = abs(along[i] - along[j])
     way = np.where(number[i] == number[j], np.minimum(way, around[i] - way), np.inf)
     middle = (x[i] + x[j]) / 2
-    faces = way > NECK * width
+    # way along a ring over the distance through the sheet, above which it is narrow
+    faces = way > 6.0 * width
     faces[faces] = shapely.contains_xy(sheet, middle[faces])
     if faces.any() and (least := width[faces].min()) < SMALL * size:
         where = coordinates(middle[faces][width[faces].argmin()] + centre)
@@ -188,7 +187,8 @@ def _along(sheet, size, size_at, yarns):
     i, j = np.indices(high - low + 1)
     grid = np.stack([i + low[0], j + low[1]], -1) @ axes
     square = np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]], 2)
-    inner = sheet.buffer(-EDGE * size)
+    # least distance of squares along yarns from the outline, over their size
+    inner = sheet.buffer(-0.5 * size)
     shapely.prepare(inner)
     inside = shapely.contains(inner, shapely.polygons(square))
     # where two squares touch in a corner alone, both go

@@ -20,13 +20,9 @@ TABLES = (".csv", ".txt", ".xy")
 CURVES = "LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE"  # of DXF
 # what is written beside lines
 TEXTS = "TEXT", "MTEXT", "DIMENSION", "ARC_DIMENSION", "LEADER", "MULTILEADER", "POINT", "ATTDEF"
-BINARY = b"AutoCAD Binary DXF"  # first bytes of a file
-FRAME = 16  # flag of a vertex of R12 that only steers a spline
-MESH = 16 | 64  # flags of a POLYLINE that is a mesh
 # mm in units of DXF without a factor in ezdxf: microinches, mils, and those of the US survey
 MISSING_UNITS = {8: 2.54e-5, 9: 0.0254, 21: 1.2e6 / 3937, 22: 1e5 / 3937, 23: 3.6e6 / 3937}
 MISSING_UNITS |= {24: 6.336e9 / 3937}
-CHORD = 0.01  # largest distance of a chord from its curve [mm]
 PLANE = 1e-6  # extent in z over the others, below which lines lie in a plane
 Lines = Sequence[np.ndarray]
 
@@ -156,7 +152,8 @@ def _curves(path, source, layer):
     from ezdxf.math import Matrix44
 
     try:
-        is_binary = path.read_bytes().startswith(BINARY)
+        # first bytes of a file
+        is_binary = path.read_bytes().startswith(b"AutoCAD Binary DXF")
         drawing, repairs = (readfile(path), []) if is_binary else _recovered(path)
     except (DXFError, OSError, ValueError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
@@ -186,10 +183,12 @@ def _curves(path, source, layer):
     lines = []
     for curve, _, place in curves:
         if curve.dxftype() == "POLYLINE":  # beside a spline's points R12 has what they follow from
-            on_it = [vertex for vertex in curve.vertices if not vertex.dxf.flags & FRAME]
+            # flag of a vertex of R12 that only steers a spline
+            on_it = [vertex for vertex in curve.vertices if not vertex.dxf.flags & 16]
             curve.vertices[:] = on_it or curve.vertices
         stretch = np.linalg.norm(np.array([*place.rows()])[:3, :3], 2)
-        for line in _flattened(curve, CHORD / factor / stretch):
+        # largest distance of a chord from its curve [mm]
+        for line in _flattened(curve, 0.01 / factor / stretch):
             placed = place.transform_vertices(line)
             lines.append(factor * np.array([tuple(point) for point in placed]))
     hint = f"; it has {found}, not read" if found else ""
@@ -233,7 +232,8 @@ def _flattened(curve, chord):
 
 def _is_curve(entity):
     kind = entity.dxftype()
-    return kind in CURVES and not (kind == "POLYLINE" and entity.dxf.flags & MESH)
+    # flags of a POLYLINE that is a mesh
+    return kind in CURVES and not (kind == "POLYLINE" and entity.dxf.flags & (16 | 64))
 
 
 def _drawn(entities, states, above, place):

@@ -10,14 +10,13 @@ from ..runtime.errors import InputError
 from ..runtime.formatting import coordinates, rounded
 from ..runtime.graph import connected
 
-GAP = 1e-4  # of the lines' extent, up to which their ends meet
-
 
 def joined(lines: Sequence[np.ndarray], source: str) -> list[np.ndarray]:
     """Closed rings (n, 2) of lines (k, 2) [mm] whose ends meet, given in any order and sense; those
     given twice count once. source: what errors call them. Raises InputError for lines that do not
     close, by the place."""
-    gap = GAP * np.ptp(np.concatenate(lines), axis=0).max()
+    # of the lines' extent, up to which their ends meet
+    gap = 1e-4 * np.ptp(np.concatenate(lines), axis=0).max()
     ends = np.array([line[[0, -1]] for line in lines]).reshape(-1, 2)
     _, place = connected(len(ends), cKDTree(ends).query_pairs(gap, output_type="ndarray").T)
     _, first, group = np.unique(place, return_index=True, return_inverse=True)

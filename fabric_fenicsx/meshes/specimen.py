@@ -14,7 +14,6 @@ from .gmsh_cells import meshed, own_model
 PATTERNS = ("crossed", "graded", "left", "right", "along", "unstructured", "yarns")
 CELLS = "triangle", "quadrilateral"
 EDGE = 0.5  # least distance of corners of squares from the sheet's edges, over their size
-GRADING = 0.95  # by which cells of `graded` are shorter on the lines through the corners
 
 
 def specimen(
@@ -89,7 +88,8 @@ def graded(points: np.ndarray, width: float) -> np.ndarray:
     """Points (n, 2) [mm] moved along both diagonals towards the lines at 45 deg through a strip's
     corners; its edges stay, and so do the directions of edges at 45 deg."""
     along = np.stack([points[:, 0] + points[:, 1], points[:, 0] - points[:, 1]])
-    along -= GRADING * width / (2 * np.pi) * np.sin(2 * np.pi * along / width)
+    # by which cells of `graded` are shorter on the lines through the corners
+    along -= 0.95 * width / (2 * np.pi) * np.sin(2 * np.pi * along / width)
     return np.column_stack([along.sum(0) / 2, (along[0] - along[1]) / 2])
 
 

@@ -34,7 +34,6 @@ THICKNESS = "thickness_under_pressure"
 SHORTENING = "shortening_a", "shortening_b"
 METAL = "equivalent_plastic_strain", "metal_thickness", "von_mises_top"
 BETWEEN = "sheet_pressure", "sliding_size"
-INWARDS = 1e-6  # mm, so that paths on planes of symmetry are within the metal
 
 
 def paths_picture(
@@ -204,7 +203,8 @@ def _laminate_marks(ply: Grid, metal: Grid, punch: Tool) -> dict[str, list[float
         away = np.zeros(len(places))
         if isinstance(punch.surface, DoubleDome):
             away, radii = punch.surface.plan(*places.T)[0], punch.surface.roundings
-        outside = ~Polygon(corners).contains_points(places + INWARDS)
+        # mm, so that paths on planes of symmetry are within the metal
+        outside = ~Polygon(corners).contains_points(places + 1e-6)
         for at, holds in zip(found.values(), [*(away > d for d in radii), outside]):
             at.append(_first(path.distance, holds))
     return found

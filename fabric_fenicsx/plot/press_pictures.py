@@ -27,10 +27,8 @@ from .pictures import figure, plt
 TOOLS = ("#3b6fb6", "#d9822b", "#5aa469", "#8e5ea2", "#b83a3a", "#6b7a8f")
 BLANK, CUT = "#e6d8a8", "#4a5360"
 VIEW = 0.45, -1.0, 0.55  # from the blank to the camera
-MARGIN = 0.25  # of a tool's surface around the blank, over the blank's size
 PANEL = 1200, 750  # pixels drawn of a state
 SHOWN = 0.0, 0.2, 0.4, 0.6, 0.8, 1.0  # in a filmstrip, of the load
-LINES = 24  # along a blank, about, in a filmstrip
 SPACINGS = [10.0**k * n for k in range(-2, 5) for n in (1, 2, 5)]  # mm of these, as people like
 SOLID = {"smooth_shading": True, "split_sharp_edges": True, "ambient": 0.3, "diffuse": 0.75}
 OPEN_EDGES = {"manifold_edges": False, "non_manifold_edges": False}
@@ -101,7 +99,8 @@ def filmstrip(path: File, folder: Path | str, loads: ArrayLike = SHOWN) -> None:
     plies = [surface for scene in scenes for surface in scene.plies.values()]
     above, bounds, limit = _of_state(known[0]).above, _bounds(plies), space.shear_limit(plies)
     size = max(np.ptp(s["place"], axis=0).max() for s in scenes[0].plies.values())
-    spacing = min(SPACINGS, key=lambda s: abs(np.log(LINES * s / size)))
+    # along a blank, about, in a filmstrip
+    spacing = min(SPACINGS, key=lambda s: abs(np.log(24 * s / size)))
     images = []
     for scene in scenes:
         scene = scene._replace(above=above)
@@ -119,7 +118,8 @@ def _of_state(state):
 def _scene(plies, tools):
     """Plies {name: surface}, whole, and tools, mirrored as the plies were."""
     low, high = np.array(_bounds(plies.values())).reshape(3, 2).T
-    room = MARGIN * (high - low).max()
+    # of a tool's surface around the blank, over the blank's size
+    room = 0.25 * (high - low).max()
     planes = next(iter(plies.values())).field_data["planes"]
     low, high = low - room, high + room
     surfaces = {}

@@ -24,7 +24,6 @@ USUAL = "shear_angle", "equivalent_plastic_strain"  # fields, of which the first
 PLY = {"ambient": 0.25, "diffuse": 0.75}
 TOOL = {"color": "#6b7a8f", "opacity": 0.12, "smooth_shading": True, "split_sharp_edges": True}
 BAR = {"vertical": False, "color": "k", "width": 0.5, "position_x": 0.25, "position_y": 0.03}
-SIZE = 1200, 800  # pixels of a window
 
 
 def page(folder: Path | str, field: str | None = None) -> str:
@@ -49,7 +48,7 @@ def show(folder: Path | str, field: str | None = None) -> None:
     """Open a window with the last state in the results `folder` and a slider over all states, until
     it is closed. field: on the plies, by default `USUAL`. Raises InputError as `page`."""
     found = states(folder)
-    plotter = pyvista.Plotter(window_size=list(SIZE), title=f"fabric view {folder}")
+    plotter = pyvista.Plotter(window_size=[1200, 800], title=f"fabric view {folder}")
     update = _draw(plotter, folder, found[-1], field)
     if len(found) > 1:
         last, place = len(found) - 1, {"pointa": (0.3, 0.93), "pointb": (0.7, 0.93)}

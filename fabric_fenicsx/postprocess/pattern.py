@@ -21,8 +21,6 @@ from ..runtime.formatting import coordinates, rounded
 from .ply import SAME, Grid, Ply, areas, edge_sides, grid_of, plan_area, ply_of, whole
 from .states import save
 
-FINE = 0.1  # spacing of points on a trim line, over the mean edge of the ply's cells
-STRAIGHT = 1e-4  # of that edge, distance from a line within which points are left out of it
 BESIDE = 0.05  # of the distance that is allowed, by which a line may be beyond the ply's edge
 OUTLINE, HOLES = "OUTLINE", "HOLES"  # layers of a drawing
 
@@ -65,11 +63,13 @@ def flat_pattern(grid: Grid, trim: Plane | Sequence[np.ndarray], reach: float) -
         return FlatPattern(_sheet(part), part, 0.0)
     edge = float(np.sqrt(2 * plan_area(ply.x, ply.triangles).mean()))
     in_space = trim[0].shape[1] == 3
-    fine = shapely.segmentize([*map(shapely.LineString, trim)], FINE * edge)
+    # spacing of points on a trim line, over the mean edge of the ply's cells
+    fine = shapely.segmentize([*map(shapely.LineString, trim)], 0.1 * edge)
     points, number = shapely.get_coordinates(fine, include_z=in_space, return_index=True)
     places, off = (_nearest if in_space else _below)(ply, points, reach, number)
     lines = shapely.linestrings(places, indices=number)
-    flat = [shapely.get_coordinates(line) for line in shapely.simplify(lines, STRAIGHT * edge)]
+    # of that edge, distance from a line within which points are left out of it
+    flat = [shapely.get_coordinates(line) for line in shapely.simplify(lines, 1e-4 * edge)]
     source = "the trim line, on the flat ply,"
     net = sheet_of(joined(flat, source), source).intersection(_sheet(ply))
     return FlatPattern(net, _inside(ply, net), off)

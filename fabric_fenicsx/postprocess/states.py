@@ -16,7 +16,6 @@ from ..runtime.files import replace_file
 from ..tools.tool import Tool
 from .ply import SYMMETRIC, Grid
 
-CELLS_ACROSS = 100  # of the grid that a tool's surface is found on
 LABEL = 64  # characters of a label, of the 80 that Abaqus reads, so that "_yarns_a" fits behind
 
 
@@ -189,7 +188,8 @@ def triangulated(tool: Tool, low: np.ndarray, high: np.ndarray) -> pyvista.PolyD
     margin = np.maximum(0.1 * size, 0.5 * size.max() * is_flat)
     places = np.array([tool.path(load) for load in (0.0, 1.0)])
     low, high = low - margin - places.max(0), high + margin - places.min(0)
-    points, normals, triangles = tool.surface.mesh(low, high, (high - low).max() / CELLS_ACROSS)
+    # of the grid that a tool's surface is found on
+    points, normals, triangles = tool.surface.mesh(low, high, (high - low).max() / 100)
     surface = pyvista.PolyData.from_regular_faces(points.astype(np.float32), triangles)
     surface.point_data.active_normals = normals.astype(np.float32)
     surface.field_data["tool"] = [tool.name]

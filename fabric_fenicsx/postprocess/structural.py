@@ -14,7 +14,6 @@ from ..tools.facets import unit
 from .ply import SAME, Grid, areas, grid_of, image_of, planes_of
 from .states import save, set_labels
 
-CORNERS = {5: 3, 69: 3, 9: 4, 70: 4}  # of VTK's cells, which begin with them
 UNITS = dict.fromkeys(("yarn_a", "yarn_b", "normal", "area_ratio", "part"), "-")
 UNITS |= {"shear_angle": "rad", "thickness": "mm"}
 THICKNESS = "thickness_under_pressure", "metal_thickness"  # fields of results
@@ -45,7 +44,8 @@ class FormedPly(NamedTuple):
 def formed_ply(grid: Grid, modelled: bool = False) -> FormedPly:
     """The formed ply of a grid as `Result.grids` has it, with its images in the planes of symmetry,
     unless `modelled`; cells of higher degree by their corners."""
-    corners = CORNERS[int(grid.celltypes[0])]
+    # of VTK's cells, which begin with them
+    corners = {5: 3, 69: 3, 9: 4, 70: 4}[int(grid.celltypes[0])]
     cells = grid.cell_connectivity.reshape(grid.n_cells, -1)[:, :corners]
     x, u = (np.asarray(each, dtype=float) for each in (grid.points, grid.point_data["u"]))
     merged = grid_of(x, cells, u).clean(tolerance=SAME)

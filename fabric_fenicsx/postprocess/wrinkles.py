@@ -15,11 +15,9 @@ HEIGHT = "wrinkle_height"
 # of Gaussian weights [mm]: waves up to about three times as long are seen nearly in full
 SIGMA = 20.0
 STEP = 5.0  # mm between places that it is fitted to
-OFF = 0.3819  # of a square, so that nodes of even meshes do not lie on its sides
 CUT = 3.5  # of these, beyond which places have no weight
-CLEAR = 0.005  # difference of squared stretches, from which on one way is shortened most
-FOLD = 0.3  # mm by which a ridge of the rim stands out
 LEAST = 0.1  # mm, the height from which on waves are told of
+FOLD = 0.3  # mm by which a ridge of the rim stands out
 Heights = Callable[[np.ndarray], np.ndarray]
 
 
@@ -80,7 +78,8 @@ def _waves(ply):
     # twice the angle of the way; 1 where it is clear, 0 where all ways are shortened alike
     double = np.stack([metric[:, 1, 1] - metric[:, 0, 0], -2 * metric[:, 0, 1]])
     apart = np.hypot(*double)
-    double *= apart / (apart**2 + CLEAR**2)
+    # difference of squared stretches, from which on one way is shortened most
+    double *= apart / (apart**2 + 0.005**2)
     sampled = _raster(ply, np.stack([*double, w]))
     start, sums, weights = np.hypot(*double), sampled(ply.x[:, :2])[2], np.ones(len(w))
     way = np.arctan2(double[1], double[0]) / 2
@@ -178,7 +177,8 @@ def _means(ply):
     corners = areas(ply.x[ply.triangles])
     area = np.bincount(ply.triangles.ravel(), np.repeat(corners / 3, 3), n)
     middle = (ply.x[:, :2].min(0) + ply.x[:, :2].max(0)) / 2
-    square = np.floor((ply.x[:, :2] - middle) / STEP + OFF)
+    # of a square, so that nodes of even meshes do not lie on its sides
+    square = np.floor((ply.x[:, :2] - middle) / STEP + 0.3819)
     squares = np.unique(square, axis=0, return_inverse=True)[1].ravel()
     values = np.column_stack([ply.x[:, :2], ply.formed, np.ones(n)]) * area[:, None]
     sums = np.stack([np.bincount(squares, each) for each in values.T], axis=1)

@@ -16,7 +16,6 @@ from .surface_mesh import OtherFormat, SurfaceMesh, surface_kind
 SURFACE = re.compile(r"(?:M3D|S|STRI|DS|R3D|SFM3D|CPS|CPE|CPEG|DC2D|AC2D|F3D)([34689])[A-Z0-9]*")
 SOLID = re.compile(r"(?:C3D|SC|CSS|DC3D|AC3D|CCL)\d")
 CORNERS = {3: 3, 6: 3, 4: 4, 8: 4, 9: 4}  # by the number of nodes
-GENERATED = ("ELCOPY", "ELGEN", "NCOPY", "NFILL", "NGEN", "NMAP", "SYSTEM")
 
 
 @dataclass
@@ -36,7 +35,7 @@ def read_abaqus(path: Path) -> SurfaceMesh:
     placed: list[tuple[_Part, list[np.ndarray]]] = []
     part = own = parts[""]
     for keyword, options, rows in _blocks(path):
-        if keyword in GENERATED:
+        if keyword in ("ELCOPY", "ELGEN", "NCOPY", "NFILL", "NGEN", "NMAP", "SYSTEM"):
             raise InputError(f"uses *{keyword}; allowed are nodes and elements as lists")
         if keyword in ("PART", "INSTANCE"):
             part = parts.setdefault(options.get("NAME", "").upper(), _Part())

@@ -10,7 +10,6 @@ from ..runtime.errors import InputError
 from .surface_mesh import OtherFormat, SurfaceMesh
 
 HEADER, FACET = 84, 50  # bytes
-END = 1000  # letters in which a text ends
 SPELLED = str.maketrans(",dD", ".ee")  # decimal commas, exponents of Fortran
 FACETS = re.compile(r"(?<!\S)facet\s+normal(?!\S)", re.IGNORECASE)
 VERTICES = re.compile(r"(?<!\S)vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
@@ -49,7 +48,8 @@ def read_stl(path: Path) -> SurfaceMesh:
 
 def _text(text):
     facets, vertices = len(FACETS.findall(text)), VERTICES.findall(text)
-    if len(vertices) != 3 * facets or "endsolid" not in text[-END:].lower():
+    # letters in which a text ends
+    if len(vertices) != 3 * facets or "endsolid" not in text[-1000:].lower():
         raise InputError(
             f"has {len(vertices)} vertices in {facets} facets; allowed are three "
             "in each, and `endsolid` at the end: it may be cut off"

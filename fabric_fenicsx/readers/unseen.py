@@ -17,13 +17,13 @@ ENDS = {
     (".obj",): rb"\n$",
     NASTRAN: rb"\n$|ENDDATA\s*$",
 }
-TAIL = 1000  # bytes in which an end is looked for
 
 
 def check_end(path: Path, what: str) -> None:
     """InputError for a file that ends before its format does; `what` it is, in words."""
     ends = next((end for endings, end in ENDS.items() if ending(path) in endings), b"")
-    if not re.search(ends, path.read_bytes()[-TAIL:], re.IGNORECASE):
+    # bytes in which an end is looked for
+    if not re.search(ends, path.read_bytes()[-1000:], re.IGNORECASE):
         raise InputError(
             f"{what} {path} does not end as {path.suffix} files do: it is cut off, or of another "
             "format; allowed is a whole file"

@@ -10,11 +10,6 @@ from ..runtime.errors import InputError
 from ..runtime.graph import connected
 from .cells import CELLS, at_place, check_shapes, one_sense
 
-# distance from an edge, over its length, of a node that lies on it; curved edges are cut
-NEAR = {1: 1e-3, 2: 3e-2}
-PLANE = 1e-7  # extent in z over the sheet's below which it is plane: files have singles
-SAME = 1e-6  # distance of nodes at one place, over the mean edge at the sheet's rim
-
 
 class MeshArrays(NamedTuple):
     """A mesh fit for use: points (n, 2 or 3) [mm], cells (m, k), their kind, and warnings."""
@@ -59,7 +54,8 @@ def checked_mesh(
         flaw = f"{source} has a coordinate that is not a number at node {node}"
         raise InputError(f"{flaw}; allowed are finite lengths in mm")
     height, plane = 0.0, points.shape[1] == 2
-    if not plane and np.ptp(points[:, 2]) <= PLANE * np.ptp(points, axis=0).max():
+    # extent in z over the sheet's below which it is plane: files have singles
+    if not plane and np.ptp(points[:, 2]) <= 1e-7 * np.ptp(points, axis=0).max():
         height, plane = np.median(points[:, 2]), True
     warnings: list[str] = []
     x = np.column_stack([points[:, :2], np.full(len(points), height)]) if plane else points
@@ -137,7 +133,8 @@ class _Neighbours:
         return ends, cells
 
     def _hanging(self, ends, cells):
-        nodes, near = np.unique(ends), NEAR[self.how.degree]
+        # distance from an edge, over its length, of a node that lies on it; curved edges are cut
+        nodes, near = np.unique(ends), {1: 1e-3, 2: 3e-2}[self.how.degree]
         p, q = self.x[ends].swapaxes(0, 1)
         length = np.linalg.norm(q - p, axis=1)
         edge, node = _within(self.x[nodes], (p + q) / 2, (0.5 + near) * length)
@@ -160,7 +157,8 @@ class _Neighbours:
         nodes = np.unique(ends)
         if not nodes.size:
             return []
-        near = SAME * np.linalg.norm(self.x[ends[:, 0]] - self.x[ends[:, 1]], axis=1).mean()
+        # distance of nodes at one place, over the mean edge at the sheet's rim
+        near = 1e-6 * np.linalg.norm(self.x[ends[:, 0]] - self.x[ends[:, 1]], axis=1).mean()
         pairs = cKDTree(self.x[nodes]).query_pairs(near, output_type="ndarray")
         if not len(pairs):
             return []

@@ -10,15 +10,13 @@ from ..runtime.files import ending
 from .cells import CELLS, HIGHER, straight_cells, with_centres
 from .mesh_checks import MeshArrays
 
-UNUSED = 0.02  # share of nodes without a cell, from which a mesh may be cut off
-GEOMETRY = (".geo", ".step", ".stp", ".iges", ".igs", ".brep")  # what gmsh makes meshes of
-
 
 def read_mesh(path: Path | str) -> MeshArrays:
     """The mesh in a file, not checked yet; InputError as in `Blank.read`."""
     path = Path(path)
     file, kind_of_file = f"mesh file {path}", ending(path)
-    if kind_of_file in GEOMETRY:
+    # what gmsh makes meshes of
+    if kind_of_file in (".geo", ".step", ".stp", ".iges", ".igs", ".brep"):
         how = f"gmsh makes one with `gmsh -2 {path.name} -o {path.stem}.msh`"
         raise InputError(f"{file} is a geometry without a mesh; allowed is {READ}: {how}")
     if kind_of_file in (".dxf", ".csv"):
@@ -40,7 +38,8 @@ def read_mesh(path: Path | str) -> MeshArrays:
         raise InputError(f"{file} holds cells {kind}; {allowed}")
     unused = len(points) - len(np.unique(cells))
     notes = []
-    if unused > UNUSED * len(points):
+    # share of nodes without a cell, from which a mesh may be cut off
+    if unused > 0.02 * len(points):
         some = f"{unused} of {len(points)} nodes"
         notes.append(f"{file} has {some} in no cell of a sheet: it may be cut off")
     return MeshArrays(points, cells, kind, notes)

@@ -18,8 +18,6 @@ from .layout import FLAT
 # an angle, a vector, or a function of points to either; see `Blank`
 Direction = ArrayLike | Callable[[np.ndarray], ArrayLike]
 
-# a projection shorter than this (about 84 deg out of plane) leaves no direction to speak of
-NEARLY_NORMAL = 0.1
 # flat triangles of cells, by their nodes: halves, or the four between a quadratic cell's nodes
 TRIANGLES = {
     ("triangle", 1): [(0, 1, 2)],
@@ -311,7 +309,8 @@ def _tangent(mesh, centre, normal, direction, name):
         refuse(abs(out) > 1e-6, "leaves the plane of the plane blank")
     value = value - out[:, None] * normal
     length = np.linalg.norm(value, axis=1)
-    refuse(length < NEARLY_NORMAL, "is normal to the sheet")
+    # a projection shorter than this (about 84 deg out of plane) leaves no direction to speak of
+    refuse(length < 0.1, "is normal to the sheet")
     return value / length[:, None]
 
 

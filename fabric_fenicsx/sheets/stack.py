@@ -11,8 +11,6 @@ from ..runtime.formatting import rounded
 from ..runtime.rules import FINITE, POSITIVE
 from .blank import Blank, Part
 
-FLAT = 1e-9  # distance from its plane of a sheet that is flat, over its size
-
 
 class Sheet(NamedTuple):
     """A flat `blank` in space, its `thickness` [mm], and its `name`, by which `on` puts a term on
@@ -103,7 +101,8 @@ def _check(sheets):
         if not (blank.degree == 1 or blank.triangulated) or compat.geometry_degree(blank.mesh) > 1:
             raise InputError(f"{where} has other cells; allowed are P1, P2 and Q1, not curved")
         low, high = blank.extent()
-        if high[2] - low[2] > FLAT * (high - low).max():
+        # distance from its plane of a sheet that is flat, over its size
+        if high[2] - low[2] > 1e-9 * (high - low).max():
             height = rounded(high[2] - low[2], 4)
             raise InputError(f"{where} is {height} mm high; allowed is a flat sheet, z = const")
 

@@ -64,9 +64,8 @@ def check_triangles(
 
 
 def check_start(tool: Tool, places: np.ndarray, thickness: float, comm: MPI.Comm) -> None:
-    """Raise InputError on all ranks for a tool so deep in a sheet, whose nodes of this rank are at
-    places (n, 3) [mm], that these are in the tool themselves, or whose surface gives no number
-    there."""
+    """Raise InputError on all ranks for a tool in which nodes of a sheet are, at places (n, 3) of
+    this rank [mm], or whose surface gives no number there."""
     gap = tool.evaluate(places, reach=thickness).gap
     lost = places[np.isnan(gap)][:1].tolist()
     if lost := sum(comm.allgather(lost), []):

@@ -9,15 +9,13 @@ from ..runtime.compiled import compiled
 from .curved_triangles import CurvedTriangles
 
 LEAF = 4  # triangles in a box that is not split
-REGIONS = 8  # most regions between sharp edges whose triangles count at one point
 ROOM = 1e-9  # mm, so that rounding leaves out none
 
 
 class Boxes(NamedTuple):
     """A binary tree of boxes around triangles. Box i, between `low` and `high` (2 k, 3) [mm], is
-    split into boxes 2 i and 2 i + 1; the k last ones hold triangles `members` (k, LEAF). Of the
-    triangles: corners (m, 3, 3), middles (m, 3), gradients of the barycentric coordinates `slopes`
-    (m, 3, 3), the `region` (m,) that sharp edges bound, and the `bulge` (m,) of patches."""
+    split into boxes 2 i and 2 i + 1; the k last ones hold triangles `members` (k, LEAF). slopes
+    (m, 3, 3): gradients of the triangles' barycentric coordinates."""
 
     low: np.ndarray
     high: np.ndarray
@@ -59,10 +57,10 @@ def closest(
     boxes: Boxes, points: np.ndarray, start: np.ndarray, regions: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Rows (k,) of points (n, 3), triangles (k,) closest to them, barycentric coordinates (k, 3)
-    and distances (k,) [mm] of the closest points. A point has one row, and others before it where
-    one of several `regions` may be as near on its patches. A triangle to start from (n,) saves time
-    where it is near."""
-    slots = min(regions, REGIONS)
+    and distances (k,) [mm]. A point has further rows before its own where one of several `regions`
+    may be as near on its patches. A near triangle to start from (n,) saves time."""
+    # most regions between sharp edges whose triangles count at one point
+    slots = min(regions, 8)
     triangle = np.zeros((len(points), slots), dtype=np.int64)
     weights, square = np.empty((len(points), slots, 3)), np.full((len(points), slots), np.inf)
     slack = ROOM + (2 * boxes.bulge.max() if regions > 1 else 0.0)

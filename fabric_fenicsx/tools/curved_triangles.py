@@ -8,23 +8,16 @@ from ..runtime.graph import connected
 from .facets import LAST, NEXT, corner_normals, facet_normals, topology, unit
 from .patches import curved
 
-FLAT = 1e-6  # distance from a plane of what lies in it, over the largest coordinate
-
 
 class CurvedTriangles:
     """Triangles (m, 3) over points (n, 3) [mm], turned the same way round, with `patches` on them
-    that go through their corners with common tangent planes across all edges but sharp ones.
+    that go through their corners with common tangent planes across all edges but sharp ones: where
+    facets turn by more than `crease` [rad]; given: normals (m, 3, 3) of a CAD model, 0 for none.
 
-    crease: turn of facets [rad] above which their edge is sharp; given: normals (m, 3, 3) of a CAD
-    model at the triangles' corners, 0 where there is none.
-
-    - corners (m, 3, 3) and middles (m, 3) of the triangles [mm], their unit normals `facets` (m, 3)
-      and areas (m,) [mm^2]; normals (n, 3): averaged at the points
-    - across: the neighbours, a `Topology`; vertices: smooth vertices, a `Corners`
+    - across: a `Topology`; vertices: smooth vertices, a `Corners`; normals (n, 3): at the points
     - parts, part (m,): number of regions that sharp edges bound, and in which one each triangle is
     - flat (m,): whether a patch is its facet; bulge: its largest distance from it [mm]
     - corners_at: numbers 3 t + c of all corners, point by point, and where each point's begin
-    - on_rim (n,): whether a point lies on the rim
     """
 
     def __init__(
@@ -37,8 +30,9 @@ class CurvedTriangles:
         self.points, self.triangles = points, triangles
         scale = abs(points - points.mean(0)).max()
         self.across = across = topology(triangles)
+        # distance from a plane of what lies in it, over the largest coordinate
         self.vertices = vertices = corner_normals(
-            points, triangles, across, crease, FLAT * scale, given
+            points, triangles, across, crease, 1e-6 * scale, given
         )
         self.patches = curved(points, triangles, across, vertices)
         self.facets, self.areas = facet_normals(points, triangles)
@@ -67,9 +61,7 @@ class CurvedTriangles:
         return np.unique(np.sort(self._ends(*np.nonzero(which)), 1), axis=0)
 
     def _ends(self, triangle, edge):
-        return np.stack(
-            [self.triangles[triangle, NEXT[edge]], self.triangles[triangle, LAST[edge]]], -1
-        )
+        return np.stack([self.triangles[triangle, each[edge]] for each in (NEXT, LAST)], -1)
 
     def sides(
         self, points: np.ndarray, triangle: np.ndarray, weights: np.ndarray, rim: float

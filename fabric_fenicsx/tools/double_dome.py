@@ -123,24 +123,6 @@ def _implicit(dome: _Shape, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
     return F, gradient, hessian
 
 
-@compiled
-def _plans(dome: _Shape, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """`_plan` at x, y (n,), (4, n)."""
-    found = np.empty((4, len(x)))
-    for i in range(len(x)):
-        found[0, i], found[1, i], found[2, i], found[3, i] = _plan(dome, x[i], y[i])
-    return found
-
-
-@compiled
-def _heights(dome: _Shape, x: np.ndarray) -> np.ndarray:
-    """`_height` at x (n,), (3, n)."""
-    found = np.empty((3, len(x)))
-    for i in range(len(x)):
-        found[0, i], found[1, i], found[2, i] = _height(dome, x[i])
-    return found
-
-
 @documented
 @dataclass(frozen=True)
 class DoubleDome(KnowsItsFields, ImplicitSurface):
@@ -252,12 +234,14 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
     def plan(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Signed distance (n,) [mm] to the outline, its gradient (2, n), curvature (n,) [1/mm] of
         its level lines."""
-        d, dx, dy, bend = _plans(self._shape, *np.array([x, y], dtype=float))
+        rows = [_plan(self._shape, *at) for at in zip(*np.array([x, y], dtype=float).tolist())]
+        d, dx, dy, bend = np.reshape(rows, (-1, 4)).T
         return d, np.array([dx, dy]), bend
 
     def height(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """H (n,) and its first and second derivative at x (n,) [mm]; H is 1 beyond the saddle."""
-        return tuple(_heights(self._shape, np.array(x, dtype=float)))
+        rows = [_height(self._shape, at) for at in np.array(x, dtype=float).tolist()]
+        return tuple(np.reshape(rows, (-1, 3)).T)
 
     def value(self, x: np.ndarray) -> np.ndarray:
         return _value(self._shape, np.ascontiguousarray(x.T, dtype=float))
@@ -266,19 +250,13 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
         return _implicit(self._shape, np.ascontiguousarray(x.T, dtype=float))
 
     def bound(self, F: np.ndarray, x: np.ndarray) -> np.ndarray:
-        # |F| is at most the distance times the largest gradient between the point and the surface,
-        # at any x.
+        # |F| is at most the distance times the largest gradient up to the surface, at any x
         least = 1 - self.saddle_depth / self.depth
         steepest = 96 / (25 * math.sqrt(5)) * (1 - least) / self.saddle_length * 2
         zx = np.maximum(abs(x[2]), self.depth) * steepest / least**2
         norm = 1 / least**2 + zx * zx
         largest = np.sqrt((1 + norm + np.sqrt((1 - norm) ** 2 + 4 * zx * zx)) / 2)
         return np.maximum(abs(F) / largest, np.maximum(x[2] - self.depth, -x[2]))
-
-    @property
-    def foot(self) -> float:
-        """Distance [mm] from the outline at which the flange begins."""
-        return self._shape.d2
 
     @cached_property
     def developed(self) -> np.ndarray:

@@ -13,11 +13,7 @@ from ..runtime.graph import connected
 # the corners after and before corner k; edge k lies opposite it, from NEXT[k] to LAST[k]
 NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 FLAT_MEET = math.radians(1.0)  # flat regions that meet at more than this have a sharp edge
-# where the faces of a CAD model meet at more than this they have a sharp edge
-KINK = math.radians(5.0)
 # a flat region so many times larger than what it adjoins gives its normal to common vertices
-DOMINANT = 8.0
-PRIOR = 0.03  # weight of averaged normals beside the condition that edges are arcs
 
 
 def unit(v: np.ndarray) -> np.ndarray:
@@ -26,9 +22,8 @@ def unit(v: np.ndarray) -> np.ndarray:
 
 
 class Topology(NamedTuple):
-    """Neighbours of m triangles: across edge k of triangle t lies edge `edge[t, k]` of triangle
-    `triangle[t, k]` (m, 3), -1 where there is none or more than one; sharing (m, 3): how many
-    triangles have the edge."""
+    """Across edge k of triangle t lies edge `edge[t, k]` of triangle `triangle[t, k]` (m, 3), -1
+    where there is none or more than one; sharing (m, 3): how many triangles have the edge."""
 
     triangle: np.ndarray
     edge: np.ndarray
@@ -59,9 +54,8 @@ def facet_normals(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray
 
 
 def vertex_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Unit normals (n, 3) at the points of triangles, those of the sphere at the vertices of a
-    polyhedron in a sphere: N. Max, Weights for computing vertex normals from facet normals, J.
-    Graphics Tools 4 (1999)."""
+    """Unit normals (n, 3) at the points of triangles, exact on a sphere: N. Max, Weights for
+    computing vertex normals from facet normals, J. Graphics Tools 4 (1999)."""
     corners = points[triangles]
     onwards, back = np.roll(corners, -1, 1) - corners, np.roll(corners, 1, 1) - corners
     total = np.zeros_like(points)
@@ -74,8 +68,7 @@ def flat_regions(
     points: np.ndarray, triangles: np.ndarray, across: Topology, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Region (m,) of each triangle, normal (m, 3) of its plane and area (m,): connected triangles
-    whose vertices lie within `tolerance` [mm] of the plane of the region's largest one. Slivers
-    take the normal of the plane that they lie in."""
+    whose vertices lie within `tolerance` [mm] of the plane of the region's largest one."""
     normal, area = facet_normals(points, triangles)
     t, k = np.nonzero(across.triangle >= 0)
     other = across.triangle[t, k]
@@ -126,9 +119,8 @@ def corner_normals(
     tolerance: float,
     given: np.ndarray | None = None,
 ) -> Corners:
-    """The `Corners` for edges that are sharp where facets turn by more than `crease` [rad]. Normals
-    given (m, 3, 3), 0 where not known, are taken as they are, and edges are sharp where they say
-    so."""
+    """The `Corners` for edges that are sharp where facets turn by more than `crease` [rad], or
+    where normals `given` (m, 3, 3), 0 where not known, say so."""
     region, plane, region_area = flat_regions(points, triangles, across, tolerance)
     _, area = facet_normals(points, triangles)
     sure = _true_planes(points, triangles, across, region)
@@ -183,7 +175,8 @@ def _model_edges(across, given):
         back = across.edge[:, k]
         for here, there in ((NEXT, LAST), (LAST, NEXT)):
             n, o = given[:, here[k]], given[other[:, k], there[back]]
-            sharp[:, k] |= n.any(1) & o.any(1) & ((n * o).sum(1) < math.cos(KINK))
+            # where the faces of a CAD model meet at more than this they have a sharp edge
+            sharp[:, k] |= n.any(1) & o.any(1) & ((n * o).sum(1) < math.cos(math.radians(5.0)))
     return sharp
 
 
@@ -208,13 +201,13 @@ def _planes_at_vertices(name, count, region, region_area, sure):
     best[name.ravel()[order]] = order // 3
     rest = np.where(region[best][name] == region[:, None], 0.0, region_area[:, None])
     np.maximum.at(second, name.ravel(), rest.ravel())  # the area of the next plane
-    return best, sure[best] | ((size[best] >= 2) & (region_area[best] >= DOMINANT * second))
+    # a flat region so many times larger than what it adjoins gives its normal to common vertices
+    return best, sure[best] | ((size[best] >= 2) & (region_area[best] >= 8.0 * second))
 
 
 def _arcs(points, triangles, name, normals, fixed):
-    """Normals tilted so that edges between vertices of curved surfaces have the same angle to both
-    ends' normals, as arcs have: by least squares, with averaged normals where that leaves them
-    open."""
+    """Normals tilted so that edges have the same angle to both ends' normals, as arcs have: by
+    least squares, with averaged normals where that leaves them open."""
     ends = np.stack([name[:, NEXT], name[:, LAST]], 2).reshape(-1, 2)
     place = np.stack([triangles[:, NEXT], triangles[:, LAST]], 2).reshape(-1, 2)
     _, one = np.unique(np.sort(ends, 1) @ [len(normals), 1], return_index=True)
@@ -233,7 +226,8 @@ def _arcs(points, triangles, name, normals, fixed):
     at = np.repeat(row, 2), (unknown[:, None] + [0, 1]).ravel()
     J = csr_matrix((slope[row, end].ravel(), at), shape=(len(ends), 2 * free.sum()))
     miss = ((normals[ends[:, 0]] + normals[ends[:, 1]]) * chord).sum(1)
-    tilt = lsqr(J, -miss, damp=math.sqrt(PRIOR), atol=1e-6, btol=1e-6, iter_lim=200)[0]
+    # weight of averaged normals beside the condition that edges are arcs
+    tilt = lsqr(J, -miss, damp=math.sqrt(0.03), atol=1e-6, btol=1e-6, iter_lim=200)[0]
     new = normals.copy()
     new[free] += np.einsum("na,nai->ni", tilt.reshape(-1, 2), frame[free])
     return unit(new)

@@ -17,9 +17,8 @@ EXACT = 1e-11, 1e-14  # mm, and per mm of the coordinates: by which a foot may b
 
 
 class Search(NamedTuple):
-    """n points on their way: their `rows` (n,) in what is found, themselves x (n, 3), where each
-    is by now (n, 3), where its last step began and that step in full (n, 3), the factor on it and
-    the square of what it left (n,)."""
+    """n points on their way: their `rows` (n,) in the result, themselves x, where each is by now,
+    where its last step began, that step in full (n, 3), its factor and squared remainder (n,)."""
 
     rows: np.ndarray
     x: np.ndarray
@@ -31,9 +30,8 @@ class Search(NamedTuple):
 
 
 class Local(NamedTuple):
-    """A surface at a place, seen from a point x = place + gap normal + beside[0] s + beside[1] t
-    (+ off normal, where the place itself is off the surface) [mm]: unit normal, tangents s and t,
-    entries 11, 12, 22 of their inverse metric, and of the shape operator: dn = (s, t) shape."""
+    """A surface at a place, seen from x = place + (gap + off) normal + beside (s, t) [mm]: unit
+    normal, tangents, entries 11, 12, 22 of their inverse metric, and of the shape operator."""
 
     gap: float
     beside: tuple[float, float]
@@ -126,9 +124,8 @@ def advance(
     hessian: np.ndarray,
     found: Nearest,
 ) -> int:
-    """Take the first `count` points of the search one step on, from F (count,), gradient (3, count)
-    and Hessian (3, 3, count) at their places. Those that have arrived go to their rows of `found`,
-    the others to the front; how many these are."""
+    """Take the first `count` points of the search one step on, from F, gradient and Hessian at
+    their places. Those that arrive go to rows of `found`, the others, a number, to the front."""
     left = 0
     for i in range(count):
         row, x, trial = search.rows[i], search.x[i], search.trial[i]

@@ -16,10 +16,9 @@ from .facets import LAST, NEXT, Corners, Topology, facet_normals, unit
 
 
 class Patches(NamedTuple):
-    """m curved patches: places of corner 0 `origin` (m, 3), coefficients (m, 18, 3) of the
-    functions of `_fill_basis` beside it, legs (m, 3, 2, 3) from each corner to the control points
-    towards the next and the last, and `bulge` (m,): the control points' largest distance from the
-    facet; lengths in mm."""
+    """m curved patches: corner 0 `origin` (m, 3), coefficients (m, 18, 3) of `_fill_basis` beside
+    it, legs (m, 3, 2, 3) from each corner to the control points towards the next and the last, and
+    `bulge` (m,), the control points' largest distance from the facet; in mm."""
 
     origin: np.ndarray
     coefficients: np.ndarray

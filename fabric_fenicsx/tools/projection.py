@@ -13,9 +13,8 @@ from .surfaces import Nearest
 
 
 class Net(NamedTuple):
-    """Parts of `CurvedTriangles` for the compiled search: its patches, triangles (m, 3), facets
-    (m, 3), across each edge the triangle and its edge (m, 3), normals (n, 3) at the points, which
-    of these are on the rim (n,), and the corners around each: those from `starts` on in `ring`."""
+    """Parts of `CurvedTriangles` for the compiled search; across, back: the triangle and its edge
+    across each edge; the corners around a point are those from `starts` on in `ring`."""
 
     patches: Patches
     triangles: np.ndarray
@@ -51,8 +50,8 @@ def nearest(
 
 
 class Seen(NamedTuple):
-    """A patch at a place, seen from a point: the arm to the point and its square, its part beside
-    the normal, its products with both tangents, and the patch's `Local` geometry."""
+    """A patch at a place: the arm to a point and its square, its part beside the normal, its
+    products with both tangents, and the patch's `Local` geometry."""
 
     arm: tuple[float, float, float]
     square: float
@@ -248,9 +247,8 @@ def _at_corner(net, t, b, arm, sought):
 
 @compiled
 def _put(sought, arm, side, normal, first, size):
-    """Fill in what belongs to a nearest point on an edge along `first`, whose square over the
-    second derivative of half the distance's is over `size`; to one on a corner if that is
-    infinite."""
+    """Fill in what belongs to a nearest point on an edge along `first`, of which `size` is the
+    second derivative of half the squared distance; on a corner if that is infinite."""
     distance = math.sqrt(dot(arm, arm))
     on = distance < 1e-12
     a, b, c = normal[0], normal[1], normal[2]

@@ -10,25 +10,24 @@ from .projection import curvatures
 
 # share of a surface's turning, and of the mean one, that has a larger radius than the least one
 BENT, MEAN = 0.99, 0.95
-NOISE = 1.3  # times as much as over a length, from which turning is to and fro
-EDGES = 2.0  # median edges, the least length over which turning has a mean
 SAMPLES, SEEDS, WITHIN = 60_000, 2000, 25  # points on a surface, where it is asked, within a length
 
 
 def least_radii(surface: CurvedTriangles, length: float = 0.0) -> tuple[float, float]:
-    """Least radius of curvature [mm] as seen from inside the body and from outside, but for the
-    last of the surface's turning; infinite where nothing bends to that side. Where patches turn to
-    and fro within a `length` [mm], or two edges, as on slivers of scans and of marching cubes, it
-    is that of the facets' mean turning over it."""
+    """Least radius of curvature [mm] as seen from inside the body and from outside; infinite where
+    nothing bends to that side. Where patches turn to and fro within a `length` [mm], or two edges,
+    as on slivers of scans, it is that of the facets' mean turning over it."""
     larger, smaller = curvatures(surface.patches)
     bent, area = np.maximum([larger, -smaller], 0.0), surface.areas
     inside, outside = (_least_radius(each, area, BENT) for each in bent)
     arms = surface.corners - np.roll(surface.corners, 1, 1)
     edge = float(np.median(np.linalg.norm(arms, axis=2)))
     if min(inside, outside) < max(length, edge):
-        mean = _mean_turning(surface, max(length, EDGES * edge))
+        # median edges, the least length over which turning has a mean
+        mean = _mean_turning(surface, max(length, 2.0 * edge))
         share = np.full(mean.shape[1], area.sum() / mean.shape[1])
-        if (bent @ area).sum() > NOISE * (mean @ share).sum():
+        # times as much as over a length, from which turning is to and fro
+        if (bent @ area).sum() > 1.3 * (mean @ share).sum():
             inside, outside = (_least_radius(each, share, MEAN) for each in mean)
     return inside, outside
 

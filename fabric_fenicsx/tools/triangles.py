@@ -11,7 +11,6 @@ from ..runtime.graph import connected
 from .facets import LAST, NEXT, facet_normals, topology
 from .values import checked_points
 
-SAME = 2e-7  # distance of points that are one, over the largest coordinate: files have singles
 # of points of open edges that are one: over the median edge, and over the shortest edge at them
 CRACK, SHORT = 2e-3, 0.1
 
@@ -30,7 +29,8 @@ def repaired(
     given = None if normals is None else np.asarray(normals, dtype=float)
     x, number = np.unique(x, axis=0, return_inverse=True)
     cells = number.ravel()[cells]
-    same = cKDTree(x).query_pairs(SAME * abs(x).max(initial=0), output_type="ndarray")
+    # distance of points that are one, over the largest coordinate: files have singles
+    same = cKDTree(x).query_pairs(2e-7 * abs(x).max(initial=0), output_type="ndarray")
     x, cells = _joined(x, cells, same)
     x, cells = _joined(x, cells, _cracks(x, cells))
     corners = x[cells]

@@ -25,7 +25,6 @@ from .triangles import repaired
 
 CREASE = 35.0  # deg
 WALL = 0.02  # sine of the angle to a direction below which a facet is a wall along it
-KEPT = 4  # sets of points that are remembered, of so many different numbers
 
 
 class Known(NamedTuple):
@@ -222,6 +221,7 @@ class TriangulatedSurface(Surface):
             np.zeros((n, 3)), np.full(n, -np.inf), np.ones(n), np.zeros(n, dtype=np.int64)
         )
         self._known[n] = known
-        if len(self._known) > KEPT:
+        # sets of points that are remembered, of so many different numbers
+        if len(self._known) > 4:
             del self._known[next(iter(self._known))]  # that which was used least lately
         return known, np.linalg.norm(points - known.place, axis=1)

@@ -9,8 +9,6 @@ from numpy.typing import ArrayLike
 from ..runtime.errors import InputError
 from ..runtime.rules import FINITE
 
-WORDS = {2: "two", 3: "three"}
-
 
 def checked_vector(
     name: str, value: ArrayLike, unit: bool = False, size: int = 3, hint: str = ""
@@ -22,9 +20,9 @@ def checked_vector(
     except (TypeError, InputError):
         vector = np.empty(0)
     if vector.shape != (size,) or (unit and not vector.any()):
-        besides = ", not all 0" if unit else ""
+        count, besides = "two" if size == 2 else "three", ", not all 0" if unit else ""
         raise InputError(
-            f"{name} is {shown(value)}; allowed are {WORDS[size]} finite numbers{besides}{hint}"
+            f"{name} is {shown(value)}; allowed are {count} finite numbers{besides}{hint}"
         )
     if not unit:
         return vector

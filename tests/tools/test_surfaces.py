@@ -200,7 +200,7 @@ def test_double_dome_finds_the_nearest_point(dome):
 def test_double_dome_derivatives(dome):
     _, gap, points = around(dome, 4000, 5, seed=1)
     d = dome.plan(*points.T[:2])[0]
-    fillet = (d > -10) & (d < dome.foot) & (points[:, 2] < 20)
+    fillet = (d > -10) & (d < dome.roundings[1]) & (points[:, 2] < 20)
     assert (fillet & (gap > 1)).sum() > 100 and (fillet & (gap < -1)).sum() > 100
     assert (abs(points[:, 0]) < 50).sum() > 500
     check_derivatives(dome, points)
