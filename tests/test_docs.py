@@ -32,6 +32,10 @@ DOCS = ROOT / "docs"
 README = ROOT / "README.md"
 PAGES = [README, *sorted(p for p in DOCS.rglob("*.md") if "generated" not in p.parts)]
 EXAMPLES = sorted((DOCS / "examples").glob("*.py"))
+# of examples and pages; what takes more than 10 s is a study whose mechanisms have tests
+MARKS = {"ball": pytest.mark.versions} | dict.fromkeys(
+    ("public_bias", "stack", "sweeps"), pytest.mark.long
+)
 ENVIRONMENT = os.environ | RANKS_ENVIRONMENT | {"PYTHONPATH": str(ROOT)}
 
 
@@ -184,8 +188,8 @@ def test_the_format_of_data_names_every_test_column_key_and_unit():
 
 @pytest.mark.parametrize(
     "script",
-    [pytest.param(p, marks=pytest.mark.versions) if p.stem == "ball" else p for p in EXAMPLES],
-    ids=lambda p: p.stem,
+    [pytest.param(p, marks=MARKS.get(p.stem, ())) for p in EXAMPLES],
+    ids=[p.stem for p in EXAMPLES],
 )
 def test_an_example_prints_what_its_page_says(run, tmp_path, script, caplog):
     """And ends without a warning that its work is not in the energies."""
@@ -270,7 +274,11 @@ def is_ours(line):
 WITH_COMMANDS = [p for p in PAGES if any(lines for lines, _ in commands(p.read_text()))]
 
 
-@pytest.mark.parametrize("page", WITH_COMMANDS, ids=name)
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(p, marks=MARKS.get(p.stem, ())) for p in WITH_COMMANDS],
+    ids=map(name, WITH_COMMANDS),
+)
 def test_commands_print_what_their_page_says(run_command, tmp_path, page):
     """A command whose output no page has is run quickly."""
     points, cells, kind = specimen(nx=20, ny=5)

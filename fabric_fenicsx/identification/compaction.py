@@ -16,14 +16,12 @@ from ..runtime.formatting import rounded
 from .curves import CompactionTest, Sheet
 from .problem import Assumed, Determined
 
-NAMES = "exponent", "onset", "pressure"
 UNITS = {"exponent": "-", "onset": "MPa", "pressure": "MPa"}
-BEYOND = 1.1  # times the measured thicknesses, up to which they show the pressure of the sheet
-# half width of an interval, in logarithms: factors of 3 and 10
-WIDEST = {"exponent": math.log(3), "onset": math.log(10), "pressure": math.log(10)}
+MARGIN = 1.1  # times the measured thicknesses, up to which they show the pressure of the sheet
+# of an interval, to either side
+MAX_FACTOR = {"exponent": 3.0, "onset": 10.0, "pressure": 10.0}
 EXPONENTS = 1.01, 1e3
-PRESSURES = 1e-3  # of the lowest measured pressure: least onset and pressure of the sheet
-EVALUATIONS = 300
+LEAST_PRESSURE = 1e-3  # of the lowest measured one: onset and pressure of the sheet
 
 
 @dataclass(frozen=True)
@@ -68,7 +66,8 @@ def fit_compaction(sheet: Sheet) -> CompactionFit:
     """
     (p, h, sd), assumed = _data(sheet), {}
     fit, lowest = _fit(p, h, sd), float(p.min())
-    if fit.values["onset"] < 1.01 * PRESSURES * lowest or fit.half["onset"] > WIDEST["onset"]:
+    least, widest = 1.01 * LEAST_PRESSURE * lowest, math.log(MAX_FACTOR["onset"])
+    if fit.values["onset"] < least or fit.half["onset"] > widest:
         onset = min(Compaction.onset, lowest)
         source = "default" if onset == Compaction.onset else "lowest measured pressure"
         why = "the data do not tell it: they begin too far above it or scatter too much"
@@ -78,7 +77,7 @@ def fit_compaction(sheet: Sheet) -> CompactionFit:
             kept.update({name: max(size, of_all[name]) for name, size in kept.items()})
     determined = {name: _determined(name, fit) for name in fit.half}
     for name, half in fit.half.items():
-        if half > WIDEST[name]:
+        if half > math.log(MAX_FACTOR[name]):
             low, high = determined[name].interval
             interval = f"{rounded(low, 2)} to {rounded(high, 2)} {UNITS[name]}".removesuffix(" -")
             raise InputError(
@@ -102,7 +101,7 @@ def _data(sheet):
         raise InputError("there is no test of compaction; allowed is one or more")
     p = np.concatenate([test.pressure for test in tests])
     h = np.concatenate([sheet.measured_thickness(test) for test in tests])
-    if not h.min() / BEYOND <= sheet.thickness <= h.max() * BEYOND:
+    if not h.min() / MARGIN <= sheet.thickness <= h.max() * MARGIN:
         raise InputError(
             f"sheet.toml: thickness is {rounded(sheet.thickness, 4)} mm, and plies of the "
             f"compaction tests have {rounded(h.max(), 4)} to {rounded(h.min(), 4)} mm; allowed is "
@@ -134,35 +133,35 @@ class _Fit(NamedTuple):
 
 def _fit(p, h, sd, onset=None):
     """The three numbers; onset: a fixed one [MPa], None if it is fitted."""
-    names = [name for name in NAMES if name != "onset" or onset is None]
+    names = [name for name in UNITS if name != "onset" or onset is None]
 
     def log_thickness(p, *x):
         v = {"onset": onset} | dict(zip(names, np.exp(x)))
         y = log_compaction(np.array([v["pressure"], *p]) / v["onset"])
         return (y[0] - y[1:]) / v["exponent"]
 
-    order, edges = np.argsort(h), (PRESSURES * p.min(), p.max() / PRESSURES)
+    order, edges = np.argsort(h), (LEAST_PRESSURE * p.min(), p.max() / LEAST_PRESSURE)
     bounds = np.log([EXPONENTS if name == "exponent" else edges for name in names]).T
     # about the pressure under which plies of the tests are as thick as the sheet
     near = math.exp(np.interp(1.0, h[order], np.log(p[order])))
-    how = {"bounds": bounds, "max_nfev": EVALUATIONS, "full_output": True}
+    how = {"bounds": bounds, "max_nfev": 300, "full_output": True}
     how |= dict.fromkeys(("ftol", "xtol", "gtol"), 1e-12)
-    found = []
+    fits = []
     for begin in p.min() * np.array([0.1, 1.0, 10.0]) if onset is None else [onset]:
         start = {"exponent": 10.0, "onset": begin, "pressure": near}
         x = np.clip(np.log([start[name] for name in names]), bounds[0] + 1e-6, bounds[1] - 1e-6)
         with suppress(RuntimeError):  # it did not converge
             x, covariance, info, *_ = curve_fit(log_thickness, p, np.log(h), x, sd, **how)
-            found.append((info["fvec"] @ info["fvec"], x, covariance, info["fvec"]))
-    if not found:
-        raise SolverFailure(f"the fit of compaction did not converge in {EVALUATIONS} evaluations")
-    _, x, covariance, residual = min(found, key=lambda each: each[0])
+            fits.append((info["fvec"] @ info["fvec"], x, covariance, info["fvec"]))
+    if not fits:
+        raise SolverFailure("the fit of compaction did not converge in 300 evaluations")
+    _, x, covariance, residual = min(fits, key=lambda each: each[0])
     dof = len(p) - len(names)
     error = dict(zip(names, np.sqrt(np.diag(covariance)).tolist()))
     half = {name: float(stats.t.ppf(0.975, dof)) * each for name, each in error.items()}
     values = {"onset": onset} | dict(zip(names, np.exp(x).tolist()))
     scatter = float(np.sqrt(np.sum((residual * sd) ** 2) / dof))
-    return _Fit({name: values[name] for name in NAMES}, error, half, scatter)
+    return _Fit({name: values[name] for name in UNITS}, error, half, scatter)
 
 
 def _determined(name, fit):
@@ -175,7 +174,7 @@ def _determined(name, fit):
 
 def _warnings(measured, pressure, determined):
     """Doubts about the fit."""
-    if not measured.min() / BEYOND <= pressure <= measured.max() * BEYOND:
+    if not measured.min() / MARGIN <= pressure <= measured.max() * MARGIN:
         yield (
             f"by the compaction tests the fabric has the thickness of sheet.toml under "
             f"{rounded(pressure)} MPa; they measured from {rounded(measured.min())} to "

@@ -21,8 +21,6 @@ from .result import Identification
 STAGE_1 = ("a", "b", "d", *SHEAR)
 # Of the parameters that the data can't tell apart, the first of these becomes an assumption.
 GIVEN_UP = ("s_C", "p_min", "d", "c", "s_T", "s3", "s2", "a", "s1", "b")
-WIDER = 2.0  # times, by which the origin of a test widens an interval that is worth a word
-QUICK = 60  # evaluations of a fit after which it is asked whether the data determine its parameters
 UNCOUPLED = "no coupling, so that held strips are not too stiff"  # source of a p_min of 1
 # higher terms are 0 by default if the lower one is fitted
 HIGHER = {"a": "b", "s2": "s1", "s3": "s1"}
@@ -230,11 +228,11 @@ def _with_origins(problem, theta, sd, found):
 
 def _origin_warnings(problem, found, alone):
     names = [problem.names[k] for k in found.free]
-    wide = [name for name, w, v in zip(names, found.half, alone.half) if w > WIDER * v]
+    wide = [name for name, w, v in zip(names, found.half, alone.half) if w > 2.0 * v]
     origins = _origins(problem.curves)
     if wide:
         yield (
-            f"intervals of {', '.join(wide)} are more than {WIDER:g} times as wide as they were "
+            f"intervals of {', '.join(wide)} are more than twice as wide as they were "
             f"with a known {', '.join(origins)}: state these in the file if you know them"
         )
     for name, number in origins.items():
@@ -390,8 +388,9 @@ def _joint_fit(problem, theta, free, rest, sd):
     if bad := problem.undetermined(theta, free, slack=1e3):
         return theta, theta, bad
     try:
-        staged = problem.fit(theta, rest, sd, most=QUICK)
-        theta = problem.fit(staged, free, sd, most=QUICK)
+        # so many evaluations, then the data are asked whether they determine the parameters
+        staged = problem.fit(theta, rest, sd, most=60)
+        theta = problem.fit(staged, free, sd, most=60)
     except NotConverged as stuck:  # in a valley of parameters that the data do not separate?
         if bad := problem.undetermined(stuck.theta, free):
             return theta, theta, bad

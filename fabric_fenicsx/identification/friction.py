@@ -15,9 +15,6 @@ from ..material.friction import ShearFriction
 from .curves import Curve
 from .problem import NOISE, Determined
 
-WIDEST = math.log(3.0)  # of an interval's factor, beyond which loops do not tell a number
-PLACES = 0.03, 0.1, 0.3  # of the loop's angle, at which elements begin to slide in a first guess
-
 
 @dataclass(frozen=True)
 class FrictionFit:
@@ -30,8 +27,8 @@ class FrictionFit:
 
     def report(self) -> dict[str, Any]:
         """The result for JSON."""
-        found = {name: dataclasses.asdict(p) for name, p in self.determined.items()}
-        return {"determined": found, "scatter_MPa": self.scatter}
+        numbers = {name: dataclasses.asdict(p) for name, p in self.determined.items()}
+        return {"determined": numbers, "scatter_MPa": self.scatter}
 
 
 def fit_friction(curves: Sequence[Curve]) -> FrictionFit | None:
@@ -77,7 +74,8 @@ def _fit(count, turn, angle, width):
     half, dof, fits = width.max(initial=0.0) / 2, len(width) - 2 * count, []
     if half <= 0 or dof < 1:
         return None
-    for places in itertools.combinations(PLACES, count):
+    # shares of the loop's angle at which elements begin to slide in a first guess
+    for places in itertools.combinations((0.03, 0.1, 0.3), count):
         strength = np.full(count, half / count)
         start = np.log([*strength / (np.array(places) * turn.max()), *strength])
         bounds = start - 15, start + 15
@@ -87,7 +85,7 @@ def _fit(count, turn, angle, width):
     _, s, Vt = np.linalg.svd(best.jac, full_matrices=False)
     spread = np.sqrt(((Vt.T / np.maximum(s, 1e-8 * s.max())) ** 2).sum(1) * variance)
     wide = stats.t.ppf(0.975, dof) * spread
-    if (wide > WIDEST).any():
+    if (wide > math.log(3.0)).any():  # an interval of a factor of 3 to either side
         return None
     stiffness, strength = np.exp(best.x).reshape(2, -1)
     order = np.argsort(strength / stiffness)
@@ -98,7 +96,7 @@ def _fit(count, turn, angle, width):
             value, w = float(np.exp(best.x[at])), float(wide[at])
             interval = value * math.exp(-w), value * math.exp(w)
             weak, error = w > math.log(2), float(value * spread[at])
-            given = value, error, interval, "MPa", value, weak, False
-            determined[f"shear_friction.{name}_{i}"] = Determined(*given)
+            number = Determined(value, error, interval, "MPa", value, weak, False)
+            determined[f"shear_friction.{name}_{i}"] = number
     criterion = len(width) * math.log(variance) + 2 * count * math.log(len(width))
     return criterion, FrictionFit(friction, determined, math.sqrt(2 * best.cost / len(width)))

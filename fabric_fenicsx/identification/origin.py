@@ -10,12 +10,8 @@ from .curves import MIN_POINTS, Curve
 from .curves.forces import of_fabric, response
 from .curves.model import Origin
 
-POWERS = 5  # of the strain, in the stress of a test; the law has fewer and may be off at the peak
-SHARE = 0.03  # of the force, by which these may be off it
-LEAST = 12  # points
-FIRST = 0.1  # of the last displacement, beyond which the first one is too late
-GRID = 61  # values of the slack that are tried, and tried again where it is likely
-ROUNDED = 1e-4  # of the peak, to which forces are known at best
+LEAST_POINTS = 12  # of a test that tells where it begins
+TRIALS = 61  # values of the slack that are tried, and tried again where it is likely
 
 
 def with_origins(curves: Sequence[Curve], thickness: float) -> list[Curve]:
@@ -30,10 +26,10 @@ def with_origins(curves: Sequence[Curve], thickness: float) -> list[Curve]:
 def _with_origin(curve, thickness, is_rubbed):
     x = _abscissa(curve)
     why = "friction, which loops show, looks like them" if is_rubbed else ""
-    if x[0] > FIRST * x[-1]:
+    if x[0] > 0.1 * x[-1]:
         why = f"it begins at {100 * x[0] / x[-1]:.0f} % of its way"
-    elif len(x) < LEAST:
-        why = f"it has {len(x)} points, and {LEAST} would tell"
+    elif len(x) < LEAST_POINTS:
+        why = f"it has {len(x)} points, and {LEAST_POINTS} would tell"
     if why:
         unknown = " and ".join(curve.unknown)
         lines = " and ".join(f"`# {name}: 0 {_unit(curve, name)}`" for name in curve.unknown)
@@ -61,14 +57,14 @@ def _strain(curve, x, thickness):
 def _fitted(curve, thickness):
     """Least squares in slack, zero and the stiffness of the specimen, a power series.
 
-    Points weigh by the scatter of their neighbours and a share of the force: so a law that is off
-    at the peak does not move the beginning. Intervals of 95 % follow the sum of squares over the
+    Points weigh by the scatter of their neighbours and 3 % of the force: so a law that is off at
+    the peak does not move the beginning. Intervals of 95 % follow the sum of squares over the
     slack, of which the force is not a linear function.
     """
     x, y = _abscissa(curve), curve.responses[0].values
-    powers, has_zero = min(POWERS, len(y) // 4), "zero" in curve.unknown
-    peak = np.abs(y).max()
-    scatter = max(np.median(np.abs(np.diff(y, 4))) / 5.64, ROUNDED * peak)  # of normal noise
+    powers, has_zero = min(5, len(y) // 4), "zero" in curve.unknown  # the law has fewer
+    noise = np.median(np.abs(np.diff(y, 4))) / 5.64  # where it is normal
+    scatter = max(noise, 1e-4 * np.abs(y).max())  # to which a load cell is right at best
 
     def columns(slack):
         e = _strain(curve, np.maximum(x - slack, 0.0), thickness)
@@ -92,28 +88,27 @@ def _fitted(curve, thickness):
         most = best + max(best / dof, 1.0) * stats.t.ppf(0.975, dof) ** 2
         return [each for each in fits if each[0] <= most], most
 
-    slacks = np.linspace(0.0, min(0.5 * x[-1], x[-MIN_POINTS - powers]), GRID)
+    slacks = np.linspace(0.0, min(0.5 * x[-1], x[-MIN_POINTS - powers]), TRIALS)
     slacks = slacks if "slack" in curve.unknown else np.zeros(1)
     force, tried = y, [(slack, columns(slack)) for slack in slacks]
     for _ in range(3):
-        sd = np.hypot(scatter, SHARE * np.abs(force))
+        sd = np.hypot(scatter, 0.03 * np.abs(force))
         fits = [fit(*each, sd) for each in tried]
         force = min(fits, key=lambda each: each[0])[-1]
     if len(slacks) > 1:
         near, step = [each[1] for each in likely(fits)[0]], slacks[1]
-        finer = np.linspace(max(near[0] - step, 0.0), near[-1] + step, GRID)
+        finer = np.linspace(max(near[0] - step, 0.0), near[-1] + step, TRIALS)
         fits = [fit(slack, columns(slack), sd) for slack in finer]
     near, most = likely(fits)
     _, slack, zero, *_ = min(near, key=lambda each: each[0])
     spans = [np.sqrt(most - each[0]) * each[3] for each in near]
     lows, highs = zip(*((each[2] - span, each[2] + span) for each, span in zip(near, spans)))
     ends = [(near[k][1] - slack, near[k][2] - zero) for k in (0, -1)]
-    per = {"zero": curve.per_newton, "slack": 1.0}
-    per |= {"slack": np.pi / 180} if _unit(curve, "slack") == "deg" else {}
-    found = {"slack": (slack, near[0][1], near[-1][1]), "zero": (zero, min(lows), max(highs))}
+    per = {"zero": curve.per_newton, "slack": np.pi / 180 if curve.displacement is None else 1.0}
+    values = {"slack": (slack, near[0][1], near[-1][1]), "zero": (zero, min(lows), max(highs))}
     numbers = {}
     for name in curve.unknown:
-        value, low, high = (float(each / per[name]) for each in found[name])
+        value, low, high = (float(each / per[name]) for each in values[name])
         numbers[f"{name} of {curve.file}"] = value, low, high, _unit(curve, name)
     begun = _from(curve, slack, zero, thickness)
     return replace(begun, origin=Origin(numbers, ends, float(max(spans))), unknown=())
@@ -125,10 +120,12 @@ def _from(curve, slack, zero, thickness):
     kept = x > slack if slack else np.full(len(x), True)
     x, strains = x[kept] - slack, curve.strains[kept].copy()
     strains[:, curve.abscissa] = _strain(curve, x, thickness)
-    given = strains[:, 2], curve.test, curve.keys, thickness
-    first, *others = curve.responses
-    responses = [response(first.column, first.values[kept] - zero, *given)]
-    responses += [response(each.column, each.values[kept], *given) for each in others]
+    test = strains[:, 2], curve.test, curve.keys, thickness
+    offsets = zero, *[0.0] * len(curve.responses[1:])
+    responses = (
+        response(each.column, each.values[kept] - offset, *test)
+        for each, offset in zip(curve.responses, offsets)
+    )
     moved = None if curve.displacement is None else x
     new = {"strains": strains, "responses": tuple(responses), "rows": curve.rows[kept]}
     return replace(curve, **new, displacement=moved)

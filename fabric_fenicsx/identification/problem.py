@@ -17,9 +17,6 @@ from .curves import Curve, Sheet
 
 DEFAULTS = PRESETS["komeili"]  # Table 1; d, p_min and s_C were assumed there, too
 NOISE = 0.01  # share of each peak: noise at which the data must determine a parameter
-# With d fitted, too: at 1 only d / (1 - p_min) counts, d goes to 0, and no interval can be taken.
-UNCOUPLED = {"p_min": 0.99}
-SOFTEST = 0.999  # tau' > 0 is kept by c1 > -SOFTEST sqrt(c0 c2), see Problem._to_x
 
 
 def names_of(balanced: bool) -> tuple[str, ...]:
@@ -273,7 +270,9 @@ class Problem:
         x = np.array([theta[k] / self.natural[k] for k in free])
         low, high = np.array([self.box(k) for k in free]).T
         if any(base(self.names[k]) == "d" for k in free):
-            high = np.minimum(high, [UNCOUPLED.get(base(self.names[k]), np.inf) for k in free])
+            # at p_min = 1 only d / (1 - p_min) counts, d goes to 0, and no interval can be taken
+            most = [0.99 if base(self.names[k]) == "p_min" else np.inf for k in free]
+            high = np.minimum(high, most)
         low, high = low / self.natural[free], high / self.natural[free]
         if place := self._shear(free):
             G, (s1, s2, s3) = self.angle, theta[place]
@@ -284,7 +283,7 @@ class Problem:
             x[[i, j]] = c0 / unit, c2 / unit
             if place[2] in free:
                 m = free.index(place[2])
-                x[m], low[m], high[m] = c1 / math.sqrt(c0 * max(c2, 1e-9 * unit)), -SOFTEST, np.inf
+                x[m], low[m], high[m] = c1 / math.sqrt(c0 * max(c2, 1e-9 * unit)), -0.999, np.inf
         return x, low, high
 
     def _from_x(self, x, theta, free):
@@ -322,14 +321,13 @@ class Problem:
             **dict.fromkeys(("ftol", "xtol", "gtol"), 1e-12),
             max_nfev=most,
         )
-        found = self._from_x(result.x, theta, free)
+        theta = self._from_x(result.x, theta, free)
         if result.status <= 0:
             fitted = ", ".join(self.names[k] for k in free)
-            raise NotConverged(
-                f"the fit of {fitted} did not converge in {result.nfev} evaluations", found
-            )
+            failure = f"the fit of {fitted} did not converge in {result.nfev} evaluations"
+            raise NotConverged(failure, theta)
         s3 = self.names.index("s3")
-        if s3 in free and found[s3] < 0:  # the law allows none; refit on the bound
-            found[s3] = 0.0
-            return self.fit(found, [k for k in free if k != s3], sd, rows, most)
-        return found
+        if s3 in free and theta[s3] < 0:  # the law allows none; refit on the bound
+            theta[s3] = 0.0
+            return self.fit(theta, [k for k in free if k != s3], sd, rows, most)
+        return theta

@@ -15,8 +15,7 @@ from .result import Identification, SimulatedFit
 # Force (n,) [N] of the specimen of a raw bias test at its displacements, and its derivatives (n, 3)
 # by s1, s2, s3 [N/MPa], as of `coupons.simulated.simulated_bias`.
 Simulate = Callable[[WovenFabric, Curve], tuple[np.ndarray, np.ndarray]]
-MOST = 8  # fits
-CLOSE = 2e-3  # of the peak, by which forces may differ from those that the last fit expected
+MAX_FITS = 8
 
 
 def identify_simulated(sheet: Sheet, curves: Sequence[Curve], simulate: Simulate) -> Identification:
@@ -39,21 +38,21 @@ def identify_simulated(sheet: Sheet, curves: Sequence[Curve], simulate: Simulate
 
 
 def _fitted(sheet, curves, simulate, start):
-    found, first = start, dict[str, float]()
-    for _ in range(MOST):
-        forces = {c.file: simulate(found.fabric, c) for c in curves if c.is_raw}
-        off, missed = {}, 0.0
-        for curve, response, expected, _ in found.fits:
+    fit, first = start, dict[str, float]()
+    for _ in range(MAX_FITS):
+        forces = {c.file: simulate(fit.fabric, c) for c in curves if c.is_raw}
+        off, change = {}, 0.0
+        for curve, response, expected, _ in fit.fits:
             if curve.is_raw:
                 force, peak = forces[curve.file][0], response.peak
                 off[curve.file] = float(np.sqrt(np.mean((force - response.values) ** 2)) / peak)
-                missed = max(missed, np.abs(force - expected).max() / peak)
-        if first and missed < CLOSE:
+                change = max(change, np.abs(force - expected).max() / peak)
+        if first and change < 2e-3:  # of the peak
             shear = {name: getattr(start.fabric, name) for name in SHEAR}
-            return dataclasses.replace(found, simulated=SimulatedFit(shear, first, off))
+            return dataclasses.replace(fit, simulated=SimulatedFit(shear, first, off))
         first = first or off
-        found = identify(sheet, [_linear(curve, found.fabric, forces) for curve in curves])
-    raise SolverFailure(f"its force did not settle in {MOST} fits")
+        fit = identify(sheet, [_linear(curve, fit.fabric, forces) for curve in curves])
+    raise SolverFailure(f"its force did not settle in {MAX_FITS} fits")
 
 
 def _linear(curve, fabric, forces):

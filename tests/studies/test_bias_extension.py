@@ -106,32 +106,6 @@ def test_cells_that_do_not_follow_the_yarns_do_not_lock(
     assert done.summary["integration"] == integration
 
 
-def test_against_measured_forces(launch, tmp_path):
-    """Of the law that was fitted to the same test's simulated specimen."""
-    data, law = ROOT / "studies/data/glass_pp_115x230", tmp_path / "fabric.toml"
-    done = launch("identify", "--data", data, "--out", law, "--no-pictures", out=False)
-    assert done.status == 0, done.err
-    strip = ("--length", 230, "--width", 115, "--strain", 0.1535, "--nx", 16)
-    done = launch("bias_extension", "--material", law, *strip, "--measured", data)
-    assert done.status == 0, done.err
-    (found,) = done.summary["quantities"]["measured"]
-    assert (found["test"], found["points_covered"]) == ("bias_extension", 8)
-    assert 0.01 < found["rms_of_peak"] < 0.02 < found["largest_of_peak"] < 0.05
-    assert done.summary["reaction_N"] == pytest.approx(6.15, rel=0.05)  # measured
-    assert "bias.csv: simulated and measured force differ by " in done.out
-
-
-def test_deep_shear(launch):
-    """45 %: beyond the reach of inextensible yarns (gamma 60 deg is passed at about 30 %), which
-    would break."""
-    options = "--element", "P1", "--nx", 40, "--steps", 45, "--strain", 0.45
-    done = launch("bias_extension", *options, "--max-strain", 1, *PLAIN)
-    assert done.status == 0, done.err
-    assert done.summary["quantities"]["theory_shear_angle_deg"] is None
-    assert done.summary["quantities"]["centre_shear_angle_deg"] > 60
-    assert done.summary["energy"]["viscous"] == 0
-
-
 @pytest.mark.parametrize("degrees, theory", [(30, 11.09), (20, 28.19)])
 def test_theory_at_other_angles(launch, degrees, theory):
     """Means over the zones; within them simulated angles differ, as moments on yarns of different
@@ -153,19 +127,6 @@ def test_theory_at_other_angles(launch, degrees, theory):
         assert q["only_b_held_zone_shear_angle_deg"] == pytest.approx(turn_b, rel=0.05)
     assert "half_zone_shear_angle_deg" not in q
     assert "normalised_shear_force_N_per_mm" not in q and "no_theory_because" not in q
-
-
-def test_no_theory_where_yarns_run_from_clamp_to_clamp(launch):
-    done = launch(
-        "bias_extension",
-        *("--quick", "--fibre-angle", 10, "--pattern", "yarns", "--strain", 0.01),
-        "--no-pictures",
-    )
-    assert done.status == 0, done.err
-    q = done.summary["quantities"]
-    assert q["theory_shear_angle_deg"] is None
-    assert q["no_theory_because"] == "yarns a run from clamp to clamp"
-    assert "(no theory: yarns a run from clamp to clamp)" in done.out
 
 
 def test_yarns_that_bend_in_the_ply_stiffen_it(launch):

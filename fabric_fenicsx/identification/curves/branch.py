@@ -7,7 +7,6 @@ from ...runtime.formatting import rounded
 from .model import Table, units
 
 NOISE = 0.01  # of its range, by which a column may go back or begin below 0
-_NEAR = 0.99  # share of the largest strain from which a branch counts as loaded in full
 
 
 def kept(table: Table, which: np.ndarray) -> Table:
@@ -43,11 +42,11 @@ def loading_branch(table: Table, column: str) -> tuple[Table, list[str]]:
         return table, []
     top = np.maximum.accumulate(size)
     stop = int(np.argmax(np.append(top - size > NOISE * size.max(), True)))
-    if top[stop - 1] < _NEAR * size.max():
+    if top[stop - 1] < 0.99 * size.max():
         return table, []
-    end, told = int(size[:stop].argmax()), []
+    end, remarks = int(size[:stop].argmax()), []
     if end + 1 < len(size):
-        told.append(
+        remarks.append(
             f"{column} turns back behind row {table.rows[end]}: of the loop the loading branch is "
             f"fitted, rows {table.rows[0]} to {table.rows[end]}"
         )
@@ -55,8 +54,8 @@ def loading_branch(table: Table, column: str) -> tuple[Table, list[str]]:
     if (still := np.flatnonzero(np.diff(size[: end + 1]) <= 0) + 1).size:
         rows, back = some([f"row {table.rows[k]}" for k in still]), (top - size)[: end + 1].max()
         far = f" and goes back by up to {_in_file(table, column, back)}" if back else ""
-        told.append(f"{column} does not move on in {rows}{far}; read as scatter")
-    return table, told
+        remarks.append(f"{column} does not move on in {rows}{far}; read as scatter")
+    return table, remarks
 
 
 def way_back(table: Table, column: str, turn: int) -> Table:

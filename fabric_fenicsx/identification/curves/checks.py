@@ -12,14 +12,9 @@ from .branch import NOISE
 from .model import STRAINS, TESTS, Curve, Table, unit_inside, units
 
 # beyond it a wrong unit is the likely reason
-_RANGE = {"eps_a": 0.5, "eps_b": 0.5, "gamma": math.radians(85)}
+MAX_STRAINS = {"eps_a": 0.5, "eps_b": 0.5, "gamma": math.radians(85)}
 # what a test must reach: below it fractions were taken for percent, or radians for degrees
-_LEAST = {"%": (5e-4, "-"), "deg": (math.radians(1.6), "rad")}
-_OFFSET = 0.2  # largest share of the peak that may be measured in the undeformed state
-_FALLEN = 0.5  # share of the peak below which tension falls where yarns break
-TRUSTED = 30.0  # deg, to which angles by the displacement of a bias test are measured ones
-_PRESSED = 4  # points that tell compaction's three numbers
-_RANGE_OF_PRESSURE = 5.0  # the last over the first, as thickness follows the logarithm
+LEAST_STRAINS = {"%": (5e-4, "-"), "deg": (math.radians(1.6), "rad")}
 
 
 def _refused(row: int, text: str, allowed: str) -> InputError:
@@ -63,7 +58,7 @@ def check_values(name: str, table: Table, runs: str, measured: Sequence[str]) ->
 
 def _check_strain(name, table, column):
     """A strain that is too large or of the wrong sign."""
-    test, rows, values, most = TESTS[name], table.rows, table.columns[column], _RANGE[column]
+    test, rows, values, most = TESTS[name], table.rows, table.columns[column], MAX_STRAINS[column]
     for k in _first(np.abs(values) > most):
         text = f"{column} is {values[k]:.4g} {unit_inside(column)}"
         raise _refused(rows[k], text, f"within +-{most:.3g} (is the unit in the header right?)")
@@ -84,7 +79,7 @@ def _check_monotone(table, runs, sign, way, unit=""):
 def _check_reach(table, runs):
     """A strain that hardly leaves 0."""
     x, unit = np.abs(table.columns[runs]), table.header[runs]
-    least, other = _LEAST.get(unit, (0.0, ""))
+    least, other = LEAST_STRAINS.get(unit, (0.0, ""))
     if x.max() < least:
         factor = units(runs)[unit]
         text = f"{runs} reaches {x.max() / factor:.3g} {unit} only"
@@ -111,13 +106,13 @@ def _check_response(name, table, column, undeformed):
         why = "free sides narrow" if narrows else f"of the test {name}"
         allowed = f"at {'least' if sign > 0 else 'most'} 0, {why} (is its sign turned?)"
         raise _refused(rows[peak], f"{column} is {_value(largest, column)}", allowed)
-    for k in _first(undeformed & (np.abs(values) > _OFFSET * abs(largest))):
+    for k in _first(undeformed & (np.abs(values) > 0.2 * abs(largest))):
         text = f"{column} is {_value(values[k], column)} before anything is strained"
-        allowed = f"up to {100 * _OFFSET:g} % of its peak there (take the offset off)"
+        allowed = "up to 20 % of its peak there (take the offset off)"
         raise _refused(rows[k], text, allowed)
-    if name.startswith("uniaxial") and abs(values[-1]) < _FALLEN * abs(largest):
+    if name.startswith("uniaxial") and abs(values[-1]) < 0.5 * abs(largest):
         share = f"{100 * values[-1] / largest:.0f} % of its value in row {rows[peak]}"
-        allowed = f"{100 * _FALLEN:g} % or more (keep the rows before yarns break)"
+        allowed = "50 % or more (keep the rows before yarns break)"
         raise _refused(rows[-1], f"{column} has fallen to {share}", allowed)
 
 
@@ -128,7 +123,7 @@ def check_compaction(table: Table, column: str) -> None:
     if len(columns) > 2:
         text = "both columns thickness and fibre_volume_fraction"
         raise _refused(table.top, text, "one of them")
-    check_length(table, _PRESSED)
+    check_length(table, 4)  # to tell three numbers
     is_share = column == "fibre_volume_fraction"
     for name, values in columns.items():
         below = name == "fibre_volume_fraction"
@@ -137,9 +132,9 @@ def check_compaction(table: Table, column: str) -> None:
             raise _refused(rows[k], f"{name} is {_value(values[k], name)}", allowed)
     _check_monotone(table, "pressure", 1, "rise", " MPa")
     p, v = columns["pressure"], columns[column]
-    if p[-1] < _RANGE_OF_PRESSURE * p[0]:
+    if p[-1] < 5.0 * p[0]:  # thickness follows the logarithm
         text = f"pressure ends at {p[-1] / p[0]:.2g} times the first"
-        raise _refused(rows[-1], text, f"{_RANGE_OF_PRESSURE:g} times or more")
+        raise _refused(rows[-1], text, "5 times or more")
     if (v[-1] <= v[0]) if is_share else (v[-1] >= v[0]):
         low, high = (_value(each, column) for each in v[[0, -1]])
         text = f"{column} is {high} under the highest pressure and {low} under the lowest"
@@ -147,14 +142,14 @@ def check_compaction(table: Table, column: str) -> None:
 
 
 def curve_warnings(curves: Sequence[Curve]) -> Iterator[str]:
-    """Sentences on bias tests whose shear angles are from the displacement, and beyond `TRUSTED`,
-    where the specimen is not simulated."""
+    """Sentences on bias tests with shear angles from the displacement, and beyond 30 deg, where the
+    specimen is not simulated."""
     for curve in curves:
         if curve.is_raw and curve.responses[0].linear is None:
-            for k in _first(np.abs(curve.strains[:, 2]) > math.radians(TRUSTED)):
+            for k in _first(np.abs(curve.strains[:, 2]) > math.radians(30)):
                 yield (
-                    f"{curve.file}: from row {curve.rows[k]} on shear angles are above {TRUSTED:g} "
-                    "deg by the displacement, where those of a real strip are less: simulate the "
+                    f"{curve.file}: from row {curve.rows[k]} on shear angles are above 30 deg by "
+                    "the displacement, where those of a real strip are less: simulate the "
                     "specimen, which needs DOLFINx, measure them, or leave these rows out"
                 )
 

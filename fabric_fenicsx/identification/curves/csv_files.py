@@ -17,8 +17,6 @@ from .branch import from_zero, kept, loading_branch, way_back
 from .forces import of_fabric, response
 from .model import (
     COLUMNS,
-    COMPACTION,
-    FRAMES,
     KEYS,
     MIN_POINTS,
     STRAINS,
@@ -32,8 +30,6 @@ from .model import (
     unit_inside,
     units,
 )
-
-_LENGTH = factors("length")
 
 
 class _Keys(NamedTuple):
@@ -63,7 +59,7 @@ def read_test(path: Path, sheet: Sheet) -> Curve | CompactionTest:
             )
             table, remarks = _table(cells, keys, sheet, problems)
         problems.stop()
-        if keys.test == COMPACTION:
+        if keys.test == "compaction":
             return _compaction_test(path.name, table, keys, remarks)
         return _curve(path.name, table, keys, sheet.thickness, remarks)
     except InputError as error:
@@ -101,7 +97,7 @@ def _curve(file, table, keys, thickness, remarks):
     strains = np.column_stack([none if c in found else columns.get(c, none) for c in STRAINS])
     given, back = (keys.test, keys.lengths, thickness), None
     responses = [response(column, columns[column], strains[:, 2], *given) for column in found]
-    if keys.test in FRAMES:
+    if keys.test in ("shear", "picture_frame"):  # of which loops tell friction
         less = way_back(whole, runs, table.rows[-1])
         if len(less.rows) >= MIN_POINTS:
             angles, (column,) = less.columns[runs] - loose, found
@@ -206,7 +202,7 @@ def _keys(texts, problems):
     for key in test.all_keys:
         if key in texts and key not in ("slack", "zero"):
             with problems:
-                lengths[key] = _quantity(key, texts[key], _LENGTH)
+                lengths[key] = _quantity(key, texts[key], factors("length"))
     return _Keys(name, free, (*test.measured, *across), others, lengths, texts)
 
 

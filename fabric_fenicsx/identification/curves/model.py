@@ -11,7 +11,6 @@ import numpy as np
 from ...readers.units import ANGLE, STRAIN, factors
 
 MIN_POINTS = 5
-COMPACTION = "compaction"  # the test across the thickness
 STRAINS = ("eps_a", "eps_b", "gamma")
 
 _STRESS = factors("stress") | {"N/mm2": 1.0}
@@ -102,9 +101,8 @@ TESTS = {
     "bias_extension": Kind(
         ("gamma",), (), ("F",), ("height", "width"), 1, {"displacement": ("gamma", "height")}
     ),
-    COMPACTION: Kind(("pressure",), (), ("thickness", "fibre_volume_fraction"), (), 1),
+    "compaction": Kind(("pressure",), (), ("thickness", "fibre_volume_fraction"), (), 1),
 }
-FRAMES = "shear", "picture_frame"  # tests of one shear angle, of which loops tell friction
 KEYS = ("test", "noise", *dict.fromkeys(key for test in TESTS.values() for key in test.all_keys))
 
 

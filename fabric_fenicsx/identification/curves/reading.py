@@ -21,7 +21,6 @@ from . import checks
 from .csv_files import read_test
 from .model import COLUMNS, KEYS, CompactionTest, Curve, Sheet
 
-FILES = ".csv", ".tsv"
 SPELLING = {"delimiter": "[;,\t ]", "decimal": "[.,]", "encoding": ".+"}  # of [csv]
 
 
@@ -37,7 +36,7 @@ def read(path: Path | str) -> tuple[Sheet, tuple[Curve, ...]]:
     folder = path if path.is_dir() else path.parent
     sheet = read_sheet(folder / "sheet.toml")
     named = sheet.keys
-    paths = sorted(p for p in folder.iterdir() if ending(p) in FILES or p.name in named)
+    paths = sorted(p for p in folder.iterdir() if ending(p) in (".csv", ".tsv") or p.name in named)
     if not paths:
         raise InputError(
             f"{folder} has no *.csv; allowed is a CSV file a test, or files of other names with a "
