@@ -85,7 +85,7 @@ def forming_cost(comm: MPI.Comm, fabric: ff.Law, c: Configuration) -> dict[str, 
     except ff.SolverFailure as failure:
         result, said = failure.result, str(failure)
     whole = result.number("stroke_reached") == 1
-    row = {"reason": "" if whole else said, "doubt": said if whole else ""}
+    row: dict[str, Any] = {"reason": "" if whole else said, "doubt": said if whole else ""}
     row |= {"cost": comm.allreduce(time.process_time() - began)}
     row |= {name: result.summary[name] for name in ("dofs", "cells", "newton_iterations")}
     row["curve"] = np.transpose([(at["load"], at["reaction_N"]) for at in result.rows])

@@ -65,12 +65,16 @@ def _tell(name, act, well):
     return works
 
 
+def _version(module):
+    return import_module(module).__version__
+
+
 IMPORTED = "dolfinx", "ufl", "petsc4py", "mpi4py", "numpy", "scipy", "gmsh"
 VERSIONS: dict[str, Callable[[], Any]] = {
     "presets": lambda: ", ".join(import_module("fabric_fenicsx.material.presets").PRESETS),
     "fabric_fenicsx": lambda: __version__,
     "python": platform.python_version,
-    **{name: lambda name=name: import_module(name).__version__ for name in IMPORTED},
+    **{name: partial(_version, name) for name in IMPORTED},
     "petsc": lambda: ".".join(map(str, import_module("petsc4py.PETSc").Sys.getVersion())),
     "MPI library": lambda: re.split("[,\n]", import_module("mpi4py.MPI").Get_library_version())[0],
     "VTK": lambda: import_module("vtkmodules.vtkCommonCore").vtkVersion.GetVTKVersion(),
