@@ -12,16 +12,14 @@ from ..material.laws.base import Material
 from ..tools.surfaces import Surface
 from ..tools.tool import Tool
 
-LARGEST = 100  # numbers of an array that is compared; larger ones may be of a rank's own nodes
-
 
 def plain(value: Any) -> Any:
     """`value` as JSON can hold it, numbers to 12 digits; of tools their surface, and path and force
-    at half and at full load. Of functions, large arrays and other objects it is only their type, as
-    what they hold can't be compared."""
+    at half and at full load. Of functions, other objects and arrays of more than 100 numbers, which
+    may be of a rank's own nodes, it is only their type, as what they hold can't be compared."""
     if isinstance(value, fem.Constant):
         value = value.value
-    if isinstance(value, (np.ndarray, np.generic)) and value.size <= LARGEST:
+    if isinstance(value, (np.ndarray, np.generic)) and value.size <= 100:
         value = value.tolist()
     if isinstance(value, float):
         return float(f"{value:.12g}") if np.isfinite(value) else str(value)

@@ -52,7 +52,6 @@ class _DeadLoad(Term):
         self._work.accept(*self._state())
 
     def reject(self) -> None:
-        """As in `Term`."""
         self._work.reject()
 
     def work(self) -> float:

@@ -13,9 +13,8 @@ from .term import SceneFacts, Term, Triplets
 from .work import Work
 
 RELEASED = "released"  # kind of energy
-# of what is left of the load: a sheet gets soft as the forces go that keep it tight
-POWER = 6
-GONE = 0.9  # load factor from which there are none, so that what is lagged settles in the last step
+# load factor from which there are none, so that what is lagged settles in the last step
+NO_FORCES_FROM = 0.9
 
 
 class ReleaseForces(Term):
@@ -78,7 +77,8 @@ class ReleaseForces(Term):
 
     def set_load(self, load: float) -> None:
         """Set the load factor."""
-        self._load, self._share = load, max(1.0 - load / GONE, 0.0) ** POWER
+        # a sheet gets soft as the forces go that keep it tight
+        self._load, self._share = load, max(1.0 - load / NO_FORCES_FROM, 0.0) ** 6
 
     def accept(self) -> None:
         """Count what is released from the present state."""
@@ -87,7 +87,6 @@ class ReleaseForces(Term):
         self._work.accept(*self._state())
 
     def reject(self) -> None:
-        """As in `Term`."""
         self._work.reject()
 
     def energies(self) -> dict[str | None, float]:
@@ -142,7 +141,7 @@ class ReleaseForces(Term):
     def _since_accepted(self):
         """Work of the forces since the last accepted state, of all ranks [N mm]."""
         work = self._work.since(*self._state())
-        gone = not self._share and self._work.memory()[:, 1].max() >= GONE
+        gone = not self._share and self._work.memory()[:, 1].max() >= NO_FORCES_FROM
         return 0.0 if gone else work  # as a parabola through states with forces is not
 
     def _state(self):

@@ -18,8 +18,6 @@ from .load import vector_on
 from .output import Value, joined, total
 from .term import SceneFacts, Term, Triplets
 
-LEAST = 1e-9  # length of a spring, over its first, from which it has a direction
-
 
 class Springs(Term):
     """Springs that pull nodes of the sheet to fixed anchors, along the line between them.
@@ -136,7 +134,7 @@ class Springs(Term):
     def _now(self):
         """Direction from the anchor (n, gdim), length [mm] and pull of each whole spring [N]."""
         away = self._from_anchor + self.blank.u.x.array[self._dofs]
-        length = np.maximum(np.linalg.norm(away, axis=1), LEAST * self._lengths)
+        length = np.maximum(np.linalg.norm(away, axis=1), 1e-9 * self._lengths)
         pull = self._preload + self._stiffness * (length - self._lengths)
         return away / length[:, None], length, np.maximum(pull, 0.0)
 

@@ -13,8 +13,6 @@ from ..runtime.errors import InputError
 from .fingerprint import of_attributes
 from .term import SceneFacts, Term, overrides
 
-OF_A_RUN = "viscous", "external_work"  # energies that a run has beside those of terms
-
 
 def bind(term: Term, scene: SceneFacts) -> None:
     """Put a term into its scene, once, and set it up.
@@ -61,7 +59,7 @@ def bind(term: Term, scene: SceneFacts) -> None:
 
 
 def _check_kind(term, kind):
-    if kind in OF_A_RUN:
+    if kind in ("viscous", "external_work"):  # which a run has beside those of terms
         raise InputError(
             f"term {term.name} has the kind of energy {kind}; allowed is another name, as every "
             "run has this for something else"

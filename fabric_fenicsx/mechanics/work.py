@@ -3,7 +3,6 @@
 import numpy as np
 
 STATES = 3  # that are remembered
-GROWTH = 10  # of the bend from one step to the next, beyond which it is a kink
 
 
 class Work:
@@ -11,7 +10,7 @@ class Work:
 
     Between two accepted states forces and places are parabolas in the load. So work over few steps
     is as exact as energies are, also where forces grow as a power of the load or turn with the
-    tool. A parabola goes through the last three states. It is bent at most `GROWTH` times as much
+    tool. A parabola goes through the last three states. It is bent at most 10 times as much
     as the one before it, and to the same side: so a kink, as where friction begins to slip, stays a
     kink. Sizes and sides are those of all forces, or places, together: axes don't matter.
 
@@ -93,6 +92,6 @@ def _curvature(loads, states):
     if not bends:
         return np.zeros_like(states[0])
     before, now = bends[0], bends[-1]  # the same after two steps
-    bound, size = (np.linalg.norm(bend, axis=1, keepdims=True) for bend in (GROWTH * before, now))
+    bound, size = (np.linalg.norm(bend, axis=1, keepdims=True) for bend in (10 * before, now))
     along = (before * now).sum(1, keepdims=True) > 0
     return now * np.where(along, np.minimum(1.0, bound / np.maximum(size, 1e-300)), 0.0)

@@ -5,8 +5,6 @@ from collections.abc import Collection, Iterable
 from decimal import Decimal
 
 TINY = 1e-300  # in place of 0 below a line
-MANY = 10.0  # a share above which its size says nothing more
-ROUNDING = 1e-12  # share of a number below which an error is one of floating point alone
 
 
 def rounded(number: float, digits: int = 3) -> str:
@@ -26,14 +24,14 @@ def share(part: float, whole: float) -> float:
 
 def with_error(text: str, number: float, error: float, digits: int = 2) -> str:
     """The text of a number, with its error behind it: 2033.42 +- 0.29; +- 0 if that is rounding."""
-    exact = abs(error) <= ROUNDING * max(1.0, abs(number))
+    exact = abs(error) <= 1e-12 * max(1.0, abs(number))
     return f"{text} +- {rounded(0.0 if exact else error, digits)}"
 
 
 def percent(share: float, digits: int = 2) -> str:
-    """A share as 12 %, or as more than `MANY`."""
-    if MANY < share < math.inf:
-        return f"more than {100 * MANY:g} %"
+    """A share as 12 %, or as more than 1000 %."""
+    if 10 < share < math.inf:
+        return "more than 1000 %"
     return f"{rounded(100 * share, digits)} %"
 
 

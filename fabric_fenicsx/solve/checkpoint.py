@@ -15,6 +15,7 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from .. import dolfinx_compat as compat
+from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
 from ..runtime.files import replace_file
 from ..scene.memory import OF_CELLS, rescale_loads
@@ -23,9 +24,10 @@ from .progress import Progress
 from .viscosity import Viscosity
 
 FORMAT = 10  # counted up with each change of what the file holds
-COUNTS = ("accepted", "rejected", "iterations")
-SCALARS = ("load", "step", "last_step", "work", "stored", "missed", "missed_at", "solver", *COUNTS)
-PLACES = ("x", "around")  # of the nodes
+SCALARS = (
+    "load step last_step work stored missed missed_at solver accepted rejected iterations".split()
+)
+PLACES = "x", "around"  # of the nodes
 MEMORY = "memory "  # before the names of the terms' arrays
 CELLS = MEMORY + OF_CELLS  # and of those of cells
 CENTRES = "centres"  # of the cells, where a term remembers some
@@ -87,10 +89,7 @@ class Checkpoint:
         Raises InputError, on all ranks, for a file that is missing, damaged, of another format,
         problem or mesh.
         """
-        content = self.comm.bcast(self._read_or_error(memory) if self.comm.rank == 0 else None)
-        if isinstance(content, InputError):
-            raise content
-        meta, arrays, share = content
+        meta, arrays, share = on_root(self.comm, lambda: self._read(memory))
         nodes = self._find(np.hstack([arrays[k] for k in PLACES]), np.hstack(self._places), "nodes")
         cells = self._find(arrays[CENTRES], self._centres, "cells") if CENTRES in arrays else None
         vectors = {}
@@ -133,15 +132,8 @@ class Checkpoint:
             )
         return found
 
-    def _read_or_error(self, memory):
-        """Meta data and arrays of the file, and the share of the load that its stages take; or the
-        InputError for it."""
-        try:
-            return self._read(memory)
-        except InputError as error:
-            return error
-
     def _read(self, memory):
+        """Meta data and arrays of the file, and the share of the load that its stages take."""
         name = f"checkpoint {self.path}"
         if not self.path.is_file():
             raise InputError(f"`resume=True` finds no {name}; it needs the `out` of a run")

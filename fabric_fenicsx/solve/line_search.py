@@ -8,10 +8,8 @@ from petsc4py import PETSc
 from ..scene.scene import Scene
 from .report import Report, SolveFailed, Termination
 
-FLAT = 0.7  # slope left at the end, of the one at the start
+MAX_SLOPE_LEFT = 0.7  # slope left at the end, of the one at the start
 ROUNDING = 1e-12  # of the energy, below which its differences are noise
-LONGEST = 8  # corrections, beyond which the search goes no further downhill
-SHORTEST = 1e-9  # of the correction, to which the end is bracketed
 
 
 class Objective:
@@ -73,14 +71,14 @@ class LineSearch:
                 high = here
             elif high is not None:
                 low = here
-            elif length < LONGEST:  # still downhill
+            elif length < 8:  # still downhill
                 low, length = here, 2 * length
                 continue
             else:
                 break
             report.cuts += 1
             length = _between(low, high)
-            if high.length - low.length <= SHORTEST:
+            if high.length - low.length <= 1e-9:
                 raise SolveFailed(Termination.INVERTED if met_inverted else Termination.LINE_SEARCH)
         self._trial.copy(x)
         return here.energy
@@ -101,7 +99,7 @@ def _fell(here, start):
 
 
 def _is_end(here, start, fell, shifted):
-    is_flat = abs(here.slope) <= -FLAT * start.slope
+    is_flat = abs(here.slope) <= -MAX_SLOPE_LEFT * start.slope
     if not _within_rounding(start):
         return fell and is_flat
     halved = here.energy != Objective.INVERTED and not shifted and here.norm <= 0.5 * start.norm

@@ -12,8 +12,6 @@ PREFIX = "fabric_"  # of PETSc's options
 # long on one ply and 1.3 times on a laminate, minimum fill up to 1.8 times. Rows are not scaled:
 # that would take 5 to 20 % more and leave the same residual, 1e-14.
 MUMPS = {"mat_mumps_icntl_7": 4, "mat_mumps_icntl_8": 0}
-# PORD ends the process where all unknowns are coupled, as in a single cell: minimum degree there
-FULL = {"mat_mumps_icntl_7": 0}
 DIRECT = {"ksp_type": "preonly", **MUMPS}
 # flexible: their smoothers are not quite symmetric, which matters with yarns 50 000 times stiffer
 # than shear
@@ -55,7 +53,8 @@ def configure(ksp: PETSc.KSP, A: PETSc.Mat, name: str) -> None:
     ksp.setOperators(A)
     if name.startswith("mumps"):
         entries = A.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_allocated"]
-        options |= FULL if entries >= A.size[0] * A.size[1] else {}
+        if entries >= A.size[0] * A.size[1]:  # PORD ends the process then: minimum degree there
+            options["mat_mumps_icntl_7"] = 0
         ksp.pc.setType(options["pc_type"])
         ksp.pc.setFactorSolverType("mumps")
     for key, value in options.items():

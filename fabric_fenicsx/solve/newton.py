@@ -13,7 +13,6 @@ from .saddles import Saddles
 from .tangent import Tangent
 
 log = logging.getLogger(__name__)
-MAXIMUM = PETSc.NormType.NORM_INFINITY
 
 
 class Directions:
@@ -149,7 +148,7 @@ class Newton:
             raise SolveFailed(Termination.ITERATIONS)
         loosened = tolerance if tolerance > self.tolerance else 0.0
         self._shifted = self.directions.find(x, r, d, report, loosened)
-        length, longest = d.norm(MAXIMUM), self.LONGEST * self._size
+        length, longest = d.norm(PETSc.NormType.NORM_INFINITY), self.LONGEST * self._size
         if not (self._shifted or length > self.smallest):
             return Termination.CORRECTION
         if length > longest:

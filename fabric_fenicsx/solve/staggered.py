@@ -5,34 +5,35 @@ from petsc4py import PETSc
 from .newton import Newton
 from .report import Report
 
-MOST = 30  # solves of one step
+MAX_SOLVES = 30  # solves of one step
 # tolerance of solves after which something may be updated: 3e-3, 1e-3, 5e-4 and 2e-4 take 300, 313,
 # 336, 381 iterations over the double dome at 0/90, and 695, 633, 663, 748 at +-45 deg (without
-# `FALL`)
-LOOSE = 1e-3
+# `LOOSE_FALL`)
+LOOSE_TOLERANCE = 1e-3
 # tolerance of the first solve: forces of contact are then known well enough to be updated (double
-# dome, 1344 cells: 304 tangents if it is `LOOSE`, 279 with this)
-FIRST = 3e-2
+# dome, 1344 cells: 304 tangents if it is `LOOSE_TOLERANCE`, 279 with this)
+FIRST_TOLERANCE = 3e-2
 # share of the residual that an update left, down to which a solution is loose enough, too
-FALL = 0.1
+LOOSE_FALL = 0.1
 # iterations in which rounding may grow to what an update notices: a solution found in more of them
 # is made exact, so that ranks find the same (two plies, 12 cells: forces to 1e-4 with 15, 1e-7
 # with 8)
-LONG = 8
+MAX_ROUGH_ITERATIONS = 8
 
 
 def solve_staggered(newton: Newton, x: PETSc.Vec, tolerance: float) -> tuple[Report, int]:
-    """Solve for x until terms have nothing to update: first to `FIRST`, then to `LOOSE` or `FALL`,
-    in the end to `tolerance` or the solver's, and nothing is to be updated after that either.
-    Returns the last `Report`, with the iterations of the hardest solve, and those of all."""
+    """Solve for x until terms have nothing to update: first to `FIRST_TOLERANCE`, then to
+    `LOOSE_TOLERANCE` or `LOOSE_FALL`, in the end to `tolerance` or the solver's, and nothing is to
+    be updated after that either. Returns the last `Report`, with the iterations of the hardest
+    solve, and those of all."""
     scene, every = newton.scene, []
     asked = max(tolerance, newton.tolerance)
-    now = max(asked, FIRST) if scene.has_lagged_terms else asked
+    now = max(asked, FIRST_TOLERANCE) if scene.has_lagged_terms else asked
     fall = 0.0
-    for _ in range(MOST + 1):
+    for _ in range(MAX_SOLVES + 1):
         report = newton.solve(x, now, fall, minimum=now == asked)
         every.append(report.iterations)
-        if report.converged and now > asked and report.iterations > LONG:
+        if report.converged and now > asked and report.iterations > MAX_ROUGH_ITERATIONS:
             report = newton.solve(x, asked, minimum=False)
             every.append(report.iterations)
         report.iterations = max(every)
@@ -41,7 +42,7 @@ def solve_staggered(newton: Newton, x: PETSc.Vec, tolerance: float) -> tuple[Rep
         updated = scene.update_lagged()
         if not (updated or fall) and now == asked:
             break
-        now, fall = (max(asked, LOOSE), FALL) if updated else (asked, 0.0)
+        now, fall = (max(asked, LOOSE_TOLERANCE), LOOSE_FALL) if updated else (asked, 0.0)
     else:
-        report.reject(f"contact did not settle in {MOST} solutions")
+        report.reject(f"contact did not settle in {MAX_SOLVES} solutions")
     return report, sum(every)

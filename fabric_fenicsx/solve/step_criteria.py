@@ -5,9 +5,7 @@ from collections.abc import Mapping
 from ..runtime.formatting import percent, share
 
 UNBALANCED = 0.02  # of the energies, above which a run warns that its work does not match
-ROUNDING = 1e-9  # of all energies
-TOTAL = 0.1  # of all work, which may be missing at full load
-SMALL_WORK = 0.1  # of the energies, below which a step's work is not compared with itself
+MAX_MISSING = 0.1  # of all work, at full load
 
 
 def off_path(deviation: float, accuracy: float | None) -> str:
@@ -22,15 +20,15 @@ def missing_work(work: float, rise: float, stored: float, contact: float) -> flo
     """The share of a step's `work` that is missing from the `rise` of the energies. They are
     compared with the largest of both, of a tenth of the energies `stored` before, and of contact's:
     what contact lags may be off by a hundredth before and after the step. All in N mm."""
-    scale = max(abs(work), abs(rise), SMALL_WORK * abs(stored), abs(contact))
+    scale = max(abs(work), abs(rise), 0.1 * abs(stored), abs(contact))
     return share(abs(work - rise), scale)
 
 
 def total_imbalance(work: float, energy: float, load: float) -> str:
     """Criterion of the energy balance since the start: all `work` and `energy` [N mm] differ by at
-    most `TOTAL` of what they are at full load, if they grow as the load does."""
+    most `MAX_MISSING` of what they are at full load, if they grow as the load does."""
     missing = share(abs(work - energy), max(abs(work), abs(energy)))
-    if missing * load <= TOTAL:
+    if missing * load <= MAX_MISSING:
         return ""
     return f"{percent(missing, 3)} of all work is not in the energies"
 
@@ -38,7 +36,7 @@ def total_imbalance(work: float, energy: float, load: float) -> str:
 def negative_bending(energies: Mapping[str, float]) -> str:
     """Criterion of bending, whose energy cannot be below 0. energies: by kind [N mm]."""
     bending = energies.get("bending", 0.0)
-    if bending >= -ROUNDING * sum(abs(each) for each in energies.values()):
+    if bending >= -1e-9 * sum(abs(each) for each in energies.values()):
         return ""
     return f"bending has an energy of {bending:.3g} N mm, below 0"
 

@@ -17,18 +17,13 @@ from .settings import Settings
 from .staggered import solve_staggered
 
 GROWTH, CUT = 1.5, 0.5
-SMALLEST = 1e-5  # load step that is still halved
-HARD = 1 / 16  # of the largest step, from where on cutting alone does not help
-FINEST = 8  # of these make the largest step; the energy balance of smaller ones is not asked
+MIN_STEP = 1e-5  # load step that is still halved
+HARD_STEP = 1 / 16  # of the largest step, from where on cutting alone does not help
+MAX_CHECKED_STEPS = 8  # make the largest step; of smaller ones no energy balance is asked
 # share of the energy that a rejected step missed: a shorter step that misses more is accepted, as
 # the sheet snapped there, and its energy is missing with any step
 SNAP = 0.75
-ON_THE_WAY = (
-    1 / 2,
-    1 / 4,
-    3 / 4,
-)  # shares of a first step at which its work is measured, if in doubt
-STEPS_AT_REST = 40  # at full load, at most, for the sheet to creep to where it needs no drag
+MAX_STEPS_AT_REST = 40  # at full load, at most, for the sheet to creep to where it needs no drag
 
 
 @dataclass
@@ -183,7 +178,7 @@ class LoadStepping:
         matters = share(step_criteria.UNBALANCED, trial.size)
         if not self.progress.last_step:  # work along a straight line, which halving does not mend
             matters = min(balance or np.inf, matters / 2)
-        for part in ON_THE_WAY:
+        for part in (1 / 2, 1 / 4, 3 / 4):  # of the step, at which its work is measured
             doubted = missing > matters and trial.report.converged
             if doubted and self._measure_on_the_way(trial, part):
                 missing = self._missing_work(trial)
@@ -204,7 +199,7 @@ class LoadStepping:
             trial.report.reject(reason)
 
     def _missing_work(self, trial):
-        if trial.size <= 1.5 * self.largest / FINEST:
+        if trial.size <= 1.5 * self.largest / MAX_CHECKED_STEPS:
             return 0.0
         stored, contact = self.progress.stored, trial.energies.get("contact", 0.0)
         rise = trial.energy - stored
@@ -261,15 +256,15 @@ class LoadStepping:
         progress.viscosity.note_accepted(uncut=not self._cuts, at_rest=not trial.size)
         self._notify(trial.report, trial.energies)
         self._steps_at_rest += progress.load == 1 and not trial.size
-        if progress.viscosity.drag and self._steps_at_rest == STEPS_AT_REST:
-            return f"the state at full load still creeps after {STEPS_AT_REST} steps at rest"
+        if progress.viscosity.drag and self._steps_at_rest == MAX_STEPS_AT_REST:
+            return f"the state at full load still creeps after {MAX_STEPS_AT_REST} steps at rest"
         return ""
 
     def _next_step_size(self, trial):
         progress, accuracy = self.progress, self.settings.accuracy
         if accuracy and trial.deviation:
             growth = np.clip(np.sqrt(accuracy / trial.deviation), CUT, GROWTH)
-            return min(max(trial.size * growth, 2 * SMALLEST), self.largest)
+            return min(max(trial.size * growth, 2 * MIN_STEP), self.largest)
         if self._cuts:  # not by iterations: these may differ by rounding
             return progress.step
         return min(GROWTH * progress.step, self.largest)
@@ -286,10 +281,10 @@ class LoadStepping:
         viscosity.stiffness = viscosity.stiffness or self.newton.stiffness(progress.x)
         if not np.isfinite(viscosity.stiffness):
             return f"{gave_up}: the tangent of the state there is not a number"
-        is_hard = self.settings.viscosity == "auto" and trial.size <= HARD * self.largest
+        is_hard = self.settings.viscosity == "auto" and trial.size <= HARD_STEP * self.largest
         if is_hard and viscosity.strengthen():
             return ""
-        if trial.size > 2 * SMALLEST:
+        if trial.size > 2 * MIN_STEP:
             progress.step = CUT * trial.size
             return ""
         even = f", even with a step of {rounded(trial.size)}" if trial.size else ""

@@ -125,31 +125,20 @@ def _central(f, x, h):
 # -- laws
 
 
-def _states(at):
+def _of_law(law, at):
+    def energy(x):
+        with np.errstate(all="ignore"):  # sides of a case that do not count
+            return sum(part + np.zeros(len(x)) for part in law.parts(*x.T))
+
+    def stresses(x):
+        return law.derivatives(*np.ascontiguousarray(x.T), False).first.T
+
+    law.check_rest()
     low, high = RANGES.T
     drawn = np.random.default_rng(0).uniform(low, high, (500, 3))
-    return drawn if at is None else np.asarray(at, float)
-
-
-def _parts(law, x):
-    """Parts of the energy at states x (n, 3), (n, 3) [MPa]."""
-    with np.errstate(all="ignore"):  # sides of a case that do not count
-        return np.stack([part + np.zeros(len(x)) for part in law.parts(*x.T)], -1)
-
-
-def _energy(law, x):
-    return _parts(law, x).sum(1)
-
-
-def _stresses(law, x):
-    return law.derivatives(*np.ascontiguousarray(x.T), False).first.T
-
-
-def _of_law(law, at):
-    law.check_rest()
-    x = _states(at)
+    x = drawn if at is None else np.asarray(at, float)
     every = np.vstack([np.zeros((1, 3)), x])
-    W = _energy(law, every)
+    W = energy(every)
     for lost in every[~np.isfinite(W)]:
         raise InputError(
             f"law {law.law}: the energy is not a number {_place(lost)}; allowed is one at every "
@@ -157,22 +146,23 @@ def _of_law(law, at):
         )
     here = law.derivatives(*x.T)
     yield _row("energies of kernel and law", here.parts.sum(1), W[1:], x)
-    slopes = _central(lambda x: _energy(law, x), x, 1e-6)
+    slopes = _central(energy, x, 1e-6)
     for i, name in enumerate(("sigma_a", "sigma_b", "tau")):
         yield _row(f"{name} and differences of energies", here.first[i], slopes[:, i], x)
     if here.second is not None:
-        turns = _central(lambda x: _stresses(law, x), x, 1e-7)
+        turns = _central(stresses, x, 1e-7)
         pairs = {"aa": (0, 0), "ab": (0, 1), "bb": (1, 1), "ag": (0, 2), "bg": (1, 2), "gg": (2, 2)}
         for k, (name, (i, j)) in enumerate(pairs.items()):
             names = f"tangents {name} and differences of stresses"
             yield _row(names, here.second[k], turns[:, i, j], x)
     below = []  # as shear stores little, also each strain alone
     for states in (x * e for e in [np.ones(3), *np.eye(3)]):
-        rise = _energy(law, states) - W[0]
+        rise = energy(states) - W[0]
         depth = -float(rise.min()) / max(abs(rise).max(), TINY)
         below.append((max(depth, 0.0), _place(states[rise.argmin()])))
-    words = "the energy is below that at rest by"
-    yield Row("energies below that at rest and none", *max(below), words)
+    yield Row(
+        "energies below that at rest and none", *max(below), "the energy is below that at rest by"
+    )
 
 
 # -- surfaces
@@ -221,120 +211,103 @@ def _of_radii(surface, feet, curvature):
 
 
 def _of_term(term, scene, load, size):
-    """Rows on forces and tangent of a term, and remarks."""
-    probe = _Probe(term, scene, size)
-    try:
-        return _compared(probe, load)
-    finally:
-        scene.set(probe.before)
-        term.set_load(0.0)
+    """Rows on forces and tangent of a term, and remarks. The sheet is displaced by about `size`
+    [mm] along `moved`, and from there along d: rough ones, the same on any number of ranks."""
+    blank, comm, before, x = scene.blank, scene.comm, scene.u.copy(), scene.u.copy()
+    assembly, gdim = Assembly(blank, [term]), blank.mesh.geometry.dim
+    area, cells = comm.allreduce(np.array([blank.areas().sum(), len(blank.areas())]))
+    size = size or 1e-3 * float(np.sqrt(area / cells))
+    places = blank.coordinates()[: blank.V.dofmap.index_map.size_local]
+    angles = [1e3 * places @ [1.3, 1.7, 1.9] + i for i in range(2 * gdim)]
+    moved, d = (np.sin(part).T.ravel() for part in (angles[:gdim], angles[gdim:]))
+    h = 1e-6 * size
 
+    def move(by):
+        x.array[:] = before.array + size * moved + by
+        scene.set(x)
 
-def _compared(probe, load):
-    term, size, whole, d, h = probe.term, probe.size, probe.whole, probe.direction, probe.step
-    term.set_load(0.0)
-    term.set_load(load)
-    f = probe.forces(0.0)
-    check_answers(term)
-    probe.check_adds(f)
-    probe.check_places()
-    Kd, change = probe.stiffness(), (probe.forces(h * d) - probe.forces(-h * d)) / (2 * h)
-    largest, total = abs(whole(f)).max(), abs(whole(f)).sum()
-    # not d alone, along which forces may cancel
-    e = d / 2 + f / max(largest, TINY)
-    slope = (probe.energy(1e3 * h * e) - probe.energy(-1e3 * h * e)) / (2e3 * h)
-    work = whole(f * e)
-    off = abs(slope - work.sum()) / max(abs(slope), abs(work).sum(), TINY)
-    where, names = f"for displacements of about {size:.3g} mm, the `size`", "differences of"
-    rows = [
-        Row(f"forces and {names} energies", off, where),
-        _row(f"tangent and {names} forces", whole(Kd), whole(change), whole(probe.places), 0.0),
-    ]
-    remarks = []
-    stored = probe.energy(0.0)
-    if term.energy_kind and stored < -1e-6 * size * total:
-        remarks.append(
-            f"the energy of the displaced sheet is {stored:.3g} N mm: below 0 it drives the "
-            "sheet in place of resisting it"
-        )
-    return rows, [*remarks, NO_FORCES] if not largest else remarks
+    def energy(by):
+        move(by)
+        return sum(assembly.energies().values())
 
-
-class _Probe:
-    """A term alone in its scene, with the sheet displaced by about `size` [mm] from where it is,
-    along `moved`, and from there along `direction`: rough ones, the same on any number of ranks."""
-
-    def __init__(self, term, scene, size):
-        self.term, self.scene, self.comm, blank = term, scene, scene.comm, scene.blank
-        self.assembly = Assembly(blank, [term])
-        total = self.comm.allreduce(np.array([blank.areas().sum(), len(blank.areas())]), MPI.SUM)
-        self.size = size or 1e-3 * float(np.sqrt(total[0] / total[1]))
-        self.step = 1e-6 * self.size
-        self.before, self.x = scene.u.copy(), scene.u.copy()
-        gdim, owned = blank.mesh.geometry.dim, blank.V.dofmap.index_map.size_local
-        self.places = blank.coordinates()[:owned]
-        angles = [1e3 * self.places @ [1.3, 1.7, 1.9] + i for i in range(2 * gdim)]
-        self.moved = np.sin(angles[:gdim]).T.ravel()
-        self.direction = np.sin(angles[gdim:]).T.ravel()
-
-    def move(self, by):
-        """Displace the sheet, and by so much more."""
-        self.x.array[:] = self.before.array + self.size * self.moved + by
-        self.scene.set(self.x)
-
-    def energy(self, by):
-        """Energy of the term on all ranks [N mm]."""
-        self.move(by)
-        return sum(self.assembly.energies().values())
-
-    def forces(self, by):
-        """Forces on this rank's owned displacements [N]."""
-        self.move(by)
-        f = self.scene.u.duplicate()
-        self.assembly.residual(f)
+    def forces(by):
+        move(by)
+        f = scene.u.duplicate()
+        assembly.residual(f)
         return f.array.copy()
 
-    def stiffness(self):
-        """The tangent times the direction."""
-        d, direction, term = self.direction, self.scene.u.duplicate(), self.term
-        direction.array[:] = d
-        A = self.assembly.create_matrix()
-        self.assembly.tangent(A)
-        found = (A * direction).array.copy()
-        if given := term.compliance():
-            c, k = given
-            pushed = self.comm.allreduce(float(c @ d[: c.size]), MPI.SUM)
-            found[: c.size] -= c * pushed / k if k > 0 else 0.0
-        return found
-
-    def check_adds(self, f):
-        """InputError if the array of forces loses its content; f: the term's forces."""
-        alone = np.zeros_like(self.scene.blank.u.x.array)
-        scale = 1.0 + abs(f).max(initial=0.0)
-        after = np.full_like(alone, scale)
-        self.term.add_forces(alone)
-        self.term.add_forces(after)
-        lost = abs(after - alone - scale).max(initial=0.0) > 1e-6 * scale
-        if self.comm.allreduce(bool(lost), MPI.LOR):
-            raise InputError(
-                f"`add_forces` of term {self.term.name} loses what other terms added; allowed is "
-                "to add to the array, as `f[dofs] += forces`"
-            )
-
-    def check_places(self):
-        """InputError if places of the tangent change with the displacement but not `pattern`."""
-        found = []
-        for by in (-1, -2, 0):
-            self.move(by * self.size * self.moved)
-            found.append((self.term.pattern, np.array(self.term.tangent()[:2])))
-        (pattern, places), *others = found
-        other = [p == pattern and not np.array_equal(places, each) for p, each in others]
-        if self.comm.allreduce(any(other), MPI.LOR):
-            raise InputError(
-                f"`tangent` of term {self.term.name} gives other places where the sheet is "
-                "elsewhere; allowed are always the same, unless `pattern` counts up"
-            )
-
-    def whole(self, values):
+    def whole(values):
         """Rows (nodes, k) of all ranks."""
-        return np.concatenate(self.comm.allgather(values.reshape(len(self.places), -1)))
+        return np.concatenate(comm.allgather(values.reshape(len(places), -1)))
+
+    try:
+        term.set_load(0.0)
+        term.set_load(load)
+        f = forces(0.0)
+        check_answers(term)
+        _check_adds(term, f)
+        _check_places(term, lambda share: move(share * size * moved))
+        Kd, change = _stiffness(term, assembly, d, x), (forces(h * d) - forces(-h * d)) / (2 * h)
+        largest, total = abs(whole(f)).max(), abs(whole(f)).sum()
+        # not d alone, along which forces may cancel
+        e = d / 2 + f / max(largest, TINY)
+        slope = (energy(1e3 * h * e) - energy(-1e3 * h * e)) / (2e3 * h)
+        stored = energy(0.0)
+    finally:
+        scene.set(before)
+        term.set_load(0.0)
+    work = whole(f * e)
+    off = abs(slope - work.sum()) / max(abs(slope), abs(work).sum(), TINY)
+    where = f"for displacements of about {size:.3g} mm, the `size`"
+    rows = [
+        Row("forces and differences of energies", off, where),
+        _row("tangent and differences of forces", whole(Kd), whole(change), whole(places), 0.0),
+    ]
+    remarks = [] if largest else [NO_FORCES]
+    if term.energy_kind and stored < -1e-6 * size * total:
+        below = "below 0 it drives the sheet in place of resisting it"
+        remarks.insert(0, f"the energy of the displaced sheet is {stored:.3g} N mm: {below}")
+    return rows, remarks
+
+
+def _stiffness(term, assembly, d, like):
+    """The tangent times the direction d (owned dofs,)."""
+    direction, A = like.duplicate(), assembly.create_matrix()
+    direction.array[:] = d
+    assembly.tangent(A)
+    product = (A * direction).array.copy()
+    if compliance := term.compliance():
+        c, k = compliance
+        pushed = term.blank.mesh.comm.allreduce(float(c @ d[: c.size]))
+        product[: c.size] -= c * pushed / k if k > 0 else 0.0
+    return product
+
+
+def _check_adds(term, f):
+    """InputError if the array of forces loses its content; f: the term's forces."""
+    alone = np.zeros_like(term.blank.u.x.array)
+    scale = 1.0 + abs(f).max(initial=0.0)
+    after = np.full_like(alone, scale)
+    term.add_forces(alone)
+    term.add_forces(after)
+    lost = abs(after - alone - scale).max(initial=0.0) > 1e-6 * scale
+    if term.blank.mesh.comm.allreduce(bool(lost), MPI.LOR):
+        raise InputError(
+            f"`add_forces` of term {term.name} loses what other terms added; allowed is to add to "
+            "the array, as `f[dofs] += forces`"
+        )
+
+
+def _check_places(term, move):
+    """InputError if places of the tangent change with the displacement but not `pattern`."""
+    before, changed = None, False
+    for share in (-1, -2, 0):
+        move(share)
+        now = term.pattern, np.array(term.tangent()[:2])
+        before = before or now
+        changed |= now[0] == before[0] and not np.array_equal(now[1], before[1])
+    if term.blank.mesh.comm.allreduce(changed, MPI.LOR):
+        raise InputError(
+            f"`tangent` of term {term.name} gives other places where the sheet is elsewhere; "
+            "allowed are always the same, unless `pattern` counts up"
+        )

@@ -8,15 +8,12 @@ from builders import compiled_as_it_stands, march
 from dolfinx import fem
 from mpi4py import MPI
 
+import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.material import kernel
 from fabric_fenicsx.mechanics.membrane_energy import energy_density
-from fabric_fenicsx.mechanics.shell.membrane import Membrane
-from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.scene.scene import Scene
-from fabric_fenicsx.scene.supports import Support, on_edge
-from fabric_fenicsx.sheets.blank import Blank
+from fabric_fenicsx.scene.supports import on_edge
 from fabric_fenicsx.solve.newton import Newton
 
 COMM = MPI.COMM_WORLD
@@ -46,7 +43,7 @@ def sought(state, x, sin=np.sin):
     return [sum(size * direction[i] for size, direction in directions) for i in range(2)]
 
 
-class Source(Term):
+class Source(ff.Term):
     """Body force and traction that the load factor times `sought` asks for, as virtual work of its
     stress: with the whole edge held that is exact, and takes no divergence."""
 
@@ -104,12 +101,12 @@ def mesh(cell, pattern, nx, level):
 
 def errors(arrays, degree, fabric, state, quadrature_degree=None, integration="full"):
     """Norm in L2 and seminorm in H1 of the solution's error."""
-    blank = Blank.from_arrays(COMM, *arrays, degree=degree, a=ANGLES[0], b=ANGLES[1])
-    edge = Support(
+    blank = ff.Blank.from_arrays(COMM, *arrays, degree=degree, a=ANGLES[0], b=ANGLES[1])
+    edge = ff.Support(
         "edge", on_edge(blank), (0, 1), lambda x, load: load * np.array(sought(state, x))
     )
-    terms = [Membrane(fabric, quadrature_degree, integration), Source(fabric, state)]
-    outcome = march(Newton(Scene(blank, terms, [edge]), tolerance=1e-10), steps=2)
+    terms = [ff.Membrane(fabric, quadrature_degree, integration), Source(fabric, state)]
+    outcome = march(Newton(ff.Scene(blank, terms, [edge]), tolerance=1e-10), steps=2)
     assert outcome.reached == 1 and outcome.rejected == 0, outcome.reason
     numbers = tuple(fem.Constant(blank.mesh, state))  # one form for all states, like the source's
     e = blank.u - ufl.as_vector(sought(numbers, ufl.SpatialCoordinate(blank.mesh), ufl.sin))

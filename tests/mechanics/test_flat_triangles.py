@@ -6,10 +6,8 @@ from mpi4py import MPI
 from scipy.spatial.transform import Rotation
 
 import fabric_fenicsx as ff
-from fabric_fenicsx import Bending, Blank
 from fabric_fenicsx.mechanics.contact.faces import Face
 from fabric_fenicsx.mechanics.contact.nodes import Nodes
-from fabric_fenicsx.mechanics.shell.metal import SheetMetal
 from fabric_fenicsx.meshes.specimen import specimen
 from tests.builders import alone, run, sheet
 
@@ -20,9 +18,9 @@ def sheets(comm=MPI.COMM_SELF):
     """A quadratic sheet, and the linear one of the same nodes."""
     arrays = specimen(40.0, 30.0, 4, 3, "unstructured")
     options = {"spatial": True, "a": 0.3, "b": 1.7}
-    fine = Blank.from_arrays(comm, *arrays, degree=2, **options)
+    fine = ff.Blank.from_arrays(comm, *arrays, degree=2, **options)
     coarse = fine.coordinates()[:, :2], fine.triangles().reshape(-1, 3), "triangle"
-    return fine, Blank.from_arrays(comm, *coarse, **options)
+    return fine, ff.Blank.from_arrays(comm, *coarse, **options)
 
 
 def bend(blank):
@@ -37,7 +35,7 @@ def by_place(blank, values):
 
 
 @pytest.mark.parametrize(
-    "make", [lambda: Bending(2.0, D_t=1.0), lambda: SheetMetal(ff.load_metal("dc04"))]
+    "make", [lambda: ff.Bending(2.0, D_t=1.0), lambda: ff.SheetMetal(ff.load_metal("dc04"))]
 )
 def test_bending_is_that_of_the_linear_sheet(make):
     found = []
@@ -74,7 +72,7 @@ def test_the_smooth_face_is_that_of_the_linear_sheet():
 def forming_sheet(n=4, pattern="unstructured", held=lambda x: x[0] < np.inf, to=lambda x: x):
     """Its scene; the support where `held` says goes to places `to` (3, n) of points (3, n)."""
     blank = sheet(20, 20, n, n, pattern, spatial=True, degree=2)
-    terms = [ff.Membrane(KOMEILI), Bending(modulus=100.0)]
+    terms = [ff.Membrane(KOMEILI), ff.Bending(modulus=100.0)]
     support = ff.Support("held", held, (0, 1, 2), lambda x, load: load * (to(x) - x))
     return ff.Scene(blank, terms, [support])
 

@@ -7,16 +7,10 @@ from mpi4py import MPI
 from scipy.integrate import trapezoid
 from scipy.optimize import brentq
 
-from fabric_fenicsx.job.job import Job
+import fabric_fenicsx as ff
 from fabric_fenicsx.material.homogeneous import nominal
 from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.mechanics.load import DeadPressure, EdgeTension
-from fabric_fenicsx.mechanics.shell.membrane import Membrane
-from fabric_fenicsx.runtime.errors import InputError, SolverFailure
 from fabric_fenicsx.scene import output as reports
-from fabric_fenicsx.scene.scene import Scene
-from fabric_fenicsx.scene.supports import Support
-from fabric_fenicsx.sheets.stack import Stack
 from fabric_fenicsx.solve.newton import Newton
 
 LENGTH, WIDTH, TENSION = 40.0, 10.0, 8.0
@@ -43,17 +37,17 @@ def test_edge_tension_is_the_stress_of_a_strip(kind):
     turn, cell = rotation() if spatial else FLAT, "quadrilateral" if kind == "Q1" else "triangle"
     blank = strip(spatial, turn, cell, degree=2 if kind == "P2" else 1)
     fabric = load("komeili").without("biaxial")
-    membrane = Membrane(fabric)
+    membrane = ff.Membrane(fabric)
     gdim = blank.mesh.geometry.dim
     pulls = [
-        EdgeTension(lambda load: load * TENSION, s * turn[:gdim, 0], end(blank, p))
+        ff.EdgeTension(lambda load: load * TENSION, s * turn[:gdim, 0], end(blank, p))
         for s, p in ((-1, 0.0), (1, LENGTH))
     ]
-    held = [Support("corner", lambda x: np.abs(blank.along(x)[:2]).max(0) < 1e-6, (0,))]
-    held += [Support("side", lambda x: np.abs(blank.along(x)[1]) < 1e-6, (1,))]
+    held = [ff.Support("corner", lambda x: np.abs(blank.along(x)[:2]).max(0) < 1e-6, (0,))]
+    held += [ff.Support("side", lambda x: np.abs(blank.along(x)[1]) < 1e-6, (1,))]
     if spatial:
-        held.append(Support("plane", lambda x: np.full(x.shape[1], True), (2,)))
-    scene, states = Scene(blank, [membrane, *pulls], held), []
+        held.append(ff.Support("plane", lambda x: np.full(x.shape[1], True), (2,)))
+    scene, states = ff.Scene(blank, [membrane, *pulls], held), []
     outcome = march(Newton(scene), 20, on_accept=states.append)
     assert not outcome.reason, outcome.reason
     state = membrane.state()[0]
@@ -68,12 +62,12 @@ def test_edge_tension_is_the_stress_of_a_strip(kind):
 def test_pull_that_is_there_from_the_start_finds_its_equilibrium_before_the_load():
     """What the strip then stores counts as work done, so that the balance closes from load 0 on."""
     blank = strip(False)
-    pull = EdgeTension(TENSION, (1, 0), end(blank, LENGTH))
+    pull = ff.EdgeTension(TENSION, (1, 0), end(blank, LENGTH))
     supports = [
-        Support("grip", end(blank, 0.0), (0,)),
-        Support("side", lambda x: np.abs(x[1]) < 1e-6, (1,)),
+        ff.Support("grip", end(blank, 0.0), (0,)),
+        ff.Support("side", lambda x: np.abs(x[1]) < 1e-6, (1,)),
     ]
-    scene, states = Scene(blank, [Membrane(load("komeili")), pull], supports), []
+    scene, states = ff.Scene(blank, [ff.Membrane(load("komeili")), pull], supports), []
     outcome = march(Newton(scene), 2, on_accept=states.append)
     assert not outcome.reason, outcome.reason
     assert scene.reaction("grip")[0] == pytest.approx(-TENSION * WIDTH, rel=1e-6)
@@ -88,9 +82,9 @@ def test_dead_pressure_on_a_tilted_patch():
     """Held at all its nodes: reaction p A, whatever the tilt, no energy."""
     Q = rotation()
     blank = strip(True, Q)
-    load_ = DeadPressure(0.1, Q[:, 2])
-    everywhere = Support("all", lambda x: np.full(x.shape[1], True), (0, 1, 2))
-    scene = Scene(blank, [Membrane(load("komeili")), load_], [everywhere])
+    load_ = ff.DeadPressure(0.1, Q[:, 2])
+    everywhere = ff.Support("all", lambda x: np.full(x.shape[1], True), (0, 1, 2))
+    scene = ff.Scene(blank, [ff.Membrane(load("komeili")), load_], [everywhere])
     scene.set_load(0.5)
     scene.residual(scene.u.duplicate())
     assert scene.reaction("all") == pytest.approx([0, 0, -0.05 * LENGTH * WIDTH], abs=1e-9)
@@ -108,10 +102,10 @@ def hung(steps, *more):
     """Sag [mm] of a strip between two grips, and the imbalance of its weight's work and energies;
     more: terms."""
     blank = sheet(200.0, 10.0, 40, 1, "left", spatial=True)
-    terms = [Membrane(load("komeili")), DeadPressure(WEIGHT, (0, 0, -1)), *more]
-    grips = Support("grips", lambda x: np.abs(x[0] - 100) > 100 - 1e-6, (0, 1, 2))
-    scene = Scene(blank, terms, [grips, Support("side", everywhere, (1,))])
-    result = Job(scene, steps=steps).run()
+    terms = [ff.Membrane(load("komeili")), ff.DeadPressure(WEIGHT, (0, 0, -1)), *more]
+    grips = ff.Support("grips", lambda x: np.abs(x[0] - 100) > 100 - 1e-6, (0, 1, 2))
+    scene = ff.Scene(blank, terms, [grips, ff.Support("side", everywhere, (1,))])
+    result = ff.Job(scene, steps=steps).run()
     low = scene.comm.allreduce(displacement(blank)[:, 2].min(), MPI.MIN)
     return -low, result.summary["energy_imbalance"]
 
@@ -148,22 +142,22 @@ def test_a_strip_of_which_work_is_missing_is_not_believed(steps):
         def energies(self):
             return {self.energy_kind: 2 * self.stored(), None: -self.stored()}
 
-    with pytest.raises(SolverFailure, match="not to be believed.* differs from the energies"):
+    with pytest.raises(ff.SolverFailure, match="not to be believed.* differs from the energies"):
         hung(steps, Helped(2e-3))
 
 
 @pytest.mark.parametrize(
     "make, words",
     [
-        (lambda b: EdgeTension(1.0, (1, 0), end(b, 77.0)), "marks no side of blank; allowed is"),
+        (lambda b: ff.EdgeTension(1.0, (1, 0), end(b, 77.0)), "marks no side of blank; allowed is"),
         (
-            lambda b: EdgeTension(1.0, (0, 0, 1), end(b, 0.0)),
+            lambda b: ff.EdgeTension(1.0, (0, 0, 1), end(b, 0.0)),
             "are two finite .* or three on .*`spatial=True`",
         ),
     ],
 )
 def test_bad_input_is_refused(make, words):
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(ff.InputError, match=words):
         blank = strip(False)
         alone(blank, make(blank))
 
@@ -172,15 +166,15 @@ def test_bad_input_is_refused(make, words):
 @pytest.mark.parametrize("name", ["edge tension", "dead pressure"])
 def test_a_load_on_one_sheet_of_a_stack(name):
     """The other one feels nothing."""
-    stack = Stack([(strip(True), 1.0, each) for each in ("lower", "upper")])
-    term, total = DeadPressure(TENSION, (1, 0, 0)), TENSION * WIDTH * LENGTH
+    stack = ff.Stack([(strip(True), 1.0, each) for each in ("lower", "upper")])
+    term, total = ff.DeadPressure(TENSION, (1, 0, 0)), TENSION * WIDTH * LENGTH
     if name == "edge tension":
-        term, total = EdgeTension(TENSION, (1, 0, 0), lambda x: x[0] < 1e-6), TENSION * WIDTH
+        term, total = ff.EdgeTension(TENSION, (1, 0, 0), lambda x: x[0] < 1e-6), TENSION * WIDTH
     held = [
-        Support("lower", lambda x: x[2] < 0.5, (0, 1, 2)),
-        Support("upper", lambda x: x[2] > 0.5, (0, 1, 2)),
+        ff.Support("lower", lambda x: x[2] < 0.5, (0, 1, 2)),
+        ff.Support("upper", lambda x: x[2] > 0.5, (0, 1, 2)),
     ]
-    scene = Scene(stack, [Elastic(), term.on("upper")], held)
+    scene = ff.Scene(stack, [Elastic(), term.on("upper")], held)
     run(scene, 1)
     assert scene.reaction("upper") == pytest.approx([-total, 0, 0], rel=1e-12)
     assert not scene.reaction("lower").any()

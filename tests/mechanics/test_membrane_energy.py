@@ -5,10 +5,7 @@ import pytest
 from builders import compiled_as_it_stands, rotation, sheet
 from petsc4py import PETSc
 
-from fabric_fenicsx.mechanics.shell.membrane import Membrane
-from fabric_fenicsx.mechanics.term import Term
-from fabric_fenicsx.scene.scene import Scene
-from fabric_fenicsx.verification.derivatives import check_derivatives
+import fabric_fenicsx as ff
 
 # turned: out of the plane, so a manifold in space; each has its own forms to compile
 ELEMENTS = [
@@ -18,7 +15,7 @@ ELEMENTS = [
 ]
 
 
-class Plain(Term):
+class Plain(ff.Term):
     """The energy alone, of which `ufl.derivative` makes residual and tangent."""
 
     name, energy_kind = "plain", "strain"
@@ -49,17 +46,17 @@ def residual_and_tangent(scene):
 @pytest.mark.parametrize("cell, degree, options, turned", ELEMENTS)
 def test_variations_by_hand_are_those_of_ufl(unbalanced, cell, degree, options, turned):
     blank = deformed(cell, degree, turned)
-    membrane = Membrane(unbalanced, **options)
+    membrane = ff.Membrane(unbalanced, **options)
     with compiled_as_it_stands():
-        by_hand = residual_and_tangent(Scene(blank, [membrane]))
-        by_ufl = residual_and_tangent(Scene(blank, [Plain(membrane)]))
+        by_hand = residual_and_tangent(ff.Scene(blank, [membrane]))
+        by_ufl = residual_and_tangent(ff.Scene(blank, [Plain(membrane)]))
     for mine, theirs in zip(by_hand, by_ufl):
         mine.axpy(-1, theirs)
         assert mine.norm() <= 1e-12 * theirs.norm()
 
 
 def test_residual_and_tangent_are_derivatives_of_the_energy(unbalanced):
-    scene = Scene(deformed(), [Membrane(unbalanced)])
-    assert "agree" in check_derivatives(scene.terms[0], scene, size=1e-5)
+    scene = ff.Scene(deformed(), [ff.Membrane(unbalanced)])
+    assert "agree" in ff.check_derivatives(scene.terms[0], scene, size=1e-5)
     A = residual_and_tangent(scene)[1]
     assert A.isSymmetric(1e-9 * A.norm(PETSc.NormType.INFINITY))

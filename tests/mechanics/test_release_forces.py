@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 from builders import Elastic, alone, march, near, sheet
 
+import fabric_fenicsx as ff
 from fabric_fenicsx.mechanics.release_forces import ReleaseForces
 from fabric_fenicsx.scene import output as reports
-from fabric_fenicsx.scene.scene import Scene
-from fabric_fenicsx.scene.supports import Support
 from fabric_fenicsx.solve.newton import Newton
-from fabric_fenicsx.verification.derivatives import check_derivatives
 
 LENGTH, WIDTH, REACH = 40.0, 10.0, 0.3
 
@@ -17,8 +15,8 @@ LENGTH, WIDTH, REACH = 40.0, 10.0, 0.3
 def pulled():
     """A strip in its plane, stretched by 1 %, and the forces that hold it so."""
     blank, forces = sheet(LENGTH, WIDTH, 8, 2, "left"), ReleaseForces(REACH)
-    held = [Support("grip", near(0, 0.0), (0,)), Support("side", near(1, 0.0), (1,))]
-    scene = Scene(blank, [Elastic(), forces], held)
+    held = [ff.Support("grip", near(0, 0.0), (0,)), ff.Support("side", near(1, 0.0), (1,))]
+    scene = ff.Scene(blank, [Elastic(), forces], held)
     x = blank.coordinates()
     blank.u.x.array[::2] = 0.01 * x[:, 0]
     scene.accept()
@@ -68,7 +66,7 @@ def test_springs_fade_with_the_forces_and_begin_where_these_were_taken():
 @pytest.mark.mpi
 def test_forces_are_derivatives():
     scene, forces = pulled()
-    assert "agree" in check_derivatives(forces, scene, load=0.3)
+    assert "agree" in ff.check_derivatives(forces, scene, load=0.3)
 
 
 @pytest.mark.mpi

@@ -4,13 +4,8 @@ import numpy as np
 import pytest
 from builders import Elastic, alone, near, off_differences, rotation, run, sheet
 
-from fabric_fenicsx.mechanics.springs import Springs
-from fabric_fenicsx.runtime.errors import InputError
+import fabric_fenicsx as ff
 from fabric_fenicsx.scene import output as reports
-from fabric_fenicsx.scene.scene import Scene
-from fabric_fenicsx.scene.supports import Support
-from fabric_fenicsx.sheets.stack import Stack
-from fabric_fenicsx.verification.derivatives import check_derivatives
 
 LENGTH, WIDTH = 40.0, 10.0
 END = near(0, LENGTH)
@@ -22,17 +17,17 @@ def strip(**options):
 
 def held(blank, stroke=0.0):
     """Two ends of a strip along its length, of which the low one is drawn by `stroke` [mm]."""
-    grip = Support("grip", near(0, 0.0), tuple(range(blank.mesh.geometry.dim)), (-stroke, 0, 0))
+    grip = ff.Support("grip", near(0, 0.0), tuple(range(blank.mesh.geometry.dim)), (-stroke, 0, 0))
     rest = range(1, blank.mesh.geometry.dim)
-    return [grip, Support("rest", lambda x: np.full(x.shape[1], True), tuple(rest))]
+    return [grip, ff.Support("rest", lambda x: np.full(x.shape[1], True), tuple(rest))]
 
 
 @pytest.mark.parametrize("nx, degree", [(9, 1), (5, 2)])
 def test_parallel_springs_and_the_strip_share_the_stroke(nx, degree):
     """In series: k = E h b / l of the strip, 60 N/mm of the springs, at any mesh."""
     blank = sheet(LENGTH, WIDTH, nx, 3, "crossed", degree=degree)
-    springs = Springs(END, 60.0, arm=(30.0, 0))
-    scene = Scene(blank, [Elastic(1e3), springs], held(blank, 1e-3))
+    springs = ff.Springs(END, 60.0, arm=(30.0, 0))
+    scene = ff.Scene(blank, [Elastic(1e3), springs], held(blank, 1e-3))
     states = run(scene, 2)
     k = 1e3 * WIDTH / LENGTH
     pull = 1e-3 * k * 60 / (k + 60)
@@ -44,8 +39,8 @@ def test_parallel_springs_and_the_strip_share_the_stroke(nx, degree):
 
 def test_a_preload_pulls_from_the_start_and_a_slack_spring_does_nothing():
     blank = strip()
-    springs = Springs(END, 5.0, 20.0, arm=(30.0, 0), name="clamp 1")
-    scene = Scene(blank, [Elastic(1e6), springs], held(blank, -10.0))
+    springs = ff.Springs(END, 5.0, 20.0, arm=(30.0, 0), name="clamp 1")
+    scene = ff.Scene(blank, [Elastic(1e6), springs], held(blank, -10.0))
     history = [reports.history(scene)["clamp_1_pull_N"]]
     run(scene, 4)
     history.append(reports.history(scene)["clamp_1_pull_N"])
@@ -61,7 +56,7 @@ def test_springs_to_a_point_pull_towards_it():
     turn = rotation()
     blank = strip(spatial=True, turn=turn, a=turn[:, 0])
     anchor = turn @ (LENGTH + 9, WIDTH / 2, 12)
-    springs = Springs(
+    springs = ff.Springs(
         lambda x: (turn.T @ x)[:2].sum(0) > LENGTH + WIDTH - 1e-6, 0, 7, anchor=anchor
     )
     alone(blank, springs)
@@ -76,7 +71,7 @@ def test_an_edge_counts_by_its_length(degree):
     options = {"spatial": True, "degree": degree}
     uneven = {"shape": lambda x: x * (1, 1, 0) * (x / WIDTH) ** (0, 1, 0)}
     blank = sheet(LENGTH, WIDTH, 4, 6, "right", **uneven, **options)
-    springs = alone(blank, Springs(END, 1.0, 12.0, arm=(0, 0, 8.0)))
+    springs = alone(blank, ff.Springs(END, 1.0, 12.0, arm=(0, 0, 8.0)))
     f = springs.applied_forces().reshape(-1, 3)
     y = blank.coordinates()[: len(f), 1]
     moment, force = (blank.mesh.comm.allreduce(each) for each in (y @ f[:, 2], f[:, 2].sum()))
@@ -87,17 +82,17 @@ def test_an_edge_counts_by_its_length(degree):
 @pytest.mark.parametrize("options", [{"arm": (3, 1.0, 8)}, {"anchor": (LENGTH + 2, 3, -4)}])
 def test_forces_and_tangent_are_derivatives(options):
     blank = strip(spatial=True)
-    springs = Springs(lambda x: x[0] > LENGTH / 2, 3.0, 2.0, **options)
-    scene = Scene(blank, [Elastic(), springs], held(blank))
-    assert "agree" in check_derivatives(springs, scene, size=0.2)
+    springs = ff.Springs(lambda x: x[0] > LENGTH / 2, 3.0, 2.0, **options)
+    scene = ff.Scene(blank, [Elastic(), springs], held(blank))
+    assert "agree" in ff.check_derivatives(springs, scene, size=0.2)
     if blank.mesh.comm.size == 1:
         assert off_differences(springs, 2.0) < 1e-6  # some are slack
 
 
 @pytest.mark.mpi
 def test_springs_on_one_sheet_of_a_stack():
-    stack = Stack([(strip(spatial=True), 1.0, each) for each in ("lower", "upper")])
-    springs = alone(stack, Springs(END, 3.0, 2.0, arm=(5, 0, 0)).on("upper"))
+    stack = ff.Stack([(strip(spatial=True), 1.0, each) for each in ("lower", "upper")])
+    springs = alone(stack, ff.Springs(END, 3.0, 2.0, arm=(5, 0, 0)).on("upper"))
     f = springs.applied_forces().reshape(-1, 3)
     assert springs.pull() == pytest.approx(2) and springs.name == "springs of upper"
     assert not f[stack.coordinates()[: len(f), 2] < 0.5].any()
@@ -114,11 +109,11 @@ def test_springs_on_one_sheet_of_a_stack():
     ],
 )
 def test_bad_input_is_refused(given, options, words):
-    with pytest.raises(InputError, match=words):
-        alone(strip(), Springs(*given, **options))
+    with pytest.raises(ff.InputError, match=words):
+        alone(strip(), ff.Springs(*given, **options))
 
 
 def test_a_checkpoint_knows_the_springs():
-    springs = alone(strip(), Springs(END, 5.0, 20.0, arm=(30.0, 0)))
+    springs = alone(strip(), ff.Springs(END, 5.0, 20.0, arm=(30.0, 0)))
     known = {"stiffness": 5.0, "preload": 20.0, "arm": [30.0, 0]}
     assert known.items() <= springs.fingerprint.items()

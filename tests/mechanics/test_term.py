@@ -12,9 +12,8 @@ from mpi4py import MPI
 import fabric_fenicsx as ff
 from fabric_fenicsx.mechanics.contact.pressure_law import face_of
 from fabric_fenicsx.mechanics.materials import fabric_of
-from fabric_fenicsx.mechanics.output import Value, largest, last, least, on_part, size_of, total
+from fabric_fenicsx.mechanics.output import largest, last, on_part, size_of
 from fabric_fenicsx.mechanics.shell.bending import plate_stiffness
-from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.postprocess.states import read_last
 from fabric_fenicsx.results.history import COLUMNS
 from fabric_fenicsx.scene import output as reports
@@ -25,7 +24,7 @@ KOMEILI = ff.load("komeili")
 K = 0.05  # of the bedding [N/mm^3]
 
 
-class Bedding(Term):
+class Bedding(ff.Term):
     """An elastic bedding, which resists displacement by `stiffness` k [N/mm^3]: k |u|^2 / 2."""
 
     name = energy_kind = "bedding"
@@ -45,7 +44,7 @@ class Bedding(Term):
         return {"bedding_traction_MPa": largest}
 
     def nodal_fields(self):
-        return {"bedding_traction": Value(self.traction(), "MPa")}
+        return {"bedding_traction": ff.Value(self.traction(), "MPa")}
 
 
 def scene_with(*terms):
@@ -111,7 +110,7 @@ class Stored(Springs):
     energy_kind = None
 
 
-class Nothing(Term):
+class Nothing(ff.Term):
     """Neither an energy nor forces."""
 
     name = "nothing"
@@ -152,7 +151,7 @@ def test_terms_that_a_scene_refuses(make, words):
 def test_an_own_energy_on_a_part_is_integrated_over_the_part():
     """`ufl.dx` would take the whole sheet."""
 
-    class Spring(Term):
+    class Spring(ff.Term):
         name = energy_kind = "spring"
 
         def __init__(self, whole):
@@ -226,7 +225,7 @@ def test_a_field_or_an_entry_that_two_terms_give(method):
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("method", TOLD)
-@pytest.mark.parametrize("rule, merged", [(least, -2), (total, 0), (last, 1)])
+@pytest.mark.parametrize("rule, merged", [(ff.least, -2), (ff.total, 0), (last, 1)])
 def test_terms_that_say_how_their_values_are_merged_may_share_a_name(method, rule, merged):
     terms = [telling(method, rule)(K) for _ in range(3)]
     terms[1].name = "other"
@@ -248,10 +247,10 @@ def test_rules_that_merge_fields():
         return reports.cell_fields(scene)
 
     one, two = np.tile([3.0, 4.0], (here, 1)), np.tile([0.0, -9.0], (here, 1))
-    both = {name: rule(one) for name, rule in (("sum", total), ("larger", largest))}
+    both = {name: rule(one) for name, rule in (("sum", ff.total), ("larger", largest))}
     fields = merged(
         both | {"size": size_of("sum", "mm"), "scalar": largest(np.full(here, -3.0))},
-        {"sum": total(two), "larger": largest(two), "size": size_of("sum", "mm")}
+        {"sum": ff.total(two), "larger": largest(two), "size": size_of("sum", "mm")}
         | {"scalar": largest(np.full(here, np.nan))},
     )
     assert fields["sum"] == pytest.approx(one + two) and fields["larger"] == pytest.approx(two)

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.progress import Progress
 
@@ -26,7 +25,7 @@ def slit(comm, degree, spatial=False):
     own[lips] = len(points) + np.arange(len(lips))
     cells = np.where((points[cells, 1].mean(1) > 1)[:, None], own[cells], cells)
     arrays = (np.vstack([points, points[lips]]), cells, kind) if comm.rank == 0 else (None,) * 3
-    return Blank.from_arrays(comm, *arrays, degree=degree, spatial=spatial)
+    return ff.Blank.from_arrays(comm, *arrays, degree=degree, spatial=spatial)
 
 
 def known(blank):
@@ -90,7 +89,7 @@ def test_cells_that_moved_are_of_another_mesh(tmp_path):
     state.memory["cells 1 strain"] = of_cells(blank)
     checkpoint.save(state, {})
     checkpoint._centres = checkpoint._centres + 1e-3
-    with pytest.raises(InputError, match="of another mesh, with 32 cells; now there are 32, or"):
+    with pytest.raises(ff.InputError, match="of another mesh, with 32 cells; now there are 32, or"):
         checkpoint.load(state.memory)
 
 
@@ -141,7 +140,7 @@ def test_what_is_wrong_with_a_checkpoint_is_said_on_all_ranks(shared_path, case)
     if COMM.rank == 0:
         spoil(path)
     COMM.barrier()
-    with pytest.raises(InputError, match=words) as error:
+    with pytest.raises(ff.InputError, match=words) as error:
         checkpoint.load(state.memory)
     assert str(path) in str(error.value)
 
@@ -152,7 +151,7 @@ def test_a_checkpoint_of_another_problem_is_refused(shared_path):
     state = progress(blank)
     Checkpoint(path, blank, {"a": 2}).save(state, {})
     COMM.barrier()
-    with pytest.raises(InputError, match="made with a = 2, now it is 1"):
+    with pytest.raises(ff.InputError, match="made with a = 2, now it is 1"):
         Checkpoint(path, blank, {"a": 1}).load()
     slip = state.memory["0 slip"]
     for memory, words in (
@@ -160,7 +159,7 @@ def test_a_checkpoint_of_another_problem_is_refused(shared_path):
         ({"0 slip": slip[:, :2]}, "where the terms remember 0 slip .2,.$"),
         ({"0 slip": slip, "3 depth": slip}, "where the terms remember 0 slip .3,., 3 depth .3,.$"),
     ):
-        with pytest.raises(InputError, match=words):
+        with pytest.raises(ff.InputError, match=words):
             Checkpoint(path, blank, {"a": 2}).load(memory)
 
 
@@ -170,7 +169,7 @@ def test_a_checkpoint_of_another_mesh_is_refused(shared_path, degree, spatial):
     path = shared_path / "c.npz"
     Checkpoint(path, blank := slit(COMM, 1), {}).save(progress(blank), {})
     COMM.barrier()
-    with pytest.raises(InputError, match="is of another mesh, with 30 nodes; now there are"):
+    with pytest.raises(ff.InputError, match="is of another mesh, with 30 nodes; now there are"):
         Checkpoint(path, slit(COMM, degree, spatial), {}).load()
 
 
@@ -180,7 +179,7 @@ def test_other_lips_of_a_slit_are_another_mesh(shared_path):
     checkpoint._known[1] = checkpoint._known[1] and [-around for around in checkpoint._known[1]]
     checkpoint.save(progress(blank), {})
     COMM.barrier()
-    with pytest.raises(InputError, match="is of another mesh"):
+    with pytest.raises(ff.InputError, match="is of another mesh"):
         checkpoint.load()
 
 
@@ -190,9 +189,9 @@ def test_nodes_that_nothing_tells_apart_are_refused(shared_path):
     points = np.array([[0, 0], [0, 1], [1, 0], [1, 1], [1, 0], [1, 1.0]])
     cells = np.array([[0, 2, 1, 3], [0, 4, 1, 5]])
     mine = (cells, points) if COMM.rank == 0 else (cells[:0], points[:0])
-    blank = Blank(compat.create_mesh(COMM, *mine, "quadrilateral", 1))
+    blank = ff.Blank(compat.create_mesh(COMM, *mine, "quadrilateral", 1))
     checkpoint = Checkpoint(shared_path / "c.npz", blank, {})
     checkpoint.save(progress(blank), {})
     COMM.barrier()
-    with pytest.raises(InputError, match="lie at one place amid the same cells"):
+    with pytest.raises(ff.InputError, match="lie at one place amid the same cells"):
         checkpoint.load()

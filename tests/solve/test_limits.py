@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from fabric_fenicsx.solve.limits import Limits
+import fabric_fenicsx as ff
 
 
 @pytest.mark.parametrize(
@@ -17,14 +17,14 @@ from fabric_fenicsx.solve.limits import Limits
     ],
 )
 def test_what_is_beyond_a_limit_is_said(name, value, words):
-    (sentence,) = Limits().exceeded(
+    (sentence,) = ff.Limits().exceeded(
         {name: value, "imbalance" if name != "imbalance" else "viscous": 0.01}
     )
     assert all(word in sentence for word in words), sentence
 
 
 def test_a_value_just_beyond_its_limit_has_the_digits_that_tell():
-    (sentence,) = Limits().exceeded({"penetration": 0.100004, "imbalance": 0.05, "viscous": 0.0})
+    (sentence,) = ff.Limits().exceeded({"penetration": 0.100004, "imbalance": 0.05, "viscous": 0.0})
     assert "by 10.0004 % of its thickness; allowed is 10 % (`Limits.penetration`)" in sentence
 
 

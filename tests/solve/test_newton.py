@@ -12,7 +12,6 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.scene.supports import rolling_ends
 from fabric_fenicsx.solve import linear
 from fabric_fenicsx.solve.linear import LINEAR_SOLVERS, is_there
 from fabric_fenicsx.solve.newton import Directions, Newton
@@ -37,7 +36,7 @@ def strip(
 ):
     blank = sheet(200.0, 50.0, nx, nx // 4, pattern, cell=cell, a=np.radians(angle), **options)
     terms = [ff.Membrane(fabric), *further]
-    return ff.Scene(blank, terms, ff.clamped_ends(stroke) if clamped else rolling_ends(stroke))
+    return ff.Scene(blank, terms, ff.clamped_ends(stroke) if clamped else ff.rolling_ends(stroke))
 
 
 def negative_pivots(newton):
@@ -51,7 +50,7 @@ def test_a_single_cell_is_factored_after_a_strip():
     """PORD, which orders the strip, ends the process where all unknowns are coupled."""
     found = []
     cell = sheet(10.0, 10.0, 1, 1, "left", cell="quadrilateral")
-    for scene in (strip(nx=4), ff.Scene(cell, [ff.Membrane(KOMEILI)], rolling_ends(0.1))):
+    for scene in (strip(nx=4), ff.Scene(cell, [ff.Membrane(KOMEILI)], ff.rolling_ends(0.1))):
         newton = Newton(scene)
         assert march(newton, steps=1).reached == 1
         found.append(newton.tangent.ksp.pc.getFactorMatrix().getMumpsIcntl(7))

@@ -5,18 +5,18 @@ import pytest
 import ufl
 from builders import march
 
-from fabric_fenicsx.mechanics.load import EdgeTension
-from fabric_fenicsx.mechanics.term import Term
-from fabric_fenicsx.scene.scene import Scene
-from fabric_fenicsx.scene.supports import Support, clamped_ends
-from fabric_fenicsx.sheets.blank import Blank
+import fabric_fenicsx as ff
 from fabric_fenicsx.solve import staggered, step_criteria
 from fabric_fenicsx.solve.newton import Newton
-from fabric_fenicsx.solve.staggered import FIRST, LOOSE
-from fabric_fenicsx.solve.stepping import FINEST
+from fabric_fenicsx.solve.staggered import FIRST_TOLERANCE, LOOSE_TOLERANCE
+from fabric_fenicsx.solve.stepping import MAX_CHECKED_STEPS
 
 
-class Losing(Term):
+def scene_of(terms, supports):
+    return ff.Scene(ff.Blank.rectangle(20, 10, nx=2), terms, supports)
+
+
+class Losing(ff.Term):
     """Says that it did work, as much as `share` of the load factor's rise, which nothing stores."""
 
     name = "losing"
@@ -48,7 +48,7 @@ class Snapping(Losing):
 def stretched(share, balance, term=Losing):
     """Loads of the accepted states and reasons of the rejected ones, of a strip."""
     terms = [builders.Elastic(), term(share)]
-    scene = Scene(Blank.rectangle(20, 10, nx=2), terms, clamped_ends(0.2))
+    scene = scene_of(terms, ff.clamped_ends(0.2))
     loads, reasons = [], []
     march(
         Newton(scene),
@@ -67,7 +67,7 @@ def test_steps_that_lose_work_are_halved_but_not_for_ever():
     assert loads[-1] == 1
     assert reasons and all("of the step's work is not in the energies" in r for r in reasons)
     # the first step must meet it, too, and the finest ones need not
-    assert steps[0] < 0.25 and 0.75 <= min(steps[:-1]) * FINEST / 0.25 <= 1.5
+    assert steps[0] < 0.25 and 0.75 <= min(steps[:-1]) * MAX_CHECKED_STEPS / 0.25 <= 1.5
 
 
 def test_what_a_snap_loses_is_no_reason_to_halve_again():
@@ -82,7 +82,7 @@ def test_a_run_that_loses_more_than_a_tenth_of_its_work_gives_up():
     assert "49.6 % of all work is not in the energies" in reasons[-1]
 
 
-class Hardening(Term):
+class Hardening(ff.Term):
     """Stores 250 |u|^4 a mm^2: its forces grow with the third power of the load."""
 
     name, energy_kind, resists = "hardening", "strain", ("stretch", "move", "turn")
@@ -94,8 +94,8 @@ class Hardening(Term):
 
 def test_the_first_step_is_believed_where_forces_grow_as_a_power():
     """A trapezoid would take twice the energy for its work."""
-    everywhere = Support("all", lambda x: x[0] < 1e9, (0, 1), (0.1, 0.0))
-    scene, found = Scene(Blank.rectangle(20, 10, nx=2), [Hardening()], [everywhere]), []
+    everywhere = ff.Support("all", lambda x: x[0] < 1e9, (0, 1), (0.1, 0.0))
+    scene, found = scene_of([Hardening()], [everywhere]), []
     march(Newton(scene), steps=2, balance=0.02, on_accept=found.append)
     assert (found[1].load, found[1].cuts) == (0.5, 0)
     assert found[1].external_work == pytest.approx(250.0 * 0.05**4 * 200)
@@ -103,7 +103,7 @@ def test_the_first_step_is_believed_where_forces_grow_as_a_power():
 
 def test_a_state_that_bending_refuses_is_rejected_after_its_work_was_measured_anew(monkeypatch):
     """And what terms noted of it is forgotten."""
-    everywhere = Support("all", lambda x: x[0] < 1e9, (0, 1), (0.1, 0.0))
+    everywhere = ff.Support("all", lambda x: x[0] < 1e9, (0, 1), (0.1, 0.0))
     forgotten, solved = [], []
     monkeypatch.setattr(Hardening, "reject", lambda self: forgotten.append(True), raising=False)
 
@@ -112,7 +112,7 @@ def test_a_state_that_bending_refuses_is_rejected_after_its_work_was_measured_an
         return "below 0" if len(solved) == 3 else ""
 
     monkeypatch.setattr(step_criteria, "negative_bending", below_0)
-    scene = Scene(Blank.rectangle(20, 10, nx=2), [Hardening()], [everywhere])
+    scene = scene_of([Hardening()], [everywhere])
     loads, reasons = [], []
     march(
         Newton(scene),
@@ -129,7 +129,7 @@ def test_steps_stay_where_work_is_stored_or_nobody_asks(share, balance):
     assert stretched(share, balance) == ([0, 0.25, 0.5, 0.75, 1], [])
 
 
-class Holding(Term):
+class Holding(ff.Term):
     """Takes something anew twice in each step."""
 
     name = "holding"
@@ -160,23 +160,25 @@ def asked(monkeypatch):
 
 def test_solves_are_rough_until_nothing_is_updated(asked, monkeypatch):
     terms = [builders.Elastic(), Holding()]
-    scene = Scene(Blank.rectangle(20, 10, nx=2), terms, clamped_ends(0.2))
+    scene = scene_of(terms, ff.clamped_ends(0.2))
     march(Newton(scene, 1e-8), steps=1)
-    assert asked == [-FIRST, -LOOSE, -LOOSE, 1e-8]
+    assert asked == [-FIRST_TOLERANCE, -LOOSE_TOLERANCE, -LOOSE_TOLERANCE, 1e-8]
     # a long one is exact before something is updated, as rounding, by which ranks differ, grows
-    monkeypatch.setattr(staggered, "LONG", -1)
+    monkeypatch.setattr(staggered, "MAX_ROUGH_ITERATIONS", -1)
     asked.clear()
     terms = [builders.Elastic(), Holding()]
-    scene = Scene(Blank.rectangle(20, 10, nx=2), terms, clamped_ends(0.2))
+    scene = scene_of(terms, ff.clamped_ends(0.2))
     march(Newton(scene, 1e-8), steps=1)
-    assert asked == [-FIRST, -1e-8] + 2 * [-LOOSE, -1e-8] + [1e-8]
+    assert asked == [-FIRST_TOLERANCE, -1e-8] + 2 * [-LOOSE_TOLERANCE, -1e-8] + [1e-8]
 
 
 @pytest.mark.mpi
 def test_only_states_on_the_way_are_looser(asked):
     """Not that at rest before load, here under a pull that is there from the start."""
-    pull = EdgeTension(5.0, (0.0, 1.0), builders.near(1, 10.0))
-    scene = Scene(Blank.rectangle(20, 10, nx=2), [builders.Elastic(), pull], clamped_ends(0.2))
+    pull = ff.EdgeTension(5.0, (0.0, 1.0), builders.near(1, 10.0))
+    scene = ff.Scene(
+        ff.Blank.rectangle(20, 10, nx=2), [builders.Elastic(), pull], ff.clamped_ends(0.2)
+    )
     march(Newton(scene, 1e-8), steps=3, path_tolerance=1e-4)
     assert asked == [1e-8, 1e-4, 1e-4, 1e-8]
 
@@ -192,7 +194,7 @@ def test_steps_grow_once_one_passed_uncut_however_many_iterations_it_took(monkey
 
     monkeypatch.setattr(Newton, "solve", counted)
     loads = []
-    scene = Scene(Blank.rectangle(20, 10, nx=2), [builders.Elastic()], clamped_ends(0.2))
+    scene = scene_of([builders.Elastic()], ff.clamped_ends(0.2))
     march(Newton(scene), steps=4, on_accept=lambda accepted: loads.append(accepted.load))
     # the first is halved, so the second stays as it is
     assert loads == pytest.approx([0, 0.125, 0.25, 0.4375, 0.6875, 0.9375, 1])

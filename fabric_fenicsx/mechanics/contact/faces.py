@@ -14,10 +14,8 @@ from ...tools.facets import LAST, NEXT, vertex_normals
 from ..shell.morley import Where
 
 UP = np.array([0.0, 0.0, 1.0])
-NEIGHBOURS = 24  # triangles nearest to a point, among which the one below it is sought
-ROWS = 2  # rows of nodes beside a free edge, over which the face becomes flat
-INSIDE = 1e-7  # of a triangle, what a point may lie beyond its edge
-ITERATIONS = 12  # of Newton's method; three or four do
+MAX_NEIGHBOURS = 24  # triangles nearest to a point, among which the one below it is sought
+FLAT_ROWS = 2  # rows of nodes beside a free edge, over which the face becomes flat
 
 
 class FaceProjection(NamedTuple):
@@ -56,7 +54,7 @@ class Face:
     edges, and linear in x, so that virtual work on it is exact. Quadratic displacements are met
     exactly where the cells around both nodes are regular. The interpolation is that of A. Vlachos
     et al., Curved PN triangles, 2001, of degree 2. Beside free edges gradients are known from one
-    side only, so the bulges fade out there, over `ROWS` rows of nodes: otherwise a uniform pressure
+    side only, so the bulges fade out there, over two rows of nodes: otherwise a uniform pressure
     would load the nodes unevenly.
 
     The normal is interpolated between the corners' (N. Max, 1999, see `vertex_normals`), so it is
@@ -97,7 +95,7 @@ class Face:
         turned = np.cross(q - p, r - p) @ UP * side < 0
         self.triangles[turned] = self.triangles[turned][:, [0, 2, 1]]
         self._planes = [_plane(X, np.asarray(where(X.T), bool)) for where in symmetric]
-        self._edges, self._bulges = self._bulge_operator(self._rows_to_free_edges() / ROWS)
+        self._edges, self._bulges = self._bulge_operator(self._rows_to_free_edges() / FLAT_ROWS)
         self.take()
 
     def gathered(self, values: np.ndarray) -> np.ndarray:
@@ -105,15 +103,15 @@ class Face:
         return np.concatenate(self._comm.allgather(values))[self.nodes]
 
     def _rows_to_free_edges(self):
-        """Number of cells between each node (n,) and the nearest free edge, up to `ROWS`."""
+        """Number of cells between each node (n,) and the nearest free edge, up to `FLAT_ROWS`."""
         sides = np.sort(self.triangles[:, [NEXT, LAST]].swapaxes(1, 2).reshape(-1, 2), 1)
         ends, count = np.unique(sides, axis=0, return_counts=True)
         free = ends[count == 1]
         for at, _ in self._planes:
             free = free[~np.isin(free, at).all(1)]
-        rows = np.full(len(self.nodes), float(ROWS))
+        rows = np.full(len(self.nodes), float(FLAT_ROWS))
         rows[free] = 0.0
-        for _ in range(ROWS):
+        for _ in range(FLAT_ROWS):
             np.minimum.at(rows, ends.ravel(), rows[ends[:, ::-1]].ravel() + 1)
         return rows
 
@@ -228,7 +226,7 @@ class Face:
         """Numbers of the triangles near points (n, 3), the nearest first, (n, k)."""
         corners = self.places[self.triangles]
         self._tree = self._tree or cKDTree(corners.mean(1))
-        many = min(NEIGHBOURS, len(self.triangles))
+        many = min(MAX_NEIGHBOURS, len(self.triangles))
         largest = np.linalg.norm(corners - corners.mean(1, keepdims=True), axis=2).max()
         away, near = self._tree.query(points, many, distance_upper_bound=2 * (reach + largest))
         away, near = (each.reshape(len(points), many) for each in (away, near))
@@ -269,21 +267,16 @@ class Face:
         nearest ones, as the triangle is not curved with its normals."""
         nodes = self.triangles[triangle]
         y, along, settled = _meet(points, self.places[nodes], self.normals[nodes])
-        inside = np.minimum(y[:, :2].min(1), 1 - y[:, 0] - y[:, 1]) >= -INSIDE
+        inside = np.minimum(y[:, :2].min(1), 1 - y[:, 0] - y[:, 1]) >= -1e-7  # rounding
         return y, settled & inside, along
-
-    def _corners_and_edges(self, triangle):
-        """First corners (n, 3) of triangles (n,) and both edges from there (n, 2, 3), and the
-        same of their normals."""
-        nodes = self.triangles[triangle]
-        for values in (self.places[nodes], self.normals[nodes]):
-            yield from (values[:, 0], values[:, 1:] - values[:, :1])
 
     def _fill(self, at, y, found):
         """Fill rows `at` (k,) of `found`, of points over places y (n, 3) of their triangles."""
         y, triangle = y[at], found.triangle[at]
-        _, e, normals, m = self._corners_and_edges(triangle)
-        along = normals + np.einsum("na,nai->ni", y[:, :2], m)
+        nodes = self.triangles[triangle]
+        x, normals = self.places[nodes], self.normals[nodes]
+        e, m = (values[:, 1:] - values[:, :1] for values in (x, normals))
+        along = normals[:, 0] + np.einsum("na,nai->ni", y[:, :2], m)
         inverse = _inverse(np.concatenate([e + y[:, 2:, None] * m, along[:, None]], 1))
         weights = np.column_stack([1 - y[:, 0] - y[:, 1], y[:, 0], y[:, 1]])
         length = np.sqrt(np.einsum("ni,ni->n", along, along))
@@ -323,7 +316,7 @@ def _meet(points, corners, normals):
             for j in range(2):
                 e[j, k] = corners[i, j + 1, k] - corners[i, 0, k]
                 m[j, k] = normals[i, j + 1, k] - normals[i, 0, k]
-        for _ in range(ITERATIONS):
+        for _ in range(12):  # of which Newton's method takes three or four
             u, v, h = at
             for k in range(3):
                 a[k] = normals[i, 0, k] + u * m[0, k] + v * m[1, k]

@@ -22,7 +22,7 @@ from .nodes import Nodes, values_at
 from .sheet_contact import SheetContact
 from .thickness import PlyThickness
 
-UPDATES = 3  # of the pressed areas in a step, at most: at the flange's end they may alternate
+MAX_UPDATES = 3  # of the pressed areas in a step, at most: at the flange's end they may alternate
 PRESSURE = "pressure of the blank holder [MPa]"
 
 
@@ -43,7 +43,7 @@ class BlankHolderPressure(ToolInteraction):
     tool
         Moves with the holder along a path, for its friction; by default one at rest.
     lag
-        The areas are updated within a step, at most `UPDATES` times, if more than this share of
+        The areas are updated within a step, at most `MAX_UPDATES` times, if more than this share of
         their sum has changed; with None never.
     against
         Contacts with and between the sheets that lie on this one, from it to the last. The pressure
@@ -123,7 +123,7 @@ class BlankHolderPressure(ToolInteraction):
 
     def _update_pressing(self):
         """Press the areas under the holder now, if they differ by more than `lag`."""
-        if self.lag is None or self._updates == UPDATES:
+        if self.lag is None or self._updates == MAX_UPDATES:
             return False
         now = self._pressed()
         changed, all_of_it = self.nodes.total(np.column_stack([abs(now - self.areas), now]))

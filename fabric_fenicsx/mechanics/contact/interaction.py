@@ -152,7 +152,6 @@ class ToolSliding:
         return self._tool.displacement - self._tool_place
 
     def slid(self) -> np.ndarray:
-        """As in `Sliding`."""
         return turned(self._moved(), self._derivative)
 
     def exact(self, offsets: np.ndarray) -> np.ndarray:
@@ -258,7 +257,6 @@ class ToolInteraction(Interaction):
         f[: 3 * self.nodes.count] -= self.applied_forces()
 
     def applied_forces(self) -> np.ndarray:
-        """See `Term`, friction included."""
         forces = self._pressing_forces()
         return (forces + self._friction_forces() if self.friction_state else forces).ravel()
 
@@ -268,7 +266,6 @@ class ToolInteraction(Interaction):
         return NO_TANGENT if blocks is None else (self.nodes.rows, self.nodes.cols, blocks.ravel())
 
     def memory(self) -> dict[str, np.ndarray]:
-        """See `Term`: of friction."""
         return self.friction_state.memory() if self.friction_state else {}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
@@ -276,7 +273,6 @@ class ToolInteraction(Interaction):
             self.friction_state.recall(memory, self._sliding())
 
     def rubbed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """See `Term`: the nodes."""
         limit = self.friction_state.limit if self.friction_state else np.zeros(self.nodes.count)
         pressed = limit > 0
         return self.nodes.places[pressed], self._normals()[pressed], limit[pressed]

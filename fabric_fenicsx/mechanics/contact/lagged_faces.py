@@ -7,8 +7,6 @@ from mpi4py import MPI
 
 from .sheet_points import ContactPairs, SheetPoints
 
-LEAST = 0.1  # share of the way to a solution
-
 
 class Aitken:
     """Relaxation of what is lagged, from the solutions that followed: all of the way at first, then
@@ -30,7 +28,7 @@ class Aitken:
         if self._missed is not None:
             less, before = (missed - self._missed)[: self._owned], self._missed[: self._owned]
             along, square = self._comm.allreduce(np.array([before @ less, less @ less]))
-            self.share = float(np.clip(-self.share * along / max(square, 1e-300), LEAST, 1.0))
+            self.share = float(np.clip(-self.share * along / max(square, 1e-300), 0.1, 1.0))
         self._state = found.copy() if self.share == 1 else self._state + self.share * missed
         self._missed = missed
         return self._state

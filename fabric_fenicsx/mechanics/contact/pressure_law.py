@@ -11,31 +11,30 @@ from ...material.compaction import growth, log_compaction
 from ...material.laws.base import Law, Material
 from ...material.metal import Metal
 
-STRAIN = 0.02  # along all directions; its pull over the tightest radius sets the penalty
-FLAT_RADIUS = 10.0  # thicknesses: what counts as the least radius of a tool that is flat
+PENALTY_STRAIN = 0.02  # along all directions; its pull over the tightest radius sets the penalty
 PENETRATION = 0.0125  # of the thickness, under the default penalty
 SMOOTHING = 0.3  # of that penetration
-HARD = 10.0  # MPa, above which fabric is compacted along a straight line
-INVERSIONS = 20  # of Newton's method for what two fabrics share; four or five do
+HARD_PRESSURE = 10.0  # MPa, above which fabric is compacted along a straight line
 
 
 def default_penalty(material: Material, radius: float) -> float:
     """Penalty [N/mm^3] for a tool of least `radius` [mm].
 
-    With it, a fabric or metal stretched by `STRAIN` over that radius presses into the tool by
-    `PENETRATION` of the thickness. A flat tool (inf) counts as one of `FLAT_RADIUS` thicknesses.
+    With it, a fabric or metal stretched by `PENALTY_STRAIN` over that radius presses into the tool
+    by `PENETRATION` of the thickness. A flat tool (inf) counts as one of 10 thicknesses.
     """
     t = material.thickness
-    radius = radius if np.isfinite(radius) else FLAT_RADIUS * t
+    radius = radius if np.isfinite(radius) else 10 * t
     return _pull(material) / radius / (PENETRATION * t)
 
 
 def _pull(material):
     """Tensions along two directions, added up [N/mm]."""
     if isinstance(material, Metal):
-        return 2 * float(material.hardening.stress(np.array(2 * STRAIN))) * material.thickness
+        stress = float(material.hardening.stress(np.array(2 * PENALTY_STRAIN)))
+        return 2 * stress * material.thickness
     stretched = kernel.evaluate(
-        material, gradient=[(1 + STRAIN) * np.eye(3)[:, :2]], fibres=np.eye(2)[:, None]
+        material, gradient=[(1 + PENALTY_STRAIN) * np.eye(3)[:, :2]], fibres=np.eye(2)[:, None]
     )
     return float(np.trace(stretched.cauchy[0])) * material.thickness
 
@@ -59,7 +58,6 @@ class Rigid(NamedTuple):
     smoothing: float
 
     def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """See `PressureLaw`."""
         k, s = self
         soft, beyond = np.minimum(e, s), np.maximum(e - s, 0.0)
         energy = k * (soft**3 / (6 * s) + beyond * (s + beyond) / 2)
@@ -73,7 +71,7 @@ class Rigid(NamedTuple):
 
 class Compacted(NamedTuple):
     """Compacted fabric: p = p_0 (e^y - 1 - y), y = n ln(L / (L - e)), at depths e, see
-    `Compaction`; above `HARD` it grows with the slope that it has there.
+    `Compaction`; above `HARD_PRESSURE` it grows with the slope that it has there.
 
     - length: L [mm], half the thickness without pressure of one ply, or of two added up
     - exponent: n; onset: p_0 [MPa]
@@ -84,7 +82,6 @@ class Compacted(NamedTuple):
     onset: float
 
     def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """See `PressureLaw`."""
         L, n, p_0 = self
         soft = np.minimum(e, _hardest(self))
         beyond = e - soft
@@ -98,10 +95,10 @@ class Compacted(NamedTuple):
 
     def depth(self, p: np.ndarray) -> np.ndarray:
         """See `PressureLaw`."""
-        beyond = np.maximum(p - HARD, 0.0)
+        beyond = np.maximum(p - HARD_PRESSURE, 0.0)
         if beyond.any():
             beyond = beyond / self(np.asarray(_hardest(self)))[2]
-        return self._soft_depth(np.minimum(p, HARD)) + beyond
+        return self._soft_depth(np.minimum(p, HARD_PRESSURE)) + beyond
 
     def _soft_depth(self, p):
         return -self.length * np.expm1(-log_compaction(p / self.onset) / self.exponent)
@@ -109,8 +106,8 @@ class Compacted(NamedTuple):
 
 @functools.cache
 def _hardest(law):
-    """Depth of `Compacted` under `HARD` [mm]."""
-    return float(law._soft_depth(np.asarray(HARD)))
+    """Depth of `Compacted` under `HARD_PRESSURE` [mm]."""
+    return float(law._soft_depth(np.asarray(HARD_PRESSURE)))
 
 
 class InSeries(NamedTuple):
@@ -120,7 +117,6 @@ class InSeries(NamedTuple):
     second: Compacted
 
     def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """See `PressureLaw`."""
         mine, others = self._shared(e)
         (W, p, k), (W_2, _, k_2) = self.first(mine), self.second(others)
         return W + W_2, p, k * k_2 / np.maximum(k + k_2, 1e-300)
@@ -134,7 +130,7 @@ class InSeries(NamedTuple):
         onset = min(self.first.onset, self.second.onset)
         low, high = np.zeros_like(e), np.array(e, dtype=float)
         mine = e * self.first.length / (self.first.length + self.second.length)
-        for _ in range(INVERSIONS):
+        for _ in range(20):  # of which Newton's method takes four or five
             (_, p, k), (_, p_2, k_2) = self.first(mine), self.second(e - mine)
             low, high = np.where(p < p_2, mine, low), np.where(p < p_2, high, mine)
             p, p_2 = p + onset, p_2 + onset
@@ -151,7 +147,6 @@ class ByPlace:
         self.laws, self.which = list(laws), which
 
     def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """See `PressureLaw`."""
         energy, pressure, slope = self._of_each(lambda law: law, e, 3)
         return energy, pressure, slope
 
@@ -174,7 +169,6 @@ class Grown(NamedTuple):
     growth: np.ndarray
 
     def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """See `PressureLaw`."""
         energy, pressure, slope = self.law(e / self.growth)
         return energy * self.growth, pressure, slope / self.growth
 

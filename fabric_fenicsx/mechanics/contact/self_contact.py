@@ -15,12 +15,9 @@ from ..output import Value, joined
 from ..shell.morley import Where
 from ..term import SceneFacts
 from .coulomb import Coulomb
-from .faces import NEIGHBOURS
+from .faces import MAX_NEIGHBOURS
 from .sheet_contact import LAG, FaceContact
 from .sheet_points import SheetPoints
-
-TURN = np.pi / 2  # thicknesses along a sheet that is folded on itself, from face to face
-REACH = 2.0  # thicknesses between mid-surfaces, up to which points are followed
 
 
 class SelfPoints(SheetPoints):
@@ -28,10 +25,10 @@ class SelfPoints(SheetPoints):
     face looks back: the top at the top, the bottom at the bottom.
 
     Either place has points, so each stands for half of its area. Triangles with a common node do
-    not face each other, nor do those nearer than `TURN` thicknesses in the flat sheet: a sheet can
-    touch itself there only if it is bent more sharply than round its own thickness, which bending
-    resists. What lay on one side of a point in the accepted state counts as there, also if it has
-    come through the sheet since.
+    not face each other, nor do those nearer than pi / 2 thicknesses in the flat sheet: a sheet
+    can touch itself there only if it is bent more sharply than round its own thickness, which
+    bending resists. What lay on one side of a point in the accepted state counts as there, also if
+    it has come through the sheet since.
     """
 
     SIDES = 2
@@ -41,9 +38,9 @@ class SelfPoints(SheetPoints):
     ) -> None:
         super().__init__(part, part, rule, [thickness] * 2, [thickening] * 2, symmetric)
         corners = self._own.X[self._own.triangles]
-        self._centres, self._apart = corners.mean(1), TURN * thickness
+        self._centres, self._apart = corners.mean(1), np.pi / 2 * thickness
         self._edge = np.linalg.norm(np.diff(corners, axis=1), axis=2).max()
-        self._reach = REACH * thickness + self._edge / 2
+        self._reach = 2 * thickness + self._edge / 2
         self._sides = np.resize(np.repeat([1.0, -1.0], len(self._places) // 2), self.count)
         # flat places that the points lay over in the accepted state, and last
         self._partners = self._partners_now = np.full((self.count, 3), np.inf)
@@ -100,12 +97,12 @@ class SelfPoints(SheetPoints):
 
     def _opposed(self, middles, normals, reach):
         """Numbers (k,) of this rank's triangles that have others within `reach` with normals
-        opposed to theirs, and numbers of these, the nearest first, (k, NEIGHBOURS), -1 for none.
+        opposed to theirs, and numbers of these, the nearest first, (k, n), -1 for none.
         middles, normals (m, 3): of all triangles."""
         triangles, mine, count = self._own.triangles, self._own.own_triangles, len(middles)
         tree, farthest = cKDTree(np.hstack([middles / reach, normals])), np.sqrt(1 + 2)
         asked = np.hstack([middles / reach, -normals])[mine]
-        near = tree.query(asked, range(1, NEIGHBOURS + 1), distance_upper_bound=farthest)[1]
+        near = tree.query(asked, range(1, MAX_NEIGHBOURS + 1), distance_upper_bound=farthest)[1]
         cells = np.flatnonzero(near[:, 0] < count)
         near, mine = near[cells], mine[cells]
         found = np.minimum(near, count - 1)

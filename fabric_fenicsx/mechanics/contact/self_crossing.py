@@ -6,14 +6,12 @@ from scipy.spatial import cKDTree
 from ...runtime.formatting import rounded
 from ...sheets.blank import Blank, Part
 
-CORNERS = (0, 1), (1, 2), (2, 0)
-FLAT = 1e-6  # of its sides, the volume of an edge and a triangle that lie in a plane
-
 
 def crossings(places: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Places (k, 3) where an edge of triangles (m, 3) of nodes at `places` (n, 3) passes through
     one of the others that it has no node in common with (Moeller and Trumbore, 1997)."""
-    edges = np.unique(np.sort(triangles[:, CORNERS].reshape(-1, 2), axis=1), axis=0)
+    sides = triangles[:, [(0, 1), (1, 2), (2, 0)]].reshape(-1, 2)
+    edges = np.unique(np.sort(sides, axis=1), axis=0)
     if not len(edges):
         return np.empty((0, 3))
     corners = places[triangles]
@@ -35,7 +33,8 @@ def crossings(places: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     e, f = b - a, c - a
     across = np.cross(d, f)
     volume = _dot(e, across)
-    flat = FLAT * np.prod([np.linalg.norm(side, axis=1) for side in (d, e, f)], axis=0)
+    # an edge and a triangle in a plane do not cross
+    flat = 1e-6 * np.prod([np.linalg.norm(side, axis=1) for side in (d, e, f)], axis=0)
     at = np.flatnonzero(abs(volume) > flat)
     p, d, e, f, across, offset = (each[at] for each in (p, d, e, f, across, p - a))
     turned, scale = np.cross(offset, e), 1 / volume[at]

@@ -14,7 +14,6 @@ from .nodes import Nodes
 from .relative_motion import RelativeMotion
 
 POINTS = {1: 1, 3: 2, 6: 4}  # of a cell: degree that they integrate exactly
-REACH = 1.0  # of the distance between the sheets, by which points may rise that are followed
 
 
 class ContactPairs(NamedTuple):
@@ -96,9 +95,9 @@ class SheetPoints:
         self.side = 1.0 if over else -1.0  # the face below the points looks at them
         self._face = Face(parts[1 - over], self.side, list(symmetric))
         self._own = Face(self.part, 1.0, list(symmetric)) if self.SIDES == 1 else self._face
-        # other sheets may lie between them
+        # other sheets may lie between them, and points rise by the distance where both touch
         apart = abs(self._own.flat_height() - self._face.flat_height())
-        self._reach = apart + REACH * self._distance
+        self._reach = apart + self._distance
         places, weights = basix.make_quadrature(basix.CellType.triangle, POINTS[rule])
         N = np.tile(np.column_stack([1 - places.sum(1), places]), (self.SIDES, 1))
         weights = np.tile(weights, self.SIDES)

@@ -24,10 +24,7 @@ from .pressing import Pressed, press, with_secant_stiffness
 from .pressure_law import PENETRATION, SMOOTHING, ByPlace, Grown, Rigid, face_of, thickening_of
 from .thickness import PlyThickness
 
-PROBED = 1000  # nodes of a rank that show how a tool may hold the sheet; triangles cost 1 ms each
-MOST = 0.01  # of the forces, by which those over the areas as they are may differ
-ITERATIONS = 100  # to where a tool's force is in balance
-MISSING = 1e-12  # of the force, that may be
+MAX_PROBED = 1000  # nodes of a rank that show how a tool holds the sheet; triangles cost 1 ms each
 
 
 class Contact(ToolInteraction):
@@ -274,7 +271,6 @@ class Contact(ToolInteraction):
         super().accept()
 
     def reject(self) -> None:
-        """As in `Term`."""
         self._work.reject()
 
     def _forget_balance(self):
@@ -286,7 +282,7 @@ class Contact(ToolInteraction):
         now, areas, u = self.state(), self.nodes.areas_now(), self.nodes.displacement()
         pressed = np.column_stack([abs(areas - self.areas), areas]) * now.pressure[:, None]
         changed, total = self.nodes.total(pressed)
-        if changed <= min(self.coulomb.lag if self.coulomb else LAG, MOST) * total:
+        if changed <= min(self.coulomb.lag if self.coulomb else LAG, 0.01) * total:
             return False
         self._press_on(areas, self.energy_correction)
         then = self._state_at(self.nodes.places + u)
@@ -401,9 +397,9 @@ class Contact(ToolInteraction):
         check_start(self.tool, x, float(self.thickness.max(initial=0.0)), self.nodes.comm)
 
     def may_press(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """See `Term`, at up to twice `PROBED` nodes that find a nearest point."""
+        """See `Term`, at up to twice `MAX_PROBED` nodes that find a nearest point."""
         found, x = [], self.nodes.places[self.nodes.own]
-        x = x[:: max(1, len(x) // PROBED)]
+        x = x[:: max(1, len(x) // MAX_PROBED)]
         for load in (0.0, 1.0):
             self.tool.at(load)
             normals = self.tool.evaluate(x).normal
@@ -434,10 +430,10 @@ def find_balance(
     travel, back = start, reach
     low: float | None = None
     high: float | None = None
-    for _ in range(ITERATIONS):
+    for _ in range(100):
         found = look(travel)
         missing = force - found.force
-        if abs(missing) <= MISSING * force:
+        if abs(missing) <= 1e-12 * force:
             return True
         low, high = (travel, high) if missing > 0 else (low, travel)
         # without contact as far as no point is passed

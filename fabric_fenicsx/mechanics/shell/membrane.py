@@ -30,12 +30,13 @@ QUADRATURE_DEGREE = {
     ("quadrilateral", 1): 2,
     ("quadrilateral", 2): 4,
 }
-FEW = {2: 2, 3: 4}  # of triangles that would lock more with more points, and of those in space
+# of triangles that would lock more with more points, and of those in space
+FEW_POINTS_DEGREE = {2: 2, 3: 4}
 INTEGRATION = "full", "inner"
 # Of `inner`: how far its points lie from a cell's centre, over how far those of `full` do; and the
 # share of the energy that stays at those of `full`. If either is larger, strips with yarns at
 # 20 deg are too stiff; if smaller, strips with yarns at 10 and 30 deg are too soft.
-INNER, OUTER_SHARE = 0.5, 0.01
+INNER_DISTANCE, OUTER_SHARE = 0.5, 0.01
 UNITS = {"shear_angle": "rad", "I10": "rad"}  # of fields; of all others "-"
 UNITS |= dict.fromkeys(("sigma_a", "sigma_b", "shear_friction"), "MPa")
 UNITS |= dict.fromkeys(("energy_a", "energy_b", "energy_shear"), "N mm/mm^3")
@@ -45,10 +46,10 @@ def default_degree(part: Part) -> int:
     """Degree of quadrature for cells of a part, on all ranks together."""
     blank = part.blank
     degree = QUADRATURE_DEGREE[compat.cell_name(blank.mesh), blank.degree]
-    if compat.cell_name(blank.mesh) != "triangle" or blank.degree not in FEW:
+    if compat.cell_name(blank.mesh) != "triangle" or blank.degree not in FEW_POINTS_DEGREE:
         return degree
     in_space = blank.mesh.geometry.dim == 3
-    return FEW[blank.degree] if in_space or not part.follows_yarns() else degree
+    return FEW_POINTS_DEGREE[blank.degree] if in_space or not part.follows_yarns() else degree
 
 
 class Membrane(Term):
@@ -63,11 +64,11 @@ class Membrane(Term):
     fabric : Law
         The law and its numbers. Fabrics that differ only in numbers share one compiled form.
     quadrature_degree : int, optional
-        By default that of `QUADRATURE_DEGREE`; in space and off the yarns that of `FEW`.
+        By default that of `QUADRATURE_DEGREE`; in space and off the yarns `FEW_POINTS_DEGREE`.
     integration : {"full", "inner"}
         `inner`, on quadratic triangles with straight sides, takes nearly all of the energy at three
-        points nearer to a cell's centre, by the factor `INNER`. They see the gradients of strains
-        times that factor, so cells that do not follow the yarns do not lock [1]_, [2]_, [3]_.
+        points nearer to a cell's centre, by the factor `INNER_DISTANCE`. They see the gradients of
+        strains times that factor, so cells off the yarns do not lock [1]_, [2]_, [3]_.
         `OUTER_SHARE` of the energy stays at the points of `full`, so that no corner of a cell turns
         over unseen. Where stretched yarns end at a free edge it is too soft by a part of a row of
         cells.
@@ -144,7 +145,7 @@ class Membrane(Term):
         cosine = ufl.dot(self._a0, self._b0) if not self.part.orthogonal else ufl.as_ufl(0.0)
         rest = cosine if rest is None else rest
         self._ufl = law, yarns, cosine, rest
-        self._drawn = INNER if self.integration == "inner" else 1.0
+        self._drawn = INNER_DISTANCE if self.integration == "inner" else 1.0
         dx = self.part.dx(self.degree, self._drawn)
         # shares of the energy, and how they are integrated
         self._rules = [(1.0, dx)]

@@ -13,7 +13,6 @@ from ...runtime.formatting import of_sheet, percent, rounded
 from ...sheets.part import OFF
 from .membrane import Membrane
 
-BANDS = 1e-2  # share of the area in which bands are not worth a word
 # share of the strain energy in stretches that neighbouring cells undo, from which cells are
 # doubted: linear ones, these where edges follow the yarns, quadratic ones, and these with inner
 # points
@@ -22,11 +21,9 @@ LOCKED, ALIGNED, COARSE, INNER_COARSE = 2.5e-3, 0.02, 0.01, 0.03
 # which four in five lie between half and twice that
 LINEAR_EXCESS, QUADRATIC_EXCESS, INNER_EXCESS = 12.0, 6.0, 4.0
 SPATIAL = "yarn strains of single cells mean little, and forces may be some per cent too high"
-LITTLE = 0.25  # share of the energy from which a force says nothing
 # strain of yarns all over a sheet, with less energy than which it is not doubted: pressed flat, it
 # has no other strains than those of cells
-NOISE = 1e-4
-ROUNDING = 1e-9  # of a strain at the end of a range, which is then within
+NOISE_STRAIN = 1e-4
 
 
 def membrane_warnings(membrane: Membrane) -> list[str]:
@@ -36,7 +33,7 @@ def membrane_warnings(membrane: Membrane) -> list[str]:
 
 
 def band_warning(membrane: Membrane) -> str:
-    """A sentence if the law allows bands in more than `BANDS` of the sheet's area in the present
+    """A sentence if the law allows bands in more than 1 % of the sheet's area in the present
     state, else "".
 
     The law has no length, so a band is as wide as a row of cells, and which of two rows becomes one
@@ -48,7 +45,7 @@ def band_warning(membrane: Membrane) -> str:
     state = stability.evaluate(membrane.fabric, membrane.invariants_at_points())
     least = state.ellipticity.min(1)
     lost, whole = comm.allreduce(np.array([areas[least < 0].sum(), areas.sum()]))
-    if lost <= BANDS * whole:
+    if lost <= 0.01 * whole:
         return ""
     # to few digits, so that of cells that mirror each other the same is named on any ranks
     centres = membrane.blank.places()[part.cells].round(6)
@@ -71,7 +68,7 @@ def locking_warning(membrane: Membrane) -> str:
     yarns, and neighbours do so in opposite directions. The energy of this is the measure of
     locking: the strain energy less that of strains which are smoothed over neighbouring cells, at
     the same shear angles. Quadratic cells that yarns cross at a small angle take some of it, too.
-    A sheet whose whole energy is that of yarns strained by `NOISE` is not doubted.
+    A sheet whose whole energy is that of yarns strained by `NOISE_STRAIN` is not doubted.
     """
     blank = membrane.blank
     taken = alternating_energy(membrane)
@@ -113,7 +110,7 @@ def _of_linear_cells(membrane, taken):
 
 def _excess(taken, ratio):
     """Excess of a strip's force, as text."""
-    if taken > LITTLE:
+    if taken > 0.25:
         return "forces say nothing"
     return (
         f"a strip's force is then about {percent(ratio * taken)} too high, mostly between half and "
@@ -122,9 +119,9 @@ def _excess(taken, ratio):
 
 
 def _is_at_rest(membrane):
-    """True if the sheet has no more strain energy than yarns strained by `NOISE` all over it."""
+    """True if the strain energy is at most that of yarns strained by `NOISE_STRAIN` all over."""
     energy, areas = membrane.state()[0].energy, membrane.blank.areas()[membrane.part.cells]
-    strains = NOISE * np.eye(3)[:, :2]
+    strains = NOISE_STRAIN * np.eye(3)[:, :2]
     most = membrane.fabric.derivatives(*strains, second=False).parts.max()
     found = np.array([areas @ (energy @ membrane.weights), areas.sum()])
     whole, area = membrane.blank.mesh.comm.allreduce(found)
@@ -188,7 +185,7 @@ def _beyond(membrane, known, strains):
     for end, sign in ((known.high, 1), (known.low, -1)):
         if not math.isfinite(end):
             continue
-        out = sign * (strains - end) > ROUNDING
+        out = sign * (strains - end) > 1e-9
         share = comm.allreduce(float(areas @ (out @ membrane.weights))) / whole
         furthest = sign * comm.allreduce((sign * strains).max(initial=-math.inf), MPI.MAX)
         if share > 0:

@@ -3,13 +3,11 @@
 from ...runtime.formatting import rounded
 from ...sheets.blank import Blank
 
-MIN_SIZE, MAX_SIZE = 20.0, 10_000.0  # of a sheet [mm]: a few yarns, more than looms weave
-
 
 def size_warning(blank: Blank, source: str) -> str:
     """A sentence if the sheet's size may be in another unit than mm, else ""."""
     low, high = blank.extent()
-    if MIN_SIZE <= (high - low).max() <= MAX_SIZE:
+    if 20 <= (high - low).max() <= 10_000:  # a few yarns, more than looms weave
         return ""
     sides = " x ".join(rounded(side, 4) for side in high - low)
     return f"{source} is {sides} mm; lengths are in mm (metres times 1000, inches times 25.4)"

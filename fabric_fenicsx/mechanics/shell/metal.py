@@ -20,8 +20,6 @@ from .metal_cells import Shape
 from .morley import MorleyCells, Where
 from .stencil import Stencil
 
-POINTS = Rule("an odd number from 5", lambda v: v >= 5 and v % 2 == 1, int)
-
 # from strains 11, 22, 2 12 to half the changes of C as mean and shears, see `hencky`
 MEAN_AND_SHEARS = np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 0.0, 1.0]])
 
@@ -42,7 +40,8 @@ def through_thickness(points: int) -> tuple[np.ndarray, np.ndarray]:
     """Places from -1/2 to 1/2 and weights (points,), which sum to one: Lobatto's rule over each
     half. So faces and middle are among the places, and elastic bending is exact. Raises InputError
     unless points is an odd number from 5."""
-    points = POINTS.check("`points` of the metal", points)
+    rule = Rule("an odd number from 5", lambda v: v >= 5 and v % 2 == 1, int)
+    points = rule.check("`points` of the metal", points)
     n = (points + 1) // 2
     P = Legendre.basis(n - 1)
     x = np.concatenate([[-1.0], np.sort(P.deriv().roots().real), [1.0]])

@@ -25,11 +25,6 @@ from ...runtime.errors import InputError
 from ...sheets.blank import Blank
 
 Where = Callable[[np.ndarray], np.ndarray]  # points (3, n) [mm] to a mask (n,)
-# weight of a cell whose own quadratic is not known for a free edge, beside one that knows its own
-LAST_RESORT = 1e-8
-NO_STIFFNESS = 1e-9  # relative, against a free edge's slope
-# coefficients, of a cell's largest, that are rounding: on regular meshes many vanish
-NO_WORK = 1e-12
 PLATE = np.sqrt([1.0, 1.0, 2.0])  # weights of x,11, x,22, x,12 in a norm that no axes change
 
 
@@ -202,7 +197,8 @@ class MorleyCells:
         # of second derivatives that axes in any direction measure alike
         size = np.linalg.norm(inverse * PLATE[:, None], axis=(1, 2))
         self.trust = (size * self.area) ** -4.0
-        self.trust[self.free.any(1)] *= LAST_RESORT
+        # a last resort: beside a free edge a cell's own quadratic is not known
+        self.trust[self.free.any(1)] *= 1e-8
         self.trust[lost] = 1e-300
         inverse[lost] = 0
         self.inverse, self.jumps, self.opposite = inverse, jumps, opposite
@@ -240,9 +236,8 @@ class MorleyCells:
             root = np.linalg.cholesky(stiffnesses).T @ yarns
         relaxed = _relaxed(spread, root, self.free)
         operator = np.einsum("cij,cje,cen->cin", yarns, relaxed, bends, optimize=True)
-        operator[
-            np.abs(operator) < NO_WORK * np.abs(operator).max((1, 2), initial=0)[:, None, None]
-        ] = 0
+        size = np.abs(operator)  # on regular meshes many coefficients are rounding
+        operator[size < 1e-12 * size.max((1, 2), initial=0)[:, None, None]] = 0
         return operator, np.einsum("ckn,cni->cki", operator, x)
 
     def _slopes(self):
@@ -335,7 +330,7 @@ def _relaxed(operator, root, free):
     loose, root = operator[at] * free[at, None], root[at]
     left, size, right = np.linalg.svd(root @ loose)
     # what no stiffness asks for stays zero
-    least = NO_STIFFNESS * np.linalg.norm(root, axis=(1, 2)) * np.linalg.norm(loose, axis=(1, 2))
+    least = 1e-9 * np.linalg.norm(root, axis=(1, 2)) * np.linalg.norm(loose, axis=(1, 2))
     works = size > least[:, None]
     inverse = np.where(works, 1 / np.where(works, size, 1), 0)[:, :, None] * left.swapaxes(1, 2)
     relaxed[at] -= loose @ right.swapaxes(1, 2) @ inverse @ root @ relaxed[at]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from builders import COMM, off_differences
+from builders import COMM
 from builders import sheet as rectangle
 
 import fabric_fenicsx as ff
@@ -60,11 +60,6 @@ def test_forces_at_faces_have_neither_sum_nor_moment(pair):
     assert abs(total).max() < 1e-12 * size
     # flat triangles are not where the smooth face is
     assert abs(moment).max() < 0.02 * T * size
-
-
-def test_friction_and_its_stiffness_are_derivatives(pair):
-    displaced(pair, lambda x: np.outer(np.sin(x[:, 0]), [0.02, 0.01, 0.0]) * (x[:, 2:] > 0.5 * T))
-    assert off_differences(pair, 0.01) < 1e-6
 
 
 def test_a_rank_without_points_has_no_sliding(pair):

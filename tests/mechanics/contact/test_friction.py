@@ -18,17 +18,10 @@ from builders import (
 from builders import sheet as flat
 from mpi4py import MPI
 
-from fabric_fenicsx.mechanics.contact.coulomb import Coulomb
-from fabric_fenicsx.mechanics.contact.holder_pressure import BlankHolderPressure
-from fabric_fenicsx.mechanics.contact.tool_contact import Contact
-from fabric_fenicsx.mechanics.load import EdgeTension
+import fabric_fenicsx as ff
 from fabric_fenicsx.scene import output as reports
-from fabric_fenicsx.scene.scene import Scene
-from fabric_fenicsx.scene.supports import Support
 from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.newton import Newton
-from fabric_fenicsx.tools.primitives import Cylinder, Plane, Sphere
-from fabric_fenicsx.tools.tool import Tool
 
 COMM = MPI.COMM_WORLD
 T, K = 0.4, 1000.0  # thickness [mm], penalty [N/mm^3]
@@ -54,8 +47,8 @@ def test_derivatives(distance, pushed):
     """Sticking, partly sliding and sliding on a ball, held or moved by a slanted force that
     friction helps to bear."""
     blank = sheet(10, 10, 5, 5, MPI.COMM_SELF)
-    ball = Tool(Sphere(10.0, (5, 5, -10)), name="ball")
-    contact = alone(blank, Contact(ball, T, K, friction=Coulomb(MU, SLIP)))
+    ball = ff.Tool(ff.Sphere(10.0, (5, 5, -10)), name="ball")
+    contact = alone(blank, ff.Contact(ball, T, K, friction=ff.Coulomb(MU, SLIP)))
     x, u = blank.coordinates(), blank.u.x.array
     depth = np.resize([-0.5, 0.3, 0.7, 1.5, 3.0], len(x)) * SMOOTHING
     for _ in range(3):
@@ -90,18 +83,18 @@ def patch(place, stiff=True, tool_path=(0.0, 0.0, 0.0), lag=math.inf, gripped=Tr
     displacement along x, of all its nodes or, if it is not `stiff`, of those at its end, unless it
     is not `gripped`."""
     blank = sheet(20, 10, 4, 2)
-    table = Tool(Plane((0, 0, -T / 2), (0, 0, 1)), tool_path, name="table")
-    table = Contact(table, T, K, friction=Coulomb(MU, SLIP, lag))
-    press = BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: np.ones(x.shape[1]))
+    table = ff.Tool(ff.Plane((0, 0, -T / 2), (0, 0, 1)), tool_path, name="table")
+    table = ff.Contact(table, T, K, friction=ff.Coulomb(MU, SLIP, lag))
+    press = ff.BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: np.ones(x.shape[1]))
     # what presses it is there from the start, so contact is too
     blank.u.x.array[2::3] = -(PRESSURE / K + SMOOTHING / 2)
 
     def moved(x, load):
         return np.array([np.full(x.shape[1], place(load)), 0 * x[0], 0 * x[0]])
 
-    grip = Support("grip", everywhere if stiff else near(0, 20.0), (0,), moved)
-    held = [*([grip] if gripped else []), Support("y", everywhere, (1,))]
-    return Scene(blank, [Elastic(1e3), table, press], held), table
+    grip = ff.Support("grip", everywhere if stiff else near(0, 20.0), (0,), moved)
+    held = [*([grip] if gripped else []), ff.Support("y", everywhere, (1,))]
+    return ff.Scene(blank, [Elastic(1e3), table, press], held), table
 
 
 @pytest.mark.versions
@@ -170,19 +163,19 @@ def test_capstan():
     last = shape(np.array([[0, 0, 0], [length, 0, 0.0]]))[:, :, None]
     ends = [lambda x, p=p: np.linalg.norm((x - p)[::2], axis=0) < 1e-6 for p in last]
     blank = sheet(length, width, 18, 1, shape=shape, a=np.array([1.0, 0, 0]))
-    bar = Tool(Cylinder((0, 0, 0), (0, 1, 0), radius - T / 2), name="bar")
-    contact = Contact(bar, T, K, friction=Coulomb(MU, 1e-3, lag=1e-5))
+    bar = ff.Tool(ff.Cylinder((0, 0, 0), (0, 1, 0), radius - T / 2), name="bar")
+    contact = ff.Contact(bar, T, K, friction=ff.Coulomb(MU, 1e-3, lag=1e-5))
     # the far end is pulled at once, then the near one is drawn off
-    weight = EdgeTension(lambda load: pull * min(1.0, 2 * load), out[0], ends[0])
+    weight = ff.EdgeTension(lambda load: pull * min(1.0, 2 * load), out[0], ends[0])
 
     def drawn(x, load):
         return np.outer(out[1], np.full(x.shape[1], max(0.0, 2 * load - 1) * slid))
 
     supports = [
-        Support("drawn end", ends[1], (0, 1, 2), drawn),
-        Support("side", near(1, 0.0), (1,)),
+        ff.Support("drawn end", ends[1], (0, 1, 2), drawn),
+        ff.Support("side", near(1, 0.0), (1,)),
     ]
-    scene = Scene(blank, [Elastic(1e4), contact, weight], supports)
+    scene = ff.Scene(blank, [Elastic(1e4), contact, weight], supports)
     run(scene, 20)
     tension = scene.reaction("drawn end") @ out[1] / width
     moment_arm = 1 - T / 2 / radius
@@ -195,20 +188,18 @@ def test_capstan():
 def test_patch_between_plates_pressed_by_force():
     """Both plates rub: pulled by 2 mu F, all energies being those of the work."""
     force, blank = 400.0, sheet(20, 10, 4, 2)
-    friction = Coulomb(MU, SLIP)
-    table = Contact(Tool(Plane((0, 0, -T / 2), (0, 0, 1)), name="table"), T, K, friction=friction)
-    plate = Tool(
-        Plane((0, 0, T / 2), (0, 0, -1)),
-        force=lambda load: (0, 0, -force * min(1.0, 5 * load)),
-        name="plate",
-    )
-    press = Contact(plate, T, K, friction=friction)
+    friction = ff.Coulomb(MU, SLIP)
+    table = ff.Tool(ff.Plane((0, 0, -T / 2), (0, 0, 1)), name="table")
+    table = ff.Contact(table, T, K, friction=friction)
+    pushed = lambda load: (0, 0, -force * min(1.0, 5 * load))  # noqa: E731
+    plate = ff.Tool(ff.Plane((0, 0, T / 2), (0, 0, -1)), force=pushed, name="plate")
+    press = ff.Contact(plate, T, K, friction=friction)
 
     def moved(x, load):
         return np.outer([1.0, 0, 0], np.full(x.shape[1], max(0.0, load - 0.2) * 20 * SLIP))
 
-    supports = [Support("grip", everywhere, (0,), moved), Support("y", everywhere, (1,))]
-    scene = Scene(blank, [Elastic(), table, press], supports)
+    supports = [ff.Support("grip", everywhere, (0,), moved), ff.Support("y", everywhere, (1,))]
+    scene = ff.Scene(blank, [Elastic(), table, press], supports)
     states = run(scene, 20)
     assert scene.reaction("grip")[0] == pytest.approx(2 * MU * force, rel=1e-6)
     assert press.force()[2] == pytest.approx(-force, rel=1e-9)
@@ -220,14 +211,12 @@ def pushed_ball(comm=COMM):
     """A ball pushed by force and, slantwise, along a path into a clamped membrane, on which it
     rubs."""
     blank = sheet(40, 20, 12, 6, comm)
-    tool = Tool(Sphere(6.0, (18, 9, -6 - T / 2)), (2.0, 1.0, 0), force=(0, 0, 20.0), name="ball")
-    contact = Contact(tool, T, K, friction=Coulomb(MU, SLIP))
-    rim = Support(
-        "rim",
-        lambda x: (np.abs(x[0] - 20) > 20 - 1e-6) | (np.abs(x[1] - 10) > 10 - 1e-6),
-        (0, 1, 2),
-    )
-    return Scene(blank, [Elastic(), contact], [rim]), contact
+    ball = ff.Sphere(6.0, (18, 9, -6 - T / 2))
+    ball = ff.Tool(ball, (2.0, 1.0, 0), force=(0, 0, 20.0), name="ball")
+    contact = ff.Contact(ball, T, K, friction=ff.Coulomb(MU, SLIP))
+    on_rim = lambda x: (abs(x[:2] - [[20], [10]]) > [[20 - 1e-6], [10 - 1e-6]]).any(0)  # noqa: E731
+    rim = ff.Support("rim", on_rim, (0, 1, 2))
+    return ff.Scene(blank, [Elastic(), contact], [rim]), contact
 
 
 @pytest.mark.mpi
@@ -293,9 +282,9 @@ def test_normal_forces_follow_within_a_step(lag, followed):
     """A patch pressed from nothing to 2 s deep and dragged at once: friction is asked for anew,
     once, if lag says so."""
     blank = sheet(20.0, 10.0, 4, 2)
-    table = Tool(Plane((0, 0, -T / 2), (0, 0, 1)), name="table")
-    friction = Coulomb(MU, SLIP, lag)
-    contact = alone(blank, Contact(table, T, K, friction=friction))
+    table = ff.Tool(ff.Plane((0, 0, -T / 2), (0, 0, 1)), name="table")
+    friction = ff.Coulomb(MU, SLIP, lag)
+    contact = alone(blank, ff.Contact(table, T, K, friction=friction))
     blank.u.x.array.reshape(-1, 3)[:] = [5 * SLIP, 0, -2 * SMOOTHING]
     assert abs(on_nodes(contact)[:, :2]).max() == 0
     assert contact.update_lagged() == followed and not contact.update_lagged()
@@ -310,11 +299,11 @@ def test_normal_forces_follow_within_a_step(lag, followed):
 def test_a_pressure_that_falls_takes_what_the_elastic_slip_held():
     """Energy is neither lost nor made as the load is set, also when a step is repeated."""
     blank = sheet(20.0, 10.0, 4, 2)
-    pressing = BlankHolderPressure(
+    pressing = ff.BlankHolderPressure(
         lambda load: PRESSURE * (1 - load / 2),
         (0, 0, -1),
         lambda x: np.ones(x.shape[1]),
-        friction=Coulomb(MU, SLIP),
+        friction=ff.Coulomb(MU, SLIP),
     )
     alone(blank, pressing)
 
@@ -338,7 +327,7 @@ def test_what_leaves_the_holder_is_not_pressed(lag, followed):
     """A patch half of which moves out from under the holder within a step."""
     blank = sheet(20.0, 10.0, 4, 2)
     pressing = alone(
-        blank, BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: x[0] < 20.1, lag=lag)
+        blank, ff.BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: x[0] < 20.1, lag=lag)
     )
     blank.u.x.array.reshape(-1, 3)[:, 0] = 10.0
     assert pressing.update_lagged() == followed and not pressing.update_lagged()
@@ -354,14 +343,15 @@ def test_the_face_slides_on_a_bar_not_the_mid_surface():
     """A strip led round a bar: its face slides by R phi, the mid-surface by (R + T / 2) phi."""
     R, phi, depth = 5.0, 0.3, 0.01
     blank, r = sheet(4, 2, 16, 4), R + T / 2 - depth
-    bar = Tool(Cylinder((0, 0, -R - T / 2), (0, 1, 0), R), name="bar")
+    bar = ff.Tool(ff.Cylinder((0, 0, -R - T / 2), (0, 1, 0), R), name="bar")
 
     def moved(x, load):
         angle = x[0] / r + phi * load
         return np.array([r * np.sin(angle), x[1], r * np.cos(angle) - R - T / 2]) - x
 
-    contact = Contact(bar, T, K, friction=Coulomb(MU, SLIP, lag=0.01))
-    scene = Scene(blank, [Elastic(1e-6), contact], [Support("led", everywhere, (0, 1, 2), moved)])
+    contact = ff.Contact(bar, T, K, friction=ff.Coulomb(MU, SLIP, lag=0.01))
+    led = ff.Support("led", everywhere, (0, 1, 2), moved)
+    scene = ff.Scene(blank, [Elastic(1e-6), contact], [led])
     blank.u.x.array[:] = moved(blank.coordinates().T, 0.0).T.ravel()
     states = run(scene, 40)
     pressed = COMM.allreduce(contact.normal_forces().sum())

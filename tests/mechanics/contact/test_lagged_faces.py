@@ -38,15 +38,6 @@ def test_points_stand_for_the_area_of_the_sheet_of_smaller_cells(points):
     assert abs(pairs.gap).max(initial=0) < 1e-12
 
 
-def test_the_gap_is_held_as_a_paraboloid(points):
-    """Exact, as long as a flat sheet only rises."""
-    start = points.pairs()
-    lift(points, lambda x: 0.2)
-    gap, normal = start.paraboloid()
-    assert gap == pytest.approx(0.2) and normal[:, 2] == pytest.approx(1.0)
-    assert points.pairs() is not start and points.pairs() is points.pairs()
-
-
 def test_a_step_begins_with_the_faces_of_its_prediction(points):
     """Over the areas of the last accepted state, until a solution is found."""
     faces = LaggedFaces(points, 0.01, 3 * points.nodes.count)

@@ -8,11 +8,10 @@ from mpi4py import MPI
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.material.homogeneous import nominal
-from fabric_fenicsx.mechanics.contact.coulomb import Coulomb
 from fabric_fenicsx.mechanics.contact.friction import FrictionState
 from fabric_fenicsx.mechanics.contact.pressing import press, with_secant_stiffness
 from fabric_fenicsx.mechanics.contact.pressure_law import (
-    HARD,
+    HARD_PRESSURE,
     PENETRATION,
     SMOOTHING,
     ByPlace,
@@ -98,7 +97,7 @@ class Slid:
 
 def friction(**options):
     """Points pressed by 1 N for each area."""
-    return FrictionState(Coulomb(0.3, 0.1, **options), 0.3, AREAS, Slid(), MPI.COMM_SELF)
+    return FrictionState(ff.Coulomb(0.3, 0.1, **options), 0.3, AREAS, Slid(), MPI.COMM_SELF)
 
 
 def along(x):
@@ -177,7 +176,7 @@ FABRIC = ff.load("komeili")
 def test_pressed_fabric_is_as_thick_as_its_compaction_says():
     """On each face it loses half; under its own pressure it has its thickness."""
     law = face_of(FABRIC, 10.0)
-    for p in (0.0, 1e-4, 1e-3, 0.1, 0.9 * HARD):
+    for p in (0.0, 1e-4, 1e-3, 0.1, 0.9 * HARD_PRESSURE):
         lost = 2 * float(law.depth(np.array(p)))
         assert FABRIC.thickness_under(0.0) - lost == pytest.approx(FABRIC.thickness_under(p))
     assert FABRIC.thickness_under(FABRIC.compaction.pressure) == pytest.approx(FABRIC.thickness)

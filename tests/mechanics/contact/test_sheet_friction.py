@@ -75,18 +75,6 @@ def led(motion, steps):
     return job.run(), pair
 
 
-def test_a_pressed_pair_that_turns_as_a_whole_does_not_slide():
-    def turned(x, load):
-        c, s = math.cos(math.radians(37) * load), math.sin(math.radians(37) * load)
-        return np.array([c * x[0] + s * x[2], x[1], c * x[2] - s * x[0]])
-
-    result, pair = led(turned, 10)
-    assert pair.totals[3] > 10
-    scale = MU * pair.totals[3] * SLIP
-    assert abs(result.rows[-1]["friction_energy_Nmm"]) < 1e-9 * scale
-    assert result.summary["sheet_contacts"]["a, b"]["sliding_largest_mm"] < 1e-9
-
-
 def test_a_bent_pair_slides_where_its_mid_surfaces_keep_their_length(radius=20.0):
     """By some 0.5 mm: at the length s of sheets at the distance D by their angles s / R and
     s / (R + D), on the radius between them."""

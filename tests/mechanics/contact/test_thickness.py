@@ -8,7 +8,6 @@ from builders import COMM, everywhere, run, sheet
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.results.quantities import fabric_warnings
-from fabric_fenicsx.results.result import Result
 from fabric_fenicsx.scene import output as reports
 
 FABRIC = ff.load("komeili").replace(fibre_density=2.5)
@@ -61,7 +60,7 @@ def test_more_fibres_than_fit_side_by_side_are_told_of(gap, told):
     ply = rectangle()
     scene = ff.Scene(ply, [ff.Membrane(FABRIC), *plates(gap)], [PLAIN])
     run(scene, 4)
-    result = Result({}, [], reports.cell_fields(scene), None, scene)
+    result = ff.Result({}, [], reports.cell_fields(scene), None, scene)
     words = [each for each in fabric_warnings(result) if "of its volume" in each]
     assert bool(words) == told
     assert not told or "fill up to 1.2 of its volume, more than round ones can (0.907)" in words[0]

@@ -8,18 +8,14 @@ import pytest
 from builders import alone, compiled_as_it_stands, march, rotation, sheet
 from mpi4py import MPI
 
+import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.material import kernel
 from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
-from fabric_fenicsx.material.laws import LAWS, Law
+from fabric_fenicsx.material.laws import LAWS
 from fabric_fenicsx.material.presets import PRESETS
-from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scene import output as reports
-from fabric_fenicsx.scene.scene import Scene
-from fabric_fenicsx.scene.supports import rolling_ends
-from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.newton import Newton
 
 COMM = MPI.COMM_WORLD
@@ -41,7 +37,7 @@ def strip(cell="triangle", degree=1, turn=None, pattern="crossed", **options):
 @pytest.mark.parametrize("cell, degree", ELEMENTS)
 def test_rest_is_free_of_stress_and_of_nan(unbalanced, cell, degree):
     blank = strip(cell, degree, a=0.2, b=0.2 + math.radians(60 if degree == 2 else 125))
-    scene = Scene(blank, [Membrane(unbalanced)])
+    scene = ff.Scene(blank, [ff.Membrane(unbalanced)])
     r, A = scene.u.duplicate(), scene.create_matrix()
     scene.residual(r)
     scene.tangent(A)
@@ -56,8 +52,8 @@ def test_a_pre_sheared_sheet_has_the_kernels_stress(unbalanced, cell, degree):
     """Homogeneous, at rest and deformed, with yarns that are not orthogonal; the forces are the
     energy's derivative."""
     blank = strip(cell, degree, a=0.2, b=0.2 + 1.3)
-    membrane = Membrane(unbalanced, weave_angle=1.1)
-    scene = Scene(blank, [membrane])
+    membrane = ff.Membrane(unbalanced, weave_angle=1.1)
+    scene = ff.Scene(blank, [membrane])
     r = scene.u.duplicate()
     yarns = [[math.cos(k), math.sin(k)] for k in (0.2, 1.5)]
     volume = 200 * 50 * unbalanced.thickness
@@ -80,7 +76,7 @@ def test_a_pre_sheared_sheet_has_the_kernels_stress(unbalanced, cell, degree):
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_a_law_without_shear_is_compared_with_its_kernel():
     @dataclass(frozen=True)
-    class Slack(Law):
+    class Slack(ff.Law):
         law = "slack"
 
         def energy(self, eps_a, eps_b, gamma):
@@ -91,7 +87,7 @@ def test_a_law_without_shear_is_compared_with_its_kernel():
             return found._replace(first=found.first + [[0.0], [0.0], [1e-3]])
 
     del LAWS["slack"]
-    scene = Scene(sheet(10, 10, 2, 2), [Membrane(Slack())])
+    scene = ff.Scene(sheet(10, 10, 2, 2), [ff.Membrane(Slack())])
     assert reports.summary(scene)["kernel_mismatch"] == pytest.approx(1e-3, rel=0.1)
 
 
@@ -104,9 +100,9 @@ def test_homogeneous_uniaxial_tension(element, turned):
     notes |= {0.01: (-0.0666, 11.70), 0.005: (-0.0346, 6.01)}
     c, s = math.cos(math.radians(turned)), math.sin(math.radians(turned))
     turn, along = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]), math.radians(turned)
-    membrane, seen = Membrane(KOMEILI), []
+    membrane, seen = ff.Membrane(KOMEILI), []
     blank = strip(*element, turn=turn, pattern="unstructured", a=along)
-    scene = Scene(blank, [membrane], rolling_ends(200 * 0.03))
+    scene = ff.Scene(blank, [membrane], ff.rolling_ends(200 * 0.03))
 
     def accept(accepted):
         strain = round(0.03 * accepted.load, 6)
@@ -140,8 +136,8 @@ def test_same_displacement_turned_in_space(unbalanced, by_position, cell, degree
     for Q in (None, R):
         turn = np.eye(3) if Q is None else Q
         blank = strip(cell, degree, Q, a=turn @ yarns[0], b=turn @ yarns[1])
-        membrane = Membrane(unbalanced)
-        scene = Scene(blank, [membrane])
+        membrane = ff.Membrane(unbalanced)
+        scene = ff.Scene(blank, [membrane])
         gdim = blank.mesh.geometry.dim
         u = blank.u.x.array.reshape(-1, gdim)
         u[:, :2] = wavy(blank.along(blank.coordinates().T)).T
@@ -168,10 +164,10 @@ def test_spectrum_of_a_patch(cell, degree, integration, gamma):
     """At rest and sheared only rigid motions are free: nothing is far softer than the fabric in
     shear. With yarns in tension linear elements keep one soft mode, homogeneous shear: they lock.
     Others keep more."""
-    blank = Blank.from_arrays(
+    blank = ff.Blank.from_arrays(
         MPI.COMM_WORLD, *specimen(40.0, 40.0, 4, 4, "left", cell), a=0.5, degree=degree
     )
-    scene = Scene(blank, [Membrane(KOMEILI, integration=integration)])
+    scene = ff.Scene(blank, [ff.Membrane(KOMEILI, integration=integration)])
     x, A = scene.u.duplicate(), scene.create_matrix()
     yarns = np.array([[math.cos(0.5), math.sin(0.5)], [-math.sin(0.5), math.cos(0.5)]])
     # both keep their lengths
@@ -194,25 +190,25 @@ def test_options_that_are_refused():
         ({"degree": 2, "cell": "quadrilateral"}, "degree 2 on quadrilaterals"),
     ):
         arrays = specimen(40.0, 40.0, 4, 4, "left", options.pop("cell", "triangle"))
-        with pytest.raises(InputError, match=words):
+        with pytest.raises(ff.InputError, match=words):
             alone(
-                Blank.from_arrays(MPI.COMM_WORLD, *arrays, **options),
-                Membrane(KOMEILI, integration="inner"),
+                ff.Blank.from_arrays(MPI.COMM_WORLD, *arrays, **options),
+                ff.Membrane(KOMEILI, integration="inner"),
             )
     for options, words in (
         ({"integration": "selective"}, "full, inner"),
         ({"weave_angle": 4}, "pi"),
     ):
-        with pytest.raises(InputError, match=words):
-            Membrane(KOMEILI, **options)
+        with pytest.raises(ff.InputError, match=words):
+            ff.Membrane(KOMEILI, **options)
 
 
 def test_inner_points_are_as_good_where_strains_are_even(unbalanced):
     """Energy and state."""
     blank = strip("triangle", 2, a=0.4, b=1.5)
-    full, inner = Membrane(unbalanced), Membrane(unbalanced, integration="inner")
+    full, inner = ff.Membrane(unbalanced), ff.Membrane(unbalanced, integration="inner")
     with compiled_as_it_stands():  # studies compile it with the optimiser
-        scenes = Scene(blank, [full]), Scene(blank, [inner])
+        scenes = ff.Scene(blank, [full]), ff.Scene(blank, [inner])
     x = scenes[0].u.duplicate()
     x.array[:] = (blank.along(blank.coordinates().T).T @ [[0.02, 0.1], [0.05, -0.03]]).ravel()
     for scene in scenes:
@@ -229,7 +225,7 @@ def test_sheets_that_differ_in_numbers_share_compiled_forms(unbalanced, tmp_path
     for fabric, turn in ((unbalanced, 0.3), (KOMEILI, 1.1)):
         frame = [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
         blank = sheet(10, 5, 2, 1, a=turn, b=turn + 1.4, frame=frame)
-        scene = Scene(blank, [Membrane(fabric)])
+        scene = ff.Scene(blank, [ff.Membrane(fabric)])
         scene.terms[0].at_points()
         found.append({file.name for file in tmp_path.iterdir()})
     assert found[0] and found[1] == found[0]

@@ -9,8 +9,7 @@ import pytest
 from builders import alone, march
 from mpi4py import MPI
 
-from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.mechanics.shell.membrane import Membrane
+import fabric_fenicsx as ff
 from fabric_fenicsx.mechanics.shell.membrane_warnings import (
     LOCKED,
     alternating_energy,
@@ -19,13 +18,10 @@ from fabric_fenicsx.mechanics.shell.membrane_warnings import (
 )
 from fabric_fenicsx.mechanics.shell.mesh_warnings import size_warning
 from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.scene.scene import Scene
-from fabric_fenicsx.scene.supports import clamped_ends
-from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.newton import Newton
 
 COMM = MPI.COMM_WORLD
-KOMEILI = load("komeili")
+KOMEILI = ff.load("komeili")
 
 
 def sheet(
@@ -66,7 +62,7 @@ def test_some_cells_follow_the_yarns():
     """Yarns along the edges up to the middle of the sheet only; the column behind it shares
     nodes."""
     arrays = specimen(40, 20, 8, 4, "left") if COMM.rank == 0 else (None,) * 3
-    blank = Blank.from_arrays(COMM, *arrays, a=lambda x: np.where(x[0] < 20, 0.0, 0.5))
+    blank = ff.Blank.from_arrays(COMM, *arrays, a=lambda x: np.where(x[0] < 20, 0.0, 0.5))
     assert blank.whole.share_off_the_yarns() == 24 / 64
 
 
@@ -74,11 +70,9 @@ def pulled(angle, strain, comm=COMM, **options):
     blank = sheet(
         200, 50, options.pop("nx", 32), options.pop("ny", 8), angle=angle, comm=comm, **options
     )
-    membrane = Membrane(KOMEILI)
-    outcome = march(
-        Newton(Scene(blank, [membrane], clamped_ends(strain * 200))), steps=3, path_tolerance=1e-2
-    )
-    assert not outcome.reason
+    membrane = ff.Membrane(KOMEILI)
+    scene = ff.Scene(blank, [membrane], ff.clamped_ends(strain * 200))
+    assert not march(Newton(scene), steps=3, path_tolerance=1e-2).reason
     return membrane
 
 
@@ -120,9 +114,9 @@ def test_locking_on_any_number_of_ranks():
 
 def test_quadratic_cells_are_told_where_yarns_cross_at_a_small_angle():
     """Of yarns at 10 deg the force is 3 % too high on these cells."""
-    blank = Blank.rectangle(200, 50, nx=16, yarn_angle=10, comm=MPI.COMM_SELF)
-    membrane = Membrane(KOMEILI)
-    march(Newton(Scene(blank, [membrane], clamped_ends(6.0))), steps=6, path_tolerance=1e-2)
+    blank = ff.Blank.rectangle(200, 50, nx=16, yarn_angle=10, comm=MPI.COMM_SELF)
+    membrane = ff.Membrane(KOMEILI)
+    march(Newton(ff.Scene(blank, [membrane], ff.clamped_ends(6.0))), steps=6, path_tolerance=1e-2)
     assert locking_warning(membrane).startswith("4.6 % of the strain energy")
 
 
@@ -140,20 +134,20 @@ EXCESS = [
 @pytest.mark.parametrize("element, angle, strain, pattern, nx, excess", EXCESS)
 def test_what_locks_says_by_how_much(element, angle, strain, pattern, nx, excess):
     """Within a factor of two, on any element and pattern."""
-    blank = Blank.rectangle(
+    blank = ff.Blank.rectangle(
         200, 50, nx=nx, ny=nx // 4, pattern=pattern, element=element, fibre_angle=angle
     )
-    membrane = Membrane(KOMEILI)
-    supports = clamped_ends(strain * 200)
-    march(Newton(Scene(blank, [membrane], supports)), steps=4, path_tolerance=1e-2)
+    membrane = ff.Membrane(KOMEILI)
+    supports = ff.clamped_ends(strain * 200)
+    march(Newton(ff.Scene(blank, [membrane], supports)), steps=4, path_tolerance=1e-2)
     told = re.search(r"about ([\d.]+) % too high", locking_warning(membrane))
     assert excess / 2 <= float(told[1]) / 100 <= 2 * excess
 
 
 def test_quadratic_cells_with_inner_points_are_told_where_they_are_coarse():
-    blank = Blank.rectangle(200, 50, nx=12, fibre_angle=20)
-    membrane = Membrane(KOMEILI, integration="inner")
-    march(Newton(Scene(blank, [membrane], clamped_ends(6.0))), steps=3, path_tolerance=1e-2)
+    blank = ff.Blank.rectangle(200, 50, nx=12, fibre_angle=20)
+    membrane = ff.Membrane(KOMEILI, integration="inner")
+    march(Newton(ff.Scene(blank, [membrane], ff.clamped_ends(6.0))), steps=3, path_tolerance=1e-2)
     words = locking_warning(membrane)
     assert "take finer cells" in words and "integration" not in words
 
@@ -162,7 +156,7 @@ def test_quadratic_cells_with_inner_points_are_told_where_they_are_coarse():
 def test_a_sheet_that_hardly_strains_is_not_doubted(size, told):
     """As one pressed flat between planes, whose strains are those of rounding and of its cells."""
     blank = sheet(40, 20, 8, 4, "left", angle=30)
-    membrane = alone(blank, Membrane(KOMEILI))
+    membrane = alone(blank, ff.Membrane(KOMEILI))
     blank.u.x.array[:] = size * np.cos(7.0 * np.arange(len(blank.u.x.array)))
     assert alternating_energy(membrane) > LOCKED
     assert bool(locking_warning(membrane)) == told
@@ -174,7 +168,7 @@ def test_quadratic_cells_at_45_deg_are_not_doubted():
 
 def test_a_state_at_rest_and_a_homogeneous_one_have_no_alternating_energy():
     blank = sheet(40, 20, 8, 4, "left", angle=30)
-    membrane = alone(blank, Membrane(KOMEILI))
+    membrane = alone(blank, ff.Membrane(KOMEILI))
     assert alternating_energy(membrane) == 0
     blank.u.interpolate(lambda x: [0.03 * x[0] + 0.2 * x[1], 0.01 * x[1]])
     assert abs(alternating_energy(membrane)) < 1e-12
@@ -184,7 +178,7 @@ def test_a_state_at_rest_and_a_homogeneous_one_have_no_alternating_energy():
 @pytest.mark.parametrize("share, words", [(0.0, ""), (0.25, "in 25 % of blank, as at (")])
 def test_where_the_law_allows_bands(share, words):
     """Yarns a are compressed in a part of the length, and the sheet is stretched beside it."""
-    membrane = alone(sheet(80, 20, 16, 4), Membrane(KOMEILI))
+    membrane = alone(sheet(80, 20, 16, 4), ff.Membrane(KOMEILI))
     x = membrane.blank.coordinates()[:, 0]
     membrane.blank.u.x.array[::2] = np.where(x < 80 * share, -0.02 * x, 0.001 * x - 1.68 * share)
     said = band_warning(membrane)

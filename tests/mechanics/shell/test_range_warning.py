@@ -3,19 +3,19 @@
 import pytest
 from builders import alone, sheet
 
+import fabric_fenicsx as ff
 from fabric_fenicsx.material.laws.law58 import Law58
-from fabric_fenicsx.material.laws.tabulated import Curve, TabulatedFabric
-from fabric_fenicsx.mechanics.shell.membrane import Membrane
+from fabric_fenicsx.material.laws.tabulated import Curve
 from fabric_fenicsx.mechanics.shell.membrane_warnings import range_warnings
 
 YARN = Curve((-0.05, 0.0, 0.01, 0.03), (-0.5, 0.0, 35.0, 135.0))
-TABLE = TabulatedFabric(
+TABLE = ff.TabulatedFabric(
     YARN, Curve(YARN.x[1:], YARN.y[1:]), Curve((0.0, 0.3, 0.6), (0.0, 0.1, 0.4))
 )
 
 
 def told(fabric, displacement):
-    membrane = alone(sheet(80, 20, 16, 4), Membrane(fabric))
+    membrane = alone(sheet(80, 20, 16, 4), ff.Membrane(fabric))
     membrane.blank.u.interpolate(displacement)
     return range_warnings(membrane)
 
