@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
+from petsc4py import PETSc
 from scipy import sparse
 
 import fabric_fenicsx as ff
@@ -205,6 +206,16 @@ def run(scene, steps=4, tolerance=1e-8, **options):
     outcome = march(Newton(scene, tolerance), steps, on_accept=states.append, **options)
     assert not outcome.reason, outcome.reason
     return states
+
+
+def nodal_forces(term):
+    """Derivative of a term's energies on this rank's owned nodes (nodes, gdim), by all ranks."""
+    vector = compat.petsc_vector(term.blank.u).duplicate()
+    with vector.localForm() as local:
+        local.set(0)
+        term.add_forces(local.array)
+    vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    return vector.array.reshape(-1, term.blank.mesh.geometry.dim).copy()
 
 
 def on_ranks_and_resumed(make, path):

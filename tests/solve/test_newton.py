@@ -402,48 +402,6 @@ def test_a_scene_that_was_solved_is_freed():
     assert known() is None
 
 
-class Kinked(ff.Term):
-    """A convex energy whose forces have kinks in two of the sheet's degrees of freedom, beside a
-    number so large that its differences are rounding. Full corrections make the residual grow."""
-
-    name, energy_kind, resists = "kinked", "strain", ("move", "turn", "stretch")
-    stiffness = np.array([[2.35, -0.0383], [-0.0383, 0.0179]])
-    pull = np.array([-0.861, 0.824])
-    kinks = np.array([[0.0695, 1.10], [1.13, 1.37]])
-    jumps = np.array([832.0, 165.0])
-
-    def _x(self):
-        return self.blank.u.x.array[:2]
-
-    def stored(self):
-        x, u = self._x(), self.blank.u.x.array[2:]
-        bent = self.jumps @ np.maximum(0, self.kinks @ x) ** 2
-        return 1e16 + x @ self.stiffness @ x / 2 - self.pull @ x + bent / 2 + u @ u / 2
-
-    def add_forces(self, f):
-        x = self._x()
-        f[:2] += self.stiffness @ x - self.pull
-        f[:2] += (self.jumps * np.maximum(0, self.kinks @ x)) @ self.kinks
-        f[2:] += self.blank.u.x.array[2:]
-
-    def tangent(self):
-        on = self.jumps * (self.kinks @ self._x() > 0)
-        block = self.stiffness + (self.kinks.T * on) @ self.kinks
-        rest = np.arange(2, len(self.blank.u.x.array))
-        rows, cols = np.append([0, 0, 1, 1], rest), np.append([0, 1, 0, 1], rest)
-        values = np.append(block.ravel(), np.ones(len(rest)))
-        return rows.astype(PETSc.IntType), cols.astype(PETSc.IntType), values
-
-
-@pytest.mark.skipif(COMM.size > 1, reason="degrees of freedom of one rank")
-def test_kinks_of_forces_where_energies_tell_nothing():
-    scene = ff.Scene(sheet(200.0, 50.0, 2, 1), [Kinked()])
-    newton = Newton(scene)
-    newton.x.array[:2] = 0.998, -1.09
-    report = newton.solve(newton.x)
-    assert report.converged and report.iterations <= 15
-
-
 class NoNumber(ff.Term):
     """Has a stiffness that is no number."""
 

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from builders import COMM, Elastic, march, near, off_differences
+from builders import COMM, Elastic, march, near, nodal_forces, off_differences
 from builders import sheet as rectangle
 from mpi4py import MPI
-from petsc4py import PETSc
 from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
@@ -46,15 +45,11 @@ def lead(blank, shape):
     blank.u.x.array[:] = (shape(X.T).T - X).ravel()
 
 
-def forces_of(scene, contact):
+def forces_of(contact):
     """Of the contact on the owned nodes (nodes, 3), their flat places, and where they are."""
-    f = scene.u.duplicate()
-    with f.localForm() as local:
-        local.set(0)
-        contact.add_forces(local.array)
-    f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-    forces, X = -f.array.reshape(-1, 3), scene.blank.coordinates()
-    return forces, X[: len(forces)], (X + scene.blank.nodal_displacement())[: len(forces)]
+    forces, blank = -nodal_forces(contact), contact.blank
+    X = blank.coordinates()
+    return forces, X[: len(forces)], (X + blank.nodal_displacement())[: len(forces)]
 
 
 FOLDS = {
@@ -94,7 +89,7 @@ def test_layers_press_each_other_with_what_the_law_says(fold, degree):
 @pytest.mark.mpi
 def test_action_is_reaction_with_its_moment():
     scene, contact = scene_of(FOLDS["both"], -0.2)
-    forces, _, x = forces_of(scene, contact)
+    forces, _, x = forces_of(contact)
     total, moment = COMM.allreduce(np.array([forces.sum(0), np.cross(x, forces).sum(0)]))
     size = COMM.allreduce(contact.normal_forces().sum())
     assert size > 100
@@ -117,7 +112,7 @@ def test_a_limb_that_came_through_is_pressed_back(way):
     beyond = X[:, 0] > LENGTH / 2 + T
     u[beyond, 2] -= way * (T + 1.0)
     assert scene.update_lagged()
-    forces, X, _ = forces_of(scene, contact)
+    forces, X, _ = forces_of(contact)
     far = X[:, 0] > LENGTH / 2 + 2 * T
     pushed = COMM.allreduce(forces[far].sum(0))
     assert way * pushed[2] > 0.9 * PENALTY * T * (LENGTH / 2 - 2 * T) * WIDTH
@@ -130,7 +125,7 @@ def test_ranks_share_what_one_finds(by_position):
         scene, contact = scene_of(FOLDS["both"], -0.2, comm, friction=0.3)
         scene.blank.u.x.array[:] *= 1.001
         scene.update_lagged()
-        forces, X, _ = forces_of(scene, contact)
+        forces, X, _ = forces_of(contact)
         found.append([by_position(comm, X, forces)[1], comm.allreduce(contact.stored())])
     assert abs(found[0][0] - found[1][0]).max() < 1e-9 * abs(found[1][0]).max()
     assert found[0][1] == pytest.approx(found[1][1], rel=1e-9)

@@ -5,10 +5,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from builders import COMM, Elastic, everywhere, near, off_differences, rotation, run
+from builders import COMM, Elastic, everywhere, near, nodal_forces, off_differences, rotation, run
 from builders import sheet as rectangle
 from mpi4py import MPI
-from petsc4py import PETSc
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.mechanics.contact.pressure_law import PENETRATION, SMOOTHING, Rigid, face_of
@@ -40,18 +39,6 @@ def membranes(names, modulus=100.0):
     ]
 
 
-def nodal_forces(scene, term):
-    """Of a term on the owned nodes (nodes, 3), and where these are."""
-    f = scene.u.duplicate()
-    with f.localForm() as local:
-        local.set(0)
-        term.add_forces(local.array)
-    f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-    forces = f.array.reshape(-1, 3).copy()
-    blank = scene.blank
-    return forces, (blank.coordinates() + blank.nodal_displacement())[: len(forces)]
-
-
 @pytest.mark.versions
 @pytest.mark.mpi
 def test_three_discs_between_two_plates():
@@ -80,7 +67,8 @@ def test_three_discs_between_two_plates():
     assert bottom.force() == pytest.approx([0, 0, load], abs=1e-9 * load)
     for pair in pairs:
         assert pair.totals[:3] == pytest.approx([0, 0, load], abs=1e-9 * load)
-        forces, x = nodal_forces(scene, pair)
+        forces = nodal_forces(pair)
+        x = (stack.coordinates() + stack.nodal_displacement())[: len(forces)]
         # `add_forces` gives the energy's derivative: minus the forces on the nodes
         total, moment = COMM.allreduce(np.array([forces.sum(0), np.cross(x, forces).sum(0)]))
         assert abs(total).max() < 1e-9 * load and abs(moment).max() < 1e-9 * load * RADIUS
@@ -181,7 +169,7 @@ def test_states_that_alternate_are_met_half_way(by_position):
             assert scene.update_lagged()
         u[:] = rest
         scene.set(scene.u.copy())
-        forces = nodal_forces(scene, pair)[0]
+        forces = nodal_forces(pair)
         found.append(by_position(COMM, scene.blank.coordinates()[: len(forces)], forces)[1])
     assert found[0] == pytest.approx(found[1], abs=1e-9 * abs(found[1]).max())
 
@@ -223,7 +211,7 @@ def test_a_rigid_motion_of_the_scene(by_position):
     Q, far, found = rotation(3), np.array([30.0, -20.0, 7.0]), []
     for turn, shift in ((np.eye(3), 0 * far), (Q, far)):
         scene, pair = two(**STATES["partly"], moved=lambda x, t=turn, s=shift: x @ t.T + s)
-        forces, _ = nodal_forces(scene, pair)
+        forces = nodal_forces(pair)
         places = scene.blank.coordinates()[: len(forces)]
         _, forces = by_position(COMM, places, forces @ turn)
         found.append((COMM.allreduce(pair.stored()), pair.force(), forces))
@@ -246,18 +234,6 @@ def test_the_sheet_of_smaller_cells_has_the_points():
         pair = ff.SheetContact("a", "b", 50.0)
         ff.Scene(stack, [*membranes("ab"), pair])
         assert COMM.allreduce(pair.points.count) == 3 * 4 * 18
-
-
-def test_each_fabric_is_compacted_as_its_own_law_says():
-    thin = FABRIC.replace(thickness=0.2, compaction=ff.Compaction(8.0, 2e-3))
-    sheets = [("a", FABRIC), ("b", thin)]
-    stack = ff.Stack(
-        [(rectangle(20, 10, 4, 2, spatial=True), f.thickness_under(0.0), n) for n, f in sheets]
-    )
-    pair = ff.SheetContact("a", "b")
-    ff.Scene(stack, [*(ff.Membrane(fabric).on(name) for name, fabric in sheets), pair])
-    lost = [fabric.thickness_under(0.0) - fabric.thickness_under(2.0) for _, fabric in sheets]
-    assert pair.depth_under(2.0) == pytest.approx(sum(lost) / 2)
 
 
 # -- what bad input gets

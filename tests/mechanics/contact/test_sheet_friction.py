@@ -158,35 +158,6 @@ def test_shear_lag(pull):
     assert result.rows[-1]["reaction_N"] == pytest.approx(exact, rel=1e-3)
 
 
-def test_sheets_that_stick_pull_as_one():
-    """A sheet held and pulled at its ends carries a free one along by friction alone. As of two
-    bars E A joined by a layer of stiffness k, the stretch under P is P / (2 E A) (L + 2 / b tanh(b
-    L / 2)) with b^2 = 2 k / (E A). They are thin, as the moment of the forces at the faces makes
-    the pressure uneven."""
-    rigidity, slip, pull, t = 1e4 * WIDTH, 0.02, 2e-3, 0.1
-    stack = ff.Stack([(rectangle(LENGTH, WIDTH, 16, 4, spatial=True), t, n) for n in "ab"])
-    held, free = (lambda x: x[2] < t / 2), (lambda x: x[2] > t / 2)
-    press = ff.BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: np.ones(x.shape[1])).on("b")
-
-    def moved(x, load):
-        return np.array([pull * load + 0 * x[0], 0 * x[0], 0 * x[0]])
-
-    supports = [
-        ff.Support("plate", held, (2,)),
-        ff.Support("across", everywhere, (1,)),
-        ff.Support("end", lambda x: held(x) & near(0, 0.0)(x), (0,)),
-        ff.Support("grip", lambda x: held(x) & near(0, LENGTH)(x), (0,), moved),
-    ]
-    contact = ff.SheetContact("a", "b", 10 * PENALTY, friction=ff.Coulomb(5.0, slip))
-    scene = ff.Scene(stack, [Elastic(1e4), contact, press], supports)
-    stack.u.x.array[2::3] = np.where(free(stack.coordinates().T), -contact.depth_under(PRESSURE), 0)
-    run(scene, 1)
-    b = math.sqrt(2 * 5.0 * PRESSURE * WIDTH / slip / rigidity)
-    stretch = (LENGTH + 2 / b * math.tanh(b * LENGTH / 2)) / (2 * rigidity)
-    assert scene.reaction("grip")[0] == pytest.approx(pull / stretch, rel=5e-3)
-    assert 0.85 * 2 * rigidity * pull / LENGTH < pull / stretch  # nearly that of double thickness
-
-
 # -- capstan
 
 

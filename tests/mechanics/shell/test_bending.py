@@ -6,9 +6,8 @@ import builders
 import numpy as np
 import pytest
 import ufl
-from builders import alone, off_differences, rotation, run
+from builders import alone, nodal_forces, off_differences, rotation, run
 from mpi4py import MPI
-from petsc4py import PETSc
 from scipy import sparse
 from scipy.integrate import solve_bvp
 from scipy.sparse.linalg import spsolve
@@ -16,7 +15,6 @@ from scipy.sparse.linalg import spsolve
 import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.mechanics.shell.bending import plate_stiffness
-from fabric_fenicsx.meshes.specimen import specimen
 
 COMM = MPI.COMM_WORLD
 PATTERNS = ["crossed", "left", "unstructured"]
@@ -43,18 +41,6 @@ def displace(blank, field):
     """Give the blank the displacement `field` (3, n) along x, y, z of points (3, n)."""
     u = blank.along(np.asarray(field(blank.coordinates().T), float)).T
     blank.u.x.array[:] = u.ravel()
-
-
-def forces(bending):
-    """Forces on this rank's owned nodes along the frame's axes, (nodes, gdim), those of other ranks
-    added."""
-    f = np.zeros(len(bending.blank.u.x.array))
-    bending.add_forces(f)
-    vector = compat.petsc_vector(bending.blank.u).duplicate()
-    with vector.localForm() as local:
-        local.array[:] = f
-    vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-    return vector.array.reshape(-1, bending.blank.mesh.geometry.dim).copy()
 
 
 def energy(bending):
@@ -128,7 +114,7 @@ def test_strips_in_pure_bending(pattern, angle):
     exact = yarns @ k
     found = bending.curvatures()
     assert np.abs(found[middle, :, 2] - exact).max(initial=0) < 1e-5 * kappa
-    f = forces(bending)[:, 2]
+    f = nodal_forces(bending)[:, 2]
     x = blank.coordinates()[: len(f), 0]
     assert COMM.allreduce(np.abs(f).max(initial=0), MPI.MAX) > 0.05 * stiffness * kappa
     assert np.abs(f[np.abs(x) < length / 2 - near]).max(initial=0) < 1e-5 * stiffness * kappa
@@ -191,7 +177,7 @@ def test_few_cells_and_stiffnesses_that_vanish(stiffnesses):
             bending = alone(blank, ff.Bending(*stiffnesses, clamped=clamped))
             displace(blank, lambda x: [0 * x[0], 0 * x[0], 0.1 * x[0] ** 2 + 0.1 * x[1] ** 2])
             assert 0 <= energy(bending) <= 0.1 * max(stiffnesses)
-            assert np.abs(forces(bending)).max(initial=0) <= 10 * max(stiffnesses)
+            assert np.abs(nodal_forces(bending)).max(initial=0) <= 10 * max(stiffnesses)
 
 
 # -- plates and strips under small loads
@@ -329,12 +315,12 @@ def test_curved_sheet_is_at_rest_undeformed():
         area = COMM.allreduce(blank.areas().sum(), MPI.SUM)
         scale = 0.5 * D * kappa**2 * area
         assert energy(bending) < 1e-20 * scale
-        assert np.abs(forces(bending)).max(initial=0) < 1e-10 * scale
+        assert np.abs(nodal_forces(bending)).max(initial=0) < 1e-10 * scale
         Q = rotation(2)
         displace(blank, lambda x: (Q - np.eye(3)) @ x + 4)
         bending.accept()
         assert energy(bending) < 1e-20 * scale
-        assert np.abs(forces(bending)).max(initial=0) < 1e-10 * scale
+        assert np.abs(nodal_forces(bending)).max(initial=0) < 1e-10 * scale
         displace(
             blank, lambda x: [radius * np.arctan2(x[0], radius - x[2]) - x[0], 0 * x[0], -x[2]]
         )
@@ -377,7 +363,7 @@ def test_same_on_any_number_of_ranks_and_turned_in_space(by_position):
         # further, so that forces are not those of the accepted state
         displace(blank, lambda x: turn @ (wavy(turn.T @ x) * 1.1))
         where = blank.along(blank.coordinates().T).T
-        f = forces(bending)
+        f = nodal_forces(bending)
         rows, columns, values = bending.tangent()
         d = np.zeros(blank.V.dofmap.index_map.size_global * 3)
         start = blank.V.dofmap.index_map.local_range[0] * 3
@@ -391,49 +377,6 @@ def test_same_on_any_number_of_ranks_and_turned_in_space(by_position):
     for other in found[1:]:
         for mine, theirs in zip(found[0], other):
             assert np.abs(np.asarray(theirs) - mine).max() <= 1e-12 * np.abs(mine).max()
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("pattern", PATTERNS)
-def test_quarter_of_a_symmetric_sheet(by_position, pattern):
-    """With its mirror images a quarter is the whole sheet, also at the corner where both planes
-    meet."""
-
-    def field(x):
-        return np.array(
-            [
-                np.sin(x[0] / 5) * np.cos(x[1] / 6),
-                0.6 * np.sin(x[1] / 4) * np.cos(x[0] / 7),
-                0.05 * (x[0] ** 2 + np.cos(x[1] / 3)),
-            ]
-        )
-
-    points, cells, _ = specimen(10, 10, 5, 5, pattern)
-    count, found = len(points), []
-    for signs in ([(1, 1)], [(1, 1), (-1, 1), (1, -1), (-1, -1)]):
-        images = np.concatenate([points * [*sign, 1] for sign in signs])
-        _, first, number = np.unique(
-            images.round(6) + 0.0, axis=0, return_index=True, return_inverse=True
-        )
-        number = number.ravel()
-        all_cells = np.concatenate([number[cells + k * count] for k in range(len(signs))])
-        given = (
-            (images[first], all_cells)
-            if COMM.rank == 0
-            else (np.empty((0, 3)), np.empty((0, 3), dtype=np.int64))
-        )
-        blank = ff.Blank(compat.create_mesh(COMM, given[1], given[0], "triangle", 1), a=0.0)
-        planes = [edge(0, 0.0), edge(1, 0.0)] if len(signs) == 1 else ()
-        rim = [edge(0, 10.0), edge(0, -10.0)] if len(signs) == 4 else edge(0, 10.0)
-        bending = alone(blank, ff.Bending(2.0, 1.0, 0.7, 0.3, symmetric=planes, clamped=rim))
-        displace(blank, field)
-        bending.accept()
-        f = forces(bending)
-        where, f = by_position(COMM, blank.coordinates()[: len(f), :2], f)
-        found.append((energy(bending) / len(signs), f[(where > 0.1).all(1)]))
-    (quarter, f), (whole, f_whole) = found
-    assert quarter == pytest.approx(whole, rel=1e-12)
-    assert np.abs(f - f_whole).max() <= 1e-12 * np.abs(f).max()
 
 
 # -- bad input
