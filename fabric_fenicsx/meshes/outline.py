@@ -26,12 +26,9 @@ def outline_mesh(
 ) -> tuple[np.ndarray, np.ndarray, str, list[str]]:
     """Points (n, 3) [mm], triangles (m, 3), their kind, and what was left out, in words.
 
-    sheet: outline and holes, as of `read_outline`; size: of the cells' edges [mm]. Corners of the
-    outline stay. Cells are smaller where it is curved or narrow. pattern: `unstructured`, or
-    `along`: parallelograms (squares) along both yarns, each of four triangles by its diagonals, and
-    other triangles between them and the outline. yarns: angles from x to yarns a and b [rad].
-    Raises InputError for another pattern, for a size that is above half the outline's or makes more
-    than `MOST` cells, and for an outline that nearly touches itself.
+    size: of the cells' edges [mm], smaller where the outline is curved or narrow; its corners stay.
+    pattern: `unstructured`, or `along`: squares along both yarns, each of four triangles, and other
+    triangles between them and the outline. yarns: angles from x to yarns a and b [rad].
     """
     size = POSITIVE.check("`size`", size)
     if pattern not in PATTERNS:

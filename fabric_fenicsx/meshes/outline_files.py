@@ -31,11 +31,9 @@ def read_outline(path: Path | str, layer: str | None = None) -> tuple[shapely.Po
     """The sheet that a file's rings bound [mm], and what to say of it, a sentence each.
 
     The largest ring is the outline, those in it are holes. A table (.csv) has columns x and y, and
-    blank lines or a column `ring` between rings, which close by themselves; a header is needed for
-    other columns and units alone. Of a drawing (.dxf) all lines of its `layer` count, or of several
-    with commas between them, by default of all that are visible, in the unit that it names. Of any
-    other file, a mesh, the boundary counts. Raises InputError for a file that cannot be read, and
-    as `joined` and `sheet_of` do.
+    blank lines or a column `ring` between rings. Of a drawing (.dxf) all lines of its `layer`
+    count, or of several with commas between them, by default of all that are visible; of any other
+    file, a mesh, the boundary.
     """
     path = Path(path)
     source, kind = f"outline {path}", ending(path)
@@ -57,12 +55,8 @@ def read_outline(path: Path | str, layer: str | None = None) -> tuple[shapely.Po
 
 def read_trim_line(path: Path | str) -> tuple[list[np.ndarray], list[str]]:
     """Lines in space (n, 3) [mm], or (n, 2) without z, that a file's trim line consists of, and
-    what to say of it, a sentence each. They close to rings where their ends meet.
-
-    A table (.csv) is one of `read_outline` that may have a column z. Of a drawing (.dxf) all that
-    is visible counts; one in a plane z = const has no z. Raises InputError for a file that cannot
-    be read.
-    """
+    what to say of it: a table of `read_outline` that may have a column z, or all that is visible of
+    a drawing, without z if that is the same all over."""
     path = Path(path)
     source, kind, notes = f"trim line {path}", ending(path), []
     allowed = "a table of x, y and z (.csv, .txt), or a drawing (.dxf)"
@@ -238,10 +232,8 @@ def _is_curve(entity):
 
 def _drawn(entities, states, above, place):
     """What is visible of entities of a block at a `place`, a matrix, on the layer `above`, and in
-    the blocks that it inserts: each with its layer and place; `states`: the layers by name.
-
-    By products of matrices, as ezdxf loses the shear of scales within scales.
-    """
+    the blocks that it inserts: each with its layer and place; `states`: the layers by name."""
+    # by products of matrices, as ezdxf loses the shear of scales within scales
     for each in entities:
         layer = above if each.dxf.layer == "0" else each.dxf.layer
         state = states.get(layer.lower())

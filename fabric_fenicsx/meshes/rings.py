@@ -12,9 +12,8 @@ from ..runtime.graph import connected
 
 
 def joined(lines: Sequence[np.ndarray], source: str) -> list[np.ndarray]:
-    """Closed rings (n, 2) of lines (k, 2) [mm] whose ends meet, given in any order and sense; those
-    given twice count once. source: what errors call them. Raises InputError for lines that do not
-    close, by the place."""
+    """Closed rings (n, 2) of lines (k, 2) [mm] whose ends meet, in any order and sense, each once;
+    source: what errors call them. Raises InputError, by the place, for lines that do not close."""
     # of the lines' extent, up to which their ends meet
     gap = 1e-4 * np.ptp(np.concatenate(lines), axis=0).max()
     ends = np.array([line[[0, -1]] for line in lines]).reshape(-1, 2)
@@ -50,8 +49,7 @@ def joined(lines: Sequence[np.ndarray], source: str) -> list[np.ndarray]:
 
 def sheet_of(rings: Sequence[np.ndarray], source: str) -> shapely.Polygon:
     """The sheet that rings (n, 2) [mm] bound: the largest is its outline, the others are holes.
-    source: what errors call the rings. Raises InputError, by the place, for rings that do not bound
-    one sheet."""
+    Raises InputError, by the place, for rings of a `source` that do not bound one sheet."""
     for small in (ring for ring in rings if len(np.unique(ring, axis=0)) < 3):
         raise InputError(
             f"{source} has a ring of 2 points or less at {coordinates(small[0])} mm; allowed are 3"

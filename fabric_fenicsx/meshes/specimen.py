@@ -26,18 +26,13 @@ def specimen(
     yarns: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray, str]:
     """Points (n, 3) [mm], cells (m, k) in gmsh's order and their kind, of the sheet [0, length] x
-    [0, width].
+    [0, width]; yarns: angle of one family of yarns to the length [rad], the other is perpendicular.
 
     pattern: of nx x ny rectangles `crossed` makes four triangles each by both diagonals, `right`
     two by the diagonal that rises to the right, `left` by the other; `graded` is `crossed` with
-    cells small across the lines at 45 deg through the corners, where a bias test's shear angle
-    jumps; `along` is `crossed` of squares that are turned along the yarns, with other triangles
-    between them and the edges; `unstructured` meshes with cells of about those sizes, and so does
-    `yarns`, but with edges along the yarns through the corners.
-    cell: "triangle" or "quadrilateral" (nx x ny rectangles, or unstructured). yarns: angle of one
-    family of yarns to the length [rad], the other is perpendicular. Raises InputError for other
-    patterns and cells, sizes or numbers that are not above 0, for quadrilaterals `along` yarns, and
-    for `graded` if the length is not a multiple of the width.
+    cells small across the lines at 45 deg through the corners; `along` is `crossed` of squares
+    along the yarns, with other triangles between them and the edges; `unstructured` meshes with
+    cells of about those sizes, `yarns`, too, but with edges along the yarns through the corners.
     """
     for name, value, allowed in (("pattern", pattern, PATTERNS), ("cell", cell, CELLS)):
         if value not in allowed:

@@ -119,10 +119,9 @@ def maps(
     units: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
     """Maps of the fields `names` on the deformed sheets {title: grid} of `variants`, one colour
-    scale a field; of fields at nodes the mean over each cell. Values keep their signs; above each
-    map stand the least and the largest of a cell. One variant's maps stand below each other;
-    several variants make a row each. outliers: share of all cells, at each end of the scale, that
-    may lie beyond it; units: of fields that are not in `SHOWN`."""
+    scale a field, with the least and the largest of a cell above. Several variants make a row each.
+    outliers: share of all cells, at each end of the scale, that may lie beyond it; units: of fields
+    that are not in `SHOWN`."""
     one = len(variants) == 1
     rows, columns = (len(names), 1) if one else (len(variants), len(names))
     polygons = {title: cell_polygons(grid) for title, grid in variants.items()}

@@ -45,9 +45,8 @@ class _Scene(NamedTuple):
 
 
 def flat_grids(blank: Blank | Stack, symmetric: Sequence[int] = ()) -> dict[str, Grid]:
-    """The plies of a blank as they lie before a run {name: grid}, one is {"": grid}: what
-    `setup_picture` draws. symmetric: axes to which planes of symmetry are perpendicular. On all
-    ranks, which call it together."""
+    """The plies of a blank as they lie before a run {name: grid}, on all ranks, which call it
+    together; symmetric: axes to which planes of symmetry are perpendicular."""
     grids = {}
     corners, comm = blank.corners(), blank.mesh.comm
     for part in list(blank.parts.values()) or [blank.whole]:
@@ -65,10 +64,9 @@ def setup_picture(
     tools: Mapping[str, Tool | pyvista.PolyData],
     motions: Mapping[str, Any] | None = None,
 ) -> None:
-    """The flat plies and the tools where they are now, in space and in sections through the centre:
-    1600 x 1200 pixels. plies: {name: grid}, as of `flat_grids` or of a run's states, drawn as they
-    were cut; tools: {name: tool}, drawn around the blank, or {name: surface}; motions: {name of a
-    tool: (3,)}, where it goes [mm]. Raises InputError where VTK finds nothing to draw on."""
+    """The flat plies {name: grid} and the tools {name: tool or surface} where they are now, in
+    space and in sections through the centre: 1600 x 1200 pixels; motions: {name of a tool: (3,)},
+    where it goes [mm]."""
     motions = {name: np.asarray(v, float) for name, v in (motions or {}).items() if np.any(v)}
     flat = {name: space.surface_of(grid, formed=False) for name, grid in plies.items()}
     scene = _scene(flat, tools)
@@ -87,10 +85,8 @@ def setup_picture(
 
 def filmstrip(path: File, folder: Path | str, loads: ArrayLike = SHOWN) -> None:
     """The stroke of the run in `folder` as states side by side, coloured by the magnitude of the
-    shear angle on one scale: the plies, of several each cut away further than the one below, the
-    tools below them, and the rear half of those above, translucent. loads: shares of the load that
-    was reached, near which states are shown. Raises InputError for a folder without states, and
-    where VTK finds nothing to draw on."""
+    shear angle on one scale: plies, each cut away further than the one below, tools below them, and
+    the rear half of those above. loads: shares of the last load, near which states are shown."""
     known = states(folder)
     at = np.array([state.load for state in known])
     wanted = at[-1] * np.asarray(loads, dtype=float)

@@ -81,9 +81,9 @@ def cropped(images: Sequence[np.ndarray]) -> list[np.ndarray]:
 
 
 def surface_of(grid: Grid, full: bool = True, formed: bool = True) -> pyvista.PolyData:
-    """The ply, formed or flat, with the nodes' `place` on the flat one and the magnitude of the
-    `shear_angle` [deg], 0 of metal; `yarn_a`, `yarn_b`, the distance across yarns [mm], if known;
-    full: with images in the planes of symmetry, whose axes are in the field data `planes`."""
+    """The ply, formed or flat, with the nodes' `place` on the flat one, the size of the
+    `shear_angle` [deg] and, if known, the distance across yarns, `yarn_a` and `yarn_b` [mm]; full:
+    with images in the planes of symmetry."""
     ply = ply_of(grid)
     planes = ply.planes if full else []
     ply = whole(ply) if full else ply
@@ -172,9 +172,8 @@ def formed_picture(
     full: bool = True,
 ) -> None:
     """The formed plies, the lowest first, each cut away further than the one below, coloured by the
-    magnitude of the shear angle, with a yarn each `spacing` [mm], over the surface of the tool now:
-    1600 x 1000 pixels. full: mirror a quarter. Raises InputError where VTK finds nothing to draw
-    on."""
+    magnitude of the shear angle, with a yarn each `spacing` [mm], over the tool: 1600 x 1000
+    pixels. full: mirror a quarter."""
     fabrics = [grid["shear_angle"] for grid in plies if "shear_angle" in grid.cell_data]
     largest = max(abs(np.degrees(shear)).max() for shear in fabrics)
     surfaces = [surface_of(grid, full) for grid in plies]

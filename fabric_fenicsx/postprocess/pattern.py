@@ -53,9 +53,7 @@ def flat_pattern(grid: Grid, trim: Plane | Sequence[np.ndarray], reach: float) -
 
     trim: lines (n, 3) in space, each point of which counts where the ply is nearest, or (n, 2),
     projected along z [mm]; of the closed rings that they form the largest is the outline, others
-    are holes. Holes of the ply stay. reach: distance from the ply up to which a line counts [mm].
-    Raises InputError for a line that is further away or leaves the ply, with all places, is open,
-    or crosses itself in the flat, and for a plane that does not cut the ply.
+    are holes. reach: distance from the ply up to which a line counts [mm].
     """
     ply = whole(ply_of(grid))
     if isinstance(trim, Plane):
@@ -222,10 +220,8 @@ def _cleaned(x, u, triangles, fields):
 def write_pattern(
     stem: Path | str, pattern: FlatPattern, units: dict[str, str] | None = None
 ) -> list[Path]:
-    """Write STEM.dxf, a drawing in mm with closed polylines on the layers OUTLINE and HOLES,
-    STEM.csv, a table of x and y [mm] with the number of the `ring`, and STEM.vtu, the formed part
-    with the fields of its cells, `u` and the places `flat` on the flat ply. units: of fields.
-    Returns their paths."""
+    """Write STEM.dxf with layers OUTLINE and HOLES, STEM.csv of x, y and `ring`, and STEM.vtu, the
+    formed part with fields, `u` and places `flat` on the flat ply; returns their paths."""
     stem = Path(stem)
     files = [stem.with_name(stem.name + ending) for ending in (".dxf", ".csv", ".vtu")]
     rings = [ring for part in shapely.get_parts(pattern.net) for ring in _rings(part)]

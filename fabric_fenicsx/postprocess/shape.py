@@ -1,6 +1,6 @@
 """Measurements of a formed ply: paths, outline and draw-in, wrinkles.
 
-Every function takes the grid of a state, as `states.read_last` gives it: undeformed places, `u` at
+Every function takes the grid of a state, as `states.read_state` gives it: undeformed places, `u` at
 the points, fields on the cells. Nodes that several ranks wrote are merged. Other cells than
 triangles with nodes at their corners are cut into these. The ply lies flat at first. Where
 it has planes of symmetry, x = 0 or y = 0, its edges there are not free.
@@ -39,9 +39,8 @@ def along_paths(
 ) -> dict[float, Path]:
     """{angle: `Path`} from the whole ply's centroid to its edge, straight on the flat ply, at
     `angles_deg` to x; a point each `spacing` [mm] and one at the edge. A value is linear between
-    the nodes of a cell, and at a node the mean over the cells around it by their areas (as in Fig.
-    16 of the paper), on a plane of symmetry those on its one side: a shear angle that the mirror
-    reverses is not 0 there. Raises InputError if the centroid is not on the ply."""
+    nodes, and there the mean over the cells around by their areas (as in Fig. 16 of the paper).
+    Raises InputError if the centroid is not on the ply."""
     from matplotlib.tri import LinearTriInterpolator, Triangulation  # takes long to import
 
     ply, fine = ply_of(grid), 20  # points of the line on the formed ply for each point of the path
@@ -154,10 +153,8 @@ def outline(grid: Grid) -> list[Outline]:
 
 def draw_in(grid: Grid) -> dict[str, Any]:
     """Ways of the edge inwards in plan [mm], as in `Outline`: {name: value} at the middle of the
-    long and of the short side of the rectangle around the ply, at its corner, each the mean of
-    those that the grid has, and the largest of all points of the edge, with its place (x, y) on the
-    flat ply. Where the grid has two such sides, also at the middle of each: `middle_at_low_x_mm`
-    and so on."""
+    long and of the short side of the rectangle around the ply and at its corner, as means, at the
+    middle of each side of a whole ply, and the largest, with its place (x, y) on the flat ply."""
     edges = outline(grid)
     # without the last point of a closed one, which is its first
     closed = [np.array_equal(edge.formed[0], edge.formed[-1]) for edge in edges]

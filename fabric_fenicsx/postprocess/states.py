@@ -54,12 +54,7 @@ def read_grids(folder: Path | str) -> dict[str, Grid]:
     return states(folder)[-1].plies()
 
 
-def read_last(folder: Path) -> Grid:
-    """Last state of `folder`/fields.pvd, as of `read_state`."""
-    return read_state(folder, None)
-
-
-def read_state(folder: Path, load: float | None) -> Grid:
+def read_state(folder: Path, load: float | None = None) -> Grid:
     """The state at `load`, by default the last, in `folder`/fields.pvd: one grid of all ranks'
     parts. A cell field that only some sheets have is NaN on the others."""
     blocks = [block for block in _read(folder / "fields.pvd", load) if block.n_cells]
@@ -148,9 +143,9 @@ def with_known_fields(grid: Grid) -> Grid:
 def save(
     path: Path, data: pyvista.DataSet, known: Mapping[str, str], portable: bool = False
 ) -> None:
-    """Write a grid or surface to `path`, whole or not at all; OSError naming it. known: units of
-    arrays {name: unit}; in the file a name ends with its unit, and angles are in degrees. portable:
-    without texts and LZ4, which meshio cannot read."""
+    """Write a grid or surface to `path`, whole or not at all. known: units of arrays {name: unit};
+    in the file a name ends with its unit, and angles are in degrees. portable: without texts and
+    LZ4, which meshio cannot read."""
     data, units, radians = data.copy(deep=False), [], []
     for arrays in (data.point_data, data.cell_data):
         for name in [each for each in arrays if each in known]:
@@ -198,8 +193,7 @@ def triangulated(tool: Tool, low: np.ndarray, high: np.ndarray) -> pyvista.PolyD
 
 def set_labels(names: Iterable[str]) -> dict[str, str]:
     """Labels {name: label} of plies in files' names and in Abaqus: letters, digits and _ only, a
-    letter first, at most `LABEL` of them, and no two alike, as Abaqus does not tell capitals apart.
-    A sign before a number becomes p or m: +45 is p45."""
+    letter first, no two alike but for capitals. A sign becomes p or m: +45 is p45."""
     labels: dict[str, str] = {}
     for name in names:
         plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()

@@ -22,10 +22,9 @@ AXES, LENGTH, ANGLE = "yarn_axes", "length", "angle"  # tables of distributions
 
 class FormedPly(NamedTuple):
     """points, flat (n, 3) [mm] of the formed and the flat ply's nodes, cells (m, 3 or 4) by their
-    corners, anticlockwise about the normal, and fields {name: (m,) or (m, 3)}: unit vectors
-    `yarn_a`, `yarn_b`, `normal` (to the side from which b is anticlockwise of a), `shear_angle`
-    [rad], `area_ratio` (formed over flat), and `thickness` [mm], if the run knew it. A sheet
-    without yarns, as of metal, has `area_ratio` and `thickness` alone."""
+    corners, anticlockwise about the normal, and fields {name: (m,) or (m, 3)}: `area_ratio`,
+    `thickness` [mm] if known, and with yarns unit vectors `yarn_a`, `yarn_b`, `normal` (from which
+    b is anticlockwise of a), and `shear_angle` [rad]."""
 
     points: np.ndarray
     flat: np.ndarray
@@ -108,9 +107,7 @@ def export(
     grids: Mapping[str, Grid], path: Path | str, modelled: bool = False
 ) -> dict[str, FormedPly]:
     """Write the formed plies {name: grid} with their yarn directions, mirrored in the planes of
-    symmetry unless `modelled`, to `path`; returns them. The ending says how: docs/howto/
-    structural_analysis.md. Raises InputError for another one, if no ply has yarns, and for LS-DYNA
-    and Nastran if a thickness is not known."""
+    symmetry unless `modelled`, to `path`, in the format that its ending says; returns them."""
     path, plies = checked(path), {n: formed_ply(grid, modelled) for n, grid in grids.items()}
     if not any("yarn_a" in ply.fields for ply in plies.values()):
         raise InputError("no sheet has yarns; allowed is at least one ply of fabric")

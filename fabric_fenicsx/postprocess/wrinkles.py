@@ -22,15 +22,11 @@ Heights = Callable[[np.ndarray], np.ndarray]
 
 
 def height_map(grid: Grid, over_tools: Heights) -> Grid:
-    """The ply in a grid with the height of its wrinkles at the nodes, `HEIGHT` [mm].
-
-    It is the distance, with a sign, from a smooth surface: at each node the parabola in the flat
-    ply's coordinates that fits the ply around it best, with Gaussian weights (`SIGMA`). What is the
-    same along the way on which the smooth surface is shortened most is its shape, as where a ply
-    bridges two tools, so the mean along that way is taken off. Beside radii of tools the height
-    counts as far as the ply is off them. over_tools: function of formed places (n, 3) [mm] to the
-    distance (n,) [mm] of the ply's faces from the nearest tool.
-    """
+    """The ply in a grid with the height of its wrinkles at the nodes, `HEIGHT` [mm]: the distance,
+    with a sign, from the parabola that fits the ply around a node best, with Gaussian weights
+    (`SIGMA`), less its mean along the way on which that is shortened most, which is shape. It
+    counts as far as the ply is off tools. over_tools: function of formed places (n, 3) [mm] to the
+    distance (n,) [mm] of the ply's faces from the nearest tool."""
     ply = ply_of(grid)
     w = _waves(ply)
     free = np.clip(np.nan_to_num(over_tools(ply.formed), nan=np.inf), 0.0, None)
@@ -42,14 +38,9 @@ def height_map(grid: Grid, over_tools: Heights) -> Grid:
 
 
 def wrinkles(heights: Grid) -> dict[str, Any]:
-    """Numbers of the wrinkles of a ply by its `height_map`: {name: value}.
-
-    - height_mm, height_rms_mm: the largest at a node, and over the flat area
-    - wavelength_mm: 2 pi times the r.m.s. height over that of its slope; None without waves
-    - cells_a_wave: it over the mean length of a cell's edges
-    - rim_mm: how far the highest place of the outer free edge is above its lowest
-    - folds: ridges of that edge, by z, that stand out by `FOLD`, of the whole ply
-    """
+    """Numbers of the wrinkles of a ply by its `height_map`. Its wavelength is 2 pi times the r.m.s.
+    height over that of its slope; rim_mm: height of the outer free edge, whose ridges that stand
+    out by `FOLD` are `folds`."""
     ply, w = ply_of(heights), heights.point_data[HEIGHT]
     area = plan_area(ply.x, ply.triangles)
     of_nodes = np.bincount(ply.triangles.ravel(), np.repeat(area / 3, 3), len(w))
@@ -71,8 +62,7 @@ def wrinkles(heights: Grid) -> dict[str, Any]:
 
 
 def _waves(ply):
-    """Distances (n,) of the nodes from their smooth surface, less their means along the way on
-    which that is shortened most, as far as there is one [mm]."""
+    """Heights (n,) of the nodes, but for tools [mm]."""
     w, tangents = _off_smooth(ply)
     metric = tangents @ tangents.swapaxes(1, 2)
     # twice the angle of the way; 1 where it is clear, 0 where all ways are shortened alike
@@ -171,8 +161,8 @@ def _quadratic(X):
 
 
 def _means(ply):
-    """Flat place, formed place and area of squares of `STEP`, the means of what they have, (k, 6):
-    finer nodes cost much and tell nothing of a smooth surface."""
+    """Mean flat place, formed place and area of squares of `STEP`, (k, 6): finer nodes cost much
+    and tell nothing of a smooth surface."""
     n = len(ply.x)
     corners = areas(ply.x[ply.triangles])
     area = np.bincount(ply.triangles.ravel(), np.repeat(corners / 3, 3), n)
@@ -194,8 +184,7 @@ def _slopes(ply, w):
 
 
 def _ridges(z, planes):
-    """Number of ridges of a rim's profile z (n,): closed, or a part that planes of symmetry mirror
-    into a whole."""
+    """Number of ridges of a rim's profile z (n,), mirrored in planes of symmetry."""
     for _ in range(planes):
         z = np.concatenate([z, z[::-1]])
     if np.ptp(z) < FOLD:

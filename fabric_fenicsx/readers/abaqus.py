@@ -27,10 +27,7 @@ class _Part:
 
 def read_abaqus(path: Path) -> SurfaceMesh:
     """The surface elements of an Abaqus input file [mm], instances where the assembly has them.
-
-    Raises InputError, without the file's name, for a node or element that cannot be read, that is
-    not there or that a keyword generates; OtherFormat for a file of another program.
-    """
+    Raises InputError, without the file's name, OtherFormat for a file of another program."""
     parts: dict[str, _Part] = {"": _Part()}
     placed: list[tuple[_Part, list[np.ndarray]]] = []
     part = own = parts[""]

@@ -31,11 +31,8 @@ DOUBT = re.compile(r"\b(warning|warn|error|err)\b", re.IGNORECASE)
 
 
 def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh:
-    """The mesh in a file, with surface cells; `what` and `allowed` are words of errors.
-
-    A reader that warns, or names nodes that are not there, counts if no other one reads the file.
-    Raises InputError, with the reasons of all readers, if none does, or if it has no surface cells.
-    """
+    """The mesh in a file, with surface cells; `what` and `allowed` are words of errors. A reader
+    that warns, or names nodes that are not there, counts if no other one reads the file."""
     check_file(path, what, allowed)
     check_end(path, what)
     if ending(path) == ".h5" and path.with_suffix(".xdmf").is_file():

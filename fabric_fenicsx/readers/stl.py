@@ -16,11 +16,8 @@ VERTICES = re.compile(r"(?<!\S)vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 
 
 def read_stl(path: Path) -> SurfaceMesh:
-    """The triangles of an STL file [mm]; corners at one place are one point.
-
-    Raises InputError, without the file's name, for a file that is cut off, or holds more triangles
-    than its header counts or something else than numbers; OtherFormat for one that is no STL.
-    """
+    """The triangles of an STL file [mm]; corners at one place are one point. Raises InputError,
+    without the file's name, for one that is cut off, OtherFormat for one that is no STL."""
     data = path.read_bytes()
     count = int.from_bytes(data[HEADER - 4 : HEADER], "little")
     if count and len(data) >= HEADER + FACET * count:

@@ -17,13 +17,8 @@ def surface_kind(corners: int, nodes: int) -> str:
 
 
 class SurfaceMesh(NamedTuple):
-    """A mesh in a file.
-
-    - points (n, 3) [mm]
-    - cells: surface cells (m, k) by meshio's name of their kind, as triangle, quad9 or polygon5, in
-      gmsh's order of nodes: corners, edges, inside
-    - others: what else there is, each kind with its dimension
-    """
+    """A mesh in a file: points (n, 3) [mm]; surface cells (m, k) by meshio's name of their kind, as
+    triangle, quad9 or polygon5, in gmsh's order of nodes; other kinds with their dimension."""
 
     points: np.ndarray
     cells: dict[str, np.ndarray]
@@ -33,9 +28,8 @@ class SurfaceMesh(NamedTuple):
     def collected(
         cls, points: np.ndarray, blocks: Iterable[tuple[str, np.ndarray]], others: Mapping[str, int]
     ) -> Self:
-        """The mesh of points (n, 2 or 3) and blocks (kind, (m, k)), which may share kinds. Cells
-        that are there again with the same nodes, as gmsh writes them for each group, are left out.
-        """
+        """The mesh of points (n, 2 or 3) and blocks (kind, (m, k)), with each cell once, as gmsh
+        writes them for each group."""
         x = np.asarray(points, dtype=float).reshape(len(points), -1 if len(points) else 3)
         parts: dict[str, list[np.ndarray]] = {}
         for kind, cells in blocks:

@@ -61,10 +61,10 @@ class Result:
         """The whole sheet as it lay at first, with the displacement `u` [mm] to its last state and
         the fields of that state, on rank 0 only: `grid.warp_by_vector("u")` is the formed one."""
         if self._grid is None:
-            from ..postprocess.states import read_last
+            from ..postprocess.states import read_state
 
             assert self.folder
-            self._grid = read_last(self.folder)
+            self._grid = read_state(self.folder)
         return self._grid
 
     @property

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import comb, factorial
 
 from ..runtime.errors import InputError
 
@@ -47,7 +46,6 @@ HIGHER = {
 }
 STRAIGHT = 1e-6  # distance of nodes from a straight edge or a plane, over the edge's length
 FLAT = 1e-16  # squared area over the longest edge's fourth power: no area below it
-FINE = 40  # places along an edge at which a cell is looked at that may be turned over inside
 
 
 def at_place(place: np.ndarray) -> str:
@@ -129,21 +127,15 @@ def check_shapes(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str) -
         raise InputError(f"{flaw}; allowed are cells with area")
     if how.degree == 1:
         return
-    # The normal is a polynomial: where its coefficients of Bernstein are positive it is, too; the
-    # others are looked at.
-    places, bernstein = _bernstein(how.cell)
-    coefficients = _areas(x, cells, how, places, mean) @ bernstein.T
-    doubtful = np.flatnonzero(coefficients.min(1) <= FLAT * size**2)
-    if not doubtful.size:
-        return
-    fine = _lattice(how.cell, FINE)
-    areas = _areas(x, cells[doubtful], how, fine, mean[doubtful])
-    turned = np.flatnonzero(areas.min(1) <= FLAT * size[doubtful] ** 2)
-    if turned.size:
-        cell = doubtful[turned[0]]
-        place = _shapes(how, fine[[areas[turned[0]].argmin()]])[0] @ x[cells[cell]]
-        flaw = f"that its curved edges turn over inside, {at_place(place[0])}"
-        raise InputError(f"{source} has a cell, number {cell}, {flaw}; allowed is area everywhere")
+    fine = _lattice(how.cell, 20)
+    for block in np.array_split(np.arange(len(cells)), 1 + len(cells) // 2000):
+        areas = _areas(x, cells[block], how, fine, mean[block])
+        for k in np.flatnonzero(areas.min(1) <= FLAT * size[block] ** 2)[:1]:
+            place = _shapes(how, fine[[areas[k].argmin()]])[0] @ x[cells[block[k]]]
+            flaw = (
+                f"number {block[k]}, that its curved edges turn over inside, {at_place(place[0])}"
+            )
+            raise InputError(f"{source} has a cell, {flaw}; allowed is area everywhere")
 
 
 def _shapes(how, places):
@@ -170,19 +162,3 @@ def _lattice(cell, n):
     s, t = (k.ravel() / n for k in np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij"))
     inside = s + t <= 1 + 1e-9 if cell == "triangle" else s >= 0
     return np.column_stack([s, t])[inside]
-
-
-def _bernstein(cell):
-    """Places (k, 2), and the matrix (k, k) from a polynomial's values there to its coefficients of
-    Bernstein: of degree 2 on triangles, 3 in each direction on quadrilaterals."""
-    n = 2 if cell == "triangle" else 3
-    places = _lattice(cell, n)
-    s, t = places.T[:, :, None]
-    i, j = np.round(places * n).astype(int).T
-    if cell == "triangle":
-        k = n - i - j
-        basis = s**i * t**j * np.clip(1 - s - t, 0, 1) ** k
-        basis *= factorial(n) / (factorial(i) * factorial(j) * factorial(k))
-    else:
-        basis = comb(n, i) * s**i * (1 - s) ** (n - i) * comb(n, j) * t**j * (1 - t) ** (n - j)
-    return places, np.linalg.inv(basis)

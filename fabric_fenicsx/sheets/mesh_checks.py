@@ -3,7 +3,6 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from ..runtime.errors import InputError
@@ -25,12 +24,9 @@ def checked_mesh(
 ) -> MeshArrays:
     """The mesh with only the nodes that are in use, in R^2 if it is plane in z and not `spatial`.
 
-    points: (n, 2 or 3) [mm]; cells: (m, k), in gmsh's order; kind: one of `CELLS`; source: what
-    errors call the mesh. Cells of a plane mesh that are turned over are turned, and warned of.
-    Raises InputError, with the first number (from 0) and place, for a mesh without cells, nodes
-    that are not there or not finite, cells without area, turned over inside by curved edges, given
-    twice or hanging on a node inside an edge, edges of more than two cells, and several sheets.
-    Open slits are warned of.
+    points (n, 2 or 3) [mm]; cells (m, k) of a kind of `CELLS`, in gmsh's order; source: what errors
+    call the mesh. Cells of a plane mesh that are turned over are turned, and warned of, as are
+    slits. Raises InputError, with number and place, for what no sheet has.
     """
     if kind not in CELLS:
         raise InputError(f"{source} holds cells of kind {kind}; allowed are {sorted(CELLS)}")
@@ -94,6 +90,8 @@ class _Neighbours:
         self._crowded()
         self._sheets()
         rim = self._rim()
+        if not len(rim[0]):  # a closed sheet
+            return []
         self._hanging(*rim)
         return self._slits(rim[0])
 
@@ -137,8 +135,9 @@ class _Neighbours:
         nodes, near = np.unique(ends), {1: 1e-3, 2: 3e-2}[self.how.degree]
         p, q = self.x[ends].swapaxes(0, 1)
         length = np.linalg.norm(q - p, axis=1)
-        edge, node = _within(self.x[nodes], (p + q) / 2, (0.5 + near) * length)
-        node = nodes[node]
+        beside: Any = cKDTree(self.x[nodes]).query_ball_point((p + q) / 2, (0.5 + near) * length)
+        edge = np.repeat(np.arange(len(ends)), [len(each) for each in beside])
+        node = nodes[np.concatenate([*beside, []]).astype(int)]
         other = (node != ends[edge, 0]) & (node != ends[edge, 1])
         edge, node = edge[other], node[other]
         # both over the edge's length
@@ -167,14 +166,3 @@ class _Neighbours:
             f"{at_place(self.x[nodes[pairs.min()]])}: the sheet is open there, a slit; merge these "
             "nodes if it should be whole"
         ]
-
-
-def _within(
-    points: np.ndarray, centres: np.ndarray, radii: ArrayLike
-) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of centres (k,) and of `points` (n, 3) that lie within their `radii`."""
-    if not len(points) or not len(centres):
-        return np.empty(0, int), np.empty(0, int)
-    found: Any = cKDTree(points).query_ball_point(centres, radii)
-    number = np.repeat(np.arange(len(centres)), [len(each) for each in found])
-    return number, np.concatenate(found).astype(int)

@@ -21,10 +21,9 @@ OFF = 0.5  # share of the cells off the yarns from which a mesh is taken not to 
 class Part:
     """Cells of a `blank`: a sheet of a stack, a patch, or all of it (`name` is "" then).
 
-    - thickness: of a stack's sheet, otherwise None [mm]; cells (n,): this rank's owned ones
+    - thickness: of a stack's sheet [mm]; cells (n,): this rank's owned ones
     - nodes (owned nodes,): mask of those at the part's cells, also at cells of other ranks
-    - straight: directions of yarns a and b where they are the same in all cells, otherwise None;
-      orthogonal: whether they are so in every point
+    - straight: directions of yarns a and b where they are the same in all cells, otherwise None
     """
 
     def __init__(
@@ -108,10 +107,8 @@ class Part:
 
     def dx(self, degree: int | None = None, drawn: float = 1.0) -> ufl.Measure:
         """Integration over the part, exact for polynomials of this degree on cells with straight
-        sides; None: what UFL estimates. The square of a displacement on P1 needs 2, on P2 4; with
-        less, nothing tells that the energy is off. drawn: distance of the points from the cells'
-        centres, over those of that rule. All parts of a blank share a subdomain number, and so
-        compiled forms: a form must not mix parts."""
+        sides; None: what UFL estimates. drawn: distance of the points from the cells' centres, over
+        those of that rule. All parts share a subdomain number: a form must not mix parts."""
         metadata: dict[str, Any] = {} if degree is None else {"quadrature_degree": degree}
         if degree is not None and drawn != 1:
             points, weights = compat.quadrature(self.blank.mesh, degree, drawn)

@@ -115,9 +115,9 @@ def _draw_trend(ax, runs, name):
 def _sheet(folder):
     """Polygons and fields {label: values} of the cells of a run's last state, the uppermost
     last."""
-    from ..postprocess.states import read_last
+    from ..postprocess.states import read_state
 
-    grid = read_last(folder)
+    grid = read_state(folder)
     cells = grid.cells.reshape(grid.n_cells, -1)[:, 1:]
     heights = (grid.points[:, 2] + grid.point_data["u"][:, 2])[cells].mean(1)
     order = np.argsort(heights, kind="stable")

@@ -14,7 +14,7 @@ from fabric_fenicsx.mechanics.contact.pressure_law import face_of
 from fabric_fenicsx.mechanics.materials import fabric_of
 from fabric_fenicsx.mechanics.output import largest, last, on_part, size_of
 from fabric_fenicsx.mechanics.shell.bending import plate_stiffness
-from fabric_fenicsx.postprocess.states import read_last
+from fabric_fenicsx.postprocess.states import read_state
 from fabric_fenicsx.results.history import COLUMNS
 from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.solve.newton import Newton
@@ -69,7 +69,7 @@ def test_an_own_term_is_in_history_summary_fields_and_energy_balance(folder):
     written = json.loads((folder / "summary.json").read_text())["energy"]["bedding"]
     assert float(rows[-1]["bedding_energy_Nmm"]) == written == stored
     assert float(rows[-1]["bedding_traction_MPa"]) == pytest.approx(K * stroke)
-    grid = read_last(folder)
+    grid = read_state(folder)
     assert grid["bedding_traction"] == pytest.approx(-K * grid["u"][:, :2], abs=1e-12)
     assert "bedding_traction [MPa]" in grid.field_data["units"]
 

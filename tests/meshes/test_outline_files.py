@@ -14,7 +14,6 @@ from fabric_fenicsx.runtime.formatting import rounded
 
 SHEET = "x,y\n0,0\n100,0\n100,80\n0,80\n"
 CORNERS = [(0, 0), (100, 0), (100, 80), (0, 80)]
-HALF_A_RING = "0\nLINE\n8\nCUT\n10\n{}\n20\n{}\n11\n{}\n21\n{}\n"  # of R12, which names no unit
 
 
 @pytest.fixture
@@ -139,14 +138,6 @@ def test_a_spline_is_cut_between_the_knots_of_all_its_functions(drawing, clamped
     curve = BSpline(knots, np.hstack([x * w, w]), 3)(np.linspace(knots[3], knots[7], 2001))
     sheet, _ = drawing(draw)
     assert sheet.area == pytest.approx(8000 - Polygon(curve[:, :2] / curve[:, 2:]).area, rel=1e-4)
-
-
-def test_an_old_drawing_has_lines_alone(table):
-    ends = zip(CORNERS, CORNERS[1:] + CORNERS[:1])
-    lines = "".join(HALF_A_RING.format(*start, *end) for start, end in ends)
-    text = f"0\nSECTION\n2\nENTITIES\n{lines}0\nENDSEC\n0\nEOF\n"
-    sheet, (told,) = table(text, "ply.dxf")
-    assert sheet.area == pytest.approx(8000) and "is taken in mm" in told
 
 
 def test_layers_of_a_drawing(drawing):

@@ -8,7 +8,7 @@ from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.plot import pictures
-from fabric_fenicsx.postprocess.states import read_last
+from fabric_fenicsx.postprocess.states import read_state
 from fabric_fenicsx.results.fields import FieldSeries
 from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.scene.scene import Scene
@@ -25,7 +25,7 @@ def test_polygons_cover_the_deformed_sheet(tmp_path, element):
     x, stretch = blank.coordinates()[:, :2], np.array([[0.1, 0.05], [0.0, -0.02]])
     blank.u.x.array[:] = (x @ stretch.T).ravel()
     FieldSeries(tmp_path, Scene(blank, [Membrane(load("komeili"))])).write(1.0)
-    x, y = np.moveaxis(pictures.cell_polygons(read_last(tmp_path)), -1, 0)
+    x, y = np.moveaxis(pictures.cell_polygons(read_state(tmp_path)), -1, 0)
     areas = (x * np.roll(y, -1, 1) - y * np.roll(x, -1, 1)).sum(1) / 2
     assert len(areas) == blank.mesh.topology.index_map(2).size_local
     assert abs(areas) == pytest.approx(
@@ -42,7 +42,7 @@ def test_maps_show_signed_values_and_their_extremes(tmp_path, monkeypatch):
     FieldSeries(tmp_path, scene).write(1.0, fields)
     drawn = []
     monkeypatch.setattr(pictures.plt, "close", drawn.append)
-    grid = read_last(tmp_path)
+    grid = read_state(tmp_path)
     pictures.maps(tmp_path / "one.png", {"one": grid}, ("log_eps_22", "shear_angle"), outliers=0.1)
     pictures.maps(tmp_path / "two.png", {"one": grid, "two": grid}, ("shear_angle",))
     gamma = np.degrees(fields["shear_angle"])

@@ -15,7 +15,6 @@ from fabric_fenicsx.plot import forming_pictures, press_pictures, space
 from fabric_fenicsx.postprocess.states import states
 from fabric_fenicsx.results import report
 from fabric_fenicsx.results.fields import FieldSeries
-from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support
 from fabric_fenicsx.sheets.stack import Stack
@@ -96,14 +95,6 @@ def test_tools_lie_on_the_sides_of_the_blank_where_they_start(run):
     assert press_pictures._scene(plies, state.tools()).above == {"ball": False, "lid": True}
 
 
-def test_the_blank_of_a_stack_before_a_run():
-    grids = press_pictures.flat_grids(blank(("lower", "upper")))
-    assert {name: grid.area for name, grid in grids.items()} == pytest.approx(
-        {"lower": 2400, "upper": 2400}
-    )
-    assert grids["lower"].bounds[4] < grids["upper"].bounds[4]
-
-
 @pytest.mark.mpi
 def test_all_ranks_know_the_whole_blank():
     (grid,) = press_pictures.flat_grids(blank(comm=MPI.COMM_WORLD)).values()
@@ -126,18 +117,13 @@ def test_a_filmstrip_has_its_states_and_their_words(tmp_path, run, monkeypatch):
     assert 0.02 < changed < 0.9
 
 
-def test_a_filmstrip_needs_states(tmp_path):
-    with pytest.raises(InputError, match="has no fields.pvd"):
-        press_pictures.filmstrip(tmp_path / "filmstrip.png", tmp_path)
+def test_a_surface_on_both_sides_of_a_mirror_is_cut_there():
+    plane = pyvista.Plane(i_size=30, j_size=10, i_resolution=3, j_resolution=3).triangulate()
+    plane = space.mirrored(plane.translate((5.0, 0, 0)), [0])
+    assert plane.bounds[:2] == pytest.approx((-20, 20)) and plane.area == pytest.approx(400)
 
 
 def test_pictures_of_formed_plies(run):
     forming_pictures.draw_plies(run, states(run)[-1].plies(), "ball")
     drawn = {file.stem for file in run.glob("*.png")}
     assert {"formed", "states"} <= drawn <= set(report.CAPTIONS) - {"shortening"}
-
-
-def test_a_surface_on_both_sides_of_a_mirror_is_cut_there():
-    plane = pyvista.Plane(i_size=30, j_size=10, i_resolution=3, j_resolution=3).triangulate()
-    plane = space.mirrored(plane.translate((5.0, 0, 0)), [0])
-    assert plane.bounds[:2] == pytest.approx((-20, 20)) and plane.area == pytest.approx(400)

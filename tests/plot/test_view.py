@@ -79,15 +79,11 @@ def test_another_state_takes_the_place_of_the_one_shown(run):
 )
 def test_colours_are_those_of_the_last_state(run, field, least, largest):
     with drawing() as plotter:
+        with pytest.raises(InputError, match=r"field shear is unknown \(did you mean shear_angle"):
+            view._draw(plotter, run, written.states(run)[-1], "shear")
         view._draw(plotter, run, written.states(run)[-1], field)
         mapper = plotter.actors["ply "].GetMapper()
         assert mapper.GetScalarRange() == pytest.approx((least, largest), abs=1e-6)
-
-
-def test_another_field_is_not_there(run):
-    with pytest.raises(InputError, match=r"field shear is unknown \(did you mean shear_angle\?\)"):
-        with drawing() as plotter:
-            view._draw(plotter, run, written.states(run)[-1], "shear")
 
 
 def test_without_its_package_there_is_no_page(run, monkeypatch, capsys):
@@ -104,14 +100,6 @@ def test_a_page_is_written_without_a_display(run, words, file, monkeypatch):
     monkeypatch.setattr(view, "page", lambda folder, field: f"{folder} {field}")
     assert main.main(["view", str(run), *(word.format(run) for word in words)]) == 0
     assert (run / file).read_text() == f"{run} None"
-
-
-def test_a_window_is_opened_on_a_display(run, monkeypatch):
-    shown = []
-    monkeypatch.setenv("DISPLAY", ":0")
-    monkeypatch.setattr(view, "show", lambda *words: shown.append(words))
-    assert main.main(["view", str(run), "--field", "shear_angle"]) == 0
-    assert shown == [(str(run), "shear_angle")] and not list(run.glob("*.html"))
 
 
 @pytest.mark.parametrize(

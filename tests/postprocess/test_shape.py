@@ -30,18 +30,6 @@ def test_paths_of_a_homogeneous_state(full, ranks):
         np.testing.assert_allclose(path.shear_angle, np.degrees(np.arctan2(0.3, 0.9)), rtol=1e-10)
 
 
-def test_path_values_are_linear_between_nodes():
-    """Of a field that grows along x, whose means at inner nodes are exact on regular cells."""
-    grid = formed(SHEARED, nx=24, ny=6, length=200.0, width=50.0)
-    grid.cell_data["log_eps_11"] = grid.cell_centers().points[:, 0]
-    path = shape.along_paths(grid, (20,), spacing=1.0)[20]
-    inner = (path.distance > 10) & (path.distance < 130)
-    along = path.distance * np.cos(np.radians(20))
-    np.testing.assert_allclose(path.log_eps_11[inner], along[inner], atol=1e-6)
-    assert path.distance[-1] == pytest.approx(50 / np.sin(np.radians(20)), abs=1e-6)
-    assert np.diff(path.distance).max() < 1 + 1e-9
-
-
 def test_a_path_ends_at_a_hole():
     grid = formed(SHEARED, nx=40, ny=40, length=100.0, width=100.0)
     x, y, _ = grid.cell_centers().points.T

@@ -110,19 +110,6 @@ def test_vtk_reads_directions_shear_and_area(tmp_path):
     np.testing.assert_allclose(grid["area_ratio"], 1.1 * 0.9, atol=1e-6)
 
 
-def test_plies_of_a_stack_have_sets_and_numbers_of_their_own(tmp_path):
-    grids = states.read_grids(formed(tmp_path, plies=("lower", "ply 2")))
-    structural.export(grids, tmp_path / "plies.inp")
-    mesh, found = read_abaqus(tmp_path / "plies.inp")
-    assert set(mesh.cell_sets) == {"lower", "ply_2"}
-    kinds = "shear_angle", "yarns_a", "yarns_b"
-    assert list(found) == [f"{ply}_{kind}" for ply in ("lower", "ply_2") for kind in kinds]
-    half = sum(map(len, mesh.cells_dict.values())) // 2
-    assert found["ply_2_yarns_a"][0].tolist() == list(range(half + 1, 2 * half + 1))
-    structural.export(grids, tmp_path / "plies.vtu")
-    assert np.bincount(pyvista.read(tmp_path / "plies.vtu")["part"]).tolist() == [half, half]
-
-
 def with_thickness(folder):
     """The grid of a formed ply, each cell of another thickness [mm], and these."""
     (grid,) = states.read_grids(folder).values()

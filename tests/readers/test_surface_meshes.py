@@ -317,8 +317,3 @@ def test_a_script_is_not_run_as_a_mesh(tmp_path):
     with pytest.raises(InputError, match="gmsh: .*no section"):
         read(tmp_path / "mesh.msh", f'SystemCall "touch {tmp_path}/ran";\n')
     assert not (tmp_path / "ran").exists()
-
-
-def test_a_mesh_that_names_nodes_it_has_not_is_left_to_the_checks(tmp_path):
-    meshio.write_points_cells(tmp_path / "s.vtu", SQUARE, [("triangle", [[0, 1, 9]])])
-    assert read(tmp_path / "s.vtu").cells["triangle"].tolist() == [[0, 1, 9]]

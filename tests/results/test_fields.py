@@ -22,7 +22,7 @@ from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.contact.tool_contact import Contact
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.postprocess.ply import grid_of
-from fabric_fenicsx.postprocess.states import _drop_units, read_last, save
+from fabric_fenicsx.postprocess.states import _drop_units, read_state, save
 from fabric_fenicsx.postprocess.states import units as state_units
 from fabric_fenicsx.results.fields import UNITS, FieldSeries, yarn_coordinates
 from fabric_fenicsx.scene import output as reports
@@ -121,7 +121,7 @@ def test_series_read_back(tmp_path, element, spatial):
             values = np.concatenate([fields[name] for _, fields in parts])
             np.testing.assert_allclose(grid.cell_data[name], values, rtol=1e-14, err_msg=name)
         assert len(set(grid.cell_data["rank"])) == COMM.size
-    assert read_last(folder).n_cells == grid.n_cells
+    assert read_state(folder).n_cells == grid.n_cells
 
 
 @pytest.mark.parametrize("element", VTK_CELL)
@@ -130,7 +130,7 @@ def test_fibres_are_as_long_as_their_strain_says(tmp_path, element):
     x = scene.blank.coordinates()
     scene.blank.u.x.array[:] = (x @ [[0.03, 0.01, 0], [0.05, -0.02, 0.1], [0, 0, 0]]).ravel()
     FieldSeries(tmp_path, scene).write(0.0, reports.cell_fields(scene))
-    grid = read_last(tmp_path)
+    grid = read_state(tmp_path)
     for name in "ab":
         np.testing.assert_allclose(
             np.linalg.norm(grid[name], axis=1), 1 + grid[f"eps_{name}"], rtol=1e-12
@@ -179,7 +179,7 @@ def test_angles_are_in_degrees_in_files_and_as_before_when_read(tmp_path):
         "depth_mm_mm": 0.5,
         "share": 0.5,
     }
-    read = read_last(tmp_path)
+    read = read_state(tmp_path)
     assert {*read.cell_data} == {*known} and read["u"].shape == (3, 3)
     assert all(read[name] == pytest.approx([0.5], rel=1e-14) for name in known)
     assert state_units(tmp_path) == {"u": "mm"} | known
@@ -375,7 +375,7 @@ def test_a_later_state_at_the_same_load_takes_the_place_of_the_first(tmp_path):
         series.write(at, reports.cell_fields(scene))
     assert [at for at, _ in series.states] == list(states(tmp_path / "fields.pvd")) == [0.0, 1.0]
     u = scene.blank.nodal_displacement()
-    assert np.array_equal(read_last(tmp_path)["u"][:, :2], u)
+    assert np.array_equal(read_state(tmp_path)["u"][:, :2], u)
 
 
 def test_a_new_run_takes_the_series_of_another_away(tmp_path):

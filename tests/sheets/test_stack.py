@@ -38,6 +38,8 @@ def test_sheets_lie_on_one_another():
     assert stack.heights == pytest.approx([0.0, 0.85, 1.55], abs=1e-14)
     assert stack.thickness == pytest.approx(1.7)
     assert ff.Stack(three(), bottom=-3.0).heights == pytest.approx([-2.75, -2.0, -1.4])
+    mixed = (sheet(), T, "a"), (sheet(element="P2"), T, "b")
+    assert [ff.Stack(order).degree for order in (mixed, mixed[::-1], mixed[:1])] == [2, 2, 1]
     z = stack.coordinates()[: stack.V.dofmap.index_map.size_local, 2]
     for part, height in zip(stack.parts.values(), stack.heights):
         assert z[part.nodes] == pytest.approx(np.full(part.nodes.sum(), height), abs=1e-12)
@@ -106,11 +108,6 @@ def test_sheets_that_do_not_touch_bear_what_they_bear_alone(bend):
     names = SHEETS[:2]
     found = pulled(ff.Stack([(b, T, n) for b, n in zip(strips(), names)]), names, bend)
     assert abs(found - sum(alone)).max() < 1e-8 * abs(found).max()
-
-
-def test_one_sheet_of_degree_2_makes_all_so():
-    parts = (sheet(), T, "a"), (sheet(element="P2"), T, "b")
-    assert [ff.Stack(order).degree for order in (parts, parts[::-1], parts[:1])] == [2, 2, 1]
 
 
 def bent():

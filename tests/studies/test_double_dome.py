@@ -8,7 +8,7 @@ import pytest
 
 from fabric_fenicsx.forming.forming_scene import FormingScene
 from fabric_fenicsx.plot import pictures
-from fabric_fenicsx.postprocess.states import read_last
+from fabric_fenicsx.postprocess.states import read_state
 from fabric_fenicsx.studies.lib import compression_parameters
 
 EXACT = "--tolerance", 1e-9, "--path-tolerance", 1e-8, "--viscosity", "off", "--no-pictures"
@@ -28,7 +28,7 @@ def last_row(folder):
 def placed(folder):
     """Undeformed places and displacements of the nodes [mm], once each and in an order of their
     own."""
-    grid = read_last(folder)
+    grid = read_state(folder)
     x = np.round(np.asarray(grid.points), 6) + 0.0
     _, first = np.unique(x, axis=0, return_index=True)
     return x[first], np.asarray(grid.point_data["u"])[first]
@@ -67,7 +67,7 @@ def test_a_ply_is_formed(launch, angle):
     assert done.err.count(warning) == 1
     for name in ("formed", "states", "paths", "outline", "curve"):
         assert (done.folder / f"{name}.png").stat().st_size > 10_000
-    grid = read_last(done.folder)
+    grid = read_state(done.folder)
     assert grid.point_data["contact_pressure"].max() > 1.0
     assert (done.folder / "paths.csv").read_text().count("\n") > 50
 

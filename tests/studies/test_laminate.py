@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from builders import COMM
 
-from fabric_fenicsx.postprocess.states import read_last
+from fabric_fenicsx.postprocess.states import read_state
 
 SHEETS = ["lower metal", "lower", "middle", "upper", "upper metal"]
 
@@ -40,7 +40,7 @@ def test_a_laminate_is_formed(launch):
     if COMM.rank == 0:
         for name in pictures:
             assert (done.folder / f"{name}.png").stat().st_size > 10_000
-        grid = read_last(done.folder)
+        grid = read_state(done.folder)
         is_metal = np.isin(np.asarray(grid.cell_data["part"]), (0, 4))
         thickness = np.asarray(grid.cell_data["metal_thickness"])
         assert np.array_equal(np.isfinite(thickness), is_metal)

@@ -18,7 +18,7 @@ import pyvista
 
 from fabric_fenicsx.command_line.study import Study, parser
 from fabric_fenicsx.coupons.coupon import Tensile
-from fabric_fenicsx.postprocess.states import read_last
+from fabric_fenicsx.postprocess.states import read_state
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.runtime.files import lock_folder
 from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT, on_ranks
@@ -285,7 +285,7 @@ def test_every_output_is_that_of_any_number_of_ranks(launch):
             for k in ("dofs", "cells", "steps_accepted", "energy", "reaction_N", "quantities")
         }
         rows = [{k: float(v) for k, v in row.items() if k in KEPT} for row in history(done.folder)]
-        grid = read_last(done.folder)
+        grid = read_state(done.folder)
         order = np.lexsort(np.round(grid.cell_centers().points.T, 6))
         fields = {k: np.asarray(v)[order] for k, v in grid.cell_data.items() if k != "rank"}
         x = np.round(grid.points[:, :2], 6) + 0.0
