@@ -12,32 +12,17 @@ from fabric_fenicsx.runtime.formatting import percent, rounded
 from fabric_fenicsx.runtime.rules import POSITIVE
 from fabric_fenicsx.sweep.folder import flat
 
-ELSEWHERE = 0.05  # of a number, by which a disturbed run ends elsewhere
-
 
 def options(description: str | None, press: str = "") -> Parser:
     """The options of the example `press`, by default of the press that the command names."""
     p = press_parser(description, press or "form", press)
     p.group("more runs")
-    p.option(
-        "--compare",
-        action="store_true",
-        help="run all variants of the couplings, each until it is formed",
-        free=True,
-    )
-    p.option(
-        "--refine",
-        action="store_true",
-        help=f"if a wave has fewer than {WAVE:g} cells, run again with as many more as it needs",
-        free=True,
-    )
-    p.option(
-        "--disturb",
-        metavar="MM",
-        type=option_type(POSITIVE),
-        help="run the whole blank, too, with the leading tool aside, and tell what changes [mm]",
-        free=True,
-    )
+    p.switch("--compare", "run all variants of the couplings, each until it is formed")
+    words = f"if a wave has fewer than {WAVE:g} cells, run again with as many more as it needs"
+    p.switch("--refine", words)
+    words = "run the whole blank, too, with the leading tool aside, and tell what changes [mm]"
+    aside = {"metavar": "MM", "type": option_type(POSITIVE)}
+    p.option("--disturb", **aside, help=words, free=True)
     return p
 
 
@@ -135,7 +120,7 @@ def _compare(study, press, result, found):
     words = [
         f"{name} {rounded(a)}, then {rounded(b)}"
         for name, (a, b) in both.items()
-        if abs(b - a) > max(ELSEWHERE * abs(a), LEAST if name.endswith("_mm") else 0.0)
+        if abs(b - a) > max(0.05 * abs(a), LEAST if name.endswith("_mm") else 0.0)
     ]
     if words:
         study.warn(

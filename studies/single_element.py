@@ -17,14 +17,8 @@ AGREEMENT = 1e-9  # of the stresses at a state, or of s1 where they are smaller
 def options():
     p = parser(Coupon, __doc__, "single_element", element="Q1")
     p.group("test")
-    p.option(
-        "--points",
-        type=int,
-        default=47,
-        choices=range(3, 1001),
-        metavar="N",
-        help="states a path, 3 to 1000",
-    )
+    how = {"type": int, "default": 47, "choices": range(3, 1001), "metavar": "N"}
+    p.option("--points", **how, help="states a path, 3 to 1000")
     return p
 
 

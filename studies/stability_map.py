@@ -16,13 +16,8 @@ LOST |= {"ellipticity lost": "#7fb2d9", "both lost": "#b0413e"}
 def options():
     p = parser(Coupon, __doc__, "stability_map")
     p.group("map")
-    p.option(
-        "--points",
-        type=int,
-        choices=range(11, 2001),
-        metavar="N",
-        help="states along each axis, 11 to 2000 (225, with --quick 57)",
-    )
+    how = {"type": int, "choices": range(11, 2001), "metavar": "N"}
+    p.option("--points", **how, help="states along each axis, 11 to 2000 (225, with --quick 57)")
     return p
 
 

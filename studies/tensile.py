@@ -11,12 +11,7 @@ from fabric_fenicsx.material.laws import coupling_variants
 def options():
     p = parser(Tensile, __doc__)
     p.group("test")
-    p.option(
-        "--compare",
-        action="store_true",
-        help="run all variants of the couplings, side by side",
-        free=True,
-    )
+    p.switch("--compare", "run all variants of the couplings, side by side")
     return p
 
 

@@ -11,22 +11,18 @@ from ..runtime.errors import InputError
 from ..runtime.files import ending
 from .options import Parser, program
 
-DATA = "folder with sheet.toml and a CSV file a test; see docs/howto/own_data.md"
-OUT = "the material; report and pictures go beside it"
-HOMOGENEOUS = (
-    "fit bias tests of force over displacement by formula, not by simulating their specimens"
-)
-
 
 def options(description: str | None) -> Parser:
     """The parser of studies/identify.py."""
     p = Parser(prog=program("identify"), description=description)
-    out = Path("results/identify/fabric.toml")
-    p.add_argument("--data", metavar="DIR", type=Path, required=True, help=DATA)
-    p.add_argument("--out", metavar="FILE", type=Path, default=out, help=OUT)
-    p.add_argument("--no-pictures", action="store_true")
-    p.add_argument("--overwrite", action="store_true", help="lose the material that --out is")
-    p.add_argument("--homogeneous", action="store_true", help=HOMOGENEOUS)
+    words = "folder with sheet.toml and a CSV file a test; see docs/howto/own_data.md"
+    p.option("--data", metavar="DIR", type=Path, required=True, help=words)
+    out, words = Path("results/identify/fabric.toml"), "the material; report and pictures beside it"
+    p.option("--out", metavar="FILE", type=Path, default=out, help=words)
+    p.switch("--no-pictures", "draw nothing")
+    p.switch("--overwrite", "lose the material that --out is")
+    words = "fit bias tests of force over displacement by formula, not by simulating specimens"
+    p.switch("--homogeneous", words)
     return p
 
 

@@ -91,12 +91,12 @@ def _parsed(argv, scripts):
     parser.add_argument("-v", "--version", action="version", version=__version__)
     parser.add_argument("command", help=argparse.SUPPRESS)
     parser.add_argument("files", nargs="*", help=argparse.SUPPRESS)
-    given = parser.parse_args(argv or ["--help"])
-    if given.command not in COMMANDS:
-        raise unknown_key(given.command, [*COMMANDS, *scripts], f"command {given.command}")
-    if given.files:
-        raise InputError(f"behind {given.command} is {' '.join(given.files)}; allowed is nothing")
-    return given.command
+    args = parser.parse_args(argv or ["--help"])
+    if args.command not in COMMANDS:
+        raise unknown_key(args.command, [*COMMANDS, *scripts], f"command {args.command}")
+    if args.files:
+        raise InputError(f"behind {args.command} is {' '.join(args.files)}; allowed is nothing")
+    return args.command
 
 
 def _listed(scripts):

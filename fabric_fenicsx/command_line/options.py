@@ -115,6 +115,10 @@ class Parser(argparse.ArgumentParser):
         if free:
             self.free.add(action.dest)
 
+    def switch(self, name: str, words: str) -> None:
+        """Add an option without a value, which a resumed run may change."""
+        self.option(name, action="store_true", help=words, free=True)
+
     def change(self, name: str, **settings: Any) -> None:
         """Give an option that is there other settings, as its help."""
         vars(self._option_string_actions[name]).update(settings)
@@ -134,13 +138,13 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Raise InputError with what argparse says, in the form of all messages."""
-        told = "allowed are those that --help tells"
+        allowed = "allowed are those that --help tells"
         if match := re.fullmatch(r"unrecognized arguments: (.*)", message):
             word = match[1].split()[0].split("=")[0]
             if not word.startswith("-"):
-                raise InputError(f"word {word} belongs to no option; {told}")
+                raise InputError(f"word {word} belongs to no option; {allowed}")
             near = did_you_mean(word.replace("_", "-"), self._option_string_actions)
-            raise InputError(f"option {word} is unknown{near}; {told}")
+            raise InputError(f"option {word} is unknown{near}; {allowed}")
         if match := re.fullmatch(r"the following arguments are required: (.*)", message):
             raise InputError(f"{match[1]} is missing; see --help")
         if match := re.match(r"argument (\S+): ignored explicit argument", message):
@@ -155,8 +159,8 @@ class Parser(argparse.ArgumentParser):
             words = {"int": "a whole number", "float": "a number"}.get(kind, f"a {kind}")
             raise InputError(f"{option} is {value}; allowed is {words}")
         choices = list(map(str, self._option_string_actions[option.split("/")[0]].choices or ()))
-        found = f"{option} is {value}{did_you_mean(value, choices)}"
-        raise InputError(f"{found}; allowed is one of {', '.join(choices)}")
+        flaw = f"{option} is {value}{did_you_mean(value, choices)}"
+        raise InputError(f"{flaw}; allowed is one of {', '.join(choices)}")
 
 
 class HelpFormatter(argparse.ArgumentDefaultsHelpFormatter):

@@ -13,7 +13,6 @@ from ..runtime.formatting import rounded
 from ..runtime.rules import POSITIVE, unknown_key
 from .options import Parser, option_type
 
-LAYERS = 2.0  # thicknesses of all plies, by which a trim line may be off the formed ply
 PLANE = '"z=5" (what is above it), or "x,y,z,nx,ny,nz": a point [mm] and the normal to what is kept'
 
 
@@ -39,11 +38,11 @@ def _export(parser, words):
     grids = states.read_grids(args.folder)
     plies = structural.export(grids, args.file, args.modelled)
     labels = states.set_labels(grids) if ending(args.file) == ".inp" else {}
-    for name, found in plies.items():
+    for name, ply in plies.items():
         own = f" (ELSET {labels[name]})" if labels else ""
         mirrored = " and ".join("xy"[axis] for axis in planes_of(grids[name]))
         mirrored = f", mirrored in {mirrored} = 0" if mirrored and not args.modelled else ""
-        print(f"{args.file}: {name or 'ply'}{own}, {len(found.cells)} cells{mirrored}")
+        print(f"{args.file}: {name or 'ply'}{own}, {len(ply.cells)} cells{mirrored}")
     _warn_of_end(args.folder)
 
 
@@ -72,8 +71,8 @@ def _pattern(parser, words):
     trim.add_argument("--plane", help=f"plane that trims: {PLANE}")
     parser.add_argument("--out", metavar="STEM", help="of the files (default: DIR/pattern)")
     parser.add_argument("--sheet", metavar="NAME", help="ply of a stack (default: all)")
-    reach = f"distance of the line from the ply (default: {LAYERS:g} thicknesses of all plies)"
-    parser.add_argument("--reach", type=option_type(POSITIVE), metavar="MM", help=reach)
+    words = "distance of the line from the ply (default: 2 thicknesses of all plies)"
+    parser.add_argument("--reach", type=option_type(POSITIVE), metavar="MM", help=words)
     # a plane may begin with a minus, which argparse takes for an option
     joined = "\n".join(words).replace("--plane\n", "--plane=")
     args = parser.parse_args(joined.split("\n") if words else [])
@@ -86,13 +85,13 @@ def _pattern(parser, words):
     if args.sheet is not None and args.sheet not in grids:
         raise unknown_key(args.sheet, filter(None, grids), f"--sheet {args.sheet}")
     where, notes = (_plane(args.plane), []) if args.plane else read_trim_line(args.line)
-    allowed = args.reach or LAYERS * sum(map(_thickness, grids.values()))
+    reach = args.reach or 2 * sum(map(_thickness, grids.values()))
     labels = states.set_labels(grids) if len(grids) > 1 else dict.fromkeys(grids, "")
-    found, wrong = {}, []
+    patterns, wrong = {}, []
     for name, grid in grids.items():
         if args.sheet in (None, name):
             try:
-                found[name] = pattern.flat_pattern(grid, where, allowed)
+                patterns[name] = pattern.flat_pattern(grid, where, reach)
             except InputError as error:
                 wrong.append(f"ply {name}: {error}" if name else str(error))
     if wrong:
@@ -100,7 +99,7 @@ def _pattern(parser, words):
     stem, units = Path(args.out or Path(args.folder) / "pattern"), states.units(args.folder)
     for note in notes:
         print(note)
-    for name, flat in found.items():
+    for name, flat in patterns.items():
         own = stem.with_name("_".join(filter(None, [stem.name, labels[name]])))
         pattern.write_pattern(own, flat, units)
         off = f", trim line up to {rounded(flat.off)} mm off the ply" if flat.off else ""

@@ -80,7 +80,7 @@ def add_solver(p: Parser, test: Any) -> None:
     p.option("--error", action=BooleanOptionalAction, help=words, free=True)
     if test is not Coupon:
         words = "check all, draw setup.png of a press and tell the cost, but run nothing"
-        p.option("--dry-run", action="store_true", help=words, free=True)
+        p.switch("--dry-run", words)
     add_fields(p, Limits, test, prefix="max_", free=True)
 
 
@@ -125,14 +125,11 @@ def add_output(p: Parser, name: str) -> None:
     p.group("output")
     where = {"metavar": "DIR", "type": Path, "default": Path("results") / name}
     p.option("--out", **where, help="folder of the results", free=True)
-    for option, words in {
-        "--resume": "go on from the checkpoint in --out, on any number of ranks",
-        "--overwrite": "delete the results in --out first",
-        "--no-pictures": "draw nothing",
-        "--quick": "coarse mesh and few steps",
-        "--verbose": "print each Newton iteration, as log.txt has them",
-    }.items():
-        p.option(option, action="store_true", help=words, free=True)
+    p.switch("--resume", "go on from the checkpoint in --out, on any number of ranks")
+    p.switch("--overwrite", "delete the results in --out first")
+    p.switch("--no-pictures", "draw nothing")
+    p.switch("--quick", "coarse mesh and few steps")
+    p.switch("--verbose", "print each Newton iteration, as log.txt has them")
 
 
 class Study:
@@ -176,10 +173,10 @@ class Study:
             read_laws(args.law_file)
         fabric = load(args.material)
         if args.law_file and type(fabric).__module__.startswith("fabric_fenicsx."):
-            given = f"--law-file {args.law_file} is given"
+            option = f"--law-file {args.law_file} is given"
             flaw = f"but the material {args.material} is of the law {fabric.law}"
             allowed = "--material with a file of the law in it"
-            raise InputError(f"{given}, {flaw}; allowed is {allowed}")
+            raise InputError(f"{option}, {flaw}; allowed is {allowed}")
         return self.coupled(fabric)
 
     def coupled(self, fabric: Law) -> Law:

@@ -42,17 +42,17 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     theta, sd, estimated = _weighted_fit(problem, theta, fitted)
     free = [k for k in range(len(theta)) if k not in reason]
     alone = _statistics(problem, theta, free, sd)
-    found = _with_origins(problem, theta, sd, alone)
+    fit = _with_origins(problem, theta, sd, alone)
     if estimated is None and not all(c.noise for c in curves):
-        estimated = NOISE * math.sqrt(found.variance)
+        estimated = NOISE * math.sqrt(fit.variance)
     bound = problem.at_bound(theta, free, fitted)
     determined = {
         problem.names[k]: _determined(problem, k, theta[k], staged[k], e, half, k in bound)
-        for k, e, half in zip(free, found.error, found.half)
+        for k, e, half in zip(free, fit.error, fit.half)
     }
     assumed = {
         (name := problem.names[k]): Assumed(
-            float(theta[k]), unit_of(name), source[name], why, _moves(problem, theta, found, sd, k)
+            float(theta[k]), unit_of(name), source[name], why, _moves(problem, theta, fit, sd, k)
         )
         for k, why in sorted(reason.items())
     }
@@ -64,8 +64,8 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     warnings = [
         *(f"{curve.file}: {text}" for curve in curves for text in curve.remarks),
         *(f"{test.file}: {text}" for test in sheet.compaction for text in test.remarks),
-        *_fit_warnings(problem, found, softest, convex, determined, assumed),
-        *_origin_warnings(problem, found, alone),
+        *_fit_warnings(problem, fit, softest, convex, determined, assumed),
+        *_origin_warnings(problem, fit, alone),
         *curve_warnings(curves),
         *(compaction.warnings if compaction else ()),
         *_friction_warnings(curves, friction),
@@ -75,10 +75,10 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         fabric,
         determined,
         assumed,
-        found.correlation,
+        fit.correlation,
         fits,
-        found.dof,
-        found.variance,
+        fit.dof,
+        fit.variance,
         estimated,
         softest,
         convex,
@@ -146,9 +146,10 @@ def _check_yarns(sheet, names, reason, source):
     """InputError for an unbalanced fabric of which one direction was neither pulled nor stated."""
     if sheet.balanced:
         return
-    known = {n for k, n in enumerate(names) if k not in reason or source[n] == "sheet.toml"}
+    numbers = {n for k, n in enumerate(names) if k not in reason or source[n] == "sheet.toml"}
     for yarn, other, i in (("warp", "weft", "a"), ("weft", "warp", "b")):
-        if f"{other}.b" in known and (missing := [n for n in "ab" if f"{yarn}.{n}" not in known]):
+        missing = [n for n in "ab" if f"{yarn}.{n}" not in numbers]
+        if missing and f"{other}.b" in numbers:
             raise InputError(
                 f"sheet.toml: balanced is false, but no test tells the {yarn}'s "
                 f"{' and '.join(missing)}; "
@@ -209,9 +210,9 @@ def _statistics(problem, theta, free, sd):
     return _Statistics(free, dof, variance, error, half, correlation, J)
 
 
-def _with_origins(problem, theta, sd, found):
+def _with_origins(problem, theta, sd, fit):
     """Statistics with what the origins of tests leave uncertain."""
-    predicted, squares = problem.predict(theta), found.half**2
+    predicted, squares = problem.predict(theta), fit.half**2
     for curve in problem.curves:
         if not curve.origin:
             continue
@@ -219,16 +220,16 @@ def _with_origins(problem, theta, sd, found):
         parts = [s for (each, _), s in problem.parts if each is curve]
         for k, s in enumerate(parts):
             moved[s] = np.transpose(effects(curve, curve.origin, predicted[s], k))
-        solved = np.linalg.lstsq(found.jacobian, moved / sd[:, None], rcond=None)[0]
-        change = np.abs(solved) * problem.natural[found.free][:, None]
+        solved = np.linalg.lstsq(fit.jacobian, moved / sd[:, None], rcond=None)[0]
+        change = np.abs(solved) * problem.natural[fit.free][:, None]
         squares = squares + change[:, :2].max(1) ** 2 + change[:, 2] ** 2
     half = np.sqrt(squares)
-    return found._replace(error=found.error * half / np.maximum(found.half, 1e-300), half=half)
+    return fit._replace(error=fit.error * half / np.maximum(fit.half, 1e-300), half=half)
 
 
-def _origin_warnings(problem, found, alone):
-    names = [problem.names[k] for k in found.free]
-    wide = [name for name, w, v in zip(names, found.half, alone.half) if w > 2.0 * v]
+def _origin_warnings(problem, fit, alone):
+    names = [problem.names[k] for k in fit.free]
+    wide = [name for name, w, v in zip(names, fit.half, alone.half) if w > 2.0 * v]
     origins = _origins(problem.curves)
     if wide:
         yield (
@@ -243,15 +244,15 @@ def _origin_warnings(problem, found, alone):
             )
 
 
-def _moves(problem, theta, found, sd, k):
+def _moves(problem, theta, fit, sd, k):
     """Changes {name: change} of the fitted parameters if the assumed one k is 10 % larger, those
     beyond half the widths of their intervals."""
-    free = found.free
+    free = fit.free
     if not free or not np.isfinite(problem.natural[k]):
         return {}
     more = 0.1 * theta[k] * (problem.jacobian(theta, [k])[:, 0] / sd)
-    change = -np.linalg.lstsq(found.jacobian, more, rcond=None)[0] * problem.natural[free]
-    least = np.maximum(found.half, 1e-3 * np.abs(theta[free]))
+    change = -np.linalg.lstsq(fit.jacobian, more, rcond=None)[0] * problem.natural[free]
+    least = np.maximum(fit.half, 1e-3 * np.abs(theta[free]))
     return {problem.names[f]: float(c) for f, c, most in zip(free, change, least) if abs(c) > most}
 
 
@@ -259,10 +260,10 @@ def _fabric(value, sheet, compaction, assumed):
     """The fabric of values {name: number} and of a fit of compaction, if there is one; assumed:
     names of values that were not fitted."""
     warp, weft = (Yarn(**yarn) for yarn in yarns_of(value))
-    known: dict[str, Any] = {n: value[n] for n in SHEAR}
-    known |= {n: getattr(sheet, n) for n in ("thickness", "density", "fibre_density", "name")}
-    known |= {"compaction": compaction.compaction} if compaction else {}
-    return WovenFabric(warp, weft, **known, assumed=tuple({base(name) for name in assumed}))
+    numbers: dict[str, Any] = {n: value[n] for n in SHEAR}
+    numbers |= {n: getattr(sheet, n) for n in ("thickness", "density", "fibre_density", "name")}
+    numbers |= {"compaction": compaction.compaction} if compaction else {}
+    return WovenFabric(warp, weft, **numbers, assumed=tuple({base(name) for name in assumed}))
 
 
 def _physics(problem, fabric):
@@ -281,11 +282,11 @@ def _physics(problem, fabric):
     return softest, convex
 
 
-def _fit_warnings(problem, found, softest, convex, determined, assumed):
-    limit = stats.chi2.ppf(0.999, found.dof) / found.dof
-    if all(c.noise for c in problem.curves) and found.variance > limit:
+def _fit_warnings(problem, fit, softest, convex, determined, assumed):
+    limit = stats.chi2.ppf(0.999, fit.dof) / fit.dof
+    if all(c.noise for c in problem.curves) and fit.variance > limit:
         yield (
-            f"the curves lie {rounded(math.sqrt(found.variance), 2)} times their stated noise from "
+            f"the curves lie {rounded(math.sqrt(fit.variance), 2)} times their stated noise from "
             "the law, and the intervals are widened by that"
         )
     if softest is not None and softest <= 0:

@@ -73,8 +73,8 @@ class Identification:
         """Fitted parameters of the law, of compaction (as compaction.exponent) and of friction, and
         slack and zero of tests."""
         across = self.compaction.determined if self.compaction else {}
-        found = self.determined | {f"compaction.{name}": p for name, p in across.items()}
-        return found | (self.friction.determined if self.friction else {}) | self.origins
+        numbers = self.determined | {f"compaction.{name}": p for name, p in across.items()}
+        return numbers | (self.friction.determined if self.friction else {}) | self.origins
 
     @property
     def all_assumed(self) -> dict[str, Assumed]:

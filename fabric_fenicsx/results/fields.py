@@ -28,16 +28,13 @@ from .measures import planes_of_symmetry
 # of the arrays that are there with any terms
 UNITS = dict.fromkeys(("u", "yarn_coordinate_a", "yarn_coordinate_b"), "mm")
 UNITS |= dict.fromkeys(("rank", "part", "Normals"), "-")
-# how much more it counts that a line follows its yarn than that lines are evenly spaced
-ALONG = 100.0
 
 
 def yarn_coordinates(blank: Blank) -> np.ndarray:
     """Distance from the origin across the yarns a and across the yarns b [mm] at the local nodes,
     (nodes, 2): where it is constant runs a yarn of the undeformed sheet. For straight yarns that is
-    exact. Curved ones get the functions whose slope along the yarns is nearest to 0 and, with 1 /
-    `ALONG` of the weight, across them nearest to 1: between yarns that converge distances cannot
-    stay."""
+    exact. Curved ones get the functions whose slope along the yarns is nearest to 0 and, with a
+    weight of 1 %, across them nearest to 1: between yarns that converge distances cannot stay."""
     mesh, comm = blank.mesh, blank.mesh.comm
     gdim = mesh.geometry.dim
     fibres = np.column_stack([f.x.array.reshape(-1, gdim) for f in (blank.a0, blank.b0)])
@@ -55,20 +52,20 @@ def yarn_coordinates(blank: Blank) -> np.ndarray:
         n = g - ufl.dot(f, g) * f
         n = n / ufl.sqrt(ufl.dot(n, n))
         along, beside = ((ufl.dot(d, ufl.grad(u[k])), ufl.dot(d, ufl.grad(v[k]))) for d in (f, n))
-        bilinear += ALONG * along[0] * along[1] + beside[0] * beside[1]
+        bilinear += 100 * along[0] * along[1] + beside[0] * beside[1]
         linear += beside[1] + anchor * ufl.dot(n, x) * v[k]
     A = fem_petsc.assemble_matrix(compat.form(bilinear * ufl.dx))
     A.assemble()
     b = fem_petsc.assemble_vector(compat.form(linear * ufl.dx))
     b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-    solver, found = PETSc.KSP().create(comm), fem.Function(blank.V)
+    solver, distances = PETSc.KSP().create(comm), fem.Function(blank.V)
     solver.setOperators(A)
     solver.setType("preonly")
     solver.getPC().setType("cholesky")
     solver.getPC().setFactorSolverType("mumps")
-    solver.solve(b, compat.petsc_vector(found))
-    found.x.scatter_forward()
-    return found.x.array.reshape(-1, gdim)[:, :2]
+    solver.solve(b, compat.petsc_vector(distances))
+    distances.x.scatter_forward()
+    return distances.x.array.reshape(-1, gdim)[:, :2]
 
 
 class FieldSeries:

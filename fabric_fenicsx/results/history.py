@@ -20,8 +20,6 @@ COLUMNS = (
     *("line_search_cuts", "cuts", "negative_pivots", "residual_N", "force_scale_N"),
     *("min_stability", "wall_s"),
 )
-VISCOUS = 0.01  # of the strain energy, above which a run warns of what the regularisation took
-OF_TERMS = ("min_stability",)  # of these the columns that terms fill
 
 
 class History:
@@ -68,7 +66,7 @@ class History:
             "wall_s": round(accepted.wall, 4),
         }
         row |= {f"{kind}_energy_Nmm": energy for kind, energy in accepted.energies.items()}
-        row |= further(row.keys() - set(OF_TERMS))
+        row |= further(row.keys() - {"min_stability"})  # which terms fill
         if self.rows and (other := row.keys() ^ self.rows[0].keys()):
             some = "no longer" if other & self.rows[0].keys() else "now"
             flaw = f"the terms {some} give history.csv the column {sorted(other)[0]}"
@@ -123,12 +121,12 @@ def energies_of(row: Mapping[str, Any]) -> dict[str, float]:
 
 
 def viscous_warning(rows: Sequence[Mapping[str, Any]], load: float) -> str:
-    """A warning when the regularisation's share of the strain energy becomes large, else ""."""
+    """A warning when the regularisation's share of the strain energy exceeds 1 %, else ""."""
     shares = [share(row["viscous_energy_Nmm"], stretching(energies_of(row))) for row in rows[-2:]]
-    if [each > VISCOUS for each in shares] != [False, True]:
+    if [each > 0.01 for each in shares] != [False, True]:
         return ""
-    taken = percent(shares[-1])
+    at = f"at load {rounded(load, 6)} (step {len(rows) - 1})"
     return (
-        f"at load {rounded(load, 6)} (step {len(rows) - 1}) the regularisation has taken {taken} "
-        "of the strain energy; take smaller steps (`max_step`) or look for a snap there"
+        f"{at} the regularisation has taken {percent(shares[-1])} of the strain energy; take "
+        "smaller steps (`max_step`) or look for a snap there"
     )

@@ -12,8 +12,6 @@ from ..scene.scene import Scene
 from ..sheets.blank import Blank, Part
 
 SAME = 1e-6  # mm within which places are the same
-EQUAL = 1e-6  # of a value, by which others are the same
-TAIL = 0.01  # share of the area beyond each of the two values that `bulk` gives
 
 
 def covers(blank: Blank, point: ArrayLike) -> bool:
@@ -49,9 +47,9 @@ def quantiles(
 
 
 def bulk(comm: MPI.Comm, values: np.ndarray, weights: np.ndarray) -> list[float]:
-    """The two values between which all but the `TAIL` at either end lies, by `weights`. Extremes at
+    """The two values between which all but 1 % at either end lies, by `weights`. Extremes at
     singular points, such as a clamp's corners, grow with every refinement; these do not."""
-    return quantiles(comm, values, weights, (TAIL, 1 - TAIL))
+    return quantiles(comm, values, weights, (0.01, 0.99))
 
 
 def extremes(comm: MPI.Comm, values: np.ndarray) -> tuple[float, float]:
@@ -64,10 +62,10 @@ def where_largest(
     comm: MPI.Comm, values: np.ndarray, rows: np.ndarray
 ) -> tuple[float, list[float]]:
     """Largest of the `values` (n,) of all ranks, and which of the `rows` (n, k) is there: of those
-    whose values differ by rounding (`EQUAL`) the first in their own order, which is the same on any
+    whose values differ by rounding (1e-6) the first in their own order, which is the same on any
     number of ranks."""
     largest = extremes(comm, values)[1]
-    mine = rows[values >= largest - EQUAL * abs(largest)].tolist()
+    mine = rows[values >= largest - 1e-6 * abs(largest)].tolist()
     return largest, min(row for each in comm.allgather(mine) for row in each)
 
 
@@ -101,12 +99,12 @@ def planes_of_symmetry(scene: Scene) -> list[int]:
     x = scene.blank.coordinates()[: len(held)]
     fixed = np.zeros((len(held), scene.blank.mesh.geometry.dim), dtype=bool)
     fixed.flat[scene.fixed_dofs] = True
-    found = []
+    planes = []
     for axis in (0, 1):
         there = held & (x[:, axis] <= SAME)
         moves = comm.allreduce((~fixed[there]).sum(0), MPI.SUM) > 0
         several = comm.allreduce(int(there.sum())) > 1
         is_bound = abs(extremes(comm, x[held, axis])[0]) <= SAME and several
         if is_bound and not moves[axis] and np.delete(moves, axis).all():
-            found.append(axis)
-    return found
+            planes.append(axis)
+    return planes

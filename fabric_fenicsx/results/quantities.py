@@ -28,14 +28,7 @@ if TYPE_CHECKING:
 
 # shortening
 SHARES = 0.01, SHORTENED, 0.05  # beyond which shares of the area are listed
-AREA = 0.01  # share of the area in which yarns are shortened, from which on a run warns
-CRUMPLED = 0.05  # beyond which a cell crumples
-SEEN = 60.0  # mm, the length up to which heights show waves nearly in full
-STRIP = 2.0  # width of the strips that yarns are gathered in, in mean lengths of cells
-PACKED = np.pi / np.sqrt(12)  # share of round fibres side by side, 0.907, which no ply exceeds
 FIELDS = "shear_angle", "shortening_a", "shortening_b"  # of fabric
-# of the shapes of plies, what of several ones the largest has a meaning
-LARGEST = {"draw_in": ("largest_mm",), "wrinkles": ("height_mm", "rim_mm", "folds")}
 
 
 def fabric_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
@@ -63,8 +56,8 @@ def fabric_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
 def _known(extreme, comm, values):
     """Least (`np.fmin`) or largest number of all ranks in a field (cells,), None without any."""
     mine = np.nan if values is None else extreme.reduce(values, initial=np.nan)
-    found = extreme.reduce(comm.allgather(float(mine)))
-    return None if np.isnan(found) else float(found)
+    number = extreme.reduce(comm.allgather(float(mine)))
+    return None if np.isnan(number) else float(number)
 
 
 def metal_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
@@ -108,13 +101,15 @@ def stack_quantities(
     """Quantities of a stack: those of cells over all cells of its plies of fabric and of metal, and
     of the shapes of its `plies` {name: quantities} the largest ones. What is of one ply's edge or
     area alone is left out: each ply has it."""
-    found = fabric_quantities(result, fabrics) if fabrics else {}
-    found |= metal_quantities(result, metals) if metals else {}
-    for name, keys in LARGEST.items():
+    quantities = fabric_quantities(result, fabrics) if fabrics else {}
+    quantities |= metal_quantities(result, metals) if metals else {}
+    largest = {"draw_in": ("largest_mm",), "wrinkles": ("height_mm", "rim_mm", "folds")}
+    for name, keys in largest.items():
         shapes = [ply[name] for ply in plies.values()]
-        known = None not in shapes
-        found[name] = {key: max(each[key] for each in shapes) for key in keys} if known else None
-    return found
+        quantities[name] = None
+        if None not in shapes:
+            quantities[name] = {key: max(each[key] for each in shapes) for key in keys}
+    return quantities
 
 
 def middle_of(sheets: Sequence[Any]) -> str:
@@ -132,7 +127,7 @@ def middle_quantities(result: Result, name: str) -> dict[str, float]:
     of `shape.contrast` [deg]."""
     from ..postprocess import shape
 
-    def found():
+    def on_middle():
         grid = result.grids[name]
         path = shape.along_paths(grid, (45,))[45]
         return {
@@ -140,7 +135,7 @@ def middle_quantities(result: Result, name: str) -> dict[str, float]:
             "shear_contrast_deg": float(np.degrees(shape.contrast(grid, "shear_angle"))),
         }
 
-    return on_root(result.scene.comm, found)
+    return on_root(result.scene.comm, on_middle)
 
 
 # -- shear and shortening
@@ -187,13 +182,13 @@ def shortening_quantities(result: Result, parts: Sequence[Part]) -> dict[str, An
 def excess_length(result: Result, part: Part) -> float | None:
     """The length that a yarn of the `part` has lost at most [mm], in what is modelled: a real one
     would have to put it into a wrinkle. None where yarns are not straight on the flat sheet.
-    Shortening is gathered over strips along the yarns, `STRIP` cells wide, of both directions."""
+    Shortening is gathered over strips along the yarns, two cells wide, of both directions."""
     comm, blank = result.scene.comm, result.scene.blank
     if not part.straight:
         return None
     x, areas = blank.midpoints()[:2, part.cells], blank.areas()[part.cells]
     count, area = comm.allreduce(np.array([len(areas), areas.sum()]))
-    width, found = STRIP * np.sqrt(area / count), []
+    width, lengths = 2 * np.sqrt(area / count), []
     for yarn, name in zip(part.straight, ("shortening_a", "shortening_b")):
         lost = areas * result.fields[name][part.cells]
         across = (yarn[0] * x[1] - yarn[1] * x[0]) / width
@@ -204,8 +199,8 @@ def excess_length(result: Result, part: Part) -> float | None:
         strips = np.zeros(int(high - low) + 3)
         np.add.at(strips, left, (1 - (at - left)) * lost)
         np.add.at(strips, left + 1, (at - left) * lost)
-        found.append(comm.allreduce(strips).max() / width)
-    return float(max(found))
+        lengths.append(comm.allreduce(strips).max() / width)
+    return float(max(lengths))
 
 
 def fabric_warnings(result: Result) -> list[str]:
@@ -218,12 +213,14 @@ def fabric_warnings(result: Result) -> list[str]:
     for part in list(blank.parts.values()) or [blank.whole]:
         unknown = int(np.isnan(fields["shear_angle"][part.cells]).sum())
         if not result.scene.comm.allreduce(unknown):
-            found = shear_quantities(result, [part]) | shortening_quantities(result, [part])
-            sentences += _sentences(part.name or blank.name, found, _allowed(result.scene, part))
+            quantities = shear_quantities(result, [part]) | shortening_quantities(result, [part])
+            wave = _allowed(result.scene, part)
+            sentences += _sentences(part.name or blank.name, quantities, wave)
         shares = fields.get("fibre_volume_fraction", np.full(len(blank.areas()), np.nan))
         most = _known(np.fmax, result.scene.comm, shares[part.cells])
-        if most and most > PACKED:
-            flaw = f"more than round ones can ({rounded(PACKED)})"
+        packed = np.pi / np.sqrt(12)  # round fibres side by side
+        if most and most > packed:
+            flaw = f"more than round ones can ({rounded(packed)})"
             sentences.append(
                 f"fibres of {part.name or blank.name} fill up to {rounded(most)} of its volume, "
                 f"{flaw}: too much pressure or shear, or the fabric's thickness, "
@@ -254,30 +251,32 @@ def shortest_wave_of(scene: Scene, part: Part) -> float | None:
 
 
 def waves_that_do_not_form(scene: Scene) -> list[str]:
-    """A sentence for each part of fabric whose law allows only waves longer than `SEEN`."""
+    """A sentence for each part of fabric whose law allows only waves longer than 60 mm, up to which
+    heights show waves nearly in full."""
     parts = scene.blank.parts.values() or [scene.blank.whole]
     lengths = {p.name or scene.blank.name: shortest_wave_of(scene, p) for p in parts}
     return [
         f"no wrinkle of {name} shorter than {rounded(length)} mm can form, as its stiffness in "
         "bending and in compression have it: measure both, if wrinkles are asked for"
         for name, length in lengths.items()
-        if length and SEEN < length < np.inf
+        if length and 60.0 < length < np.inf
     ]
 
 
-def _sentences(name: str, found: Mapping[str, Any], wave: str = "") -> Iterable[str]:
-    share, lost = found[share_name(SHORTENED)], found["excess_length_mm"]
-    if share > AREA:
-        place = of_sheet(found["shortening_max_at_mm"])
-        most = f"{percent(found['shortening_max'], 3)}, as at {place}"
+def _sentences(name: str, quantities: Mapping[str, Any], wave: str = "") -> Iterable[str]:
+    share, lost = quantities[share_name(SHORTENED)], quantities["excess_length_mm"]
+    if share > 0.01:
+        place = of_sheet(quantities["shortening_max_at_mm"])
+        most = f"{percent(quantities['shortening_max'], 3)}, as at {place}"
         wide = f"by more than {percent(SHORTENED, 6)} in {percent(share, 3)} of the area"
         excess = "" if lost is None else f"; a yarn loses up to {rounded(lost)} mm of its length"
         law = f"The law stores as shortening what a real ply folds into wrinkles{wave}"
         yield f"compression shortens yarns of {name} by up to {most}, and {wide}{excess}. {law}"
-    if (there := found["shortening_at_shear_angle_max"]) > CRUMPLED:
-        place = of_sheet(found["shear_angle_max_at_mm"])
-        most = f"{rounded(found['shear_angle_max_deg'])} deg at {place}"
+    if (there := quantities["shortening_at_shear_angle_max"]) > 0.05:
+        place = of_sheet(quantities["shear_angle_max_at_mm"])
+        most = f"{rounded(quantities['shear_angle_max_deg'])} deg at {place}"
         where = f"lies where yarns are shortened by {percent(there)}: cells crumple there"
-        below = f"99 % of the area stay below {rounded(found['shear_angle_99_percent_deg'])} deg"
+        angle = rounded(quantities["shear_angle_99_percent_deg"])
+        below = f"99 % of the area stay below {angle} deg"
         why = "and it depends on mesh and contact"
         yield f"the largest shear angle of {name}, {most}, {where}, {why}; {below}"

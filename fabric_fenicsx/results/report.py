@@ -60,8 +60,6 @@ WORDS = {
     "shortening_at_shear_angle_max": "shortening of yarns where the shear angle is largest",
     "share_of_state_1_to_4": "area shares: both yarns in tension, a alone, b alone, none",
 }
-MISMATCH = 1e-10  # of UFL and kernel, up to which it is rounding
-SHARED = "study", "converged", "command", "options", "wall_s", "versions"
 
 
 def page(
@@ -82,7 +80,7 @@ def page(
         ending=ending,
         runs=[run for run in shown if run["summary"] or run["pictures"]],
         first=next((run["summary"] for run in shown if run["summary"]), {}),
-        rounding=MISMATCH,
+        rounding=1e-10,  # up to which UFL and kernel may differ
         log=log.read_text() if log and log.is_file() else "",
     )
 
@@ -106,7 +104,7 @@ def encoded(file: Path) -> str:
 
 def label(name: str) -> str:
     """The name of a number as a reader would write it: "punch force [N]"."""
-    longest = max((known for known in WORDS if name.startswith(known)), key=len, default="")
+    longest = max((word for word in WORDS if name.startswith(word)), key=len, default="")
     text = WORDS.get(longest, "") + name.removeprefix(longest)
     text = text.replace("_98_percent", ", without 1 % of the area at either end")
     text = text.replace("_99_percent", ", which 99 % of the area stay below")
@@ -118,7 +116,8 @@ def label(name: str) -> str:
 
 def _shown(name, summary, pictures):
     facts = json.loads(summary.read_text()) if summary.is_file() else {}
-    own = {k: v for k, v in facts.items() if k not in SHARED}
+    shared = "study", "converged", "command", "options", "wall_s", "versions"
+    own = {k: v for k, v in facts.items() if k not in shared}
     place = {name: k for k, name in enumerate(CAPTIONS)}
     files = sorted(pictures, key=lambda file: (place.get(file.stem, len(place)), file.stem))
     captions = [CAPTIONS.get(file.stem, file.stem.replace("_", " ")) for file in files]
@@ -133,7 +132,7 @@ def _shown(name, summary, pictures):
 def _with_errors(values, errors, before=""):
     """The `values` with their errors behind them, which have dots in names of nested ones, and
     places as such."""
-    found = {}
+    shown = {}
     for name, value in values.items():
         if isinstance(value, dict):
             value = _with_errors(value, errors, f"{before}{name}.")
@@ -141,8 +140,8 @@ def _with_errors(values, errors, before=""):
             value = with_error(_number(value), value, errors[before + name])
         elif name.endswith("_at_mm"):
             value = f"({', '.join(map(_number, value))})"
-        found[name] = value
-    return found
+        shown[name] = value
+    return shown
 
 
 def _are_rows(values):

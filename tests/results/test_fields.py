@@ -1,13 +1,7 @@
 """What ParaView gets, read back with VTK, against the solution it is of."""
 
-import os
 import re
 import resource
-import shutil
-import subprocess
-import sys
-import time
-from pathlib import Path
 from xml.etree import ElementTree
 
 import builders
@@ -74,10 +68,15 @@ def states(path):
 
 
 @pytest.mark.versions
-@pytest.mark.parametrize("spatial", [False, True])
 @pytest.mark.parametrize(
-    "element",
-    [pytest.param(e, marks=pytest.mark.mpi) if e in ("P1", "Q2") else e for e in VTK_CELL],
+    "element, spatial",
+    [
+        pytest.param("P1", True, marks=pytest.mark.mpi),
+        pytest.param("Q2", False, marks=pytest.mark.mpi),
+        ("P2", True),
+        ("P3", False),
+        ("Q1", True),
+    ],
 )
 def test_series_read_back(tmp_path, element, spatial):
     folder = COMM.bcast(tmp_path)
@@ -104,19 +103,11 @@ def test_series_read_back(tmp_path, element, spatial):
         assert sampled["vtkValidPointMask"].all()
         np.testing.assert_allclose(sampled["u"][:, :gdim], u, atol=1e-9)
         assert gdim == 3 or not grid["u"][:, 2].any()
-        across = np.column_stack(
-            [
-                -np.sin(0.4) * inside[:, 0] + np.cos(0.4) * inside[:, 1],
-                np.cos(0.4) * inside[:, 0] + np.sin(0.4) * inside[:, 1],
-            ]
-        )
-        for k, name in enumerate("ab"):
-            np.testing.assert_allclose(sampled[f"yarn_coordinate_{name}"], across[:, k], atol=1e-9)
-        assert (
-            grid.n_cells
-            == sum(len(fields["eps_a"]) for _, fields in parts)
-            == (96 if element[0] == "P" else 24)
-        )
+        c, s = np.cos(0.4), np.sin(0.4)
+        for name, across in (("a", [-s, c, 0]), ("b", [c, s, 0])):
+            own = sampled[f"yarn_coordinate_{name}"]
+            np.testing.assert_allclose(own, inside @ across, atol=1e-9)
+        assert grid.n_cells == (96 if element[0] == "P" else 24)
         for name, values in parts[0][1].items():
             values = np.concatenate([fields[name] for _, fields in parts])
             np.testing.assert_allclose(grid.cell_data[name], values, rtol=1e-14, err_msg=name)
@@ -124,7 +115,7 @@ def test_series_read_back(tmp_path, element, spatial):
     assert read_state(folder).n_cells == grid.n_cells
 
 
-@pytest.mark.parametrize("element", VTK_CELL)
+@pytest.mark.parametrize("element", ["P2", "Q1"])
 def test_fibres_are_as_long_as_their_strain_says(tmp_path, element):
     scene = sheet(element, spatial=True)
     x = scene.blank.coordinates()
@@ -197,8 +188,7 @@ def test_yarn_coordinates_of_straight_yarns_that_are_not_orthogonal():
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("spatial", [False, True])
-@pytest.mark.parametrize("element", ["P1", "P2", "Q2"])
+@pytest.mark.parametrize("element, spatial", [("P1", False), ("Q2", True)])
 def test_yarn_coordinates_of_curved_yarns(by_position, element, spatial):
     """Yarns a are circles about a point, b the rays from it; distances across the circles stay,
     between rays they don't."""
@@ -250,7 +240,6 @@ SURFACES = {
     "cylinder": (Cylinder((20, 20, 10), (1, 1, 0.2), 12.0), BOX),
     "double dome": (DOME, ([-24, -14, -30], [259, 149, 90])),
     "die": (Reversed(Offset(DOME, 1.2)), ([-24, -14, -30], [259, 149, 90])),
-    "upside down": (Flipped(DOME), ([-24, -14, -90], [259, 149, 30])),
     "shrunk": (Offset(Sphere(15.0, (20, 20, 0)), -5.0), BOX),
 }
 
@@ -355,15 +344,6 @@ def test_a_ply_pressed_from_both_sides_has_a_pressure():
     assert fields["contact_pressure"].min() > 1
 
 
-def test_a_scene_without_tools_leaves_none(tmp_path):
-    (tmp_path / "tools").mkdir()
-    (tmp_path / "tools" / "0000_0.vtp").touch()
-    (tmp_path / "tools.pvd").touch()
-    scene = sheet()
-    FieldSeries(tmp_path, scene).write(0.0, reports.cell_fields(scene))
-    assert not (tmp_path / "tools.pvd").exists() and not list((tmp_path / "tools").iterdir())
-
-
 # -- what may happen to a series
 
 
@@ -379,73 +359,32 @@ def test_a_later_state_at_the_same_load_takes_the_place_of_the_first(tmp_path):
 
 
 def test_a_new_run_takes_the_series_of_another_away(tmp_path):
+    """And a scene without tools leaves none."""
     scene = sheet()
     series = FieldSeries(tmp_path, scene)
     for at in (0.0, 0.5):
         series.write(at, reports.cell_fields(scene))
-    (tmp_path / "fields" / "0000_0.vtu.part").touch()
+    (tmp_path / "tools").mkdir()
+    for file in ("fields/0000_0.vtu.part", "tools/0000_0.vtp", "tools.pvd"):
+        (tmp_path / file).touch()
     FieldSeries(tmp_path, scene)
-    assert not (tmp_path / "fields.pvd").exists() and not list((tmp_path / "fields").iterdir())
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
 
 
-WRITER = """
-import sys, pathlib
-from mpi4py import MPI
-from scipy.spatial import cKDTree
-sys.path[:0] = [sys.argv[2], sys.argv[2] + "/.."]
-from test_fields import FieldSeries, reports, sheet
-scene = sheet(nx=30)
-series, fields = FieldSeries(pathlib.Path(sys.argv[1]), scene), reports.cell_fields(scene)
-for at in range(3000):
-    series.write(at / 3000, fields)
-"""
-
-
-def test_a_run_that_is_killed_leaves_a_series_that_opens(tmp_path):
-    process = subprocess.Popen(
-        [sys.executable, "-c", WRITER, str(tmp_path), os.path.dirname(__file__)]
-    )
-    while not (tmp_path / "fields" / "0009_0.vtu").exists():
-        assert process.poll() is None
-        time.sleep(0.003)
-    process.kill()
-    process.wait()
-    (tmp_path / "fields" / "9999_0.vtu.part").write_text("<VTK")  # at worst
-    read = states(tmp_path / "fields.pvd")
-    assert len(read) >= 9
-    assert all(grid.n_cells == 2400 for grids in read.values() for grid in grids)
-
-
-@pytest.mark.parametrize("file", ["fields/0001_0.vtu", "fields.pvd"])
-def test_a_full_disk_is_an_error_that_names_the_file(tmp_path, file):
+def test_a_full_disk_is_an_error_that_names_the_file(tmp_path):
     scene = sheet()
     series, fields = FieldSeries(tmp_path, scene), reports.cell_fields(scene)
     series.write(0.0, fields)
-    if file == "fields.pvd":
-        (tmp_path / "fields.pvd.part").mkdir()
-        with pytest.raises(OSError) as caught:
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (3000, limits[1]))
+    try:
+        with pytest.raises(OSError, match="File too large") as caught:
             series.write(1.0, fields)
-    else:
-        limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (3000, limits[1]))
-        try:
-            with pytest.raises(OSError) as caught:
-                series.write(1.0, fields)
-        finally:
-            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-        assert caught.value.strerror == "File too large"
-        assert [path.name for path in (tmp_path / "fields").iterdir()] == ["0000_0.vtu"]
-    assert caught.value.filename == str(tmp_path / file) and caught.value.errno
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert caught.value.filename == str(tmp_path / "fields/0001_0.vtu")
+    assert [path.name for path in (tmp_path / "fields").iterdir()] == ["0000_0.vtu"]
     assert list(states(tmp_path / "fields.pvd")) == [0.0]
-
-
-def test_a_folder_that_is_removed_is_an_error_that_names_the_file(tmp_path):
-    scene = sheet()
-    series, fields = FieldSeries(tmp_path, scene), reports.cell_fields(scene)
-    shutil.rmtree(tmp_path / "fields")
-    with pytest.raises(FileNotFoundError) as caught:
-        series.write(0.0, fields)
-    assert caught.value.filename == str(tmp_path / "fields" / "0000_0.vtu")
 
 
 @pytest.mark.mpi
@@ -459,11 +398,3 @@ def test_all_ranks_learn_of_the_file_that_one_cannot_write(tmp_path):
     with pytest.raises(IsADirectoryError) as caught:
         series.write(0.0, reports.cell_fields(scene))
     assert caught.value.filename == str(folder / "fields" / f"0000_{last}.vtu")
-
-
-def test_show_needs_results(tmp_path):
-    """What of it can be seen without ParaView."""
-    show = [sys.executable, Path(__file__).parents[2] / "studies" / "paraview" / "show.py"]
-    done = subprocess.run([*show, tmp_path], capture_output=True, text=True)
-    assert done.returncode == 2
-    assert f"{tmp_path}/fields.pvd is not there" in done.stderr

@@ -9,12 +9,7 @@ from fabric_fenicsx.results import measures
 from fabric_fenicsx.sheets.blank import Blank
 
 COMM = MPI.COMM_WORLD
-KINDS = [
-    ("crossed", "triangle"),
-    ("graded", "triangle"),
-    ("unstructured", "quadrilateral"),
-    ("crossed", "quadrilateral"),
-]
+KINDS = [("graded", "triangle"), ("unstructured", "quadrilateral")]
 
 
 def sheet(pattern="crossed", cell="triangle", nx=24, hole=0.0, **options):

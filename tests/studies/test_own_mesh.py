@@ -132,19 +132,6 @@ def test_other_units_than_mm(study, capfd, scale, words):
 
 
 @pytest.mark.mpi
-def test_a_slit_is_doubted_in_the_study(study):
-    points, cells, kind = specimen(80, 20, 8, 2, "left")
-    lips = np.flatnonzero((points[:, 1] == 10) & (np.abs(points[:, 0] - 40) < 15))
-    own = np.arange(len(points))
-    own[lips] = len(points) + np.arange(len(lips))
-    cells = np.where((points[cells, 1].mean(1) > 10)[:, None], own[cells], cells)
-    mine = study(*TENSILE, (np.vstack([points, points[lips]]), cells, kind))
-    mine.build(mine.describe(Tensile))
-    (doubt,) = mine.output.warnings
-    assert f"has {len(lips)} nodes where another one lies" in doubt
-
-
-@pytest.mark.mpi
 def test_locking_is_said_once_and_kept(launch):
     options = "--quick", "--element", "P1", "--pattern", "left", "--no-pictures"
     done = launch("bias_extension", *options)

@@ -52,10 +52,10 @@ def read_test(path: Path, sheet: Sheet) -> Curve | CompactionTest:
         lines = read_lines(path, sheet.csv.get("encoding"))
         keys = _keys(_key_texts(lines, sheet.keys.get(path.name, {}), problems), problems)
         with problems:
-            known = {*sheet.columns, *COLUMNS}
+            names = {*sheet.columns, *COLUMNS}
             delimiter = sheet.csv.get("delimiter")
             cells = table_of(
-                lines, lambda name: bool({name, column_of(name)} & known), delimiter=delimiter
+                lines, lambda name: bool({name, column_of(name)} & names), delimiter=delimiter
             )
             table, remarks = _table(cells, keys, sheet, problems)
         problems.stop()
@@ -71,13 +71,13 @@ def _curve(file, table, keys, thickness, remarks):
     _take_zero(table, keys)
     raw = {column: raw for raw, (column, _) in test.raw.items() if raw in table.columns}
     moved = raw.get(test.strains[0], test.strains[0])
-    table, told = from_zero(table, moved, test.sign)
+    table, notes = from_zero(table, moved, test.sign)
     runs = max(
         test.strains, key=lambda c: np.ptp(table.columns[raw.get(c, c)]) if table.rows else 0
     )
     whole = table
     table, left_out = loading_branch(whole, raw.get(runs, runs))
-    told, loose = told + left_out, 0.0
+    notes, loose = notes + left_out, 0.0
     if "slack" in keys.texts:
         loose = _quantity("slack", keys.texts["slack"], units(moved), zero=True)
     if loose:
@@ -88,21 +88,21 @@ def _curve(file, table, keys, thickness, remarks):
         table.columns[column] = of_fabric(machine, values, keys.test, keys.lengths, thickness)
         table.header[column] = unit_inside(column)
     columns = table.columns
-    found = [column for column in keys.measured if column in columns]
-    if {"tau", "F_sh"} <= set(found):
+    measured = [column for column in keys.measured if column in columns]
+    if {"tau", "F_sh"} <= set(measured):
         raise InputError("both columns tau and F_sh are given; allowed is one of them")
     checks.check_length(table, MIN_POINTS)
-    checks.check_values(keys.test, table, runs, found)
+    checks.check_values(keys.test, table, runs, measured)
     none = np.zeros(len(table.rows))
-    strains = np.column_stack([none if c in found else columns.get(c, none) for c in STRAINS])
-    given, back = (keys.test, keys.lengths, thickness), None
-    responses = [response(column, columns[column], strains[:, 2], *given) for column in found]
+    strains = np.column_stack([none if c in measured else columns.get(c, none) for c in STRAINS])
+    specimen, back = (keys.test, keys.lengths, thickness), None
+    responses = [response(column, columns[column], strains[:, 2], *specimen) for column in measured]
     if keys.test in ("shear", "picture_frame"):  # of which loops tell friction
         less = way_back(whole, runs, table.rows[-1])
         if len(less.rows) >= MIN_POINTS:
-            angles, (column,) = less.columns[runs] - loose, found
-            back = angles, response(column, less.columns[column], angles, *given)
-            told.append(f"friction is fitted to the way back, to row {less.rows[-1]}")
+            angles, (column,) = less.columns[runs] - loose, measured
+            back = angles, response(column, less.columns[column], angles, *specimen)
+            notes.append(f"friction is fitted to the way back, to row {less.rows[-1]}")
     return Curve(
         file,
         keys.test,
@@ -113,7 +113,7 @@ def _curve(file, table, keys, thickness, remarks):
         keys.free,
         _noise(keys.texts.get("noise"), responses, thickness),
         keys.lengths,
-        (*remarks, *told),
+        (*remarks, *notes),
         back,
         columns.get("displacement"),
         () if back else _unknown_origin(keys, moved, columns),
@@ -138,14 +138,14 @@ def _unknown_origin(keys, moved, columns):
 
 
 def _compaction_test(file, table, keys, remarks):
-    table, told = from_zero(table, "pressure", 1)
+    table, notes = from_zero(table, "pressure", 1)
     table, left_out = loading_branch(table, "pressure")
     column = next(name for name in table.columns if name != "pressure")
     checks.check_compaction(table, column)
     values = table.columns[column]
     response = Response(column, unit_inside(column), values, np.ones(len(values)))
     noise = _noise(keys.texts.get("noise"), [response], math.nan)
-    rows, remarks = np.array(table.rows), (*remarks, *told, *left_out)
+    rows, remarks = np.array(table.rows), (*remarks, *notes, *left_out)
     return CompactionTest(file, table.columns["pressure"], response, rows, noise, remarks)
 
 
@@ -170,7 +170,7 @@ def _key_texts(lines, stated, problems):
 
 
 def _keys(texts, problems):
-    """The test that the texts of keys state; InputError of all problems if it is not known."""
+    """The test that the texts of keys state; InputError of all problems if there is none."""
     place, name = texts.pop("test", ("", None))
     if name is None:
         problems.append(
@@ -182,12 +182,12 @@ def _keys(texts, problems):
     if name not in TESTS:
         problems.stop()
     test, lengths = TESTS[name], {}
-    known = ("noise", *test.all_keys)
+    allowed = ("noise", *test.all_keys)
     for key, (place, _) in texts.items():
-        if key not in known:
+        if key not in allowed:
             problems.append(
                 f"{place}: the key {key} does not belong to the test {name}; allowed are "
-                f"{', '.join(known)}"
+                f"{', '.join(allowed)}"
             )
     for key in test.keys:
         if key not in texts:
@@ -220,9 +220,9 @@ def _lateral(name, place, lateral):
     return None if held else "ab".index(name[-1]), (measured,), {zero: text}
 
 
-def _quantity(key, given, factors, zero=False):
+def _quantity(key, stated, factors, zero=False):
     """The number of a text with a unit, in that of the factors' first; zero: if 0 is allowed."""
-    place, text = given
+    place, text = stated
     match = re.fullmatch(r"\s*([-+.,\deE]+)\s*(\S+)\s*", text)
     try:
         value = float(match[1].replace(",", ".")) * factors[match[2]] if match else math.nan
@@ -235,10 +235,10 @@ def _quantity(key, given, factors, zero=False):
     return value
 
 
-def _noise(given, responses, thickness):
-    if given is None:
+def _noise(stated, responses, thickness):
+    if stated is None:
         return None
-    place, text = given
+    place, text = stated
     if match := re.fullmatch(r"([.,\deE+-]+)\s*%\s*of\s*(maximum|value)", text):
         size = _quantity("noise", (place, f"{match[1]} %"), {"%": 0.01})
         if size >= 1:
@@ -251,7 +251,7 @@ def _noise(given, responses, thickness):
             f"{place}: noise is {text!r}; allowed is `2 % of maximum` or `2 % of value`, "
             "or a number with a unit if one column is measured"
         )
-    return "absolute", _quantity("noise", given, units(responses[0].column, thickness))
+    return "absolute", _quantity("noise", stated, units(responses[0].column, thickness))
 
 
 # -- columns
@@ -280,9 +280,9 @@ def _table(cells, keys, sheet, problems):
             header[column] = (other or [unit])[0]
             _check_column(place, column, header[column], keys, allowed)
             factors[i] = column, units(column, sheet.thickness)[header[column]]
-    found = set(header) | {column for raw, (column, _) in test.raw.items() if raw in header}
-    missing = [column for column in test.strains if column not in found]
-    missing += [] if set(test.measured) & found else [" or ".join(test.measured)]
+    present = set(header) | {column for raw, (column, _) in test.raw.items() if raw in header}
+    missing = [column for column in test.strains if column not in present]
+    missing += [] if set(test.measured) & present else [" or ".join(test.measured)]
     wrong = [name for name, _ in unknown]
     if not missing:  # one that may be misspelled
         once = [name for name, own in unknown if name == own and name not in COLUMNS]

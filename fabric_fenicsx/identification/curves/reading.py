@@ -121,10 +121,10 @@ def _stated(document):
         for key, text in table.items():
             if not isinstance(text, str):
                 raise InputError(f'{where}.{key} is {text!r}; allowed is a text, as "200 mm"')
-            known = SPELLING if where == "csv" else KEYS
-            if where != "columns" and key not in known:
-                raise unknown_key(key, known, f"{where}.{key}")
-            if where == "csv" and not re.fullmatch(known[key], text):
+            rules = SPELLING if where == "csv" else KEYS
+            if where != "columns" and key not in rules:
+                raise unknown_key(key, rules, f"{where}.{key}")
+            if where == "csv" and not re.fullmatch(rules[key], text):
                 allowed = '";", "\\t" or ","' if key == "delimiter" else '"." or ","'
                 raise InputError(f"csv.{key} is {text!r}; allowed is {allowed}")
             if where == "columns" and text.split(" ")[0] not in COLUMNS:
