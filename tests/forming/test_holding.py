@@ -12,7 +12,7 @@ from fabric_fenicsx.forming import pictures
 from fabric_fenicsx.forming.holders import Region
 from fabric_fenicsx.scene import output as reports
 
-SIZES = {"nx": 6, "stroke": 8.0}
+SIZES = {"nx": 4, "stroke": 8.0}
 HALVES = [lambda x: x[0] < 140, lambda x: x[0] >= 140]
 
 
@@ -33,9 +33,8 @@ def punch_force(tmp_path, holder, **fields):
 )
 def test_two_halves_do_what_one_holder_does(tmp_path, one, two):
     """But for what lags: each segment counts its own areas and normal forces."""
-    forces = [punch_force(tmp_path, holder, lag=1e-9) for holder in (one, [one], two)]
-    assert forces[1] == pytest.approx(forces[0], rel=1e-12)
-    assert forces[2] == pytest.approx(forces[0], rel=1e-8) and all(forces[0])
+    forces = [punch_force(tmp_path, holder, lag=1e-9) for holder in (one, two)]
+    assert forces[1] == pytest.approx(forces[0], rel=1e-8) and all(forces[0])
 
 
 @pytest.mark.mpi
@@ -74,7 +73,7 @@ def held_whole(holders):
     return sum(t.force()[2] for t in built.pressing if isinstance(t, ff.BlankHolderPressure))
 
 
-@pytest.mark.parametrize("limit", [0, 20, 37.3])  # on nodes, and between them
+@pytest.mark.parametrize("limit", [20, 37.3])  # on nodes, and between them
 def test_segments_with_a_common_limit_press_each_node_once(limit):
     """Also those that rounding puts just beyond the blank's edge."""
     segments = [
@@ -150,18 +149,9 @@ def test_a_pressure_over_the_stroke():
         assert term.now == 1 + load
 
 
-def test_the_force_of_a_pressure_is_among_the_forces_of_tools(tmp_path):
-    ply = dome(**SIZES | {"stroke": 2.0}, holder=ff.PressureHolder(1.0))
-    result = ply.job(steps=1).run(tmp_path / "run", pictures=False)
-    found = result.summary["quantities"]["contact_forces_N"]["blank holder"]
-    (term,) = (t for t in ply.pressing if isinstance(t, ff.BlankHolderPressure))
-    assert found == pytest.approx(term.force()[2]) and found > 1e3
-
-
 @pytest.mark.parametrize(
     "holder, words",
     [
-        (ff.PressureHolder(0), "holders.blank holder.pressure is 0: it does not hold the rim"),
         (ff.Grippers(0), "holders.blank holder.tension is 0: it does not hold the rim"),
         ("down", r"of blank holder is directed away from the die: towards it is \(0, 0, 1\)"),
     ],
@@ -202,8 +192,6 @@ def test_a_holder_of_ones_own():
 @pytest.mark.parametrize(
     "make, words",
     [
-        (lambda: ff.PressureHolder(-1), "`pressure` is -1; allowed is a number"),
-        (lambda: dome(**SIZES, holder=ff.GapHolder(0.2)), "is 0.2, which crushes the blank"),
         (lambda: dome(**SIZES, holder="force"), "holder is 'force'; allowed is a holder"),
         (
             lambda: dome(**SIZES, holder=ff.Grippers(where=lambda x: x[0] > 1e3)),
@@ -213,11 +201,6 @@ def test_a_holder_of_ones_own():
             lambda: dome(**SIZES, holder=ff.Grippers(where=lambda x: x[0] < 1)),
             "`where` of holders.blank holder marks no edge",
         ),
-        (
-            lambda: dome(**SIZES, holder=ff.ForceHolder(where=lambda x: x[0] > 1e3)),
-            "`where` of holders.blank holder marks no node; allowed is a mask",
-        ),
-        (lambda: dome(**SIZES, holder=[]), r"holder is \[\]; allowed is .* one or more"),
     ],
 )
 def test_what_holds_nothing_is_refused(make, words):
@@ -265,7 +248,9 @@ def test_the_history_has_the_force_of_each_holder_on_the_whole_blank():
     assert row["low_force_of_whole_N"] == pytest.approx(300, rel=1e-6)
     assert row["low_2_force_of_whole_N"] == pytest.approx(4 * built.pressing[-1].force()[2])
     assert row["pull_force_of_whole_N"] == pytest.approx(2.0 * 4 * 200)
+    assert (row["punch_way_mm"], row["ring_way_mm"]) == (pytest.approx(3), 0)
     tools = [row[f"{name}_force_N"] for name in ("punch", "ring")]
+    assert tools[0] == pytest.approx(row["reaction_N"])
     held = [row[f"low{k}_force_of_whole_N"] / 4 for k in ("", "_2")]
     assert sum(tools) + sum(held) == pytest.approx(0, abs=1e-4 * abs(tools[1]))
 

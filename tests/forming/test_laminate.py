@@ -33,31 +33,10 @@ def test_friction_is_that_of_table_2(laid):
     assert found == [0.25, 0.334, 0.334, 0.25]
 
 
-def test_the_die_is_not_sharper_than_the_metal_bears(laid):
-    assert min(laid.tools["die"].surface.radii) > 10
-    # 45 mm would be too low with the steeper walls of the double dome's own press
-    own = laminate("tools.punch.entry_radius=20", "tools.punch.depth=45").tools["punch"].surface
-    assert (own.entry_radius, own.wall_angle, own.depth) == (20.0, 20.0, 45.0)
-
-
-def test_roundings_begin_and_end_where_the_dome_is_flat(laid):
-    dome = laid.tools["punch"].surface
-    inner, outer = dome.roundings
-    assert inner < 0 < outer
-    ends = ((inner - 1, True), (inner + 3, False), (outer - 3, False), (outer + 1, True))
-    edge = dome.dome_distance / 2 + dome.dome_radius
-    for d, flat in ends:
-        near = np.array([[edge + d, 0.0, dome.depth if d < 0 else 0.0]])
-        assert (dome.evaluate(near).normal[0, 2] > 1 - 1e-9) == flat
-
-
-@pytest.mark.parametrize(
-    "sizes, loose", [((640, 400), ""), ((470, 400), "x = 192"), ((640, 170), "y = 69.5")]
-)
+@pytest.mark.parametrize("sizes, loose", [((470, 400), "x = 192"), ((640, 170), "y = 69.5")])
 def test_metal_that_ends_over_the_opening_is_told_of(sizes, loose):
     own = dict(zip(("length", "width"), np.multiply(sizes, AREA**0.5)))
     metal = [f"ply.{side} metal.{k}={v}" for side in ("lower", "upper") for k, v in own.items()]
     made = laminate(f"blank.length={sizes[0]}", f"blank.width={sizes[1]}", *metal)
-    made.job()
     found = [words for words in made.warnings if "opening" in words]
-    assert len(found) == bool(loose) and all(loose in words for words in found)
+    assert len(found) == 1 and loose in found[0]

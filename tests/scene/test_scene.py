@@ -14,27 +14,16 @@ from fabric_fenicsx.mechanics.load import DeadPressure, EdgeTension
 from fabric_fenicsx.mechanics.shell.bending import Bending
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.mechanics.term import Term
-from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scene import output
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support, clamped_ends
-from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.tools.primitives import Plane, Sphere
 from fabric_fenicsx.tools.tool import Tool
 
 COMM = MPI.COMM_WORLD
 D = 8.33  # [N mm]
-
-
-def test_a_sheet_that_may_leave_its_plane_is_meshed_in_space():
-    points, cells, kind = specimen(100, 20, 10, 2)
-    for z in (0.0, 7.0):
-        arrays = (points + [0, 0, z], cells, kind) if COMM.rank == 0 else (None,) * 3
-        blank = Blank.from_arrays(COMM, *arrays, spatial=True)
-        assert blank.mesh.geometry.dim == 3
-        assert blank.coordinates()[:, 2] == pytest.approx(z)
 
 
 @pytest.mark.mpi
