@@ -4,7 +4,7 @@ from fabric_fenicsx.command_line.options import Parser, option_type
 from fabric_fenicsx.command_line.press_study import PressStudy, press_parser
 from fabric_fenicsx.command_line.study import run
 from fabric_fenicsx.forming.unloading import unloading
-from fabric_fenicsx.job.validity import WAVE, coarsest_waves
+from fabric_fenicsx.job.validity import MIN_CELLS, coarsest_waves
 from fabric_fenicsx.material.laws import coupling_variants
 from fabric_fenicsx.postprocess.wrinkles import LEAST
 from fabric_fenicsx.runtime.errors import InputError, SolverFailure
@@ -18,7 +18,7 @@ def options(description: str | None, press: str = "") -> Parser:
     p = press_parser(description, press or "form", press)
     p.group("more runs")
     p.switch("--compare", "run all variants of the couplings, each until it is formed")
-    words = f"if a wave has fewer than {WAVE:g} cells, run again with as many more as it needs"
+    words = f"if a wave has fewer than {MIN_CELLS:g} cells, run again with as many more as it needs"
     p.switch("--refine", words)
     words = "run the whole blank, too, with the leading tool aside, and tell what changes [mm]"
     aside = {"metavar": "MM", "type": option_type(POSITIVE)}
@@ -94,7 +94,7 @@ def refined(study, press, result):
         waves = coarsest_waves(result.summary["quantities"])
         if not waves:
             break
-        press = study.build(press.finer(WAVE / waves["cells_a_wave"]))
+        press = study.build(press.finer(MIN_CELLS / waves["cells_a_wave"]))
         result = study.run(press, part)
         tell(study, press, result, result.folder)
     return press, result

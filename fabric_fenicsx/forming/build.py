@@ -15,12 +15,15 @@ from ..scene.scene import Scene
 from ..scene.supports import Support
 from . import stack
 from .forming_scene import FormingScene
-from .laying import ON_PLANE, Laid, lay_blank
+from .laying import PLANE_TOLERANCE, Laid, lay_blank
 from .placement import place
 from .press import Press
 from .site import hold
 
-PLANES = [lambda x: x[0] < ON_PLANE, lambda x: x[1] < ON_PLANE]  # of symmetry of a quarter
+PLANES = [
+    lambda x: x[0] < PLANE_TOLERANCE,
+    lambda x: x[1] < PLANE_TOLERANCE,
+]  # of symmetry of a quarter
 
 
 @phase("setup")

@@ -11,8 +11,7 @@ from ..runtime.errors import InputError
 from ..runtime.formatting import coordinates, rounded
 from ..tools.checks import MIRRORED
 
-PRESSED = 1.0  # MPa, under which the blank must fit between closed tools
-ACROSS = 60  # points across the blank at which the distance of two tools is found
+CHECK_PRESSURE = 1.0  # MPa, under which the blank must fit between closed tools
 
 
 def check_clearances(
@@ -24,7 +23,7 @@ def check_clearances(
 
     The place of tools that a force moves is not known, so they are left out.
     """
-    wrong, comm, found = "", laid.blank.mesh.comm, list[str]()
+    wrong, comm, doubts = "", laid.blank.mesh.comm, list[str]()
     tools = [tool for tool in placed.tools.values() if not tool.force]
     low, high = laid.blank.extent()
     try:
@@ -37,20 +36,20 @@ def check_clearances(
                 distance = lambda load: (placed.schedule.distance(of, load), np.zeros(3))  # noqa: E731
             else:
                 distance = partial(_least_distance, *pair, low, high)
-            found += _doubts([t.name for t in pair], same_side, distance, placed.schedule, pressed)
+            doubts += _doubts([t.name for t in pair], same_side, distance, placed.schedule, pressed)
     except InputError as error:
         wrong = str(error)
-    wrong, found = comm.bcast((wrong, found))
+    wrong, doubts = comm.bcast((wrong, doubts))
     if wrong:
         raise InputError(wrong)
-    warnings += found
+    warnings += doubts
 
 
 def _doubts(names, same_side, distance, schedule, pressed):
     """Warnings of two tools that come too near at the ends of stages; InputError as in
     `check_clearances`. distance: function of the load factor to their distance and its place."""
     whens = ["before anything moves", *(f"at the end of {s.name}" for s in schedule.stages)]
-    found: list[str] = []
+    doubts: list[str] = []
     for load, when in zip(schedule.joints, whens):
         apart, place = distance(load)
         tools, at = f"tools {' and '.join(names)}", f"{when}, at {coordinates(place)} mm"
@@ -58,16 +57,16 @@ def _doubts(names, same_side, distance, schedule, pressed):
         if apart < 0 and not same_side:
             raise InputError(
                 f"{through}; allowed is a distance from {rounded(pressed, 4)} mm, the blank's "
-                f"thickness under {PRESSED:g} MPa: less travel, or another place (`at`)"
+                f"thickness under {CHECK_PRESSURE:g} MPa: less travel, or another place (`at`)"
             )
         if apart < 0 and load:
-            return [*found, f"{through}: real ones can't"]
+            return [*doubts, f"{through}: real ones can't"]
         if load and not same_side and apart < (1 - 1e-6) * pressed:
-            found.append(
+            doubts.append(
                 f"{tools} are {rounded(apart, 4)} mm apart {at}, less than the blank's thickness "
-                f"under {PRESSED:g} MPa, {rounded(pressed, 4)} mm: they crush it there"
+                f"under {CHECK_PRESSURE:g} MPa, {rounded(pressed, 4)} mm: they crush it there"
             )
-    return found
+    return doubts
 
 
 def _least_distance(one, two, low, high, load):
@@ -86,7 +85,7 @@ def _points(tool, low, high, load):
     """Points (n, 3) [mm] of a tool's surface over or under the blank at a load factor."""
     size, place = float((high - low).max()), np.asarray(tool.path(load))
     room = np.array([0.0, 0.0, 2 * size])
-    points, _, _ = tool.surface.mesh(low - room - place, high + room - place, size / ACROSS)
+    points, _, _ = tool.surface.mesh(low - room - place, high + room - place, size / 60)
     x = points + place
     return x[((x >= low - 1e-6) & (x <= high + 1e-6))[:, :2].all(1)]
 
@@ -94,7 +93,7 @@ def _points(tool, low, high, load):
 def symmetry_warnings(press: Any, laid: Any, placed: Any) -> list[str]:
     """A warning for each tool of a quarter that is not its own mirror image in x = 0 and y = 0,
     within `MIRRORED` thicknesses, in its places at the start and at the end; on all ranks."""
-    found: list[str] = []
+    warnings: list[str] = []
     comm, (low, high) = laid.blank.mesh.comm, laid.blank.extent()
     for tool in placed.tools.values() if comm.rank == 0 and press.quarter else ():
         if tool.name in press.dies():  # it is as symmetric as its tool
@@ -102,17 +101,17 @@ def symmetry_warnings(press: Any, laid: Any, placed: Any) -> list[str]:
         sideways = np.subtract(tool.path(1.0), tool.path(0.0))[:2].any()
         for load in (0.0, 1.0) if sideways else (0.0,):
             x, place = _points(tool, low, high, load), np.asarray(tool.path(load))
-            if not len(x) or any(words.startswith(f"tools.{tool.name} ") for words in found):
+            if not len(x) or any(words.startswith(f"tools.{tool.name} ") for words in warnings):
                 continue
             for axis, mirror in enumerate(((-1, 1, 1), (1, -1, 1))):
                 off = np.nan_to_num(abs(tool.surface.evaluate(x * mirror - place).gap))
                 worst = int(off.argmax())
                 if off[worst] > MIRRORED * placed.thickness:
-                    found.append(
+                    warnings.append(
                         f"tools.{tool.name} is not its own mirror image in {'xy'[axis]} = 0: it is "
                         f"at {coordinates(x[worst])}, but {rounded(off[worst])} mm off "
                         f"{coordinates(x[worst] * mirror)}; so the quarter stands for four "
                         "mirrored ones; take the whole blank (`quarter = false`)"
                     )
                     break
-    return comm.bcast(found)
+    return comm.bcast(warnings)

@@ -1,6 +1,5 @@
 """The share to which a place lies on the die's flange, where a blank holder presses."""
 
-import itertools
 import math
 
 import numpy as np
@@ -11,7 +10,6 @@ from ..tools.tool import Tool
 
 # mm about a place, at which the die must be flat for the place to count in full
 RINGS = 2.0, 4.0, 6.0
-AROUND = [k * math.pi / 4 for k in range(8)]  # directions of the points on a ring
 SPACING = 2.0  # mm, of the lattice that tells where rings need no look
 # points of it beyond a place's square: to the largest ring, and one more as the end may be curved
 BEYOND = math.ceil(RINGS[-1] / SPACING) + 1
@@ -30,7 +28,7 @@ class Flange:
     def __init__(self, die: Tool, thickness: float, up: float, extent: ArrayLike) -> None:
         self.die, self.thickness, self._up = die, thickness, up
         self._ring = np.array(
-            [(r * math.cos(a), r * math.sin(a)) for r, a in itertools.product(RINGS, AROUND)]
+            [(r * np.cos(a), r * np.sin(a)) for r in RINGS for a in np.arange(8) * math.pi / 4]
         )
         low, high = np.asarray(extent)[:, :2]
         self._axes = [

@@ -63,8 +63,8 @@ class FormingScene(Setup):
         """The tool whose force the curve shows at a load factor: the one that moves furthest in the
         stage there."""
         names = self.schedule.leaders()
-        known = [name for name in names[: self.schedule.stage_at(load) + 1] if name]
-        return self.tools[known[-1] if known else next(iter(self.tools))]
+        leaders = [name for name in names[: self.schedule.stage_at(load) + 1] if name]
+        return self.tools[leaders[-1] if leaders else next(iter(self.tools))]
 
     def measure(self, scene: Scene, load: float) -> tuple[float, float]:
         """Travel [mm] and force [N], towards the blank, of the leading tools."""
@@ -76,17 +76,17 @@ class FormingScene(Setup):
         """{name: value} of each tool's travel since the start [mm] and its force on the modelled
         part [N], both along z; of each holder the force on the whole blank [N]: along z, or the sum
         of its pulls."""
-        found = {}
+        columns = {}
         for name, tool in self.tools.items():
             way = tool.displacement[2] - np.asarray(tool.path(0.0))[2]
-            found[f"{name}_way_mm"] = float(way)
-            found[f"{name}_force_N"] = float(output.tool_force(scene, tool)[2])
+            columns[f"{name}_way_mm"] = float(way)
+            columns[f"{name}_force_N"] = float(output.tool_force(scene, tool)[2])
         for name, terms in self.holders.items():
             forces = [force for term in terms if (force := self._held_by(term)) is not None]
             if forces:
                 column = f"{'_'.join(name.split())}_force_of_whole_N"
-                found[column] = sum(forces) / self.modelled_share()
-        return found
+                columns[column] = sum(forces) / self.modelled_share()
+        return columns
 
     def _held_by(self, term):
         """Force of a holder's term on the modelled part [N], None of one that tells none."""
@@ -152,9 +152,9 @@ class FormingScene(Setup):
         what symmetry hides shows there. Raises InputError for a quarter from a file."""
         press, name = self.data, self.leader().name
         if press.quarter:
-            if known := [sheet.sheet_file for sheet in self.sheets if sheet.sheet_file]:
+            if files := [sheet.sheet_file for sheet in self.sheets if sheet.sheet_file]:
                 raise InputError(
-                    f"{known[0]} is a quarter, which can't be disturbed; allowed is the whole blank"
+                    f"{files[0]} is a quarter, which can't be disturbed; allowed is the whole blank"
                 )
             press = self.finer(2.0).replace(quarter=False)
         x, y, *z = np.asarray(press.tool(name).at).tolist()

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 MAX_PRESSURE = 10.0, "pressures are in MPa (Pa over 1e6)"  # above which a run warns
 # edge of a rectangle around the blank -> axis, and which end of it
 EDGES = {"low x": (0, 0), "high x": (0, 1), "low y": (1, 0), "high y": (1, 1)}
-SAME = 1e-6  # mm or deg, by which rounding may put a node beyond a limit
+LIMIT_TOLERANCE = 1e-6  # mm or deg, by which rounding may put a node beyond a limit
 # name of a coordinate -> function of points (3, n) to its values (n,)
 MEASURES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "x": lambda x: x[0],
@@ -35,7 +35,6 @@ MEASURES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "r": lambda x: np.hypot(x[0], x[1]),
     "angle": lambda x: np.degrees(np.arctan2(x[1], x[0])),
 }
-POLAR, AT = ("r", "angle"), "at"  # coordinates about a point, and the limit that names it
 Where = Callable[[np.ndarray], np.ndarray]  # function of points (3, n) [mm] to a mask (n,)
 
 
@@ -54,26 +53,27 @@ class Region:
         if not isinstance(self.limits, Mapping) or not self.limits:
             raise InputError(f"`where` is {shown(self.limits)}; allowed is a table, as x = [0, 50]")
         for name, ends in self.limits.items():
-            if name == AT:
-                checked_vector(f"`where`.{AT}", ends, size=2)
+            if name == "at":
+                checked_vector("`where`.at", ends, size=2)
                 continue
             if name not in MEASURES:
-                raise unknown_key(name, (*MEASURES, AT), f"`where`.{name}")
+                raise unknown_key(name, (*MEASURES, "at"), f"`where`.{name}")
             Interval(FINITE).check(f"`where`.{name}", ends)
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
         """The mask (n,)."""
         inside = np.ones(x.shape[1], dtype=bool)
-        arm = x[:2] - np.reshape(self.limits.get(AT, (0.0, 0.0)), (2, 1))
-        for name, (low, high) in ((n, ends) for n, ends in self.limits.items() if n != AT):
-            over = MEASURES[name](arm if name in POLAR else x) - low + SAME
+        arm = x[:2] - np.reshape(self.limits.get("at", (0.0, 0.0)), (2, 1))
+        for name, (low, high) in ((n, ends) for n, ends in self.limits.items() if n != "at"):
+            polar = name in ("r", "angle")
+            over = MEASURES[name](arm if polar else x) - low + LIMIT_TOLERANCE
             over = over % 360 if name == "angle" else over
-            inside &= (over >= 0) & (over <= high - low + 2 * SAME)
+            inside &= (over >= 0) & (over <= high - low + 2 * LIMIT_TOLERANCE)
         return inside
 
     def about(self, centre: np.ndarray) -> Region:
         """The region with `at` (2,) [mm] unless it has its own."""
-        return Region({AT: centre.tolist()} | dict(self.limits))
+        return Region({"at": centre.tolist()} | dict(self.limits))
 
 
 class Holder(Protocol):

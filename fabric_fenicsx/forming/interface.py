@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from ..tools.tool import Tool
     from .sheet import Sheet
 
-# Table 2 of Schäfer et al.: of fabric on fabric, of metal on fabric, of tools on metal
-BETWEEN_FABRICS, ON_METAL, TOOL_ON_METAL = 0.334, 0.25, 0.1
+# Table 2 of Schäfer et al.: of fabric on fabric, of metal on fabric; of tools on metal 0.1
+BETWEEN_FABRICS, ON_METAL = 0.334, 0.25
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,9 +50,7 @@ class Interface:
     """
 
     friction: float = number(0.25, FROM_ZERO, "coefficient between fabric and tools")
-    metal_friction: float = number(
-        TOOL_ON_METAL, FROM_ZERO, "coefficient between metal and tools", "tools"
-    )
+    metal_friction: float = number(0.1, FROM_ZERO, "coefficient between metal and tools", "tools")
     slip: float = number(0.1, POSITIVE, "elastic slip while a sheet sticks [mm]")
     lag: float = number(
         0.002,

@@ -18,9 +18,8 @@ from ..sheets.stack import Stack
 from .press import Press
 from .sheet import Sheet
 
-USUAL_NX = 24  # rectangles along the length, unless a sheet says others
-FITS = 1e-3  # of a length, by which a sheet may reach beyond a plane of symmetry
-ON_PLANE = 1e-6  # mm off a plane of symmetry up to which nodes lie on it
+DEFAULT_NX = 24  # rectangles along the length, unless a sheet says others
+PLANE_TOLERANCE = 1e-6  # mm off a plane of symmetry up to which nodes lie on it
 
 
 @dataclass(frozen=True)
@@ -83,16 +82,16 @@ def lay_blank(press: Press, comm: MPI.Comm, warnings: list[str]) -> Laid:
     sheets = [s.ready(f"ply {k}", press.interface) for k, s in enumerate(press.sheets, 1)]
     if press.quarter:
         warnings += filter(None, (sheet.mirror_warning() for sheet in sheets))
-    made, found = _meshed(sheets, press.quarter, comm)
-    for sheet, laid in zip(made, found):
+    made, meshed = _meshed(sheets, press.quarter, comm)
+    for sheet, laid in zip(made, meshed):
         path = f"ply {sheet.name}" if made[1:] else sheet.sheet_file or "the blank"
         if press.quarter:
             _check_quarter(laid.blank, path)
         warnings += laid.warnings
-    blanks = [each.blank for each in found]
+    blanks = [each.blank for each in meshed]
     sheets = [
         dataclasses.replace(sheet, **laid.settled, integration=sheet.integration or "full")
-        for sheet, laid in zip(made, found)
+        for sheet, laid in zip(made, meshed)
     ]
     low, high = blanks[first_fabric(sheets)].extent()
     share = 0.5 if press.quarter else 1.0
@@ -112,12 +111,12 @@ def _meshed(sheets, quarter, comm):
     """The sheets with their defaults, and each one laid. If cells do not follow the yarns, all
     are quadratic; by default they are twice as large, so that there are as many nodes."""
     asked = any(sheet.element for sheet in sheets)
-    made = [_with_nx(sheet, USUAL_NX, quarter) for sheet in sheets]
-    found = [_laid(sheet, quarter, comm) for sheet in made]
-    if not asked and made != sheets and max(each.blank.degree for each in found) == 2:
-        made = [_with_nx(sheet, halved(USUAL_NX), quarter, "P2") for sheet in sheets]
-        found = [_laid(sheet, quarter, comm) for sheet in made]
-    return made, found
+    made = [_with_nx(sheet, DEFAULT_NX, quarter) for sheet in sheets]
+    meshed = [_laid(sheet, quarter, comm) for sheet in made]
+    if not asked and made != sheets and max(each.blank.degree for each in meshed) == 2:
+        made = [_with_nx(sheet, halved(DEFAULT_NX), quarter, "P2") for sheet in sheets]
+        meshed = [_laid(sheet, quarter, comm) for sheet in made]
+    return made, meshed
 
 
 def _with_nx(sheet, nx, quarter, element=None):
@@ -164,11 +163,11 @@ def _check_quarter(blank, source):
     low, high = (each[:2] for each in blank.extent())
     for axis, start, end in zip("xy", low, high):
         reaches = f"{source} reaches from {axis} = {rounded(start, 4)} to {rounded(end, 4)} mm"
-        if start < -FITS * (end - start):
+        if start < -1e-3 * (end - start):
             raise InputError(
                 f"{reaches}, beyond the quarter x, y >= 0; allowed is the whole blank, or a quarter"
             )
-        if start > ON_PLANE:
+        if start > PLANE_TOLERANCE:
             raise InputError(
                 f"{reaches}, but the planes of symmetry of a quarter are x = 0 and y = 0; allowed "
                 "is a mesh with edges on both, or the whole blank"

@@ -23,10 +23,6 @@ from ..runtime.logs import MARKED, log
 from ..runtime.status import task
 from .forming_scene import FormingScene
 
-# of a holder in setup.png, over the blank's size: distance from the blank, length of its pulls
-AWAY, LONG = 0.02, 0.15
-PULLS = 9  # rods drawn along an edge, about
-
 
 def draw_setup(made: FormingScene, folder: Path) -> None:
     """setup.png: the tools and the flat blank before anything moves; called on all ranks."""
@@ -42,26 +38,26 @@ def draw_setup(made: FormingScene, folder: Path) -> None:
 
 def _holders(made, plies):
     """{name: surface} of what holders press, a little away from the blank, and of what pulls."""
-    size, found = float(np.ptp(made.extent, axis=0).max()), dict[str, Any]()
+    size, surfaces = float(np.ptp(made.extent, axis=0).max()), dict[str, Any]()
     owners = {term: name for name, terms in made.holders.items() for term in terms}
     for term in made.scene.terms:
         ply = ply_of(plies[term.part_name] if term.part_name else next(iter(plies.values())))
         x, centres = ply.x, ply.x[ply.triangles].mean(1).T
         name = (term.tool or term).name
         if isinstance(term, BlankHolderPressure):
-            found[name] = _patch(ply, term.shares(centres) > 0.5, -AWAY * size * term.direction)
+            surfaces[name] = _patch(ply, term.shares(centres) > 0.5, -0.02 * size * term.direction)
         elif isinstance(term, Contact) and term.where and name not in made.tools:
             up = term.tool.evaluate(centres.T[:1]).normal[0]
-            found[name] = _patch(ply, np.asarray(term.where(centres)), -AWAY * size * up)
+            surfaces[name] = _patch(ply, np.asarray(term.where(centres)), -0.02 * size * up)
         elif isinstance(term, Springs | EdgeTension):
             if isinstance(term, Springs):
                 at, way = x[term.where(x.T)], np.asarray(term.arm, dtype=float)
-                way = way * min(1.0, LONG * size / float(np.linalg.norm(way)))
+                way = way * min(1.0, 0.15 * size / float(np.linalg.norm(way)))
             else:
-                at, way = x[term.edge(x.T)], LONG * size * np.asarray(term.direction)
+                at, way = x[term.edge(x.T)], 0.15 * size * np.asarray(term.direction)
             ends, name = _pulls(at, way, size), owners.get(term, name)
-            found[name] = found[name].merge(ends) if name in found else ends
-    return {name: surface for name, surface in found.items() if surface.n_points}
+            surfaces[name] = surfaces[name].merge(ends) if name in surfaces else ends
+    return {name: surface for name, surface in surfaces.items() if surface.n_points}
 
 
 def _patch(ply, pressed, shift):
@@ -70,8 +66,8 @@ def _patch(ply, pressed, shift):
 
 
 def _pulls(x, away, size):
-    """Rods from about `PULLS` of the places x (n, 3) along a vector (3,) [mm]."""
-    x = x[:: max(1, -(-len(x) // PULLS))]
+    """Rods from about nine of the places x (n, 3) along a vector (3,) [mm]."""
+    x = x[:: max(1, -(-len(x) // 9))]
     lines = pyvista.line_segments_from_points(np.stack([x, x + away], 1).reshape(-1, 3))
     return lines.tube(radius=0.004 * size).triangulate()
 

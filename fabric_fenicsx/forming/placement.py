@@ -18,18 +18,14 @@ from ..tools.surfaces import Offset, Reversed, Surface, Turned
 from ..tools.tool import Tool
 from ..tools.triangulated import TriangulatedSurface
 from ..tools.values import length_of
-from .checks import PRESSED, check_clearances, symmetry_warnings
+from .checks import CHECK_PRESSURE, check_clearances, symmetry_warnings
 from .laying import Laid
 from .press import Press
 from .stages import Schedule
 from .tools import DieOf, PressTool
 
-CLEARANCE = 1.2  # thicknesses between a tool and its die, by default
-FAR = 1e3  # sizes of the blank beyond a tool's radii, within which its face is looked for
-FINER = 1, 2, 5  # numbers by which a CAD model's chord is divided, one after the other
-TOUCHES = 1e-9  # of the thickness: a tool so near touches the blank
-TRIES = 500  # at most, to bring it there
-KEPT = 10  # points besides the nodes, at which the tool was nearest before
+MAX_DISTANCE = 1e3  # sizes of the blank beyond a tool's radii, within which its face must be
+TOUCH_TOLERANCE = 1e-9  # of the thickness: a tool so near touches the blank
 
 
 @dataclass(frozen=True)
@@ -46,11 +42,15 @@ class Placed:
 def place(press: Press, laid: Laid, comm: MPI.Comm, warnings: list[str]) -> Placed:
     """The tools of a press in their places at its blank. Raises InputError, on all ranks, for tools
     that can't stand or move as given."""
-    nodes, thickness, pressed = laid.flat_nodes(), press.thickness(), press.thickness(PRESSED)
+    nodes, thickness, pressed = (
+        laid.flat_nodes(),
+        press.thickness(),
+        press.thickness(CHECK_PRESSURE),
+    )
     at, dies = Placement(nodes, thickness, comm, warnings), press.dies()
     given = {name: tool.surface for name, tool in press.tools.items()}
     clearances = {
-        name: surface.clearance or CLEARANCE * thickness
+        name: surface.clearance or 1.2 * thickness
         for name, surface in given.items()
         if isinstance(surface, DieOf)
     }
@@ -108,7 +108,7 @@ def check_clearance(path: str, clearance: float, pressed: float, surface: Surfac
     if clearance < pressed:
         raise InputError(
             f"{path} is {rounded(clearance, 6)}, less than the blank's thickness under "
-            f"{PRESSED:g} MPa; allowed is from {rounded(pressed)} mm"
+            f"{CHECK_PRESSURE:g} MPa; allowed is from {rounded(pressed)} mm"
         )
     if clearance >= radius:
         raise InputError(
@@ -156,7 +156,7 @@ class Placement:
         """The surface in a file; of a CAD model with a smaller `chord` if its facets are too
         coarse."""
         is_model = ending(path) in CAD
-        for finer in FINER if is_model else FINER[:1]:
+        for finer in (1, 2, 5) if is_model else (1,):
             surface = TriangulatedSurface.read(path, chord / finer, comm=self._comm)
             doubts: list[str] = []
             self._check_units(name, surface)
@@ -178,13 +178,13 @@ class Placement:
     def check_matched(self, name: str, surface: Surface, quarter: bool = False) -> None:
         """Raise InputError for the surface of triangles of a tool with a die that has an opening
         beneath the blank, or beneath the mirror images of a `quarter`."""
-        found, turn = _triangles(surface)
-        if found is None:
+        triangles, turn = _triangles(surface)
+        if triangles is None:
             return
         low, high = -self._high if quarter else self._low, self._high
-        whole, x = float((high - low).max()), found.points @ turn.T
+        whole, x = float((high - low).max()), triangles.points @ turn.T
         needed = f"a surface in mm that reaches beyond the blank of {rounded(whole, 4)} mm"
-        middle = x[found.rim].mean(1)
+        middle = x[triangles.rim].mean(1)
         margin = 1e-6 * whole
         within = (middle[:, :2] > low + margin) & (middle[:, :2] < high - margin)
         if within.all(1).any():
@@ -233,21 +233,21 @@ class Placement:
         up, away, between = tool.towards[2], self._size, np.empty((0, 3))
         points = _of_triangles(surface)
         if points is None:
-            far = FAR * self._size + sum(r for r in surface.radii if np.isfinite(r))
+            far = MAX_DISTANCE * self._size + sum(r for r in surface.radii if np.isfinite(r))
         else:
             far = 4 * (abs(points).max() + self._size)
         while self._least(surface, start, -up * away, between)[0] <= 0:
             if away >= far:
                 return None
             away = min(2 * away, far)
-        for _ in range(TRIES):
+        for _ in range(500):
             gap, place, top = self._least(surface, start, -up * away, between)
-            if abs(gap) < TOUCHES * self._t:
+            if abs(gap) < TOUCH_TOLERANCE * self._t:
                 return -up * away
             away -= gap
             # the tool's top may lie between nodes
             if (self._low <= top).all() and (top <= self._high).all():
-                between = np.vstack([between, [*top, 0.0]])[-KEPT:]
+                between = np.vstack([between, [*top, 0.0]])[-10:]
             if away < -far:
                 break
         raise InputError(self._beside(name, tool, surface, place))
@@ -261,9 +261,9 @@ class Placement:
         edges = [np.column_stack([along[:, 0], 0 * side + y]) for y in ends[:, 1]]
         edges += [np.column_stack([0 * side + x, along[:, 1]]) for x in ends[:, 0]]
         x = np.vstack(edges)
-        found = surface.evaluate(np.column_stack([x, 0 * x[:, 0]]) - place)
-        gap = found.gap - self._t / 2
-        flat = (abs(found.normal[:, 2]) > 0.99) & (abs(gap) < FLANGE * self._t)
+        nearest = surface.evaluate(np.column_stack([x, 0 * x[:, 0]]) - place)
+        gap = nearest.gap - self._t / 2
+        flat = (abs(nearest.normal[:, 2]) > 0.99) & (abs(gap) < FLANGE * self._t)
         return towards * float(np.median(gap[flat])) if flat.any() else 0.0
 
     def _least(self, surface, start, height, between):
@@ -271,21 +271,21 @@ class Placement:
         `between` them (k, 3), and a tool with its origin at this height; the place of the least
         gap, and the place (x, y) of the tool's top, by the curvature there."""
         places = np.vstack([self._x, between])
-        found = surface.evaluate(places - (start + [0, 0, height]))
-        gap = np.where(np.isfinite(found.gap), found.gap - self._t / 2, np.inf)
+        nearest = surface.evaluate(places - (start + [0, 0, height]))
+        gap = np.where(np.isfinite(nearest.gap), nearest.gap - self._t / 2, np.inf)
         mine: tuple[float, list[float], list[float]] = (np.inf, [], [])
         if len(gap):
             i = int(gap.argmin())
-            bend, slope = found.curvature[i][:2, :2], found.normal[i][:2]
+            bend, slope = nearest.curvature[i][:2, :2], nearest.normal[i][:2]
             top = places[i][:2] - np.linalg.lstsq(bend, slope, rcond=1e-9)[0]
             mine = float(gap[i]), places[i].tolist(), top.tolist()
         return min(self._comm.allgather(mine))
 
     def _beside(self, name, tool, surface, place):
-        found, middle = _of_triangles(surface), (self._low + self._high) / 2
+        points, middle = _of_triangles(surface), (self._low + self._high) / 2
         words = f"tools.{name} does not meet the blank when it is moved along z"
-        if found is not None:
-            low, high = found.min(0)[:2] + tool.at[:2], found.max(0)[:2] + tool.at[:2]
+        if points is not None:
+            low, high = points.min(0)[:2] + tool.at[:2], points.max(0)[:2] + tool.at[:2]
             shift = np.asarray(tool.at[:2]) + middle - (low + high) / 2
             words += (
                 f": it reaches from {coordinates(low)} to {coordinates(high)} mm, the blank from "
@@ -312,13 +312,13 @@ class Placement:
         inner, turn = _triangles(surface)
         if inner is None or len(inner.rim):  # what is open has no back
             return
-        found = inner.points @ turn.T
-        z = tool.towards[2] * found[:, 2]
-        size = float(np.ptp(found, axis=0).max())
+        points = inner.points @ turn.T
+        z = tool.towards[2] * points[:, 2]
+        size = float(np.ptp(points, axis=0).max())
         near = z > z.max() - 1e-3 * size
-        extent = float(np.ptp(found[near][:, :2], axis=0).max()) if near.any() else 0.0
+        extent = float(np.ptp(points[near][:, :2], axis=0).max()) if near.any() else 0.0
         back = z < z.min() + 1e-3 * size
-        behind = float(np.ptp(found[back][:, :2], axis=0).max()) if back.any() else 0.0
+        behind = float(np.ptp(points[back][:, :2], axis=0).max()) if back.any() else 0.0
         if extent > 0.98 * size and behind < 0.5 * extent and np.ptp(z) > 0.05 * size:
             self._warnings.append(
                 f"tools.{name} has a flat face towards the blank and its shape on the other side: "
@@ -358,5 +358,5 @@ def _triangles(surface: Surface) -> tuple[TriangulatedSurface | None, np.ndarray
 
 def _of_triangles(surface: Surface) -> np.ndarray | None:
     """Points (n, 3) of a surface of triangles in its place [mm], None for other surfaces."""
-    found, turn = _triangles(surface)
-    return None if found is None else found.points @ turn.T
+    triangles, turn = _triangles(surface)
+    return None if triangles is None else triangles.points @ turn.T

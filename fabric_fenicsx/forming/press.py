@@ -178,8 +178,8 @@ class Press(KnowsItsFields):
     @property
     def fabric(self) -> Any:
         """The first sheet's fabric, or metal."""
-        found = [sheet.fabric for sheet in self.sheets if sheet.fabric]
-        return found[0] if found else self.sheets[0].metal
+        fabrics = [sheet.fabric for sheet in self.sheets if sheet.fabric]
+        return fabrics[0] if fabrics else self.sheets[0].metal
 
     def dies(self) -> dict[str, str]:
         """{name of a die: the tool that it is the die of}."""

@@ -20,15 +20,15 @@ def all_of(made: FormingScene, result: Result) -> dict[str, Any]:
     """Forces, penetrations, shear, strains, draw-in, thickness, wrinkles; for metal thinning,
     plastic strain and stress; for a stack the pressure between sheets. Those of a stack are for all
     sheets together; `plies` has those of each sheet."""
-    found = (
+    numbers = (
         force_quantities(made, result)
         | contact_quantities(made, result)
         | sheet_quantities(made, result)
     )
     if "sheet_pressure" in result.fields:  # means of cells on the next sheet
         pressure = np.nan_to_num(result.fields["sheet_pressure"])
-        found["sheet_pressure_largest_MPa"] = measures.extremes(made.comm, pressure)[1]
-    return found
+        numbers["sheet_pressure_largest_MPa"] = measures.extremes(made.comm, pressure)[1]
+    return numbers
 
 
 def force_quantities(made: FormingScene, result: Result) -> dict[str, Any]:
@@ -79,12 +79,12 @@ def sheet_quantities(made: FormingScene, result: Result) -> dict[str, Any]:
         of_cells = quantities.metal_quantities if sheet.metal else quantities.fabric_quantities
         plies[name] = of_cells(result, [part])
         plies[name] |= quantities.shape(result, part, made.wrinkle_heights.get(name))
-    found = plies.get("")
-    if not found:
+    whole = plies.get("")
+    if not whole:
         if name := quantities.middle_of(made.sheets):
             plies[name] |= quantities.middle_quantities(result, name)
-        found = quantities.stack_quantities(result, plies, fabrics, metals) | {"plies": plies}
-    return found | {"shortening_mean": _mean_shortening(made, result, fabrics)}
+        whole = quantities.stack_quantities(result, plies, fabrics, metals) | {"plies": plies}
+    return whole | {"shortening_mean": _mean_shortening(made, result, fabrics)}
 
 
 def wrinkle_heights(made: FormingScene, result: Result) -> dict[str, Grid]:

@@ -31,9 +31,8 @@ from .stages import Stage
 from .tools import DieOf, PressTool
 
 TABLES = "blank", "contact", "limits", "tools", "holders"
-LISTS = "ply", "stage"
-ENTRIES = "unit", "title", *TABLES, *LISTS
-MATERIALS, SOURCE = ("fabric", "metal"), "material"  # as {material = "komeili", s1 = 0.03}
+ENTRIES = "unit", "title", *TABLES, "ply", "stage"
+MATERIALS = "fabric", "metal"  # as {material = "komeili", s1 = 0.03}
 # option of a study -> entry of a sheet: a change without a table, as "nx=8", is of all plies
 OF_ALL_PLIES = {"material": "fabric"} | {
     name: name
@@ -41,16 +40,15 @@ OF_ALL_PLIES = {"material": "fabric"} | {
     + ("fibre_angle", "yarn_angle")
 }
 SURFACES = "shape", "file", "die_of"  # entries of a tool, one of which it has
-ORIGIN, UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 # shape -> function of its numbers, and their names; its face is up, its origin at `PressTool.at`
 SHAPES: dict[str, tuple[Callable[..., Surface], tuple[str, ...]]] = {
     "sphere": (Sphere, ("radius",)),
     "cylinder": (
-        lambda radius, axis=(0.0, 1.0, 0.0): Cylinder(ORIGIN, axis, radius),
+        lambda radius, axis=(0.0, 1.0, 0.0): Cylinder((0, 0, 0), axis, radius),
         ("radius", "axis"),
     ),
-    "plane": (lambda: Plane(ORIGIN, UP), ()),
-    "torus": (lambda ring, tube: Torus(ORIGIN, UP, ring, tube), ("ring", "tube")),
+    "plane": (lambda: Plane((0, 0, 0), (0, 0, 1)), ()),
+    "torus": (lambda ring, tube: Torus((0, 0, 0), (0, 0, 1), ring, tube), ("ring", "tube")),
     "plate": (Plate, ("length", "width", "corner", "entry")),
     "block": (Block, ("length", "width", "height", "radius", "corner")),
     "double_dome": (DoubleDome, tuple(each.name for each in dataclasses.fields(DoubleDome))),
@@ -84,8 +82,8 @@ def fields_of(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         if key not in ENTRIES:
             raise unknown_key(key, ENTRIES, f"entry {key}")
     if document.get("unit") != "mm":
-        found = shown(document["unit"]) if "unit" in document else "missing"
-        raise InputError(f'unit is {found}; allowed is a line `unit = "mm"`, the unit of lengths')
+        unit = shown(document["unit"]) if "unit" in document else "missing"
+        raise InputError(f'unit is {unit}; allowed is a line `unit = "mm"`, the unit of lengths')
     if not isinstance(document.get("title", ""), str):
         raise InputError(f"title is {shown(document['title'])}; allowed is a text")
     tables = {name: _table(document.get(name, {}), name, f"[{name}]") for name in TABLES}
@@ -110,13 +108,13 @@ def fields_of(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 
 def from_table(kind: type, table: Mapping[str, Any], path: str, folder: Path) -> Any:
     """The dataclass object that a table describes; path: of the table, for messages."""
-    known = {each.name: each.metadata for each in dataclasses.fields(kind) if each.init}
+    metadata = {each.name: each.metadata for each in dataclasses.fields(kind) if each.init}
     given = {}
     for key, value in table.items():
-        if key not in known:
-            raise unknown_key(key, known, f"{path}.{key}")
-        given[key] = _value(value, known[key], f"{path}.{key}", folder)
-    with located(path, known):
+        if key not in metadata:
+            raise unknown_key(key, metadata, f"{path}.{key}")
+        given[key] = _value(value, metadata[key], f"{path}.{key}", folder)
+    with located(path, metadata):
         return kind(**given)
 
 
@@ -135,8 +133,8 @@ def located(path: str, names: Any) -> Iterator[None]:
 def _value(value, meta, path, folder):
     """A value of a table in the form that a field with this metadata takes."""
     if "read" in meta:
-        numbers = dict(value) if isinstance(value, Mapping) else {SOURCE: value}
-        source = numbers.pop(SOURCE, None)
+        numbers = dict(value) if isinstance(value, Mapping) else {"material": value}
+        source = numbers.pop("material", None)
         if not isinstance(source, str):
             raise InputError(f"{path} is {shown(value)}; allowed is a preset or a material file")
         beside = folder / source
@@ -166,10 +164,10 @@ def _table(value, name, label):
 
 
 def _list(document, name):
-    found = document.get(name, [])
-    if not isinstance(found, list) or not all(isinstance(each, dict) for each in found):
+    tables = document.get(name, [])
+    if not isinstance(tables, list) or not all(isinstance(each, dict) for each in tables):
         raise InputError(f"{name} is no list; allowed is a table [[{name}]] for each")
-    return found
+    return tables
 
 
 def _sheets(document, blank, folder):
@@ -277,18 +275,18 @@ def _change(document, change):
         if isinstance(table, list):
             by_name = {str(k + 1): each for k, each in enumerate(table)}
             by_name |= {each["name"]: each for each in table if "name" in each}
-            found = by_name.get(name)
+            entry = by_name.get(name)
         else:
-            by_name, found = table, table.get(name)
-        if name in MATERIALS and isinstance(found, str):
-            found = table[name] = {SOURCE: found}
-        if names[0] == "stage" and depth == 2 and found is None:  # moves, forces or pressures
-            _make_way(table, "stage", name, found)
-            found = table[name] = {}
-        if not isinstance(found, (dict, list)):
+            by_name, entry = table, table.get(name)
+        if name in MATERIALS and isinstance(entry, str):
+            entry = table[name] = {"material": entry}
+        if names[0] == "stage" and depth == 2 and entry is None:  # moves, forces or pressures
+            _make_way(table, "stage", name, entry)
+            entry = table[name] = {}
+        if not isinstance(entry, (dict, list)):
             before = ".".join(names[:depth])
             raise unknown_key(name, by_name, f"{'.'.join(names)}: {name} of {before or 'the file'}")
-        table = found
+        table = entry
     if not isinstance(table, dict):
         raise InputError(
             f"change {shown(change)} names no entry of {names[-2]}; allowed is "
@@ -374,18 +372,18 @@ def document_of(press: Any) -> dict[str, Any]:
     """The tables of a `Press`. What a file cannot hold, as functions and surfaces of a user's own,
     stays as it is."""
     plies = [_entries(sheet, {}) for sheet in press.sheets]
-    found: dict[str, Any] = {"unit": "mm"}
-    found |= {"title": press.title} if press.title else {}
+    document: dict[str, Any] = {"unit": "mm"}
+    document |= {"title": press.title} if press.title else {}
     blank: dict[str, Any] = {"quarter": True} if press.quarter else {}
-    found["blank"] = blank | (plies[0] if len(plies) == 1 else {})
-    found["contact"] = _entries(press.interface, {})
-    found["limits"] = _entries(press.limits, {})
+    document["blank"] = blank | (plies[0] if len(plies) == 1 else {})
+    document["contact"] = _entries(press.interface, {})
+    document["limits"] = _entries(press.limits, {})
     if len(plies) > 1:
-        found["ply"] = plies
-    found["tools"] = {name: _tool_table(tool) for name, tool in press.tools.items()}
-    found["holders"] = {name: _holder_table(each) for name, each in press.holders.items()}
-    found["stage"] = [_entries(stage, {}) for stage in press.stages]
-    return {key: value for key, value in found.items() if value not in ({}, [])}
+        document["ply"] = plies
+    document["tools"] = {name: _tool_table(tool) for name, tool in press.tools.items()}
+    document["holders"] = {name: _holder_table(each) for name, each in press.holders.items()}
+    document["stage"] = [_entries(stage, {}) for stage in press.stages]
+    return {key: value for key, value in document.items() if value not in ({}, [])}
 
 
 def write(press: Any, path: str | os.PathLike[str]) -> None:
@@ -421,14 +419,14 @@ def write(press: Any, path: str | os.PathLike[str]) -> None:
 
 def _entries(owner, more):
     """The fields of a dataclass object that differ from their defaults, {name: value}."""
-    found = dict(more)
+    entries = dict(more)
     for each in dataclasses.fields(owner):
         value, usual = getattr(owner, each.name), each.default
         if each.default_factory is not dataclasses.MISSING:
             usual = each.default_factory()
         if value is not usual and not (isinstance(value, type(usual)) and value == usual):
-            found[each.name] = value
-    return found
+            entries[each.name] = value
+    return entries
 
 
 def _tool_table(tool):

@@ -164,7 +164,7 @@ class HolderSite:
     def edges(self, names: Sequence[str]) -> list[tuple[str, np.ndarray, Where]]:
         """Those of the edges of a rectangle that are modelled: name, direction outwards (3,), and
         function of points (3, n) to a mask (n,)."""
-        extent, found = self.blank.extent(), list[tuple[str, np.ndarray, Where]]()
+        extent, edges = self.blank.extent(), list[tuple[str, np.ndarray, Where]]()
         for name in names:
             axis, end = EDGES[name]
             place = extent[end][axis]
@@ -173,8 +173,8 @@ class HolderSite:
                 def edge(x, axis=axis, place=place):
                     return abs(x[axis] - place) < 1e-6
 
-                found.append((name, (2 * end - 1) * np.eye(3)[axis], edge))
-        return found
+                edges.append((name, (2 * end - 1) * np.eye(3)[axis], edge))
+        return edges
 
     def nearest_nodes(self, place: np.ndarray) -> Where:
         """As in `Laid`."""

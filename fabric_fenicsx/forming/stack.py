@@ -17,7 +17,7 @@ from ..tools.tool import Tool
 from .interface import Interface
 from .sheet import Sheet
 
-BEYOND = 1e-6  # mm by which a sheet reaches beyond another
+REACH_TOLERANCE = 1e-6  # mm by which a sheet reaches beyond another
 
 
 def between(
@@ -48,7 +48,7 @@ def rims(stack: Stack, sheets: Sequence[Sheet]) -> list[str]:
     """Names of the sheets that reach beyond all those below them, without the lowest one."""
     reach = _reach(stack)
     below = np.maximum.accumulate(reach)
-    beyond = (reach[1:] > below[:-1] + BEYOND).any(1)
+    beyond = (reach[1:] > below[:-1] + REACH_TOLERANCE).any(1)
     return [s.name for s, reaches in zip(sheets[1:], beyond) if reaches]
 
 
@@ -72,7 +72,7 @@ def _facing(stack, sheets):
     pairs = list(pairwise(sheets))
     reach = _reach(stack)
     for k, (lower, _, upper) in enumerate(zip(sheets, sheets[1:], sheets[2:])):
-        if (np.minimum(reach[k], reach[k + 2]) > reach[k + 1] + BEYOND).any():
+        if (np.minimum(reach[k], reach[k + 2]) > reach[k + 1] + REACH_TOLERANCE).any():
             pairs.append((lower, upper))
     return pairs
 

@@ -11,8 +11,6 @@ from ..runtime.fields import check_fields, number, switch
 from ..runtime.rules import COUNT, FINITE, FROM_ZERO, POSITIVE, shown, unknown_key
 from ..tools.values import checked_vector
 
-PICTURES = 6  # of a filmstrip
-
 
 @dataclass(frozen=True)
 class Stage:
@@ -81,10 +79,10 @@ class Stage:
 
 
 def _table(stage, kind):
-    found = getattr(stage, kind)
-    if not isinstance(found, Mapping):
-        raise InputError(f"`{kind}` is {shown(found)}; allowed is a table of names")
-    return found
+    table = getattr(stage, kind)
+    if not isinstance(table, Mapping):
+        raise InputError(f"`{kind}` is {shown(table)}; allowed is a table of names")
+    return table
 
 
 class Schedule:
@@ -138,15 +136,15 @@ class Schedule:
                 )
 
     def _add(self, stage, label, towards):
-        for kind, known in (("forces", self._forces), ("pressures", self._pressures)):
+        for kind, series in (("forces", self._forces), ("pressures", self._pressures)):
             given = getattr(stage, kind)
-            if other := next((name for name in given if name not in known), ""):
+            if other := next((name for name in given if name not in series), ""):
                 has = f"`{kind[:-1]}` from the start"
                 raise InputError(
                     f"{label}.{kind}.{other} needs a {has}; those that have one are "
-                    f"{', '.join(known) or 'none here'}"
+                    f"{', '.join(series) or 'none here'}"
                 )
-            for name, values in known.items():
+            for name, values in series.items():
                 values.append(given.get(name, values[-1]))
         moves = dict(stage.moves) | self._closing(stage, label, towards)
         for name in (*moves, *stage.leave):
@@ -229,24 +227,24 @@ class Schedule:
         return moved[0] if len(moved) else np.zeros(3)
 
     def shown(self) -> np.ndarray:
-        """Load factors of about `PICTURES` pictures: the ends of stages, and equally many within
+        """Load factors of about six pictures: the ends of stages, and equally many within
         each stage."""
-        each = max(1, round((PICTURES - 1) / len(self.stages)))
+        each = max(1, round(5 / len(self.stages)))
         ends = np.arange(len(self.joints))
         return np.interp(np.arange(each * ends[-1] + 1) / each, ends, self.joints)
 
     def leaders(self) -> list[str]:
         """For each stage the tool whose force and travel the curve shows: the one that moves
         furthest, else the one whose force changes most, or "" if none does."""
-        found = []
+        leaders = []
         for k in range(len(self.stages)):
             for of_tools in (self._places, self._forces):
                 goes = {n: float(np.linalg.norm(v[k + 1] - v[k])) for n, v in of_tools.items()}
                 farthest = max(goes, key=lambda name: goes[name], default="")
                 if goes.get(farthest):
                     break
-            found.append(farthest if goes.get(farthest) else "")
-        return found
+            leaders.append(farthest if goes.get(farthest) else "")
+        return leaders
 
     def stage_at(self, load: float) -> int:
         """Number of the stage at a load factor, counted from 0."""

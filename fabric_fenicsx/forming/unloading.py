@@ -28,7 +28,6 @@ from ..scene.supports import Support
 NAME = "unloaded"  # of the job, and usually of its folder
 # energies that are no longer in the sheets, or that they can't give back
 SPENT = "plastic", "friction", KIND, "viscous", "external_work", RELEASED
-USUAL: dict[str, Any] = {"steps": 20, "path_tolerance": 1e-6}  # of the job
 
 # displacement (dofs,) of formed sheets, as they lie elsewhere once they were unloaded
 _formed: WeakKeyDictionary[Scene, np.ndarray] = WeakKeyDictionary()
@@ -104,7 +103,7 @@ def unloading(
     scene.set_load(0.0)
     scene.accept()
     forces.take(_from_outside(scene, kept))
-    return Job(Unloading(scene, forces, held), **USUAL | changes)
+    return Job(Unloading(scene, forces, held), **{"path_tolerance": 1e-6} | changes)
 
 
 class _Release(ReleaseForces):
@@ -134,9 +133,9 @@ def _memory(terms):
 
 def _thinnest(scene):
     """Thickness of the thinnest sheet [mm]; a thousandth of the blank if none is known."""
-    known = [material.thickness for material in materials_of(scene, scene.blank.whole)]
+    thicknesses = [material.thickness for material in materials_of(scene, scene.blank.whole)]
     low, high = scene.blank.extent()
-    return min(known, default=1e-3 * float((high - low).max()))
+    return min(thicknesses, default=1e-3 * float((high - low).max()))
 
 
 def _stays(term, together):
@@ -164,10 +163,10 @@ def _from_outside(scene, kept):
     """Forces on the nodes that hold the scene as it is (owned dofs,) [N], without those that the
     `kept` supports still bear."""
     scene.residual(scene.u.duplicate())
-    found = scene.forces.array.copy()
+    forces = scene.forces.array.copy()
     for support in kept:
-        found[scene.supports.dofs_of[support.name][:, list(support.components)]] = 0.0
-    return found
+        forces[scene.supports.dofs_of[support.name][:, list(support.components)]] = 0.0
+    return forces
 
 
 def _largest(scene, forces, part):
@@ -184,7 +183,7 @@ def _height(comm, places):
 
 def _fabric_warnings(scene, forces):
     """A warning of each sheet of fabric that keeps no shape, as its shear has no friction."""
-    blank, found = scene.blank, []
+    blank, warnings = scene.blank, []
     for part in blank.parts.values() or [blank.whole]:
         if not (fabric := fabric_of(scene, part)) or fabric.shear_friction:
             continue
@@ -194,13 +193,13 @@ def _fabric_warnings(scene, forces):
             formed = now - forces.springback() @ blank.frame
             before, after = (_height(scene.comm, each[part.nodes]) for each in (formed, now))
             heights = f", from {rounded(before)} to {rounded(after)} mm height over its mean plane,"
-        found.append(
+        warnings.append(
             f"{part.name or blank.name} springs back by up to "
             f"{rounded(_largest(scene, forces, part))} mm{heights} and keeps no shape: fabric is "
             "elastic here and gives back all that it stored. Real fabric keeps most of its shape; "
             "do not take this for its springback, but give its material a `shear_friction`"
         )
-    return found
+    return warnings
 
 
 class Unloading(Setup):

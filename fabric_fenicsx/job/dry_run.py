@@ -14,8 +14,6 @@ from ..solve.newton import Newton
 from . import validity
 from .job import Job
 
-ITERATIONS = 10  # of a usual step
-
 
 def checked(job: Job, output: Output, part: str, pictures: bool) -> list[str]:
     """Check all that a run checks before its first step, draw its first picture, and factor the
@@ -42,7 +40,7 @@ def checked(job: Job, output: Output, part: str, pictures: bool) -> list[str]:
     size = scene_output.sizes(scene)
     return [
         f"{size['cells']} cells ({size['element']}), {size['dofs']} degrees of freedom; {terms}",
-        f"an iteration takes about {rounded(seconds, 2)} s; with {ITERATIONS} of them a step, "
-        f"{job.steps:g} steps take {rounded(ITERATIONS * job.steps * seconds, 2)} s",
+        f"an iteration takes about {rounded(seconds, 2)} s; with 10 of them a step, "
+        f"{job.steps:g} steps take {rounded(10 * job.steps * seconds, 2)} s",
         f"memory without pictures about {rounded(comm.allreduce(peak, MPI.SUM), 2)} MiB",
     ]

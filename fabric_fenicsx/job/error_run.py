@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .job import Job
 
 FOLDERS = "coarse", "coarser"  # in the run's own
-FEWEST = 8  # cells of a mesh that may tell an order
+MIN_CELLS = 8  # cells of a mesh that may tell an order
 
 
 def coarsened(job: Job, made: Any) -> Any:
@@ -46,7 +46,7 @@ def estimated(
             if not (coarse := made.on_coarser_mesh()):
                 break
             made = coarsened(job, coarse)
-            if runs and _cells(made) < FEWEST:
+            if runs and _cells(made) < MIN_CELLS:
                 break
             runs.append(_run(made, output, result, name, problem))
         except (InputError, SolverFailure) as failure:
@@ -67,8 +67,10 @@ def _run(made, output, result, name, problem):
         f"the error: the same run on {_cells(made)} cells instead of {result.summary['cells']}, "
         f"in {made.steps:g} steps"
     )
-    known = output.resume and comm.bcast((folder / "checkpoint.npz").exists())
-    apart = Output(f"{made.name}, twice as coarse", folder, comm, resume=known, overwrite=not known)
+    is_begun = output.resume and comm.bcast((folder / "checkpoint.npz").exists())
+    apart = Output(
+        f"{made.name}, twice as coarse", folder, comm, resume=is_begun, overwrite=not is_begun
+    )
     apart.is_quiet = True
     try:
         return made.run(apart, problem=dict(problem) | {"mesh": name}, pictures=False)

@@ -173,9 +173,9 @@ class Job(Settings):
         if output.resume and (folder == output.path or comm.bcast(checkpoint.path.exists())):
             start, notes = checkpoint.load(scene.memory())
             if start.load == 1 and not start.viscosity.drag:
-                known = read_summary(folder / "summary.json") if comm.rank == 0 else {}
-                if (known := comm.bcast(known)).get("converged"):
-                    before = Result(known, notes["rows"], Fields({}), folder, scene)
+                summary = read_summary(folder / "summary.json") if comm.rank == 0 else {}
+                if (summary := comm.bcast(summary)).get("converged"):
+                    before = Result(summary, notes["rows"], Fields({}), folder, scene)
                     return self._finished_before(output, before, start, notes, problem, pictures)
         run = Run(self, output, folder, newton, checkpoint, start, notes)
         if pictures:
@@ -245,5 +245,5 @@ class Job(Settings):
 
 def _material(scene):
     """Materials of a scene's terms as texts of files, "" of none."""
-    known = materials_of(scene, scene.blank.whole)
-    return "\n".join(dict.fromkeys(material.dumps() for material in known))
+    materials = materials_of(scene, scene.blank.whole)
+    return "\n".join(dict.fromkeys(material.dumps() for material in materials))

@@ -17,8 +17,10 @@ from ..scene.scene import Scene
 from ..solve.limits import EDGES, Limits
 from ..solve.step_criteria import UNBALANCED
 
-WAVE = 7.0  # cells of a wave, from which on its height is within some per cent
-MISMATCH = 1e-6  # of stresses of elements and kernel, above which a run warns; usual is 1e-12
+MIN_CELLS = 7.0  # cells of a wave, from which on its height is within some per cent
+KERNEL_TOLERANCE = (
+    1e-6  # of stresses of elements and kernel, above which a run warns; usual is 1e-12
+)
 
 
 def not_believed(wrong: Sequence[str]) -> str:
@@ -47,12 +49,12 @@ def beyond_limits_at_end(
 ) -> list[str]:
     """Sentences on what is wrong with the run as a whole. rows: of its history; energy: as in
     summary.json [N mm]."""
-    found = {
+    shares = {
         "imbalance": energy_balance(rows, energy)["energy_imbalance"],
         "viscous": share(energy["viscous"], stretching(energy)),
         "located": scene.supports.located_share(scene_output.outer_forces(scene)),
     }
-    wrong = limits.exceeded(found)
+    wrong = limits.exceeded(shares)
     if scene.blank.mesh.geometry.dim == 3:  # a plane sheet can't wrinkle
         shortened, sheet = scene_output.most_shortened(scene, SHORTENED)
         words = [f"{each}; {_cure(scene)}" for each in limits.exceeded({"shortening": shortened})]
@@ -73,11 +75,11 @@ def _cure(scene):
 def _passed_through(scene):
     """A sentence for each sheet that has passed through itself."""
     blank = scene.blank
-    found = {part: self_crossings(part) for part in blank.parts.values() or [blank.whole]}
+    crossings = {part: self_crossings(part) for part in blank.parts.values() or [blank.whole]}
     return [
         f"sheet {part.name or blank.name} passes through itself at {len(places)} places, as at "
         f"{coordinates(places[0])} mm; allowed is none: {_separation(scene)} may help"
-        for part, places in found.items()
+        for part, places in crossings.items()
         if len(places)
     ]
 
@@ -92,12 +94,12 @@ def _separation(scene):
 
 def warnings_at_start(scene: Scene) -> list[str]:
     """Warnings of a scene before it is loaded."""
-    found = [scene.check_held()]
+    sentences = [scene.check_held()]
     if scene.blank.mesh.geometry.dim == 3:  # strips do without the tools' modules
         from ..scene.tool_warnings import tool_warnings
 
-        found += tool_warnings(scene)
-    return [words for words in found if words]
+        sentences += tool_warnings(scene)
+    return [words for words in sentences if words]
 
 
 def warnings_at_end(
@@ -110,7 +112,7 @@ def warnings_at_end(
         from ..scene.tool_warnings import untouched_warning
 
         untouched = untouched_warning(scene)
-    found = [
+    sentences = [
         *fabric_warnings(result),
         coarse_waves(quantities),
         untouched,
@@ -118,30 +120,30 @@ def warnings_at_end(
         _mismatch(scene),
     ]
     if not (untouched or any(energy.values()) or scene.u.norm()):
-        found.append(
+        sentences.append(
             "nothing moves or loads the sheet: it stays as it was; a tool, a load or a support "
             "that moves would, as `clamped_ends(stroke)`"
         )
     balance = energy_balance(result.rows, energy)
     if branches := ", ".join(rounded(load, 6) for load in balance["branches"]):
-        found.append(
+        sentences.append(
             f"the path branches at load {branches}: the equilibrium there was a saddle, and "
             "one of the ways down was taken; others may lead to other results"
         )
     if balance["energy_imbalance"] > UNBALANCED:
-        found.append(
+        sentences.append(
             "work of supports and tools and stored energy differ by "
             f"{percent(balance['energy_imbalance'], 3)}; {_cause(energy)}"
         )
-    return [words for words in [*found, *scene_output.warnings(scene)] if words]
+    return [words for words in [*sentences, *scene_output.warnings(scene)] if words]
 
 
 def coarsest_waves(quantities: Mapping[str, Any]) -> dict[str, float]:
-    """Wrinkles of the ply with the fewest cells a wave; {} if all have `WAVE`. quantities: of the
+    """Wrinkles of the ply with the fewest cells a wave; {} if none has few. quantities: of the
     summary."""
     plies = quantities.get("plies", {"": quantities}).values()
     waves = [ply["wrinkles"] for ply in plies if ply.get("wrinkles")]
-    coarse = [each for each in waves if (each["cells_a_wave"] or WAVE) < WAVE]
+    coarse = [each for each in waves if (each["cells_a_wave"] or MIN_CELLS) < MIN_CELLS]
     return min(coarse, key=lambda each: each["cells_a_wave"], default={})
 
 
@@ -154,7 +156,8 @@ def coarse_waves(quantities: Mapping[str, Any]) -> str:
     )
     return (
         f"heights of wrinkles, up to {height} mm, are rough, as {length} mm of a wave are {cells} "
-        f"cells; take {WAVE:g}: `nx` {rounded(WAVE / least['cells_a_wave'])} times as large"
+        f"cells; take {MIN_CELLS:g}: "
+        f"`nx` {rounded(MIN_CELLS / least['cells_a_wave'])} times as large"
     )
 
 
@@ -162,7 +165,7 @@ def _mismatch(scene):
     """A sentence if stresses of the elements are not those of the kernel."""
     membranes = [term for term in scene.terms if isinstance(term, Membrane)]
     most = max((each.summary()["kernel_mismatch"].value for each in membranes), default=0.0)
-    if most <= MISMATCH:
+    if most <= KERNEL_TOLERANCE:
         return ""
     return (
         f"stresses of elements and of the kernel differ by {percent(most, 3)}: `derivatives` of "
@@ -190,5 +193,5 @@ def _cause(energy):
     below = [kind for kind in energy if kind != "external_work" and energy[kind] < 0]
     if not below:
         return "take smaller steps (`max_step`), unless the sheet snapped"
-    told = " and ".join(f"{kind} {rounded(energy[kind])} N mm" for kind in below)
-    return f"what should resist drives the sheet, as energies are below 0: {told}"
+    energies = " and ".join(f"{kind} {rounded(energy[kind])} N mm" for kind in below)
+    return f"what should resist drives the sheet, as energies are below 0: {energies}"

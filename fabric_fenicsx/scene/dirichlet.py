@@ -13,7 +13,9 @@ from ..runtime.formatting import percent, rounded, share
 from ..sheets.blank import Blank
 from .supports import Support
 
-BORNE = 0.005  # of all forces from outside, more than a support that only locates should bear
+MAX_BORNE_SHARE = (
+    0.005  # of all forces from outside, more than a support that only locates should bear
+)
 
 
 class FixedDofs:
@@ -105,10 +107,10 @@ class FixedDofs:
         """Restore the history from `memory`."""
         states = len(self.work.memory())
         nodal = memory.reshape(-1, states, 4)
-        known = nodal[:, :, :2].max(0, initial=0.0)
-        self.blank.mesh.comm.Allreduce(MPI.IN_PLACE, known, MPI.MAX)  # a rank may have no node
+        shared = nodal[:, :, :2].max(0, initial=0.0)
+        self.blank.mesh.comm.Allreduce(MPI.IN_PLACE, shared, MPI.MAX)  # a rank may have no node
         fixed = nodal[self.dofs, :, 2:].transpose(1, 2, 0).reshape(states, -1)
-        self.work.recall(np.hstack([known, fixed]))
+        self.work.recall(np.hstack([shared, fixed]))
 
     def _located(self, sizes):
         """The `sizes` of supports that only locate the sheet, and still hold it."""
@@ -122,7 +124,7 @@ class FixedDofs:
     def locating_warning(self, sizes: dict[str, float]) -> str:
         """A warning if supports that only locate the sheet bear a force, else ""; sizes: as in
         `located_share`."""
-        most = BORNE * sum(sizes.values())
+        most = MAX_BORNE_SHARE * sum(sizes.values())
         borne = {name: force for name, force in self._located(sizes).items() if force > most}
         if not borne:
             return ""

@@ -9,14 +9,14 @@ from ..sheets.blank import Blank, Part
 from .rigid_motions import TURNS
 from .supports import Support
 
-PLANE = 1e-6  # of a blank's size, within which nodes lie in one plane
+PLANE_TOLERANCE = 1e-6  # of a blank's size, within which nodes lie in one plane
 FIRM, LOOSE = 0.05, 1e-6  # share of a motion left by those held before, from which a node holds it
 
 
 def planes_of_symmetry(blank: Blank, supports: Iterable[Support]) -> dict[int, Support]:
     """Those of the `supports` that are planes of symmetry, by the axis across them: they fix nodes
     of one plane, of the blank's length or width, along that axis alone, where they were."""
-    found, near = {}, PLANE * _size(blank)
+    planes, near = {}, PLANE_TOLERANCE * _size(blank)
     x, comm = blank.coordinates(), blank.mesh.comm
     for support in supports:
         moves = callable(support.value) or any(support.value)
@@ -25,8 +25,8 @@ def planes_of_symmetry(blank: Blank, supports: Iterable[Support]) -> dict[int, S
         (axis,) = support.components
         across = np.concatenate(comm.allgather(blank.along(x[support.where(x.T)].T)[axis]))
         if np.ptp(across) <= near:
-            found[axis] = support
-    return found
+            planes[axis] = support
+    return planes
 
 
 def isostatic(blank: Blank, kept: Sequence[Support]) -> list[Support]:
@@ -116,7 +116,7 @@ def _with(basis, rows, least):
 
 
 def _support(blank, name, place, axes, moved):
-    near, values = PLANE * _size(blank), moved.copy()
+    near, values = PLANE_TOLERANCE * _size(blank), moved.copy()
 
     def where(x):
         return np.linalg.norm(blank.along(x).T - place, axis=1) < near

@@ -45,8 +45,8 @@ def recall(term: Term, number: int, memory: dict[str, np.ndarray]) -> None:
             f"`recall` of term {term.name} asks for {error}; allowed is what its memory has: "
             f"{', '.join(given)}"
         ) from error
-    found = {key: values for (_, key), values in _memory(term).items()}
-    lost = [key for key, values in found.items() if not _equal(values, given[key])]
+    present = {key: values for (_, key), values in _memory(term).items()}
+    lost = [key for key, values in present.items() if not _equal(values, given[key])]
     if lost := term.blank.mesh.comm.allreduce(lost):
         raise InputError(
             f"`recall` of term {term.name} leaves {lost[0]} other than it was given; allowed is to "
@@ -56,15 +56,15 @@ def recall(term: Term, number: int, memory: dict[str, np.ndarray]) -> None:
 
 def _memory(term: Term) -> dict[tuple[str, str], np.ndarray]:
     """Arrays by (beginning of their name, own name)."""
-    found: dict[tuple[str, str], np.ndarray] = {}
+    stored: dict[tuple[str, str], np.ndarray] = {}
     for place, method in METHODS:
         if overrides(term, method):
             own = arrays(term, method, getattr(term, method)())
-            found |= {(place, key): values for key, values in own.items()}
-    return found
+            stored |= {(place, key): values for key, values in own.items()}
+    return stored
 
 
-def _equal(found, given):
+def _equal(one, other):
     """Equality up to rounding."""
-    scale = np.abs(given).max(initial=0.0, where=np.isfinite(given))
-    return np.allclose(found, given, 1e-9, 1e-9 * scale, equal_nan=True)
+    scale = np.abs(other).max(initial=0.0, where=np.isfinite(other))
+    return np.allclose(one, other, 1e-9, 1e-9 * scale, equal_nan=True)

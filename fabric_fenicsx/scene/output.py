@@ -86,8 +86,8 @@ def overstretched(scene: Scene, strain: float) -> float:
 def most_shortened(scene: Scene, strain: float) -> tuple[float, str]:
     """Share of a sheet's area in which compression shortens yarns by more than `strain`, and the
     name of the sheet: the one with the largest share."""
-    known = [(term.shortened(strain), term.part.name) for term in _membranes(scene)]
-    return max(known, key=lambda each: each[0], default=(0.0, ""))
+    shares = [(term.shortened(strain), term.part.name) for term in _membranes(scene)]
+    return max(shares, key=lambda each: each[0], default=(0.0, ""))
 
 
 def locking(scene: Scene) -> list[str]:
@@ -122,6 +122,6 @@ def warnings(scene: Scene) -> list[str]:
     """Doubts about the state though nothing failed, as sentences."""
     given = [membrane_warnings(term) for term in _membranes(scene)]
     given += [term.warnings() for term in scene.terms]
-    found = [text for each in given for text in ([each] if isinstance(each, str) else each)]
+    texts = [text for each in given for text in ([each] if isinstance(each, str) else each)]
     located = scene.supports.locating_warning(outer_forces(scene))
-    return [*found, *filter(None, [located])]
+    return [*texts, *filter(None, [located])]

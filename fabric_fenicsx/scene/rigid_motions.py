@@ -10,8 +10,10 @@ from ..runtime.errors import InputError
 from ..sheets.blank import Blank
 from .dirichlet import FixedDofs
 
-FLAT = 0.05  # height over length, up to which a smooth tool does not hold a blank within its plane
-BROAD = 1e-3  # stiffness against turning of friction that holds more than one place
+MAX_FLAT_HEIGHT = (
+    0.05  # height over length, up to which a smooth tool does not hold a blank within its plane
+)
+MIN_TURN_STIFFNESS = 1e-3  # stiffness against turning of friction that holds more than one place
 TURNS = {2: [(0, 1)], 3: [(1, 2), (2, 0), (0, 1)]}  # axes of each turn's plane, by dimension
 NAMES = "length", "width", "normal"
 LIFTS = "move along its normal", "turn about its length", "turn about its width"
@@ -25,7 +27,7 @@ def check_held(blank: Blank, terms: Sequence[Term], supports: FixedDofs) -> str:
     points are refused. Other tools may once the sheet is formed, so refusing them would be wrong.
     """
     low, high = blank.extent()
-    flat = len(low) == 2 or (high - low)[2] <= FLAT * (high - low).max()
+    flat = len(low) == 2 or (high - low)[2] <= MAX_FLAT_HEIGHT * (high - low).max()
     resisted = {motion for term in terms for motion in term.resists}
     node, axis = np.divmod(supports.dofs, len(low))
     x, along = blank.coordinates()[node], np.eye(3)[axis]
@@ -60,10 +62,10 @@ def is_held_by_friction(blank: Blank, terms: Sequence[Term]) -> bool:
     """True if the largest friction of tools in the accepted state holds the blank in its plane,
     against turning not only near one point. A stack's sheets may slide on one another, so of it
     this is not known."""
-    known = [term.rubbed() for term in terms if overrides(term, "rubbed")]
-    if blank.parts or not known:
+    contacts = [term.rubbed() for term in terms if overrides(term, "rubbed")]
+    if blank.parts or not contacts:
         return False
-    x, normals, most = (np.concatenate(each) for each in zip(*known))
+    x, normals, most = (np.concatenate(each) for each in zip(*contacts))
     total = blank.mesh.comm.allreduce(float(most.sum()))
     if not total:
         return False
@@ -71,7 +73,7 @@ def is_held_by_friction(blank: Blank, terms: Sequence[Term]) -> bool:
     axes = enumerate(np.eye(3))
     tangents = np.concatenate([share * (axis - normals * normals[:, [i]]) for i, axis in axes])
     resisted = {motion for term in terms for motion in term.resists} - {"slide"}
-    return not free_motion(blank, np.tile(x, (3, 1)), tangents, resisted, BROAD)
+    return not free_motion(blank, np.tile(x, (3, 1)), tangents, resisted, MIN_TURN_STIFFNESS)
 
 
 def free_motion(

@@ -244,7 +244,7 @@ class Scene:
 
     def compliances(self) -> list[tuple[PETSc.Vec, float]]:
         """Vectors c and numbers k [N/mm] of tools moved by force: c c^T / k softens the tangent."""
-        found = []
+        softenings = []
         for term in self.terms:
             given = term.compliance()
             if given and given[1] > 0:
@@ -252,8 +252,8 @@ class Scene:
                 c.set(0.0)
                 c.array[: given[0].size] = given[0]
                 c.array[self.fixed_dofs] = 0
-                found.append((c, given[1]))
-        return found
+                softenings.append((c, given[1]))
+        return softenings
 
     def reaction(self, name: str) -> np.ndarray:
         """Force of support `name` on the blank along the axes of the frame, after `residual`,
@@ -267,14 +267,14 @@ class Scene:
     def fingerprint(self) -> dict[str, Any]:
         """What a run that is resumed must agree in: parameters of the terms, largest displacement
         of the supports and directions of the yarns, the same on any number of ranks."""
-        found: dict[str, Any] = {"terms": ", ".join(term.name for term in self.terms)}
+        facts: dict[str, Any] = {"terms": ", ".join(term.name for term in self.terms)}
         for i, term in enumerate(self.terms, 1):
             for name, given in term.fingerprint.items():
-                known = entries(given, name)
-                found |= {f"{k} of term {i}, {term.name}": v for k, v in known.items()}
-        found["supports"] = ", ".join(support.name for support in self.supports)
+                numbers = entries(given, name)
+                facts |= {f"{k} of term {i}, {term.name}": v for k, v in numbers.items()}
+        facts["supports"] = ", ".join(support.name for support in self.supports)
         farthest = self.comm.allreduce(abs(self.supports.values(1.0)).max(initial=0.0), MPI.MAX)
-        found["largest displacement of supports [mm]"] = plain(float(farthest))
+        facts["largest displacement of supports [mm]"] = plain(float(farthest))
         if straight := self.blank.whole.straight:
-            found["directions of the yarns"] = np.round(straight, 9).tolist()
-        return found
+            facts["directions of the yarns"] = np.round(straight, 9).tolist()
+        return facts

@@ -19,11 +19,10 @@ from .scene import Scene
 MAX_FRICTION = 2.0  # [-], above which a coefficient may be in per cent
 # angle of the least radius that one cell spans [deg]: in the double dome the punch force is then
 # 1.5 % off; with 38 deg 0.3 %, with 149 deg 6 %
-TURN = 90.0
+MAX_TURN = 90.0
 # cells along a sheet's longest side, with fewer of which nothing is told: with 1, 2, 4, 6 and 8 the
 # hemisphere's punch force is 100 % too low, 32 % too low, 43 % too high, 13 % too low, 4 % too high
-FEWEST = 5
-SCALE = 0.25  # of a cell: the length over which its tool's curvature counts
+MIN_CELLS = 5
 
 
 def tool_warnings(scene: Scene) -> list[str]:
@@ -31,11 +30,11 @@ def tool_warnings(scene: Scene) -> list[str]:
     cent, and on tools in other units than mm or with holes."""
     blank, tools = scene.blank, output.tools(scene)
     few = few_cells_warning(scene)
-    found = [few or cell_size_warning(blank, tools), *_frictions(scene)]
+    sentences = [few or cell_size_warning(blank, tools), *_frictions(scene)]
     size = float(np.subtract(*blank.extent()[::-1]).max())
     for tool in tools:
-        found += [size_warning(tool, size), hole_warning(tool)]
-    return [each for each in found if each]
+        sentences += [size_warning(tool, size), hole_warning(tool)]
+    return [each for each in sentences if each]
 
 
 def _frictions(scene):
@@ -53,16 +52,16 @@ def _frictions(scene):
 
 
 def few_cells_warning(scene: Scene) -> str:
-    """A sentence if a sheet on tools has fewer than `FEWEST` cells, or halves of quadratic ones,
+    """A sentence if a sheet on tools has fewer than `MIN_CELLS` cells, or halves of quadratic ones,
     along its longest side, else ""; a quarter stands for the whole sheet."""
     blank, sides = scene.blank, np.subtract(*scene.blank.extent()[::-1])
     sides[list(planes_of_symmetry(blank, scene.supports))] *= 2
     along = float(sides.max()) / _cell_length(blank)
-    if along >= FEWEST or not output.tools(scene):
+    if along >= MIN_CELLS or not output.tools(scene):
         return ""
     return (
         f"{rounded(along)} cells reach along the whole of {blank.name}, which tell neither forces "
-        f"nor shape: the result is not to be believed; take {2 * FEWEST} or more"
+        f"nor shape: the result is not to be believed; take {2 * MIN_CELLS} or more"
     )
 
 
@@ -78,22 +77,23 @@ def cell_size_warning(blank: Blank, tools: Iterable[Tool]) -> str:
     """A sentence if cells, or a quadratic one's halves, are too large to bend around the tools'
     least radius, else ""."""
     length = _cell_length(blank)
-    radii = [(radius_over(tool, SCALE * length), tool.name) for tool in tools]
+    # over a quarter of a cell its tool's curvature counts
+    radii = [(radius_over(tool, 0.25 * length), tool.name) for tool in tools]
     least, name = min(radii, default=(math.inf, ""))
-    if math.degrees(length / least) <= TURN:
+    if math.degrees(length / least) <= MAX_TURN:
         return ""
     named = "cells" if blank.degree == 1 else "halves of quadratic cells"
     return (
         f"{named} are {rounded(length)} mm long where the {name} has a radius of "
         f"{rounded(least)} mm: forces may be off by some per cent and angles by some degrees; "
-        f"take {named} below {rounded(math.radians(TURN) * least)} mm"
+        f"take {named} below {rounded(math.radians(MAX_TURN) * least)} mm"
     )
 
 
 def untouched_warning(scene: Scene) -> str:
     """A sentence that names the tools on paths which have moved, and in no accepted state touched
     the sheet, else ""."""
-    found = []
+    sentences = []
     for tool in output.tools(scene):
         contacts = [t for t in scene.terms if isinstance(t, Contact) and t.tool is tool]
         along_path = tool.displacement - tool.travel * tool.direction - tool.path(0.0)
@@ -101,9 +101,9 @@ def untouched_warning(scene: Scene) -> str:
         if contacts and moved and not any([each.touched() for each in contacts]):
             gap = min(float(each.gap().min(initial=math.inf)) for each in contacts)
             gap = round(scene.comm.allreduce(gap, MPI.MIN), 9)
-            found.append(
+            sentences.append(
                 f"{tool.name} moved by {rounded(moved)} mm, and is still {rounded(gap)} mm off"
             )
-    if not found:
+    if not sentences:
         return ""
-    return f"a tool never touched the sheet: {'; '.join(found)}; check its path and its surface"
+    return f"a tool never touched the sheet: {'; '.join(sentences)}; check its path and its surface"
