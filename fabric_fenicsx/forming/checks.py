@@ -12,6 +12,7 @@ from ..runtime.formatting import coordinates, rounded
 from ..tools.checks import MIRRORED
 
 CHECK_PRESSURE = 1.0  # MPa, under which the blank must fit between closed tools
+POINTS_ACROSS = 60  # points across the blank at which the distance of two tools is found
 
 
 def check_clearances(
@@ -85,7 +86,7 @@ def _points(tool, low, high, load):
     """Points (n, 3) [mm] of a tool's surface over or under the blank at a load factor."""
     size, place = float((high - low).max()), np.asarray(tool.path(load))
     room = np.array([0.0, 0.0, 2 * size])
-    points, _, _ = tool.surface.mesh(low - room - place, high + room - place, size / 60)
+    points, _, _ = tool.surface.mesh(low - room - place, high + room - place, size / POINTS_ACROSS)
     x = points + place
     return x[((x >= low - 1e-6) & (x <= high + 1e-6))[:, :2].all(1)]
 

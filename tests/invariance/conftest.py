@@ -13,4 +13,4 @@ from fabric_fenicsx.results import fields
 def undrawn(monkeypatch):
     monkeypatch.setattr(logging.getLogger("fabric_fenicsx"), "disabled", True)
     monkeypatch.setattr(fields, "triangulated", lambda tool, *_: pyvista.Plane())
-    monkeypatch.setattr(checks, "ACROSS", 12)
+    monkeypatch.setattr(checks, "POINTS_ACROSS", 12)
