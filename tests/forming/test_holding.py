@@ -140,15 +140,6 @@ def test_a_checkpoint_knows_the_number_of_a_holder(one, other, name):
     assert {key.split(" of ")[0] for key in first if first[key] != second[key]} == {name}
 
 
-def test_a_pressure_over_the_stroke():
-    """A function of the load factor is asked at each load."""
-    ply = dome(**SIZES, holder=ff.PressureHolder(lambda load: 1 + load))
-    (term,) = (t for t in ply.pressing if isinstance(t, ff.BlankHolderPressure))
-    for load in (0.0, 0.5):
-        ply.scene.set_load(load)
-        assert term.now == 1 + load
-
-
 @pytest.mark.parametrize(
     "holder, words",
     [
