@@ -185,12 +185,12 @@ class FormingScene(Setup):
 
     def tables(self, result: Result, folder: Path) -> None:
         """As in `Setup`: the heights of wrinkles, if any are told of."""
-        from ..postprocess.wrinkles import HEIGHT, LEAST
+        from ..postprocess.wrinkles import HEIGHT, MIN_HEIGHT
 
         for name, ply in self.wrinkle_heights.items():
             file = folder / f"{'_'.join(['wrinkles', *name.split()])}.vtu"
             file.unlink(missing_ok=True)  # of stages before
-            if abs(ply[HEIGHT]).max() >= LEAST:
+            if abs(ply[HEIGHT]).max() >= MIN_HEIGHT:
                 ply.save(file)
 
     def first_picture(self, folder: Path) -> None:

@@ -88,11 +88,11 @@ class MeasuredBending(Parameters):
     def respond(self, curvature: np.ndarray, areal_weight: float) -> Bent:
         """At curvatures (n, 2) [1/mm] of a fabric of `areal_weight`, density times thickness
         [g/cm3 mm]."""
-        found = [
-            _along(known, moment, values)
-            for (known, moment), values in zip(self._curves(areal_weight), curvature.T)
+        yarns = [
+            _along(curvatures, moment, values)
+            for (curvatures, moment), values in zip(self._curves(areal_weight), curvature.T)
         ]
-        return Bent(*(np.stack(each, axis=1) for each in zip(*found)))
+        return Bent(*(np.stack(each, axis=1) for each in zip(*yarns)))
 
     def stiffnesses(self, areal_weight: float) -> np.ndarray:
         """Slopes of both moments at the start (2,) [N mm]."""

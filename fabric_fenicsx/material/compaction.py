@@ -9,7 +9,7 @@ import numpy as np
 from ..runtime.rules import FROM_ZERO, Rule, above_zero
 from .material import Parameters
 
-SMALL = 1e-3  # of y, below which e^y - 1 - y is taken as a series
+SERIES_LIMIT = 1e-3  # of y, below which e^y - 1 - y is taken as a series
 
 
 @dataclass(frozen=True)
@@ -68,14 +68,14 @@ def log_compaction(q: np.ndarray) -> np.ndarray:
     # of Newton's method; three or four do
     for _ in range(6):  # convex, so each comes nearer from above
         slope = np.expm1(y)
-        excess = np.where(y < SMALL, _series(y), slope - y) - q
+        excess = np.where(y < SERIES_LIMIT, _series(y), slope - y) - q
         y = y - np.divide(excess, slope, out=np.zeros_like(y), where=slope > 0)
     return y
 
 
 def growth(y: np.ndarray) -> np.ndarray:
     """e^y - 1 - y of y (n,) from 0, without cancellation."""
-    return np.where(y < SMALL, _series(y), np.expm1(y) - y)
+    return np.where(y < SERIES_LIMIT, _series(y), np.expm1(y) - y)
 
 
 def _series(y):

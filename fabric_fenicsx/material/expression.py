@@ -60,10 +60,10 @@ class _Quick(MultiFunction):
 
 
 def _factors(operands):
-    found: list[Expr] = []
+    factors: list[Expr] = []
     for x in operands:
-        found += _factors(x.ufl_operands) if isinstance(x, Product) else [x]
-    return found
+        factors += _factors(x.ufl_operands) if isinstance(x, Product) else [x]
+    return factors
 
 
 def _power(base, n):

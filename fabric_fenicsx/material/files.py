@@ -125,17 +125,17 @@ def read_numbers(
     """The numbers of one TOML table by the names of `rules`, in the package's units: the unit is in
     the key, as `d_kPa`, or in the file's `units` {kind: unit}. where: what stands before a key in
     messages; also: keys that belong to others. Raises InputError by key."""
-    found: dict[str, Any] = {}
+    numbers: dict[str, Any] = {}
     spelled: dict[str, str] = {}
     for key, value in table.items():
         label = where + key
         name, power = _meaning(key, rules, units, label, also)
-        if name in found:
+        if name in numbers:
             raise InputError(f"{label} repeats {where}{spelled[name]}; allowed is {name} once")
         checked = rules[name].check(label, value)
-        found[name] = rules[name].check(label, _scaled(checked, power))
+        numbers[name] = rules[name].check(label, _scaled(checked, power))
         spelled[name] = key
-    return found
+    return numbers
 
 
 def read_scatter(
@@ -146,9 +146,9 @@ def read_scatter(
 ) -> dict[str, tuple[float, float]]:
     """The table [scatter], taken out of a material's document: intervals of the numbers of `rules`,
     in the package's units, and of `factors`. Raises InputError by key."""
-    known = {name: Interval(rule) for name, rule in rules.items()}
-    known |= dict.fromkeys(factors, Interval(POSITIVE))
-    return read_numbers(take_table(document, "scatter"), known, units, "scatter.")
+    intervals = {name: Interval(rule) for name, rule in rules.items()}
+    intervals |= dict.fromkeys(factors, Interval(POSITIVE))
+    return read_numbers(take_table(document, "scatter"), intervals, units, "scatter.")
 
 
 def _scaled(value, power):
@@ -162,14 +162,14 @@ def _meaning(key, rules, units, label, also):
     """The name in `rules` that a key has, and the power of ten from its unit to the package's own;
     InputError, which calls the key `label`, for one without or with another unit."""
     for name, rule in rules.items():
-        kind, known = rule.unit, suffixes(rule.unit)
+        kind, powers = rule.unit, suffixes(rule.unit)
         if key == name and kind and kind not in units:
-            keys = " or ".join(f"{name}_{unit}" for unit in known)
+            keys = " or ".join(f"{name}_{unit}" for unit in powers)
             raise InputError(f"{label} has no unit; allowed is {keys}, or {kind} in [units]")
         if key == name:
             return name, UNITS[kind][units[kind]] if kind else 0
-        if key.startswith(f"{name}_") and (unit := key.removeprefix(f"{name}_")) in known:
-            return name, known[unit]
+        if key.startswith(f"{name}_") and (unit := key.removeprefix(f"{name}_")) in powers:
+            return name, powers[unit]
     begun = max((name for name in rules if key.startswith(f"{name}_")), key=len, default="")
     if not begun or difflib.get_close_matches(key, list(rules), n=1) not in ([], [begun]):
         raise unknown_key(key, (*rules, *also), label)
@@ -189,8 +189,8 @@ def read_sheet_numbers(
 ) -> tuple[dict[str, Any], float | None]:
     """The numbers that a table has of thickness, density and the names of `rules`, and the areal
     weight [g/m2] if the density is from one; also: keys of others. Raises InputError by key."""
-    known = {**SHEET, "areal_weight": above_zero("areal_weight"), **(rules or {})}
-    numbers = read_numbers(table, known, units, "", also)
+    all_rules = {**SHEET, "areal_weight": above_zero("areal_weight"), **(rules or {})}
+    numbers = read_numbers(table, all_rules, units, "", also)
     weight = numbers.pop("areal_weight", None)
     if weight is not None and "thickness" in numbers:
         if "density" in numbers:

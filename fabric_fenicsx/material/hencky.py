@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial.polynomial import polyval
 
-SMALL = 0.02  # value of u below which series replace quotients of differences
+SERIES_LIMIT = 0.02  # value of u below which series replace quotients of differences
 
 
 class Hencky(NamedTuple):
@@ -25,18 +25,18 @@ class Hencky(NamedTuple):
         P, Q, R = stress.T
         L = Q * d + R * o
         cross = -L / D**2  # 2 d / o times this is the mixed derivative in m and d / o
-        found = np.empty((len(m), 3, 3))
-        found[:, 0, 0] = P * (1 / (2 * D) - (m / D) ** 2) + L * m / D**2
-        found[:, 0, 1] = P * m * d / D**2 + d * cross - Q / (2 * D)
-        found[:, 0, 2] = P * m * o / D**2 + o * cross - R / (2 * D)
-        found[:, 1, 1] = -P * (1 / (2 * D) + (d / D) ** 2)
-        found[:, 1, 1] += (2 * slopes + 4 * d**2 * bend) * L + 4 * d * slopes * Q
-        found[:, 1, 2] = -P * d * o / D**2 + 4 * d * o * bend * L + 2 * slopes * (d * R + o * Q)
-        found[:, 2, 2] = -P * (1 / (2 * D) + (o / D) ** 2)
-        found[:, 2, 2] += (2 * slopes + 4 * o**2 * bend) * L + 4 * o * slopes * R
+        H = np.empty((len(m), 3, 3))
+        H[:, 0, 0] = P * (1 / (2 * D) - (m / D) ** 2) + L * m / D**2
+        H[:, 0, 1] = P * m * d / D**2 + d * cross - Q / (2 * D)
+        H[:, 0, 2] = P * m * o / D**2 + o * cross - R / (2 * D)
+        H[:, 1, 1] = -P * (1 / (2 * D) + (d / D) ** 2)
+        H[:, 1, 1] += (2 * slopes + 4 * d**2 * bend) * L + 4 * d * slopes * Q
+        H[:, 1, 2] = -P * d * o / D**2 + 4 * d * o * bend * L + 2 * slopes * (d * R + o * Q)
+        H[:, 2, 2] = -P * (1 / (2 * D) + (o / D) ** 2)
+        H[:, 2, 2] += (2 * slopes + 4 * o**2 * bend) * L + 4 * o * slopes * R
         for i, j in ((1, 0), (2, 0), (2, 1)):
-            found[:, i, j] = found[:, j, i]
-        return found
+            H[:, i, j] = H[:, j, i]
+        return H
 
 
 def hencky(C: np.ndarray) -> Hencky:
@@ -61,12 +61,12 @@ def hencky(C: np.ndarray) -> Hencky:
 def _artanh(u):
     """artanh(sqrt(u)) / sqrt(u) and its two derivatives."""
     # terms of the series; the next one is below 1e-17
-    k, low = np.arange(10), np.minimum(u, SMALL)
+    k, low = np.arange(10), np.minimum(u, SERIES_LIMIT)
     value, slope, bend = (
         polyval(low, factors / (2 * k + odd))
         for factors, odd in ((1.0, 1), (k + 1.0, 3), ((k + 1.0) * (k + 2), 5))
     )
-    at = u > SMALL
+    at = u > SERIES_LIMIT
     v = u[at]
     value[at] = np.arctanh(np.sqrt(v)) / np.sqrt(v)
     slope[at] = (1 / (1 - v) - value[at]) / (2 * v)

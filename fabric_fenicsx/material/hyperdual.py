@@ -27,12 +27,12 @@ class HyperDual:
     def variables(cls, *values: ArrayLike) -> "list[HyperDual]":
         """The three variables themselves, at values of one shape."""
         x = np.broadcast_arrays(*(np.asarray(v, float) for v in values))
-        found = []
+        variables = []
         for k, value in enumerate(x):
             first = np.zeros((3, *value.shape))
             first[k] = 1
-            found.append(cls(value, first, np.zeros((6, *value.shape))))
-        return found
+            variables.append(cls(value, first, np.zeros((6, *value.shape))))
+        return variables
 
     def chain(self, f: Any, f1: Any, f2: Any) -> "HyperDual":
         """A function of this number, from its value and derivatives there."""

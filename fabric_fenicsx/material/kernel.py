@@ -71,7 +71,7 @@ def evaluate(
     between the yarns, from which gamma counts [rad], by default the initial one. sliding: (n, k) or
     (k,), of the elements of `shear_friction` before the step [rad], which has no part without it.
     """
-    given, C = _deformation(stretch, gradient, cauchy_green)
+    measure, C = _deformation(stretch, gradient, cauchy_green)
     (a1, a2), (b1, b2) = _directions(fibres)
     C11, C12, C22 = C[:, 0, 0], C[:, 0, 1], C[:, 1, 1]
     J2 = C11 * C22 - C12**2
@@ -98,7 +98,7 @@ def evaluate(
     M[2].T[:] = b1 * b1, b2 * b2, b1 * b2
     # S = 2 dW/dC; eqs (11), (12)
     S = 2 * sum(w[:, None] * m for w, m in zip(slopes, M))[:, [[0, 2], [2, 1]]]
-    push = given
+    push = measure
     if cauchy_green is not None:  # U of C in closed form (Cayley-Hamilton)
         J = np.sqrt(J2)
         push = (C + J[:, None, None] * np.eye(2)) / np.sqrt(C11 + C22 + 2 * J)[:, None, None]
@@ -133,18 +133,18 @@ def _deformation(stretch, gradient, cauchy_green):
         raise InputError(
             f"of stretch, gradient and cauchy_green, {len(measures)} were given; allowed is one"
         )
-    given = np.asarray(measures[0], dtype=float)
-    rows = given.shape[-2]
-    given = given.reshape(-1, rows, 2)
-    C = given if cauchy_green is not None else np.einsum("nki,nkj->nij", given, given)
+    measure = np.asarray(measures[0], dtype=float)
+    rows = measure.shape[-2]
+    measure = measure.reshape(-1, rows, 2)
+    C = measure if cauchy_green is not None else np.einsum("nki,nkj->nij", measure, measure)
     with np.errstate(invalid="ignore"):
         J2 = C[:, 0, 0] * C[:, 1, 1] - C[:, 0, 1] ** 2
-        inverted = (np.linalg.det(given) <= 0) if rows == 2 else (J2 <= 0)
+        inverted = (np.linalg.det(measure) <= 0) if rows == 2 else (J2 <= 0)
         bad = np.flatnonzero(~np.isfinite(J2) | (J2 <= 0) | (C[:, 0, 0] <= 0) | inverted)
     if bad.size:
-        place = f"point {bad[0]} is {given[bad[0]].tolist()}"
+        place = f"point {bad[0]} is {measure[bad[0]].tolist()}"
         raise InputError(f"the deformation at {place}; allowed are finite ones with J > 0")
-    return given, C
+    return measure, C
 
 
 def _directions(fibres):

@@ -28,7 +28,7 @@ PROBES = {
     "tension_shear": [(0.02, 0.03, 0.3)],
     "compression_shear": [(-0.02, -0.03, 0.3)],
 }
-LITTLE = 1e-9  # strain, to tell the sides of a kink
+KINK_OFFSET = 1e-9  # strain, to tell the sides of a kink
 
 
 def check_couplings(names: Any, label: str = "couplings") -> frozenset[str]:
@@ -36,13 +36,13 @@ def check_couplings(names: Any, label: str = "couplings") -> frozenset[str]:
     otherwise an InputError that calls them `label`."""
     if isinstance(names, (str, Mapping)) or not isinstance(names, Iterable):
         raise InputError(f"{label} is {shown(names)}; allowed is a list of {', '.join(COUPLINGS)}")
-    found = set()
-    for given in names:
-        name = given.replace("-", "_").replace("–", "_") if isinstance(given, str) else given
+    couplings = set()
+    for word in names:
+        name = word.replace("-", "_").replace("–", "_") if isinstance(word, str) else word
         if name not in COUPLINGS:
-            raise unknown_key(name, COUPLINGS, f"{label}: coupling {shown(given)}")
-        found.add(name)
-    return frozenset(found)
+            raise unknown_key(name, COUPLINGS, f"{label}: coupling {shown(word)}")
+        couplings.add(name)
+    return frozenset(couplings)
 
 
 def couples(law: Energy, name: str) -> bool:
@@ -55,15 +55,15 @@ def couples(law: Energy, name: str) -> bool:
 def check_rest(law: Energy) -> None:
     """InputError where the fabric as it lies, without strain, has energy or stress, or a negative
     stiffness."""
-    found = Energy.derivatives(law, *np.transpose([(0.0, 0.0, 0.0), (0.01, 0.01, 0.1)]))
-    stiffness = np.nanmax(abs(found.second[[0, 2, 5]]), 1, initial=0.0)
+    rest = Energy.derivatives(law, *np.transpose([(0.0, 0.0, 0.0), (0.01, 0.01, 0.1)]))
+    stiffness = np.nanmax(abs(rest.second[[0, 2, 5]]), 1, initial=0.0)
     text = f"of law {law.law} is %.3g MPa in fabric as it lies, without strain; allowed is 0"
-    if abs(W := found.parts[0].sum()) > 1e-9 * stiffness.max():
+    if abs(W := rest.parts[0].sum()) > 1e-9 * stiffness.max():
         raise InputError(f"the energy {text % W}: take off what it is there")
-    for name, stress, scale in zip(("sigma_a", "sigma_b", "tau"), found.first[:, 0], stiffness):
+    for name, stress, scale in zip(("sigma_a", "sigma_b", "tau"), rest.first[:, 0], stiffness):
         if not abs(stress) <= 1e-5 * scale:
             raise InputError(f"the stress {name} {text % stress}")
-    beside = Energy.derivatives(law, *np.array(3 * [[-LITTLE, LITTLE]])).second
+    beside = Energy.derivatives(law, *np.array(3 * [[-KINK_OFFSET, KINK_OFFSET]])).second
     for name, k, scale in zip(("eps_a", "eps_b", "gamma"), beside[[0, 2, 5]], stiffness):
         if k.min() < -1e-6 * scale:
             raise InputError(
@@ -74,10 +74,10 @@ def check_rest(law: Energy) -> None:
 
 def implausible(label: str, values: Mapping[str, float | None]) -> list[str]:
     """A sentence on each value {name: value}, of a material `label`, outside of `PLAUSIBLE`."""
-    known = [(name, value, *PLAUSIBLE[name]) for name, value in values.items() if value is not None]
+    numbers = [(n, value, *PLAUSIBLE[n]) for n, value in values.items() if value is not None]
     return [
         f"{name} of material {label} is {value:g} {unit}, fabrics have {low:g} to {high:g}; "
         "look at its unit"
-        for name, value, low, high, unit in known
+        for name, value, low, high, unit in numbers
         if not low <= value <= high
     ]

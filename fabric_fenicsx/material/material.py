@@ -150,10 +150,10 @@ class Material(Parameters):
     def replace(self, **changes: Any) -> Self:
         """A changed copy, without the intervals of what is changed; InputError for an unknown
         name."""
-        known = dict.fromkeys([*(f.name for f in dataclasses.fields(self)), *self.numbers()])
+        names = dict.fromkeys([*(f.name for f in dataclasses.fields(self)), *self.numbers()])
         for key in changes:
-            if key not in known:
-                raise unknown_key(key, known, f"replace: {key}")
+            if key not in names:
+                raise unknown_key(key, names, f"replace: {key}")
         kept = {name: ends for name, ends in self.scatter.items() if name not in changes}
         return dataclasses.replace(self, **{"scatter": kept} | self._fields(changes))
 

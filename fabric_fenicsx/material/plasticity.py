@@ -89,14 +89,14 @@ def _flow(metal, parts, plastic, equivalent, strength):
         now = np.sqrt(left.sum(1))
         excess = now - Y
         # tolerance, relative to the yield stress and to the stress of an increment
-        found = np.abs(excess) <= 4e-15 * (Y + 0.1 * K.max() * flow)
-        if found.all():
+        converged = np.abs(excess) <= 4e-15 * (Y + 0.1 * K.max() * flow)
+        if converged.all():
             break
         low, high = np.where(excess > 0, flow, low), np.where(excess > 0, high, flow)
         fall = (left * K * softer).sum(1) * (1 - flow * slope / Y) / (2 * Y * now) + slope
         newton = flow + excess / fall
         halves = (newton <= low) | (newton >= high) | (np.abs(excess) > before / 2)
-        flow = np.where(found, flow, np.where(halves, (low + high) / 2, newton))
+        flow = np.where(converged, flow, np.where(halves, (low + high) / 2, newton))
         before = np.abs(excess)
     Y = metal.hardening.stress(plastic + flow)
     return flow, 1 / (1 + K * (flow / (2 * Y))[:, None])

@@ -63,13 +63,13 @@ def load(source: str | os.PathLike[str]) -> Law:
 def read_laws(path: str | os.PathLike[str]) -> None:
     """Run a Python file, so that `load` knows the laws whose classes are in it. Raises InputError
     if it cannot be run."""
-    found = spec_from_file_location(Path(path).stem, path)
-    if not (found and found.loader and os.path.isfile(path)):
+    spec = spec_from_file_location(Path(path).stem, path)
+    if not (spec and spec.loader and os.path.isfile(path)):
         raise InputError(
             f"law file {shown(path)} is not there or no Python file; allowed is a .py that exists"
         )
     try:
-        found.loader.exec_module(module_from_spec(found))
+        spec.loader.exec_module(module_from_spec(spec))
     except Exception as error:
         raise InputError(
             f"law file {path} fails ({type(error).__name__}: {error}); allowed is one that runs"

@@ -67,13 +67,13 @@ def convexity(
 def evaluate(fabric: Law, invariants: ArrayLike) -> Stability:
     """Stability at states given by their invariants (..., 4) as in `kernel.State`, nan where one is
     not finite."""
-    given = np.asarray(invariants, float)
-    W, Q, out_of_plane = _second(fabric, given.reshape(-1, 4))
+    states = np.asarray(invariants, float)
+    W, Q, out_of_plane = _second(fabric, states.reshape(-1, 4))
     hessian, (acoustic, direction) = _hessian(W), smallest_eigenvalue(Q)
     rest = _hessian(_in_strains(fabric, np.ones(1), np.ones(1), np.zeros(1)))[0]
     convexity, ellipticity = hessian / (rest or 1.0), acoustic / (fabric.shear_stiffness or 1.0)
     values = convexity, ellipticity, hessian, acoustic, direction, out_of_plane
-    return Stability(*(v.reshape(given.shape[:-1]) for v in values))
+    return Stability(*(v.reshape(states.shape[:-1]) for v in values))
 
 
 def least_ellipticity(fabric: Law, invariants: ArrayLike) -> float:

@@ -13,9 +13,9 @@ from ..runtime.rules import POSITIVE
 from .gmsh_cells import meshed, own_model
 
 PATTERNS = "along", "unstructured"
-SMALL = 0.1  # the same of an edge's or hole's length below which it is left out
-CLOSE = 1e-3  # the same of the distance of parts of the outline, below which it is refused
-MOST = 1_000_000  # cells
+MIN_DETAIL = 0.1  # the same of an edge's or hole's length below which it is left out
+MIN_CLEARANCE = 1e-3  # the same of the distance of parts of the outline, below which it is refused
+MAX_CELLS = 1_000_000  # cells
 
 
 def outline_mesh(
@@ -42,21 +42,21 @@ def outline_mesh(
             f"`size` is {size:g}, but the outline is {sides} mm; allowed is up to half of it, in mm"
         )
     cells = sheet.area / size**2 * (4 if pattern == "along" else 4 / math.sqrt(3))
-    if cells > MOST:
+    if cells > MAX_CELLS:
         raise InputError(
-            f"`size` {size:g} makes about {rounded(cells)} cells; allowed are up to {MOST:,} "
-            f"(a size above {rounded(size * math.sqrt(cells / MOST))})"
+            f"`size` {size:g} makes about {rounded(cells)} cells; allowed are up to {MAX_CELLS:,} "
+            f"(a size above {rounded(size * math.sqrt(cells / MAX_CELLS))})"
         )
     # about its centre and without the last digits, as cells are not to depend on where it lies
     centre = ((low + high) / 2).round(6)
     sheet = shapely.transform(sheet, lambda x: (x - centre).round(9))
     sheet, notes = _simplified(sheet, size, centre)
     places, sizes = _fine_places(sheet, size, notes, centre)
-    if sheet.minimum_clearance < CLOSE * size:
+    if sheet.minimum_clearance < MIN_CLEARANCE * size:
         where = "".join(f"; {words}" for words in notes[-1:])
         raise InputError(
             f"the outline comes within {rounded(sheet.minimum_clearance)} mm of itself; allowed "
-            f"for cells of this size is above {rounded(CLOSE * size)} mm{where}"
+            f"for cells of this size is above {rounded(MIN_CLEARANCE * size)} mm{where}"
         )
 
     def size_at(x, y):
@@ -79,7 +79,7 @@ def _simplified(sheet, size, centre):
     notes, rings = [], []
     for ring in (sheet.exterior, *sheet.interiors):
         x = shapely.get_coordinates(ring)[:-1]
-        if np.ptp(x, axis=0).max() < SMALL * size:
+        if np.ptp(x, axis=0).max() < MIN_DETAIL * size:
             notes.append(
                 f"a hole of {rounded(np.ptp(x, axis=0).max())} mm at "
                 f"{coordinates(x[0] + centre)} mm is left out, as it is small beside the cells"
@@ -89,7 +89,7 @@ def _simplified(sheet, size, centre):
         rings.append(np.roll(x, -np.linalg.norm(x - x.mean(0), axis=1).round(6).argmax(), 0))
     # distance from a curve, over the cells' size, up to which an edge stands for it
     sheet = shapely.Polygon(rings[0], rings[1:]).simplify(0.02 * size)
-    coarser = shapely.remove_repeated_points(sheet, SMALL * size)
+    coarser = shapely.remove_repeated_points(sheet, MIN_DETAIL * size)
     return (coarser if coarser.is_valid else sheet), notes
 
 
@@ -114,11 +114,11 @@ def _fine_places(sheet, size, notes, centre):
     # way along a ring over the distance through the sheet, above which it is narrow
     faces = way > 6.0 * width
     faces[faces] = shapely.contains_xy(sheet, middle[faces])
-    if faces.any() and (least := width[faces].min()) < SMALL * size:
+    if faces.any() and (least := width[faces].min()) < MIN_DETAIL * size:
         where = coordinates(middle[faces][width[faces].argmin()] + centre)
         notes.append(f"the outline is {rounded(least)} mm wide at {where} mm, less than a cell")
     places = np.concatenate([np.transpose(places), middle[faces]])
-    sizes = np.maximum(np.concatenate([sizes, width[faces] / 2]), SMALL * size)
+    sizes = np.maximum(np.concatenate([sizes, width[faces] / 2]), MIN_DETAIL * size)
     return places[sizes < size], sizes[sizes < size]
 
 
@@ -150,13 +150,13 @@ def _filled(faces, size_at):
         options[f"MeshSize{source}"] = 0.0
     with own_model(gmsh, **options):
         geo = gmsh.model.geo
-        known: dict[tuple[float, ...], int] = {}
+        numbers: dict[tuple[float, ...], int] = {}
 
         def loop(ring):
             ends = [*ring.coords]
             for end in ends[1:]:
-                known[end] = known.get(end) or geo.addPoint(*end, 0)
-            lines = [geo.addLine(known[p], known[q]) for p, q in zip(ends, ends[1:])]
+                numbers[end] = numbers.get(end) or geo.addPoint(*end, 0)
+            lines = [geo.addLine(numbers[p], numbers[q]) for p, q in zip(ends, ends[1:])]
             for line in lines:
                 geo.mesh.setTransfiniteCurve(line, 2)
             return geo.addCurveLoop(lines)

@@ -23,7 +23,7 @@ TEXTS = "TEXT", "MTEXT", "DIMENSION", "ARC_DIMENSION", "LEADER", "MULTILEADER", 
 # mm in units of DXF without a factor in ezdxf: microinches, mils, and those of the US survey
 MISSING_UNITS = {8: 2.54e-5, 9: 0.0254, 21: 1.2e6 / 3937, 22: 1e5 / 3937, 23: 3.6e6 / 3937}
 MISSING_UNITS |= {24: 6.336e9 / 3937}
-PLANE = 1e-6  # extent in z over the others, below which lines lie in a plane
+PLANE_TOLERANCE = 1e-6  # extent in z over the others, below which lines lie in a plane
 Lines = Sequence[np.ndarray]
 
 
@@ -67,7 +67,7 @@ def read_trim_line(path: Path | str) -> tuple[list[np.ndarray], list[str]]:
         lines, unit, notes, _ = _curves(path, source, None)
         size = np.ptp(np.concatenate(lines), axis=0)
         notes += [f"{unit}, so it is {rounded(size[0], 4)} mm long in x"] if unit else []
-        if size[2] <= PLANE * size.max():
+        if size[2] <= PLANE_TOLERANCE * size.max():
             lines = [line[:, :2] for line in lines]
     else:
         raise InputError(f"{source} has the ending {kind or 'none'}; allowed is {allowed}")
@@ -103,11 +103,11 @@ def _table(path, source, names=("x", "y")):
     return [points[of.ravel() == k] for k in np.argsort(first).argsort()]
 
 
-def _columns(table, wanted):
+def _columns(table, names_asked):
     """The columns of a table, {number: (name, factor)}; of those `wanted` z may be missing."""
     names = [name.lower() for name in table.names]
-    lengths, found = factors("length"), {}
-    for name in (*wanted, "ring"):
+    lengths, columns = factors("length"), {}
+    for name in (*names_asked, "ring"):
         count = names.count(name)
         if count > 1 or (not count and name in ("x", "y")):
             raise InputError(f"row {table.top}: there are {count} columns {name}; allowed is one")
@@ -118,8 +118,8 @@ def _columns(table, wanted):
                 raise InputError(
                     f"row {table.top}: unit of {name} is {unit}; allowed is {', '.join(lengths)}"
                 )
-            found[at] = name, 1.0 if unit is None else lengths[unit]
-    return found
+            columns[at] = name, 1.0 if unit is None else lengths[unit]
+    return columns
 
 
 # -- drawings
@@ -129,7 +129,7 @@ def _drawing(path, source, layer):
     """Lines of a flat drawing, what to say of it, and what to add to errors."""
     lines, unit, notes, hint = _curves(path, source, layer)
     size = np.ptp(np.concatenate(lines), axis=0)
-    if size[2] > PLANE * size.max():
+    if size[2] > PLANE_TOLERANCE * size.max():
         raise InputError(
             f"{source} reaches over {rounded(size[2])} mm in z; allowed is a drawing in x and y"
         )
@@ -167,11 +167,11 @@ def _curves(path, source, layer):
         curves = [each for each in curves if each[1].lower() in asked]
     beside = [entity.dxftype() for entity, *_ in drawn if not _is_curve(entity)]
     others = Counter(kind for kind in beside if kind not in TEXTS)
-    found = ", ".join(f"{count} {kind}" for kind, count in sorted(others.items()))
-    notes = [f"{source} has {found}, not read; allowed are {', '.join(CURVES)}"] if found else []
+    unread = ", ".join(f"{count} {kind}" for kind, count in sorted(others.items()))
+    notes = [f"{source} has {unread}, not read; allowed are {', '.join(CURVES)}"] if unread else []
     notes += [f"{source} is damaged: {each}" for each in repairs]
     if not curves:
-        more = f", but {found}" if found else ""
+        more = f", but {unread}" if unread else ""
         raise InputError(f"{source} has no lines{more}; allowed are {', '.join(CURVES)}, visible")
     factor, unit = _unit(drawing, source)
     lines = []
@@ -185,7 +185,7 @@ def _curves(path, source, layer):
         for line in _flattened(curve, 0.01 / factor / stretch):
             placed = place.transform_vertices(line)
             lines.append(factor * np.array([tuple(point) for point in placed]))
-    hint = f"; it has {found}, not read" if found else ""
+    hint = f"; it has {unread}, not read" if unread else ""
     if layer is None and len(layers) > 1:
         hint += f"; of its layers {', '.join(layers)} some may be left out by `layer`"
     return lines, unit, notes, hint
@@ -268,7 +268,7 @@ def _unit(drawing, source):
 def _boundary(path, source):
     """The edges of one cell of a mesh, as lines."""
     points, cells, _ = read_surface_mesh(path, "outline", READ)
-    if np.ptp(points[:, 2]) > PLANE * np.ptp(points, axis=0).max():
+    if np.ptp(points[:, 2]) > PLANE_TOLERANCE * np.ptp(points, axis=0).max():
         raise InputError(
             f"{source} is not plane in z; allowed is a mesh in a plane z = const, or a drawing"
         )

@@ -25,8 +25,8 @@ def joined(lines: Sequence[np.ndarray], source: str) -> list[np.ndarray]:
     ]
     pieces = [each for each in pieces if each.length > gap]
     once = {shapely.normalize(each).wkb: each for each in pieces}
-    found = shapely.get_parts(shapely.line_merge(shapely.multilinestrings([*once.values()])))
-    rings = [shapely.get_coordinates(each) for each in found]
+    merged = shapely.get_parts(shapely.line_merge(shapely.multilinestrings([*once.values()])))
+    rings = [shapely.get_coordinates(each) for each in merged]
     loose = [ring[[0, -1]] for ring in rings if (ring[0] != ring[-1]).any()]
     if loose:
         place, *others = np.concatenate(loose)

@@ -47,10 +47,10 @@ def paths_picture(
     size, shared = (11, 2.6 * len(angles) + 0.6), {"sharex": "row", "sharey": "col"}
     with figure(path, size, len(angles), 3, **shared) as (page, axes):
         for row, angle in enumerate(angles):
-            known = {label: paths[angle] for label, paths in runs.items() if angle in paths}
-            end = max(each.distance[-1] for each in known.values())
+            here = {label: paths[angle] for label, paths in runs.items() if angle in paths}
+            end = max(each.distance[-1] for each in here.values())
             for ax, (name, factor) in zip(axes[row], PATH_FIELDS.items()):
-                for label, each in known.items():
+                for label, each in here.items():
                     ax.plot(each.distance, factor * getattr(each, name), lw=1.4, label=label)
                 for style, (label, at) in zip(cycle(("--", ":", "-.")), marks.items()):
                     if at[row] <= end:
@@ -135,8 +135,8 @@ def draw_plies(folder: pathlib.Path, grids: Mapping[str, Grid], tool: str = "") 
             write_paths(folder / f"paths{end}.csv", paths)
         state_map(folder / f"states{end}.png", grid)
     named = {name or "ply": grid for name, grid in fabrics.items()}
-    if known := {name: grid for name, grid in named.items() if THICKNESS in grid.cell_data}:
-        maps(folder / "thickness.png", known, [THICKNESS], OUTLIERS)
+    if pressed := {name: grid for name, grid in named.items() if THICKNESS in grid.cell_data}:
+        maps(folder / "thickness.png", pressed, [THICKNESS], OUTLIERS)
     if any(grid[field].any() for grid in fabrics.values() for field in SHORTENING):
         maps(folder / "shortening.png", named, SHORTENING, OUTLIERS)
     if metals := {name: grid for name, grid in grids.items() if name not in fabrics}:
@@ -159,7 +159,7 @@ def draw_compared(folder: pathlib.Path, grids: Mapping[str, Grid], punch: Tool) 
     """Outlines and paths of plies {label: grid} side by side."""
     outline_picture(folder / "outline.png", grids)
     fabrics = of_fabric(grids).items()
-    paths = {label: found for label, grid in fabrics if (found := _paths(label, grid))}
+    paths = {label: each for label, grid in fabrics if (each := _paths(label, grid))}
     surface, s, marks = punch.surface, np.arange(0.0, 1e3, 0.1), {}
     if isinstance(surface, DoubleDome):
         rays = [(np.cos(angle) * s, np.sin(angle) * s) for angle in np.radians(ANGLES)]
@@ -193,8 +193,8 @@ def _laminate_marks(ply: Grid, metal: Grid, punch: Tool) -> dict[str, list[float
     """Distances on the flat ply, one for each path of `ANGLES` [mm], at which the formed ply comes
     to the punch's upper rounding, to the end of its fillet and to the metal's edge; NaN where it
     does not, and of a punch that is no `DoubleDome`."""
-    found: dict[str, list[float]] = {"inner punch radius": [], "outer punch radius": []}
-    found["edge of the metal"] = []
+    marks: dict[str, list[float]] = {"inner punch radius": [], "outer punch radius": []}
+    marks["edge of the metal"] = []
     corners = outline(metal)[0].formed[:, :2]
     if ply_of(metal).planes:  # of a quarter the edge is open
         corners = np.vstack([corners, [0.0, 0.0]])
@@ -205,9 +205,9 @@ def _laminate_marks(ply: Grid, metal: Grid, punch: Tool) -> dict[str, list[float
             away, radii = punch.surface.plan(*places.T)[0], punch.surface.roundings
         # mm, so that paths on planes of symmetry are within the metal
         outside = ~Polygon(corners).contains_points(places + 1e-6)
-        for at, holds in zip(found.values(), [*(away > d for d in radii), outside]):
+        for at, holds in zip(marks.values(), [*(away > d for d in radii), outside]):
             at.append(_first(path.distance, holds))
-    return found
+    return marks
 
 
 def _first(s, holds):

@@ -209,6 +209,6 @@ def reactions(
         for label, result in results.items()
     }
     series |= {label: (*curve, "s") for label, curve in beside.items()}
-    known = {k: r.rows for k, r in results.items() if all("error_N" in row for row in r.rows)}
-    bands = {label: [row["error_N"] for row in rows] for label, rows in known.items()}
+    errors = {k: [row.get("error_N") for row in run.rows] for k, run in results.items()}
+    bands = {label: each for label, each in errors.items() if None not in each}
     curves(path, series, xlabel, ylabel, bands=bands)

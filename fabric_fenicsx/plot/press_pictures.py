@@ -87,13 +87,13 @@ def filmstrip(path: File, folder: Path | str, loads: ArrayLike = SHOWN) -> None:
     """The stroke of the run in `folder` as states side by side, coloured by the magnitude of the
     shear angle on one scale: plies, each cut away further than the one below, tools below them, and
     the rear half of those above. loads: shares of the last load, near which states are shown."""
-    known = states(folder)
-    at = np.array([state.load for state in known])
-    wanted = at[-1] * np.asarray(loads, dtype=float)
-    chosen = [known[k] for k in np.unique(abs(at[:, None] - wanted).argmin(0))]
+    written = states(folder)
+    at = np.array([state.load for state in written])
+    places = at[-1] * np.asarray(loads, dtype=float)
+    chosen = [written[k] for k in np.unique(abs(at[:, None] - places).argmin(0))]
     scenes = [_of_state(state) for state in chosen]
     plies = [surface for scene in scenes for surface in scene.plies.values()]
-    above, bounds, limit = _of_state(known[0]).above, _bounds(plies), space.shear_limit(plies)
+    above, bounds, limit = _of_state(written[0]).above, _bounds(plies), space.shear_limit(plies)
     size = max(np.ptp(s["place"], axis=0).max() for s in scenes[0].plies.values())
     # along a blank, about, in a filmstrip
     spacing = min(SPACINGS, key=lambda s: abs(np.log(24 * s / size)))

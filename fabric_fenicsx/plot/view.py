@@ -31,9 +31,9 @@ def page(folder: Path | str, field: str | None = None) -> str:
     package trame-vtk) in it. field: on the plies, by default `USUAL`. Raises InputError without
     that package, for a folder without states, and for a field that none of its plies has."""
     write_html, serialized = _exporter()
-    found = states(folder)
+    written = states(folder)
     with drawing() as plotter:
-        _draw(plotter, folder, found[-1], field)
+        _draw(plotter, folder, written[-1], field)
         plotter.render()
         data = io.BytesIO()
         with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as file:
@@ -47,12 +47,12 @@ def page(folder: Path | str, field: str | None = None) -> str:
 def show(folder: Path | str, field: str | None = None) -> None:
     """Open a window with the last state in the results `folder` and a slider over all states, until
     it is closed. field: on the plies, by default `USUAL`. Raises InputError as `page`."""
-    found = states(folder)
+    written = states(folder)
     plotter = pyvista.Plotter(window_size=[1200, 800], title=f"fabric view {folder}")
-    update = _draw(plotter, folder, found[-1], field)
-    if len(found) > 1:
-        last, place = len(found) - 1, {"pointa": (0.3, 0.93), "pointb": (0.7, 0.93)}
-        change = lambda value: update(found[round(value)])  # noqa: E731
+    update = _draw(plotter, folder, written[-1], field)
+    if len(written) > 1:
+        last, place = len(written) - 1, {"pointa": (0.3, 0.93), "pointb": (0.7, 0.93)}
+        change = lambda value: update(written[round(value)])  # noqa: E731
         plotter.add_slider_widget(change, (0, last), last, title="state", fmt="%.0f", **place)
     plotter.show()
 
@@ -65,8 +65,8 @@ def _draw(
     field = _known(field, state.plies())
     label, factor, colours = shown(field, units(folder).get(field, ""))
     surfaces, _ = _surfaces(state, field, factor)
-    known = np.concatenate([s["shown"] for s in surfaces.values() if "shown" in s.array_names])
-    limits = np.nanmin(known), np.nanmax(known)
+    values = np.concatenate([s["shown"] for s in surfaces.values() if "shown" in s.array_names])
+    limits = np.nanmin(values), np.nanmax(values)
     if field == "shear_angle":
         label, colours, limits = f"magnitude of the {label}", COLOURS, (0.0, limits[1])
     bar = {"title": label.replace("\n", " "), **BAR}

@@ -21,7 +21,7 @@ from ..runtime.formatting import coordinates, rounded
 from .ply import SAME, Grid, Ply, areas, edge_sides, grid_of, plan_area, ply_of, whole
 from .states import save
 
-BESIDE = 0.05  # of the distance that is allowed, by which a line may be beyond the ply's edge
+MAX_BEYOND = 0.05  # of the distance that is allowed, by which a line may be beyond the ply's edge
 OUTLINE, HOLES = "OUTLINE", "HOLES"  # layers of a drawing
 
 
@@ -126,7 +126,7 @@ def _nearest(ply, points, reach, number):
     beyond = np.linalg.norm(beside, axis=1)
     edge = _sheet(ply).boundary
     on_edge = shapely.distance(edge, shapely.points(places)) < 1e-6 * np.sqrt(edge.length)
-    _check_on(points, beyond, (beyond > BESIDE * reach) & on_edge, number)
+    _check_on(points, beyond, (beyond > MAX_BEYOND * reach) & on_edge, number)
     return places, float(apart.max())
 
 
@@ -135,25 +135,27 @@ def _below(ply, points, reach, number):
     distance of 0; number: as of `_nearest`."""
     corners = ply.formed[ply.triangles]
     tree = shapely.STRtree(shapely.polygons(corners[:, :, :2]))
-    found, cells = tree.query(shapely.points(points), predicate="dwithin", distance=BESIDE * reach)
-    missing = ~np.isin(np.arange(len(points)), found)
+    point, cells = tree.query(
+        shapely.points(points), predicate="dwithin", distance=MAX_BEYOND * reach
+    )
+    missing = ~np.isin(np.arange(len(points)), point)
     beyond = np.zeros(len(points))
     if missing.any():
         beyond[missing] = shapely.distance(
             shapely.union_all(tree.geometries), shapely.points(points[missing])
         )
     _check_on(points, beyond, missing, number)
-    shares = _shares(corners[cells][:, :, :2], points[found])
+    shares = _shares(corners[cells][:, :, :2], points[point])
     height = (shares * corners[cells][:, :, 2]).sum(1)
     low, high = np.full(len(points), np.inf), np.full(len(points), -np.inf)
-    np.minimum.at(low, found, height)
-    np.maximum.at(high, found, height)
+    np.minimum.at(low, point, height)
+    np.maximum.at(high, point, height)
     folded = high - low
     if folded.max() > reach:
         where = _where(points, folded, folded > reach, number)
         flaw = f"the ply lies {rounded(folded.max())} mm above itself at {where}"
         raise InputError(f"{flaw}; allowed for it is a trim line with z")
-    _, first = np.unique(found, return_index=True)
+    _, first = np.unique(point, return_index=True)
     return (shares[first, :, None] * ply.x[ply.triangles[cells[first]], :2]).sum(1), 0.0
 
 

@@ -111,12 +111,12 @@ def _halved(grid):
     start = np.where(equal, first, apart.argmin(1))
     nodes = np.take_along_axis(quads, (start[:, None] + np.arange(4)) % 4, 1)
     halves = nodes[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
-    found = pyvista.UnstructuredGrid({pyvista.CellType.TRIANGLE: halves}, grid.points)
-    found.point_data.update(grid.point_data)
-    found.field_data.update(grid.field_data)
+    triangles = pyvista.UnstructuredGrid({pyvista.CellType.TRIANGLE: halves}, grid.points)
+    triangles.point_data.update(grid.point_data)
+    triangles.field_data.update(grid.field_data)
     for name, values in grid.cell_data.items():
-        found.cell_data[name] = np.repeat(values, 2, axis=0)
-    return found
+        triangles.cell_data[name] = np.repeat(values, 2, axis=0)
+    return triangles
 
 
 def ply_of(grid: Grid) -> Ply:

@@ -176,13 +176,13 @@ def draw_in(grid: Grid) -> dict[str, Any]:
     for axis, side in enumerate(half * np.eye(2)):
         ends = [] if axis in cut else [("low", -side), ("high", side)]
         asked += [(f"middle_at_{end}_{'xy'[axis]}", sides, at) for end, at in ends]
-    found = {}
+    ways = {}
     for name, places, at in asked:
         distance = np.linalg.norm(places - at, axis=1)
-        found[f"{name}_mm"] = float(inwards[distance < distance.min() + SAME].mean())
+        ways[f"{name}_mm"] = float(inwards[distance < distance.min() + SAME].mean())
     largest = float(inwards.max())
     there = undeformed[inwards >= largest - EQUAL * abs(largest)].tolist()
-    return found | {"largest_mm": largest, "largest_at_mm": min(there)}
+    return ways | {"largest_mm": largest, "largest_at_mm": min(there)}
 
 
 def contrast(grid: Grid, name: str) -> float:

@@ -16,7 +16,7 @@ from ..runtime.files import replace_file
 from ..tools.tool import Tool
 from .ply import SYMMETRIC, Grid
 
-LABEL = 64  # characters of a label, of the 80 that Abaqus reads, so that "_yarns_a" fits behind
+MAX_LABEL = 64  # characters of a label, of the 80 that Abaqus reads, so that "_yarns_a" fits behind
 
 
 class State(NamedTuple):
@@ -200,9 +200,9 @@ def set_labels(names: Iterable[str]) -> dict[str, str]:
         plain = re.sub(r"(?<![^\W_])([+-])(?=\d)", lambda sign: "pm"[sign[1] == "-"], plain)
         plain = re.sub(r"[\W_]+", "_", plain, flags=re.ASCII).strip("_")
         plain = plain if plain[:1].isalpha() else f"ply_{plain}".rstrip("_")
-        taken, label, again = {each.lower() for each in labels.values()}, plain[:LABEL], 1
-        while label.lower() in taken:
+        others, label, again = {each.lower() for each in labels.values()}, plain[:MAX_LABEL], 1
+        while label.lower() in others:
             again += 1
-            label = f"{plain[: LABEL - len(str(again)) - 1]}_{again}"
+            label = f"{plain[: MAX_LABEL - len(str(again)) - 1]}_{again}"
         labels[name] = label
     return labels

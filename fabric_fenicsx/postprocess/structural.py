@@ -124,12 +124,12 @@ def export(
 
 def _joined(plies: Iterable[FormedPly]) -> pyvista.UnstructuredGrid:
     """All plies as one grid; what a sheet does not have is NaN."""
-    grids, known = [], [name for ply in plies for name in ply.fields]
+    grids, fields = [], [name for ply in plies for name in ply.fields]
     for number, ply in enumerate(plies):
         grid, m = grid_of(ply.points, ply.cells, 0 * ply.points), len(ply.cells)
         grid.clear_point_data()
         vectors = "yarn_a", "yarn_b", "normal"
-        missing = {n: np.full((m, 3) if n in vectors else m, np.nan) for n in known}
+        missing = {n: np.full((m, 3) if n in vectors else m, np.nan) for n in fields}
         grid.cell_data.update(missing | ply.fields)
         grid.cell_data["part"] = np.full(m, number, dtype=np.int32)
         grids.append(grid)

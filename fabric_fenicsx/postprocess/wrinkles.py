@@ -16,8 +16,8 @@ HEIGHT = "wrinkle_height"
 SIGMA = 20.0
 STEP = 5.0  # mm between places that it is fitted to
 CUT = 3.5  # of these, beyond which places have no weight
-LEAST = 0.1  # mm, the height from which on waves are told of
-FOLD = 0.3  # mm by which a ridge of the rim stands out
+MIN_HEIGHT = 0.1  # mm, the height from which on waves are told of
+MIN_RIDGE = 0.3  # mm by which a ridge of the rim stands out
 Heights = Callable[[np.ndarray], np.ndarray]
 
 
@@ -30,24 +30,24 @@ def height_map(grid: Grid, over_tools: Heights) -> Grid:
     ply = ply_of(grid)
     w = _waves(ply)
     free = np.clip(np.nan_to_num(over_tools(ply.formed), nan=np.inf), 0.0, None)
-    found = grid_of(ply.x, ply.triangles, ply.u)
-    found.point_data[HEIGHT] = np.sign(w) * np.minimum(abs(w), free)
+    heights = grid_of(ply.x, ply.triangles, ply.u)
+    heights.point_data[HEIGHT] = np.sign(w) * np.minimum(abs(w), free)
     if ply.planes:
-        found.field_data[SYMMETRIC] = ply.planes
-    return found
+        heights.field_data[SYMMETRIC] = ply.planes
+    return heights
 
 
 def wrinkles(heights: Grid) -> dict[str, Any]:
     """Numbers of the wrinkles of a ply by its `height_map`. Its wavelength is 2 pi times the r.m.s.
     height over that of its slope; rim_mm: height of the outer free edge, whose ridges that stand
-    out by `FOLD` are `folds`."""
+    out by `MIN_RIDGE` are `folds`."""
     ply, w = ply_of(heights), heights.point_data[HEIGHT]
     area = plan_area(ply.x, ply.triangles)
     of_nodes = np.bincount(ply.triangles.ravel(), np.repeat(area / 3, 3), len(w))
     rms = float(np.sqrt(np.average(w**2, weights=of_nodes)))
     slope = float(np.sqrt(np.average((_slopes(ply, w) ** 2).sum(1), weights=area)))
     largest = float(abs(w).max())
-    length = 2 * np.pi * rms / slope if largest >= LEAST else None
+    length = 2 * np.pi * rms / slope if largest >= MIN_HEIGHT else None
     corners = ply.x[ply.triangles]
     edge = np.linalg.norm(corners - np.roll(corners, 1, 1), axis=2).mean()
     rim = max((each.formed[:, 2] for each in outline(heights)), key=len)
@@ -112,11 +112,11 @@ def _raster(ply, values):
             for total, each in zip(sums, [*values, np.ones(len(at))]):
                 np.add.at(total, (corner[:, 0] + i, corner[:, 1] + j), share * each)
     *smooth, covered = (gaussian_filter(each, 1.0, mode="mirror") for each in sums)
-    known = [each / np.maximum(covered, 1e-12) for each in smooth]
-    known.append(np.minimum(covered / cell**2, 1.0))
+    fields = [each / np.maximum(covered, 1e-12) for each in smooth]
+    fields.append(np.minimum(covered / cell**2, 1.0))
 
     def sampled(x):
-        return [map_coordinates(each, ((x - low) / cell).T, order=1) for each in known]
+        return [map_coordinates(each, ((x - low) / cell).T, order=1) for each in fields]
 
     return sampled
 
@@ -124,8 +124,8 @@ def _raster(ply, values):
 def _off_smooth(ply):
     """Distances (n,) of the nodes from their smooth surface, and tangents of that along both axes
     of the flat ply (n, 2, 3) [mm]."""
-    at, known, count = ply.x[:, :2] / SIGMA, _means(whole(ply)), len(ply.x)
-    X, x, weight = known[:, :2] / SIGMA, known[:, 2:5], known[:, 5]
+    at, means, count = ply.x[:, :2] / SIGMA, _means(whole(ply)), len(ply.x)
+    X, x, weight = means[:, :2] / SIGMA, means[:, 2:5], means[:, 5]
     near = cKDTree(at).sparse_distance_matrix(cKDTree(X), CUT, output_type="coo_matrix")
     # 0 at the cut, or rounding decides what counts
     weights = np.exp(-(near.data**2) / 2) * (1 - (near.data / CUT) ** 2) * weight[near.col]
@@ -144,14 +144,14 @@ def _off_smooth(ply):
 
 def _shifted(d):
     """Matrices (n, 6, 6) from `_quadratic` of places to that of places + d (n, 2)."""
-    found = np.zeros((len(d), 6, 6))
+    matrix = np.zeros((len(d), 6, 6))
     s, t = d.T
-    found[:, range(6), range(6)] = 1.0
-    found[:, 1, 0], found[:, 2, 0] = s, t
-    found[:, 3, 0], found[:, 3, 1] = s * s, 2 * s
-    found[:, 4, 0], found[:, 4, 1], found[:, 4, 2] = s * t, t, s
-    found[:, 5, 0], found[:, 5, 2] = t * t, 2 * t
-    return found
+    matrix[:, range(6), range(6)] = 1.0
+    matrix[:, 1, 0], matrix[:, 2, 0] = s, t
+    matrix[:, 3, 0], matrix[:, 3, 1] = s * s, 2 * s
+    matrix[:, 4, 0], matrix[:, 4, 1], matrix[:, 4, 2] = s * t, t, s
+    matrix[:, 5, 0], matrix[:, 5, 2] = t * t, 2 * t
+    return matrix
 
 
 def _quadratic(X):
@@ -187,9 +187,9 @@ def _ridges(z, planes):
     """Number of ridges of a rim's profile z (n,), mirrored in planes of symmetry."""
     for _ in range(planes):
         z = np.concatenate([z, z[::-1]])
-    if np.ptp(z) < FOLD:
+    if np.ptp(z) < MIN_RIDGE:
         return 0
     from scipy.signal import find_peaks  # takes long to import
 
-    peaks, _ = find_peaks(np.tile(z, 3), prominence=FOLD, plateau_size=1)
+    peaks, _ = find_peaks(np.tile(z, 3), prominence=MIN_RIDGE, plateau_size=1)
     return int(((peaks >= len(z)) & (peaks < 2 * len(z))).sum())

@@ -26,7 +26,7 @@ LIBRARIES: tuple[tuple[str, Reader], ...] = (
     ("PyVista", by_pyvista),
 )
 READ = "a mesh that meshio, gmsh or PyVista reads"
-LONGEST = 160  # of a reader's reason, in letters
+MAX_REASON = 160  # of a reader's reason, in letters
 DOUBT = re.compile(r"\b(warning|warn|error|err)\b", re.IGNORECASE)
 
 
@@ -59,11 +59,11 @@ def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh
     if doubtful:
         return doubtful[0]
     if without:
-        found = sorted(next((mesh.others for mesh in without if mesh.others), {}))
-        curves = ending(path) == ".msh" and "line" in found
+        others = sorted(next((mesh.others for mesh in without if mesh.others), {}))
+        curves = ending(path) == ".msh" and "line" in others
         more = ": gmsh saves them too with Mesh.SaveAll = 1" if curves else ""
         raise InputError(
-            f"{what} {path} holds no surface cells, but {found or 'nodes alone'}; allowed is "
+            f"{what} {path} holds no surface cells, but {others or 'nodes alone'}; allowed is "
             f"{allowed}, with triangles or quadrilaterals{more}"
         )
     why = "; ".join(reasons) or "no reader knows this ending"
@@ -100,8 +100,8 @@ def _reason(error):
 
 def _first_of_vtk(lines):
     """VTK's first error without time and place, from which others follow; all lines without one."""
-    found = [line for line in lines if "ERR|" in line][:1]
-    return [re.sub(r".*ERR\|( vtk\w* \(\w*\):)?", "Error:", line) for line in found] or lines
+    errors = [line for line in lines if "ERR|" in line][:1]
+    return [re.sub(r".*ERR\|( vtk\w* \(\w*\):)?", "Error:", line) for line in errors] or lines
 
 
 def _line(lines, path):
@@ -111,7 +111,7 @@ def _line(lines, path):
     text = re.sub(r"\x1b\[[0-9;]*m|Error: Couldn't read file .*", "", text)
     text = "".join(letter if letter.isprintable() else "?" for letter in text)
     text = text.strip(" ;").removeprefix("Error: ")
-    return text if len(text) <= LONGEST else text[:LONGEST].rsplit(" ", 1)[0] + " ..."
+    return text if len(text) <= MAX_REASON else text[:MAX_REASON].rsplit(" ", 1)[0] + " ..."
 
 
 @contextmanager

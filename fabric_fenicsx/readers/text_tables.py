@@ -15,7 +15,7 @@ import numpy as np
 from ..runtime.errors import InputError
 
 ENCODINGS = "utf-8-sig", "cp1252"
-MOST_TOLD = 5  # cells of one fault that a message names
+MAX_LISTED = 5  # cells of one fault that a message names
 _WORKBOOKS = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"  # how files of Excel begin
 _SPELLINGS = {"µm": "um", "μm": "um", "°": "deg", "N/mm²": "N/mm2", "g/m²": "g/m2"}
 _HEADER = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*(.*?)\s*[\])]|(?:/|\bin\b)\s*(\S+))?\s*")
@@ -235,5 +235,5 @@ def values_of(
 
 def some(texts: Sequence[str]) -> str:
     """The first texts of a list, and how many more there are."""
-    more = len(texts) - MOST_TOLD
-    return ", ".join(texts[:MOST_TOLD]) + (f" and {more} more" if more > 0 else "")
+    more = len(texts) - MAX_LISTED
+    return ", ".join(texts[:MAX_LISTED]) + (f" and {more} more" if more > 0 else "")

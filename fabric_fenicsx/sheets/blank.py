@@ -115,10 +115,10 @@ class Blank(SheetMesh):
             raise InputError(f"{self.name} has parts {known} already: it is divided only once")
         middles = self.mesh.geometry.x[compat.geometry_dofmap(self.mesh)].mean(1).T
         masks = {name: np.asarray(where(middles), bool) for name, where in patches.items()}
-        taken = np.sum(list(masks.values()), axis=0)
-        if self.mesh.comm.allreduce(int((taken > 1).sum())):
+        count = np.sum(list(masks.values()), axis=0)
+        if self.mesh.comm.allreduce(int((count > 1).sum())):
             raise InputError(f"patches of {self.name} overlap; allowed is one for each cell")
-        masks |= {rest: taken == 0}
+        masks |= {rest: count == 0}
         for name, mask in masks.items():
             if self.mesh.comm.allreduce(int(mask.sum())):
                 at = np.flatnonzero(mask)

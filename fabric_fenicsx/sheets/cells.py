@@ -44,8 +44,8 @@ HIGHER = {
     **{f"triangle{(p + 1) * (p + 2) // 2}": (3, p) for p in range(3, 11)},
     **{f"quad{(p + 1) ** 2}": (4, p) for p in range(3, 11)},
 }
-STRAIGHT = 1e-6  # distance of nodes from a straight edge or a plane, over the edge's length
-FLAT = 1e-16  # squared area over the longest edge's fourth power: no area below it
+STRAIGHT_TOLERANCE = 1e-6  # distance of nodes from an edge or a plane, over the edge's length
+AREA_TOLERANCE = 1e-16  # squared area over the longest edge's fourth power: no area below it
 
 
 def at_place(place: np.ndarray) -> str:
@@ -83,8 +83,8 @@ def straight_cells(
     beside = np.linalg.norm(np.cross(arms, edges[:, :, None]), axis=3).max(2)
     normal = np.cross(edges[:, 0], edges[:, 1])
     above = abs(((x - x[:, :1]) * normal[:, None]).sum(2)).max(1)
-    curved = (beside > STRAIGHT * size[:, None] * length).any(1)
-    curved |= above > STRAIGHT * size * np.linalg.norm(normal, axis=1)
+    curved = (beside > STRAIGHT_TOLERANCE * size[:, None] * length).any(1)
+    curved |= above > STRAIGHT_TOLERANCE * size * np.linalg.norm(normal, axis=1)
     if curved.any():
         first = int(curved.argmax())
         where = f"the first number {first} {at_place(x[first, :k].mean(0))}"
@@ -120,7 +120,7 @@ def check_shapes(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str) -
     # twice the area of the triangle at each corner
     normals = np.cross(edges, -np.roll(edges, 1, 1))
     mean, size = normals.mean(1), (edges**2).sum(2).max(1)
-    flat = np.flatnonzero((normals * mean[:, None]).sum(2).min(1) <= FLAT * size**2)
+    flat = np.flatnonzero((normals * mean[:, None]).sum(2).min(1) <= AREA_TOLERANCE * size**2)
     if flat.size:
         where = f"number {flat[0]} {at_place(corners[flat[0]].mean(0))}"
         flaw = f"{source} has a degenerate or non-convex cell, {where}"
@@ -130,7 +130,7 @@ def check_shapes(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str) -
     fine = _lattice(how.cell, 20)
     for block in np.array_split(np.arange(len(cells)), 1 + len(cells) // 2000):
         areas = _areas(x, cells[block], how, fine, mean[block])
-        for k in np.flatnonzero(areas.min(1) <= FLAT * size[block] ** 2)[:1]:
+        for k in np.flatnonzero(areas.min(1) <= AREA_TOLERANCE * size[block] ** 2)[:1]:
             place = _shapes(how, fine[[areas[k].argmin()]])[0] @ x[cells[block[k]]]
             flaw = (
                 f"number {block[k]}, that its curved edges turn over inside, {at_place(place[0])}"

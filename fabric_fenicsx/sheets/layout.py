@@ -9,7 +9,7 @@ from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from ..runtime.rules import BELOW_180, FINITE, Rule, unknown_key
 
-FLAT = 1e-6  # of its size, up to which a sheet is flat
+FLAT_TOLERANCE = 1e-6  # of its size, up to which a sheet is flat
 FULL_TURN = Rule("an angle from -360 to 360 deg", lambda v: abs(v) <= 360)
 
 
@@ -56,13 +56,13 @@ def moved_sheet(
     if centred:
         points[:, :2] -= (low + high)[:2] / 2
     if height is not None and len(low) == 3:
-        if high[2] - low[2] > FLAT * (high - low).max():
+        if high[2] - low[2] > FLAT_TOLERANCE * (high - low).max():
             raise InputError(
                 f"{source} reaches from z = {rounded(low[2], 4)} to {rounded(high[2], 4)} mm; "
                 "allowed is a flat sheet, in a plane z = const"
             )
         points[:, 2] = height
-        if abs(low[2] - height) > FLAT * (high - low).max():
+        if abs(low[2] - height) > FLAT_TOLERANCE * (high - low).max():
             warnings.append(
                 f"{source} lies in z = {rounded(low[2], 4)} mm and was put in z = {height:g}, "
                 "where the blank of a press is"

@@ -15,7 +15,7 @@ from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
 from .sheet_mesh import SheetMesh, bounds
 
-OFF = 0.5  # share of the cells off the yarns from which a mesh is taken not to follow them
+MAX_OFF_YARNS = 0.5  # share of the cells off the yarns up to which a mesh follows them
 
 
 class Part:
@@ -69,8 +69,8 @@ class Part:
     def growth(self) -> np.ndarray:
         """Areas at the local nodes now over undeformed ones, (nodes,), 1 off the part."""
         u, blank = self.blank.u.x.array, self.blank
-        known = self._growth is not None and np.array_equal(u, self._growth[0])
-        if self._growth is None or not blank.mesh.comm.allreduce(known, MPI.LAND):
+        is_same = self._growth is not None and np.array_equal(u, self._growth[0])
+        if self._growth is None or not blank.mesh.comm.allreduce(is_same, MPI.LAND):
             flat = self.flat_areas()
             now = self._at_nodes((blank.areas() * blank.area_ratios())[self.cells])
             self._growth = u.copy(), np.divide(now, flat, out=np.ones_like(now), where=flat > 0)
@@ -84,7 +84,7 @@ class Part:
 
     def follows_yarns(self) -> bool:
         """True if few of the cells lie off the yarns."""
-        return self.share_off_the_yarns() <= OFF
+        return self.share_off_the_yarns() <= MAX_OFF_YARNS
 
     def share_off_the_yarns(self) -> float:
         """Share of the part's cells at whose corners edges of the mesh do not run along both
@@ -148,9 +148,9 @@ class Part:
         """Values (cells many, ...) at `many` places in each of the part's cells as rows of the
         blank's owned cells, 0 elsewhere."""
         wide = many * int(np.prod(values.shape[1:]))
-        found = np.zeros((self.blank.mesh.topology.index_map(2).size_local, wide))
-        found[self.cells] = values.reshape(-1, wide)
-        return found
+        rows = np.zeros((self.blank.mesh.topology.index_map(2).size_local, wide))
+        rows[self.cells] = values.reshape(-1, wide)
+        return rows
 
     def spread(self, values: np.ndarray) -> np.ndarray:
         """`values` (cells, ...) of the part's cells among the blank's owned cells; others get NaN,
@@ -159,6 +159,6 @@ class Part:
             return values
         shape = self.blank.mesh.topology.index_map(2).size_local, *values.shape[1:]
         none = np.nan if np.issubdtype(values.dtype, np.floating) else 0
-        found = np.full(shape, none, dtype=values.dtype)
-        found[self.cells] = values
-        return found
+        spread = np.full(shape, none, dtype=values.dtype)
+        spread[self.cells] = values
+        return spread

@@ -13,7 +13,7 @@ from ufl.core.expr import Expr
 
 from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
-from .layout import FLAT
+from .layout import FLAT_TOLERANCE
 
 # an angle, a vector, or a function of points to either; see `Blank`
 Direction = ArrayLike | Callable[[np.ndarray], ArrayLike]
@@ -132,7 +132,7 @@ class SheetMesh:
     def is_flat(self) -> bool:
         """True if the undeformed sheet lies in a plane z = const; on all ranks together."""
         low, high = bounds(self.mesh.comm, self.mesh.geometry.x.T)
-        return bool(high[2] - low[2] <= FLAT * (high - low).max())
+        return bool(high[2] - low[2] <= FLAT_TOLERANCE * (high - low).max())
 
     def places(self) -> np.ndarray:
         """Undeformed centres of the owned cells, (cells, 2) along x and y, if the sheet is not flat
@@ -163,11 +163,11 @@ class SheetMesh:
         four between the nodes of a quadratic triangle."""
         cell = compat.cell_name(self.mesh)
         corners = TRIANGLES.get((cell, self.degree), TRIANGLES[cell, 1])
-        found = compat.dofmap(self.V)[cells][:, corners]
+        nodes = compat.dofmap(self.V)[cells][:, corners]
         # by their places: ranks may turn a cell, and terms remember values in its triangles
-        places = np.moveaxis(self.coordinates()[found].mean(2).round(6), 2, 0)
+        places = np.moveaxis(self.coordinates()[nodes].mean(2).round(6), 2, 0)
         order = np.lexsort(places[::-1], axis=1)
-        return np.take_along_axis(found, order[:, :, None], axis=1)
+        return np.take_along_axis(nodes, order[:, :, None], axis=1)
 
     def areas(self) -> np.ndarray:
         """Undeformed areas of the owned cells, of those with curved edges between their corners,
@@ -219,7 +219,7 @@ class SheetMesh:
         if self.mesh.comm.size == 1:
             return local
         gdim, vector = self.mesh.geometry.dim, compat.petsc_vector(self.u).duplicate()
-        found = np.empty_like(local)
+        values = np.empty_like(local)
         for start in range(0, local.shape[1], gdim):
             columns = slice(start, min(start + gdim, local.shape[1]))
             with vector.localForm() as form:
@@ -229,8 +229,8 @@ class SheetMesh:
                 vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
             vector.ghostUpdate(PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)
             with vector.localForm() as form:
-                found[:, columns] = form.array.reshape(-1, gdim)[:, : columns.stop - start]
-        return found
+                values[:, columns] = form.array.reshape(-1, gdim)[:, : columns.stop - start]
+        return values
 
 
 def _areas(corners: np.ndarray) -> np.ndarray:

@@ -60,8 +60,8 @@ class Stack(Blank):
         kind = compat.cell_name(self.sheets[0].blank.mesh)
         mesh = compat.create_mesh(comm, cells, points, kind, 1)
         # yarns and sheet of each cell in the order in which all ranks gave them
-        known = np.concatenate(comm.allgather(kept))[mesh.topology.original_cell_index]
-        a, b, number = np.split(known, [3, 6], axis=1)
+        rows = np.concatenate(comm.allgather(kept))[mesh.topology.original_cell_index]
+        a, b, number = np.split(rows, [3, 6], axis=1)
         degree = max(sheet.blank.degree for sheet in self.sheets)
         super().__init__(mesh, lambda x: a.T, lambda x: b.T, degree=degree, name=name)
         self.number = number[:, 0].astype(np.int32)
@@ -81,8 +81,8 @@ class Stack(Blank):
         return sum(sheet.thickness for sheet in self.sheets)
 
 
-def _sheet(given):
-    blank, thickness, name = given
+def _sheet(sheet):
+    blank, thickness, name = sheet
     return Sheet(blank, POSITIVE.check(f"thickness of sheet {name} of the stack", thickness), name)
 
 

@@ -9,7 +9,7 @@ from ..runtime.compiled import compiled
 from .curved_triangles import CurvedTriangles
 
 LEAF = 4  # triangles in a box that is not split
-ROOM = 1e-9  # mm, so that rounding leaves out none
+ROUNDING = 1e-9  # mm, so that rounding leaves out none
 
 
 class Boxes(NamedTuple):
@@ -63,14 +63,14 @@ def closest(
     slots = min(regions, 8)
     triangle = np.zeros((len(points), slots), dtype=np.int64)
     weights, square = np.empty((len(points), slots, 3)), np.full((len(points), slots), np.inf)
-    slack = ROOM + (2 * boxes.bulge.max() if regions > 1 else 0.0)
+    slack = ROUNDING + (2 * boxes.bulge.max() if regions > 1 else 0.0)
     _search(boxes, points, start, slack, triangle, weights, square)
     distance = np.sqrt(square)
     if slots == 1:
         return np.arange(len(points)), triangle[:, 0], weights[:, 0], distance[:, 0]
     bulge, order = boxes.bulge[triangle], np.argsort(-distance, 1)
     best = order[:, -1:]
-    room = 2 * np.maximum(bulge, np.take_along_axis(bulge, best, 1)) + ROOM
+    room = 2 * np.maximum(bulge, np.take_along_axis(bulge, best, 1)) + ROUNDING
     near = distance <= np.take_along_axis(distance, best, 1) + room
     row, slot = np.nonzero(np.take_along_axis(near, order, 1))
     slot = order[row, slot]

@@ -70,23 +70,23 @@ def _profile(dome: _Shape, d: float, z: float) -> tuple[float, float, float, flo
     parts over which (d, z) lies the nearest one's."""
     m, n, along = dome.m, dome.n, dome.m * z - dome.n * d
     upper, lower = dome.m * dome.z1 - dome.n * dome.d1, dome.m * dome.z2 - dome.n * dome.d2
-    found = (math.inf, math.nan, math.nan, math.nan)
+    nearest = (math.inf, math.nan, math.nan, math.nan)
     if d <= dome.d1:
-        found = (z - dome.depth, 0.0, 1.0, 0.0)
+        nearest = (z - dome.depth, 0.0, 1.0, 0.0)
     elif along > upper:
         p, q = d - dome.d1, z - dome.z1
         r = max(math.sqrt(p * p + q * q), 1e-9)
-        found = (r - dome.top, p / r, q / r, 1 / r)
-    if lower <= along <= upper and abs(m * d + n * z) < abs(found[0]):
-        found = (m * d + n * z, m, n, 0.0)
+        nearest = (r - dome.top, p / r, q / r, 1 / r)
+    if lower <= along <= upper and abs(m * d + n * z) < abs(nearest[0]):
+        nearest = (m * d + n * z, m, n, 0.0)
     if d < dome.d2 and along < lower:
         p, q = dome.d2 - d, dome.z2 - z
         r = max(math.sqrt(p * p + q * q), 1e-9)
-        if abs(dome.entry - r) < abs(found[0]):
-            found = (dome.entry - r, p / r, q / r, -1 / r)
-    if d >= dome.d2 and abs(z) < abs(found[0]):
-        found = (z, 0.0, 1.0, 0.0)
-    return found
+        if abs(dome.entry - r) < abs(nearest[0]):
+            nearest = (dome.entry - r, p / r, q / r, -1 / r)
+    if d >= dome.d2 and abs(z) < abs(nearest[0]):
+        nearest = (z, 0.0, 1.0, 0.0)
+    return nearest
 
 
 @compiled

@@ -41,8 +41,8 @@ def topology(triangles: np.ndarray) -> Topology:
     across = np.full(len(sides), -1)
     across[order[pair]], across[order[pair + 1]] = order[pair + 1], order[pair]
     inside = across >= 0
-    found = np.where(inside, across // 3, -1), np.where(inside, across % 3, -1), count[name]
-    return Topology(*(each.reshape(triangles.shape) for each in found))
+    columns = np.where(inside, across // 3, -1), np.where(inside, across % 3, -1), count[name]
+    return Topology(*(each.reshape(triangles.shape) for each in columns))
 
 
 def facet_normals(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -137,8 +137,8 @@ def corner_normals(
 
     normals = gathered((plane * area[:, None])[:, None])
     if given is not None:
-        known = gathered(given)
-        return Corners(name, np.where(known.any(1)[:, None], known, normals), sharp)
+        own = gathered(given)
+        return Corners(name, np.where(own.any(1)[:, None], own, normals), sharp)
     best, fixed = _planes_at_vertices(name, count, region, region_area, sure)
     normals[fixed] = plane[best[fixed]]
     return Corners(name, _arcs(points, triangles, name, normals, fixed), sharp)

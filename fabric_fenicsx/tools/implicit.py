@@ -58,19 +58,19 @@ class ImplicitSurface(Surface):
         F = _fitting(self.value(x), x.shape[1:])
         bound = _fitting(self.bound(F, x), x.shape[1:])
         up, n = np.array([0.0, 0.0, 1.0]), len(points)
-        found = Nearest(np.copysign(bound, F), np.tile(up, (n, 1)), np.zeros((n, 3, 3)))
+        feet = Nearest(np.copysign(bound, F), np.tile(up, (n, 1)), np.zeros((n, 3, 3)))
         near = np.flatnonzero(bound <= reach)
         # blocks that stay in the cache
         for part in np.array_split(near, max(1, len(near) // 4096)):
-            self._project(points[part], part, found)
-        lost = near[np.isnan(found.gap[near])]
+            self._project(points[part], part, feet)
+        lost = near[np.isnan(feet.gap[near])]
         if len(lost) and 0 < reach < math.inf:  # where F has one sign around, the surface is far
             around = (x[:, lost, None] + 2 * reach * AROUND.T[:, None]).reshape(3, -1)
             signs = self.value(around).reshape(len(lost), -1) * F[lost, None]
             far = lost[(signs > 0).all(1)]
-            found.gap[far] = np.copysign(1.01 * reach, F[far])
-            found.normal[far], found.curvature[far] = up, 0.0
-        return found
+            feet.gap[far] = np.copysign(1.01 * reach, F[far])
+            feet.normal[far], feet.curvature[far] = up, 0.0
+        return feet
 
     def derivatives(self, x: np.ndarray) -> list[np.ndarray]:
         """Arrays that `implicit` gives at x (3, n)."""
@@ -78,9 +78,9 @@ class ImplicitSurface(Surface):
         F, gradient, hessian = self.implicit(x)
         return [_fitting(F, (n,)), _fitting(gradient, (3, n)), _fitting(hessian, (3, 3, n))]
 
-    def _project(self, x, rows, found):
+    def _project(self, x, rows, feet):
         """Put what belongs to the nearest points of x (n, 3) into `rows` of `found`."""
-        for target in found:
+        for target in feet:
             target[rows] = np.nan
         search, count = search_from(x, rows), len(rows)
         for iteration in range(101):
@@ -89,10 +89,10 @@ class ImplicitSurface(Surface):
             F, gradient, hessian = map(
                 np.ascontiguousarray, self.derivatives(search.trial[:count].T)
             )
-            count = advance(search, count, iteration, F, gradient, hessian, found)
+            count = advance(search, count, iteration, F, gradient, hessian, feet)
 
 
-def _fitting(given, shape):
+def _fitting(values, shape):
     """`given` as an array of this shape: the same at all points is given once."""
-    array = np.asarray(given, float)
+    array = np.asarray(values, float)
     return array if array.shape == shape else np.array(np.broadcast_to(array, shape))

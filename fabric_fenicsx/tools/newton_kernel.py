@@ -13,7 +13,7 @@ import numpy as np
 from ..runtime.compiled import compiled
 from .surfaces import Nearest
 
-EXACT = 1e-11, 1e-14  # mm, and per mm of the coordinates: by which a foot may be off
+FOOT_TOLERANCE = 1e-11, 1e-14  # mm, and per mm of the coordinates: by which a foot may be off
 
 
 class Search(NamedTuple):
@@ -69,7 +69,7 @@ def newton_step(here: Any) -> Any:
 
 
 @compiled
-def put(found: Any, row: Any, here: Any) -> None:
+def put(feet: Any, row: Any, here: Any) -> None:
     """Put gap and derivatives into a row of what is found: the curvature is K (I + gap K)^-1 of the
     shape operator K."""
     gap, (k11, k12, k21, k22), (g11, g12, g22) = here.gap + here.off, here.shape, here.dual
@@ -82,11 +82,11 @@ def put(found: Any, row: Any, here: Any) -> None:
     m12, m21 = k12 / scale, k21 / scale
     ss, st, tt = m11 * g11 + m12 * g12, m11 * g12 + m12 * g22, m21 * g12 + m22 * g22
     s, t = here.s, here.t
-    found.gap[row] = gap
+    feet.gap[row] = gap
     for i in range(3):
-        found.normal[row, i] = here.normal[i]
+        feet.normal[row, i] = here.normal[i]
         for j in range(3):
-            found.curvature[row, i, j] = (
+            feet.curvature[row, i, j] = (
                 ss * (s[i] * s[j]) + tt * (t[i] * t[j]) + st * (s[i] * t[j] + s[j] * t[i])
             )
 
@@ -122,7 +122,7 @@ def advance(
     F: np.ndarray,
     gradient: np.ndarray,
     hessian: np.ndarray,
-    found: Nearest,
+    feet: Nearest,
 ) -> int:
     """Take the first `count` points of the search one step on, from F, gradient and Hessian at
     their places. Those that arrive go to rows of `found`, the others, a number, to the front."""
@@ -131,22 +131,22 @@ def advance(
         row, x, trial = search.rows[i], search.x[i], search.trial[i]
         here = _local(x, trial, F[i], gradient[:, i], hessian[:, :, i])
         merit = here.beside[0] ** 2 + here.beside[1] ** 2 + here.off**2
-        tolerance = EXACT[0] + EXACT[1] * max(abs(x[0]), abs(x[1]), abs(x[2]))
+        tolerance = FOOT_TOLERANCE[0] + FOOT_TOLERANCE[1] * max(abs(x[0]), abs(x[1]), abs(x[2]))
         if merit <= tolerance * tolerance:
-            put(found, row, here)
+            put(feet, row, here)
             continue
         # A step that does not help is halved; one of an eighth is taken all the same, to get over
         # a seam. Shorter steps later on end most of the cycles that there are far inside the body.
-        taken = merit < search.merit[i] or search.factor[i] < 0.2
+        is_nearer = merit < search.merit[i] or search.factor[i] < 0.2
         (u, v), factor = newton_step(here), 1.0 if iteration <= 20 else 0.6
         search.rows[left] = row
         # from the point itself any step is taken
-        search.merit[left] = (merit if iteration else math.inf) if taken else search.merit[i]
-        search.factor[left] = factor = factor if taken else search.factor[i] / 2
+        search.merit[left] = (merit if iteration else math.inf) if is_nearer else search.merit[i]
+        search.factor[left] = factor = factor if is_nearer else search.factor[i] / 2
         for k in range(3):
-            base = trial[k] if taken else search.base[i, k]
+            base = trial[k] if is_nearer else search.base[i, k]
             step = -here.off * here.normal[k] + u * here.s[k] + v * here.t[k]
-            full = step if taken else search.step[i, k]
+            full = step if is_nearer else search.step[i, k]
             search.x[left, k], search.base[left, k], search.step[left, k] = x[k], base, full
             search.trial[left, k] = base + factor * full
         left += 1

@@ -40,13 +40,13 @@ def nearest(
     """Gap, normal and curvature at points (n, 3) [mm], sought from barycentric coordinates b (n, 3)
     on the patches of `triangle` (n,); side: 1.0 or -1.0, of the gap beyond the rim."""
     n = len(points)
-    found = Nearest(np.empty(n), np.empty((n, 3)), np.empty((n, 3, 3)))
+    feet = Nearest(np.empty(n), np.empty((n, 3)), np.empty((n, 3, 3)))
     if n:
         b = np.maximum(b, 0.0)
         b /= b.sum(1, keepdims=True)
         tolerance = 1e-11 + 1e-14 * abs(points).max(1)
-        _search(net, side, points, triangle, b, tolerance, found)
-    return found
+        _search(net, side, points, triangle, b, tolerance, feet)
+    return feet
 
 
 class Seen(NamedTuple):
@@ -96,13 +96,13 @@ class Sought(NamedTuple):
 
 
 @compiled
-def _search(net, side, points, triangle, b, tolerance, found):
+def _search(net, side, points, triangle, b, tolerance, feet):
     """Put what belongs to the nearest points of `points` (n, 3) into what is found, sought from
     `triangle` (n,) and b (n, 3), to within `tolerance` (n,)."""
     way, w, at = np.empty((3, 3)), np.empty((6, 18)), np.empty((6, 3))
     for n in range(len(points)):
         _copy(b[n], way[0])
-        sought = Sought(found, n, tolerance[n], side)
+        sought = Sought(feet, n, tolerance[n], side)
         _find(net, points[n], triangle[n], way, w, at, sought)
 
 
@@ -216,7 +216,7 @@ def _at_corner(net, t, b, arm, sought):
     """Go from a corner of patch t to where it comes nearest among the patches there: which of them
     it goes to, and whether the corner is nearest already."""
     point = net.triangles[t, b.argmax()]
-    best, found, way = 0.0, -1, (0.0, 0.0)
+    best, corner, way = 0.0, -1, (0.0, 0.0)
     for option in range(3):  # inside, and along the edges to the next and the last corner
         for n in range(net.starts[point], net.starts[point + 1]):
             legs = net.patches.legs[net.ring[n] // 3, net.ring[n] % 3]
@@ -230,7 +230,7 @@ def _at_corner(net, t, b, arm, sought):
                     u, v = 0.0, 0.0
             u, v = u if option != 2 else 0.0, v if option != 1 else 0.0
             if u * p + v * q > best:  # the square of how far the tangent leads
-                best, found, way = u * p + v * q, net.ring[n], (u, v)
+                best, corner, way = u * p + v * q, net.ring[n], (u, v)
     if best <= sought.tolerance**2:
         normal, side = net.normals[point], sought.side
         if not net.on_rim[point]:
@@ -239,7 +239,7 @@ def _at_corner(net, t, b, arm, sought):
         return t, True
     onwards, backwards = way[0] / 3, way[1] / 3  # legs are a third of the derivative
     scale = 1 / max(1.0, onwards + backwards)
-    t, c = found // 3, found % 3
+    t, c = corner // 3, corner % 3
     b[(c + 1) % 3], b[(c + 2) % 3] = scale * onwards, scale * backwards
     b[c] = max(0.0, 1 - scale * (onwards + backwards))
     return t, False
@@ -257,24 +257,24 @@ def _put(sought, arm, side, normal, first, size):
     length = max(math.sqrt(a * a + b * b + c * c), 1e-300)
     unit = (a / length, b / length, c / length)
     bend = 0.0 if on else side / max(distance, 1e-12)
-    found, row = sought.found, sought.row
-    found.gap[row] = side * distance
+    feet, row = sought.found, sought.row
+    feet.gap[row] = side * distance
     for i in range(3):
-        found.normal[row, i] = unit[i]
+        feet.normal[row, i] = unit[i]
         for j in range(3):
             across = (1.0 if i == j else 0.0) - unit[i] * unit[j] - first[i] * first[j] / size
-            found.curvature[row, i, j] = bend * across
+            feet.curvature[row, i, j] = bend * across
 
 
 @compiled
 def curvatures(patches: Patches) -> np.ndarray:
     """The larger and the smaller curvature (2, m) [1/mm] in the middle of each patch."""
-    found, b = np.empty((2, len(patches.origin))), np.full(3, 1 / 3)
+    bends, b = np.empty((2, len(patches.origin))), np.full(3, 1 / 3)
     w, at = np.empty((6, 18)), np.empty((6, 3))
     for t in range(len(patches.origin)):
         place(patches, t, b, w, at)
         k11, k12, k21, k22 = _seen(at, at[0]).local.shape
         mean = (k11 + k22) / 2
         spread = math.sqrt(max((k11 - k22) ** 2 / 4 + k12 * k21, 0.0))
-        found[0, t], found[1, t] = mean + spread, mean - spread
-    return found
+        bends[0, t], bends[1, t] = mean + spread, mean - spread
+    return bends

@@ -70,9 +70,9 @@ def _mean_turning(surface, length):
 
     def summed(places, normals, values):
         """Values (k, m) at places about the seeds, of facets that look to the same side."""
-        found = cKDTree(places).query_ball_point(on[seeds], length)
-        row = np.repeat(np.arange(SEEDS), [len(each) for each in found])
-        near = np.concatenate(found).astype(int)
+        neighbours = cKDTree(places).query_ball_point(on[seeds], length)
+        row = np.repeat(np.arange(SEEDS), [len(each) for each in neighbours])
+        near = np.concatenate(neighbours).astype(int)
         away = ((places[near] - on[seeds][row]) ** 2).sum(1) / length**2
         share = (1 - away) ** 2 * ((normals[near] * normal[seeds][row]).sum(1) > 0)
         return np.stack([np.bincount(row, share * v[near], SEEDS) for v in values.T], 1)

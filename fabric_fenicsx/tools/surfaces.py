@@ -64,10 +64,10 @@ class Surface:
         if finite.all():
             return self.nearest(x, reach)
         n = len(x)
-        found = Nearest(*(np.full(shape, np.nan) for shape in ((n,), (n, 3), (n, 3, 3))))
-        for whole, part in zip(found, self.nearest(x[finite], reach)):
+        feet = Nearest(*(np.full(shape, np.nan) for shape in ((n,), (n, 3), (n, 3, 3))))
+        for whole, part in zip(feet, self.nearest(x[finite], reach)):
             whole[finite] = part
-        return found
+        return feet
 
     def mesh(self, low: ArrayLike, high: ArrayLike, size: float) -> Drawn:
         """Points (n, 3) [mm], unit normals (n, 3) and triangles (m, 3), anticlockwise as the

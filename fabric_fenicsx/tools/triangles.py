@@ -49,8 +49,8 @@ def repaired(
         given = np.where(turn[:, None, None], -given, given)
         facets = facet_normals(x[used], cells)[0][:, None]
         # at poles of a CAD model's faces there is none
-        known = (given * facets).sum(2)[..., None] > math.cos(math.pi / 3)
-        given = np.where(known, given, 0.0)
+        agrees = (given * facets).sum(2)[..., None] > math.cos(math.pi / 3)
+        given = np.where(agrees, given, 0.0)
     return x[used], cells, given
 
 

@@ -27,7 +27,7 @@ CREASE = 35.0  # deg
 WALL = 0.02  # sine of the angle to a direction below which a facet is a wall along it
 
 
-class Known(NamedTuple):
+class SearchCache(NamedTuple):
     """n points at their last search: `place` (n, 3), least distance `clear` (n,) from the surface
     [mm] and `side` (n,) of those beyond the reach, closest `triangle` (n,)."""
 
@@ -104,7 +104,7 @@ class TriangulatedSurface(Surface):
         self.radii = least_radii(curved)
         self._boxes, self._net = boxes_around(curved), net_of(curved)
         self._rim_side = 1.0
-        self._known: dict[int, Known] = {}
+        self._caches: dict[int, SearchCache] = {}
 
     @classmethod
     def read(
@@ -155,7 +155,7 @@ class TriangulatedSurface(Surface):
     def from_behind(self) -> TriangulatedSurface:
         """The same, but the gap beyond the rim has the other sign."""
         seen = copy(self)
-        seen._rim_side, seen._known = -self._rim_side, {}
+        seen._rim_side, seen._caches = -self._rim_side, {}
         return seen
 
     def fingerprint(self) -> dict[str, Any]:
@@ -172,35 +172,35 @@ class TriangulatedSurface(Surface):
     __hash__ = Surface.__hash__
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
-        curved, (known, moved) = self.curved, self._known_of(points)
-        sought = np.flatnonzero(known.clear - moved <= reach)
+        curved, (last, moved) = self.curved, self._cache_of(points)
+        sought = np.flatnonzero(last.clear - moved <= reach)
         row, triangle, weights, distance = closest(
-            self._boxes, points[sought], known.triangle[sought], curved.parts
+            self._boxes, points[sought], last.triangle[sought], curved.parts
         )
         row, far = sought[row], distance - curved.bulge > reach
-        moved[row], known.place[row], known.triangle[row] = 0.0, points[row], triangle
-        known.clear[row] = np.where(far, distance - curved.bulge, -np.inf)
-        known.side[row[far]] = curved.sides(
+        moved[row], last.place[row], last.triangle[row] = 0.0, points[row], triangle
+        last.clear[row] = np.where(far, distance - curved.bulge, -np.inf)
+        last.side[row[far]] = curved.sides(
             points[row[far]], triangle[far], weights[far], self._rim_side
         )
-        far_gap, n = np.copysign(known.clear - moved, known.side), len(points)
-        found = Nearest(far_gap, self.facets[known.triangle], np.zeros((n, 3, 3)))
+        far_gap, n = np.copysign(last.clear - moved, last.side), len(points)
+        feet = Nearest(far_gap, self.facets[last.triangle], np.zeros((n, 3, 3)))
         near = ~far
-        self._project(points, row[near], triangle[near], weights[near], found)
-        return found
+        self._project(points, row[near], triangle[near], weights[near], feet)
+        return feet
 
-    def _project(self, points, row, triangle, weights, found):
+    def _project(self, points, row, triangle, weights, feet):
         """Put what belongs to points (n, 3) into `row` (k,) of what is found, sought from places on
         triangles (k,): at once over flat ones, where a facet is the surface."""
         curved, least = self.curved, np.full(len(points), np.inf)
         over = np.flatnonzero(curved.flat[triangle])
-        feet = np.einsum("nc,nci->ni", weights[over], curved.corners[triangle[over]])
-        arm, facet = points[row[over]] - feet, self.facets[triangle[over]]
+        places = np.einsum("nc,nci->ni", weights[over], curved.corners[triangle[over]])
+        arm, facet = points[row[over]] - places, self.facets[triangle[over]]
         high = row_dots(arm, facet)
         beside = arm - high[:, None] * facet
         inside = row_dots(beside, beside) <= 1e-22
         at = row[over[inside]]
-        found.gap[at], found.normal[at] = high[inside], facet[inside]
+        feet.gap[at], feet.normal[at] = high[inside], facet[inside]
         least[at] = abs(high[inside])
         rest = np.ones(len(row), dtype=bool)
         rest[over[inside]] = False
@@ -212,16 +212,16 @@ class TriangulatedSurface(Surface):
             order = np.argsort(-abs(gap), kind="stable")
             order = order[abs(gap[order]) < least[at[order]]]
             at, gap, normal, curvature = at[order], gap[order], normal[order], curvature[order]
-        found.gap[at], found.normal[at], found.curvature[at] = gap, normal, curvature
+        feet.gap[at], feet.normal[at], feet.curvature[at] = gap, normal, curvature
 
-    def _known_of(self, points):
-        """The `Known` of as many points as these (n, 3), and how far each has moved since [mm]."""
+    def _cache_of(self, points):
+        """The `SearchCache` of as many points (n, 3), and how far each has moved since [mm]."""
         n = len(points)
-        known = self._known.pop(n, None) or Known(
+        last = self._caches.pop(n, None) or SearchCache(
             np.zeros((n, 3)), np.full(n, -np.inf), np.ones(n), np.zeros(n, dtype=np.int64)
         )
-        self._known[n] = known
+        self._caches[n] = last
         # sets of points that are remembered, of so many different numbers
-        if len(self._known) > 4:
-            del self._known[next(iter(self._known))]  # that which was used least lately
-        return known, np.linalg.norm(points - known.place, axis=1)
+        if len(self._caches) > 4:
+            del self._caches[next(iter(self._caches))]  # that which was used least lately
+        return last, np.linalg.norm(points - last.place, axis=1)

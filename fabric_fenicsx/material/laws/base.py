@@ -102,9 +102,9 @@ class Law(Material, Energy):
     scatter: Mapping[str, tuple[float, float]] = field(default_factory=dict, compare=False)
 
     def __init_subclass__(cls) -> None:
-        known, here = LAWS.get(cls.law, cls), (cls.__module__, cls.__qualname__)
+        other, here = LAWS.get(cls.law, cls), (cls.__module__, cls.__qualname__)
         # the same class again, as from a notebook's cell run twice, replaces itself
-        if not cls.law or (known.__module__, known.__qualname__) != here:
+        if not cls.law or (other.__module__, other.__qualname__) != here:
             raise InputError(
                 f"law of class {cls.__name__} is {cls.law!r}; allowed is a name of its own, other "
                 f"than {', '.join(sorted(LAWS))}"
@@ -131,11 +131,11 @@ class Law(Material, Energy):
             )
 
     def _checked_assumed(self):
-        given = self.assumed
-        for name in given:
+        assumed = self.assumed
+        for name in assumed:
             if name not in self.parameters:
                 raise unknown_key(name, self.parameters, f"assumed: {shown(name)}")
-        return tuple(name for name in self.parameters if name in given)
+        return tuple(name for name in self.parameters if name in assumed)
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -220,8 +220,8 @@ class Law(Material, Energy):
 
     def sheet_table(self) -> dict[str, Any]:
         """A material file's content but for the law and its numbers."""
-        known = {name: getattr(self, name) for name in ("name", *SHEET, *FIBRES)}
-        entries = {name: value for name, value in known.items() if value is not None}
+        numbers = {name: getattr(self, name) for name in ("name", *SHEET, *FIBRES)}
+        entries = {name: value for name, value in numbers.items() if value is not None}
         entries |= {"assumed": list(self.assumed)} if self.assumed else {}
         entries |= {"scatter": dict(self.scatter)} if self.scatter else {}
         tables = {name: each.table() for name in TABLES if (each := getattr(self, name))}
@@ -230,8 +230,8 @@ class Law(Material, Energy):
     @classmethod
     def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
         document.pop("law", None)
-        found = sheet_fields(cls, document, take_units(document), ("law", "units"), cls.rules)
-        return cls(**found)
+        fields = sheet_fields(cls, document, take_units(document), ("law", "units"), cls.rules)
+        return cls(**fields)
 
 
 def sheet_fields(
@@ -252,8 +252,8 @@ def sheet_fields(
             fields[key] = kind.from_table(take_table(document, key), units, key)
     fields |= {"assumed": document.pop("assumed", ())}
     fields |= {"scatter": read_scatter(document, law.numbers(), law.factors, units)}
-    known, rules = (*also, *fields, *TABLES), rules or {}
-    fields |= read_sheet_numbers(document, units, known, {**FIBRES, **rules})[0]
+    keys, rules = (*also, *fields, *TABLES), rules or {}
+    fields |= read_sheet_numbers(document, units, keys, {**FIBRES, **rules})[0]
     check_complete(fields, (*SHEET, *rules), "", "at the top of the file")
     return fields
 

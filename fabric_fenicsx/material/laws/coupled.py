@@ -320,16 +320,16 @@ class WovenFabric(Law):
     @classmethod
     def _added(cls):
         """Names of the fields that a subclass adds."""
-        known = {each.name for each in dataclasses.fields(WovenFabric)}
-        return [each.name for each in dataclasses.fields(cls) if each.name not in known]
+        inherited = {each.name for each in dataclasses.fields(WovenFabric)}
+        return [each.name for each in dataclasses.fields(cls) if each.name not in inherited]
 
     @classmethod
     def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
         document.pop("law", None)
         tables = {key: take_table(document, key) for key in ("yarns", "warp", "weft", "shear")}
         units = take_units(document)
-        taken = ("couplings", *cls._added())
-        couplings = {key: document.pop(key) for key in taken if key in document}
+        own = ("couplings", *cls._added())
+        couplings = {key: document.pop(key) for key in own if key in document}
         fields = sheet_fields(cls, document, units, ("law", "couplings", "units", *tables))
         fields |= couplings | read_numbers(tables.pop("shear"), SHEAR, units, "shear.")
         check_complete(fields, SHEAR, "shear.", "in [shear]")

@@ -184,22 +184,22 @@ class TabulatedFabric(Law):
         )
 
     def plausibility_warnings(self) -> list[str]:
-        found = super().plausibility_warnings()
+        warnings = super().plausibility_warnings()
         for name in CURVES:
             curve, table = getattr(self, name), f"the table of {name} of material {self.name}"
             if name != "shear" and curve.x[0] == 0:
-                found.append(
+                warnings.append(
                     f"{table} begins at 0, so the yarns have no stress and no stiffness in "
                     "compression; rows below 0 would give them one"
                 )
             for k in np.flatnonzero(np.diff(curve.y) < 0)[:1]:
                 x = curve.x[k]
                 start = f"{math.degrees(x):.4g} deg" if name == "shear" else percent(x, 4)
-                found.append(
+                warnings.append(
                     f"{table} falls from {start} on, where the fabric is unstable: strains gather "
                     "in rows of cells"
                 )
-        return found
+        return warnings
 
     def table(self) -> dict[str, Any]:
         """The curves and the sheet; a material file names CSV files in the place of the points."""
@@ -239,14 +239,14 @@ def _curve(lines, columns):
     table = table_of(lines, columns.__contains__)
     if len(table.names) != 2:
         raise InputError(f"row {table.top} is no header of two columns; allowed is {allowed}")
-    wanted = {}
+    factors_of = {}
     for i, (name, unit, column) in enumerate(zip(table.names, table.units, columns)):
         if name != column or unit not in columns[column]:
-            given = name if unit is None else f"{name} [{unit}]"
-            raise InputError(f"row {table.top} has the column {given!r}; allowed is {allowed}")
-        wanted[i] = name, columns[column][unit]
+            head = name if unit is None else f"{name} [{unit}]"
+            raise InputError(f"row {table.top} has the column {head!r}; allowed is {allowed}")
+        factors_of[i] = name, columns[column][unit]
     problems = Problems()
-    x, y = values_of(table, wanted, problems).values()
+    x, y = values_of(table, factors_of, problems).values()
     if len(x) > MAX_POINTS:
         allowed = f"allowed are {MIN_POINTS} to {MAX_POINTS}, so thin it out"
         problems.append(f"has {len(x)} points; {allowed}")

@@ -10,7 +10,7 @@ from ...material import kernel, stability
 from ...material.laws import Range
 from ...material.strains import nominal_strain
 from ...runtime.formatting import of_sheet, percent, rounded
-from ...sheets.part import OFF
+from ...sheets.part import MAX_OFF_YARNS
 from .membrane import Membrane
 
 # share of the strain energy in stretches that neighbouring cells undo, from which cells are
@@ -89,7 +89,7 @@ def locking_warning(membrane: Membrane) -> str:
     off = membrane.part.share_off_the_yarns()
     # in space strains vary from cell to cell as the tools' curvature does
     aligned = ALIGNED if off and blank.mesh.geometry.dim == 2 else math.inf
-    if taken <= (LOCKED if off > OFF else aligned):
+    if taken <= (LOCKED if off > MAX_OFF_YARNS else aligned):
         return ""
     effect, cure = _of_linear_cells(membrane, taken)
     return (
