@@ -32,8 +32,8 @@ def _owned(form):
 
 def triplets(terms: Iterable[Term]) -> Triplets:
     """Rows, columns and values (k,) of the tangents of all terms that are no forms."""
-    found = [[np.asarray(part) for part in term.tangent()] for term in terms]
-    rows, cols, values = (np.concatenate(part) for part in zip(*found))
+    parts = [[np.asarray(part) for part in term.tangent()] for term in terms]
+    rows, cols, values = (np.concatenate(part) for part in zip(*parts))
     return rows, cols, values
 
 
@@ -56,9 +56,9 @@ class Assembly:
                 self._energies.append((term.energy_kind, compat.form(term.energy)))
                 if term.energy_kind is None and term not in self._loaded:
                     self._loads.append(compat.form(pair[0]))
-        found = list(on.values()) or [[_nothing(blank, v, w)]]
+        groups = list(on.values()) or [[_nothing(blank, v, w)]]
         self._residuals, self._tangents = (
-            [compat.form(sum((pair[i] for pair in pairs[1:]), pairs[0][i])) for pairs in found]
+            [compat.form(sum((pair[i] for pair in pairs[1:]), pairs[0][i])) for pairs in groups]
             for i in (0, 1)
         )
         # where any of the parts and edges has entries
@@ -82,8 +82,8 @@ class Assembly:
     def applied_forces(self) -> list[np.ndarray]:
         """Forces of each tool and load (owned dofs,) [N], beside which a residual is to be
         small."""
-        found = [term.applied_forces() for term in self._loaded]
-        return found + [-_owned(form) for form in self._loads]
+        forces = [term.applied_forces() for term in self._loaded]
+        return forces + [-_owned(form) for form in self._loads]
 
     def residual(self, f: PETSc.Vec) -> None:
         """Make f (local dofs,) the derivative of all energies [N]."""

@@ -62,7 +62,7 @@ def entries(value: Any, path: str) -> dict[str, Any]:
 
 def of_attributes(thing: object) -> dict[str, Any]:
     """Attributes of an object as plain data, {name: value}."""
-    found: dict[str, Any] = {}
+    attributes: dict[str, Any] = {}
     for name, value in vars(thing).items():
-        found |= value if isinstance(value, Mapping) else {name.lstrip("_"): value}
-    return plain(found)
+        attributes |= value if isinstance(value, Mapping) else {name.lstrip("_"): value}
+    return plain(attributes)

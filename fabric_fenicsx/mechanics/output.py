@@ -138,9 +138,9 @@ def on_part(part: Part, values: np.ndarray, unit: str = "") -> Value:
         return last(values, unit)
 
     def over(before, now):
-        found = before.copy()
-        found[part.cells] = now[part.cells]
-        return found
+        both = before.copy()
+        both[part.cells] = now[part.cells]
+        return both
 
     return Value(part.spread(values), unit, over)
 
@@ -153,18 +153,18 @@ def merged(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> d
     """
     noun, place = OUTPUT[method]
     check: Callable[..., Mapping[str, Any]] = arrays if noun == "field" else _same_on_ranks
-    found: dict[str, Value] = {}
+    values: dict[str, Value] = {}
     givers = dict.fromkeys(taken, f"{place} has")
     for term in terms:
         if not overrides(term, method):
             continue
-        given = getattr(term, method)()
-        mine = {k: v if isinstance(v, Value) else Value(v) for k, v in given.items()}
-        derived = {k for k, v in given.items() if isinstance(v, Value) and callable(v.value)}
+        output = getattr(term, method)()
+        mine = {k: v if isinstance(v, Value) else Value(v) for k, v in output.items()}
+        derived = {k for k, v in output.items() if isinstance(v, Value) and callable(v.value)}
         plain = {name: each.value for name, each in mine.items() if name not in derived}
         checked = check(term, method, plain, noun)
         for name, each in mine.items():
-            before, value = found.get(name), checked.get(name, each.value)
+            before, value = values.get(name), checked.get(name, each.value)
             if name in givers and (before is None or each.merge is None):
                 rule = ", or a rule that merges both, as `largest(value)`" if before else ""
                 raise InputError(
@@ -173,12 +173,12 @@ def merged(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> d
                 )
             if before is not None and each.merge is not None:
                 value = each.merge(before.value, value)
-            found[name] = each._replace(value=value)
+            values[name] = each._replace(value=value)
             givers[name] = f"term {term.name} gives"
-    known = {name: each.value for name, each in found.items()}
+    results = {name: each.value for name, each in values.items()}
     return {
-        name: each._replace(value=each.value(known)) if callable(each.value) else each
-        for name, each in found.items()
+        name: each._replace(value=each.value(results)) if callable(each.value) else each
+        for name, each in values.items()
     }
 
 
@@ -189,8 +189,8 @@ def arrays(
     for another size than the rank's cells or nodes."""
     whole = term.blank.whole
     what, size = ("cells", whole.cells.size) if "cell" in method else ("nodes", whole.nodes.size)
-    found, wrong = {name: np.asarray(values) for name, values in given.items()}, ""
-    for name, values in found.items():
+    result, wrong = {name: np.asarray(values) for name, values in given.items()}, ""
+    for name, values in result.items():
         if values.shape[:1] != (size,) or values.dtype.kind not in "biuf":
             kind = f"shape {values.shape}" if values.dtype.kind in "biuf" else "no numbers"
             wrong = wrong or (
@@ -199,7 +199,7 @@ def arrays(
             )
     if wrong := term.blank.mesh.comm.allreduce(wrong, MPI.MAX):
         raise InputError(wrong)
-    return found
+    return result
 
 
 def _larger(before, now):

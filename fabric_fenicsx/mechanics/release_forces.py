@@ -114,17 +114,17 @@ class ReleaseForces(Term):
 
     def memory(self) -> dict[str, np.ndarray]:
         """Work done, the same row at each node (nodes, k), and the nodes' start."""
-        known = np.append(self._work.memory(), self._released)
+        row = np.append(self._work.memory(), self._released)
         return {
-            "work": np.tile(known, (self._count, 1)),
+            "work": np.tile(row, (self._count, 1)),
             "start": self._start.reshape(self._count, -1),
         }
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        rows = self.blank.mesh.comm.allgather(memory["work"][:1])
-        known = next(row[0] for row in rows if len(row))
-        self._work.recall(known[:-1].reshape(-1, 4))
-        self._released, self._start = float(known[-1]), memory["start"].ravel().copy()
+        firsts = self.blank.mesh.comm.allgather(memory["work"][:1])
+        row_of_all = next(row[0] for row in firsts if len(row))
+        self._work.recall(row_of_all[:-1].reshape(-1, 4))
+        self._released, self._start = float(row_of_all[-1]), memory["start"].ravel().copy()
 
     def nodal_fields(self) -> dict[str, Value]:
         """`springback` along x, y, z."""

@@ -116,20 +116,20 @@ class Springs(Term):
         def where(points):
             return values_at(self.where, points)
 
-        found = (self.part.nodes & where(blank.coordinates()[:owned].T)).astype(float)
+        shares = (self.part.nodes & where(blank.coordinates()[:owned].T)).astype(float)
         try:
             side = ufl.TestFunction(blank.V)[0] * self.part.ds(where)
         except InputError:  # none is marked, on any rank
             pass
         else:
-            found = assembled(side)[::gdim].copy()
-        whole = blank.mesh.comm.allreduce(float(found.sum()))
+            shares = assembled(side)[::gdim].copy()
+        whole = blank.mesh.comm.allreduce(float(shares.sum()))
         if not whole:
             raise InputError(
                 f"`where` of {self.name} marks no node of {self.part.name or blank.name}; allowed "
                 "are 1 or more"
             )
-        return found / whole
+        return shares / whole
 
     def _now(self):
         """Direction from the anchor (n, gdim), length [mm] and pull of each whole spring [N]."""

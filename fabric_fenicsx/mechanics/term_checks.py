@@ -91,8 +91,8 @@ def check_answers(term: Term) -> None:
     blank, comm = term.blank, term.blank.mesh.comm
     for kind in term.energies():
         _check_kind(term, kind)
-    given: Any = term.add_forces(np.zeros_like(blank.u.x.array))  # type: ignore[func-returns-value]
-    if given is not None:
+    returned: Any = term.add_forces(np.zeros_like(blank.u.x.array))  # type: ignore[func-returns-value]
+    if returned is not None:
         raise InputError(
             f"`add_forces` of term {term.name} returns something; allowed is to add to the array "
             "that it is given, as `f[dofs] += forces`"

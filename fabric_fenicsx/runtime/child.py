@@ -39,7 +39,7 @@ def in_child(work: Callable[..., Any], *given: Any, patience: float | None = Non
     if not done.stdout:
         code = done.returncode
         raise RuntimeError(f"it crashed ({signal.Signals(-code).name if code < 0 else code})")
-    worked, found = pickle.loads(done.stdout)
+    worked, answer = pickle.loads(done.stdout)
     if not worked:
-        raise RuntimeError(found)
-    return found
+        raise RuntimeError(answer)
+    return answer

@@ -19,20 +19,20 @@ PATIENCE = 10.0  # s, for the others
 def on_root(comm: MPI.Comm, make: Callable[[], T]) -> T:
     """What make() gives on rank 0, on all ranks; an InputError there, also for a file that can't be
     read or written, is raised on all."""
-    found, error = None, ""
+    result, error = None, ""
     if comm.rank == 0:
         try:
-            found = make()
+            result = make()
         except InputError as e:
             error = str(e)
         except OSError as e:
             if e.errno is None:  # of a library, not of a file
                 raise
             error = str(unwritable(e))
-    found, error = comm.bcast((found, error))
+    result, error = comm.bcast((result, error))
     if error:
         raise InputError(error)
-    return found
+    return result
 
 
 def is_alone(comm: MPI.Comm) -> bool:

@@ -25,12 +25,12 @@ class Rule:
 
     def check(self, name: str, value: Any) -> Any:
         """`value` as `kind`; InputError, which calls it `name`, if the rule does not allow it."""
-        given = value.item() if getattr(value, "shape", None) == () else value  # of NumPy
-        if isinstance(given, Real) and not isinstance(given, bool):
+        plain = value.item() if getattr(value, "shape", None) == () else value  # of NumPy
+        if isinstance(plain, Real) and not isinstance(plain, bool):
             with suppress(ValueError, OverflowError):  # no whole number, or a huge one
-                number = self.kind(given) + self.kind(0)  # -0.0 becomes 0.0
+                number = self.kind(plain) + self.kind(0)  # -0.0 becomes 0.0
                 finite = math.isfinite(number) or (self.endless and number == math.inf)
-                if finite and number == given and self.test(number):
+                if finite and number == plain and self.test(number):
                     return number
         raise InputError(f"{name} is {shown(value)}; allowed is {self.allowed}")
 

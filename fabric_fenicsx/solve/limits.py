@@ -64,12 +64,12 @@ class Limits:
     def __post_init__(self) -> None:
         check_fields(self, "`Limits.{}`".format)
 
-    def exceeded(self, found: Mapping[str, float]) -> list[str]:
-        """One sentence for each limit that is exceeded; found: values by the names above, without
+    def exceeded(self, values: Mapping[str, float]) -> list[str]:
+        """One sentence for each limit that is exceeded; values: by the names above, without
         strain."""
         return [
             self._sentence(name, value)
-            for name, value in found.items()
+            for name, value in values.items()
             if not value <= getattr(self, name)
         ]
 
@@ -77,5 +77,5 @@ class Limits:
         limit = getattr(self, name)
         # as many digits as tell the two apart
         texts = [(percent(value, n), percent(limit, n)) for n in (3, 6, 17)]
-        found, allowed = next((pair for pair in texts if pair[0] != pair[1]), texts[-1])
-        return f"{SENTENCES[name].format(found)}; allowed is {allowed} (`Limits.{name}`)"
+        text, bound = next((pair for pair in texts if pair[0] != pair[1]), texts[-1])
+        return f"{SENTENCES[name].format(text)}; allowed is {bound} (`Limits.{name}`)"

@@ -46,11 +46,15 @@ class Saddles:
             for sign in (1.0, -1.0):
                 x.copy(trial)
                 trial.axpy(sign, d)
-                found = self._objective(trial)
-                within_rounding = abs(found - energy) <= ROUNDING * abs(energy)
-                if sign * self._objective.r.dot(d) < 0 if within_rounding else found < energy:
+                energy_there = self._objective(trial)
+                within_rounding = abs(energy_there - energy) <= ROUNDING * abs(energy)
+                if (
+                    sign * self._objective.r.dot(d) < 0
+                    if within_rounding
+                    else energy_there < energy
+                ):
                     trial.copy(x)
-                    return found
+                    return energy_there
             d.scale(0.5)
         raise SolveFailed(Termination.SADDLE)
 

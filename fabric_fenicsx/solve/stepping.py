@@ -208,7 +208,7 @@ class LoadStepping:
     def _measure_on_the_way(self, trial, part):
         """Measure the step's work anew with the state at this part of it; False if that is not
         found."""
-        found, iterations = self.newton.x.copy(), trial.report.iterations
+        solution, iterations = self.newton.x.copy(), trial.report.iterations
         load = self.progress.load + part * trial.size
         values = self.scene.supports.values(load)
         inner = TrialStep(load, part * trial.size, trial.tolerance, values)
@@ -217,7 +217,7 @@ class LoadStepping:
             self._measure(inner)
         else:
             self.scene.reject()
-        self._solve(trial, start=found)
+        self._solve(trial, start=solution)
         trial.report.iterations = max(iterations, trial.report.iterations)
         if trial.report.converged:
             self._measure(trial)

@@ -112,18 +112,18 @@ class Tangent:
         """Make d, which `ksp` solved for, the solution with A less c c^T / k of each tool that a
         force moves (Woodbury's formula). False, and d unchanged, if that is not positive
         definite."""
-        given = self._scene.compliances()
-        if not given:
+        compliances = self._scene.compliances()
+        if not compliances:
             return True
-        solved = [c.duplicate() for c, _ in given]
-        for (c, _), y in zip(given, solved):
+        solved = [c.duplicate() for c, _ in compliances]
+        for (c, _), y in zip(compliances, solved):
             self.ksp.solve(c, y)
-        product = np.array([[c.dot(y) for y in solved] for c, _ in given])
-        stiffness = np.array([k for _, k in given])
+        product = np.array([[c.dot(y) for y in solved] for c, _ in compliances])
+        stiffness = np.array([k for _, k in compliances])
         left = np.diag(stiffness) - (product + product.T) / 2
         # none where sheet and tool can go together unresisted
         if np.linalg.eigvalsh(left)[0] <= self.ROUNDING * stiffness.max():
             return False
-        for travel, y in zip(np.linalg.solve(left, [c.dot(d) for c, _ in given]), solved):
+        for travel, y in zip(np.linalg.solve(left, [c.dot(d) for c, _ in compliances]), solved):
             d.axpy(travel, y)
         return True

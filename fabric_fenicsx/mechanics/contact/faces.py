@@ -74,9 +74,9 @@ class Face:
         blank.check_triangulated("contact of sheets")
         corners = blank.triangles(part.cells)
         index_map = blank.V.dofmap.index_map
-        known = index_map.local_to_global(corners.ravel().astype(np.int32)).reshape(-1, 3)
-        counts = comm.allgather(len(known))
-        triangles = np.concatenate(comm.allgather(known)).astype(np.int64)
+        numbers = index_map.local_to_global(corners.ravel().astype(np.int32)).reshape(-1, 3)
+        counts = comm.allgather(len(numbers))
+        triangles = np.concatenate(comm.allgather(numbers)).astype(np.int64)
         self.nodes, triangles = np.unique(triangles, return_inverse=True)
         self._count = index_map.size_local
         self._comm, self._blank = comm, blank
@@ -85,7 +85,7 @@ class Face:
         order = np.lexsort(X[triangles.reshape(-1, 3)].mean(1).round(9).T)
         self.triangles = triangles.reshape(-1, 3)[order]
         first = sum(counts[: comm.rank])
-        self.own_triangles = order.argsort()[first : first + len(known)]
+        self.own_triangles = order.argsort()[first : first + len(numbers)]
         # corners in an order that does not depend on the ranks
         place = np.empty(len(X), dtype=np.int64)
         place[np.lexsort(X.round(9).T)] = np.arange(len(X))
@@ -241,25 +241,25 @@ class Face:
         for none; two coordinates in it and a height, over its normal's length (k, 3). fits: a
         function of places among the rows, the place among `many`, heights, and normals (., 3), to
         whether that may be (.,)."""
-        found, y = np.full(len(rows), -1), np.zeros((len(rows), 3))
+        triangle, y = np.full(len(rows), -1), np.zeros((len(rows), 3))
         for k, candidates in enumerate(triangles.T):
-            at = np.flatnonzero((found < 0) & (candidates >= 0))
+            at = np.flatnonzero((triangle < 0) & (candidates >= 0))
             place, within, along = self._project_onto(points[rows[at]], candidates[at])
             within &= fits(rows[at], k, place[:, 2], along)
-            found[at[within]], y[at[within]] = candidates[at[within]], place[within]
-        return found, y
+            triangle[at[within]], y[at[within]] = candidates[at[within]], place[within]
+        return triangle, y
 
     def projection(self, triangle: np.ndarray, y: np.ndarray, reach: float) -> FaceProjection:
         """The places below points up to `reach` [mm] away, over y (n, 3) of triangles (n,) as
         `seek` gives them."""
         n = len(triangle)
         empty = np.zeros((n, 3)), np.full(n, np.inf), np.zeros((n, 3)), np.zeros((n, 3, 3))
-        found = FaceProjection(triangle, *empty)
+        below = FaceProjection(triangle, *empty)
         at = np.flatnonzero(triangle >= 0)
         if len(at):
-            self._fill(at, y, found)
-        found.triangle[~(abs(found.gap) <= reach)] = -1
-        return found
+            self._fill(at, y, below)
+        below.triangle[~(abs(below.gap) <= reach)] = -1
+        return below
 
     def _project_onto(self, points, triangle):
         """The places (n, 3), as in `seek`, of triangles (n,) whose interpolated normals go through
@@ -270,9 +270,9 @@ class Face:
         inside = np.minimum(y[:, :2].min(1), 1 - y[:, 0] - y[:, 1]) >= -1e-7  # rounding
         return y, settled & inside, along
 
-    def _fill(self, at, y, found):
-        """Fill rows `at` (k,) of `found`, of points over places y (n, 3) of their triangles."""
-        y, triangle = y[at], found.triangle[at]
+    def _fill(self, at, y, below):
+        """Fill rows `at` (k,) of `below`, of points over places y (n, 3) of their triangles."""
+        y, triangle = y[at], below.triangle[at]
         nodes = self.triangles[triangle]
         x, normals = self.places[nodes], self.normals[nodes]
         e, m = (values[:, 1:] - values[:, :1] for values in (x, normals))
@@ -296,10 +296,10 @@ class Face:
         rise -= np.einsum("nai,ni->na", turns, bulge)
         slope = length[:, None] * inverse[:, :, 2]
         slope += np.einsum("nia,na->ni", inverse[:, :, :2], rise)
-        found.weights[at] = weights
-        found.gap[at] = y[:, 2] * length - np.einsum("ni,ni->n", bulge, unit)
-        found.normal[at] = slope
-        found.curvature[at] = (turn + turn.swapaxes(1, 2)) / 2
+        below.weights[at] = weights
+        below.gap[at] = y[:, 2] * length - np.einsum("ni,ni->n", bulge, unit)
+        below.normal[at] = slope
+        below.curvature[at] = (turn + turn.swapaxes(1, 2)) / 2
 
 
 @compiled
@@ -327,9 +327,9 @@ def _meet(points, corners, normals):
                 (a[0], a[1], a[2]),
             )
             volume, size = _triple(p, q, r), 0.0
-            found = _triple(miss, q, r), _triple(p, miss, r), _triple(p, q, miss)
+            volumes = _triple(miss, q, r), _triple(p, miss, r), _triple(p, q, miss)
             for k in range(3):
-                step = found[k] / volume
+                step = volumes[k] / volume
                 at[k] = min(max(at[k] - step, -1e3), 1e3)
                 size += abs(step)
             if not size > 1e-14:

@@ -21,7 +21,7 @@ def potential(z: np.ndarray, limit: np.ndarray, s: float) -> tuple[np.ndarray, n
 @compiled
 def blocks(z: np.ndarray, limit: np.ndarray, normal: np.ndarray, s: float) -> np.ndarray:
     """As `Coulomb.blocks`, of an elastic slip s [mm]."""
-    found = np.zeros((len(z), 3, 3))
+    stiff = np.zeros((len(z), 3, 3))
     for n in range(len(z)):
         if limit[n]:
             length = np.sqrt(z[n, 0] ** 2 + z[n, 1] ** 2 + z[n, 2] ** 2)
@@ -30,32 +30,32 @@ def blocks(z: np.ndarray, limit: np.ndarray, normal: np.ndarray, s: float) -> np
                 for y in range(3):
                     along = slides * z[n, x] * z[n, y] / max(length, s) ** 2
                     free = (1.0 if x == y else 0.0) - normal[n, x] * normal[n, y] - along
-                    found[n, x, y] = stiffness * free
-    return found
+                    stiff[n, x, y] = stiffness * free
+    return stiff
 
 
 @compiled
 def slipped(slip: np.ndarray, moved: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """Slip (n, 3) and the parts of motions `moved` (n, 3) across unit normals (n, 3), added up."""
-    found = np.empty(slip.shape)
+    total = np.empty(slip.shape)
     for n in range(len(slip)):
         along = 0.0
         for x in range(3):
             along += moved[n, x] * normals[n, x]
         for x in range(3):
-            found[n, x] = slip[n, x] + (moved[n, x] - along * normals[n, x])
-    return found
+            total[n, x] = slip[n, x] + (moved[n, x] - along * normals[n, x])
+    return total
 
 
 @compiled
 def turned(vectors: np.ndarray, matrices: np.ndarray) -> np.ndarray:
     """Products of matrices (n, 3, 3) and vectors (n, 3)."""
-    found = np.zeros(vectors.shape)
+    product = np.zeros(vectors.shape)
     for n in range(len(vectors)):
         for x in range(3):
             for y in range(3):
-                found[n, x] += matrices[n, x, y] * vectors[n, y]
-    return found
+                product[n, x] += matrices[n, x, y] * vectors[n, y]
+    return product
 
 
 @compiled

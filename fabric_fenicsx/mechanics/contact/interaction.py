@@ -211,10 +211,10 @@ class ToolInteraction(Interaction):
     def _coefficient(self, law):
         if not isinstance(law.coefficient, Mapping):
             return law.coefficient
-        found = np.zeros(self.nodes.count)
+        coefficients = np.zeros(self.nodes.count)
         for name, coefficient in law.coefficient.items():
-            found[self.blank.part(name).nodes] = coefficient
-        return found
+            coefficients[self.blank.part(name).nodes] = coefficient
+        return coefficients
 
     def _sliding(self):
         return ToolSliding(self.nodes, self.tool, self._normals(), *self._offsets())

@@ -22,14 +22,14 @@ class Aitken:
         self._state, self.share = state, 1.0
         self._missed: np.ndarray | None = None
 
-    def next(self, found: np.ndarray) -> np.ndarray:
-        """State to take after the solution `found`."""
-        missed = found - self._state
+    def next(self, solution: np.ndarray) -> np.ndarray:
+        """State to take after this solution."""
+        missed = solution - self._state
         if self._missed is not None:
             less, before = (missed - self._missed)[: self._owned], self._missed[: self._owned]
             along, square = self._comm.allreduce(np.array([before @ less, less @ less]))
             self.share = float(np.clip(-self.share * along / max(square, 1e-300), 0.1, 1.0))
-        self._state = found.copy() if self.share == 1 else self._state + self.share * missed
+        self._state = solution.copy() if self.share == 1 else self._state + self.share * missed
         self._missed = missed
         return self._state
 
@@ -81,10 +81,10 @@ class LaggedFaces:
         changed, total = self._points.blank.mesh.comm.allreduce(np.array(sizes))
         if changed <= self.lag * total:
             return False
-        place, found = self._aitken.next(self._u), self._u.copy()
+        place, solution = self._aitken.next(self._u), self._u.copy()
         if self._aitken.share < 1:
             self._u[:] = place
             present = self._points.pairs()
-            self._u[:] = found
+            self._u[:] = solution
         self.now = present
         return True

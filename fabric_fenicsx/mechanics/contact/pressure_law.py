@@ -156,10 +156,10 @@ class ByPlace:
 
     def _of_each(self, function, x, count):
         """`count` values (count, n) of the laws' functions at x, each at its own places."""
-        found, x = np.zeros((count, len(self.which))), np.broadcast_to(x, len(self.which))
+        values, x = np.zeros((count, len(self.which))), np.broadcast_to(x, len(self.which))
         for k, law in enumerate(self.laws):
-            found[:, self.which == k] = function(law)(x[self.which == k])
-        return found
+            values[:, self.which == k] = function(law)(x[self.which == k])
+        return values
 
 
 class Grown(NamedTuple):

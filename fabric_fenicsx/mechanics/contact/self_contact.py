@@ -105,9 +105,9 @@ class SelfPoints(SheetPoints):
         near = tree.query(asked, range(1, MAX_NEIGHBOURS + 1), distance_upper_bound=farthest)[1]
         cells = np.flatnonzero(near[:, 0] < count)
         near, mine = near[cells], mine[cells]
-        found = np.minimum(near, count - 1)
-        shared = triangles[found][..., None] == triangles[mine][:, None, None]
-        away = np.linalg.norm(self._centres[found] - self._centres[mine][:, None], axis=2)
+        near_by = np.minimum(near, count - 1)
+        shared = triangles[near_by][..., None] == triangles[mine][:, None, None]
+        away = np.linalg.norm(self._centres[near_by] - self._centres[mine][:, None], axis=2)
         near[shared.any((2, 3)) | (away < self._apart) | (near == count)] = -1
         kept = (near >= 0).any(1)
         return cells[kept], near[kept]
@@ -194,8 +194,8 @@ class SelfContact(FaceContact):
 
     def summary(self) -> dict[str, Value]:
         """Normal force and penetration."""
-        found = {
+        facts = {
             "normal_force_N": float(self.totals[3]),
             "penetration_of_thickness": self.penetration_of_thickness(),
         }
-        return {"self_contact": joined({self.part.name or self.blank.name: found})}
+        return {"self_contact": joined({self.part.name or self.blank.name: facts})}

@@ -137,8 +137,8 @@ class FaceContact(Interaction):
     def _totals(self):
         """Force by which the lower sheet presses the upper one, and sum of normal forces, (4,)."""
         now = self.state()
-        found = [*self.points.side * now.forces.sum(0), now.pressure @ self.faces.now.areas]
-        return self.blank.mesh.comm.allreduce(np.array(found))
+        sums = [*self.points.side * now.forces.sum(0), now.pressure @ self.faces.now.areas]
+        return self.blank.mesh.comm.allreduce(np.array(sums))
 
     def _sliding(self):
         return FaceSliding(self.points, self.faces.now)
@@ -218,8 +218,8 @@ class FaceContact(Interaction):
             areas = self.points.of_all(before, before.areas, 1.0)
             grown = 1 - areas[now.points] / now.areas
             grown[~np.isin(now.points, before.points)] = 0.0
-            given = self.points.of_all(now, self.state().energy * grown)
-            self.energy_correction = self.energy_correction - given
+            gain = self.points.of_all(now, self.state().energy * grown)
+            self.energy_correction = self.energy_correction - gain
 
     def accept(self) -> None:
         """Take the faces as they are, and let friction follow."""
@@ -236,19 +236,19 @@ class FaceContact(Interaction):
     def cell_memory(self) -> dict[str, np.ndarray]:
         """Of each point in the accepted state, (cells, points) each: largest overlap [mm], energy
         correction and that of friction [N mm]; elastic slip (cells, 3 points) [mm]."""
-        known = {"depth": self.depth, "energy_correction": self.energy_correction} | (
+        arrays = {"depth": self.depth, "energy_correction": self.energy_correction} | (
             self.friction_state.memory() if self.friction_state else {}
         )
         points = self.points
-        return {name: points.part.rows(each, points.per_cell) for name, each in known.items()}
+        return {name: points.part.rows(each, points.per_cell) for name, each in arrays.items()}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        known = {name: self.points.of_cells(rows) for name, rows in memory.items()}
-        self.depth = known["depth"]
-        self.energy_correction = self._accepted_correction = known["energy_correction"]
+        arrays = {name: self.points.of_cells(rows) for name, rows in memory.items()}
+        self.depth = arrays["depth"]
+        self.energy_correction = self._accepted_correction = arrays["energy_correction"]
         self.faces.accept()
         if self.friction_state:
-            self.friction_state.recall(known, self._sliding())
+            self.friction_state.recall(arrays, self._sliding())
 
     # -- output
 
@@ -329,8 +329,8 @@ class SheetContact(FaceContact):
                 raise InputError(
                     f"{self.name} is asked of {part.name}, a patch; allowed are sheets of a stack"
                 )
-        known = (self._face(scene, part, part.thickness) for part in parts)
-        thicknesses, laws, powers = zip(*known)
+        sheets = (self._face(scene, part, part.thickness) for part in parts)
+        thicknesses, laws, powers = zip(*sheets)
         self.thickness = min(thicknesses)
         faces = thicknesses, powers, self._symmetric
         self._begin(scene, SheetPoints(lower, upper, self._points_of_cell, *faces), *laws)

@@ -117,8 +117,8 @@ class SheetPoints:
     def pairs(self) -> ContactPairs:
         """The points over the other sheet at the present displacement, on all ranks together."""
         u = self.blank.u.x.array
-        known = self._found is not None and np.array_equal(u, self._found[0])
-        if self._found is None or not self.blank.mesh.comm.allreduce(known, MPI.LAND):
+        is_current = self._found is not None and np.array_equal(u, self._found[0])
+        if self._found is None or not self.blank.mesh.comm.allreduce(is_current, MPI.LAND):
             self._found = u.copy(), self._faced()
         return self._found[1]
 
@@ -176,9 +176,9 @@ class SheetPoints:
     def of_all(self, pairs: ContactPairs, values: np.ndarray, other: float = 0.0) -> np.ndarray:
         """Values (n, ...) at the points of `pairs` as values of all points (count, ...), `other` at
         those that lie over nothing."""
-        found = np.full((self.count, *values.shape[1:]), other)
-        found[pairs.points] = values
-        return found
+        result = np.full((self.count, *values.shape[1:]), other)
+        result[pairs.points] = values
+        return result
 
     def means(self, values: np.ndarray) -> np.ndarray:
         """Means of values of all points (count, ...) over each cell, on each side that points look
@@ -199,9 +199,9 @@ class SheetPoints:
         with no points over them, (owned nodes,)."""
         areas = pairs.areas
         weighed = np.column_stack([areas * values[pairs.points], areas, 0 * areas])
-        found = np.zeros(3 * self.nodes.count)
-        pairs.motion.add(weighed, found)
-        sums, areas = found.reshape(-1, 3)[:, :2].T
+        sums_at_nodes = np.zeros(3 * self.nodes.count)
+        pairs.motion.add(weighed, sums_at_nodes)
+        sums, areas = sums_at_nodes.reshape(-1, 3)[:, :2].T
         return np.divide(sums, areas, out=np.zeros_like(sums), where=areas < 0)
 
     def covered(self, above: np.ndarray | None = None) -> np.ndarray:

@@ -35,23 +35,23 @@ class PlyThickness:
 
     def lost_under(self, pressure: float) -> np.ndarray:
         """Thickness that one face loses under a pressure [MPa] in each cell, (cells,) [mm]."""
-        found = np.zeros(len(self._fibres))
+        lost = np.zeros(len(self._fibres))
         for cells, fabric in self._fabrics:
-            found[cells] = (fabric.thickness_under(0.0) - fabric.thickness_under(pressure)) / 2
-        return found * self._growth()
+            lost[cells] = (fabric.thickness_under(0.0) - fabric.thickness_under(pressure)) / 2
+        return lost * self._growth()
 
     def fields(self, lost: np.ndarray) -> dict[str, Value]:
         """Compaction and thickness [mm] and, where fibre densities are known, fibre volume fraction
         in cells. lost (cells,): thickness lost on the faces of one term [mm]."""
         if not self._fabrics:
             return {}
-        found = {
+        values = {
             "compaction": total(np.where(np.isnan(self._flat), np.nan, lost), "mm"),
             "thickness_under_pressure": last(self._thickness, "mm"),
         }
         if any(fabric.fibre_density is not None for _, fabric in self._fabrics):
-            found["fibre_volume_fraction"] = last(self._share_of_fibres, "-")
-        return found
+            values["fibre_volume_fraction"] = last(self._share_of_fibres, "-")
+        return values
 
     def _thickness(self, fields):
         return self._flat * self._growth() - fields["compaction"]

@@ -140,10 +140,10 @@ class Contact(ToolInteraction):
     def state(self) -> Pressed:
         """This rank's nodes as they are pressed at the sheet's present displacement."""
         u = self.nodes.view()
-        known = self._found is not None and bool((u == self._found[0]).all())
+        is_current = self._found is not None and bool((u == self._found[0]).all())
         if self.tool.force:  # its balance asks all ranks, also those on which no node moved
-            known = self.nodes.comm.allreduce(known, MPI.LAND)
-        if self._found is None or not known:
+            is_current = self.nodes.comm.allreduce(is_current, MPI.LAND)
+        if self._found is None or not is_current:
             x = self.nodes.places + u
             self._found = u.copy(), self._balanced(x) if self.tool.force else self._state_at(x)
         return self._found[1]
@@ -336,12 +336,12 @@ class Contact(ToolInteraction):
     def gap(self) -> np.ndarray:
         """Gap from the sheet's face to the tool at the nodes, below 0 inside, (nodes,) [mm]."""
         x = self.nodes.places + self.nodes.displacement()
-        found = self.tool.evaluate(x).gap
+        gap = self.tool.evaluate(x).gap
         for reach in (0.0, float(self.thickness.max(initial=0.0))):
-            lost = np.isnan(found)  # so far off that no nearest point is found: a bound will do
-            found[lost] = self.tool.evaluate(x[lost], reach).gap
-        found[~self.nodes.own] = np.inf
-        return found - self.thickness / 2
+            far = np.isnan(gap)  # so far off that no nearest point is found: a bound will do
+            gap[far] = self.tool.evaluate(x[far], reach).gap
+        gap[~self.nodes.own] = np.inf
+        return gap - self.thickness / 2
 
     def penetration(self) -> float:
         """Largest depth of the tool in rigid faces in the present state, of all ranks [mm]."""
@@ -398,15 +398,15 @@ class Contact(ToolInteraction):
 
     def may_press(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """See `Term`, at up to twice `MAX_PROBED` nodes that find a nearest point."""
-        found, x = [], self.nodes.places[self.nodes.own]
+        at_loads, x = [], self.nodes.places[self.nodes.own]
         x = x[:: max(1, len(x) // MAX_PROBED)]
         for load in (0.0, 1.0):
             self.tool.at(load)
             normals = self.tool.evaluate(x).normal
-            known = np.isfinite(normals).all(1)
-            found.append((x[known], normals[known]))
+            near = np.isfinite(normals).all(1)
+            at_loads.append((x[near], normals[near]))
         self.tool.at(self._load)
-        return found
+        return at_loads
 
 
 class Resistance(NamedTuple):
@@ -431,14 +431,16 @@ def find_balance(
     low: float | None = None
     high: float | None = None
     for _ in range(100):
-        found = look(travel)
-        missing = force - found.force
+        resistance = look(travel)
+        missing = force - resistance.force
         if abs(missing) <= 1e-12 * force:
             return True
         low, high = (travel, high) if missing > 0 else (low, travel)
         # without contact as far as no point is passed
-        step = missing / found.stiffness if found.stiffness > 0 else found.free + soft
-        new = travel + float(np.clip(step, -back, found.free + reach))
+        step = (
+            missing / resistance.stiffness if resistance.stiffness > 0 else resistance.free + soft
+        )
+        new = travel + float(np.clip(step, -back, resistance.free + reach))
         back = back if high is None or low is not None else 2 * back
         if low is not None and high is not None and not low < new < high:
             new = 0.5 * (low + high)

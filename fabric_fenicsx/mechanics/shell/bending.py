@@ -117,40 +117,42 @@ class Bending(Term):
         self._edges = symmetric, clamped
         self.resists = ("turn",) if symmetric or clamped else ()
         if modulus is not None and D_a is None:
-            given = {"modulus": modulus, "twist_modulus": twist_modulus}
+            stiffness = {"modulus": modulus, "twist_modulus": twist_modulus}
         elif modulus is None and D_a is not None:
-            given = {"D_a": D_a, "D_b": D_a if D_b is None else D_b, "D_t": D_t}
+            stiffness = {"D_a": D_a, "D_b": D_a if D_b is None else D_b, "D_t": D_t}
         else:
             raise InputError("bending needs one of `D_a` and `modulus`")
         self._given = {
             name: FROM_ZERO.check(f"`{name}` of the bending", value)
-            for name, value in given.items()
+            for name, value in stiffness.items()
         }
 
     def set_up(self, scene: SceneFacts) -> None:
-        blank, given, fabric = scene.blank, self._given, fabric_of(scene, self.part)
+        blank, stiffness, fabric = scene.blank, self._given, fabric_of(scene, self.part)
         if blank.mesh.geometry.dim == 2 and not self.in_plane:
             raise InputError(
                 f"bending of {blank.name} needs a blank made with `spatial=True`, or `in_plane` "
                 "above 0"
             )
         blank.check_triangulated("bending")
-        if "modulus" in given:
+        if "modulus" in stiffness:
             if fabric is None:
                 raise InputError(
                     f"`modulus` of the bending of {blank.name} needs a fabric, which no term of "
                     "the scene has; `D_a` needs none"
                 )
-            D = plate_stiffness(given["modulus"], fabric.thickness)
+            D = plate_stiffness(stiffness["modulus"], fabric.thickness)
             self.stiffnesses = np.array(
-                [D, D, 4 * plate_stiffness(given["twist_modulus"], fabric.thickness)]
+                [D, D, 4 * plate_stiffness(stiffness["twist_modulus"], fabric.thickness)]
             )
             self._measured = fabric.bending
             self._weight = fabric.density * fabric.thickness
             if self._measured:
                 self.stiffnesses[:2] = self._measured.stiffnesses(self._weight)
         else:
-            self.stiffnesses = np.array([given["D_a"], given["D_b"], given["D_t"]], float)
+            self.stiffnesses = np.array(
+                [stiffness["D_a"], stiffness["D_b"], stiffness["D_t"]], float
+            )
         cells = MorleyCells(blank, *self._edges)
         operator, curved = cells.curvature(self.stiffnesses)
         if not self.part.is_whole:
@@ -196,10 +198,10 @@ class Bending(Term):
 
     def energies(self) -> dict[str | None, float]:
         """As in `Term`: also of friction between yarns, elastic and dissipated up to now."""
-        found = super().energies()
+        kinds = super().energies()
         if friction := self._state().friction:
-            found[KIND] = float(self._area @ (friction.energy.sum(1) + self._dissipated))
-        return found
+            kinds[KIND] = float(self._area @ (friction.energy.sum(1) + self._dissipated))
+        return kinds
 
     def accept(self) -> None:
         """Keep the sliding between yarns, and what it has dissipated."""
@@ -211,8 +213,8 @@ class Bending(Term):
         """Sliding between yarns, and what it has dissipated, of the triangles of each cell."""
         if not self._friction:
             return {}
-        known = {"sliding": self._sliding, "dissipated": self._dissipated}
-        return {name: self.part.rows(each, self._per_cell) for name, each in known.items()}
+        arrays = {"sliding": self._sliding, "dissipated": self._dissipated}
+        return {name: self.part.rows(each, self._per_cell) for name, each in arrays.items()}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         if self._friction:

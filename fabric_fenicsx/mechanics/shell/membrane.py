@@ -165,11 +165,11 @@ class Membrane(Term):
         """As in `Term`, by hand: see `membrane_energy`."""
         law, yarns, _, rest = self._ufl
         dv, dw = (membrane_energy.added(self.blank.in_space(x), self._a0, self._b0) for x in (v, w))
-        found = membrane_energy.variations(yarns, dv, dw, rest, law, self._rules)
+        forms = membrane_energy.variations(yarns, dv, dw, rest, law, self._rules)
         if rubbing := self._rubbing:
-            more = membrane_energy.variations(yarns, dv, dw, rest, rubbing, rubbing.rules)
-            found = [each + other for each, other in zip(found, more)]
-        return found
+            friction = membrane_energy.variations(yarns, dv, dw, rest, rubbing, rubbing.rules)
+            forms = [each + other for each, other in zip(forms, friction)]
+        return forms
 
     # -- friction between the yarns, if there is any
 
@@ -199,9 +199,9 @@ class Membrane(Term):
         straight, fabric = self.part.straight, self.fabric
         numbers: list[float] = []
         fabric.symbols(numbers.append)
-        known = [*numbers, *np.ravel(straight or ())]
-        known += [] if self.weave_angle is None else [np.cos(self.weave_angle)]
-        entries = iter(fem.Constant(mesh, known))
+        values = [*numbers, *np.ravel(straight or ())]
+        values += [] if self.weave_angle is None else [np.cos(self.weave_angle)]
+        entries = iter(fem.Constant(mesh, values))
         law = fabric.symbols(lambda _: next(entries))
         directions = [ufl.as_vector([next(entries) for _ in each]) for each in straight or ()]
         return law, directions, next(entries, None)
@@ -265,8 +265,8 @@ class Membrane(Term):
         difference = np.linalg.norm(S_ufl.reshape(-1, 3) - S, axis=1)
         least = self.fabric.shear_stiffness or 1.0
         mismatch = (difference / np.maximum(np.linalg.norm(S, axis=1), least)).max(initial=0.0)
-        known = {name: values for name, values in state._asdict().items() if values is not None}
-        shaped = {name: v.reshape(cells, points, *v.shape[1:]) for name, v in known.items()}
+        arrays = {name: values for name, values in state._asdict().items() if values is not None}
+        shaped = {name: v.reshape(cells, points, *v.shape[1:]) for name, v in arrays.items()}
         fb = np.einsum("cqij,cqj->cqi", F, b.reshape(cells, points, 2))
         return state._replace(**shaped), F[..., 0], fb, mismatch
 
@@ -295,25 +295,26 @@ class Membrane(Term):
 
         I4, I6, I8, I10 = np.moveaxis(state.invariants, -1, 0)
         parts, gamma, short = mean(state.energy_parts), mean(I10), self.shortening()
-        found = {"a": mean(fa), "b": mean(fb)}
-        found |= {"eps_a": mean(np.sqrt(I4) - 1), "eps_b": mean(np.sqrt(I8) - 1)}
-        found |= {"shortening_a": short[:, 0], "shortening_b": short[:, 1]}
-        found |= {"log_eps_11": mean(np.log(I4)) / 2, "log_eps_22": mean(np.log(I8)) / 2}
-        found |= {"shear_angle": gamma, "I4": mean(I4), "I6": mean(I6), "I8": mean(I8)}
-        found |= {"I10": gamma, "energy_a": parts[:, 0], "energy_b": parts[:, 1]}
-        found["energy_shear"] = parts[:, 2]
-        found["strain_state"] = (1 + (found["eps_b"] <= 0) + 2 * (found["eps_a"] <= 0)).astype(
+        fields = {"a": mean(fa), "b": mean(fb)}
+        fields |= {"eps_a": mean(np.sqrt(I4) - 1), "eps_b": mean(np.sqrt(I8) - 1)}
+        fields |= {"shortening_a": short[:, 0], "shortening_b": short[:, 1]}
+        fields |= {"log_eps_11": mean(np.log(I4)) / 2, "log_eps_22": mean(np.log(I8)) / 2}
+        fields |= {"shear_angle": gamma, "I4": mean(I4), "I6": mean(I6), "I8": mean(I8)}
+        fields |= {"I10": gamma, "energy_a": parts[:, 0], "energy_b": parts[:, 1]}
+        fields["energy_shear"] = parts[:, 2]
+        fields["strain_state"] = (1 + (fields["eps_b"] <= 0) + 2 * (fields["eps_a"] <= 0)).astype(
             np.int32
         )
         for name, f, I in (("sigma_a", fa, I4), ("sigma_b", fb, I8)):
-            found[name] = mean(np.einsum("cqi,cqij,cqj->cq", f, state.cauchy, f) / I)
+            fields[name] = mean(np.einsum("cqi,cqij,cqj->cq", f, state.cauchy, f) / I)
         stable = stability.evaluate(self.fabric, state.invariants)
         if self._rubbing:
-            found["shear_friction"] = mean(self._rubbing.response().stress)
-        found["stability_convexity"] = stable.convexity.min(1)
-        found["stability_ellipticity"] = stable.ellipticity.min(1)
+            fields["shear_friction"] = mean(self._rubbing.response().stress)
+        fields["stability_convexity"] = stable.convexity.min(1)
+        fields["stability_ellipticity"] = stable.ellipticity.min(1)
         return {
-            name: on_part(self.part, values, UNITS.get(name, "-")) for name, values in found.items()
+            name: on_part(self.part, values, UNITS.get(name, "-"))
+            for name, values in fields.items()
         }
 
     def invariants_at_points(self) -> np.ndarray:
@@ -333,21 +334,23 @@ class Membrane(Term):
         of the area in which it is above `SHORTENED`: there it hides wrinkles."""
         comm = self.blank.mesh.comm
         stable = stability.least_ellipticity(self.fabric, self.invariants_at_points())
-        found = {"min_stability": least(comm.allreduce(stable, MPI.MIN))}
+        columns = {"min_stability": least(comm.allreduce(stable, MPI.MIN))}
         if self.blank.mesh.geometry.dim == 3:
             most = self.shortening().max(1)
-            found["shortening_max"] = largest(comm.allreduce(float(most.max(initial=0.0)), MPI.MAX))
-            found[share_name(SHORTENED)] = largest(self._share(most > SHORTENED))
-        return found
+            columns["shortening_max"] = largest(
+                comm.allreduce(float(most.max(initial=0.0)), MPI.MAX)
+            )
+            columns[share_name(SHORTENED)] = largest(self._share(most > SHORTENED))
+        return columns
 
     def summary(self) -> dict[str, Value]:
         """Material, integration and the kernel's mismatch."""
         mismatch = self.blank.mesh.comm.allreduce(self.state()[3], MPI.MAX)
-        known = {"couplings": sorted(self.fabric.couplings), "material": self.fabric.name}
-        by_part = {"parts": joined({self.part.name: known})}
+        facts = {"couplings": sorted(self.fabric.couplings), "material": self.fabric.name}
+        by_part = {"parts": joined({self.part.name: facts})}
         return {
             "integration": last(self.integration),
-            **({k: last(v) for k, v in known.items()} if self.part.is_whole else by_part),
+            **({k: last(v) for k, v in facts.items()} if self.part.is_whole else by_part),
             "kernel_mismatch": largest(mismatch),
             "assumed": joined({self.fabric.name: list(self.fabric.assumed_values())}),
         }
@@ -377,8 +380,8 @@ class Membrane(Term):
         alone = np.concatenate([alone, stress(none, eps_b, none)[1:2]])
         share = np.clip(now[:2] / np.minimum(alone, -1e-300), 0.0, 1.0)
         share[(alone == 0) & (now[:2] <= 0)] = 1.0  # laws that do not resist compression
-        found = np.maximum(0.0, -np.stack([eps_a, eps_b])) * share
-        return np.einsum("q,kcq->ck", self.weights, found.reshape(2, *invariants.shape[:2]))
+        short = np.maximum(0.0, -np.stack([eps_a, eps_b])) * share
+        return np.einsum("q,kcq->ck", self.weights, short.reshape(2, *invariants.shape[:2]))
 
     def _share(self, cells):
         """Share of the part's area that lies in `cells` (cells,) of bool, of all ranks."""

@@ -28,8 +28,8 @@ NOISE_STRAIN = 1e-4
 
 def membrane_warnings(membrane: Membrane) -> list[str]:
     """A sentence each on cells that lock, on bands, and on strains beyond the law's ranges."""
-    found = locking_warning(membrane), band_warning(membrane), *range_warnings(membrane)
-    return [text for text in found if text]
+    texts = locking_warning(membrane), band_warning(membrane), *range_warnings(membrane)
+    return [text for text in texts if text]
 
 
 def band_warning(membrane: Membrane) -> str:
@@ -50,8 +50,8 @@ def band_warning(membrane: Membrane) -> str:
     # to few digits, so that of cells that mirror each other the same is named on any ranks
     centres = membrane.blank.places()[part.cells].round(6)
     order = np.lexsort((*centres.T[::-1], [float(f"{v:.4g}") for v in least]))[:1]
-    found = [(float(f"{least[i]:.4g}"), *centres[i]) for i in order]
-    _, *centre = min(each for rank in comm.allgather(found) for each in rank)
+    candidates = [(float(f"{least[i]:.4g}"), *centres[i]) for i in order]
+    _, *centre = min(each for rank in comm.allgather(candidates) for each in rank)
     name = part.name or membrane.blank.name
     return (
         f"in {percent(lost / whole)} of {name}, as at {of_sheet(centre)}, "
@@ -71,49 +71,49 @@ def locking_warning(membrane: Membrane) -> str:
     A sheet whose whole energy is that of yarns strained by `NOISE_STRAIN` is not doubted.
     """
     blank = membrane.blank
-    taken = alternating_energy(membrane)
-    if taken <= min(LOCKED, COARSE) or _is_at_rest(membrane):
+    share = alternating_energy(membrane)
+    if share <= min(LOCKED, COARSE) or _is_at_rest(membrane):
         return ""
     stretched = (
-        f"{percent(taken)} of the strain energy stretches yarns in one cell and compresses them in "
+        f"{percent(share)} of the strain energy stretches yarns in one cell and compresses them in "
         "the next"
     )
     if blank.degree > 1:
         inner, plane = membrane.integration == "inner", blank.mesh.geometry.dim == 2
-        if taken <= (INNER_COARSE if inner else COARSE):
+        if share <= (INNER_COARSE if inner else COARSE):
             return ""
         can_be_inner = plane and not inner and blank.degree == 2 and blank.triangulated
         cure = 'finer cells or `integration="inner"`' if can_be_inner else "finer cells"
-        effect = _excess(taken, INNER_EXCESS if inner else QUADRATIC_EXCESS) if plane else SPATIAL
+        effect = _excess(share, INNER_EXCESS if inner else QUADRATIC_EXCESS) if plane else SPATIAL
         return f"{stretched}, as cells are coarse for yarns at these angles: {effect}; take {cure}"
     off = membrane.part.share_off_the_yarns()
     # in space strains vary from cell to cell as the tools' curvature does
     aligned = ALIGNED if off and blank.mesh.geometry.dim == 2 else math.inf
-    if taken <= (LOCKED if off > MAX_OFF_YARNS else aligned):
+    if share <= (LOCKED if off > MAX_OFF_YARNS else aligned):
         return ""
-    effect, cure = _of_linear_cells(membrane, taken)
+    effect, cure = _of_linear_cells(membrane, share)
     return (
         f"{percent(off)} of the linear cells have no edges along both yarns at their corners, and "
         f"cells lock: {stretched}; {effect}; take {cure}"
     )
 
 
-def _of_linear_cells(membrane, taken):
+def _of_linear_cells(membrane, share):
     """Effect of locking on a result, and a cure, as text."""
     blank = membrane.blank
     if blank.mesh.geometry.dim == 2:
         cure = 'P2 with `integration="inner"`, P3 or `pattern="yarns"`'
         cure = 'P2 with `integration="inner"` or P3' if blank.from_file else cure
-        return _excess(taken, LINEAR_EXCESS), cure
+        return _excess(share, LINEAR_EXCESS), cure
     return SPATIAL, "P2, as by default, or finer cells"
 
 
-def _excess(taken, ratio):
+def _excess(share, ratio):
     """Excess of a strip's force, as text."""
-    if taken > 0.25:
+    if share > 0.25:
         return "forces say nothing"
     return (
-        f"a strip's force is then about {percent(ratio * taken)} too high, mostly between half and "
+        f"a strip's force is then about {percent(ratio * share)} too high, mostly between half and "
         "twice that"
     )
 
@@ -123,8 +123,8 @@ def _is_at_rest(membrane):
     energy, areas = membrane.state()[0].energy, membrane.blank.areas()[membrane.part.cells]
     strains = NOISE_STRAIN * np.eye(3)[:, :2]
     most = membrane.fabric.derivatives(*strains, second=False).parts.max()
-    found = np.array([areas @ (energy @ membrane.weights), areas.sum()])
-    whole, area = membrane.blank.mesh.comm.allreduce(found)
+    sums = np.array([areas @ (energy @ membrane.weights), areas.sum()])
+    whole, area = membrane.blank.mesh.comm.allreduce(sums)
     return bool(whole <= most * area)
 
 
@@ -177,12 +177,12 @@ def range_warnings(membrane: Membrane) -> list[str]:
     return [text for each in ranges for text in _beyond(membrane, each, strains[each.strain])]
 
 
-def _beyond(membrane, known, strains):
-    """A sentence for strains (cells, points) above the range `known`, and one for those below."""
+def _beyond(membrane, limits, strains):
+    """A sentence for strains (cells, points) above the range `limits`, and one for those below."""
     comm, part = membrane.blank.mesh.comm, membrane.part
     areas = membrane.blank.areas()[part.cells]
     whole = comm.allreduce(float(areas.sum()))
-    for end, sign in ((known.high, 1), (known.low, -1)):
+    for end, sign in ((limits.high, 1), (limits.low, -1)):
         if not math.isfinite(end):
             continue
         out = sign * (strains - end) > 1e-9
@@ -190,12 +190,12 @@ def _beyond(membrane, known, strains):
         furthest = sign * comm.allreduce((sign * strains).max(initial=-math.inf), MPI.MAX)
         if share > 0:
             yield (
-                f"in {percent(share, 3)} of {part.name or membrane.blank.name} {known.strain} is "
-                f"beyond {known.source}, which ends at {_text(end, known)}: it reaches "
-                f"{_text(furthest, known)}; {known.beyond}"
+                f"in {percent(share, 3)} of {part.name or membrane.blank.name} {limits.strain} is "
+                f"beyond {limits.source}, which ends at {_text(end, limits)}: it reaches "
+                f"{_text(furthest, limits)}; {limits.beyond}"
             )
 
 
-def _text(strain: float, known: Range) -> str:
-    angle = known.strain == "gamma"
+def _text(strain: float, limits: Range) -> str:
+    angle = limits.strain == "gamma"
     return f"{rounded(math.degrees(strain), 4)} deg" if angle else percent(strain, 4)

@@ -153,11 +153,11 @@ class SheetMetal(Term):
     def energies(self) -> dict[str | None, float]:
         """As in `Term`; infinite where the sheet is curved within its thickness."""
         response = self._state().response
-        found = {
+        kinds = {
             "metal": np.vdot(self._volumes, elastic_energy(self.metal, response.elastic)),
             "plastic": np.vdot(self._volumes, self.metal.hardening.work(response.plastic)),
         }
-        return {kind: float(v) if np.isfinite(v) else np.inf for kind, v in found.items()}
+        return {kind: float(v) if np.isfinite(v) else np.inf for kind, v in kinds.items()}
 
     def add_forces(self, f: np.ndarray) -> None:
         state = self._state()
@@ -178,8 +178,8 @@ class SheetMetal(Term):
     def cell_memory(self) -> dict[str, np.ndarray]:
         """Elastic strains (cells, 3 points) and equivalent plastic ones (cells, points) when last
         accepted."""
-        known = {"elastic": self._elastic, "plastic": self._plastic}
-        return {name: self.part.rows(each, self._per_cell) for name, each in known.items()}
+        arrays = {"elastic": self._elastic, "plastic": self._plastic}
+        return {name: self.part.rows(each, self._per_cell) for name, each in arrays.items()}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         self._elastic, self._plastic = (
@@ -199,10 +199,10 @@ class SheetMetal(Term):
 
     def summary(self) -> dict[str, Value]:
         """The metal's name and the number of points, of a stack by sheet."""
-        known = {"metal": self.metal.name, "points_through_metal": len(self._places)}
+        facts = {"metal": self.metal.name, "points_through_metal": len(self._places)}
         if self.part.is_whole:
-            return {name: last(value) for name, value in known.items()}
-        return {"metals": joined({self.part.name: known})}
+            return {name: last(value) for name, value in facts.items()}
+        return {"metals": joined({self.part.name: facts})}
 
     def cell_fields(self) -> dict[str, Value]:
         """The largest equivalent plastic strain through the thickness, the thickness, and von

@@ -82,10 +82,10 @@ def forces(
     """Forces on the cells' nodes (cells, 12, 3) [N] from what is conjugate to the mid-surface's
     strains, `stretching` (cells, 3), and to its curvature, `moments` (cells, 3) [N mm]."""
     across = np.einsum("ck,ckn->cn", moments, shape.bends)
-    found = across[:, :, None] * shape.normal[:, None]
+    nodal = across[:, :, None] * shape.normal[:, None]
     N = stretching[:, [[0, 2], [2, 1]]]
-    found[:, :3] += slopes @ N @ shape.base.swapaxes(1, 2)
-    return found
+    nodal[:, :3] += slopes @ N @ shape.base.swapaxes(1, 2)
+    return nodal
 
 
 @compiled
@@ -94,14 +94,14 @@ def bending_forces(
 ) -> np.ndarray:
     """Forces (count, 3) [N] from `moments` alone, summed at the nodes that `columns` (cells, 12)
     gives."""
-    found = np.zeros((count, 3))
+    nodal = np.zeros((count, 3))
     for c in range(len(moments)):
         n, B, M = shape.normal[c], shape.bends[c], moments[c]
         for i in range(12):
             across = M[0] * B[0, i] + M[1] * B[1, i] + M[2] * B[2, i]
             for x in range(3):
-                found[columns[c, i], x] += across * n[x]
-    return found
+                nodal[columns[c, i], x] += across * n[x]
+    return nodal
 
 
 def sections(

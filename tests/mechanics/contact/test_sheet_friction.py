@@ -16,85 +16,62 @@ NAMES = "lower", "middle", "upper"
 PENALTY = 200.0
 
 
-def pull_out(path, rigid=True, cells=6, others=5, mu=MU, steps=8, thickness=T):
-    """The middle of three sheets pulled by path(load) [mm] along x, all of it if `rigid`, otherwise
-    at its end, under pressure on the upper one; the other two, of `others` cells, held in
-    their planes."""
+def pull_out(path, rigid=True, cells=6, others=5, steps=8, t=T):
+    """The middle of three sheets of thickness t pulled by path(load) [mm] along x, all of it if
+    `rigid`, otherwise at its end, under pressure on the upper one; the other two, of `others`
+    cells, held in their planes."""
+    numbers = zip((others, cells, others), NAMES)
     stack = ff.Stack(
-        [
-            (rectangle(LENGTH, WIDTH, n, n // 2, spatial=True), thickness, name)
-            for n, name in zip((others, cells, others), NAMES)
-        ]
+        [(rectangle(LENGTH, WIDTH, n, n // 2, spatial=True), t, k) for n, k in numbers]
     )
 
-    def between(name):
-        low = (NAMES.index(name) - 0.5) * thickness
-        return lambda x: (x[2] > low) & (x[2] < low + thickness)
-
-    friction = ff.Coulomb(mu, SLIP)
-    contacts = [
-        ff.SheetContact(*pair, PENALTY, friction=friction) for pair in (NAMES[:2], NAMES[1:])
-    ]
-    press = ff.BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: np.ones(x.shape[1])).on("upper")
-
-    def pulled(x):
-        return between("middle")(x) & (everywhere(x) if rigid else near(0, LENGTH)(x))
+    def on(name, rigid=True):
+        low = (NAMES.index(name) - 0.5) * t
+        return lambda x: (x[2] > low) & (x[2] < low + t) & (rigid | near(0, LENGTH)(x))
 
     def moved(x, load):
         return np.array([np.full(x.shape[1], path(load)), 0 * x[0], 0 * x[0]])
 
-    held = [
-        ff.Support("lower sheet", between("lower"), (0, 1, 2)),
-        ff.Support("upper sheet", between("upper"), (0, 1)),
-        ff.Support("grip", pulled, (0,), moved),
-        ff.Support("across", between("middle"), (1,)),
-    ]
+    rubbing = {"friction": ff.Coulomb(MU, SLIP)}
+    contacts = [ff.SheetContact(*pair, PENALTY, **rubbing) for pair in (NAMES[:2], NAMES[1:])]
+    press = ff.BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: np.ones(x.shape[1])).on("upper")
+    held = [ff.Support("lower sheet", on("lower"), (0, 1, 2))]
+    held += [ff.Support("upper sheet", on("upper"), (0, 1))]
+    held += [ff.Support("grip", on("middle", rigid), (0,), moved)]
+    held += [ff.Support("across", on("middle"), (1,))]
     scene = ff.Scene(stack, [Elastic(1e4), *contacts, press], held)
     depth = contacts[0].depth_under(PRESSURE)
-    z = stack.coordinates()[:, 2]
-    stack.u.x.array[2::3] = -depth * np.rint(z / T)
+    stack.u.x.array[2::3] = -depth * np.rint(stack.coordinates()[:, 2] / T)
     setup = ff.Setup(scene)
     setup.measure = lambda scene, load: (path(load), float(scene.reaction("grip")[0]))
     return ff.Job(setup, steps=steps).run()
 
 
-def led(motion, steps):
-    """Result of two sheets at a distance of 0.99 mm, pressed, of which each node is led to
-    motion(x, load), and their contact. x (3, n): places over the lower mid-surface."""
-    sheets = [(rectangle(LENGTH / 2, 10, 10, 5, spatial=True), T, name) for name in ("a", "b")]
-    stack = ff.Stack(sheets)
-
-    def moved(x, load):
-        return motion(x * [[1], [1], [0.99]], load) - x
-
-    pair = ff.SheetContact("a", "b", PENALTY, friction=ff.Coulomb(MU, SLIP))
-    led = [ff.Support("led", everywhere, (0, 1, 2), moved)]
-    scene = ff.Scene(stack, [Elastic(1e-6), pair], led)
-    stack.u.x.array[:] = moved(stack.coordinates().T, 0.0).T.ravel()
-    job = ff.Job(scene, steps=steps, balance=None, limits=ff.Limits(imbalance=1e9))
-    return job.run(), pair
-
-
 def test_a_bent_pair_slides_where_its_mid_surfaces_keep_their_length(radius=20.0):
-    """By some 0.5 mm: at the length s of sheets at the distance D by their angles s / R and
-    s / (R + D), on the radius between them."""
+    """Two sheets at a distance of 0.99 mm, pressed, each node led, by some 0.5 mm: at the length s
+    of sheets at the distance D by their angles s / R and s / (R + D), on the radius between
+    them."""
+    stack = ff.Stack([(rectangle(LENGTH / 2, 10, 10, 5, spatial=True), T, name) for name in "ab"])
 
     def bent(x, load):
-        r = radius / max(load, 1e-6)
-        angle = x[0] / (r + x[2])
-        rise = (r + x[2]) * -2 * np.sin(angle / 2) ** 2
-        return np.array([(r + x[2]) * np.sin(angle), x[1], x[2] + rise])
+        r, z = radius / max(load, 1e-6), 0.99 * x[2]
+        angle = x[0] / (r + z)
+        rise = (r + z) * -2 * np.sin(angle / 2) ** 2
+        return np.array([(r + z) * np.sin(angle), x[1], z + rise]) - x
 
-    result, pair = led(bent, 10)
+    pair = ff.SheetContact("a", "b", PENALTY, friction=ff.Coulomb(MU, SLIP))
+    led = [ff.Support("led", everywhere, (0, 1, 2), bent)]
+    scene = ff.Scene(stack, [Elastic(1e-6), pair], led)
+    stack.u.x.array[:] = bent(stack.coordinates().T, 0.0).T.ravel()
+    result = ff.Job(scene, steps=10, balance=None, limits=ff.Limits(imbalance=1e9)).run()
     sizes = np.linalg.norm(pair.sliding(), axis=1)
-    known = np.isfinite(sizes)
-    found = [pair.points.areas[known] @ sizes[known], pair.points.areas[known].sum()]
-    total, area = COMM.allreduce(np.array(found))
+    areas = np.where(np.isfinite(sizes), pair.points.areas, 0.0)
+    total, area = COMM.allreduce(np.array([areas @ np.nan_to_num(sizes), areas.sum()]))
     apart, s = 0.99 * T, LENGTH / 4
     slid = (radius + apart / 2) * (s / radius - s / (radius + apart))
     assert total / area == pytest.approx(slid, rel=0.03)
-    taken = result.rows[-1]["friction_energy_Nmm"]
-    assert taken == pytest.approx(MU * pair.totals[3] * (slid - SLIP / 2), rel=0.2)
+    energy = MU * pair.totals[3] * (slid - SLIP / 2)
+    assert result.rows[-1]["friction_energy_Nmm"] == pytest.approx(energy, rel=0.2)
 
 
 @pytest.mark.mpi
@@ -105,9 +82,8 @@ def test_pull_out():
     result = pull_out(lambda load: 4 * SLIP * (1 - abs(2 * load - 1)), steps=14)
     u, force = np.array([(row["displacement_mm"], row["reaction_N"]) for row in result.rows]).T
     turn = np.argmax(u)
-    assert force[: turn + 1] == pytest.approx(
-        limit * np.minimum(1, u[: turn + 1] / SLIP), rel=5e-3, abs=1e-6 * limit
-    )
+    there = limit * np.minimum(1, u[: turn + 1] / SLIP)
+    assert force[: turn + 1] == pytest.approx(there, rel=5e-3, abs=1e-6 * limit)
     back = np.maximum(-1, 1 - (u[turn] - u[turn:]) / SLIP)
     assert force[turn:] == pytest.approx(limit * back, abs=5e-3 * limit)
     assert result.summary["energy_imbalance"] < 5e-3
@@ -154,7 +130,7 @@ def test_shear_lag(pull):
     """An elastic sheet pulled at its end, that sticks, or slides along a part of it. Sheets are
     thin, as the moment of the forces at the faces makes the pressure uneven."""
     exact, cells = pulled_at_its_end(pull, 1e4 * WIDTH), 12
-    result = pull_out(lambda load: pull * load, False, cells, cells, steps=2, thickness=0.25)
+    result = pull_out(lambda load: pull * load, False, cells, cells, steps=2, t=0.25)
     assert result.rows[-1]["reaction_N"] == pytest.approx(exact, rel=1e-3)
 
 
