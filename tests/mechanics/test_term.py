@@ -17,7 +17,6 @@ from fabric_fenicsx.mechanics.shell.bending import plate_stiffness
 from fabric_fenicsx.postprocess.states import read_state
 from fabric_fenicsx.results.history import COLUMNS
 from fabric_fenicsx.scene import output as reports
-from fabric_fenicsx.solve.newton import Newton
 
 COMM = MPI.COMM_WORLD
 KOMEILI = ff.load("komeili")
@@ -72,17 +71,6 @@ def test_an_own_term_is_in_history_summary_fields_and_energy_balance(folder):
     grid = read_state(folder)
     assert grid["bedding_traction"] == pytest.approx(-K * grid["u"][:, :2], abs=1e-12)
     assert "bedding_traction [MPa]" in grid.field_data["units"]
-
-
-@pytest.mark.mpi
-def test_a_term_that_is_no_form_is_solved_for_like_any():
-    blank = sheet(20.0, 10.0, 6, 3)
-    scene = ff.Scene(blank, [Elastic(), Springs()], ff.clamped_ends(1.0))
-    x = scene.u.copy()
-    x.array[scene.fixed_dofs] = scene.supports.values(1.0)
-    report = Newton(scene).solve(x)
-    assert report.converged and report.iterations <= 5
-    assert scene.energies()["springs"] > 0
 
 
 def test_what_the_scene_knows_is_not_asked_twice():

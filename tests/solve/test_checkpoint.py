@@ -174,16 +174,6 @@ def test_a_checkpoint_of_another_mesh_is_refused(shared_path, degree, spatial):
 
 
 @pytest.mark.mpi
-def test_other_lips_of_a_slit_are_another_mesh(shared_path):
-    checkpoint = Checkpoint(shared_path / "c.npz", blank := slit(COMM, 1), {})
-    checkpoint._known[1] = checkpoint._known[1] and [-around for around in checkpoint._known[1]]
-    checkpoint.save(progress(blank), {})
-    COMM.barrier()
-    with pytest.raises(ff.InputError, match="is of another mesh"):
-        checkpoint.load()
-
-
-@pytest.mark.mpi
 def test_nodes_that_nothing_tells_apart_are_refused(shared_path):
     """Two squares on each other, back to back at one edge, which no mesh check has seen."""
     points = np.array([[0, 0], [0, 1], [1, 0], [1, 1], [1, 0], [1, 1.0]])

@@ -330,15 +330,6 @@ def test_a_march_goes_on_from_a_state_under_drag():
     assert outcome.reached == 1 and "still creeps after 40 steps at rest" in outcome.reason
 
 
-def test_drag_fades_at_rest_however_hard_the_steps_are():
-    viscosity = Viscosity(drag=1e-3, stiffness=1.0, easy_steps_asked=16)
-    viscosity.note_accepted(uncut=False, at_rest=False)
-    assert viscosity.drag == 1e-3
-    for _ in range(20):
-        viscosity.note_accepted(uncut=False, at_rest=True)
-    assert viscosity.drag == 0
-
-
 def test_accuracy_limits_steps():
     steps, energies = [], []
     for accuracy in (None, 1e-3):

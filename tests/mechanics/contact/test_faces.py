@@ -47,15 +47,6 @@ def test_gap_on_a_paraboloid(side):
     assert off[0] < 1e-5 and off[1] < off[0] / 10
 
 
-def test_a_paraboloid_is_interpolated_exactly():
-    """Exactly that of a paraboloid, where the cells around the corners are regular."""
-    face = Face(bent().whole, 1.0, [])
-    N = np.array([[1, 1, 1], [4, 1, 1], [0.5, 1, 3]]) / np.array([[3], [6], [4.5]])
-    points = face.points(face.own_weights(N), face.flat(N))
-    inner = (abs(points[:, :2]) < [18.0, 7.0]).all(1)
-    assert abs(points[inner, 2] - height(points[inner, :2])).max(initial=0) < 1e-12
-
-
 @pytest.mark.mpi
 def test_points_load_all_nodes_by_their_areas():
     """Also beside free edges, but for a few per cent, and exactly further in."""

@@ -157,16 +157,6 @@ def test_friction_acts_along_the_face_of_the_end():
         assert rubbing.forces() == pytest.approx(-share * LIMIT[:, None] * way)
 
 
-def test_what_is_remembered_is_taken_back():
-    first, second = friction(), friction()
-    first.accept(AREAS, along(0.15), Slid())
-    second.recall(first.memory(), Slid())
-    second.accept(AREAS, along(0.0), Slid())
-    for x in (0.0, 0.02, 0.3):
-        assert at(second, x).forces() == pytest.approx(at(first, x).forces())
-        assert second.energy() == pytest.approx(first.energy())
-
-
 # -- fabric
 
 

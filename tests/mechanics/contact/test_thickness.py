@@ -80,18 +80,6 @@ def test_a_sheared_ply_has_more_fibres_in_its_area():
     uniform(fields["fibre_volume_fraction"], 0.3 / T / math.cos(angle))
 
 
-def test_a_dead_pressure_compacts_the_face_that_it_presses():
-    """The table bears it on the other one."""
-    pressure = 1.5
-    table = ff.Contact(ff.Tool(ff.Plane((0, 0, -T / 2), (0, 0, 1)), name="table"))
-    press = pressing(lambda load: pressure * load)
-    scene = ff.Scene(rectangle(), [ff.Membrane(FABRIC), table, press], [PLAIN])
-    run(scene, 2)
-    uniform(reports.cell_fields(scene)["thickness_under_pressure"], FABRIC.thickness_under(1.5))
-    half = scene.terms[-1].cell_fields()["compaction"].value
-    uniform(half, (T - FABRIC.thickness_under(1.5)) / 2)
-
-
 @pytest.mark.parametrize("metal_below", [False, True])
 def test_each_of_two_sheets_loses_its_own_share(metal_below):
     """Pressed by dead pressure, of other fabrics and cells, or on metal, which loses none."""

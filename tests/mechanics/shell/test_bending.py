@@ -289,16 +289,6 @@ def test_elastica_under_its_own_weight(pattern, angle, meshes):
 # -- objectivity, symmetry, ranks
 
 
-def test_rigid_motions_cost_nothing():
-    blank = sheet(20, 20, 8, 8, a=0.4, b=1.8)
-    bending = alone(blank, ff.Bending(2.0, 1.0, 0.7, in_plane=0.2))
-    displace(blank, wavy)
-    stored, bent = energy(bending), blank.nodal_displacement() + blank.coordinates()
-    Q = rotation()
-    blank.u.x.array[:] = (bent @ Q.T + [1.0, -2.0, 3.0] - blank.coordinates()).ravel()
-    assert energy(bending) == pytest.approx(stored, rel=1e-12)
-
-
 def test_curved_sheet_is_at_rest_undeformed():
     """A quarter of a tube needs no energy; unrolled, that of its curvature, whatever the rigid
     motion that goes with it."""
