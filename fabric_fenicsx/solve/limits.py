@@ -20,6 +20,10 @@ SENTENCES = {
 EDGES = 1e-2  # of the area, in which yarns at singular points may be stretched further
 
 
+def _limit(default, text):
+    return number(default, POSITIVE, text, GROUP)
+
+
 @documented
 @dataclass(frozen=True)
 class Limits:
@@ -36,30 +40,16 @@ class Limits:
     ['regularisation took 20 % of the strain energy; allowed is 10 % (`Limits.viscous`)']
     """
 
-    imbalance: float = number(
-        0.05, POSITIVE, "difference between external work and energies, over these", GROUP
+    imbalance: float = _limit(0.05, "difference between external work and energies, over these")
+    viscous: float = _limit(0.05, "energy that regularisation took, over the strain energy")
+    penetration: float = _limit(0.1, "penetration of tools into the sheet, over its thickness")
+    strain: float = _limit(
+        0.1, "nominal strain of yarns in tension, but in 1 % of the area for singular points"
     )
-    viscous: float = number(
-        0.05, POSITIVE, "energy that regularisation took, over the strain energy", GROUP
+    shortening: float = _limit(
+        1.0, "area in which compression shortens yarns by more than 2 % (1: no limit)"
     )
-    penetration: float = number(
-        0.1, POSITIVE, "penetration of tools into the sheet, over its thickness", GROUP
-    )
-    strain: float = number(
-        0.1,
-        POSITIVE,
-        "nominal strain of yarns in tension, but in 1 % of the area for singular points",
-        GROUP,
-    )
-    shortening: float = number(
-        1.0,
-        POSITIVE,
-        "area in which compression shortens yarns by more than 2 % (1: no limit)",
-        GROUP,
-    )
-    located: float = number(
-        0.05, POSITIVE, "forces of supports that only locate, over all from outside", GROUP
-    )
+    located: float = _limit(0.05, "forces of supports that only locate, over all from outside")
 
     def __post_init__(self) -> None:
         check_fields(self, "`Limits.{}`".format)
