@@ -164,11 +164,8 @@ class Bending(Term):
                 f"`in_plane` of the bending of {blank.name} needs a sheet that is flat undeformed"
             )
         self._operator, self._own = operator, curved * is_curved  # but for rounding
-        self._stencil, self._corners = Stencil(cells), cells.corners
-        self._slopes = np.ascontiguousarray(-cells.out2 / cells.height[:, :, None])
-        counts = (operator != 0).any(1)
-        counts[:, :3] = True
-        self._coupled = self._stencil.coupled(counts[:, :, None] & counts[:, None])
+        self._stencil = Stencil(cells, operator, self._own)
+        self._coupled = self._stencil.coupled
         weights = cells.area[:, None] * self.stiffnesses
         self._section = (1 - self.in_plane) * weights / TWIST**2
         self._across = (1 - self.in_plane) * np.tile(cells.area[:, None], 2)
@@ -184,7 +181,7 @@ class Bending(Term):
         self._now: _State | None = None
         self._friction = None
         if blank.mesh.geometry.dim == 3:
-            self._rest = self._shape(0 * self._stencil.displacement()).curvature
+            self._rest = self._stencil.shape(0 * self._stencil.displacement()).curvature
             self._friction = fabric.bending_friction if fabric else None
         count = len(self._friction.stiffness) if self._friction else 0
         self._area, self._per_cell = cells.area, cells.per_cell
@@ -245,7 +242,7 @@ class Bending(Term):
             from . import metal_cells
 
             metal_cells.add_bending(shape, moments, section, self._coupled.places, blocks)
-        return self._stencil.triplets(self._coupled, blocks)
+        return self._stencil.triplets(blocks)
 
     def curvatures(self) -> np.ndarray:
         """Second derivatives x,aa, x,bb, x,ab in each owned cell along the frame's axes,
@@ -265,7 +262,7 @@ class Bending(Term):
 
     def _bent(self, state):
         """The state with what is normal to the cells."""
-        shape, section, friction = self._shape(state.U), self._section, None
+        shape, section, friction = self._stencil.shape(state.U), self._section, None
         bent = shape.curvature - self._rest
         moments = section * bent
         energy = state.energy + 0.5 * float(np.vdot(moments, bent))
@@ -281,9 +278,3 @@ class Bending(Term):
             moments[:, :2] += self._area[:, None] * friction.stress
             section[:, :2] += self._area[:, None] * friction.tangent
         return _State(state.U, energy, shape, moments, section, friction)
-
-    def _shape(self, U):
-        from . import metal_cells  # imports numba, which a strip does without
-
-        given = self._corners, self._slopes, self._operator, self._own
-        return metal_cells.shape(*given, U, self._stencil.columns)

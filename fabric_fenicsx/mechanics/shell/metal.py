@@ -119,15 +119,11 @@ class SheetMetal(Term):
         morley.yarn_b = np.tile([0.0, 1.0], (morley.count, 1))  # orthonormal axes
         D = plate_stiffness(metal.E, metal.thickness) / (1 - metal.nu**2)
         plate = D * np.array([[1, metal.nu, 0], [metal.nu, 1, 0], [0, 0, 2 * (1 - metal.nu)]])
-        self._operator, self._own = (a[here] for a in morley.curvature(plate))
+        operator, own = (a[here] for a in morley.curvature(plate))
         morley = morley.only(here)
-        counts = (self._operator != 0).any(1)
-        counts[:, :3] = True
-        self._stencil, self._corners = Stencil(morley), morley.corners
-        self._coupled = self._stencil.coupled(counts[:, :, None] & counts[:, None])
-        self._slopes = np.ascontiguousarray(-morley.out2 / morley.height[:, :, None])
+        self._stencil = Stencil(morley, operator, own)
         self._volumes = morley.area[:, None] * metal.thickness * self._weights
-        undeformed = self._shape(np.zeros_like(self._stencil.displacement()))
+        undeformed = self._stencil.shape(np.zeros_like(self._stencil.displacement()))
         self._rest, shape = undeformed.curvature, self._volumes.shape
         self._elastic, self._plastic = np.zeros((*shape, 3)), np.zeros(shape)
         self._count_from(undeformed)
@@ -161,7 +157,7 @@ class SheetMetal(Term):
 
     def add_forces(self, f: np.ndarray) -> None:
         state = self._state()
-        given = state.shape, self._slopes, state.forces, state.moments
+        given = state.shape, self._stencil.slopes, state.forces, state.moments
         self._stencil.add_forces(self._stencil.summed(metal_cells.forces(*given)), f)
 
     def tangent(self) -> Triplets:
@@ -171,9 +167,10 @@ class SheetMetal(Term):
         first = strain.first @ MEAN_AND_SHEARS
         second = MEAN_AND_SHEARS.T @ strain.second(2 * response.stress) @ MEAN_AND_SHEARS
         sections = metal_cells.sections(first, 2 * response.tangent, second, self._volumes, self._z)
-        given = state.shape, self._slopes, state.forces, state.moments, sections
-        blocks = metal_cells.stiffness(*given, self._coupled.places, self._coupled.count)
-        return self._stencil.triplets(self._coupled, blocks)
+        stencil = self._stencil
+        given = state.shape, stencil.slopes, state.forces, state.moments, sections
+        blocks = metal_cells.stiffness(*given, stencil.coupled.places, stencil.coupled.count)
+        return stencil.triplets(blocks)
 
     def cell_memory(self) -> dict[str, np.ndarray]:
         """Elastic strains (cells, 3 points) and equivalent plastic ones (cells, points) when last
@@ -186,7 +183,7 @@ class SheetMetal(Term):
             memory[name][self.part.cells].reshape(now.shape)
             for name, now in (("elastic", self._elastic), ("plastic", self._plastic))
         )
-        self._count_from(self._shape(self._stencil.displacement()))
+        self._count_from(self._stencil.shape(self._stencil.displacement()))
 
     # -- results
 
@@ -249,16 +246,12 @@ class SheetMetal(Term):
         """The state at the present displacement, computed once."""
         U = self._stencil.displacement()
         if self._now is None or not np.array_equal(U, self._now.U):
-            shape = self._shape(U)
+            shape = self._stencil.shape(U)
             strain = self._strain(shape)
             trial = self._elastic.reshape(-1, 3) + strain.strain - self._from
             response = respond(self.metal, trial, self._plastic.ravel())
             self._now = _State(U, shape, strain, response, *self._resultants(strain, response))
         return self._now
-
-    def _shape(self, U):
-        given = self._corners, self._slopes, self._operator, self._own
-        return metal_cells.shape(*given, U, self._stencil.columns)
 
     def _strain(self, shape):
         """Logarithmic strains at all points, (cells * points)."""

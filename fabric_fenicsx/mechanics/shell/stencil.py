@@ -1,5 +1,7 @@
 """Nodes of `MorleyCells` beyond the rank: motions in, forces and stiffness out."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from scipy import sparse
 
@@ -7,14 +9,19 @@ from ..gathered import CoupledNodes, GatheredNodes
 from ..term import Triplets
 from .morley import MorleyCells
 
+if TYPE_CHECKING:
+    from .metal_cells import Shape
+
 
 class Stencil:
     """The nodes that the 12 of each of this rank's cells are, mirror images counted apart.
 
-    columns: which of them each of a cell's 12 is, (cells, 12); count: how many there are
+    operator, own: as `MorleyCells.curvature` gives them for the cells; columns: which of the nodes
+    each of a cell's 12 is, (cells, 12); count: how many there are; coupled: pairs of them that a
+    cell's energy couples; slopes (cells, 3, 2): of the corners' functions
     """
 
-    def __init__(self, cells: MorleyCells) -> None:
+    def __init__(self, cells: MorleyCells, operator: np.ndarray, own: np.ndarray) -> None:
         self._dim, self._mirrors = cells.corners.shape[2], cells.mirrors
         keys, columns = np.unique(
             cells.nodes * len(cells.mirrors) + cells.codes, return_inverse=True
@@ -26,6 +33,12 @@ class Stencil:
         self.count = len(keys)
         entries = np.ones(columns.size), (columns.ravel(), np.arange(columns.size))
         self._on_nodes = sparse.csr_matrix(entries, shape=(self.count, columns.size))
+        bends = (operator != 0).any(1)
+        bends[:, :3] = True
+        couples = bends[:, :, None] & bends[:, None]
+        self.coupled = CoupledNodes(self._nodes, self.columns, couples, self._dim)
+        self.slopes = np.ascontiguousarray(-cells.out2 / cells.height[:, :, None])
+        self._undeformed = cells.corners, self.slopes, operator, own
 
     def displacement(self) -> np.ndarray:
         """Motion of nodes and mirror images along the frame's axes, (count, gdim) [mm]."""
@@ -44,16 +57,18 @@ class Stencil:
         forces[at] = np.einsum("nij,ni->nj", self._mirrors[self._codes[at]], forces[at])
         self._gathered.add(forces, f)
 
-    def coupled(self, counts: np.ndarray) -> CoupledNodes:
-        """Pairs of nodes that `counts` (cells, 12, 12) for some cell, by its 12 ones."""
-        return CoupledNodes(self._nodes, self.columns, counts, self._dim)
+    def shape(self, U: np.ndarray) -> "Shape":
+        """The shape of the cells at the `displacement` U (count, 3)."""
+        from . import metal_cells  # imports numba, which a strip does without
 
-    def triplets(self, coupled: CoupledNodes, blocks: np.ndarray) -> Triplets:
-        """As `Term.tangent` gives them, from the blocks (count, gdim, gdim) of such pairs [N/mm],
+        return metal_cells.shape(*self._undeformed, U, self.columns)
+
+    def triplets(self, blocks: np.ndarray) -> Triplets:
+        """As `Term.tangent` gives them, from blocks (pairs, gdim, gdim) of the `coupled` [N/mm],
         which this turns into those of the nodes that images stand for."""
-        i, j = (self._codes[end] for end in coupled.ends)
+        i, j = (self._codes[end] for end in self.coupled.ends)
         for mirror, transposed in ((i, True), (j, False)):
             at = mirror > 0
             R = self._mirrors[mirror[at]]
             blocks[at] = R.swapaxes(1, 2) @ blocks[at] if transposed else blocks[at] @ R
-        return coupled.rows, coupled.cols, blocks.ravel()
+        return self.coupled.rows, self.coupled.cols, blocks.ravel()
