@@ -13,6 +13,7 @@ import pyvista
 from mpi4py import MPI
 
 from fabric_fenicsx import dolfinx_compat as compat
+from fabric_fenicsx.meshes.gmsh_cells import own_model
 from fabric_fenicsx.meshes.outline_files import read_outline
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.readers.read import read_surface_mesh
@@ -54,20 +55,13 @@ def by_gmsh(path, order=1, curves=False, **options):
     """A strip of 20 x 10 mm that gmsh meshes; curves: only its left side is in a group."""
     import gmsh
 
-    gmsh.initialize(readConfigFiles=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
+    with own_model(gmsh, **{"MeshSizeMax": 5, **options}):
         strip = gmsh.model.occ.addRectangle(0, 0, 0, 20, 10)
         gmsh.model.occ.synchronize()
         gmsh.model.addPhysicalGroup(1 if curves else 2, [4 if curves else strip])
-        gmsh.option.setNumber("Mesh.MeshSizeMax", 5)
-        for option, value in options.items():
-            gmsh.option.setNumber(f"Mesh.{option}", value)
         gmsh.model.mesh.generate(2)
         gmsh.model.mesh.setOrder(order)
         gmsh.write(str(path))
-    finally:
-        gmsh.finalize()
 
 
 GMSH = {

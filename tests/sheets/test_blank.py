@@ -5,6 +5,7 @@ import math
 import meshio
 import numpy as np
 import pytest
+import ufl
 from builders import alone, rotation, sheet
 from dolfinx import fem
 from mpi4py import MPI
@@ -12,6 +13,7 @@ from mpi4py import MPI
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
+from fabric_fenicsx.meshes.gmsh_cells import own_model
 from fabric_fenicsx.meshes.specimen import specimen, yarns_through_corners
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.sheets.blank import Blank
@@ -20,10 +22,7 @@ COMM = MPI.COMM_WORLD
 
 
 def area(blank):
-    import dolfinx
-    import ufl
-
-    return COMM.allreduce(dolfinx.fem.assemble_scalar(compat.form(1.0 * ufl.dx(blank.mesh))))
+    return COMM.allreduce(fem.assemble_scalar(compat.form(1.0 * ufl.dx(blank.mesh))))
 
 
 @pytest.mark.versions
@@ -60,23 +59,15 @@ def test_edges_follow_the_yarns_through_the_corners(angle, lines):
     points, cells, _ = specimen(200, 50, 40, 10, "yarns", yarns=yarns)
     edges = np.sort(np.stack([cells, np.roll(cells, -1, 1)], 2).reshape(-1, 2), 1)
     edges = points[np.unique(edges, axis=0)][:, :, :2]
-    found = yarns_through_corners(200, 50, yarns)
-    assert len(found) == lines
-    for start, end in found:
+    segments = yarns_through_corners(200, 50, yarns)
+    assert len(segments) == lines
+    for start, end in segments:
         assert set(np.abs(start) / [200, 50]) <= {0.0, 1.0}
         direction = (end - start) / np.linalg.norm(end - start)
-        assert (
-            max(
-                abs(direction @ [math.cos(yarns), math.sin(yarns)]),
-                abs(direction @ [-math.sin(yarns), math.cos(yarns)]),
-            )
-            > 1 - 1e-12
-        )
+        assert math.sin(2 * (math.atan2(*direction[::-1]) - yarns)) == pytest.approx(0, abs=1e-12)
         off = np.abs((edges - start) @ [-direction[1], direction[0]]).max(1)
-        on = edges[off < 1e-9]
-        assert np.linalg.norm(on[:, 1] - on[:, 0], axis=1).sum() == pytest.approx(
-            np.linalg.norm(end - start), rel=1e-9
-        )
+        covered = np.linalg.norm(np.diff(edges[off < 1e-9], axis=1), axis=2).sum()
+        assert covered == pytest.approx(np.linalg.norm(end - start), rel=1e-9)
 
 
 def test_graded_cells_are_small_across_lines_from_the_corners():
@@ -103,18 +94,13 @@ def test_graded_cells_are_small_across_lines_from_the_corners():
 def test_curved_cells(tmp_path, kind):
     import gmsh
 
-    gmsh.initialize(readConfigFiles=False)
-    gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.model.occ.addDisk(0, 0, 0, 10, 10)
-    gmsh.model.occ.synchronize()
-    gmsh.option.setNumber("Mesh.MeshSizeMax", 3)
-    if kind == "quad9":
-        gmsh.option.setNumber("Mesh.RecombineAll", 1)
-        gmsh.option.setNumber("Mesh.RecombinationAlgorithm", 3)
-    gmsh.model.mesh.generate(2)
-    gmsh.model.mesh.setOrder(2)
-    gmsh.write(str(tmp_path / "disk.msh"))
-    gmsh.finalize()
+    options = {"RecombineAll": float(kind == "quad9"), "RecombinationAlgorithm": 3.0}
+    with own_model(gmsh, MeshSizeMax=3.0, **options):
+        gmsh.model.occ.addDisk(0, 0, 0, 10, 10)
+        gmsh.model.occ.synchronize()
+        gmsh.model.mesh.generate(2)
+        gmsh.model.mesh.setOrder(2)
+        gmsh.write(str(tmp_path / "disk.msh"))
     blank = Blank.read(tmp_path / "disk.msh")
     assert area(blank) == pytest.approx(100 * math.pi, rel=1e-3)
 
