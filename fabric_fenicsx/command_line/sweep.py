@@ -12,25 +12,20 @@ from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.files import unwritable
 from ..runtime.rules import COUNT, Rule
 from ..sweep import varied
-from ..sweep.folder import SweepFolder, check_quantity, read_press
+from ..sweep.folder import SweepFolder, check_quantity
 from ..sweep.form import Form
 from .options import STUDIES, Parser, exit_status, option_type
 
 NAME = "fabric sweep"
-DESCRIPTION = (
-    "Runs `fabric form` with all combinations of values of a press file, side by side, or lets "
-    "numbers scatter. Called again, it goes on. DIR gets table.csv, pictures, report.html, and a "
-    "folder a run. Options behind -- go to `fabric form`."
-)
-# what a sweep gives each of its runs, or tells it by itself
-TAKEN = ("--set", "--out", "--resume", "--overwrite")
-RANKS = "OMPI_COMM_WORLD_SIZE", "PMI_SIZE"
+OWN_OPTIONS = ("--set", "--out", "--resume", "--overwrite")  # that it gives each of its runs
 
 
 def parser() -> Parser:
-    """The parser of the command."""
+    """Runs `fabric form` with all combinations of values of a press file, side by side, or lets
+    numbers scatter. Called again, it goes on. DIR gets table.csv, pictures, report.html, and a
+    folder a run. Options behind -- go to `fabric form`."""
     usage = "%(prog)s press.toml --vary KEY=VALUES [option ...] [-- option of form ...]"
-    p = Parser(prog=NAME, usage=usage, description=DESCRIPTION)
+    p = Parser(prog=NAME, usage=usage, description=" ".join((parser.__doc__ or "").split()))
     words = "the press file, or the name of one in studies/presses"
     p.add_argument("press", metavar="press.toml", type=_press_file, help=words)
     power = Rule("a power of 2 from 8 on", lambda v: v >= 8 and v.bit_count() == 1, int)
@@ -86,9 +81,9 @@ def _parted(argv):
     """The sweep's own words, and those behind `--`."""
     cut = argv.index("--") if "--" in argv else len(argv)
     words, passed = list(argv[:cut]), list(argv[cut + 1 :])
-    if taken := [word for word in passed if word.split("=")[0] in TAKEN]:
-        allowed = f"options of fabric form but {', '.join(TAKEN)}"
-        raise InputError(f"option {taken[0]} is behind --; allowed are {allowed}")
+    if own := [word for word in passed if word.split("=")[0] in OWN_OPTIONS]:
+        allowed = f"options of fabric form but {', '.join(OWN_OPTIONS)}"
+        raise InputError(f"option {own[0]} is behind --; allowed are {allowed}")
     return words, passed
 
 
@@ -97,17 +92,17 @@ def _sweep(args, passed, program, argv):
     from ..sweep import job_array, limits, results, scatter
     from ..sweep.runner import Runner
 
-    if (ranks := max(int(os.environ.get(name, 1)) for name in RANKS)) > 1:
+    variables = "OMPI_COMM_WORLD_SIZE", "PMI_SIZE"  # of mpirun
+    if (ranks := max(int(os.environ.get(name, 1)) for name in variables)) > 1:
         raise InputError(f"sweep runs on {ranks} ranks; allowed is one: it starts its runs itself")
     if not (args.vary or args.scatter):
         raise InputError("nothing is varied; allowed is one --vary or more")
-    _, document = read_press(args.press)
     form, ranges, values = _planned(args, passed, program)
     below = [limits.limit_of(word) for word in args.below]
     asked = [name for name, _ in below]
-    known = form.quantities(values[0]) if asked else ()
+    names = form.quantities(values[0]) if asked else ()
     for name in asked:
-        check_quantity(name, known, f"none of {args.press}")
+        check_quantity(name, names, f"none of {args.press}")
     out = args.out or Path("results") / f"sweep_{args.press.stem}"
     sweep = SweepFolder(out, args.press, list(values[0]), args.overwrite, bool(args.only))
     if args.slurm:
@@ -132,8 +127,7 @@ def _sweep(args, passed, program, argv):
         print(*answers, sep="\n", end="\n" * bool(answers))
     finally:
         if any(run.summary() for run in sweep.runs.values()):
-            title = f"Sweep: {document.get('title', args.press.name)}"
-            results.write(sweep, title, answers, not args.no_pictures)
+            results.write(sweep, f"Sweep: {sweep.title}", answers, not args.no_pictures)
             print(f"table, pictures and report are in {out}")
         sweep.close()
     if not (doubted := sum(not run.is_believed() for run in runs)):

@@ -4,10 +4,11 @@ import dataclasses
 import hashlib
 import json
 import math
+import re
 import shutil
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,8 @@ from ..runtime.formatting import rounded
 from ..runtime.rules import did_you_mean
 from .varied import Values, folder_name, label
 
-STATE = "sweep.json"
-RUN = "run.json"  # in the folder of a run
-FORMAT = 2
-UNREADABLE = OSError, ValueError, TypeError, KeyError
+STATE, RUN = "sweep.json", "run.json"  # in the folder of a sweep, and in that of each run
+FORMAT = 2  # of sweep.json; another one is refused
 ALWAYS = "reaction_N", "stroke_reached"  # numbers of every run
 OWN = STATE, "table.csv", "report.html", "curves.png", "maps.png", "trends.png"
 
@@ -92,15 +91,18 @@ class Run:
 
 def _read_run(file):
     """The run of a run.json."""
-    try:
+    with _readable(file):
         return Run(folder=file.parent, **json.loads(file.read_text()))
-    except UNREADABLE as error:
-        raise _unreadable(file, error) from None
 
 
-def _unreadable(file, error):
-    flaw = f"{file} can't be read ({type(error).__name__}: {error})"
-    return InputError(f"{flaw}; allowed is one that a sweep wrote")
+@contextmanager
+def _readable(file):
+    """InputError for what else than a sweep's JSON the file is, while it is read."""
+    try:
+        yield
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        flaw = f"{file} can't be read ({type(error).__name__}: {error})"
+        raise InputError(f"{flaw}; allowed is one that a sweep wrote") from None
 
 
 def force_name(runs: Sequence[Run]) -> str:
@@ -109,24 +111,24 @@ def force_name(runs: Sequence[Run]) -> str:
     return names.pop() if len(names) == 1 else "force"
 
 
-def check_quantity(name: str, known: Iterable[str], where: str) -> None:
-    """InputError, which names the nearest, for a quantity that is not known: that is `where`."""
-    if name not in known:
-        hint, allowed = did_you_mean(name, known), ", ".join(known)
+def check_quantity(name: str, names: Iterable[str], where: str) -> None:
+    """InputError, which names the nearest, for a quantity that is none of `names`, but `where`."""
+    if name not in names:
+        hint, allowed = did_you_mean(name, names), ", ".join(names)
         raise InputError(f"quantity {name} is {where}{hint}; allowed is one of {allowed}")
 
 
 def flat(values: Mapping[str, Any], before: str = "") -> dict[str, float]:
     """What is one number in nested dicts, {name with dots: number}; nan for None."""
-    found: dict[str, float] = {}
+    numbers: dict[str, float] = {}
     for name, value in values.items():
         if isinstance(value, Mapping):
-            found |= flat(value, f"{before}{name}.")
+            numbers |= flat(value, f"{before}{name}.")
         elif value is None:
-            found[f"{before}{name}"] = math.nan
+            numbers[f"{before}{name}"] = math.nan
         elif isinstance(value, (int, float)) and not isinstance(value, bool):
-            found[f"{before}{name}"] = value
-    return found
+            numbers[f"{before}{name}"] = value
+    return numbers
 
 
 class SweepFolder:
@@ -144,13 +146,13 @@ class SweepFolder:
         overwrite: bool = False,
         shared: bool = False,
     ) -> None:
-        self.path, self.keys = path, list(keys)
-        text, document = read_press(press)
-        self.press: dict[str, Any] = {"text": text, "files": _files_of(press, document)}
+        self.path, self.keys, text = path, list(keys), press.read_text()
+        self.title = str(tomllib.loads(text).get("title", press.name))
+        self.press: dict[str, Any] = {"text": text, "files": _files_of(press, text)}
         self.facts: dict[str, Any] = {}
-        known = self._known()
-        if known and not overwrite:
-            self._refuse_another(known, press)
+        state = self._known()
+        if state and not overwrite:
+            self._refuse_another(state, press)
         try:
             path.mkdir(parents=True, exist_ok=True)
             self._lock = None if shared else lock_folder(path)
@@ -166,7 +168,7 @@ class SweepFolder:
                 shutil.rmtree(run.folder, ignore_errors=True)
             for name in OWN:
                 (path / name).unlink(missing_ok=True)
-        if overwrite or not known:
+        if overwrite or not state:
             self.save()
 
     def _known(self):
@@ -177,22 +179,20 @@ class SweepFolder:
                 flaw = f"--out {self.path} holds files that no sweep wrote"
                 raise InputError(f"{flaw}; allowed is a folder of a sweep, an empty or a new one")
             return {}
-        try:
-            known = json.loads(file.read_text())
-            if known["format"] != FORMAT:
+        with _readable(file):
+            state = json.loads(file.read_text())
+            if state["format"] != FORMAT:
                 raise ValueError("another format")
-        except UNREADABLE as error:
-            raise _unreadable(file, error) from None
-        return known
+            return state
 
-    def _refuse_another(self, known, press):
-        """InputError if what is known is of another press or varies other keys."""
-        if known["press"] != self.press:
-            files, now = ({"": p["text"], **p["files"]} for p in (known["press"], self.press))
+    def _refuse_another(self, state, press):
+        """InputError if the `state` is of another press or varies other keys."""
+        if state["press"] != self.press:
+            files, now = ({"": p["text"], **p["files"]} for p in (state["press"], self.press))
             changed = next(name for name in {**files, **now} if files.get(name) != now.get(name))
             wrong = f"runs of another press ({changed or press} has changed since)"
-        elif known["keys"] != self.keys:
-            wrong = f"a sweep over {', '.join(known['keys'])}, now it is {', '.join(self.keys)}"
+        elif state["keys"] != self.keys:
+            wrong = f"a sweep over {', '.join(state['keys'])}, now it is {', '.join(self.keys)}"
         else:
             return
         allowed = "another --out, or --overwrite, which loses the runs there"
@@ -214,32 +214,12 @@ class SweepFolder:
             self._lock.close()
 
 
-def read_press(file: Path) -> tuple[str, dict[str, Any]]:
-    """Text and tables of a press file; InputError if it can't be read."""
-    try:
-        text = file.read_text()
-        return text, tomllib.loads(text)
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        reason = getattr(error, "strerror", None) or " ".join(str(error).split())
-        flaw = f"{file} can't be read ({reason})"
-        raise InputError(f"{flaw}; allowed is a press file in TOML") from None
-
-
-def _files_of(press, document):
+def _files_of(press, text):
     """The files {name in the press file: checksum} that it names, as of tools and materials, beside
     it or in the present folder."""
-    found = {}
-    for text in _texts(document):
-        for file in (Path(text), press.parent / text):  # the latter counts
-            with suppress(OSError, ValueError):  # no file, or nothing that could be the name of one
-                found[text] = hashlib.sha256(file.read_bytes()).hexdigest()
-    return found
-
-
-def _texts(value):
-    """All texts in nested dicts and lists."""
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, (dict, list)):
-        for each in value.values() if isinstance(value, dict) else value:
-            yield from _texts(each)
+    checksums = {}
+    for name in map("".join, re.findall(r"""'([^'\n]+)'|"([^"\n]+)\"""", text)):
+        for file in (Path(name), press.parent / name):  # the latter counts
+            with suppress(OSError):  # no file
+                checksums[name] = hashlib.sha256(file.read_bytes()).hexdigest()
+    return checksums

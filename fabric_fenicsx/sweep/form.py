@@ -14,7 +14,6 @@ from .folder import ALWAYS, flat
 from .varied import Range, Values, changes, label, spelled
 
 FINER = 1.5  # times as many cells along each side, on the finer mesh
-CELLS = {"nx", "ny", "size", "mesh"}  # entries of a sheet
 
 
 class Form:
@@ -93,13 +92,13 @@ class Form:
     def finer(self, values: Values) -> dict[str, str]:
         """What makes the cells of the run with these values `FINER` times as fine: {key: value},
         nothing for own meshes and where `values` are of the cells."""
-        if {key.split(".")[-1] for key in values} & CELLS:
+        if {key.split(".")[-1] for key in values} & {"nx", "ny", "size", "mesh"}:
             return {}
-        press, found = self._read(values), dict[str, str]()
+        press, cells = self._read(values), dict[str, str]()
         if any(sheet.mesh for sheet in press.sheets):
             return {}
         finer = self._build(values).finer(FINER).sheets
         for path, given, sheet in zip(press.paths(), press.sheets, finer):
             names = ("nx", "ny") if sheet.nx and given.ny else ("nx",) if sheet.nx else ("size",)
-            found |= {f"{path}.{name}": spelled(getattr(sheet, name)) for name in names}
-        return found
+            cells |= {f"{path}.{name}": spelled(getattr(sheet, name)) for name in names}
+        return cells

@@ -36,24 +36,24 @@ def below(runs: Sequence[Run], quantity: str, limit: float, finer: Finer | None 
     (key,) = runs[0].values
     runs = sorted(runs, key=lambda run: float(run.values[key]))
     values = [run.number(quantity) if run.is_believed() else math.nan for run in runs]
-    known = [run for run, value in zip(runs, values) if math.isfinite(value)]
+    valued = [run for run, value in zip(runs, values) if math.isfinite(value)]
     name, asked = short_names([key])[key], f"{quantity} below {rounded(limit, 5)}"
     notes = []
     for why, is_believed in (("not believed", False), ("without a value", True)):
-        others = [r for r in runs if r not in known and r.is_believed() == is_believed]
+        others = [r for r in runs if r not in valued and r.is_believed() == is_believed]
         if others:
             notes.append(f"left out, as {why}: {name} = {', '.join(r.values[key] for r in others)}")
-    if not known:
+    if not valued:
         return "; ".join([f"{asked}: no run is believed and has a value", *notes])
-    x = np.array([float(run.values[key]) for run in known])
+    x = np.array([float(run.values[key]) for run in valued])
     y = np.array([value for value in values if math.isfinite(value)])
     where, ends = _where(x, y, limit, name)
     slopes = np.sign(np.diff(y))
     if (slopes > 0).any() and (slopes < 0).any():
         notes.append("it neither falls nor rises throughout: look at trends.png")
     if not finer:
-        return "; ".join([f"{asked}: {where}", *notes, _accuracy(known, quantity)])
-    fine = _again(known, y, quantity, limit, finer)
+        return "; ".join([f"{asked}: {where}", *notes, _accuracy(valued, quantity)])
+    fine = _again(valued, y, quantity, limit, finer)
     is_known = np.isfinite(fine)
     again, fine_ends = _where(x[is_known], fine[is_known], limit, name)
     notes.append(f"on finer cells ({finer.label}) {again}")
@@ -108,7 +108,7 @@ def _where(x, y, limit, name):
 def _accuracy(runs, quantity):
     """Sentence on the error of the cells."""
     errors = [run.summary().get("error", {}).get(quantity) for run in runs]
-    known = [abs(error) for error in errors if error is not None]
-    if not known:
+    sizes = [abs(error) for error in errors if error is not None]
+    if not sizes:
         return "all on these cells: `-- --error` tells how far they may be off, finer ones show it"
-    return f"the cells' estimated error is up to {rounded(max(known), 2)}"
+    return f"the cells' estimated error is up to {rounded(max(sizes), 2)}"

@@ -13,8 +13,7 @@ from .folder import Run, force_name
 from .scatter import BOUNDS
 from .varied import is_wide, label, number
 
-PANELS, COLUMNS = 6, 6  # most trends, and most maps side by side
-ROWS = 3  # most quantities over numbers that scatter
+MAX_PANELS = 6  # trends, and maps side by side
 
 
 def draw(
@@ -29,9 +28,9 @@ def draw(
         return
     _draw_curves(files["curves"], runs, scatter)
     if scatter:
-        _draw_points(files["trends"], runs, dict(list(names.items())[:ROWS]))
+        _draw_points(files["trends"], runs, dict(list(names.items())[: MAX_PANELS // 2]))
     else:
-        _draw_trends(files["trends"], runs, dict(list(names.items())[:PANELS]))
+        _draw_trends(files["trends"], runs, dict(list(names.items())[:MAX_PANELS]))
         _draw_maps(files["maps"], runs)
 
 
@@ -141,8 +140,8 @@ def _draw_maps(path, runs):
     # all values of the last key in a row where two keys make a full table, else what fits
     counts = [len({run.values[key] for run in drawn}) for key in drawn[0].values]
     is_full = len(counts) == 2 and counts[0] * counts[1] == len(drawn) == len(runs)
-    columns = min(COLUMNS, len(drawn))
-    if is_full and counts[1] <= 2 * COLUMNS:
+    columns = min(MAX_PANELS, len(drawn))
+    if is_full and counts[1] <= 2 * MAX_PANELS:
         columns = counts[1]
     rows = -(-len(drawn) // columns)
     sides = [np.ptp(polygons.reshape(-1, 2), axis=0) for polygons, _ in sheets]

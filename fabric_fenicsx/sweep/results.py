@@ -51,8 +51,8 @@ def ordered(runs: Sequence[Run]) -> list[Run]:
     """The runs by their values: numbers by size, before texts."""
 
     def place(run):
-        found = [(number(text), text) for text in run.values.values()]
-        return [(value is None, value or 0.0, text) for value, text in found]
+        values = [(number(text), text) for text in run.values.values()]
+        return [(value is None, value or 0.0, text) for value, text in values]
 
     return sorted(runs, key=place)
 
@@ -73,10 +73,10 @@ def _table(runs):
 
 def headlines(runs: Sequence[Run], asked: Sequence[str] = ()) -> dict[str, str]:
     """Headline quantities {name: label} that any of the runs has, those `asked` for first."""
-    known = {name for run in runs for name in run.numbers()}
+    measured = {name for run in runs for name in run.numbers()}
     labels = HEADLINES | {"reaction_N": f"{force_name(runs)} [N]"}
     names = dict.fromkeys([*asked, *HEADLINES])
-    return {name: labels.get(name, name) for name in names if name in known}
+    return {name: labels.get(name, name) for name in names if name in measured}
 
 
 def _page(sweep, title, answers, runs, shown, files):

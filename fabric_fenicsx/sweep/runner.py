@@ -24,8 +24,7 @@ from .varied import Values
 
 ENDS = "fabric form: "  # begin of the line with the reason why a run ended
 CONSOLE = "console.txt"  # in a run's folder: what it printed
-UNKNOWN = 2048  # MiB of a rank before a run has ended: that of 80 000 cells on one
-STOPS = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
+RANK_MEMORY = 2048  # MiB, of a rank before a run has ended: that of 80 000 cells on one
 
 
 class Runner:
@@ -42,7 +41,7 @@ class Runner:
 
     def room(self, runs: Sequence[Run]) -> int:
         """How many of these runs have room side by side, by the memory of those that have ended."""
-        memory = max((run.memory() for run in runs), default=0) or UNKNOWN * self.program.ranks
+        memory = max((run.memory() for run in runs), default=0) or RANK_MEMORY * self.program.ranks
         return int(max(1, min(self._most, self._memory // memory)))
 
     def all(self, values: Iterable[Values]) -> list[Run]:
@@ -133,7 +132,8 @@ def _on_signal(action: Callable[[], None]) -> Iterator[list[int]]:
         came.append(number)
         action()
 
-    before = {each: signal.signal(each, handle) for each in STOPS}
+    stops = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
+    before = {each: signal.signal(each, handle) for each in stops}
     try:
         yield came
     finally:
@@ -166,7 +166,7 @@ def _last_words(console):
 
 def _note(run, status):
     """Note in a run's folder how its process ended."""
-    told = str(run.summary().get("reason", ""))
+    reason = str(run.summary().get("reason", ""))
     run.status = status
     if run.is_believed():
         run.reason = ""
@@ -175,20 +175,20 @@ def _note(run, status):
         memory = " (as the system does when memory is short)" if name == "SIGKILL" else ""
         run.reason = f"ended by {name}{memory}"
     else:
-        run.reason = (status == 3 and told) or _last_words(run.folder / CONSOLE)
-    if told.startswith("stopped by"):
+        run.reason = (status == 3 and reason) or _last_words(run.folder / CONSOLE)
+    if reason.startswith("stopped by"):
         run.status = None  # by somebody else: the next call goes on with it
     run.save()
 
 
 def _line(run, seconds):
     """The line that tells of a run that ended."""
-    known = run.summary()
+    summary = run.summary()
     if not run.is_believed():
-        reached = known.get("stroke_reached", 0)
+        reached = summary.get("stroke_reached", 0)
         how = "not believed" if run.reason.startswith(NOT_BELIEVED) else "gave up"
         at = f" at load {rounded(reached)}" if reached < 1 else ""
         return f"{run.label}: {how}{at}: {run.reason.removeprefix(NOT_BELIEVED)}"
-    force = known.get("reaction_N")
-    told = "" if force is None else f", {known.get('reaction_is', 'force')} {force:.5g} N"
-    return f"{run.label}: done in {seconds:.0f} s{told}"
+    force = summary.get("reaction_N")
+    result = "" if force is None else f", {summary.get('reaction_is', 'force')} {force:.5g} N"
+    return f"{run.label}: done in {seconds:.0f} s{result}"

@@ -42,10 +42,10 @@ def spread(runs: Sequence[Run], ranges: Sequence[Range], quantity: str) -> dict[
     parts = slopes[1:] ** 2 / 12  # variance of a straight line over evenly spread numbers
     whole = parts.sum() + rest or 1.0
     names = short_names([r.key for r in ranges]).values()
-    found = np.column_stack([slopes[1:], errors[1:], parts / whole]).tolist()
+    rows = np.column_stack([slopes[1:], errors[1:], parts / whole]).tolist()
     effects = [
         {"name": name, "low": r.low, "high": r.high, "change": b, "error": e, "share": share}
-        for name, r, (b, e, share) in zip(names, ranges, found)
+        for name, r, (b, e, share) in zip(names, ranges, rows)
     ]
     return {
         "runs": len(y),
@@ -57,21 +57,21 @@ def spread(runs: Sequence[Run], ranges: Sequence[Range], quantity: str) -> dict[
     }
 
 
-def _words(label, found):
+def _words(label, spread):
     """What a person is told of a `spread`."""
-    low, high = (rounded(each, 4) for each in found["bounds"])
-    head = f"{label}: mean {rounded(found['mean'], 4)}, standard deviation "
+    low, high = (rounded(each, 4) for each in spread["bounds"])
+    head = f"{label}: mean {rounded(spread['mean'], 4)}, standard deviation "
     head += (
-        f"{rounded(found['deviation'], 3)}, 90 % of {found['runs']} runs between {low} and {high}"
+        f"{rounded(spread['deviation'], 3)}, 90 % of {spread['runs']} runs between {low} and {high}"
     )
     lines = [head]
-    for each in found["effects"]:
+    for each in spread["effects"]:
         change = with_error(f"{each['change']:+.3g}", each["change"], each["error"], 1)
         share = f"{percent(each['share'], 2)} of the variance"
         lines.append(
             f"  {each['name']} from {each['low']:g} to {each['high']:g}: {change}, {share}"
         )
-    return "\n".join([*lines, f"  not by straight lines: {percent(found['left'], 2)}"])
+    return "\n".join([*lines, f"  not by straight lines: {percent(spread['left'], 2)}"])
 
 
 def told(
@@ -82,19 +82,19 @@ def told(
 ) -> tuple[list[str], dict[str, Any]]:
     """Sentences on the spread of the quantities {name: label} over believed runs, with the number
     of runs below each limit, and the same for sweep.json. Raises SolverFailure for too few runs."""
-    known = [run for run in runs if run.is_believed()]
-    if len(known) < len(ranges) + 3:
-        raise SolverFailure(f"{len(known)} of {len(runs)} runs are believed, too few to tell more")
-    numbers = [run.numbers() for run in known]
+    sound = [run for run in runs if run.is_believed()]
+    if len(sound) < len(ranges) + 3:
+        raise SolverFailure(f"{len(sound)} of {len(runs)} runs are believed, too few to tell more")
+    numbers = [run.numbers() for run in sound]
     names = [n for n in labels if all(math.isfinite(each.get(n, math.nan)) for each in numbers)]
-    found = {name: spread(known, ranges, name) for name in names}
-    sentences = [_words(labels[name], each) for name, each in found.items()]
+    spreads = {name: spread(sound, ranges, name) for name in names}
+    sentences = [_words(labels[name], each) for name, each in spreads.items()]
     for name, limit in limits:
-        values = [y for run in known if math.isfinite(y := run.number(name))]
+        values = [y for run in sound if math.isfinite(y := run.number(name))]
         count = f"{sum(y < limit for y in values)} of {len(values)}"
-        without = f", {n} have no value" if (n := len(known) - len(values)) else ""
+        without = f", {n} have no value" if (n := len(sound) - len(values)) else ""
         sentences.append(f"{name} below {rounded(limit, 5)}: in {count} runs{without}")
-    if lost := len(runs) - len(known):
+    if lost := len(runs) - len(sound):
         left_out = f"{lost} of {len(runs)} runs are not believed and left out"
         sentences.append(f"{left_out}: what is told is of the others, of one side perhaps")
-    return sentences, found
+    return sentences, spreads

@@ -8,9 +8,8 @@ from typing import NamedTuple
 
 from ..runtime.errors import InputError
 
-DIGITS = 6  # of a number of a design, so that a folder's name can be read
 WIDE = 10.0  # highest over lowest of numbers from which on they are shown and spread by logarithm
-LONGEST = 120  # characters of a folder's name
+MAX_NAME = 120  # characters of a folder's name
 Values = Mapping[str, str]  # of a run {key: value as the press file would have it}
 
 
@@ -22,11 +21,12 @@ class Range(NamedTuple):
     high: float
 
     def at(self, share: float) -> float:
-        """The number at a share, 0 to 1, of the range or of its logarithm, to `DIGITS` digits."""
+        """The number at a share, 0 to 1, of the range or of its logarithm, to six digits, so that
+        a folder's name can be read."""
         low, high = self.low, self.high
         is_log = is_wide([low, high])
-        found = low * (high / low) ** share if is_log else low + share * (high - low)
-        return min(max(float(f"{found:.{DIGITS}g}"), low), high)
+        value = low * (high / low) ** share if is_log else low + share * (high - low)
+        return min(max(float(f"{value:.6g}"), low), high)
 
     def share(self, value: float) -> float:
         """The share, as of `at`, at which a number is."""
@@ -56,37 +56,37 @@ def spelled(value: float) -> str:
 def lists(words: Sequence[str]) -> dict[str, list[str]]:
     """The values {key: values} of words "KEY=VALUE,VALUE..."; values may be TOML's texts, lists
     and tables. InputError for words of another form and a key given twice."""
-    found: dict[str, list[str]] = {}
+    values: dict[str, list[str]] = {}
     for word in words:
-        key, text = _split(word, found, "KEY=VALUE,VALUE...")
-        values = [part if number(part) is None else spelled(float(part)) for part in _parts(text)]
-        if not all(values):
+        key, text = _split(word, values, "KEY=VALUE,VALUE...")
+        parts = [part if number(part) is None else spelled(float(part)) for part in _parts(text)]
+        if not all(parts):
             raise InputError(f"--vary {word} has an empty value; allowed is KEY=VALUE,VALUE...")
-        if any(None not in _ends(value) for value in values):
+        if any(None not in _ends(part) for part in parts):
             allowed = "one with --scatter, else KEY=VALUE,VALUE..."
             raise InputError(f"--vary {word} is a range; allowed is {allowed}")
-        found[key] = list(dict.fromkeys(values))
-    return found
+        values[key] = list(dict.fromkeys(parts))
+    return values
 
 
 def ranges(words: Sequence[str]) -> list[Range]:
     """The ranges of words "KEY=LOW..HIGH"; InputError for words of another form."""
-    found: dict[str, Range] = {}
+    ranges: dict[str, Range] = {}
     for word in words:
-        key, text = _split(word, found, "KEY=LOW..HIGH")
+        key, text = _split(word, ranges, "KEY=LOW..HIGH")
         low, high = _ends(text)
         if low is None or high is None or not -math.inf < low < high < math.inf:
             allowed = "KEY=LOW..HIGH with numbers, LOW below HIGH"
             raise InputError(f"--vary {word} is no range; allowed with --scatter is {allowed}")
-        found[key] = Range(key, low, high)
-    return list(found.values())
+        ranges[key] = Range(key, low, high)
+    return list(ranges.values())
 
 
-def _split(word, taken, form):
+def _split(word, before, form):
     key, equals, text = word.partition("=")
     if not (equals and re.fullmatch(r"[^.=]+(\.[^.=]+)*", key)):
         raise InputError(f"--vary {word} is no key with values; allowed is {form}")
-    if key in taken:
+    if key in before:
         raise InputError(f"--vary {key} is given twice; allowed is all of its values behind one")
     return key, text
 
@@ -131,7 +131,7 @@ def folder_name(values: Values) -> str:
     """The name of a run's folder: its values, in letters that all file systems take."""
     plain = label(values).replace(", ", "_")
     name = re.sub(r"[^\w.=+-]+", "-", plain, flags=re.ASCII)
-    if name == plain and len(name) <= LONGEST:
+    if name == plain and len(name) <= MAX_NAME:
         return name
     mark = hashlib.sha256(plain.encode()).hexdigest()[:6]  # as two values may look alike now
-    return f"{name[:LONGEST]}-{mark}"
+    return f"{name[:MAX_NAME]}-{mark}"

@@ -87,7 +87,6 @@ RECTANGLE = "length = 200\nwidth = 200\nnx = 6\nquarter = true"
 @pytest.mark.parametrize(
     ("before", "after", "cells"),
     [
-        ("nx = 6", "nx = 7\nny = 4", {"blank.nx": "12", "blank.ny": "6"}),
         ("[contact]", "[[ply]]\n[[ply]]\nnx = 8\n[contact]", {"ply.1.nx": "10", "ply.2.nx": "12"}),
         (RECTANGLE, "outline = 'o.csv'\nsize = 30", {"blank.size": "20"}),
     ],

@@ -42,13 +42,8 @@ class Fake(Form):
             raise InputError("ring.pressure is 0; allowed is another number")
 
     def quantities(self, values):
-        more = (
-            "shortening_mean",
-            "wrinkles.count",
-            "shear_angle_max_deg",
-            "wrinkles.wavelength_mm",
-        )
-        return ["reaction_N", "stroke_reached", *more]
+        own = "shortening_mean", "shear_angle_max_deg", "wrinkles.count", "wrinkles.wavelength_mm"
+        return ["reaction_N", "stroke_reached", *own]
 
     def finer(self, values):
         return {"blank.nx": "36"}
