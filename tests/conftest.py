@@ -235,11 +235,10 @@ def launch(shared_path, run_script):
     output without `progress`, that, results. By default it runs in this process, on the ranks of
     the test, which saves the start of another.
 
-    apart: in a process of its own all the same; kill_at_row: kill it once its history has that many
-    rows; overwrite: what an earlier launch left.
+    kill_at_row: kill it once its history has that many rows; overwrite: what an earlier one left.
     """
 
-    def run(name, *options, ranks=1, out=True, kill_at_row=None, overwrite=True, apart=False):
+    def run(name, *options, ranks=1, out=True, kill_at_row=None, overwrite=True):
         script, folder = ROOT / "studies" / f"{name}.py", shared_path / "out"
         script = script if script.exists() else ROOT / "benchmarks" / script.name
         words = [str(script), *map(str, options)]
@@ -250,7 +249,7 @@ def launch(shared_path, run_script):
         if kill_at_row:
             wait_and_kill(command, shared_path, folder / "history.csv", kill_at_row)
             return None
-        if ranks > 1 or apart:
+        if ranks > 1:
             done = subprocess.run(
                 command,
                 capture_output=True,

@@ -20,14 +20,9 @@ FREE = UNIAXIAL.replace("held", "free")
 PERCENT = "# test: uniaxial_a\n# lateral: free\neps_a [%],sigma_a [MPa]\n" + "".join(
     f"{i / 200},{i}\n" for i in (1, 2, 3, 4, 6)
 )
-PERCENT = PERCENT.replace("0.005,1\n", "0.002,0.5\n0.005,1\n").replace("0.03,6", "0.03,6")
-RADIANS = "# test: shear\ngamma [deg],tau [MPa]\n0.1,1\n0.2,2\n0.4,4\n0.6,6\n0.8,9\n"
+PERCENT = PERCENT.replace("0.005,1\n", "0.002,0.5\n0.005,1\n")
 WIDENED = "# test: uniaxial_b\n# lateral: free\neps_b [%],sigma_b [MPa],eps_a [%]\n" + "".join(
     f"{i},{i},{i * 2}\n" for i in range(1, 6)
-)
-FRAME = (
-    "# test: picture_frame\n# frame_length: 140 mm\n# fabric_length: 20 cm\ngamma [deg],F [N]\n"
-    "10,1\n20,2\n30,3\n35,4\n40,5\n"
 )
 SHEAR = "# test: shear\ngamma [deg],F_sh [N/mm]\n10,0.016\n20,0.035\n30,0.056\n35,0.078\n40,0.110\n"
 BIAS = (

@@ -1,9 +1,6 @@
 """Each name of the facade has an example in its docstring, and the examples print what they say."""
 
 import doctest
-import inspect
-import pkgutil
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -35,24 +32,3 @@ def test_examples_print_what_they_say(tmp_path, monkeypatch):
         runner.run(test, out=wrong.append)
     assert not wrong, "".join(wrong)
     assert not list(tmp_path.iterdir()), "examples write no files"
-
-
-def test_public_methods_have_a_docstring_or_inherit_one():
-    lacking = []
-    for found in pkgutil.walk_packages(ff.__path__, "fabric_fenicsx."):
-        if "__main__" in found.name or ".studies" in found.name:
-            continue
-        for kind in vars(import_module(found.name)).values():
-            if not inspect.isclass(kind) or kind.__name__[0] == "_":
-                continue
-            if kind.__module__ == found.name:
-                fields = inspect.get_annotations(kind)
-                names = [name for name in vars(kind) if name[0] != "_" and name not in fields]
-                each = {name: inspect.getattr_static(kind, name) for name in names}
-                lacking += [
-                    f"{found.name}.{kind.__name__}.{name}"
-                    for name, own in each.items()
-                    if (inspect.isroutine(own) or isinstance(own, property))
-                    and not inspect.getdoc(getattr(kind, name))
-                ]
-    assert not lacking

@@ -5,7 +5,6 @@ import pytest
 import fabric_fenicsx as ff
 from fabric_fenicsx.command_line.press_study import press_parser
 from fabric_fenicsx.command_line.study import Study, parser
-from fabric_fenicsx.coupons.coupon import Coupon
 
 pytestmark = pytest.mark.versions
 
@@ -67,8 +66,3 @@ def test_the_library_speaks_of_parameters(tmp_path):
     with pytest.raises(ff.InputError, match="`out` .* holds results .*`overwrite=True` to lose"):
         job().run(tmp_path / "out")
     assert "--" not in str(failure.value)
-
-
-def test_angles_of_the_weave_are_options_of_tests_alone():
-    assert "--yarn-angle" in parser(ff.Tensile, "").format_help()
-    assert "--yarn-angle" not in parser(Coupon, "", "reference").format_help()

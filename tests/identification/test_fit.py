@@ -394,11 +394,3 @@ def test_a_material_file_says_what_was_assumed(tmp_path):
         assert f"# {name} = {p.value:g}" in "\n".join(lines)
     assert sum("is assumed (Table 1 of Schäfer et al.): no test" in line for line in lines) == 3
     assert WovenFabric.from_toml(tmp_path / "x.toml") == result.fabric
-
-
-def test_doubts_are_told():
-    sheet = dataclasses.replace(SHEET, density=619.0)
-    x = np.linspace(0.02, 0.3, 10)
-    warnings = identify(sheet, [curve("uniaxial_a", x, "sigma_a", 0.2 * x, 0)]).warnings
-    for words in ("density of material x is 619 g/cm3", "b of yarns of material x is 0.1 MPa"):
-        assert any(words in warning for warning in warnings), words

@@ -18,17 +18,3 @@ def test_a_dry_run_tells_the_size_and_leaves_the_folder_free(launch):
     assert not (checked.folder / "history.csv").exists()
     run = launch("form", *press, "--no-pictures", overwrite=False)
     assert run.status == 0 and run.summary["dofs"] == 123
-
-
-@pytest.mark.parametrize(
-    "study, options, words",
-    [
-        ("form", (PRESS, "--set", "stage.1.moves.pnch=1"), "tool pnch is unknown (did you mean"),
-        ("form", (PRESS, "--set", "tools.punch.at=[9,0,50]", "--set", "blank.nx=0"), "blank.nx"),
-        ("tensile", ("--mesh", "none.msh"), "none.msh"),
-    ],
-)
-def test_what_is_wrong_is_found_by_a_dry_run(study, options, words, launch):
-    done = launch(study, *options, "--dry-run")
-    assert done.status == 2 and words in done.err
-    assert not done.folder.exists()

@@ -110,7 +110,6 @@ def test_a_quarter_is_half_as_long_as_its_ply(tmp_path):
     "shift, words",
     [
         ((-100, 0, 0), "x = -100 to 100 mm, beyond the quarter x, y >= 0"),
-        ((0, -30, 0), "y = -30 to 90 mm, beyond the quarter x, y >= 0"),
         ((5, 0, 0), "x = 5 to 205 mm, but the planes of symmetry of a quarter are x = 0 and y = 0"),
     ],
 )
@@ -120,8 +119,8 @@ def test_a_mesh_that_is_no_quarter(tmp_path, shift, words):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("scale, words", [(1e-3, "times 1000"), (1 / 25.4, "inches times 25.4")])
-def test_other_units_than_mm(study, capfd, scale, words):
+def test_other_units_than_mm(study, capfd):
+    scale, words = 1 / 25.4, "inches times 25.4"
     points, cells, kind = specimen(200, 50, 8, 2)
     mine = study(*TENSILE, (scale * points, cells, kind))
     for _ in range(2):  # said once

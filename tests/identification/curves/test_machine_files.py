@@ -116,11 +116,7 @@ def test_columns_that_are_not_needed_are_told(tmp_path):
     text = KEYS + "Zeit [s];" + HEAD + "\n".join(f"09:41;{row}" for row in COMMA.split("\n"))
     curve = read(tmp_path, text.encode())
     assert curve.remarks == ("column 'Zeit' is not read",)
-    x = np.linspace(0.2, 4, 20)
-    pulled = strip(900 * x, x).replace("F [N]", "F [N],Zeit [s]")
-    folder(tmp_path, strip=re.sub(r"(?m)^(\d.*)$", r"\1,09:41", pulled))
-    (tmp_path / "bias.csv").unlink()
-    assert "strip.csv: column 'Zeit' is not read" in identify(*data.read(tmp_path)).warnings
+    assert "bias.csv: column 'Zeit' is not read" in identify(*data.read(tmp_path)).warnings
 
 
 def test_the_sheet_says_what_columns_and_files_are(tmp_path):
@@ -206,16 +202,6 @@ def test_noise_of_what_runs_is_read_and_told(tmp_path, old, new, words, left):
     (curve,) = data.read(folder(tmp_path, test=text))[1]
     assert len(curve.rows) == left and words in "".join(curve.remarks)
     assert bool(words) == bool(curve.remarks)
-
-
-def test_of_two_columns_of_one_name_the_first_is_read(tmp_path):
-    head = "displacement [mm],F [N],displacement [mm]\n"
-    text = (KEYS + head + "".join(f"9,{f},{x}\n" for x, f in ROWS)).encode()
-    check(read(tmp_path, text, SHEET + '[columns]\n"displacement 2" = "displacement"\n'), 1)
-    text = (KEYS + head + "".join(f"{x},{f},9\n" for x, f in ROWS)).encode()
-    curve = read(tmp_path, text)
-    assert curve.responses[0].values.tolist() == [row[1] for row in ROWS]
-    assert curve.remarks[0].startswith("column 'displacement 2' is not read, which is the next")
 
 
 def test_of_two_tests_side_by_side_the_first_is_read_unless_told_otherwise(tmp_path):
