@@ -262,8 +262,3 @@ def off_differences(term, by=0.0, h=2e-6):
     rise = (8 * (e1 - d1) - (e2 - d2)) / (12 * h)
     u[:] = at
     return max(abs(rise - f @ d) / abs(f * d).sum(), abs(change - Kd).max() / abs(Kd).max())
-
-
-def check_default(field, options):
-    """The option of a dataclass's field has the field's default."""
-    assert options[field.name] == field.default, field.name
