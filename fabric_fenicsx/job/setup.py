@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..results.curve import Curves, default_measure
+from ..results.curve import Curves, Measure, default_measure
 from ..results.result import Result
 from ..runtime.fields import declared
 from ..scene.scene import Scene
@@ -43,13 +43,12 @@ class Setup:
     def __init__(self, scene: Scene, data: Any = None, warnings: Sequence[str] = ()) -> None:
         self.scene, self.data, self.warnings = scene, data, list(warnings)
         self.name: str = data.NAME if data else "job"
-        self._measure = None if data else default_measure(scene)
+        self._measure: Measure | None = None
 
     def measure(self, scene: Scene, load: float) -> tuple[float, float]:
         """Displacement [mm] and force [N] for the history, at a load factor; by default of the
         first tool or support that moves."""
-        if not self._measure:
-            raise NotImplementedError
+        self._measure = self._measure or default_measure(self.scene)
         return self._measure(scene, load)
 
     def force_name(self) -> str:
