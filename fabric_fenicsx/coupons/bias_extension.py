@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ from mpi4py import MPI
 from ..identification.curves import Curve, bias_displacement, bias_force, bias_normalised
 from ..job.job import Result
 from ..mechanics.shell.bending import Bending
-from ..meshes.specimen import can_be_graded
 from ..results import measures
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
@@ -20,22 +18,9 @@ from ..scene.supports import Supports, clamped_ends
 from .pin_jointed import PinJointedStrip
 from .strip import StripSetup
 
-GRADED = 0.2  # nominal strain up to which the mesh is graded by default
-
 
 class BiasSetup(StripSetup):
     """A `BiasExtension` on its mesh, beside the theory of inextensible yarns."""
-
-    def choose(self) -> None:
-        """Choose element and pattern."""
-        data, chosen = self.data, dict[str, str]()
-        if data.in_plane_bending and data.fibre_angle == 45 and not data.element:
-            chosen["element"] = "P1"
-        if data.pattern is None and not data.sheet_file:  # thin cells would fold in deep shear
-            graded = data.strain <= GRADED and can_be_graded(data.length, data.width)
-            straight = data.fibre_angle == 45 and data.yarn_angle == 90
-            chosen["pattern"] = "graded" if graded and straight else "crossed"
-        self.data = replace(data, **chosen)
 
     def prepare(self) -> None:
         """Check the length, and set theory, stroke and measured curves."""

@@ -79,6 +79,13 @@ class Strip(Coupon):
     )
     width: float = number(None, POSITIVE, "of the specimen (50, or the mesh's) [mm]")
     strain: float = number(0.10, SHARE, "nominal strain at full load: 0.1 is 10 %")
+    pattern: str = choice(
+        None,
+        PATTERNS,
+        "how rectangles are divided into cells (crossed with yarns along the length; at +-45 deg "
+        "graded up to 20 % strain, else crossed; yarns at other angles)",
+        "mesh",
+    )
     measured: str | None = text(
         None,
         "test to lay over the curve: a CSV file as `identify` reads it, or a folder of some",
@@ -168,12 +175,6 @@ class BiasExtension(Strip):
     COMPARED = "bias_extension, or shear without strain along the yarns"
 
     fibre_angle: float = number(45.0, FULL_TURN, "from the length to yarns a [deg]", "mesh")
-    pattern: str = choice(
-        None,
-        PATTERNS,
-        "how rectangles are divided into cells (graded up to 20 % strain, else crossed)",
-        "mesh",
-    )
     element: str = choice(
         None,
         ELEMENTS,

@@ -64,11 +64,22 @@ class CouponSetup(Setup):
         return {name: getattr(self.data, name) for name in names}
 
     def coarser(self) -> Any:
-        """The data with half the rectangles along each side; None for an own mesh."""
+        """The data with half the rectangles along each side, of other cells if those are better;
+        None for an own mesh."""
         data = self.data
         if data.outline:
             sides = self.high - self.low
             few = 4 * (data.size or sides[0] / data.nx) > min(sides) * (1 + 1e-9)
         else:
             few = not data.nx or data.nx == 1
-        return None if few else data.on_coarser_mesh(*data.SIDES)
+        if few:
+            return None
+        return self.on_other_cells() or data.on_coarser_mesh(*data.SIDES)
+
+    def coarser_is_other_kind(self) -> bool:
+        """As in `Setup`."""
+        return self.on_other_cells() is not None
+
+    def on_other_cells(self) -> Any:
+        """The data on a coarser mesh of cells of another kind; None if the same are as good."""
+        return None

@@ -1,12 +1,14 @@
 """Built tests of a strip that a moving grip pulls, with measured curves laid over the run's."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ..identification.curves import Curve, read
 from ..job.job import Result
+from ..meshes.specimen import can_be_graded
 from ..results import measures
 from ..results.curve import Curves
 from ..runtime.errors import InputError
@@ -15,12 +17,30 @@ from ..scene.scene import Scene
 from .measured import Measured
 from .setup import CouponSetup
 
+GRADED = 0.2  # nominal strain up to which the mesh of a bias test is graded by default
 SAME = 0.01  # of a length, by which specimens that count as equal may differ
 
 
 class StripSetup(CouponSetup):
     """A strip, gripped at its ends, of which one moves by `stroke` [mm]; a subclass says how its
     yarns lie. `laid`: the measured curves."""
+
+    def choose(self) -> None:
+        """Choose pattern and element."""
+        data, chosen = self.data, dict[str, str]()
+        at_45 = data.fibre_angle == 45 and data.yarn_angle == 90
+        if data.pattern is None and not data.sheet_file:
+            chosen["pattern"] = "crossed" if at_45 or self._has_yarns_along() else "yarns"
+            if at_45 and data.strain <= GRADED and can_be_graded(data.length, data.width):
+                chosen["pattern"] = "graded"  # thin cells would fold in deep shear
+        if getattr(data, "in_plane_bending", 0.0) and not data.element:
+            chosen |= {"element": "P1"} if data.fibre_angle == 45 else {}
+        self.data = replace(data, **chosen)
+
+    def _has_yarns_along(self):
+        """True if yarns lie along the load."""
+        yarns = self.data.fibre_angle, self.data.fibre_angle + self.data.yarn_angle
+        return any(abs(math.remainder(yarn, 180.0)) <= 1.0 for yarn in yarns)
 
     def measure(self, scene: Scene, load: float) -> tuple[float, float]:
         """Displacement [mm] and reaction [N] of the moving grip."""
@@ -43,10 +63,17 @@ class StripSetup(CouponSetup):
         data, blank = self.data, self.blank
         if data.integration or not (blank.degree == 2 and blank.triangulated):
             return super().integration()
-        yarns = data.fibre_angle, data.fibre_angle + data.yarn_angle
-        along = any(abs(math.remainder(yarn, 180.0)) <= 1.0 for yarn in yarns)
         follow = data.pattern == "yarns" or blank.whole.follows_yarns()
-        return "full" if along or follow else "inner"
+        return "full" if self._has_yarns_along() or follow else "inner"
+
+    def on_other_cells(self) -> Any:
+        """Quadratic cells along the yarns, which do not lock; None for outlines, own meshes,
+        in-plane bending, and if the run has such cells."""
+        data = self.data
+        if data.sheet_file or data.pattern == "yarns" or getattr(data, "in_plane_bending", 0.0):
+            return None
+        coarse = data.on_coarser_mesh(times=3 if self.blank.degree == 1 else 2)
+        return replace(coarse, pattern="yarns", element="P2", integration=None)
 
     def prepare(self) -> None:
         """Set stroke, centre and measured curves, with their warnings."""

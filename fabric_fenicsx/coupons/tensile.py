@@ -17,6 +17,7 @@ class TensileSetup(StripSetup):
     """A `Tensile` on its mesh."""
 
     def choose(self) -> None:
+        super().choose()
         self.turned = math.radians(self.data.turned)
 
     def supports(self) -> Supports:

@@ -13,7 +13,6 @@ from ..mechanics.term import Term
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from ..sheets.blank import Blank
-from ..sheets.sheet_fields import halved
 from ..sheets.stack import Stack
 from .press import Press
 from .sheet import Sheet
@@ -114,7 +113,7 @@ def _meshed(sheets, quarter, comm):
     made = [_with_nx(sheet, DEFAULT_NX, quarter) for sheet in sheets]
     meshed = [_laid(sheet, quarter, comm) for sheet in made]
     if not asked and made != sheets and max(each.blank.degree for each in meshed) == 2:
-        made = [_with_nx(sheet, halved(DEFAULT_NX), quarter, "P2") for sheet in sheets]
+        made = [_with_nx(sheet, DEFAULT_NX // 2, quarter, "P2") for sheet in sheets]
         meshed = [_laid(sheet, quarter, comm) for sheet in made]
     return made, meshed
 

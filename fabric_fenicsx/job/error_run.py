@@ -1,4 +1,4 @@
-"""The runs on coarser meshes, from which a run's error is estimated."""
+"""The run on a coarser mesh, from which a run's error is estimated."""
 
 from __future__ import annotations
 
@@ -16,12 +16,11 @@ from ..runtime.errors import InputError, SolverFailure
 if TYPE_CHECKING:
     from .job import Job
 
-FOLDERS = "coarse", "coarser"  # in the run's own
-MIN_CELLS = 8  # cells of a mesh that may tell an order
+FOLDER = "coarse"  # in the run's own
 
 
 def coarsened(job: Job, made: Any) -> Any:
-    """The job `made` on a mesh twice as coarse, with the settings of `job` that go with it."""
+    """The job `made` on a coarser mesh, with the settings of `job` that go with it."""
     settings = job.coarser_settings()
     given = {each.name: getattr(settings, each.name) for each in dataclasses.fields(settings)}
     return dataclasses.replace(made, **given | {"every": 10**9, "error": False})
@@ -31,8 +30,8 @@ def estimated(
     job: Job, result: Result, output: Output, problem: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Entries of the summary on the errors of `result`, which `job` gave: `error` {quantity:
-    absolute error}, and facts on the run on the mesh twice as coarse. Empty, with a warning, if
-    that run fails; a third mesh, which tells the order, may.
+    absolute error}, and facts on the run on the coarser mesh. Empty, with a warning, if that run
+    fails.
 
     The curve's errors are then in the rows of the result and in history.csv, those of the fields in
     its fields. Raises Interrupted.
@@ -40,40 +39,33 @@ def estimated(
     from ..results import error
 
     assert result.folder
-    made, runs, began = job, list[Result](), time.perf_counter()
-    for name in FOLDERS:
-        try:
-            if not (coarse := made.on_coarser_mesh()):
-                break
-            made = coarsened(job, coarse)
-            if runs and _cells(made) < MIN_CELLS:
-                break
-            runs.append(_run(made, output, result, name, problem))
-        except (InputError, SolverFailure) as failure:
-            if not runs:
-                output.warn(f"no error is known, as the run on the coarser mesh failed: {failure}")
-                return {}
-    errors = error.estimate(result, runs, job.setup.headlines())
+    began = time.perf_counter()
+    try:
+        made = coarsened(job, job.on_coarser_mesh())
+        other = _run(made, output, result, problem)
+    except (InputError, SolverFailure) as failure:
+        output.warn(f"no error is known, as the run on the coarser mesh failed: {failure}")
+        return {}
+    of_other_kind = not job.coarser and job.setup.coarser_is_other_kind()
+    errors = error.estimate(result, other, job.setup.headlines(), of_other_kind=of_other_kind)
     write_history(result, job.scene.comm)
-    facts = {"cells": _cells(runs[0]), "steps": runs[0].summary["steps_accepted"]}
+    facts = {"cells": _cells(made), "steps": other.summary["steps_accepted"]}
     facts["wall_s"] = round(time.perf_counter() - began, 4)
     return {"error": errors, "error_run": facts}
 
 
-def _run(made, output, result, name, problem):
-    """The `Result` of the job `made`, in this folder of the run's own."""
-    folder, comm = result.folder / name, made.scene.comm
+def _run(made, output, result, problem):
+    """The `Result` of the job `made`, in a folder of the run's own."""
+    folder, comm = result.folder / FOLDER, made.scene.comm
     output.say(
         f"the error: the same run on {_cells(made)} cells instead of {result.summary['cells']}, "
         f"in {made.steps:g} steps"
     )
-    is_begun = output.resume and comm.bcast((folder / "checkpoint.npz").exists())
-    apart = Output(
-        f"{made.name}, twice as coarse", folder, comm, resume=is_begun, overwrite=not is_begun
-    )
+    known = output.resume and comm.bcast((folder / "checkpoint.npz").exists())
+    apart = Output(f"{made.name}, coarser", folder, comm, resume=known, overwrite=not known)
     apart.is_quiet = True
     try:
-        return made.run(apart, problem=dict(problem) | {"mesh": name}, pictures=False)
+        return made.run(apart, problem=dict(problem) | {"mesh": FOLDER}, pictures=False)
     finally:
         apart.close()
 

@@ -45,7 +45,7 @@ class Job(Settings):
     steps, max_step, tolerance, path_tolerance, viscosity, ...
         Keywords of the solver, the fields of `Settings`.
     error : bool
-        Estimate errors from the same run on two meshes, each twice as coarse.
+        Estimate errors from the same run on a coarser mesh.
     coarser : callable, optional
         Function that makes this job on a mesh twice as coarse, by default as the `Setup` says.
 
@@ -78,7 +78,7 @@ class Job(Settings):
         return self.setup.name
 
     def on_coarser_mesh(self) -> Job | None:
-        """The same job on a mesh twice as coarse, None if none is known."""
+        """The same job on a coarser mesh, None if none is known."""
         if self.coarser:
             return self.coarser()
         data = self.setup.coarser()

@@ -102,8 +102,12 @@ class Setup:
         return {}
 
     def coarser(self) -> Any:
-        """The data of the same test on a mesh twice as coarse; None if none is known."""
+        """The data of the same test on a coarser mesh; None if none is known."""
         return None
+
+    def coarser_is_other_kind(self) -> bool:
+        """True if that mesh has cells of another kind, not only larger ones."""
+        return False
 
     def has_cheap_error(self) -> bool:
         """True if a study estimates errors unasked: the coarser run then costs a tenth to a third

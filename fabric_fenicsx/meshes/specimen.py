@@ -24,9 +24,10 @@ def specimen(
     pattern: str = "crossed",
     cell: str = "triangle",
     yarns: float = 0.0,
+    between: float = math.pi / 2,
 ) -> tuple[np.ndarray, np.ndarray, str]:
     """Points (n, 3) [mm], cells (m, k) in gmsh's order and their kind, of the sheet [0, length] x
-    [0, width]; yarns: angle of one family of yarns to the length [rad], the other is perpendicular.
+    [0, width]; yarns: angle of one family of yarns to the length, between: to the other [rad].
 
     pattern: of nx x ny rectangles `crossed` makes four triangles each by both diagonals, `right`
     two by the diagonal that rises to the right, `left` by the other; `graded` is `crossed` with
@@ -49,7 +50,7 @@ def specimen(
             raise InputError(f"pattern is along and cell {cell}; allowed are triangles")
         return _along(length, width, max(length / nx, width / ny), yarns)
     if pattern in ("unstructured", "yarns"):
-        lines = yarns_through_corners(length, width, yarns) if pattern == "yarns" else ()
+        lines = yarns_through_corners(length, width, yarns, between) if pattern == "yarns" else ()
         return _unstructured(length, width, max(length / nx, width / ny), cell, lines)
     x, y = np.meshgrid(np.linspace(0, length, nx + 1), np.linspace(0, width, ny + 1), indexing="ij")
     points = np.column_stack([x.ravel(), y.ravel()])
@@ -88,13 +89,14 @@ def graded(points: np.ndarray, width: float) -> np.ndarray:
     return np.column_stack([along.sum(0) / 2, (along[0] - along[1]) / 2])
 
 
-def yarns_through_corners(length: float, width: float, angle: float) -> np.ndarray:
+def yarns_through_corners(
+    length: float, width: float, angle: float, between: float = math.pi / 2
+) -> np.ndarray:
     """Segments (n, 2, 2) [mm] inside the sheet of the yarns that start at its corners, at `angle`
-    [rad] and across it."""
+    and at `angle + between` [rad]."""
     size, segments = np.array([length, width]), []
     for corner in np.array([(0, 0), (1, 0), (1, 1), (0, 1)]):
-        for quarter in range(4):
-            turned = angle + quarter * math.pi / 2
+        for turned in (angle, angle + between, angle + math.pi, angle + between + math.pi):
             direction = np.array([math.cos(turned), math.sin(turned)])
             inwards = direction * (1 - 2 * corner)
             if inwards.min() > 1e-9:

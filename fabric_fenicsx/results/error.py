@@ -1,14 +1,14 @@
-"""The error of a run, estimated from the same run on two meshes, each twice as coarse.
+"""The error of a run, told by one more run on a coarser mesh; see docs/errors.md.
 
-On meshes with cells of size h and 2 h a number with an error of c h^p differs by c h^p (2^p - 1):
-so the difference over 2^p - 1 is the error on the finer mesh (Richardson 1911). A third mesh
-measures the order p, as differences between meshes grow by 2^p. P. J. Roache multiplies by a factor
-of safety where p was measured, and takes three times the difference where it was not ("Perspective:
-a method for uniform reporting of grid refinement studies", J. Fluids Eng. 116 (1994) 405-413).
+On cells of another kind errors have other causes, so those of the two runs do not vanish together,
+and their difference is about the sum of both. On cells of the same kind, twice as large, the other
+run's error is 2^p times the run's own, so their difference is at least that for p >= 1; but where
+the error changes its sign between the meshes, they may agree by chance. Forces along the whole
+second half of the load do not: their largest relative difference bounds all errors from below.
 """
 
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,36 +17,53 @@ from ..sheets.blank import Part
 from . import measures
 from .result import Result
 
-SAFETY = 2.0  # see docs/errors.md
-UNMEASURED = 3.0  # times the difference without a third mesh
-ORDERS = 0.5, 3.0  # least and greatest order that is believed
+OTHER_CELLS = 1.5  # times the difference to a run on cells of another kind
+MAX_SHARE = 0.5  # of a number: an error above that is not told
 FIELDS = "log_eps_11", "log_eps_22", "shear_angle"
 Row = dict[str, Any]
 
 
-def bound(first: ArrayLike, second: ArrayLike | None = None) -> np.ndarray:
-    """Errors of numbers by their `first` differences, to the next coarser mesh, and the `second`
-    ones, between that mesh and one more, if there is one; as many as the first. Of several numbers
-    the largest differences tell the order of all."""
-    first = np.asarray(first, float)
-    if second is None:
-        return UNMEASURED * abs(first)
-    a, b = (float(np.ravel(each)[np.abs(each).argmax()]) for each in (first, second))
-    if not a:
-        return SAFETY * np.full_like(first, abs(b))
-    if a * b <= 0:  # the error changes its sign, so only its size is known
-        return SAFETY * max(1.0, abs(b / a)) * abs(first)
-    return SAFETY / (2 ** np.clip(np.log2(b / a), *ORDERS) - 1) * abs(first)
+class Rule(NamedTuple):
+    """Errors are `factor` times the difference of two runs, and at least `share` of the number."""
+
+    factor: float
+    share: float
+
+    def errors(self, values: ArrayLike, differences: ArrayLike) -> np.ndarray:
+        """Errors of values that differ by `differences` from those of the other run."""
+        least = self.share * np.abs(values)
+        return np.maximum(self.factor * np.abs(differences), least)
+
+    def error(self, value: float, difference: float) -> float | None:
+        """The error of a number, None if it can't be told."""
+        error = float(self.errors(value, difference))
+        return error if error <= MAX_SHARE * abs(value) else None
 
 
-def curve_errors(curves: Sequence[Sequence[Row]]) -> np.ndarray:
-    """Errors [N] of the curve at each row of the first of `curves`, its points joined by lines,
-    (rows,): of the mesh, from the rows on coarser meshes, and of the lines: their distance from a
-    smooth curve is at most h^2 / 8 of its second derivative."""
-    points = [np.array([(row["load"], row["reaction_N"]) for row in rows]).T for rows in curves]
-    apart = [np.interp(to[0], *of) - to[1] for of, to in zip(points, points[1:])]
-    (load, force), (loads, _), *_ = points
-    of_mesh = np.interp(load, loads, bound(*apart))
+def rule(rows: Sequence[Row], others: Sequence[Row], *, of_other_kind: bool) -> Rule:
+    """The rule for a run with these `rows` and another one with `others`, on cells `of_other_kind`
+    or on larger ones of the same."""
+    if of_other_kind:
+        return Rule(OTHER_CELLS, 0.0)
+    (load, force), (loads, forces) = _curve(rows), _curve(others)
+    late = loads >= 0.5
+    own = np.interp(loads[late], load, force)
+    size = np.maximum(np.abs(own), 1e-9 * np.abs(force).max(initial=1e-300))
+    return Rule(1.0, float(np.max(np.abs(forces[late] - own) / size, initial=0.0)))
+
+
+def _curve(rows):
+    """Load factors and forces [N] of a history, (2, rows)."""
+    return np.array([(row["load"], row["reaction_N"]) for row in rows]).T
+
+
+def curve_errors(rows: Sequence[Row], others: Sequence[Row], rule: Rule) -> np.ndarray:
+    """Errors [N] of the curve of a run at each of its `rows`, the points joined by lines, (rows,):
+    of the mesh, by the rows of the other run, and of the lines: their distance from a smooth curve
+    is at most h^2 / 8 of its second derivative."""
+    (load, force), (loads, forces) = _curve(rows), _curve(others)
+    apart = np.interp(loads, load, force) - forces
+    of_mesh = rule.errors(force, np.interp(load, loads, np.abs(apart)))
     if len(load) < 3:
         return of_mesh
     step, slope = np.diff(load), np.diff(force) / np.diff(load)
@@ -86,31 +103,37 @@ def _centres(part: Part) -> np.ndarray:
     return part.blank.midpoints()[:2, part.cells].T.round(9)
 
 
-def estimate(result: Result, coarser: Sequence[Result], names: Iterable[str]) -> dict[str, float]:
-    """Estimated absolute errors {quantity: error} of a run, from one or two on meshes that are each
-    twice as coarse as the one before: of the reaction, strain energy, `names` of quantities, the
-    curve (at most) and the FIELDS (root mean square over the area). The result's rows get the
-    curve's as `error_N`, its fields those of the FIELDS as `error_...`."""
-    runs, errors = [result, *coarser], dict[str, float]()
+def estimate(
+    result: Result, other: Result, names: Iterable[str], *, of_other_kind: bool
+) -> dict[str, float | None]:
+    """Absolute errors {quantity: error, None where it can't be told} of a run, by another one on a
+    coarser mesh, of cells `of_other_kind` or of the same: of the reaction, strain energy, `names`
+    of quantities, the curve (at most) and the FIELDS (root mean square over the area). The result's
+    rows get the curve's as `error_N`, its fields those of the FIELDS as `error_...`."""
+    by, errors = (
+        rule(result.rows, other.rows, of_other_kind=of_other_kind),
+        dict[str, float | None](),
+    )
     for name in ("reaction_N", "strain_energy_Nmm", *names):
-        values = [value for run in runs if (value := run.number(name)) is not None]
-        if len(values) == len(runs):
-            errors[name] = float(bound(*np.diff(values)))
-    curve = curve_errors([run.rows for run in runs])
+        own, others = result.number(name), other.number(name)
+        if own is not None and others is not None:
+            errors[name] = by.error(own, own - others)
+    curve = curve_errors(result.rows, other.rows, by)
     for row, error in zip(result.rows, curve):
         row["error_N"] = float(error)
     errors["curve_N"] = float(curve.max())
-    apart = [field_differences(fine, coarse) for fine, coarse in zip(runs, runs[1:])]
-    for name, differences in apart[0].items():
-        sizes = []
-        for run, each in zip(runs, apart):
-            squares, areas = np.nan_to_num(each[name]) ** 2, run.scene.blank.areas()
-            sizes.append(float(np.sqrt(measures.mean(run.scene.comm, squares, areas) or 0.0)))
-        root = float(bound(*sizes))
-        result.fields[f"error_{name}"] = differences * (root / sizes[0] if sizes[0] else 0.0)
+    for name, differences in field_differences(result, other).items():
+        size, apart = (_root(result, each) for each in (result.fields[name], differences))
+        scale = by.errors(size, apart) / apart if apart else 0.0
+        result.fields[f"error_{name}"] = differences * scale
         result.fields.units[f"error_{name}"] = result.fields.units.get(name, "-")
-        if name == "shear_angle":
-            errors["shear_angle_rms_deg"] = float(np.degrees(root))
-        else:
-            errors[f"{name}_rms"] = root
+        is_angle = name == "shear_angle"
+        quantity, unit = ("shear_angle_rms_deg", np.degrees) if is_angle else (f"{name}_rms", float)
+        errors[quantity] = by.error(unit(size), unit(apart))
     return errors
+
+
+def _root(result, values):
+    """Root mean square of a field over the area."""
+    squares, areas = np.nan_to_num(values) ** 2, result.scene.blank.areas()
+    return float(np.sqrt(measures.mean(result.scene.comm, squares, areas) or 0.0))

@@ -29,7 +29,7 @@ CAPTIONS = {
     "thickness": "Thickness of the plies under the pressure on them",
     "paths": "Strains and shear angle along paths from the centre",
     "outline": "Outline of the formed ply over the flat one",
-    "error": "Estimated errors of strains and shear angle, from a mesh twice as coarse",
+    "error": "Estimated errors of strains and shear angle, from a coarser mesh",
     "front": "Error over cost; the line joins the runs that none beats in both",
 }
 # the end of a name -> its unit, the longest first

@@ -92,8 +92,10 @@ class Result:
         if value is None:
             return "-"
         text = format(round(scale * value, 12) + 0.0, form)
-        scaled = scale * value, abs(scale) * errors.get(name, 0.0)
-        return with_error(text, *scaled) if name in errors else text
+        if name not in errors:
+            return text
+        error = errors[name]
+        return with_error(text, scale * value, None if error is None else abs(scale) * error)
 
     def force(self, tool: Tool | str) -> np.ndarray:
         """Force of `tool`, or of the tool of that name, on the sheet in the last accepted state,

@@ -22,8 +22,11 @@ def share(part: float, whole: float) -> float:
     return part / max(abs(whole), TINY)
 
 
-def with_error(text: str, number: float, error: float, digits: int = 2) -> str:
-    """The text of a number, with its error behind it: 2033.42 +- 0.29; +- 0 if that is rounding."""
+def with_error(text: str, number: float, error: float | None, digits: int = 2) -> str:
+    """The text of a number, with its error behind it: 2033.42 +- 0.29; +- 0 if that is rounding,
+    and +- unknown for None."""
+    if error is None:
+        return f"{text} +- unknown"
     exact = abs(error) <= 1e-12 * max(1.0, abs(number))
     return f"{text} +- {rounded(0.0 if exact else error, digits)}"
 

@@ -221,9 +221,10 @@ class Blank(SheetMesh):
         ny = max(1, round(nx * width / length)) if ny is None else COUNT.check("`ny`", ny)
         cell = "quadrilateral" if (layout.get("element") or "P")[0] == "Q" else "triangle"
         yarns = math.radians(layout.get("fibre_angle", 0.0))
+        between = math.radians(layout.get("yarn_angle", 90.0))
 
         def made():
-            points, cells, kind = specimen(length, width, nx, ny, pattern, cell, yarns)
+            points, cells, kind = specimen(length, width, nx, ny, pattern, cell, yarns, between)
             if layout.get("centred"):
                 points[:, :2] -= np.array([length, width]) / 2
             points[:, :2] = points[:, :2] @ axes_of(layout.get("turned", 0.0))

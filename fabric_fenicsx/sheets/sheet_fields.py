@@ -74,13 +74,11 @@ class SheetFields(KnowsItsFields):
             usual |= {name: side for name, side in sides.items() if getattr(self, name) is None}
         return replace(self, **usual)
 
-    def on_coarser_mesh(self, *sides: str) -> Self:
-        """The same with half the rectangles along each side, or cells twice as large; `sides`:
-        fields that an outline decides."""
-        cells = {"nx": halved(self.nx), "ny": halved(self.ny), "size": self.size and 2 * self.size}
+    def on_coarser_mesh(self, *sides: str, times: int = 2) -> Self:
+        """The same with half the rectangles along each side, or another share, and cells so many
+        `times` as large; `sides`: fields that an outline decides."""
+        cells: dict[str, Any] = {"size": self.size and times * self.size}
+        for name in ("nx", "ny"):
+            count = getattr(self, name)
+            cells[name] = count and max(1, round(count / times))
         return replace(self, **cells | (dict.fromkeys(sides) if self.outline else {}))
-
-
-def halved(count: int | None) -> Any:
-    """Half of a number of rectangles, at least 1; None of None."""
-    return count and max(1, round(count / 2))
