@@ -81,7 +81,7 @@ def finer(case: Case, quick: bool = False) -> list[Case]:
     if size := case.options.get("size"):
         change = [{"pattern": "along", "size": size / by} for by in (2, 3)]
     else:
-        change = [{"pattern": "yarns", "nx": nx} for nx in ((8, 12) if quick else (24, 36))]
+        change = [{"pattern": "yarns", "nx": nx} for nx in ((8, 12) if quick else (16, 24))]
     return [Case(case.test, {**case.options, "element": "P3"} | each) for each in change]
 
 

@@ -14,6 +14,8 @@ from .gmsh_cells import meshed, own_model
 PATTERNS = ("crossed", "graded", "left", "right", "along", "unstructured", "yarns")
 CELLS = "triangle", "quadrilateral"
 EDGE = 0.5  # least distance of corners of squares from the sheet's edges, over their size
+SIZES = 0.4, 2.0  # of cells of `yarns` at the yarns through the corners and far off, over `size`
+REACH = 4.0  # sizes from those yarns from where on cells are largest
 
 
 def specimen(
@@ -33,7 +35,8 @@ def specimen(
     two by the diagonal that rises to the right, `left` by the other; `graded` is `crossed` with
     cells small across the lines at 45 deg through the corners; `along` is `crossed` of squares
     along the yarns, with other triangles between them and the edges; `unstructured` meshes with
-    cells of about those sizes, `yarns`, too, but with edges along the yarns through the corners.
+    cells of about those sizes; `yarns`, too, but with edges along the yarns through the corners,
+    where the shear angle jumps, and small cells there.
     """
     for name, value, allowed in (("pattern", pattern, PATTERNS), ("cell", cell, CELLS)):
         if value not in allowed:
@@ -148,15 +151,33 @@ def _unstructured(
 ) -> tuple[np.ndarray, np.ndarray, str]:
     import gmsh
 
-    options = {"MeshSizeMin": size, "MeshSizeMax": size, "Algorithm": 6.0}
+    lines = np.asarray(lines).reshape(-1, 2, 2)
+    near, far = size * np.array(SIZES if len(lines) else (1.0, 1.0))
+    options = {"MeshSizeMin": near, "MeshSizeMax": far, "Algorithm": 6.0}
     corners = 4 if cell == "quadrilateral" else 3
     if corners == 4:
         options |= {"RecombineAll": 1.0, "RecombinationAlgorithm": 3.0}  # blossom, no triangles
+    if len(lines):
+        options["MeshSizeExtendFromBoundary"] = 0.0
+    ways = lines[:, 1] - lines[:, 0]
+
+    def graded_size(_, __, x, y, *___):
+        """Size at a place, by its distance from the nearest line."""
+        to = np.array([x, y]) - lines[:, 0]
+        along = np.clip((to * ways).sum(1) / (ways**2).sum(1), 0, 1)
+        distance = np.linalg.norm(to - along[:, None] * ways, axis=1).min()
+        return float(near + (far - near) * min(1.0, distance / (REACH * size)))
+
     with own_model(gmsh, **options):
         occ = gmsh.model.occ
         sheet = occ.addRectangle(0, 0, 0, length, width)
         edges = [(1, occ.addLine(*(occ.addPoint(*end, 0) for end in line))) for line in lines]
         if edges:
             occ.fragment([(2, sheet)], edges)
+            gmsh.model.mesh.setSizeCallback(graded_size)
         occ.synchronize()
-        return *meshed(gmsh, corners), "quad" if corners == 4 else "triangle"
+        try:
+            return *meshed(gmsh, corners), "quad" if corners == 4 else "triangle"
+        finally:
+            if edges:
+                gmsh.model.mesh.removeSizeCallback()
