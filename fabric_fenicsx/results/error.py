@@ -1,10 +1,9 @@
 """The error of a run, told by one more run on a coarser mesh; see docs/errors.md.
 
-On cells of another kind errors have other causes, so those of the two runs do not vanish together,
-and their difference is about the sum of both. On cells of the same kind, twice as large, the other
-run's error is 2^p times the run's own, so their difference is at least that for p >= 1; but where
-the error changes its sign between the meshes, they may agree by chance. Forces along the whole
-second half of the load do not: their largest relative difference bounds all errors from below.
+On cells of another kind errors have other causes, so the difference of the two runs is about the
+sum of both. On cells of the same kind, twice as large, the other run's error is 2^p times the run's
+own, so their difference is at least that for p >= 1. Two numbers may agree by chance; forces along
+the whole second half of the load do not: their largest relative difference is the least error.
 """
 
 from collections.abc import Iterable, Sequence
@@ -43,13 +42,12 @@ class Rule(NamedTuple):
 def rule(rows: Sequence[Row], others: Sequence[Row], *, of_other_kind: bool) -> Rule:
     """The rule for a run with these `rows` and another one with `others`, on cells `of_other_kind`
     or on larger ones of the same."""
-    if of_other_kind:
-        return Rule(OTHER_CELLS, 0.0)
     (load, force), (loads, forces) = _curve(rows), _curve(others)
     late = loads >= 0.5
     own = np.interp(loads[late], load, force)
     size = np.maximum(np.abs(own), 1e-9 * np.abs(force).max(initial=1e-300))
-    return Rule(1.0, float(np.max(np.abs(forces[late] - own) / size, initial=0.0)))
+    share = float(np.max(np.abs(forces[late] - own) / size, initial=0.0))
+    return Rule(OTHER_CELLS if of_other_kind else 1.0, share)
 
 
 def _curve(rows):
