@@ -18,8 +18,8 @@ class Cushion:
         def under(x):  # share of the pressure at positions (3, n)
             return flange(x) * (0.2 + 0.8 * np.clip(abs(x[0]) / 235, 0, 1))
 
-        up = (0, 0, 1)  # towards the die, which is above the ply
-        return [ff.BlankHolderPressure(0.25, up, under, lag=site.lag, friction=site.friction)]
+        options = {"lag": site.lag, "friction": site.friction}
+        return [ff.BlankHolderPressure(0.25, site.up, under, **options)]
 
 
 segments = [

@@ -261,7 +261,7 @@ def hold(
             site = HolderSite(segment, press, laid, die, between, warnings, claims)
             if segment in press.pressures() and not placed.schedule.is_constant(segment):
                 holder = dataclasses.replace(holder, pressure=placed.schedule.pressure(segment))
-            held[segment] = list(holder.terms(site))
+            held[segment] = _terms_of(holder, site)
             on_die = die if getattr(holder, "presses", True) else on_die
             for term in held[segment]:
                 if isinstance(term, BlankHolderPressure) and term.direction @ site.up < 0:
@@ -270,6 +270,18 @@ def hold(
                         f"(0, 0, {site.up[2]:g})"
                     )
     return held, on_die
+
+
+def _terms_of(holder, site):
+    """The terms of a holder. Pressures without a tool of their own get its name."""
+    terms = holder.terms(site)
+    if not isinstance(terms, (list, tuple)) or not all(isinstance(each, Term) for each in terms):
+        kind = type(terms).__name__
+        raise InputError(f"{site.path}: `terms` returns {kind}; allowed is a list of terms")
+    unnamed = [term.tool for term in terms if term.tool and term.tool.name == term.name]
+    for k, tool in enumerate(unnamed, 1):
+        tool.name = site.name if len(unnamed) == 1 else f"{site.name}, {k}"
+    return list(terms)
 
 
 def _die_of(name: str, holder: Holder, press: Press, laid: Laid, placed: Placed) -> Tool:

@@ -180,9 +180,24 @@ def test_a_holder_of_ones_own():
     assert mine.site.die is ply.tools["die"] and mine.site.name == "blank holder"
 
 
+def test_pressures_of_ones_own_holders_have_their_names_and_balance_the_tools():
+    def press(pressure):
+        return own(lambda self, p: [ff.BlankHolderPressure(pressure, p.up, p.on_flange())])
+
+    base = ff.Press.read("hemisphere", ["blank.nx=6", "stage.1.moves.punch=3"])
+    job = base.replace(holders={"a": press(0.02), "b": press(0.01)}).job(steps=1, balance=None)
+    forces = job.run().summary["quantities"]["tool_forces_of_whole_blank_N"]
+    assert forces["a"] == pytest.approx(2 * forces["b"]) and forces["b"] > 100
+    assert sum(forces.values()) == pytest.approx(0, abs=1e-4 * forces["a"])
+
+
 @pytest.mark.parametrize(
     "make, words",
     [
+        (
+            lambda: dome(**SIZES, holder=own(lambda self, p: p.contact(p.die))),
+            "holders.blank holder: `terms` returns Contact; allowed is a list of terms",
+        ),
         (lambda: dome(**SIZES, holder="force"), "holder is 'force'; allowed is a holder"),
         (
             lambda: dome(**SIZES, holder=ff.Grippers(where=lambda x: x[0] > 1e3)),
