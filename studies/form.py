@@ -6,7 +6,7 @@ from fabric_fenicsx.command_line.study import run
 from fabric_fenicsx.forming.unloading import unloading
 from fabric_fenicsx.job.validity import MIN_CELLS, coarsest_waves
 from fabric_fenicsx.material.laws import coupling_variants
-from fabric_fenicsx.postprocess.wrinkles import LEAST
+from fabric_fenicsx.postprocess.wrinkles import MIN_HEIGHT
 from fabric_fenicsx.runtime.errors import InputError, SolverFailure
 from fabric_fenicsx.runtime.formatting import percent, rounded
 from fabric_fenicsx.runtime.rules import POSITIVE
@@ -120,7 +120,7 @@ def _compare(study, press, result, found):
     words = [
         f"{name} {rounded(a)}, then {rounded(b)}"
         for name, (a, b) in both.items()
-        if abs(b - a) > max(0.05 * abs(a), LEAST if name.endswith("_mm") else 0.0)
+        if abs(b - a) > max(0.05 * abs(a), MIN_HEIGHT if name.endswith("_mm") else 0.0)
     ]
     if words:
         study.warn(

@@ -6,6 +6,7 @@ from ..forming.press import Press
 from ..forming.schema import OF_ALL_PLIES, short_forms
 from ..forming.sheet import Sheet
 from ..material.presets import read_laws
+from ..results.result import Result
 from ..runtime.fields import declared
 from ..solve.limits import Limits
 from .options import Parser, program, spelled
@@ -71,3 +72,12 @@ class PressStudy(Study):
             press, stages = made.coarser() or press, made.schedule.stages
             args.steps = args.steps or max(len(stages), made.schedule.steps // 3)
         return press
+
+    def run(self, setup: Any, part: str = "") -> Result:
+        """As in `Study`; the press, as it was read and changed, is kept beside the results."""
+        folder = self.output.path / part
+        try:
+            return super().run(setup, part)
+        finally:
+            if self.comm.rank == 0 and (folder / "summary.json").exists():
+                setup.data.write(folder / "press.toml")

@@ -83,7 +83,7 @@ def place(press: Press, laid: Laid, comm: MPI.Comm, warnings: list[str]) -> Plac
     sides = {tool.side for tool in press.tools.values()}
     if len(sides) == 1 and len(press.tools) > 1:
         warnings.append(
-            f"{' and '.join(press.tools)} all stand {next(iter(sides))} the blank, and only "
+            f"{' and '.join(press.tools)} stand {next(iter(sides))} the blank, and only "
             "holders resist them: `side` says where a tool stands"
         )
     return placed

@@ -47,7 +47,11 @@ def estimated(
         output.warn(f"no error is known, as the run on the coarser mesh failed: {failure}")
         return {}
     of_other_kind = not job.coarser and job.setup.coarser_is_other_kind()
-    errors = error.estimate(result, other, job.setup.headlines(), of_other_kind=of_other_kind)
+    how = {"of_other_kind": of_other_kind, "forces_only": False}
+    if reason := error.mesh_decides(result):
+        how["forces_only"] = True
+        output.warn(f"no errors but those of forces and energies can be told, as {reason}")
+    errors = error.estimate(result, other, job.setup.headlines(), **how)
     write_history(result, job.scene.comm)
     facts = {"cells": _cells(made), "steps": other.summary["steps_accepted"]}
     facts["wall_s"] = round(time.perf_counter() - began, 4)

@@ -12,8 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..scene import output
 from ..sheets.blank import Part
 from . import measures
+from .quantities import CRUMPLED
 from .result import Result
 
 OTHER_CELLS = 1.5  # times the difference to a run on cells of another kind
@@ -101,13 +103,23 @@ def _centres(part: Part) -> np.ndarray:
     return part.blank.midpoints()[:2, part.cells].T.round(9)
 
 
+def mesh_decides(result: Result) -> str:
+    """Why strains and shapes of a formed sheet depend on its mesh, however fine; "" if nothing is
+    known that makes them."""
+    if (result.number("shortening_at_shear_angle_max") or 0.0) > CRUMPLED:
+        return "cells crumple where the shear angle is largest"
+    in_space = result.scene.blank.mesh.geometry.dim == 3
+    return "the law allows bands" if in_space and output.has_bands(result.scene) else ""
+
+
 def estimate(
-    result: Result, other: Result, names: Iterable[str], *, of_other_kind: bool
+    result: Result, other: Result, names: Iterable[str], *, of_other_kind: bool, forces_only: bool
 ) -> dict[str, float | None]:
     """Absolute errors {quantity: error, None where it can't be told} of a run, by another one on a
     coarser mesh, of cells `of_other_kind` or of the same: of the reaction, strain energy, `names`
     of quantities, the curve (at most) and the FIELDS (root mean square over the area). The result's
-    rows get the curve's as `error_N`, its fields those of the FIELDS as `error_...`."""
+    rows get the curve's as `error_N`, its fields those of the FIELDS as `error_...`. forces_only:
+    tell those of forces and energies alone."""
     by, errors = (
         rule(result.rows, other.rows, of_other_kind=of_other_kind),
         dict[str, float | None](),
@@ -128,6 +140,9 @@ def estimate(
         is_angle = name == "shear_angle"
         quantity, unit = ("shear_angle_rms_deg", np.degrees) if is_angle else (f"{name}_rms", float)
         errors[quantity] = by.error(unit(size), unit(apart))
+    if forces_only:
+        forces = tuple(name for name in errors if name.endswith(("_N", "_Nmm")))
+        errors |= dict.fromkeys(errors.keys() - forces)
     return errors
 
 

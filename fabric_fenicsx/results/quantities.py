@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from ..postprocess.ply import Grid
 
 # shortening
+CRUMPLED = 0.05  # shortening of yarns beyond which a cell crumples
 SHARES = 0.01, SHORTENED, 0.05  # beyond which shares of the area are listed
 FIELDS = "shear_angle", "shortening_a", "shortening_b"  # of fabric
 
@@ -272,7 +273,7 @@ def _sentences(name: str, quantities: Mapping[str, Any], wave: str = "") -> Iter
         excess = "" if lost is None else f"; a yarn loses up to {rounded(lost)} mm of its length"
         law = f"The law stores as shortening what a real ply folds into wrinkles{wave}"
         yield f"compression shortens yarns of {name} by up to {most}, and {wide}{excess}. {law}"
-    if (there := quantities["shortening_at_shear_angle_max"]) > 0.05:
+    if (there := quantities["shortening_at_shear_angle_max"]) > CRUMPLED:
         place = of_sheet(quantities["shear_angle_max_at_mm"])
         most = f"{rounded(quantities['shear_angle_max_deg'])} deg at {place}"
         where = f"lies where yarns are shortened by {percent(there)}: cells crumple there"

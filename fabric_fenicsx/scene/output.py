@@ -9,7 +9,7 @@ from mpi4py import MPI
 from .. import dolfinx_compat as compat
 from ..mechanics.output import Fields, merged
 from ..mechanics.shell.membrane import Membrane
-from ..mechanics.shell.membrane_warnings import locking_warning, membrane_warnings
+from ..mechanics.shell.membrane_warnings import band_warning, locking_warning, membrane_warnings
 from ..mechanics.term import overrides
 from ..tools.tool import Tool
 from .scene import Scene
@@ -93,6 +93,11 @@ def most_shortened(scene: Scene, strain: float) -> tuple[float, str]:
 def locking(scene: Scene) -> list[str]:
     """Warnings of cells that lock, one for each sheet at most."""
     return [text for term in _membranes(scene) if (text := locking_warning(term))]
+
+
+def has_bands(scene: Scene) -> bool:
+    """True if the law allows bands in a sheet."""
+    return any([band_warning(term) for term in _membranes(scene)])
 
 
 def _membranes(scene):

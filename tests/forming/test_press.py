@@ -226,7 +226,7 @@ def test_what_is_no_part_of_a_press(kind, given, words):
         ("tools.other={shape='sphere', radius=20, at=[0, 0, -60]}", "real ones can't"),
         ("holder.pressure=20000", "holders.holder.pressure is 20000, which is much"),
         ("holder.pressure=0", "holders.holder.pressure is 0: it does not hold the rim"),
-        ("tools.ring.side=below", "punch and ring all stand below the blank"),
+        ("tools.ring.side=below", "punch and ring stand below the blank"),
         ("tools.punch.at=[0, 0]", ""),
     ],
 )

@@ -10,6 +10,7 @@ from builders import COARSE, COMM, dome
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.coupons.tensile import TensileSetup as Strip
 from fabric_fenicsx.job.error_run import FOLDER, coarsened
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.results.error import OTHER_CELLS, Rule, curve_errors, rule
@@ -208,6 +209,22 @@ def test_an_error_above_half_of_the_number_is_unknown():
     assert by.error(-1.0, 0.33) == pytest.approx(0.495)
     assert by.error(-1.0, 0.34) is None
     assert by.error(1e-9, 1e-3) is None  # of a number near zero
+
+
+def test_only_errors_of_forces_are_told_where_cells_crumple(monkeypatch):
+    quantities = Strip.quantities
+
+    def crumpled(self, result):
+        return quantities(self, result) | {"shortening_at_shear_angle_max": 0.06}
+
+    monkeypatch.setattr(Strip, "quantities", crumpled)
+    result = ff.Tensile(**COARSE).job(steps=2, error=True).run()
+    assert {name for name, error in result.summary["error"].items() if error is not None} == {
+        "reaction_N",
+        "strain_energy_Nmm",
+        "curve_N",
+    }
+    assert any("cells crumple" in text for text in result.summary["warnings"])
 
 
 def test_told_with_the_error():

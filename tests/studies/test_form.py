@@ -14,6 +14,16 @@ PRESS = EXAMPLES / "hemisphere.toml"
 SMALL = PRESS, "--set", "blank.nx=4", "--steps", 2, "--balance", 9, "--no-pictures"
 
 
+def test_the_press_as_it_was_run_is_beside_its_results(launch):
+    change = "stage.1.moves.punch=3", "fabric.s1=0.05"
+    run = launch("form", *SMALL, *(word for each in change for word in ("--set", each)))
+    assert run.status == 0, run.err
+    press = ff.Press.read(run.folder / "press.toml")
+    assert press.fabric.s1 == 0.05 and press.stages[0].moves == {"punch": 3}
+    again = press.job(steps=2, balance=9).run().number("force_N")
+    assert again == pytest.approx(run.summary["quantities"]["force_N"], rel=1e-9)
+
+
 @pytest.mark.long
 def test_finer_cells_where_waves_are_and_a_disturbed_run(launch):
     """The ply that nothing holds waves; its waves get more cells, on the whole ply, too."""
