@@ -54,10 +54,11 @@ def main(study):
     study.write_table(folder / "coverage.csv", judged)
     study.summarise(folder, converged=True, stroke_reached=1.0, quantities={"coverage": judged})
     for row in judged:
-        ratio = row["estimated_over_true"]
+        ratio, covered = row["estimated_over_true"], row["covered"]
         study.say(
-            f"{row['quantity']:34s} {row['cases']:4d} cases, {100 * row['covered']:5.1f} % "
-            f"covered, estimated over true error {ratio and f'{ratio:.2g}' or '-'} (median)"
+            f"{row['quantity']:34s} {row['cases']:4d} cases, {100 * row['unknown']:.0f} % unknown, "
+            f"{'-' if covered is None else f'{100 * covered:.1f} %'} of the others covered, "
+            f"estimated over true error {ratio and f'{ratio:.2g}' or '-'} (median)"
         )
 
 

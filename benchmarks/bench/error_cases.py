@@ -106,10 +106,10 @@ def compare(case: Case, result: Result, truth: Sequence[Result]) -> list[Row]:
         found[quantity] = np.degrees(roots) if is_shear else roots
     rows = []
     for quantity, (true, bar) in found.items():
-        numbers = {"true": float(abs(true)), "estimated": errors[quantity]}
-        row = {"case": str(case), "test": case.test, "quantity": quantity, **numbers}
-        covered = bool(errors[quantity] + abs(bar) >= abs(true))
-        rows.append(row | {"known_to": float(abs(bar)), "covered": covered})
+        error, true, bar = errors[quantity], float(abs(true)), float(abs(bar))
+        row = {"case": str(case), "test": case.test, "quantity": quantity, "true": true}
+        covered = error is not None and error + bar >= true
+        rows.append(row | {"estimated": error, "known_to": bar, "covered": covered})
     return rows
 
 
@@ -120,13 +120,15 @@ def _root(run, values):
 
 
 def judge(rows: Sequence[Row]) -> list[Row]:
-    """For each quantity, and for all: number of cases, share that estimates cover, and sharpness,
-    the median of estimated over true errors, of those that are known well enough to tell."""
-    found = []
+    """For each quantity, and for all: number of cases, share whose error is unknown, share of the
+    others that estimates cover, and sharpness, the median of estimated over true errors, of those
+    that are known well enough to tell."""
+    judged = []
     for name in ["all", *dict.fromkeys(row["quantity"] for row in rows)]:
         mine = [row for row in rows if name in ("all", row["quantity"])]
-        sharp = [r["estimated"] / r["true"] for r in mine if r["true"] > 2 * r["known_to"]]
-        row = {"quantity": name, "cases": len(mine)}
-        row["covered"] = sum(row["covered"] for row in mine) / len(mine)
-        found.append(row | {"estimated_over_true": statistics.median(sharp) if sharp else None})
-    return found
+        told = [row for row in mine if row["estimated"] is not None]
+        sharp = [r["estimated"] / r["true"] for r in told if r["true"] > 2 * r["known_to"]]
+        row = {"quantity": name, "cases": len(mine), "unknown": 1 - len(told) / len(mine)}
+        row["covered"] = sum(row["covered"] for row in told) / len(told) if told else None
+        judged.append(row | {"estimated_over_true": statistics.median(sharp) if sharp else None})
+    return judged

@@ -71,8 +71,8 @@ def _pattern(parser, words):
     trim.add_argument("--plane", help=f"plane that trims: {PLANE}")
     parser.add_argument("--out", metavar="STEM", help="of the files (default: DIR/pattern)")
     parser.add_argument("--sheet", metavar="NAME", help="ply of a stack (default: all)")
-    words = "distance of the line from the ply (default: 2 thicknesses of all plies)"
-    parser.add_argument("--reach", type=option_type(POSITIVE), metavar="MM", help=words)
+    reach = "distance of the line from the ply (default: 2 thicknesses of all plies)"
+    parser.add_argument("--reach", type=option_type(POSITIVE), metavar="MM", help=reach)
     # a plane may begin with a minus, which argparse takes for an option
     joined = "\n".join(words).replace("--plane\n", "--plane=")
     args = parser.parse_args(joined.split("\n") if words else [])

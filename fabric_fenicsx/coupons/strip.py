@@ -28,13 +28,13 @@ class StripSetup(CouponSetup):
     def choose(self) -> None:
         """Choose pattern and element."""
         data, chosen = self.data, dict[str, str]()
-        at_45 = data.fibre_angle == 45 and data.yarn_angle == 90
+        at_45 = data.fibre_angle % 90 == 45 and data.yarn_angle == 90
         if data.pattern is None and not data.sheet_file:
             chosen["pattern"] = "crossed" if at_45 or self._has_yarns_along() else "yarns"
             if at_45 and data.strain <= GRADED and can_be_graded(data.length, data.width):
                 chosen["pattern"] = "graded"  # thin cells would fold in deep shear
         if getattr(data, "in_plane_bending", 0.0) and not data.element:
-            chosen |= {"element": "P1"} if data.fibre_angle == 45 else {}
+            chosen |= {"element": "P1"} if data.fibre_angle % 90 == 45 else {}
         self.data = replace(data, **chosen)
 
     def _has_yarns_along(self):
@@ -70,7 +70,8 @@ class StripSetup(CouponSetup):
         """Quadratic cells along the yarns, which do not lock; None for outlines, own meshes,
         in-plane bending, and if the run has such cells."""
         data = self.data
-        if data.sheet_file or data.pattern == "yarns" or getattr(data, "in_plane_bending", 0.0):
+        follows = data.pattern in ("yarns", "graded")
+        if data.sheet_file or follows or getattr(data, "in_plane_bending", 0.0):
             return None
         coarse = data.on_coarser_mesh(times=3 if self.blank.degree == 1 else 2)
         return replace(coarse, pattern="yarns", element="P2", integration=None)

@@ -105,7 +105,9 @@ def yarns_through_corners(
             if inwards.min() > 1e-9:
                 start = corner * size
                 segments.append((start, start + direction * (size / inwards).min()))
-    return np.array(segments).reshape(-1, 2, 2)
+    # rounded and in order, so that cells do not depend on which yarns are called a
+    found = np.array(segments).reshape(-1, 2, 2).round(9)
+    return found[np.lexsort(found.reshape(-1, 4).T)]
 
 
 def _along(
