@@ -11,7 +11,6 @@ import runpy
 import signal
 import subprocess
 import sys
-import time
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from types import SimpleNamespace
@@ -71,16 +70,6 @@ def world():
     from mpi4py import MPI
 
     return MPI.COMM_WORLD
-
-
-def wait_and_kill(command, cwd, history, rows):
-    """Start a study and kill it once its history has some rows."""
-    process = subprocess.Popen(command, cwd=cwd, env=os.environ | RANKS_ENVIRONMENT)
-    while not history.exists() or history.read_text().count("\n") <= rows:
-        assert process.poll() is None
-        time.sleep(0.002)
-    process.kill()
-    process.wait()
 
 
 def run_here(patch, script):
@@ -235,10 +224,10 @@ def launch(shared_path, run_script):
     output without `progress`, that, results. By default it runs in this process, on the ranks of
     the test, which saves the start of another.
 
-    kill_at_row: kill it once its history has that many rows; overwrite: what an earlier one left.
+    overwrite: what an earlier one left.
     """
 
-    def run(name, *options, ranks=1, out=True, kill_at_row=None, overwrite=True):
+    def run(name, *options, ranks=1, out=True, overwrite=True):
         script, folder = ROOT / "studies" / f"{name}.py", shared_path / "out"
         script = script if script.exists() else ROOT / "benchmarks" / script.name
         words = [str(script), *map(str, options)]
@@ -246,9 +235,6 @@ def launch(shared_path, run_script):
             words += ["--out", str(folder)]
             words += ["--overwrite"] if overwrite and "--resume" not in options else []
         command = [*(on_ranks(ranks) if ranks > 1 else ()), sys.executable, *words]
-        if kill_at_row:
-            wait_and_kill(command, shared_path, folder / "history.csv", kill_at_row)
-            return None
         if ranks > 1:
             done = subprocess.run(
                 command,
