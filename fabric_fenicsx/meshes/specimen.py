@@ -106,7 +106,7 @@ def yarns_through_corners(
                 start = corner * size
                 segments.append((start, start + direction * (size / inwards).min()))
     # rounded and in order, so that cells do not depend on which yarns are called a
-    found = np.array(segments).reshape(-1, 2, 2).round(9)
+    found = np.array(segments).reshape(-1, 2, 2).round(12)
     return found[np.lexsort(found.reshape(-1, 4).T)]
 
 
