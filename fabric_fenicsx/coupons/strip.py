@@ -18,6 +18,7 @@ from .measured import Measured
 from .setup import CouponSetup
 
 GRADED = 0.2  # nominal strain up to which the mesh of a bias test is graded by default
+SAME_ANGLE = 1e-6  # [deg], within which yarns count as at +-45 deg
 SAME = 0.01  # of a length, by which specimens that count as equal may differ
 
 
@@ -28,13 +29,14 @@ class StripSetup(CouponSetup):
     def choose(self) -> None:
         """Choose pattern and element."""
         data, chosen = self.data, dict[str, str]()
-        at_45 = data.fibre_angle % 90 == 45 and data.yarn_angle == 90
+        off = math.remainder(data.fibre_angle - 45.0, 90.0), data.yarn_angle - 90.0
+        at_45 = max(map(abs, off)) < SAME_ANGLE
         if data.pattern is None and not data.sheet_file:
             chosen["pattern"] = "crossed" if at_45 or self._has_yarns_along() else "yarns"
             if at_45 and data.strain <= GRADED and can_be_graded(data.length, data.width):
                 chosen["pattern"] = "graded"  # thin cells would fold in deep shear
-        if getattr(data, "in_plane_bending", 0.0) and not data.element:
-            chosen |= {"element": "P1"} if data.fibre_angle % 90 == 45 else {}
+        if getattr(data, "in_plane_bending", 0.0) and not data.element and abs(off[0]) < SAME_ANGLE:
+            chosen["element"] = "P1"
         self.data = replace(data, **chosen)
 
     def _has_yarns_along(self):

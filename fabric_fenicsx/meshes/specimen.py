@@ -153,7 +153,8 @@ def _unstructured(
 ) -> tuple[np.ndarray, np.ndarray, str]:
     import gmsh
 
-    lines = np.asarray(lines).reshape(-1, 2, 2)
+    # to 1e-6 mm, so that cells do not change with an angle as little as rounding
+    lines = np.asarray(lines).reshape(-1, 2, 2).round(6)
     near, far = size * np.array(SIZES if len(lines) else (1.0, 1.0))
     options = {"MeshSizeMin": near, "MeshSizeMax": far, "Algorithm": 6.0}
     corners = 4 if cell == "quadrilateral" else 3

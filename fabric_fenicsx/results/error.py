@@ -19,6 +19,7 @@ from .quantities import CRUMPLED
 from .result import Result
 
 OTHER_CELLS = 1.5  # times the difference to a run on cells of another kind
+MIN_FORCE = 0.05  # of the largest: smaller forces, as of tools that go back, tell no share
 MAX_SHARE = 0.5  # of a number: an error above that is not told
 FIELDS = "log_eps_11", "log_eps_22", "shear_angle"
 Row = dict[str, Any]
@@ -47,7 +48,7 @@ def rule(rows: Sequence[Row], others: Sequence[Row], *, of_other_kind: bool) -> 
     (load, force), (loads, forces) = _curve(rows), _curve(others)
     late = loads >= 0.5
     own = np.interp(loads[late], load, force)
-    size = np.maximum(np.abs(own), 1e-9 * np.abs(force).max(initial=1e-300))
+    size = np.maximum(np.abs(own), max(MIN_FORCE * np.abs(force).max(), 1e-300))
     share = float(np.max(np.abs(forces[late] - own) / size, initial=0.0))
     return Rule(OTHER_CELLS if of_other_kind else 1.0, share)
 

@@ -142,6 +142,13 @@ def test_points_are_inner_where_quadratic_cells_do_not_follow_the_yarns(kind, fi
     assert kind(nx=16, **fields).build().data.integration == integration
 
 
+@pytest.mark.parametrize("angle, pattern", [(0, "crossed"), (45, "graded"), (-45, "graded")])
+def test_cells_do_not_change_with_an_angle_as_little_as_rounding(angle, pattern):
+    for by in (-1e-10, 0.0, 1e-10):
+        assert ff.BiasExtension(fibre_angle=angle + by).build().data.pattern == pattern
+    assert ff.BiasExtension(fibre_angle=angle + 2).build().data.pattern == "yarns"
+
+
 def test_an_own_mesh_gets_inner_points_if_its_cells_do_not_follow_the_yarns(tmp_path):
     points, cells, kind = specimen(200, 50, 16, 4, "left")
     meshio.Mesh(points, [(kind, cells)]).write(tmp_path / "strip.vtu")

@@ -204,6 +204,14 @@ def test_a_chance_agreement_tells_nothing():
     assert rule(run, other, of_other_kind=True) == pytest.approx((OTHER_CELLS, 0.2))
 
 
+def test_a_tool_that_has_gone_back_tells_no_share():
+    run, other = (
+        [{"load": x, "reaction_N": f} for x, f in zip((0, 0.5, 1), forces)]
+        for forces in ((0, 10.0, 0.0), (0, 9.0, 0.01))
+    )
+    assert rule(run, other, of_other_kind=False).share == pytest.approx(0.1)
+
+
 def test_an_error_above_half_of_the_number_is_unknown():
     by = Rule(1.5, 0.0)
     assert by.error(-1.0, 0.33) == pytest.approx(0.495)
