@@ -21,6 +21,7 @@ class CouponSetup(Setup):
     `data` is then the description with all defaults filled in. Raises InputError as `lay` does.
     """
 
+    FEWER_STEPS = 4  # as states of coupons do not hang on steps
     turned = 0.0  # angle from x to the length [rad]
 
     def __init__(self, data: Any, comm: MPI.Comm | None = None) -> None:

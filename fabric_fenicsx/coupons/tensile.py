@@ -63,13 +63,16 @@ class TensileSetup(StripSetup):
         }
 
     def _width_at_middle(self):
-        """Width of the deformed strip at its middle, of the nodes within 2 % of its length."""
-        blank, low, high = self.blank, self.low, self.high
-        x, u = blank.along(blank.coordinates().T), blank.u.x.array.reshape(-1, len(low)).T
-        distance = np.abs(x[0] - (low + high)[0] / 2)
-        nearest = measures.extremes(self.comm, distance)[0]
-        there = distance <= nearest + 0.02 * (high - low)[0]
-        edges = measures.extremes(self.comm, (x + u)[1][there])
+        """Width of the deformed strip where its middle was: lines within cells are cut there."""
+        blank, middle = self.blank, (self.low + self.high)[0] / 2
+        x, u = blank.along(blank.coordinates().T), blank.u.x.array.reshape(-1, len(self.low)).T
+        one, other = np.triu_indices(blank.cell_nodes.shape[1], 1)
+        lines = blank.cell_nodes[:, [one, other]].swapaxes(0, 1).reshape(2, -1)
+        ahead = x[0][lines] - middle
+        cut = ahead.prod(0) <= 0
+        (start, end), (a, b) = (x + u)[1][lines[:, cut]], ahead[:, cut]
+        share = a / np.where(a == b, 1.0, a - b)
+        edges = measures.extremes(self.comm, start + share * (end - start))
         return edges[1] - edges[0]
 
 

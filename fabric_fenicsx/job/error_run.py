@@ -21,7 +21,7 @@ FOLDER = "coarse"  # in the run's own
 
 def coarsened(job: Job, made: Any) -> Any:
     """The job `made` on a coarser mesh, with the settings of `job` that go with it."""
-    settings = job.coarser_settings()
+    settings = job.coarser_settings(job.setup.FEWER_STEPS)
     given = {each.name: getattr(settings, each.name) for each in dataclasses.fields(settings)}
     return dataclasses.replace(made, **given | {"every": 10**9, "error": False})
 

@@ -40,6 +40,8 @@ class Setup:
     True
     """
 
+    FEWER_STEPS = 2  # times as many steps has a run as the coarser one that tells its error
+
     def __init__(self, scene: Scene, data: Any = None, warnings: Sequence[str] = ()) -> None:
         self.scene, self.data, self.warnings = scene, data, list(warnings)
         self.name: str = data.NAME if data else "job"

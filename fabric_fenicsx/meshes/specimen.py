@@ -155,21 +155,24 @@ def _unstructured(
 
     # to 1e-6 mm, so that cells do not change with an angle as little as rounding
     lines = np.asarray(lines).reshape(-1, 2, 2).round(6)
-    near, far = size * np.array(SIZES if len(lines) else (1.0, 1.0))
+    near, far = (size * each for each in (SIZES if len(lines) else (1.0, 1.0)))
     options = {"MeshSizeMin": near, "MeshSizeMax": far, "Algorithm": 6.0}
     corners = 4 if cell == "quadrilateral" else 3
     if corners == 4:
         options |= {"RecombineAll": 1.0, "RecombinationAlgorithm": 3.0}  # blossom, no triangles
     if len(lines):
         options["MeshSizeExtendFromBoundary"] = 0.0
-    ways = lines[:, 1] - lines[:, 0]
+    segments = np.hstack([lines[:, 0], lines[:, 1] - lines[:, 0]]).tolist()
 
     def graded_size(_, __, x, y, *___):
-        """Size at a place, by its distance from the nearest line."""
-        to = np.array([x, y]) - lines[:, 0]
-        along = np.clip((to * ways).sum(1) / (ways**2).sum(1), 0, 1)
-        distance = np.linalg.norm(to - along[:, None] * ways, axis=1).min()
-        return float(near + (far - near) * min(1.0, distance / (REACH * size)))
+        """Size at a place, by its distance from the nearest line; plain floats, as gmsh asks for
+        tens of thousands."""
+        least = REACH * size
+        for x0, y0, dx, dy in segments:
+            along = ((x - x0) * dx + (y - y0) * dy) / (dx * dx + dy * dy)
+            along = min(1.0, max(0.0, along))
+            least = min(least, math.hypot(x - x0 - along * dx, y - y0 - along * dy))
+        return near + (far - near) * least / (REACH * size)
 
     with own_model(gmsh, **options):
         occ = gmsh.model.occ

@@ -2,8 +2,9 @@
 
 On cells of another kind errors have other causes, so the difference of the two runs is about the
 sum of both. On cells of the same kind, twice as large, the other run's error is 2^p times the run's
-own, so their difference is at least that for p >= 1. Two numbers may agree by chance; forces along
-the whole second half of the load do not: their largest relative difference is the least error.
+own, so their difference is at least that for p >= 1; energies of a minimum have p = 2 or near it.
+Two numbers may agree by chance; forces along the whole second half of the load do not: their
+relative difference (root mean square) is the least error.
 """
 
 from collections.abc import Iterable, Sequence
@@ -18,7 +19,8 @@ from . import measures
 from .quantities import CRUMPLED
 from .result import Result
 
-OTHER_CELLS = 1.5  # times the difference to a run on cells of another kind
+OTHER_CELLS = 1.75  # times the difference to a run on cells of another kind
+ENERGY = 0.5  # of the difference to a run on larger cells of the same kind: p of 1.6
 MIN_FORCE = 0.05  # of the largest: smaller forces, as of tools that go back, tell no share
 MAX_SHARE = 0.5  # of a number: an error above that is not told
 FIELDS = "log_eps_11", "log_eps_22", "shear_angle"
@@ -26,9 +28,11 @@ Row = dict[str, Any]
 
 
 class Rule(NamedTuple):
-    """Errors are `factor` times the difference of two runs, and at least `share` of the number."""
+    """Errors are `factor` times the difference of two runs, those of energies `of_energy` times,
+    and at least `share` of the number."""
 
     factor: float
+    of_energy: float
     share: float
 
     def errors(self, values: ArrayLike, differences: ArrayLike) -> np.ndarray:
@@ -36,9 +40,10 @@ class Rule(NamedTuple):
         least = self.share * np.abs(values)
         return np.maximum(self.factor * np.abs(differences), least)
 
-    def error(self, value: float, difference: float) -> float | None:
+    def error(self, value: float, difference: float, *, is_energy: bool = False) -> float | None:
         """The error of a number, None if it can't be told."""
-        error = float(self.errors(value, difference))
+        factor = self.of_energy if is_energy else self.factor
+        error = max(factor * abs(difference), self.share * abs(value))
         return error if error <= MAX_SHARE * abs(value) else None
 
 
@@ -49,8 +54,10 @@ def rule(rows: Sequence[Row], others: Sequence[Row], *, of_other_kind: bool) -> 
     late = loads >= 0.5
     own = np.interp(loads[late], load, force)
     size = np.maximum(np.abs(own), max(MIN_FORCE * np.abs(force).max(), 1e-300))
-    share = float(np.max(np.abs(forces[late] - own) / size, initial=0.0))
-    return Rule(OTHER_CELLS if of_other_kind else 1.0, share)
+    apart = (forces[late] - own) / size
+    share = float(np.sqrt(np.mean(apart**2))) if late.any() else 0.0
+    factors = (OTHER_CELLS, OTHER_CELLS) if of_other_kind else (1.0, ENERGY)
+    return Rule(*factors, share)
 
 
 def _curve(rows):
@@ -59,17 +66,18 @@ def _curve(rows):
 
 
 def curve_errors(rows: Sequence[Row], others: Sequence[Row], rule: Rule) -> np.ndarray:
-    """Errors [N] of the curve of a run at each of its `rows`, the points joined by lines, (rows,):
-    of the mesh, by the rows of the other run, and of the lines: their distance from a smooth curve
-    is at most h^2 / 8 of its second derivative."""
+    """Errors [N] of the curve of a run at each of its `rows`, (2, rows): of the mesh, by the rows
+    of the other run, and of the lines that join its points: their distance from a smooth curve is
+    at most h^2 / 8 of its second derivative."""
     (load, force), (loads, forces) = _curve(rows), _curve(others)
     apart = np.interp(loads, load, force) - forces
     of_mesh = rule.errors(force, np.interp(load, loads, np.abs(apart)))
     if len(load) < 3:
-        return of_mesh
+        return np.array([of_mesh, 0 * of_mesh])
     step, slope = np.diff(load), np.diff(force) / np.diff(load)
     bent = np.abs(np.diff(slope)) / (step[1:] + step[:-1])  # half of the second derivative
-    return of_mesh + np.pad(bent * np.maximum(step[1:], step[:-1]) ** 2 / 4, 1, mode="edge")
+    of_lines = bent * np.maximum(step[1:], step[:-1]) ** 2 / 4
+    return np.array([of_mesh, np.pad(of_lines, 1, mode="edge")])
 
 
 def field_differences(result: Result, other: Result) -> dict[str, np.ndarray]:
@@ -128,11 +136,11 @@ def estimate(
     for name in ("reaction_N", "strain_energy_Nmm", *names):
         own, others = result.number(name), other.number(name)
         if own is not None and others is not None:
-            errors[name] = by.error(own, own - others)
+            errors[name] = by.error(own, own - others, is_energy=name == "strain_energy_Nmm")
     curve = curve_errors(result.rows, other.rows, by)
-    for row, error in zip(result.rows, curve):
-        row["error_N"] = float(error)
-    errors["curve_N"] = float(curve.max())
+    for row, each in zip(result.rows, curve.T.tolist()):
+        row["error_N"], row["error_steps_N"] = sum(each), each[1]
+    errors["curve_N"], errors["curve_steps_N"] = curve.sum(0).max(), curve[1].max()
     for name, differences in field_differences(result, other).items():
         size, apart = (_root(result, each) for each in (result.fields[name], differences))
         scale = by.errors(size, apart) / apart if apart else 0.0

@@ -68,14 +68,15 @@ class Settings:
         for each in self.milestones:
             LOAD_FACTOR.check("one of `milestones`", each)
 
-    def coarser_settings(self) -> "Settings":
-        """The settings of the same run on a mesh twice as coarse, with half the steps."""
+    def coarser_settings(self, fewer: int = 2) -> "Settings":
+        """The settings of the same run on a coarser mesh, with `fewer` times fewer
+        steps, at least 2."""
         path, limits = self.path_tolerance, dataclasses.asdict(self.limits)
         own = {each.name: getattr(self, each.name) for each in dataclasses.fields(Settings)}
         return dataclasses.replace(
             Settings(**own),
-            steps=(self.steps + 1) // 2,
-            max_step=self.max_step and min(1.0, 2 * self.max_step),
+            steps=max(2, -(-self.steps // fewer)),
+            max_step=self.max_step and min(1.0, fewer * self.max_step),
             path_tolerance=path and min(1e-1, LOOSER * path),
             accuracy=self.accuracy and 2 * self.accuracy,
             balance=self.balance and 2 * self.balance,
