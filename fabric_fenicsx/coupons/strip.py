@@ -75,8 +75,7 @@ class StripSetup(CouponSetup):
         follows = data.pattern in ("yarns", "graded")
         if data.sheet_file or follows or getattr(data, "in_plane_bending", 0.0):
             return None
-        larger = 4 if self.blank.degree == 1 else 2 if data.pattern == "crossed" else 3
-        coarse = data.on_coarser_mesh(times=larger)
+        coarse = data.on_coarser_mesh(times=4 if self.blank.degree == 1 else 2)
         return replace(coarse, pattern="yarns", element="P2", integration=None)
 
     def prepare(self) -> None:

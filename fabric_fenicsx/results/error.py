@@ -21,6 +21,8 @@ from .result import Result
 
 OTHER_CELLS = 1.75  # times the difference to a run on cells of another kind
 ENERGY = 0.5  # of the difference to a run on larger cells of the same kind: p of 1.6
+MIN_SHARE = 1e-3  # of a number: smaller errors two runs can't know, unless they agree to
+ALIKE = 1e-6  # as in a homogeneous state
 MIN_FORCE = 0.05  # of the largest: smaller forces, as of tools that go back, tell no share
 MAX_SHARE = 0.5  # of a number: an error above that is not told
 FIELDS = "log_eps_11", "log_eps_22", "shear_angle"
@@ -56,6 +58,7 @@ def rule(rows: Sequence[Row], others: Sequence[Row], *, of_other_kind: bool) -> 
     size = np.maximum(np.abs(own), max(MIN_FORCE * np.abs(force).max(), 1e-300))
     apart = (forces[late] - own) / size
     share = float(np.sqrt(np.mean(apart**2))) if late.any() else 0.0
+    share = max(share, MIN_SHARE) if share > ALIKE else share
     factors = (OTHER_CELLS, OTHER_CELLS) if of_other_kind else (1.0, ENERGY)
     return Rule(*factors, share)
 

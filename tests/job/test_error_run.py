@@ -13,7 +13,7 @@ import fabric_fenicsx as ff
 from fabric_fenicsx.coupons.tensile import TensileSetup as Strip
 from fabric_fenicsx.job.error_run import FOLDER, coarsened
 from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.results.error import ENERGY, OTHER_CELLS, Rule, curve_errors, rule
+from fabric_fenicsx.results.error import ENERGY, MIN_SHARE, OTHER_CELLS, Rule, curve_errors, rule
 
 
 @pytest.mark.versions
@@ -205,6 +205,14 @@ def test_a_chance_agreement_tells_nothing():
     assert by.error(10.0, 0.0) == pytest.approx(10 * share)
     assert by.error(10.0, 4.0) == pytest.approx(2 * by.error(10.0, 4.0, is_energy=True))
     assert rule(run, other, of_other_kind=True) == pytest.approx((OTHER_CELLS,) * 2 + (share,))
+
+
+def test_two_runs_know_no_error_below_a_thousandth():
+    runs = [
+        [{"load": x, "reaction_N": f * x} for x in (0, 0.5, 1)] for f in (10, 10.001, 10 + 1e-7)
+    ]
+    assert rule(runs[0], runs[1], of_other_kind=True).share == MIN_SHARE
+    assert rule(runs[0], runs[2], of_other_kind=True).share == pytest.approx(1e-8)
 
 
 def test_a_tool_that_has_gone_back_tells_no_share():
