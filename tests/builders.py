@@ -36,7 +36,7 @@ def dome_press(
     tables = {f.name: "contact" for f in fields(ff.Interface)}
     words = [f"{tables.get(name, 'blank')}.{name}={json.dumps(v)}" for name, v in given.items()]
     words += [f"stage.1.moves.punch={stroke}"] * (stroke is not None)
-    words += ["blank.quarter=false"] * full
+    words += ["blank.symmetry=none"] * full
     press = ff.Press.read("double_dome", [*words, *changes])
     sheet, tools = press.sheets[0], dict(press.tools)
     sheets = [sheet]

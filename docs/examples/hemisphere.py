@@ -20,7 +20,7 @@ round_ = {"dome_distance": 1e-3, "dome_radius": 50.0, "waist": 50.0, "wall_angle
 dome = ff.DoubleDome(depth=60.0, top_radius=49.9, entry_radius=10.0, saddle_depth=0.0, **round_)
 press = ff.Press(
     sheets=[ff.Sheet(fabric, length=200, width=200, nx=nx, bending_modulus=20.0)],
-    quarter=True,
+    symmetry="xy",
     interface=ff.Interface(friction=friction),
     tools={"die": ff.PressTool(ff.DieOf("punch"), side="above"), "punch": ff.PressTool(dome)},
     holders={"holder": ff.PressureHolder(0.05)},

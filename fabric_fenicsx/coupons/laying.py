@@ -1,7 +1,9 @@
 """A sheet's fields made into a blank: a rectangle, an own mesh or an outline."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
 from mpi4py import MPI
 
 from .. import dolfinx_compat as compat
@@ -30,20 +32,20 @@ def lay(
     comm: MPI.Comm,
     *,
     spatial: bool = False,
-    share: float = 1.0,
+    planes: Sequence[int] = (),
     height: float | None = None,
     **layout: Any,
 ) -> Laid:
     """Mesh a sheet, and check it.
 
-    sides: names of its fields of length and width; spatial: free to leave its plane; share: of
-    length and width that is modelled; height: as in `Blank.read`; layout: `turned` and `centred`
-    of `Layout`. Raises InputError as `Blank` does, and for fields
+    sides: names of its fields of length and width; spatial: free to leave its plane; planes: axes
+    to which planes of symmetry through the origin are perpendicular; height: as in `Blank.read`;
+    layout: `turned` and `centred` of `Layout`. Raises InputError as `Blank` does, and for fields
     that do not fit the mesh.
     """
     source = sheet.sheet_file or "the specimen"
     with timing.phase("setup"), task("meshing the sheet"):
-        blank = _blank(sheet, sides, comm, spatial, share, height, layout)
+        blank = _blank(sheet, sides, comm, spatial, planes, height, layout)
     if blank.mesh.geometry.dim == 3 and not spatial:
         raise InputError(
             f"{source} is not plane in z; allowed in this study is a sheet in a plane z = const"
@@ -58,12 +60,17 @@ def lay(
     warnings = [*blank.warnings, mesh_warnings.size_warning(blank, source)]
     if sheet.sheet_file:
         warnings.append(_idle_warning(sheet))
-        settled |= _own_sizes(sheet, sides, blank, share)
+        settled |= _own_sizes(sheet, sides, blank, planes)
         settled |= dict.fromkeys(("nx", "ny", "pattern") if sheet.mesh else ("ny",))
     return Laid(blank, settled, [*filter(None, warnings)])
 
 
-def _blank(sheet, sides, comm, spatial, share, height, more):
+def modelled(planes):
+    """Shares (2,) of length and width that are modelled."""
+    return np.where(np.isin([0, 1], planes), 0.5, 1.0)
+
+
+def _blank(sheet, sides, comm, spatial, planes, height, more):
     layout: Layout = {
         "element": sheet.element,
         "fibre_angle": sheet.fibre_angle,
@@ -76,17 +83,17 @@ def _blank(sheet, sides, comm, spatial, share, height, more):
         return Blank.read(sheet.mesh, spatial=spatial, comm=comm, **place, **options)
     how = {"pattern": sheet.pattern, "spatial": spatial, "comm": comm}
     if sheet.outline:
-        cells = {"nx": sheet.nx or 1, "size": sheet.size, "layer": sheet.layer}
+        cells = {"nx": sheet.nx or 1, "size": sheet.size, "layer": sheet.layer, "planes": planes}
         return Blank.outline(sheet.outline, **cells, **how, **layout)
-    length, width = (share * getattr(sheet, side) for side in sides)
+    length, width = modelled(planes) * [getattr(sheet, side) for side in sides]
     return Blank.rectangle(length, width, nx=sheet.nx, ny=sheet.ny, **how, **layout)
 
 
-def _own_sizes(sheet, sides, blank, share):
+def _own_sizes(sheet, sides, blank, planes):
     """Length and width of an own mesh, by their fields."""
     low, high = blank.extent()
     # rounded, to be the same on any number of ranks
-    own = [float(f"{size / share:.9g}") for size in (high - low)[:2]]
+    own = [float(f"{size:.9g}") for size in (high - low)[:2] / modelled(planes)]
     where = sheet.sheet_file
     if sides[0] == sides[1] and abs(own[0] - own[1]) > FITS * own[0]:
         raise InputError(

@@ -20,10 +20,10 @@ from .placement import place
 from .press import Press
 from .site import hold
 
-PLANES = [
-    lambda x: x[0] < PLANE_TOLERANCE,
-    lambda x: x[1] < PLANE_TOLERANCE,
-]  # of symmetry of a quarter
+
+def _plane(axis):
+    """Function of points (3, n) to a mask (n,) of those on a plane of symmetry."""
+    return lambda x: x[axis] < PLANE_TOLERANCE
 
 
 @phase("setup")
@@ -34,7 +34,7 @@ def build(press: Press, comm: MPI.Comm | None = None) -> FormingScene:
     comm, warnings, interface = comm or MPI.COMM_WORLD, list[str](), press.interface
     laid = lay_blank(press, comm, warnings)
     placed = place(press, laid, comm, warnings)
-    sheets, planes = laid.sheets, PLANES if press.quarter else ()
+    sheets, planes = laid.sheets, [_plane(axis) for axis in press.planes]
 
     fabrics = [sheet for sheet in sheets if sheet.fabric]
     terms = [laid.on(s, _membrane(s)) for s in fabrics]
@@ -81,15 +81,17 @@ def _folds(sheet, press, planes):
 
 
 def _supports(press: Press, laid: Laid) -> list[Support]:
-    """The planes of symmetry of a quarter; or the nodes of a whole blank nearest to its centroid
-    and to the end of the axis there, which keep it from moving and turning in its plane."""
-    if press.quarter:
-        return [
-            Support("plane of symmetry x = 0", PLANES[0], (0,)),
-            Support("plane of symmetry y = 0", PLANES[1], (1,)),
-        ]
-    middle, end = laid.centre, laid.centre + [laid.sides[0] / 2, 0.0]
-    return [
-        Support("centre", laid.nearest_nodes(middle), (0, 1), locates=True),
-        Support("end of the axis", laid.nearest_nodes(end), (1,), locates=True),
+    """The planes of symmetry, and what keeps the blank from moving and turning in its plane: the
+    nodes nearest to its centroid, and without planes to the end of the axis there."""
+    supports = [
+        Support(f"plane of symmetry {'xy'[axis]} = 0", _plane(axis), (axis,))
+        for axis in press.planes
     ]
+    free = tuple(axis for axis in (0, 1) if axis not in press.planes)
+    if free:
+        middle = laid.nearest_nodes(laid.centre)
+        supports.append(Support("centre", middle, free, locates=True))
+    if not press.planes:
+        end = laid.nearest_nodes(laid.centre + [laid.sides[0] / 2, 0.0])
+        supports.append(Support("end of the axis", end, (1,), locates=True))
+    return supports

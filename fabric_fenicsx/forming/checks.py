@@ -1,5 +1,5 @@
 """Checks of a press: whether its tools leave room for the blank, and are symmetric if only a
-quarter is modelled."""
+part of the blank is modelled."""
 
 from functools import partial
 from itertools import combinations
@@ -92,11 +92,11 @@ def _points(tool, low, high, load):
 
 
 def symmetry_warnings(press: Any, laid: Any, placed: Any) -> list[str]:
-    """A warning for each tool of a quarter that is not its own mirror image in x = 0 and y = 0,
-    within `MIRRORED` thicknesses, in its places at the start and at the end; on all ranks."""
+    """A warning for each tool that is not its own mirror image in the planes of symmetry, within
+    `MIRRORED` thicknesses, in its places at the start and at the end; on all ranks."""
     warnings: list[str] = []
     comm, (low, high) = laid.blank.mesh.comm, laid.blank.extent()
-    for tool in placed.tools.values() if comm.rank == 0 and press.quarter else ():
+    for tool in placed.tools.values() if comm.rank == 0 else ():
         if tool.name in press.dies():  # it is as symmetric as its tool
             continue
         sideways = np.subtract(tool.path(1.0), tool.path(0.0))[:2].any()
@@ -104,15 +104,17 @@ def symmetry_warnings(press: Any, laid: Any, placed: Any) -> list[str]:
             x, place = _points(tool, low, high, load), np.asarray(tool.path(load))
             if not len(x) or any(words.startswith(f"tools.{tool.name} ") for words in warnings):
                 continue
-            for axis, mirror in enumerate(((-1, 1, 1), (1, -1, 1))):
+            for axis in press.planes:
+                mirror = 1.0 - 2.0 * np.eye(3)[axis]
                 off = np.nan_to_num(abs(tool.surface.evaluate(x * mirror - place).gap))
                 worst = int(off.argmax())
                 if off[worst] > MIRRORED * placed.thickness:
                     warnings.append(
                         f"tools.{tool.name} is not its own mirror image in {'xy'[axis]} = 0: it is "
                         f"at {coordinates(x[worst])}, but {rounded(off[worst])} mm off "
-                        f"{coordinates(x[worst] * mirror)}; so the quarter stands for four "
-                        "mirrored ones; take the whole blank (`quarter = false`)"
+                        f"{coordinates(x[worst] * mirror)}; so the {press.modelled} "
+                        f"stands for {1 / press.share:g} mirrored ones; take the whole blank "
+                        '(`symmetry = "none"`)'
                     )
                     break
     return comm.bcast(warnings)

@@ -100,16 +100,18 @@ class FormingScene(Setup):
         """As in `Setup`."""
         names = dict.fromkeys(name for name in self.schedule.leaders() if name)
         of = " or ".join(names) or next(iter(self.tools))
-        return f"force of {of}" + (" on a quarter of the blank" if self.data.quarter else "")
+        return f"force of {of}" + (
+            f" on a {self.data.modelled} of the blank" if self.data.planes else ""
+        )
 
     def modelled_share(self) -> float:
         """As in `Setup`."""
-        return 0.25 if self.data.quarter else 1.0
+        return self.data.share
 
     def of_whole(self, quantities: Mapping[str, Any]) -> str:
-        """Text that follows the force on a quarter, "" for a whole blank."""
+        """Text that follows the force on a part of the blank, "" for a whole one."""
         whole = quantities["force_of_whole_blank_N"]
-        return f", {rounded(whole, 5)} N on all of it" if self.data.quarter else ""
+        return f", {rounded(whole, 5)} N on all of it" if self.data.planes else ""
 
     def title_and_text(self) -> tuple[str, str]:
         """As in `Setup`."""
@@ -149,14 +151,16 @@ class FormingScene(Setup):
 
     def disturbed(self, aside: float) -> Press:
         """The press of the whole blank with its leading tool moved `aside` [mm], along no axis:
-        what symmetry hides shows there. Raises InputError for a quarter from a file."""
+        what symmetry hides shows there. Raises InputError for a part from a file."""
         press, name = self.data, self.leader().name
-        if press.quarter:
+        if press.planes:
             if files := [sheet.sheet_file for sheet in self.sheets if sheet.sheet_file]:
                 raise InputError(
-                    f"{files[0]} is a quarter, which can't be disturbed; allowed is the whole blank"
+                    f"{files[0]} is modelled by a {press.modelled}, which can't be disturbed; "
+                    "allowed is the whole blank"
                 )
-            press = self.finer(2.0).replace(quarter=False)
+            sheets = [sheet.mirrored(press.planes) for sheet in self.sheets]
+            press = press.replace(sheets=sheets, symmetry="none")
         x, y, *z = np.asarray(press.tool(name).at).tolist()
         at = x + aside * math.cos(math.pi / 6), y + aside * math.sin(math.pi / 6), *z
         moved = dataclasses.replace(press.tools[name], at=at)

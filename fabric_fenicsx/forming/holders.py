@@ -203,7 +203,7 @@ class ForceHolder(Kind):
 
     def terms(self, site: HolderSite) -> list[Term]:
         """As in `Holder`."""
-        force = self.force * (1.0 if site.whole else 0.25)
+        force = self.force * site.press.share
         plate = Plane(-site.thickness / 2 * site.up, site.up)
         tool = Tool(plate, force=lambda load: force * site.up, name=site.name)
         return [site.contact(tool, site.at_plate(self.where))]
@@ -349,16 +349,17 @@ class SpringHolder(Kind):
             raise InputError("a `SpringHolder` needs `edges` or points `at`")
 
     def terms(self, site: HolderSite) -> list[Term]:
-        """As in `Holder`. Raises InputError for a point that is not in the quarter."""
-        half = 1.0 if site.whole else 0.5  # share of a spring in a plane of symmetry
-        edges = site.edges(self.edges)
-        springs = [self._spring(site, name, edge, half, way) for name, way, edge in edges]
+        """As in `Holder`. Raises InputError for a point beyond a plane of symmetry."""
+        planes, springs = list(site.planes), list[Term]()
+        for name, way, edge in site.edges(self.edges):
+            cut = sum(not way[axis] for axis in planes)  # by planes across the edge
+            springs.append(self._spring(site, name, edge, 0.5**cut, way))
         for k, place in enumerate(self.at, 1):
             x = np.append(np.asarray(place, dtype=float), 0.0)
-            if not site.whole and (x < 0).any():
+            if beyond := " and ".join("xy"[axis] for axis in planes if x[axis] < 0):
                 raise InputError(
-                    f"{site.path}.at has the point {coordinates(x[:2])} mm, which is not in the "
-                    "quarter; allowed are x and y from 0"
+                    f"{site.path}.at has the point {coordinates(x[:2])} mm, beyond a plane of "
+                    f"symmetry; allowed is {beyond} from 0"
                 )
             away = x - np.append(site.centre, 0.0)
             if not (length := np.linalg.norm(away)):
@@ -366,7 +367,7 @@ class SpringHolder(Kind):
                     f"{site.path}.at has the blank's centroid, {coordinates(x[:2])} mm, from which "
                     "springs pull away; allowed are other points"
                 )
-            share, near = half ** int((x[:2] == 0).sum()), site.nearest_nodes(x[:2])
+            share, near = 0.5 ** int((x[planes] == 0).sum()), site.nearest_nodes(x[:2])
             springs.append(self._spring(site, f"point {k}", near, share, away / length))
         return springs
 

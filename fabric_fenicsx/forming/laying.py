@@ -8,7 +8,7 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 
-from ..coupons.laying import lay
+from ..coupons.laying import lay, modelled
 from ..mechanics.term import Term
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
@@ -77,15 +77,15 @@ class Laid:
 
 def lay_blank(press: Press, comm: MPI.Comm, warnings: list[str]) -> Laid:
     """The blank of a press. Raises InputError for sheets that can't be meshed, and for own meshes
-    that are no quarter if a quarter is modelled."""
+    that reach beyond planes of symmetry or not to them."""
     sheets = [s.ready(f"ply {k}", press.interface) for k, s in enumerate(press.sheets, 1)]
-    if press.quarter:
-        warnings += filter(None, (sheet.mirror_warning() for sheet in sheets))
-    made, meshed = _meshed(sheets, press.quarter, comm)
+    planes = press.planes
+    if planes:
+        warnings += filter(None, (sheet.mirror_warning(press.modelled) for sheet in sheets))
+    made, meshed = _meshed(sheets, planes, comm)
     for sheet, laid in zip(made, meshed):
         path = f"ply {sheet.name}" if made[1:] else sheet.sheet_file or "the blank"
-        if press.quarter:
-            _check_quarter(laid.blank, path)
+        _check_symmetric(laid.blank, path, planes)
         warnings += laid.warnings
     blanks = [each.blank for each in meshed]
     sheets = [
@@ -93,11 +93,11 @@ def lay_blank(press: Press, comm: MPI.Comm, warnings: list[str]) -> Laid:
         for sheet, laid in zip(made, meshed)
     ]
     low, high = blanks[first_fabric(sheets)].extent()
-    share = 0.5 if press.quarter else 1.0
     # rounded, to be the same on any number of ranks
-    sides = [float(f"{size / share:.9g}") for size in (high - low)[:2]]
+    sides = [float(f"{size:.9g}") for size in (high - low)[:2] / modelled(planes)]
     blank = _piled(sheets, blanks) if sheets[1:] else blanks[0]
-    centre = np.zeros(2) if press.quarter else _centroid(blank)
+    centre = _centroid(blank)
+    centre[list(planes)] = 0.0
     return Laid(blank, sheets, sides, centre)
 
 
@@ -106,39 +106,40 @@ def first_fabric(sheets: Sequence[Sheet]) -> int:
     return next((k for k, sheet in enumerate(sheets) if sheet.fabric), 0)
 
 
-def _meshed(sheets, quarter, comm):
+def _meshed(sheets, planes, comm):
     """The sheets with their defaults, and each one laid. If cells do not follow the yarns, all
     are quadratic; by default they are twice as large, so that there are as many nodes."""
     asked = any(sheet.element for sheet in sheets)
-    made = [_with_nx(sheet, DEFAULT_NX, quarter) for sheet in sheets]
-    meshed = [_laid(sheet, quarter, comm) for sheet in made]
+    made = [_with_nx(sheet, DEFAULT_NX, planes) for sheet in sheets]
+    meshed = [_laid(sheet, planes, comm) for sheet in made]
     if not asked and made != sheets and max(each.blank.degree for each in meshed) == 2:
-        made = [_with_nx(sheet, DEFAULT_NX // 2, quarter, "P2") for sheet in sheets]
-        meshed = [_laid(sheet, quarter, comm) for sheet in made]
+        made = [_with_nx(sheet, DEFAULT_NX // 2, planes, "P2") for sheet in sheets]
+        meshed = [_laid(sheet, planes, comm) for sheet in made]
     return made, meshed
 
 
-def _with_nx(sheet, nx, quarter, element=None):
-    """The sheet with this `nx` and element, if it says nothing of its cells; a whole sheet has a
-    node at its centre."""
+def _with_nx(sheet, nx, planes, element=None):
+    """The sheet with this `nx` and element, if it says nothing of its cells; with a node at the
+    middle of a side that no plane of symmetry halves."""
     usual = not (sheet.nx or sheet.size or sheet.mesh)
     sheet = dataclasses.replace(sheet, element=element) if usual and element else sheet
-    sheet = sheet.with_defaults(nx + (nx % 2 if usual and not quarter else 0))
-    if quarter or sheet.sheet_file or sheet.ny:
+    sheet = sheet.with_defaults(nx + (nx % 2 if usual and 0 not in planes else 0))
+    if 1 in planes or sheet.sheet_file or sheet.ny:
         return sheet
-    ny = 2 * max(1, round(sheet.nx * sheet.width / sheet.length / 2))
-    return dataclasses.replace(sheet, ny=ny)
+    length = modelled(planes)[0] * sheet.length
+    return dataclasses.replace(sheet, ny=2 * max(1, round(sheet.nx * sheet.width / length / 2)))
 
 
-def _laid(sheet, quarter, comm):
+def _laid(sheet, planes, comm):
+    own = [axis not in planes for axis in (0, 1)]
     return lay(
         sheet,
         ("length", "width"),
         comm,
         spatial=True,
-        share=0.5 if quarter else 1.0,
+        planes=planes,
         height=0.0,
-        centred=sheet.centred if sheet.sheet_file else not quarter,
+        centred=sheet.centred if sheet.sheet_file else own,
     )
 
 
@@ -157,17 +158,19 @@ def _centroid(blank):
     return np.array(sums) / area
 
 
-def _check_quarter(blank, source):
+def _check_symmetric(blank, source, planes):
     """Raise InputError for a sheet that a plane of symmetry would cut, or without an edge on it."""
     low, high = (each[:2] for each in blank.extent())
-    for axis, start, end in zip("xy", low, high):
-        reaches = f"{source} reaches from {axis} = {rounded(start, 4)} to {rounded(end, 4)} mm"
+    for axis in planes:
+        name, start, end = "xy"[axis], low[axis], high[axis]
+        reaches = f"{source} reaches from {name} = {rounded(start, 4)} to {rounded(end, 4)} mm"
         if start < -1e-3 * (end - start):
             raise InputError(
-                f"{reaches}, beyond the quarter x, y >= 0; allowed is the whole blank, or a quarter"
+                f"{reaches}, beyond the plane of symmetry {name} = 0; allowed is the whole blank, "
+                f"or a mesh of its part {name} >= 0"
             )
         if start > PLANE_TOLERANCE:
             raise InputError(
-                f"{reaches}, but the planes of symmetry of a quarter are x = 0 and y = 0; allowed "
-                "is a mesh with edges on both, or the whole blank"
+                f"{reaches}, but a plane of symmetry is {name} = 0; allowed is a mesh with an edge "
+                "on it, or the whole blank"
             )

@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -60,7 +61,7 @@ def place(press: Press, laid: Laid, comm: MPI.Comm, warnings: list[str]) -> Plac
         stood[name] = at.stand(name, press.tool(name), usual_off.get(name, 0.0))
     for name, of in dies.items():
         face = face_of(stood[of][0], press.tools[of].towards)
-        at.check_matched(of, face, press.quarter)
+        at.check_matched(of, face, press.planes)
         check_clearance(f"tools.{name}.clearance", clearances[name], pressed, face)
         surface = Reversed(Offset(face, clearances[name]))
         try:
@@ -91,12 +92,11 @@ def place(press: Press, laid: Laid, comm: MPI.Comm, warnings: list[str]) -> Plac
 
 def _tool(press, name, surface, start, schedule):
     given, force = press.tools[name], None
-    share = 0.25 if press.quarter else 1.0
     if given.force is not None:
         size = schedule.force(name)
 
         def force(load):
-            return share * size(load) * given.towards
+            return press.share * size(load) * given.towards
 
     return Tool(surface, schedule.path(name, start), force=force, name=name)
 
@@ -175,13 +175,13 @@ class Placement:
         if doubt := unit_doubt(size, self._size, MIN_SHARE):
             raise InputError(f"{name} {doubt}; allowed is a surface in mm")
 
-    def check_matched(self, name: str, surface: Surface, quarter: bool = False) -> None:
+    def check_matched(self, name: str, surface: Surface, planes: Sequence[int] = ()) -> None:
         """Raise InputError for the surface of triangles of a tool with a die that has an opening
-        beneath the blank, or beneath the mirror images of a `quarter`."""
+        beneath the blank, or beneath its mirror images in `planes` of symmetry."""
         triangles, turn = _triangles(surface)
         if triangles is None:
             return
-        low, high = -self._high if quarter else self._low, self._high
+        low, high = np.where(np.isin([0, 1], planes), -self._high, self._low), self._high
         whole, x = float((high - low).max()), triangles.points @ turn.T
         needed = f"a surface in mm that reaches beyond the blank of {rounded(whole, 4)} mm"
         middle = x[triangles.rim].mean(1)

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from ..material.laws import Law
     from .forming_scene import FormingScene
 
+SYMMETRIES = "none", "x", "y", "xy"
 EXAMPLES = Path(__file__).parents[1] / "studies" / "presses"
 
 
@@ -40,8 +41,9 @@ class Press(KnowsItsFields):
     ----------
     sheets
         The lowest first; one alone needs no list.
-    quarter
-        True: only x, y >= 0 is modelled, with planes of symmetry.
+    symmetry
+        "x": x = 0 is a plane of symmetry, and x >= 0 is modelled; "y" likewise, "xy" for both: a
+        quarter. "none" for the whole blank.
     interface
         How sheets and tools touch.
     tools
@@ -67,7 +69,7 @@ class Press(KnowsItsFields):
     >>> press = ff.Press.read("hemisphere", ["blank.nx=4"])
     >>> press.sheets[0].nx, press.tools["punch"].surface.radius
     (4, 50.0)
-    >>> press == press.replace(quarter=True)
+    >>> press == press.replace(symmetry="xy")
     True
     """
 
@@ -82,7 +84,7 @@ class Press(KnowsItsFields):
     CHEAP_FROM: ClassVar[int] = 0  # errors are estimated when asked for
 
     sheets: Sequence[Sheet]
-    quarter: bool = False
+    symmetry: str = "none"
     interface: Interface = Interface()
     tools: Mapping[str, PressTool] = field(default_factory=dict)
     holders: Mapping[str, Holder | Sequence[Holder]] = field(default_factory=dict)
@@ -91,6 +93,10 @@ class Press(KnowsItsFields):
     title: str = ""
 
     def __post_init__(self) -> None:
+        if self.symmetry not in SYMMETRIES:
+            raise InputError(
+                f"`symmetry` is {shown(self.symmetry)}; allowed are {', '.join(SYMMETRIES)}"
+            )
         alone: Any = self.sheets
         given: list[Sheet] = [alone] if isinstance(alone, Sheet) else list(alone)
         if not given:
@@ -119,6 +125,21 @@ class Press(KnowsItsFields):
             if isinstance(tool.surface, DieOf):
                 self._check_die(name, tool)
         self.schedule(dict.fromkeys(self.dies().values(), 0.0), 0.0)
+
+    @property
+    def planes(self) -> tuple[int, ...]:
+        """Axes to which the planes of symmetry are perpendicular: 0 for x, 1 for y."""
+        return tuple(axis for axis in (0, 1) if "xy"[axis] in self.symmetry)
+
+    @property
+    def share(self) -> float:
+        """Share of the whole blank that is modelled."""
+        return 0.5 ** len(self.planes)
+
+    @property
+    def modelled(self) -> str:
+        """Name of what is modelled of the blank."""
+        return ("whole", "half", "quarter")[len(self.planes)]
 
     def paths(self) -> list[str]:
         """The path of each sheet's table in a file."""

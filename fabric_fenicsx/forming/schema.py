@@ -87,13 +87,13 @@ def fields_of(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     if not isinstance(document.get("title", ""), str):
         raise InputError(f"title is {shown(document['title'])}; allowed is a text")
     tables = {name: _table(document.get(name, {}), name, f"[{name}]") for name in TABLES}
-    quarter = tables["blank"].pop("quarter", False)
-    if not isinstance(quarter, bool):
-        raise InputError(f"blank.quarter is {shown(quarter)}; allowed is true or false")
+    if "quarter" in tables["blank"]:
+        raise InputError('blank.quarter is not known; allowed is symmetry = "xy" for a quarter')
+    symmetry = tables["blank"].pop("symmetry", "none")
     stages = _list(document, "stage")
     return {
         "title": document.get("title", ""),
-        "quarter": quarter,
+        "symmetry": symmetry,
         "sheets": _sheets(document, tables["blank"], folder),
         "interface": from_table(Interface, tables["contact"], "contact", folder),
         "limits": from_table(Limits, tables["limits"], "limits", folder),
@@ -374,7 +374,7 @@ def document_of(press: Any) -> dict[str, Any]:
     plies = [_entries(sheet, {}) for sheet in press.sheets]
     document: dict[str, Any] = {"unit": "mm"}
     document |= {"title": press.title} if press.title else {}
-    blank: dict[str, Any] = {"quarter": True} if press.quarter else {}
+    blank: dict[str, Any] = {"symmetry": press.symmetry} if press.planes else {}
     document["blank"] = blank | (plies[0] if len(plies) == 1 else {})
     document["contact"] = _entries(press.interface, {})
     document["limits"] = _entries(press.limits, {})

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Self
 
@@ -73,7 +74,7 @@ class Sheet(SheetFields):
     metal: Metal | None = field(default=None, metadata={"read": load_metal})
     name: str = ""
     nx: int = number(
-        None, COUNT, "rectangles along the length that is modelled: half, in a quarter", "mesh"
+        None, COUNT, "rectangles along the length that is modelled: half with symmetry x", "mesh"
     )
     element: str = choice(
         None,
@@ -156,9 +157,15 @@ class Sheet(SheetFields):
             return self.friction
         return ON_METAL if self.metal or upper.metal else BETWEEN_FABRICS
 
-    def mirror_warning(self) -> str:
+    def mirrored(self, planes: Sequence[int]) -> Self:
+        """The sheet, a rectangle, with the cells of its images in the planes of symmetry."""
+        counts = {0: "nx", 1: "ny"}
+        cells = {counts[k]: 2 * n for k in planes if (n := getattr(self, counts[k]))}
+        return dataclasses.replace(self, **cells)
+
+    def mirror_warning(self, modelled: str) -> str:
         """A warning if the planes of symmetry don't mirror the yarns into yarns of the same kind,
-        otherwise ""."""
+        otherwise "". modelled: what is modelled, a half or a quarter."""
         if not self.fabric:
             return ""
         a, b = self.fibre_angle, self.fibre_angle + self.yarn_angle
@@ -169,8 +176,8 @@ class Sheet(SheetFields):
             return ""
         differ = ", as warp and weft differ" if _is_multiple(a + b, 180) else ""
         return (
-            f"yarns at {a:g} and {b:g} deg are not their own mirror images{differ}, so the quarter "
-            "stands for a ply of four mirrored quarters; take the whole ply"
+            f"yarns at {a:g} and {b:g} deg are not their own mirror images{differ}, so the "
+            f"{modelled} stands for a ply of mirrored ones; take the whole ply"
         )
 
 

@@ -85,9 +85,9 @@ class HolderSite:
         return self.laid.centre
 
     @property
-    def whole(self) -> bool:
-        """False if only a quarter of the blank is modelled."""
-        return not self.press.quarter
+    def planes(self) -> tuple[int, ...]:
+        """Axes to which the planes of symmetry are perpendicular."""
+        return self.press.planes
 
     @property
     def up(self) -> np.ndarray:
@@ -145,7 +145,7 @@ class HolderSite:
     def warn_of_loose_ends(self, flange: Flange) -> None:
         """Warn of each end of the smallest sheet, on the axes through its centre, that lies over
         the die's opening, where no holder presses it."""
-        for axis, name, way, end in stack.ends_of_all(self.laid.blanks, self.whole):
+        for axis, name, way, end in stack.ends_of_all(self.laid.blanks, self.planes):
             x = np.append(self.centre, 0.0)[:, None] + np.zeros(MAX_OPENING)
             x[axis] = end + way * np.arange(MAX_OPENING)
             pressed = np.flatnonzero(flange(x))
@@ -168,7 +168,7 @@ class HolderSite:
         for name in names:
             axis, end = EDGES[name]
             place = extent[end][axis]
-            if end or self.whole:
+            if end or axis not in self.planes:
 
                 def edge(x, axis=axis, place=place):
                     return abs(x[axis] - place) < 1e-6
@@ -213,7 +213,7 @@ class HolderSite:
         does, None for all: a node at the common limit of two segments is the first one's. Raises
         InputError where they overlap by more than that."""
         given, flange, blank = self.checked(where), self.on_flange(), self.laid.blanks[0]
-        x, areas = blank.midpoints(), blank.areas() * (1 if self.whole else 4)
+        x, areas = blank.midpoints(), blank.areas() / self.press.share
         mask = given or (lambda x: np.ones(x.shape[1], dtype=bool))
 
         def overlap(other):

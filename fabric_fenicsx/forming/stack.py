@@ -52,12 +52,14 @@ def rims(stack: Stack, sheets: Sequence[Sheet]) -> list[str]:
     return [s.name for s, reaches in zip(sheets[1:], beyond) if reaches]
 
 
-def ends_of_all(blanks: Sequence[Blank], whole: bool) -> list[tuple[int, str, int, float]]:
+def ends_of_all(
+    blanks: Sequence[Blank], planes: Sequence[int]
+) -> list[tuple[int, str, int, float]]:
     """Ends up to which all sheets reach: axis, its name, 1 at the high and -1 at the low end, and
-    the coordinate [mm]; a quarter has no low ends."""
+    the coordinate [mm]; there is no low end where a plane of symmetry is."""
     low, high = (np.array(each)[:, :2] for each in zip(*(blank.extent() for blank in blanks)))
     ends = [(k, "xy"[k], 1, float(end)) for k, end in enumerate(high.min(0))]
-    ends += [(k, "xy"[k], -1, float(end)) for k, end in enumerate(low.max(0)) if whole]
+    ends += [(k, "xy"[k], -1, float(end)) for k, end in enumerate(low.max(0)) if k not in planes]
     return ends
 
 

@@ -10,6 +10,8 @@ from ..runtime.errors import InputError
 from ..runtime.formatting import coordinates, rounded
 from ..runtime.graph import connected
 
+MIRROR_TOLERANCE = 1e-3  # of its extent, by which a sheet may differ from its mirror image
+
 
 def joined(lines: Sequence[np.ndarray], source: str) -> list[np.ndarray]:
     """Closed rings (n, 2) of lines (k, 2) [mm] whose ends meet, in any order and sense, each once;
@@ -65,3 +67,30 @@ def sheet_of(rings: Sequence[np.ndarray], source: str) -> shapely.Polygon:
             "holes inside it that are apart from each other"
         )
     return sheet
+
+
+def mirrored_half(sheet: shapely.Polygon, axis: int, source: str) -> shapely.Polygon:
+    """The half of a sheet on the positive side of the plane x = 0 or y = 0 (`axis` 0 or 1), which
+    mirrors it; a sheet that begins at the plane as it is. Raises InputError, by the size of what
+    differs, for a sheet that is not its own mirror image, and for one in two parts."""
+    low, high = np.reshape(sheet.bounds, (2, 2))[:, axis]
+    if low > -MIRROR_TOLERANCE * (high - low):
+        return sheet
+    image = shapely.transform(sheet, lambda x: x * (1 - 2 * np.eye(2)[axis]))
+    apart = shapely.symmetric_difference(sheet, image)
+    name, far = "xy"[axis], shapely.buffer(apart, -MIRROR_TOLERANCE * (high - low))
+    if not far.is_empty:
+        raise InputError(
+            f"{source} is not its own mirror image in {name} = 0: {rounded(far.area, 3)} mm2 "
+            f"differ, as at {coordinates(shapely.get_coordinates(far.representative_point())[0])} "
+            "mm; allowed is a symmetric outline, its half, or the whole blank"
+        )
+    reach = 2 * np.abs(sheet.bounds).max()
+    start = [0.0 if k == axis else -reach for k in (0, 1)]
+    half = shapely.intersection(sheet, shapely.box(*start, reach, reach))
+    if half.geom_type != "Polygon":
+        raise InputError(
+            f"{source} is cut into {shapely.get_num_geometries(half)} parts by the plane of "
+            f"symmetry {name} = 0; allowed is an outline that stays in one piece"
+        )
+    return half

@@ -173,7 +173,7 @@ def formed_picture(
 ) -> None:
     """The formed plies, the lowest first, each cut away further than the one below, coloured by the
     magnitude of the shear angle, with a yarn each `spacing` [mm], over the tool: 1600 x 1000
-    pixels. full: mirror a quarter."""
+    pixels. full: mirror a half or quarter."""
     fabrics = [grid["shear_angle"] for grid in plies if "shear_angle" in grid.cell_data]
     largest = max(abs(np.degrees(shear)).max() for shear in fabrics)
     surfaces = [surface_of(grid, full) for grid in plies]

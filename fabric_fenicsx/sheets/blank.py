@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Self, Unpack
 
 import numpy as np
+import shapely
 from dolfinx.mesh import Mesh
 from mpi4py import MPI
 from numpy.typing import ArrayLike
@@ -208,7 +209,7 @@ class Blank(SheetMesh):
         turned : float
             From x to the length [rad]; the blank's frame is then its length and width.
         centred : bool
-            True: the middle is the origin, otherwise a corner.
+            True: the middle is the origin, otherwise a corner; one for each side if two are given.
 
         Raises
         ------
@@ -226,7 +227,7 @@ class Blank(SheetMesh):
         def made():
             points, cells, kind = specimen(length, width, nx, ny, pattern, cell, yarns, between)
             if layout.get("centred"):
-                points[:, :2] -= np.array([length, width]) / 2
+                points[:, :2] -= np.array([length, width]) / 2 * layout["centred"]
             points[:, :2] = points[:, :2] @ axes_of(layout.get("turned", 0.0))
             return MeshArrays(points, cells, kind, [])
 
@@ -241,6 +242,7 @@ class Blank(SheetMesh):
         size: float | None = None,
         pattern: str | None = None,
         layer: str | None = None,
+        planes: Sequence[int] = (),
         spatial: bool = False,
         comm: MPI.Comm = MPI.COMM_WORLD,
         **layout: Unpack[Layout],
@@ -258,18 +260,22 @@ class Blank(SheetMesh):
             `spatial`.
         layer : str
             Of a DXF, or several with commas between them.
+        planes : sequence of int
+            Axes, 0 or 1, to which planes of symmetry through the origin are perpendicular: of an
+            outline on both sides of one the positive side is meshed.
         spatial, **layout
             As in `rectangle`; the sheet lies as in the file, unless `centred`.
 
         Raises
         ------
         InputError
-            For a file that cannot be read, rings that bound no sheet, quadrilaterals, and values
-            that are not allowed. What was left out stands in `warnings`.
+            For a file that cannot be read, rings that bound no sheet, quadrilaterals, an outline
+            that a plane of symmetry does not mirror, and values that are not allowed. What was left
+            out stands in `warnings`.
         """
         from ..meshes.outline import outline_mesh
         from ..meshes.outline_files import read_outline
-        from ..meshes.rings import sheet_of
+        from ..meshes.rings import mirrored_half, sheet_of
 
         options, nx = blank_options(layout), COUNT.check("`nx`", nx)
         if (element := layout.get("element") or "P")[0] != "P":
@@ -285,14 +291,17 @@ class Blank(SheetMesh):
                 sheet, notes = read_outline(given, layer)
             else:
                 sheet, notes = sheet_of([np.asarray(ring, float) for ring in given], source), []
+            if layout.get("centred"):
+                middle = np.reshape(sheet.bounds, (2, 2)).mean(0)
+                sheet = shapely.transform(sheet, lambda x: x - middle)
+            for axis in planes:
+                sheet = mirrored_half(sheet, axis, source)
             low, high = np.reshape(sheet.bounds, (2, 2))
             edge = (high - low)[0] / nx if size is None else size
             try:
                 points, cells, kind, left_out = outline_mesh(sheet, edge, pattern, yarns)
             except InputError as error:
                 raise InputError("; ".join([str(error), *notes])) from None
-            if layout.get("centred"):
-                points[:, :2] -= (low + high) / 2
             return MeshArrays(points, cells, kind, notes + left_out)
 
         blank = cls._made(comm, made, source, spatial, options)

@@ -20,7 +20,7 @@ class Layout(TypedDict, total=False):
     fibre_angle: float
     yarn_angle: float
     turned: float
-    centred: bool
+    centred: Any
 
 
 def axes_of(turned: float) -> np.ndarray:

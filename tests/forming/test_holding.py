@@ -68,7 +68,7 @@ def test_segments_of_a_stack_press_its_sheets_together_as_one_does():
 
 def held_whole(holders):
     """Force of the pressures on the whole blank of the hemisphere at the start [N]."""
-    press = ff.Press.read("hemisphere", ["blank.nx=10", "blank.quarter=false"])
+    press = ff.Press.read("hemisphere", ["blank.nx=10", "blank.symmetry=none"])
     built = press.replace(holders=holders).build()
     return sum(t.force()[2] for t in built.pressing if isinstance(t, ff.BlankHolderPressure))
 
@@ -229,7 +229,7 @@ def test_the_picture_of_the_setup_shows_holders(monkeypatch, tmp_path):
         "springs": ff.SpringHolder(0.5, preload=5, edges=["low x"], at=[[90, 90]]),
         "pull": ff.Grippers(1.0, edges=["high x"]),
     }
-    press = ff.Press.read("hemisphere", ["blank.nx=10", "blank.quarter=false"])
+    press = ff.Press.read("hemisphere", ["blank.nx=10", "blank.symmetry=none"])
     pictures.draw_setup(press.replace(holders=holders).build(), tmp_path)
     assert [*seen] == ["punch", "ring", "pressed", "plate", "springs", "pull"]
     ends = {name: np.reshape(seen[name].bounds, (3, 2)) for name in [*seen][2:]}

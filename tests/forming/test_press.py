@@ -53,11 +53,10 @@ def formed(press, folder, **settings):
         ([], 50, 40),
         (["tools.punch.radius=1e6", "stage.1.moves.punch=0.05"], 1e6, 0.05),  # all but flat
         # on the face, not where the nearest node is
-        (["quarter=false", "tools.punch.at=[7, 2.1]", "stage.1.moves.punch=5"], 50, 5),
+        (["blank.symmetry=none", "tools.punch.at=[7, 2.1]", "stage.1.moves.punch=5"], 50, 5),
     ],
 )
 def test_tools_touch_the_blank_at_first_and_move_towards_it(changes, radius, way):
-    changes = [change.replace("quarter", "blank.quarter") for change in changes]
     press = hemisphere("blank.nx=4", *changes)
     half, (punch, ring) = press.thickness / 2, press.tools.values()
     assert punch.path(0)[2] == pytest.approx(-radius - half, rel=1e-9)
@@ -384,8 +383,8 @@ def own_mesh(tmp_path, move=lambda x: x):
     meshio.write_points_cells(tmp_path / "blank.vtu", points, [(kind, cells)])
     blank = 'mesh = "blank.vtu"'
     text = HEMISPHERE.read_text()
-    old = text[text.index("length = ") : text.index("quarter")]
-    path = changed(tmp_path, (old, f"{blank}\n"), ("quarter = true", "quarter = false"))
+    old = text[text.index("length = ") : text.index("symmetry")]
+    path = changed(tmp_path, (old, f"{blank}\n"), ('symmetry = "xy"', 'symmetry = "none"'))
     return ff.Press.read(path)
 
 
@@ -443,7 +442,7 @@ def test_a_press_is_data_that_a_file_holds(name, tmp_path):
     again = ff.Press.read(tmp_path / "press.toml")
     assert press == again == press.replace() != press.replace(title="another")
     with pytest.raises(dataclasses.FrozenInstanceError):
-        press.quarter = False
+        press.symmetry = "none"
 
 
 def test_what_no_file_can_say_is_named(tmp_path):

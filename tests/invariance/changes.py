@@ -169,9 +169,9 @@ def longer(press, folder):
 
 
 def whole(press, folder):
-    """The whole blank in place of a quarter."""
-    sheets = [dataclasses.replace(sheet, nx=2 * sheet.nx) for sheet in press.sheets]
-    return press.replace(sheets=sheets, quarter=False)
+    """The whole blank in place of a quarter or half."""
+    sheets = [sheet.mirrored(press.planes) for sheet in press.sheets]
+    return press.replace(sheets=sheets, symmetry="none")
 
 
 RASTER = {"besides": HEIGHTS, "why": "heights are fitted to means over squares along x and y"}
@@ -236,12 +236,12 @@ NOT_BY_DESIGN["turned by 30 deg"] |= dict.fromkeys(("tension", "edge_springs"), 
 
 def reason_against(name, scene, press):
     """Why a change is not made of a scene, or ""."""
-    if name in ("x for y", "whole") and not press.quarter:
+    if name == "x for y" and len(press.planes) != 2 or name == "whole" and not press.planes:
         return "of a quarter"
     if name in ("more points", "in inch", "in cm", "in m") and scene != "outline":
         return "of an outline"
     goes = CHANGES[name].map and not (CHANGES[name].map.renumbered or CHANGES[name].map.lifted)
-    if press.quarter and name != "x for y" and (goes or name == "centred"):
+    if press.planes and name != "x for y" and (goes or name == "centred"):
         return "planes of symmetry are x = 0 and y = 0"
     return NOT_BY_DESIGN.get(name, {}).get(scene, "")
 

@@ -123,7 +123,7 @@ def of_mesh(folder):
 
 
 def die_of(folder):
-    dome = ff.Press.read("double_dome", ["blank.nx=6", "blank.quarter=false"])
+    dome = ff.Press.read("double_dome", ["blank.nx=6", "blank.symmetry=none"])
     return dome.replace(stages=ff.Stage("forming", moves={"punch": 10.0}, steps=2))
 
 
@@ -153,7 +153,8 @@ RUBBING = {
 PRESSES: dict[str, Callable] = {
     "whole": lambda folder: press(),
     "skewed": lambda folder: press(sheet(fibre_angle=20, yarn_angle=80)),
-    "quarter": lambda folder: press(sheet(nx=4), quarter=True),
+    "half": lambda folder: press(sheet(nx=4), symmetry="x"),
+    "quarter": lambda folder: press(sheet(nx=4), symmetry="xy"),
     "gap": held(ff.GapHolder(1.2)),
     "force": held(ff.ForceHolder(50.0)),
     "tension": held(ff.Grippers(0.02, edges=["low x", "high x"])),

@@ -41,7 +41,7 @@ def off(scene, press, first, names, folder):
 
 
 def formed(press):
-    return outcome(press.job(balance=None).run(), 4 if press.quarter else 1)
+    return outcome(press.job(balance=None).run(), 1 / press.share)
 
 
 def test_steps_count_for_nothing_where_no_energy_is_lost():

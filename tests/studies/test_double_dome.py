@@ -94,7 +94,7 @@ def test_the_whole_ply_is_four_quarters(launch):
     quarter = launch("double_dome", "--nx", 8, *same)
     x, u = placed(quarter.folder)
     of_whole = float(last_row(quarter.folder)["reaction_of_whole_N"])
-    whole = launch("double_dome", "--set", "blank.quarter=false", "--nx", 16, "--ny", 10, *same[2:])
+    whole = launch("double_dome", "--set", "blank.symmetry=none", "--nx", 16, "--ny", 10, *same[2:])
     assert quarter.status == whole.status == 0, whole.err
     assert not any("keep the sheet in its place" in w for w in whole.summary["warnings"])
     reaction = float(last_row(whole.folder)["reaction_N"])
@@ -122,7 +122,7 @@ def test_a_punch_from_a_file(launch, tmp_path):
 
     points, triangles = double_dome(size=8.0, turn=6.0)
     meshio.write_points_cells(tmp_path / "punch.stl", points, [("triangle", triangles)])
-    part, of_it = double_dome(size=8.0, turn=6.0, quarter=True)
+    part, of_it = double_dome(size=8.0, turn=6.0, symmetry="xy")
     meshio.write_points_cells(tmp_path / "quarter.stl", part, [("triangle", of_it)])
     options = "--nx", 6, *to(12), "--steps", 4, "--balance", 9, "--no-pictures"
     forces = []

@@ -47,7 +47,7 @@ def test_the_disturbed_press_is_whole_and_its_punch_aside():
     press = ff.Press.read(PRESS, ["blank.nx=4"]).build()
     other = press.disturbed(2.0)
     (sheet,) = other.sheets
-    assert not other.quarter and sheet.nx == 8
+    assert not other.planes and sheet.nx == 8
     assert other.tools["punch"].at == pytest.approx((2 * 0.75**0.5, 1.0))
     assert other.tools["ring"] == press.data.tools["ring"]
 

@@ -109,8 +109,8 @@ def test_a_quarter_is_half_as_long_as_its_ply(tmp_path):
 @pytest.mark.parametrize(
     "shift, words",
     [
-        ((-100, 0, 0), "x = -100 to 100 mm, beyond the quarter x, y >= 0"),
-        ((5, 0, 0), "x = 5 to 205 mm, but the planes of symmetry of a quarter are x = 0 and y = 0"),
+        ((-100, 0, 0), "x = -100 to 100 mm, beyond the plane of symmetry x = 0"),
+        ((5, 0, 0), "x = 5 to 205 mm, but a plane of symmetry is x = 0"),
     ],
 )
 def test_a_mesh_that_is_no_quarter(tmp_path, shift, words):

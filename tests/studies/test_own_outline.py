@@ -19,10 +19,10 @@ FABRIC = ff.load("komeili")
 
 @pytest.fixture
 def table(tmp_path):
-    """Function of length and width to a file of a rectangle with a corner at (0, 0)."""
+    """Function of length and width to a file of a rectangle with its low x at `start`."""
 
-    def write(length, width, name="ply.csv"):
-        rows = [(0, 0), (length, 0), (length, width), (0, width)]
+    def write(length, width, start=0, name="ply.csv"):
+        rows = [(start, 0), (start + length, 0), (start + length, width), (start, width)]
         (tmp_path / name).write_text("\n".join(["x,y", *(f"{x},{y}" for x, y in rows)]))
         return str(tmp_path / name)
 
@@ -73,12 +73,14 @@ def test_what_does_not_go_with_an_outline(table, fields, words):
         Tensile(FABRIC, **{"outline": table(120, 30)} | fields).build()
 
 
-def test_a_whole_ply_may_be_centred_and_a_quarter_not(table):
-    made = {"outline": table(500, 300), "size": 40, "full": True, "fibre_angle": 30}
-    ply = dome(FABRIC, **made, centred=True)
+def test_planes_of_symmetry_cut_a_whole_outline(table):
+    made = {"outline": table(500, 300), "size": 40, "fibre_angle": 30, "centred": True}
+    ply = dome(FABRIC, **made, full=True)
     assert np.ravel(ply.blank.extent()) == pytest.approx([-250, -150, 0, 250, 150, 0])
-    with pytest.raises(ff.InputError, match="beyond the quarter x, y >= 0; allowed is the whole"):
-        dome(FABRIC, **made | {"full": False}, centred=True)
+    ply = dome(FABRIC, **made, full=False)
+    assert np.ravel(ply.blank.extent()) == pytest.approx([0, 0, 0, 250, 150, 0])
+    with pytest.raises(ff.InputError, match="not its own mirror image in x = 0"):
+        dome(FABRIC, **made | {"centred": False, "outline": table(500, 300, -100)}, full=False)
 
 
 def test_the_ply_of_a_press_has_cells_along_its_yarns(table):

@@ -81,7 +81,7 @@ def test_a_job_array_on_ranks_has_the_results_of_a_sweep(swept, press, capfd):
         assert float(array[name]) == pytest.approx(float(local[name]), rel=1e-7)
 
 
-RECTANGLE = "length = 200\nwidth = 200\nnx = 6\nquarter = true"
+RECTANGLE = 'length = 200\nwidth = 200\nnx = 6\nsymmetry = "xy"'
 
 
 @pytest.mark.parametrize(
