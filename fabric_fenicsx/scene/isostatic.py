@@ -10,7 +10,7 @@ from .rigid_motions import TURNS
 from .supports import Support
 
 PLANE_TOLERANCE = 1e-6  # of a blank's size, within which nodes lie in one plane
-FIRM, LOOSE = 0.05, 1e-6  # share of a motion left by those held before, from which a node holds it
+FIRM, LOOSE = 0.01, 1e-6  # share of a motion left by those held before, from which a node holds it
 
 
 def planes_of_symmetry(blank: Blank, supports: Iterable[Support]) -> dict[int, Support]:
@@ -30,33 +30,36 @@ def planes_of_symmetry(blank: Blank, supports: Iterable[Support]) -> dict[int, S
 
 
 def isostatic(blank: Blank, kept: Sequence[Support]) -> list[Support]:
-    """Supports of up to three nodes of each sheet of `blank`, where these are now, that hold the
-    rigid motions which the `kept` ones leave: of the node that those hold most, or nearest to the
-    sheet's centre, of the one farthest from it, and of the one farthest from the line between
-    them."""
+    """Supports of few nodes of each sheet of `blank`, where these are now, that hold the rigid
+    motions which the `kept` ones leave, firmly as it lies now and as it was laid: of the node that
+    those hold most, or nearest to the sheet's centre, and of nodes far from each other in either
+    shape."""
     parts = [part for part in blank.parts.values() if part.thickness] or [blank.whole]
     return [support for part in parts for support in _of_sheet(blank, part, kept)]
 
 
 def _of_sheet(blank: Blank, part: Part, kept: Sequence[Support]) -> list[Support]:
     places, moved, fixed = _nodes(blank, part, kept)
-    now = (places + moved - (places + moved).mean(0)) / _size(blank)
+    shapes = [(x - x.mean(0)) / _size(blank) for x in (places + moved, places)]
     gdim = places.shape[1]
     motions = gdim + len(TURNS[gdim])
-    basis = np.empty((0, motions))
-    for axis in planes_of_symmetry(blank, kept):  # and no turn but about the axis
-        turns = np.eye(motions)[gdim:]
-        across = turns[[2]] if gdim == 2 else np.delete(turns, axis, 0)
-        basis = _with(basis, np.vstack([_row(now[0], axis), across]), LOOSE)
-    basis = _with(basis, [_row(now[k], axis) for k, axis in zip(*np.nonzero(fixed))], LOOSE)
+    bases = []
+    for x in shapes:
+        basis = np.empty((0, motions))
+        for axis in planes_of_symmetry(blank, kept):  # and no turn but about the axis
+            turns = np.eye(motions)[gdim:]
+            across = turns[[2]] if gdim == 2 else np.delete(turns, axis, 0)
+            basis = _with(basis, np.vstack([_row(x[0], axis), across]), LOOSE)
+        rows = [_row(x[k], axis) for k, axis in zip(*np.nonzero(fixed))]
+        bases.append(_with(basis, rows, LOOSE))
     found: dict[int, list[int]] = {}
-    corners = _corners(places, fixed)
+    corners = list(dict.fromkeys(k for x in (places, shapes[0]) for k in _corners(x, fixed)))
     for least in (FIRM, LOOSE):
         for k in corners:
             for axis in range(gdim) if k == corners[0] else reversed(range(gdim)):
-                more = _with(basis, [_row(now[k], axis)], least)
-                if len(more) > len(basis):
-                    basis = more
+                more = [_with(b, [_row(x[k], axis)], least) for b, x in zip(bases, shapes)]
+                if all(len(after) > len(b) for after, b in zip(more, bases)):
+                    bases = more
                     found.setdefault(k, []).append(axis)
     name = part.name or blank.name
     return [
