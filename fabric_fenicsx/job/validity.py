@@ -13,6 +13,7 @@ from ..results.result import Result
 from ..runtime.errors import NOT_BELIEVED
 from ..runtime.formatting import coordinates, percent, rounded, share
 from ..scene import output as scene_output
+from ..scene.isostatic import beyond_planes
 from ..scene.scene import Scene
 from ..solve.limits import EDGES, Limits
 from ..solve.step_criteria import UNBALANCED
@@ -73,23 +74,35 @@ def _cure(scene):
 
 
 def _passed_through(scene):
-    """A sentence for each sheet that has passed through itself."""
+    """A sentence for each sheet that has passed through itself, and for each plane of symmetry that
+    one has passed through."""
     blank = scene.blank
     crossings = {part: self_crossings(part) for part in blank.parts.values() or [blank.whole]}
-    return [
+    wrong = [
         f"sheet {part.name or blank.name} passes through itself at {len(places)} places, as at "
         f"{coordinates(places[0])} mm; allowed is none: {_separation(scene)} may help"
         for part, places in crossings.items()
         if len(places)
     ]
+    if blank.mesh.geometry.dim < 3:
+        return wrong
+    return wrong + [
+        f"{blank.name} passes through its image: {count} nodes lie up to {rounded(depth)} mm "
+        f"beyond the plane that support {name!r} holds; allowed is none: "
+        f"{_separation(scene, planes=True)} may help"
+        for name, (count, depth) in beyond_planes(blank, scene.supports).items()
+    ]
 
 
-def _separation(scene):
-    """What keeps a sheet from passing through itself."""
+def _separation(scene, planes=False):
+    """What keeps a sheet from passing through itself, or through its image in `planes`."""
     from ..mechanics.contact.self_contact import SelfContact
 
-    touches = any(isinstance(term, SelfContact) for term in scene.terms)
-    return "smaller cells or steps" if touches else "`SelfContact`, a press's `self = true`,"
+    own = [term for term in scene.terms if isinstance(term, SelfContact)]
+    if any(term.symmetric or not planes for term in own):
+        return "smaller cells or steps"
+    contact = "`SelfContact(symmetric=...)`" if planes else "`SelfContact`"
+    return f"{contact}, a press's `self = true`,"
 
 
 def warnings_at_start(scene: Scene) -> list[str]:

@@ -4,6 +4,7 @@ equilibrium."""
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+from mpi4py import MPI
 
 from ..sheets.blank import Blank, Part
 from .rigid_motions import TURNS
@@ -27,6 +28,25 @@ def planes_of_symmetry(blank: Blank, supports: Iterable[Support]) -> dict[int, S
         if np.ptp(across) <= near:
             planes[axis] = support
     return planes
+
+
+def beyond_planes(blank: Blank, supports: Iterable[Support]) -> dict[str, tuple[int, float]]:
+    """Number of nodes beyond each plane of symmetry that bounds the flat sheets, by its support's
+    name, and the farthest one's distance from it [mm]; none where there are none."""
+    near, comm, found = PLANE_TOLERANCE * _size(blank), blank.mesh.comm, {}
+    owned = len(blank.whole.nodes)
+    x = blank.coordinates()[:owned]
+    now, flat = (blank.along(each.T) for each in (x + blank.nodal_displacement()[:owned], x))
+    low, high = blank.extent()
+    for axis, support in planes_of_symmetry(blank, supports).items():
+        on = flat[axis][support.where(x.T)]
+        place = comm.allreduce(on.max(initial=-np.inf), MPI.MAX)
+        side = int(place <= low[axis] + near) - int(place >= high[axis] - near)
+        beyond = side * (place - now[axis])
+        count = comm.allreduce(int((beyond > near).sum()))
+        if count:
+            found[support.name] = count, comm.allreduce(beyond.max(initial=0.0), MPI.MAX)
+    return found
 
 
 def isostatic(blank: Blank, kept: Sequence[Support]) -> list[Support]:

@@ -37,12 +37,14 @@ class FaceProjection(NamedTuple):
 class Corners(NamedTuple):
     """The flat triangles that n points lie in: nodes (n, 3), global numbers; places (n, 3, 3) [mm];
     weights (n, 3), barycentric; offset (n,) [mm] of the touching face from the triangle along the
-    points' normals, with a sign."""
+    points' normals, with a sign. mirrors (n, 3, 3): what points on images of the triangles move
+    with, of what they move with on these; None if there are no images."""
 
     nodes: np.ndarray
     places: np.ndarray
     weights: np.ndarray
     offset: np.ndarray
+    mirrors: np.ndarray | None = None
 
 
 class Face:
@@ -65,6 +67,7 @@ class Face:
     - triangles (m, 3): corners, by their places in `nodes`
     - own_triangles (cells,): numbers of this rank's cells among `triangles`
     - symmetric: as in `Bending`, functions of points that mark edges on planes of symmetry
+    - planes: of these, numbers of the nodes on each, and its normal (3,) towards the sheet
 
     Raises InputError for other cells than triangles, linear or quadratic with straight sides.
     """
@@ -94,7 +97,7 @@ class Face:
         p, q, r = X[self.triangles].swapaxes(0, 1)
         turned = np.cross(q - p, r - p) @ UP * side < 0
         self.triangles[turned] = self.triangles[turned][:, [0, 2, 1]]
-        self._planes = [_plane(X, np.asarray(where(X.T), bool)) for where in symmetric]
+        self.planes = [_plane(X, np.asarray(where(X.T), bool)) for where in symmetric]
         self._edges, self._bulges = self._bulge_operator(self._rows_to_free_edges() / FLAT_ROWS)
         self.take()
 
@@ -107,7 +110,7 @@ class Face:
         sides = np.sort(self.triangles[:, [NEXT, LAST]].swapaxes(1, 2).reshape(-1, 2), 1)
         ends, count = np.unique(sides, axis=0, return_counts=True)
         free = ends[count == 1]
-        for at, _ in self._planes:
+        for at, _ in self.planes:
             free = free[~np.isin(free, at).all(1)]
         rows = np.full(len(self.nodes), float(FLAT_ROWS))
         rows[free] = 0.0
@@ -133,7 +136,7 @@ class Face:
             )
             for k in (0, 1)
         ]
-        for at, normal in self._planes:  # the mirrored cells make the slope across the plane 0
+        for at, normal in self.planes:  # the mirrored cells make the slope across the plane 0
             on = np.zeros(n)
             on[at] = 1.0
             across = normal[0] * G[0] + normal[1] * G[1]
@@ -189,7 +192,7 @@ class Face:
     def normals(self) -> np.ndarray:
         """Unit normals at the nodes, (n, 3)."""
         normals = vertex_normals(self.places, self.triangles)
-        for at, plane in self._planes:
+        for at, plane in self.planes:
             normals[at] -= (normals[at] @ plane)[:, None] * plane
             normals[at] /= np.linalg.norm(normals[at], axis=1)[:, None]
         return normals
@@ -360,10 +363,12 @@ def _cross(a, b):
 
 
 def _plane(places, on):
-    """Numbers of the places (n, 3) on an edge of symmetry, and the plane's normal (3,)."""
+    """Numbers of the places (n, 3) on an edge of symmetry, and the plane's normal (3,) towards the
+    others."""
     at = np.flatnonzero(on)
     if not len(at):
         return at, UP
     along = np.linalg.svd(places[at] - places[at].mean(0), full_matrices=False)[2][0]
     normal = np.cross(along, UP)
+    normal *= np.sign((places.mean(0) - places[at[0]]) @ normal)
     return at, normal / max(np.linalg.norm(normal), 1e-300)

@@ -21,7 +21,7 @@ class RelativeMotion:
     unit `normals` (n, 3) are given, the points are those of the touching faces: a face's point
     moves by its offset, too, as its triangle turns: by offset times -sum_i (n.u_i) grad N_i. So
     forces there are borne by forces of the nodes that have their moment, too. All ranks make and
-    use it together.
+    use it together. Images of triangles move as their `mirrors` say.
     """
 
     def __init__(
@@ -69,14 +69,18 @@ class RelativeMotion:
 
 def _motions(corners, normals):
     """Matrices from displacements of the corners to those of the points (n, 3, 9)."""
-    x = corners.places
+    x, mirrors = corners.places, corners.mirrors
     moves = corners.weights[:, None, :, None] * np.eye(3)[:, None]  # (n, 3, corners, 3)
     if normals is not None:
         across = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
         square = np.maximum((across**2).sum(1), 1e-300)[:, None, None]
         slopes = np.cross(across[:, None], x[:, LAST] - x[:, NEXT]) / square  # grad N_i (n, 3, 3)
+        if mirrors is not None:
+            normals = np.einsum("nij,nj->ni", mirrors, normals)
         turns = slopes.swapaxes(1, 2)[..., None] * normals[:, None, None]
         moves = moves - corners.offset[:, None, None, None] * turns
+    if mirrors is not None:
+        moves = np.einsum("nij,njcx->nicx", mirrors, moves)
     return moves.reshape(len(x), 3, 9)
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from ...runtime.errors import InputError
@@ -21,8 +22,9 @@ from .sheet_points import SheetPoints
 
 
 class SelfPoints(SheetPoints):
-    """Points in the triangles of a sheet that look to both sides for another place of it whose same
-    face looks back: the top at the top, the bottom at the bottom.
+    """Points in the triangles of a sheet that look to both sides for another place of it, or for
+    their own image in a plane of symmetry, whose same face looks back: the top at the top, the
+    bottom at the bottom.
 
     Either place has points, so each stands for half of its area. Triangles with a common node do
     not face each other, nor do those nearer than pi / 2 thicknesses in the flat sheet: a sheet
@@ -44,12 +46,44 @@ class SelfPoints(SheetPoints):
         self._sides = np.resize(np.repeat([1.0, -1.0], len(self._places) // 2), self.count)
         # flat places that the points lay over in the accepted state, and last
         self._partners = self._partners_now = np.full((self.count, 3), np.inf)
+        self._mirrors: np.ndarray | None = None  # of all points, if some lie at their images
 
     def remember(self) -> None:
         """Take the places found last as those of the accepted state."""
         self._partners = self._partners_now
 
     def _project(self):
+        below, self._mirrors = self._over_others(), None
+        for nodes, normal in self._own.planes:
+            if len(nodes):
+                self._mirror(below, nodes, normal)
+        return below
+
+    def _mirror(self, below, nodes, normal):
+        """Let points that are nearer to their images in a plane of symmetry than to what they lie
+        over lie over these. nodes, normal: of the plane."""
+        face, many = self._own, len(self._places)
+        own = face.own_triangles.repeat(many)
+        off = face.points(self._weights, self._flat) - face.places[nodes].mean(0)
+        gap = 2 * off @ normal
+        across = face.flat(self._places, face.normals) @ normal
+        away = 2 * abs((self._centres - face.X[nodes].mean(0)) @ normal)
+        free = (away > self._apart) & ~np.isin(face.triangles, nodes).any(1)
+        faces = free[own] & (self._sides * across < -np.sqrt(0.5))
+        at = np.flatnonzero(faces & (gap < np.minimum(abs(below.gap), self._reach)))
+        if self._mirrors is None:
+            self._mirrors = np.tile(np.eye(3), (self.count, 1, 1))
+        self._mirrors[at] = np.eye(3) - 2 * np.outer(normal, normal)
+        below.triangle[at], below.gap[at], below.normal[at] = own[at], gap[at], normal
+        below.weights[at], below.curvature[at] = self._places[at % many], 0.0
+
+    def _corners(self, below, at):
+        over, others = super()._corners(below, at)
+        mirrors = None if self._mirrors is None else self._mirrors[at]
+        return over, others._replace(mirrors=mirrors)
+
+    def _over_others(self):
+        """The `FaceProjection` of all points on other places of the sheet."""
         face, many = self._own, len(self._places)
         triangle, y = np.full(self.count, -1), np.zeros((self.count, 3))
         self._partners_now = np.full((self.count, 3), np.inf)
@@ -126,7 +160,8 @@ class SelfContact(FaceContact):
         Of the sheet with a `penalty` [mm]; by default, and without one, that of the scene's fabric
         or metal, on a patched sheet of the first one.
     penalty, points, lag, symmetric, friction
-        As in `SheetContact`. A fold that closes on its mirror image is not noticed.
+        As in `SheetContact`. A fold that closes on its image in a plane of symmetry is pressed by
+        it, too.
 
     Raises
     ------
@@ -175,8 +210,17 @@ class SelfContact(FaceContact):
             raise InputError(f"{self.name} needs a thickness, a number above 0 [mm]")
         self.thickness, law, thickening = self._face(scene, part, t)
         rule = self._points_of_cell
-        points = SelfPoints(part, rule, self.thickness, thickening, self._symmetric)
+        points = SelfPoints(part, rule, self.thickness, thickening, self.symmetric)
         self._begin(scene, points, law, law)
+
+    def _totals(self):
+        sums, now = super()._totals(), self.faces.now
+        mirrors = now.corners[1].mirrors
+        if mirrors is not None:  # their images are pressed, too
+            imaged = np.linalg.det(mirrors) < 0
+            forces = (self.state().pressure * now.areas)[imaged]
+            sums[3] += self.blank.mesh.comm.allreduce(forces.sum(), MPI.SUM)
+        return sums
 
     def accept(self) -> None:
         super().accept()

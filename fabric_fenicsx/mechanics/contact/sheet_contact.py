@@ -56,7 +56,7 @@ class FaceContact(Interaction):
         one_of = Rule(f"one of {', '.join(map(str, POINTS))}", lambda v: v in POINTS, int)
         self._points_of_cell = one_of.check(f"points in a cell of the {name}", points)
         self._penalty, self._lag = penalty, lag
-        self._symmetric = [symmetric] if callable(symmetric) else list(symmetric)
+        self.symmetric = [symmetric] if callable(symmetric) else list(symmetric)
         super().__init__(friction, name)
         if self.coulomb and isinstance(self.coulomb.coefficient, Mapping):
             raise InputError(f"{name} has friction of several sheets; allowed is one number from 0")
@@ -332,7 +332,7 @@ class SheetContact(FaceContact):
         sheets = (self._face(scene, part, part.thickness) for part in parts)
         thicknesses, laws, powers = zip(*sheets)
         self.thickness = min(thicknesses)
-        faces = thicknesses, powers, self._symmetric
+        faces = thicknesses, powers, self.symmetric
         self._begin(scene, SheetPoints(lower, upper, self._points_of_cell, *faces), *laws)
 
     def _check_start(self):
