@@ -43,8 +43,9 @@ def shortest_wave(fabric: Law, D: float, strain: float) -> float:
 
 
 class _State(NamedTuple):
-    """At a displacement U (nodes, gdim): energy [N mm]; in space the shape of cells, what is
-    conjugate to its curvatures (cells, 3) [N mm] and its derivative, and friction's response."""
+    """At a displacement U (nodes, gdim): energy [N mm]; in space the shape of cells, with the
+    slopes out of their edges in place of the curvature, what is conjugate to these (cells, 3)
+    [N mm] and its derivative (cells, 3, 3), and friction's response."""
 
     U: np.ndarray
     energy: float
@@ -164,7 +165,8 @@ class Bending(Term):
                 f"`in_plane` of the bending of {blank.name} needs a sheet that is flat undeformed"
             )
         self._operator, self._own = operator, curved * is_curved  # but for rounding
-        self._stencil = Stencil(cells, operator, self._own)
+        self._stencil = Stencil(cells, cells.bends, cells.own * is_curved)
+        self._spread = TWIST[:, None] * cells.spread
         self._coupled = self._stencil.coupled
         weights = cells.area[:, None] * self.stiffnesses
         self._section = (1 - self.in_plane) * weights / TWIST**2
@@ -181,7 +183,8 @@ class Bending(Term):
         self._now: _State | None = None
         self._friction = None
         if blank.mesh.geometry.dim == 3:
-            self._rest = self._stencil.shape(0 * self._stencil.displacement()).curvature
+            undeformed = self._stencil.shape(0 * self._stencil.displacement())
+            self._rest = self._curvature(_angles(undeformed.curvature)[0])
             self._friction = fabric.bending_friction if fabric else None
         count = len(self._friction.stiffness) if self._friction else 0
         self._area, self._per_cell = cells.area, cells.per_cell
@@ -263,7 +266,8 @@ class Bending(Term):
     def _bent(self, state):
         """The state with what is normal to the cells."""
         shape, section, friction = self._stencil.shape(state.U), self._section, None
-        bent = shape.curvature - self._rest
+        angles, slope, growth = _angles(shape.curvature)
+        bent = self._curvature(angles) - self._rest
         moments = section * bent
         energy = state.energy + 0.5 * float(np.vdot(moments, bent))
         if self._measured:
@@ -277,4 +281,21 @@ class Bending(Term):
             friction, section = self._friction.respond(bent[:, :2], self._sliding), section.copy()
             moments[:, :2] += self._area[:, None] * friction.stress
             section[:, :2] += self._area[:, None] * friction.tangent
-        return _State(state.U, energy, shape, moments, section, friction)
+        at_edges = np.einsum("cke,ck->ce", self._spread, moments)
+        by_edges = self._spread * slope[:, None]
+        section = np.einsum("cke,ck,ckf->cef", by_edges, section, by_edges, optimize=True)
+        section[:, range(3), range(3)] += growth * at_edges
+        return _State(state.U, energy, shape, slope * at_edges, section, friction)
+
+    def _curvature(self, angles):
+        """Curvatures (cells, 3), 11, 22, 2 12, from the angles (cells, 3) by which cells are bent
+        at their edges."""
+        return np.einsum("cke,ce->ck", self._spread, angles)
+
+
+def _angles(slopes):
+    """Angles by which cells are bent at their edges, of slopes relative to the cell, and their
+    first and second derivatives. On an arc of equal cells in rows, which turns by w from cell to
+    cell, slopes are sin(w) / 2, and the angles w / 2 but for terms of w^5."""
+    square = slopes * slopes
+    return slopes * (1 + 2 / 3 * square), 1 + 2 * square, 4 * slopes

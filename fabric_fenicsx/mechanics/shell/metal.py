@@ -15,7 +15,7 @@ from ...runtime.rules import Rule
 from ..output import Value, joined, largest, last, least, on_part
 from ..term import SceneFacts, Term, Triplets
 from . import metal_cells
-from .bending import plate_stiffness
+from .bending import TWIST, plate_stiffness
 from .metal_cells import Shape
 from .morley import MorleyCells, Where
 from .stencil import Stencil
@@ -121,7 +121,7 @@ class SheetMetal(Term):
         plate = D * np.array([[1, metal.nu, 0], [metal.nu, 1, 0], [0, 0, 2 * (1 - metal.nu)]])
         operator, own = (a[here] for a in morley.curvature(plate))
         morley = morley.only(here)
-        self._stencil = Stencil(morley, operator, own)
+        self._stencil = Stencil(morley, TWIST[:, None] * operator, TWIST[:, None] * own)
         self._volumes = morley.area[:, None] * metal.thickness * self._weights
         undeformed = self._stencil.shape(np.zeros_like(self._stencil.displacement()))
         self._rest, shape = undeformed.curvature, self._volumes.shape

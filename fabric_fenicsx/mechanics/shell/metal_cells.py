@@ -10,7 +10,8 @@ from ...runtime.compiled import compiled
 class Shape(NamedTuple):
     """Cells as they are deformed: base vectors (cells, 3, 2), normals (cells, 3), gradients of the
     corners' functions (cells, 3, 3), the normal curvature's derivative by each node's motion along
-    the normal (cells, 3, 12), and itself, 11, 22, 2 12 (cells, 3)."""
+    the normal (cells, 3, 12), and itself (cells, 3); or, in its place, what else the operator of
+    `shape` gives along the normal."""
 
     base: np.ndarray
     normal: np.ndarray
@@ -30,9 +31,9 @@ def shape(
     """The shape of cells of `corners` (cells, 3, 3), with slopes (cells, 3, 2) of the corners'
     functions, from the motion U (count, 3) of nodes, of which `columns` (cells, 12) are theirs.
 
-    kappa = n . x,ab; along the motion of nodes it changes by n . (x,ab of the motion), less what n
-    turns: n . motion's slope, along x,ab. x,ab is `own` (cells, 3, 3) plus `operator` (cells, 3,
-    12) times the motion.
+    kappa = n . x,ab, of the twist 2 x,ab; along the motion of nodes it changes by n . (x,ab of the
+    motion), less what n turns: n . motion's slope, along x,ab. x,ab is `own` (cells, 3, 3) plus
+    `operator` (cells, 3, 12) times the motion.
     """
     return Shape(*_shape(corners, slopes, operator, own, U, columns))
 
@@ -61,18 +62,16 @@ def _shape(corners, slopes, operator, own, U, columns):
             for x in range(3):
                 gradients[c, i, x] = a[x] * by_a + b[x] * by_b
         for k in range(3):
-            twice = 2.0 if k == 2 else 1.0
             for x in range(3):
                 curved[k, x] = own[c, k, x]
             for i in range(12):
                 for x in range(3):
                     curved[k, x] += operator[c, k, i] * U[columns[c, i], x]
             for x in range(3):
-                curvature[c, k] += twice * curved[k, x] * normal[c, x]
+                curvature[c, k] += curved[k, x] * normal[c, x]
             for i in range(3):
                 for x in range(3):
                     bends[c, k, i] -= curved[k, x] * gradients[c, i, x]
-            bends[c, k] *= twice
     return base, normal, gradients, bends, curvature
 
 
@@ -173,15 +172,14 @@ def add_bending(
     shape: Shape, moments: np.ndarray, section: np.ndarray, places: np.ndarray, values: np.ndarray
 ) -> None:
     """Add to `values` what `stiffness` gives for cells whose energy has no strains of the
-    mid-surface and a diagonal `section` (cells, 3) [N mm]: a third of the work."""
+    mid-surface, with a `section` (cells, 3, 3) [N mm]: a third of the work."""
     bend, by_node = np.empty((3, 12)), np.empty(12)
     for c in range(len(section)):
         n, g, B, M = shape.normal[c], shape.gradients[c], shape.bends[c], moments[c]
         torque = (M * shape.curvature[c]).sum()
         for i in range(12):
             by_node[i] = M[0] * B[0, i] + M[1] * B[1, i] + M[2] * B[2, i]
-            for k in range(3):
-                bend[k, i] = section[c, k] * B[k, i]
+        _times(section[c], B, bend)
         for i in range(12):
             for j in range(i, 12):
                 pair, mirrored = places[c, i, j], places[c, j, i]

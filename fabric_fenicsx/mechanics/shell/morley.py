@@ -63,8 +63,8 @@ class MorleyCells:
 
     def only(self, cells: np.ndarray) -> Self:
         """Those `cells` (k,) of them, after `curvature`."""
-        some = copy(self)
-        for name in ("area", "corners", "along_a", "out2", "height", "nodes", "codes"):
+        some, names = copy(self), "area corners along_a out2 height nodes codes bends spread own"
+        for name in names.split():
             setattr(some, name, getattr(self, name)[cells])
         return some
 
@@ -219,7 +219,9 @@ class MorleyCells:
         """Operator (cells, 3, 12) from the 12 nodes' displacements to x,aa, x,bb, x,ab, and these
         of the undeformed sheet (cells, 3, gdim). stiffnesses: D_a, D_b, D_t [N mm], or the matrix
         (3, 3) that couples them. Free edges take the slopes of least energy, and so bear no
-        moment."""
+        moment. Keeps how the slopes out of the edges differ from the cell's, `bends` (cells, 3
+        edges, 12) of displacements, `own` of the undeformed sheet (cells, 3, gdim), and `spread`
+        (cells, 3, 3), the curvatures that they give."""
         slopes = self._slopes()
         bends, x = self._bends(slopes, self._known_beyond(slopes))
         out = self.out2
@@ -235,9 +237,10 @@ class MorleyCells:
         else:
             root = np.linalg.cholesky(stiffnesses).T @ yarns
         relaxed = _relaxed(spread, root, self.free)
-        operator = np.einsum("cij,cje,cen->cin", yarns, relaxed, bends, optimize=True)
-        size = np.abs(operator)  # on regular meshes many coefficients are rounding
-        operator[size < 1e-12 * size.max((1, 2), initial=0)[:, None, None]] = 0
+        self.spread = np.einsum("cij,cje->cie", yarns, relaxed)
+        self.bends = _without_rounding(bends)
+        self.own = np.einsum("cen,cni->cei", self.bends, x)
+        operator = _without_rounding(np.einsum("cie,cen->cin", self.spread, bends))
         return operator, np.einsum("ckn,cni->cki", operator, x)
 
     def _slopes(self):
@@ -320,6 +323,12 @@ def _gradients(p):
     """Their gradients, (..., 3, 2)."""
     x, y, zero = p[..., 0], p[..., 1], np.zeros_like(p[..., 0])
     return np.stack([np.stack([x, zero], -1), np.stack([zero, y], -1), np.stack([y, x], -1)], -2)
+
+
+def _without_rounding(operator):
+    """The operator (cells, k, 12), on regular meshes with many coefficients of 0."""
+    size = np.abs(operator)
+    return np.where(size < 1e-12 * size.max((1, 2), initial=0)[:, None, None], 0.0, operator)
 
 
 def _relaxed(operator, root, free):
