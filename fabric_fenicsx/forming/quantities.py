@@ -90,11 +90,14 @@ def sheet_quantities(made: FormingScene, result: Result) -> dict[str, Any]:
 def wrinkle_heights(made: FormingScene, result: Result) -> dict[str, Grid]:
     """{name of a sheet: its `height_map`}, on rank 0 only. What lies on a sheet on that side is
     between it and the tools."""
+    names = made.blank.parts or [""]
+    parts = made.blank.parts.values() or [made.blank.whole]
+    waves = [quantities.shortest_wave_of(made.scene, part) or 0.0 for part in parts]
     if made.comm.rank:
         return {}
+    shortest = {n: wave if np.isfinite(wave) else 0.0 for n, wave in zip(names, waves)}
     thickness = np.array([sheet.thickness_under(0.0) for sheet in made.sheets])
     below = thickness.cumsum() - thickness / 2
-    names = made.blank.parts or [""]
 
     def distances(below, above):
         def height(x):
@@ -107,7 +110,8 @@ def wrinkle_heights(made: FormingScene, result: Result) -> dict[str, Grid]:
         return height
 
     over_tools = {n: distances(z, thickness.sum() - z) for n, z in zip(names, below)}
-    return {name: height_map(grid, over_tools[name]) for name, grid in result.grids.items()}
+    plies = result.grids.items()
+    return {name: height_map(grid, over_tools[name], shortest[name]) for name, grid in plies}
 
 
 def _mean_shortening(made, result, fabrics):

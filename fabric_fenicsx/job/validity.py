@@ -128,6 +128,7 @@ def warnings_at_end(
     sentences = [
         *fabric_warnings(result),
         coarse_waves(quantities),
+        ripples(quantities),
         untouched,
         _crossing(scene),
         _mismatch(scene),
@@ -171,6 +172,22 @@ def coarse_waves(quantities: Mapping[str, Any]) -> str:
         f"heights of wrinkles, up to {height} mm, are rough, as {length} mm of a wave are {cells} "
         f"cells; take {MIN_CELLS:g}: "
         f"`nx` {rounded(MIN_CELLS / least['cells_a_wave'])} times as large"
+    )
+
+
+def ripples(quantities: Mapping[str, Any]) -> str:
+    """A sentence if a ply has waves that are no wrinkles. quantities: of the summary."""
+    from ..postprocess.wrinkles import MIN_HEIGHT
+
+    plies = quantities.get("plies", {"": quantities}).values()
+    waves = [ply["wrinkles"] for ply in plies if ply.get("wrinkles")]
+    most = max(waves, key=lambda each: each["ripples_mm"], default={"ripples_mm": 0.0})
+    if most["ripples_mm"] < MIN_HEIGHT:
+        return ""
+    return (
+        f"ripples of the mesh, up to {rounded(most['ripples_mm'])} mm high, are no wrinkles: they "
+        f"are shorter than {rounded(most['seen_mm'][0])} mm, and cells of that size and the fabric "
+        "make no such waves"
     )
 
 

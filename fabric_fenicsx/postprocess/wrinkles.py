@@ -1,186 +1,214 @@
-"""Wrinkles of a formed ply: how far it is off the smooth surface through it, where no tool is."""
+"""Wrinkles of a formed ply: waves that rise and fall, told from what bends one way, its shape."""
 
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from scipy import sparse
-from scipy.ndimage import gaussian_filter, map_coordinates
-from scipy.spatial import cKDTree
+import pyvista
+from scipy.ndimage import (
+    correlate1d,
+    distance_transform_edt,
+    gaussian_filter,
+    map_coordinates,
+    maximum_filter1d,
+    minimum_filter,
+    minimum_filter1d,
+    uniform_filter1d,
+)
 
-from .ply import SYMMETRIC, Grid, areas, grid_of, plan_area, ply_of, whole
+from .ply import SYMMETRIC, Grid, grid_of, plan_area, ply_of, whole
 from .shape import outline
 
 HEIGHT = "wrinkle_height"
-# of Gaussian weights [mm]: waves up to about three times as long are seen nearly in full
-SIGMA = 20.0
-STEP = 5.0  # mm between places that it is fitted to
-CUT = 3.5  # of these, beyond which places have no weight
+LENGTH = "wavelength"
+RIPPLE = "ripple_height"
+SEEN = "seen_wavelengths"  # field data: the shortest and the longest [mm]
 MIN_HEIGHT = 0.1  # mm, the height from which on waves are told of
 MIN_RIDGE = 0.3  # mm by which a ridge of the rim stands out
+MIN_CELLS_SEEN = 4.0  # cells of the shortest wave that a mesh can make
+CUT = 3.5  # standard deviations beyond which places have no weight
+# Of bands of wavelengths: ratio of one to the next, places sampled of each, and directions
+RATIO, PLACES, WAYS = 1.44, 8, 6
+# Standard deviations over the wavelength of a band: what smooths noise, shape, across, normals
+FINE, COARSE, ACROSS, NORMAL = 0.1, 0.62, 0.2, 0.3
+REACH = 0.75  # of a wavelength, in which a wave turns to both sides
+LEAST = 0.7  # share of these two that must be on the ply
+TURN = 0.1, 0.2  # share of its curvature that it has the other way there: none, and full height
+CLEAR = 0.1  # difference of squared stretches, from which on waves along the longer are shape
 Heights = Callable[[np.ndarray], np.ndarray]
 
 
-def height_map(grid: Grid, over_tools: Heights) -> Grid:
-    """The ply in a grid with the height of its wrinkles at the nodes, `HEIGHT` [mm]: the distance,
-    with a sign, from the parabola that fits the ply around a node best, with Gaussian weights
-    (`SIGMA`), less its mean along the way on which that is shortened most, which is shape. It
-    counts as far as the ply is off tools. over_tools: function of formed places (n, 3) [mm] to the
-    distance (n,) [mm] of the ply's faces from the nearest tool."""
+def height_map(grid: Grid, over_tools: Heights, shortest: float = 0.0) -> Grid:
+    """The ply in a grid with the height of its wrinkles at the nodes, `HEIGHT` [mm], with a sign,
+    their wavelengths on the flat ply, `LENGTH` [mm], and the heights of waves that are shorter than
+    `shortest` [mm], or than cells can make, `RIPPLE` [mm]. Heights count as far as the ply is off
+    tools. over_tools: function of formed places (n, 3) [mm] to the distance (n,) [mm] of the ply's
+    faces from the nearest tool."""
     ply = ply_of(grid)
-    w = _waves(ply)
     free = np.clip(np.nan_to_num(over_tools(ply.formed), nan=np.inf), 0.0, None)
+    shortest = max(shortest, MIN_CELLS_SEEN * _edge(ply))
+    longest = np.ptp(whole(ply).x, axis=0).max() / 3  # longer ones are not told from shape
     heights = grid_of(ply.x, ply.triangles, ply.u)
-    heights.point_data[HEIGHT] = np.sign(w) * np.minimum(abs(w), free)
+    w, lengths = _waves(ply, _edge(ply), longest)
+    for name, low, high in ((HEIGHT, shortest, longest), (RIPPLE, 0.0, min(shortest, longest))):
+        of_kind = w * ((lengths >= low) & (lengths < high))
+        best = abs(of_kind).argmax(0), np.arange(len(ply.x))
+        heights.point_data[name] = np.sign(of_kind[best]) * np.minimum(abs(of_kind[best]), free)
+        if name == HEIGHT:
+            heights.point_data[LENGTH] = lengths[best]
+    heights.field_data[SEEN] = [shortest, longest]
     if ply.planes:
         heights.field_data[SYMMETRIC] = ply.planes
     return heights
 
 
 def wrinkles(heights: Grid) -> dict[str, Any]:
-    """Numbers of the wrinkles of a ply by its `height_map`. Its wavelength is 2 pi times the r.m.s.
-    height over that of its slope; rim_mm: height of the outer free edge, whose ridges that stand
-    out by `MIN_RIDGE` are `folds`."""
+    """Numbers of the wrinkles of a ply by its `height_map`. The wavelength is a mean with the
+    squares of heights as weights; ripples_mm: largest height of waves that are none; rim_mm: height
+    of the outer free edge, whose ridges that stand out by `MIN_RIDGE` are `folds`."""
     ply, w = ply_of(heights), heights.point_data[HEIGHT]
     area = plan_area(ply.x, ply.triangles)
     of_nodes = np.bincount(ply.triangles.ravel(), np.repeat(area / 3, 3), len(w))
-    rms = float(np.sqrt(np.average(w**2, weights=of_nodes)))
-    slope = float(np.sqrt(np.average((_slopes(ply, w) ** 2).sum(1), weights=area)))
-    largest = float(abs(w).max())
-    length = 2 * np.pi * rms / slope if largest >= MIN_HEIGHT else None
-    corners = ply.x[ply.triangles]
-    edge = np.linalg.norm(corners - np.roll(corners, 1, 1), axis=2).mean()
+    largest, length = float(abs(w).max()), None
+    if largest >= MIN_HEIGHT:
+        length = float(np.average(heights.point_data[LENGTH], weights=of_nodes * w**2))
     rim = max((each.formed[:, 2] for each in outline(heights)), key=len)
     return {
         "height_mm": largest,
-        "height_rms_mm": rms,
+        "height_rms_mm": float(np.sqrt(np.average(w**2, weights=of_nodes))),
         "wavelength_mm": length,
-        "cells_a_wave": None if length is None else float(length / edge),
+        "cells_a_wave": None if length is None else float(length / _edge(ply)),
+        "ripples_mm": float(abs(heights.point_data[RIPPLE]).max()),
+        "seen_mm": [float(each) for each in heights.field_data[SEEN]],
         "rim_mm": float(np.ptp(rim)),
         "folds": _ridges(rim, len(ply.planes)),
     }
 
 
-def _waves(ply):
-    """Heights (n,) of the nodes, but for tools [mm]."""
-    w, tangents = _off_smooth(ply)
-    metric = tangents @ tangents.swapaxes(1, 2)
-    # twice the angle of the way; 1 where it is clear, 0 where all ways are shortened alike
-    double = np.stack([metric[:, 1, 1] - metric[:, 0, 0], -2 * metric[:, 0, 1]])
-    apart = np.hypot(*double)
-    # difference of squared stretches, from which on one way is shortened most
-    double *= apart / (apart**2 + 0.005**2)
-    sampled = _raster(ply, np.stack([*double, w]))
-    start, sums, weights = np.hypot(*double), sampled(ply.x[:, :2])[2], np.ones(len(w))
-    way = np.arctan2(double[1], double[0]) / 2
-    for sign in (1.0, -1.0):
-        at, ahead = ply.x[:, :2].copy(), sign * np.stack([np.cos(way), np.sin(way)], axis=1)
-        weight = start.copy()
-        for k in range(1, round(CUT * SIGMA / STEP) + 1):
-            at += STEP * ahead
-            for axis in ply.planes:  # the image's way is the way's image
-                beyond = at[:, axis] < 0
-                at[beyond, axis] *= -1
-                ahead[beyond, axis] *= -1
-            one, other, height, covered = sampled(at)
-            angle = np.arctan2(other, one) / 2
-            turned = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-            along = (turned * ahead).sum(1)
-            ahead = np.where(along < 0, -1.0, 1.0)[:, None] * turned
-            weight *= np.hypot(one, other) * covered * along**2  # no jump where ways cross
-            share = weight * np.exp(-((k * STEP / SIGMA) ** 2) / 2)
-            sums += share * height
-            weights += share
-    return w - start * sums / weights
+def _edge(ply):
+    """Mean length of the cells' edges [mm]."""
+    corners = ply.x[ply.triangles]
+    return float(np.linalg.norm(corners - np.roll(corners, 1, 1), axis=2).mean())
 
 
-def _raster(ply, values):
-    """Function of flat places (m, 2) to values (k, n) of the nodes there, joined smoothly, and the
-    share of what is around that the ply covers, (k + 1, m)."""
-    area = np.bincount(
-        ply.triangles.ravel(), np.repeat(plan_area(ply.x, ply.triangles) / 3, 3), len(ply.x)
+def _waves(ply, edge, longest):
+    """Heights, 0 where there is none, and lengths (k, n) [mm] of waves at the nodes, from two edges
+    of cells on, in k combinations of direction and band."""
+    full = whole(ply)
+    flat = pyvista.UnstructuredGrid({pyvista.CellType.TRIANGLE: full.triangles}, full.x * [1, 1, 0])
+    flat.point_data["formed"] = full.formed
+    count = np.ceil(np.log(max(longest / edge / 2, 1)) / np.log(RATIO))
+    bands = 2 * edge * RATIO ** np.arange(count + 2)  # the last for waves that are too long
+    steps = np.clip(bands / PLACES, edge / 2, 2 * edge)  # finer ones tell nothing of cells
+    angles = np.arange(WAYS) * np.pi / WAYS
+    at = ply.x[:, :2]
+    found = np.array([[_along(flat, at, a, *each) for each in zip(bands, steps)] for a in angles])
+    w, energy, length = found.swapaxes(0, 2).swapaxes(1, 2)[:3]
+    beside = np.pad(energy, ((0, 0), (1, 1), (0, 0)))
+    others = np.roll(energy, 1, 0), np.roll(energy, -1, 0), beside[:, :-2], beside[:, 2:]
+    strongest = (energy > 0) & (energy >= np.max(others, axis=0))  # not seen from aside, or in part
+    return (w * strongest).reshape(-1, len(ply.x)), length.reshape(-1, len(ply.x))
+
+
+def _along(flat, nodes, angle, band, step):
+    """Height, energy and length (3, n) at flat `nodes` (n, 2) of waves that run along `angle` and
+    are about `band` long [mm], from places `step` apart [mm]."""
+    turn, wave = _turned(angle), band / step  # places a wave
+    fine, coarse, quarter = FINE * wave, COARSE * wave, wave / 4
+    low, on, x = _sampled(flat, nodes, turn, step, CUT * COARSE * band)
+    inside, between = minimum_filter(on, 3), minimum_filter1d(on, 3, 0)
+    along, across = (np.gradient(x, step, axis=axis) for axis in (0, 1))
+    normal = _mean(np.cross(along, across), inside, NORMAL * wave, NORMAL * wave)
+    normal /= np.maximum(np.linalg.norm(normal, axis=2), 1e-300)[..., None]
+    bend = _mean((_turn(x) * normal).sum(2), between, fine, 0) * on
+    even = _fitted(x, on, ACROSS * wave, 1)
+    z = ((_fitted(even, on, fine, 0) - _fitted(even, on, coarse, 0)) * normal).sum(2)
+    z -= _fitted(z[..., None], on, coarse, 0)[..., 0]  # what is left of the shape
+    squares = (_mean(each**2, between, quarter, quarter) for each in (_turn(z), z))
+    turned = np.sqrt(np.divide(*np.maximum([*squares], 1e-30)))
+    phase = np.arccos(np.clip(1 - turned / 2, -1, 0.99))  # from place to place
+    shape = _passed(phase, coarse)
+    apart = np.sqrt(flat.area / flat.n_points) / step  # places from node to node, between straight
+    alternates = np.where(z > 0, _alternates(bend, wave), _alternates(-bend, wave)) * (z * bend < 0)
+    alternates *= uniform_filter1d(on, 2 * round(REACH * wave) + 1, 0, mode="constant") > LEAST
+    energy = _mean((z * alternates) ** 2, on, quarter, quarter)
+    left_over = (
+        (_passed(phase, fine) - shape) * (1 - shape) * np.sinc(apart * phase / 2 / np.pi) ** 2
     )
-    cell = max(STEP / 2, 0.7 * np.sqrt(area.mean()))
-    low = np.where(np.isin([0, 1], ply.planes), 0.0, ply.x[:, :2].min(0) - 3 * cell)
-    at = (ply.x[:, :2] - low) / cell
-    shape = np.ceil(at.max(0)).astype(int) + 4
-    corner, part = np.floor(at).astype(int), at % 1
-    sums = np.zeros((len(values) + 1, *shape))
-    for i in (0, 1):
-        for j in (0, 1):
-            share = area * abs(1 - i - part[:, 0]) * abs(1 - j - part[:, 1])
-            for total, each in zip(sums, [*values, np.ones(len(at))]):
-                np.add.at(total, (corner[:, 0] + i, corner[:, 1] + j), share * each)
-    *smooth, covered = (gaussian_filter(each, 1.0, mode="mirror") for each in sums)
-    fields = [each / np.maximum(covered, 1e-12) for each in smooth]
-    fields.append(np.minimum(covered / cell**2, 1.0))
-
-    def sampled(x):
-        return [map_coordinates(each, ((x - low) / cell).T, order=1) for each in fields]
-
-    return sampled
+    z *= alternates / np.maximum(left_over, 0.8)
+    longer = _mean((along**2).sum(2) - (across**2).sum(2), inside, quarter, quarter)
+    nearest = distance_transform_edt(on == 0, return_distances=False, return_indices=True)
+    at = ((nodes @ turn - low) / step).T
+    values = z * (longer < CLEAR), energy, 2 * np.pi * step / phase
+    return [map_coordinates(each[tuple(nearest)], at, order=1) for each in values]
 
 
-def _off_smooth(ply):
-    """Distances (n,) of the nodes from their smooth surface, and tangents of that along both axes
-    of the flat ply (n, 2, 3) [mm]."""
-    at, means, count = ply.x[:, :2] / SIGMA, _means(whole(ply)), len(ply.x)
-    X, x, weight = means[:, :2] / SIGMA, means[:, 2:5], means[:, 5]
-    near = cKDTree(at).sparse_distance_matrix(cKDTree(X), CUT, output_type="coo_matrix")
-    # 0 at the cut, or rounding decides what counts
-    weights = np.exp(-(near.data**2) / 2) * (1 - (near.data / CUT) ** 2) * weight[near.col]
-    W = sparse.csr_matrix((weights, (near.row, near.col)), shape=near.shape)
-    basis = _quadratic(X)
-    A = (W @ (basis[:, :, None] * basis[:, None]).reshape(-1, 36)).reshape(count, 6, 6)
-    b = (W @ (basis[:, :, None] * x[:, None]).reshape(-1, 18)).reshape(count, 6, 3)
-    # of coordinates from each node on, in which few places beside it leave some terms free
-    shift = _shifted(-at)
-    A = shift @ A @ shift.swapaxes(1, 2)
-    fitted = np.linalg.pinv(A, rcond=1e-6, hermitian=True) @ (shift @ b)
-    normal = np.cross(fitted[:, 1], fitted[:, 2])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
-    return ((ply.formed - fitted[:, 0]) * normal).sum(1), fitted[:, 1:3]
+def _turned(angle):
+    """Matrix that flat places are multiplied with to be along and across a direction."""
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
-def _shifted(d):
-    """Matrices (n, 6, 6) from `_quadratic` of places to that of places + d (n, 2)."""
-    matrix = np.zeros((len(d), 6, 6))
-    s, t = d.T
-    matrix[:, range(6), range(6)] = 1.0
-    matrix[:, 1, 0], matrix[:, 2, 0] = s, t
-    matrix[:, 3, 0], matrix[:, 3, 1] = s * s, 2 * s
-    matrix[:, 4, 0], matrix[:, 4, 1], matrix[:, 4, 2] = s * t, t, s
-    matrix[:, 5, 0], matrix[:, 5, 2] = t * t, 2 * t
-    return matrix
+def _sampled(flat, nodes, turn, step, margin):
+    """The ply at places `step` apart around the `nodes`: the first along and across, whether the
+    ply is there, 1 or 0 (p, q), and where it is formed to (p, q, 3)."""
+    ends = [(flat.points[:, :2], 1.382 * step), (nodes, margin)]  # no row on a straight edge
+    low = np.max([(x @ turn).min(0) - beyond for x, beyond in ends], axis=0)
+    high = np.min([(x @ turn).max(0) + beyond for x, beyond in ends], axis=0)
+    count = ((high - low) / step).astype(int) + 2
+    at = (low + step * np.indices(count).reshape(2, -1).T) @ turn.T
+    found = pyvista.PolyData(np.pad(at, ((0, 0), (0, 1)))).sample(flat)
+    on = np.asarray(found["vtkValidPointMask"], dtype=float).reshape(count)
+    return low, on, np.asarray(found["formed"], dtype=float).reshape(*count, 3)
 
 
-def _quadratic(X):
-    """1, s, t, s^2, s t, t^2 of places X (n, 2), (n, 6)."""
-    s, t = X.T
-    return np.stack([np.ones_like(s), s, t, s * s, s * t, t * t], axis=1)
+def _turn(x):
+    """Second differences of values along the first axis, 0 at its ends."""
+    turn = np.zeros_like(x)
+    turn[1:-1] = x[2:] - 2 * x[1:-1] + x[:-2]
+    return turn
 
 
-def _means(ply):
-    """Mean flat place, formed place and area of squares of `STEP`, (k, 6): finer nodes cost much
-    and tell nothing of a smooth surface."""
-    n = len(ply.x)
-    corners = areas(ply.x[ply.triangles])
-    area = np.bincount(ply.triangles.ravel(), np.repeat(corners / 3, 3), n)
-    middle = (ply.x[:, :2].min(0) + ply.x[:, :2].max(0)) / 2
-    # of a square, so that nodes of even meshes do not lie on its sides
-    square = np.floor((ply.x[:, :2] - middle) / STEP + 0.3819)
-    squares = np.unique(square, axis=0, return_inverse=True)[1].ravel()
-    values = np.column_stack([ply.x[:, :2], ply.formed, np.ones(n)]) * area[:, None]
-    sums = np.stack([np.bincount(squares, each) for each in values.T], axis=1)
-    return np.column_stack([sums[:, :5] / sums[:, 5:], sums[:, 5]])
+def _mean(values, weights, *sigma):
+    """Gaussian means with `weights` (p, q); sigma: along and across [places]."""
+    parts = values.reshape(*weights.shape, -1) * weights[..., None]
+    sums = np.stack([gaussian_filter(each, sigma) for each in np.moveaxis(parts, 2, 0)], 2)
+    total = np.maximum(gaussian_filter(weights, sigma), 1e-9)[..., None]
+    return (sums / total).reshape(values.shape)
 
 
-def _slopes(ply, w):
-    """Gradients (m, 2) of values w (n,) at the nodes over the flat triangles."""
-    p, q, r = ply.x[ply.triangles, :2].swapaxes(0, 1)
-    values = w[ply.triangles]
-    sides = np.stack([q - p, r - p], 1)
-    return np.linalg.solve(sides, (values[:, 1:] - values[:, :1])[..., None])[..., 0]
+def _fitted(values, weights, sigma, axis):
+    """Parabolas along an axis that fit the values (p, q, k) around each place best, with Gaussian
+    weights of `sigma` [places] and `weights` (p, q): their values there."""
+    reach = int(np.ceil(CUT * sigma))
+    s = np.arange(-reach, reach + 1) / sigma
+    powers = np.exp(-s * s / 2) * s ** np.arange(5)[:, None]
+
+    def sums(of, power):
+        return correlate1d(of, powers[power], axis, mode="constant")
+
+    a, b, c, d, e = np.stack([sums(weights, power) for power in range(5)])[..., None]
+    c_, e = c + 1e-6 * a, e + 1e-6 * a  # of few places
+    share = c_ * e - d * d, c * d - b * e, b * d - c * c_
+    fitted = sum(k * sums(values * weights[..., None], power) for power, k in enumerate(share))
+    return fitted / np.maximum(a * share[0] + b * share[1] + c * share[2], 1e-30)
+
+
+def _passed(phase, sigma):
+    """Share of a wave of `phase` [rad] a place that `_fitted` with `sigma` lets pass."""
+    q = (phase * sigma) ** 2 / 2
+    return np.exp(-q) * (1 + q)
+
+
+def _alternates(bend, wave):
+    """Share of its height that a crest counts with: 0 where its curvature `bend` does not change
+    sign on both sides."""
+    half = round(REACH * wave / 2)
+    size = 2 * half + 1
+    sides = [maximum_filter1d(bend, size, 0, mode="constant", origin=o) for o in (half, -half)]
+    own = maximum_filter1d(-bend, 2 * round(wave / 4) + 1, 0)
+    three = np.stack([*sides, own])
+    share = three.min(0) / np.maximum(three.max(0), 1e-12)
+    return np.clip((share - TURN[0]) / (TURN[1] - TURN[0]), 0, 1)
 
 
 def _ridges(z, planes):

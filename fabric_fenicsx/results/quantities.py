@@ -104,7 +104,10 @@ def stack_quantities(
     area alone is left out: each ply has it."""
     quantities = fabric_quantities(result, fabrics) if fabrics else {}
     quantities |= metal_quantities(result, metals) if metals else {}
-    largest = {"draw_in": ("largest_mm",), "wrinkles": ("height_mm", "rim_mm", "folds")}
+    largest = {
+        "draw_in": ("largest_mm",),
+        "wrinkles": ("height_mm", "ripples_mm", "rim_mm", "folds"),
+    }
     for name, keys in largest.items():
         shapes = [ply[name] for ply in plies.values()]
         quantities[name] = None
@@ -252,8 +255,7 @@ def shortest_wave_of(scene: Scene, part: Part) -> float | None:
 
 
 def waves_that_do_not_form(scene: Scene) -> list[str]:
-    """A sentence for each part of fabric whose law allows only waves longer than 60 mm, up to which
-    heights show waves nearly in full."""
+    """A sentence for each part of fabric whose law allows only waves longer than 60 mm."""
     parts = scene.blank.parts.values() or [scene.blank.whole]
     lengths = {p.name or scene.blank.name: shortest_wave_of(scene, p) for p in parts}
     return [

@@ -24,7 +24,7 @@ CAPTIONS = {
     "compare_curves": "Variants of the couplings: reaction over displacement",
     "formed": "The formed ply: magnitude of the shear angle, and yarns",
     "states": "Strain states: which yarns are in tension, which in compression",
-    "wrinkles": "Wrinkles: distance from the smooth surface through the ply, where no tool is near",
+    "wrinkles": "Wrinkles: height of the waves of the ply, where no tool is near",
     "shortening": "Shortening of yarns by compression, where a real ply wrinkles",
     "thickness": "Thickness of the plies under the pressure on them",
     "paths": "Strains and shear angle along paths from the centre",
