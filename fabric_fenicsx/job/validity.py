@@ -185,9 +185,8 @@ def ripples(quantities: Mapping[str, Any]) -> str:
     if most["ripples_mm"] < MIN_HEIGHT:
         return ""
     return (
-        f"ripples of the mesh, up to {rounded(most['ripples_mm'])} mm high, are no wrinkles: they "
-        f"are shorter than {rounded(most['seen_mm'][0])} mm, and cells of that size and the fabric "
-        "make no such waves"
+        f"ripples of the mesh, up to {rounded(most['ripples_mm'])} mm high, are no wrinkles: cells "
+        f"or fabric make no waves shorter than {rounded(most['seen_mm'][0])} mm"
     )
 
 

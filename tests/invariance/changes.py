@@ -174,7 +174,7 @@ def whole(press, folder):
     return press.replace(sheets=sheets, symmetry="none")
 
 
-RASTER = {"besides": HEIGHTS, "why": "heights are fitted to means over squares along x and y"}
+RASTER = {"besides": HEIGHTS, "why": "waves are sought along six directions from x on"}
 TURNED = {"within": 1e-6} | RASTER
 CHANGES = {
     "moved": Change(  # its corner to the origin

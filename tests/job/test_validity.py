@@ -8,7 +8,7 @@ import pytest
 from builders import sheet
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.job.validity import coarse_waves
+from fabric_fenicsx.job.validity import coarse_waves, ripples
 
 
 def pressed(fabric, pattern="crossed", angle=0.0):
@@ -42,6 +42,13 @@ def test_waves_of_few_cells_are_told():
     plies = {"a": {"wrinkles": fine}, "b": {"wrinkles": flat}, "c": {"wrinkles": None}}
     assert not coarse_waves({"plies": plies}) and not coarse_waves({})
     assert "3.5 cells" in coarse_waves({"plies": plies | {"d": {"wrinkles": waves}}})
+
+
+def test_ripples_of_the_mesh_are_told():
+    waves = {"ripples_mm": 0.6, "seen_mm": [112.0, 67.0]}
+    words = ripples({"plies": {"a": {"wrinkles": waves}, "b": {"wrinkles": None}}})
+    assert "0.6 mm high" in words and "no waves shorter than 112 mm" in words
+    assert not ripples({"wrinkles": waves | {"ripples_mm": 0.09}}) and not ripples({})
 
 
 @pytest.mark.mpi

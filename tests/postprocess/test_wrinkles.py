@@ -59,11 +59,11 @@ def saddle(x, y, radius=100.0):
     return np.column_stack([x, y, (x * x - y * y) / 2 / radius]), normal
 
 
-def sheared(x, y, angle=np.radians(40)):
+def sheared(x, y, angle=0.7):
     return np.column_stack([x + y * np.sin(angle), y * np.cos(angle), 0 * x]), flat(x, y)[1]
 
 
-def bent(*radii, angle=np.radians(60), wall=14.0):
+def bent(*radii, angle=1.05, wall=14.0):
     """A ply that turns along x by an angle about each radius in turn, this way and that."""
 
     def place(x, y):
@@ -103,8 +103,8 @@ TRUTHS |= {name: (*case, 0.0) for name, case in NONE.items()}
 
 @pytest.mark.parametrize("name", TRUTHS)
 def test_heights_of_known_waves(name):
-    """Those in five or eight wavelengths of a ply, of eight cells each, are within 5 %; what bends one way,
-    or hides a wave as it bends more, has none."""
+    """Waves of eight cells, five or eight of them, are within 5 %; what bends one way has none, and
+    hides a wave that bends less."""
     place, length, height = TRUTHS[name]
     pattern = ("crossed", "left", "right")[[*TRUTHS].index(name) % 3]
     count = 8 if "of area" in name else 5
