@@ -34,7 +34,7 @@ FINE, COARSE, ACROSS, NORMAL = 0.1, 0.62, 0.2, 0.3
 REACH = 0.75  # of a wavelength, in which a wave turns to both sides
 LEAST = 0.7  # share of these two that must be on the ply
 TURN = 0.1, 0.2  # share of its curvature that it has the other way there: none, and full height
-CLEAR = 0.1  # difference of squared stretches, from which on waves along the longer are shape
+CLEAR = 0.05  # difference of squared stretches, from which on waves along the longer are shape
 Heights = Callable[[np.ndarray], np.ndarray]
 
 
@@ -99,7 +99,7 @@ def _waves(ply, edge, longest):
     flat.point_data["formed"] = full.formed
     count = np.ceil(np.log(max(longest / edge / 2, 1)) / np.log(RATIO))
     bands = 2 * edge * RATIO ** np.arange(count + 2)  # the last for waves that are too long
-    steps = np.clip(bands / PLACES, edge / 2, 2 * edge)  # finer ones tell nothing of cells
+    steps = np.clip(bands / PLACES, edge / 2, 0.9 * edge)  # coarser ones mistake ripples for waves
     angles = np.arange(WAYS) * np.pi / WAYS
     at = ply.x[:, :2]
     found = np.array([[_along(flat, at, a, *each) for each in zip(bands, steps)] for a in angles])
@@ -124,6 +124,9 @@ def _along(flat, nodes, angle, band, step):
     even = _fitted(x, on, ACROSS * wave, 1)
     z = ((_fitted(even, on, fine, 0) - _fitted(even, on, coarse, 0)) * normal).sum(2)
     z -= _fitted(z[..., None], on, coarse, 0)[..., 0]  # what is left of the shape
+    own = np.gradient(z, step, axis=0)  # slope of the wave, which may lengthen it
+    stretches = (along**2).sum(2) - own**2 - (across**2).sum(2)
+    longer = _mean(stretches, inside, quarter, quarter)
     squares = (_mean(each**2, between, quarter, quarter) for each in (_turn(z), z))
     turned = np.sqrt(np.divide(*np.maximum([*squares], 1e-30)))
     phase = np.arccos(np.clip(1 - turned / 2, -1, 0.99))  # from place to place
@@ -136,7 +139,7 @@ def _along(flat, nodes, angle, band, step):
         (_passed(phase, fine) - shape) * (1 - shape) * np.sinc(apart * phase / 2 / np.pi) ** 2
     )
     z *= alternates / np.maximum(left_over, 0.8)
-    longer = _mean((along**2).sum(2) - (across**2).sum(2), inside, quarter, quarter)
+    longer = maximum_filter1d(longer, 2 * round(REACH * wave) + 1, 0)  # or where it turns back
     nearest = distance_transform_edt(on == 0, return_distances=False, return_indices=True)
     at = ((nodes @ turn - low) / step).T
     values = z * (longer < CLEAR), energy, 2 * np.pi * step / phase
