@@ -262,3 +262,8 @@ def off_differences(term, by=0.0, h=2e-6):
     rise = (8 * (e1 - d1) - (e2 - d2)) / (12 * h)
     u[:] = at
     return max(abs(rise - f @ d) / abs(f * d).sum(), abs(change - Kd).max() / abs(Kd).max())
+
+
+def said(summary):
+    """Warnings of a summary, and reasons of its verdict, as texts."""
+    return [*summary["warnings"], *(reason["text"] for reason in summary["reasons"])]

@@ -64,6 +64,7 @@ class PressStudy(Study):
             name = f"max_{each.name}"
             if getattr(args, name) is None:
                 setattr(args, name, getattr(press.limits, each.name))
+        args.stop_when_invalid |= press.stop_when_invalid
         self.fabric = press.fabric
         for doubt in press.fabric.plausibility_warnings():
             self.warn(doubt)

@@ -169,7 +169,8 @@ class FormingScene(Setup):
     def job(self, **changes: Any) -> Job:
         """As in `Setup`, with the steps of the stages; a step ends at the end of each stage."""
         ends = tuple(float(each) for each in self.schedule.joints[1:-1])
-        usual = {"milestones": ends, "limits": self.data.limits} | changes
+        usual = {"milestones": ends, "limits": self.data.limits}
+        usual |= {"stop_when_invalid": self.data.stop_when_invalid} | changes
         return super().job(**usual | {"steps": changes.get("steps") or self.schedule.steps})
 
     def stage(self, load: float) -> str:

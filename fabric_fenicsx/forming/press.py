@@ -55,7 +55,9 @@ class Press(KnowsItsFields):
     stages
         One after the other.
     limits
-        Beyond which a result is not believed.
+        Beyond which a result is invalid.
+    stop_when_invalid
+        True: the run ends at the step where the ply can't be formed, see `Settings`.
     title
         Of the report.
 
@@ -90,6 +92,7 @@ class Press(KnowsItsFields):
     holders: Mapping[str, Holder | Sequence[Holder]] = field(default_factory=dict)
     stages: Sequence[Stage] = ()
     limits: Limits = Limits()
+    stop_when_invalid: bool = False
     title: str = ""
 
     def __post_init__(self) -> None:

@@ -90,10 +90,16 @@ def fields_of(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     if "quarter" in tables["blank"]:
         raise InputError('blank.quarter is not known; allowed is symmetry = "xy" for a quarter')
     symmetry = tables["blank"].pop("symmetry", "none")
+    stops = tables["limits"].pop("stop_when_invalid", False)
+    if not isinstance(stops, bool):
+        raise InputError(
+            f"limits.stop_when_invalid is {shown(stops)}; allowed is true or false"
+        )
     stages = _list(document, "stage")
     return {
         "title": document.get("title", ""),
         "symmetry": symmetry,
+        "stop_when_invalid": stops,
         "sheets": _sheets(document, tables["blank"], folder),
         "interface": from_table(Interface, tables["contact"], "contact", folder),
         "limits": from_table(Limits, tables["limits"], "limits", folder),
@@ -377,7 +383,8 @@ def document_of(press: Any) -> dict[str, Any]:
     blank: dict[str, Any] = {"symmetry": press.symmetry} if press.planes else {}
     document["blank"] = blank | (plies[0] if len(plies) == 1 else {})
     document["contact"] = _entries(press.interface, {})
-    document["limits"] = _entries(press.limits, {})
+    stops = {"stop_when_invalid": True} if press.stop_when_invalid else {}
+    document["limits"] = _entries(press.limits, {}) | stops
     if len(plies) > 1:
         document["ply"] = plies
     document["tools"] = {name: _tool_table(tool) for name, tool in press.tools.items()}

@@ -23,7 +23,7 @@ def checked(job: Job, output: Output, part: str, pictures: bool) -> list[str]:
         scene.check_start()
     folder = output.folder(part)
     for warning in [*job.setup.warnings, *validity.warnings_at_start(scene)]:
-        output.warn(warning)
+        output.tell(warning)
     newton = Newton(scene, job.tolerance, linear_solver=job.linear_solver)
     with task("factoring a tangent"):
         for _ in range(2):  # the first time compiles

@@ -15,7 +15,9 @@ from tqdm import tqdm
 from ..results.history import ENERGIES, History, energy_balance, viscous_warning
 from ..results.output import Output
 from ..results.result import Result
+from ..results.verdict import INVALID, Reason
 from ..runtime import status
+from ..runtime.errors import NOT_BELIEVED
 from ..runtime.formatting import rounded
 from ..runtime.signals import StopSignals
 from ..runtime.timing import phase
@@ -57,8 +59,10 @@ class Run:
         self.job, self.output, self.folder, self.scene = job, output, folder, job.scene
         self._newton, self._checkpoint, self._start = newton, checkpoint, start
         comm = self.scene.comm
-        for warning in [*job.setup.warnings, *validity.warnings_at_start(self.scene)]:
+        for warning in job.setup.warnings:
             output.warn(warning)
+        for doubt in validity.warnings_at_start(self.scene):
+            output.tell(doubt)
         if comm.rank == 0:
             for old in [folder / "summary.json", *folder.glob("*.png")]:
                 old.unlink(missing_ok=True)  # of an earlier run, not of this one
@@ -79,7 +83,7 @@ class Run:
             self._start,
             on_accept=self._accept,
             on_reject=self._reject,
-            stop=lambda: signals() or validity.not_believed(self._wrong_now),
+            stop=lambda: signals() or validity.not_believed(self._wrong_now, self._load()),
         )
         self._began = self._step_began = time.monotonic()
         first = self.scene.comm.rank == 0
@@ -100,12 +104,15 @@ class Run:
                 f"at rest in its supports, before load, the sheet has moved by up to {moved:.3g} mm"
             )
         self._wrong_now = validity.beyond_limits_now(scene, self.job.limits)
+        if self.job.stop_when_invalid:
+            now = Result({}, rows, scene_output.cell_fields(scene), None, scene)
+            self._wrong_now += validity.not_formed(now, self.job.limits)
         measured: tuple[float, float] = self.job.setup.measure(scene, accepted.load)
         with phase("output"):
             self.history.add(accepted, *measured, partial(self._further, measured[1]))
             if len(rows) == 1:
                 scene_output.summary(scene)  # which refuses names given twice
-        output.warn(viscous_warning(rows, accepted.load))
+        output.doubt(Reason(viscous_warning(rows, accepted.load)))
         self._tell(accepted, *measured)
         with phase("output"):
             if self._is_written():
@@ -128,6 +135,10 @@ class Run:
         if self.scene.comm.rank == 0:
             is_seen = status.on_terminal() or self.output.is_quiet
             log.log(logging.DEBUG if is_seen else logging.INFO, self._reached)
+
+    def _load(self):
+        """Load factor of the last accepted state."""
+        return self.history.rows[-1]["load"] if self.history.rows else 0.0
 
     def _doing(self):
         """How far the run is, for the status line."""
@@ -169,12 +180,18 @@ class Run:
         result = Result({}, rows, fields, self.folder, scene)
         energy = self._energy()
         quantities = self.job.setup.quantities(result)
-        for warning in validity.warnings_at_end(result, energy, quantities):
-            output.warn(warning)
-        wrong = validity.beyond_limits_at_end(scene, self.job.limits, rows, energy)
-        self.wrong = outcome.reason or validity.not_believed(self._wrong_now + wrong)
+        for doubt in validity.doubts(result, energy, quantities):
+            output.doubt(doubt)
+        wrong = validity.not_formed(result, self.job.limits)
+        wrong += [each for each in self._wrong_now if each not in wrong]
+        wrong += validity.beyond_limits_at_end(scene, self.job.limits, rows, energy)
+        self.wrong = outcome.reason or validity.not_believed(wrong)
+        if outcome.reason and not outcome.reason.startswith(NOT_BELIEVED):
+            wrong.append(outcome.reason)
+            self.wrong = outcome.reason if self.stopped else "; ".join(wrong[::-1])
         result.summary = output.summarise(
             self.folder,
+            [Reason(each, verdict=INVALID) for each in wrong],
             converged=not self.wrong,
             stroke_reached=outcome.reached,
             reason=self.wrong or "full load reached",

@@ -1,17 +1,17 @@
-"""Validity of a result: limits that it exceeds, and warnings."""
+"""Validity of a result: limits that it exceeds, and doubts: the reasons of its verdict."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..material.strains import SHORTENED
 from ..mechanics.contact.self_crossing import crossing_warning, self_crossings
 from ..mechanics.materials import materials_of
 from ..mechanics.shell.membrane import Membrane
 from ..results.history import energy_balance, stretching
-from ..results.quantities import fabric_warnings
+from ..results.quantities import fabric_doubts, limited
 from ..results.result import Result
+from ..results.verdict import Reason
 from ..runtime.errors import NOT_BELIEVED
-from ..runtime.formatting import coordinates, percent, rounded, share
+from ..runtime.formatting import coordinates, of_sheet, percent, rounded, share
 from ..scene import output as scene_output
 from ..scene.isostatic import beyond_planes
 from ..scene.scene import Scene
@@ -19,14 +19,21 @@ from ..solve.limits import EDGES, Limits
 from ..solve.step_criteria import UNBALANCED
 
 MIN_CELLS = 7.0  # cells of a wave, from which on its height is within some per cent
+CURES = {
+    "shear": "the ply can't be formed there; other yarn angles, a larger radius or a cut may help",
+    "fibre_share": "there is too much pressure or shear, or the fabric's thickness, `density`, "
+    "`fibre_density` or `compaction` is wrong",
+}
+CURES["shear_99_percent"] = CURES["shear"]
 KERNEL_TOLERANCE = (
     1e-6  # of stresses of elements and kernel, above which a run warns; usual is 1e-12
 )
 
 
-def not_believed(wrong: Sequence[str]) -> str:
-    """One sentence of all that is wrong with a result, "" if nothing is."""
-    return NOT_BELIEVED + "; ".join(wrong) if wrong else ""
+def not_believed(wrong: Sequence[str], load: float = 1.0) -> str:
+    """One sentence of all that is wrong with a result at a `load`, "" if nothing is."""
+    end = [f"the run ends there, at load factor {rounded(load, 6)}"] if load < 1 else []
+    return NOT_BELIEVED + "; ".join([*wrong, *end]) if wrong else ""
 
 
 def beyond_limits_now(scene: Scene, limits: Limits) -> list[str]:
@@ -45,6 +52,19 @@ def beyond_limits_now(scene: Scene, limits: Limits) -> list[str]:
     return wrong
 
 
+def not_formed(result: Result, limits: Limits) -> list[str]:
+    """Sentences on fabric that can't lie as it does in the present state: sheared, filled or
+    shortened too far."""
+    wrong = []
+    for name, values in limited(result):
+        for limit, (value, place) in values.items():
+            for words in limits.exceeded({limit: value}):
+                sheet = f"sheet {name}: " if name else ""
+                cure = CURES.get(limit) or _cure(result.scene)
+                wrong.append(f"{sheet}{words}, at most at {of_sheet(place)}; {cure}")
+    return wrong
+
+
 def beyond_limits_at_end(
     scene: Scene, limits: Limits, rows: Sequence[Mapping[str, Any]], energy: Mapping[str, float]
 ) -> list[str]:
@@ -55,12 +75,7 @@ def beyond_limits_at_end(
         "viscous": share(energy["viscous"], stretching(energy)),
         "located": scene.supports.located_share(scene_output.outer_forces(scene)),
     }
-    wrong = limits.exceeded(shares)
-    if scene.blank.mesh.geometry.dim == 3:  # a plane sheet can't wrinkle
-        shortened, sheet = scene_output.most_shortened(scene, SHORTENED)
-        words = [f"{each}; {_cure(scene)}" for each in limits.exceeded({"shortening": shortened})]
-        wrong += [f"sheet {sheet}: {each}" if sheet else each for each in words]
-    return wrong + _passed_through(scene)
+    return [*_passed_through(scene), *limits.exceeded(shares)]
 
 
 def _cure(scene):
@@ -105,29 +120,31 @@ def _separation(scene, planes=False):
     return f"{contact}, a press's `self = true`,"
 
 
-def warnings_at_start(scene: Scene) -> list[str]:
-    """Warnings of a scene before it is loaded."""
+def warnings_at_start(scene: Scene, formed: bool = False) -> list[str]:
+    """Warnings of a scene that need no result, before it is loaded or when it is `formed`."""
     sentences = [scene.check_held()]
     if scene.blank.mesh.geometry.dim == 3:  # strips do without the tools' modules
         from ..scene.tool_warnings import tool_warnings
 
-        sentences += tool_warnings(scene)
+        sentences += tool_warnings(scene, formed)
     return [words for words in sentences if words]
 
 
-def warnings_at_end(
+def doubts(
     result: Result, energy: Mapping[str, float], quantities: Mapping[str, Any]
-) -> list[str]:
-    """Warnings of a result though nothing failed. energy: as of `beyond_limits_at_end`; quantities:
-    of the summary."""
+) -> list[Reason]:
+    """Doubts about a result though nothing failed: about tools and cells first, then about what is
+    formed, the path and the material. energy: as of `beyond_limits_at_end`; quantities: of the
+    summary."""
     scene, untouched = result.scene, ""
     if scene_output.tools(scene):
         from ..scene.tool_warnings import untouched_warning
 
         untouched = untouched_warning(scene)
     sentences = [
-        *fabric_warnings(result),
-        coarse_waves(quantities),
+        *warnings_at_start(scene, formed=True),
+        *fabric_doubts(result),
+        Reason(coarse_waves(quantities), of="wrinkles"),
         ripples(quantities),
         untouched,
         _crossing(scene),
@@ -149,7 +166,8 @@ def warnings_at_end(
             "work of supports and tools and stored energy differ by "
             f"{percent(balance['energy_imbalance'], 3)}; {_cause(energy)}"
         )
-    return [words for words in [*sentences, *scene_output.warnings(scene)] if words]
+    found = [*sentences, *scene_output.warnings(scene)]
+    return [each if isinstance(each, Reason) else Reason(each) for each in found]
 
 
 def coarsest_waves(quantities: Mapping[str, Any]) -> dict[str, float]:

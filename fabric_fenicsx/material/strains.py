@@ -8,6 +8,7 @@ from .functions import atan, sqrt
 
 # nominal strain by which yarns are shorter under compression where a real ply rather wrinkles
 SHORTENED = 0.02
+CRUMPLED = 0.05  # shortening of yarns beyond which a cell crumples
 WEAVE_ANGLE = Rule("an angle above 0 and below pi", lambda v: 0 < v < math.pi)  # [rad]
 
 

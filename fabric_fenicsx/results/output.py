@@ -24,6 +24,7 @@ from ..runtime.errors import InputError
 from ..runtime.files import lock_folder, replace_file
 from ..runtime.logs import MARKED, LogFile, log
 from ..runtime.version import __version__
+from .verdict import OK, Reason
 
 # the files by which a folder is known to hold results
 RESULTS = "summary.json", "history.csv", "checkpoint.npz"
@@ -44,6 +45,11 @@ def finite(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [finite(each) for each in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _verdict(reasons):
+    """Entries of the summary; reasons: those of an invalid result first."""
+    return {"verdict": reasons[0]["verdict"] if reasons else OK, "reasons": reasons}
 
 
 class Output:
@@ -73,7 +79,9 @@ class Output:
         self.begun = False
         # with what was compiled and set up before, which `wall_s` has as well
         self._started = time.perf_counter() - sum(timing.seconds.values())
-        self.warnings: list[str] = []  # since the last summary
+        # since the last summary: remarks on what was given, and reasons of the verdict
+        self.warnings: list[str] = []
+        self.reasons: list[Reason] = []
         self._warned: set[str] = set()
         self._said: set[tuple[str, str]] = set()  # assumed numbers
         self._lock: IO | None = None
@@ -95,12 +103,23 @@ class Output:
     def warn(self, text: str) -> None:
         """Print once, on rank 0, what the user should look at; the summary repeats it. An empty
         text is nothing."""
-        text = self.translated(text)
+        text = self.tell(text)
         if text and text not in self.warnings:
             self.warnings.append(text)
+
+    def doubt(self, reason: Reason) -> None:
+        """As `warn`, a reason of the verdict."""
+        reason = reason._replace(text=self.tell(reason.text))
+        if reason.text and reason not in self.reasons:
+            self.reasons.append(reason)
+
+    def tell(self, text: str) -> str:
+        """Print once, on rank 0, what the user should look at; the text that is printed."""
+        text = self.translated(text)
         if text and self.comm.rank == 0 and text not in self._warned and not self.is_quiet:
             log.warning(text, extra=MARKED)
         self._warned.add(text)
+        return text
 
     def folder(self, part: str = "") -> Path:
         """Make the folder, or its subfolder `part`, and return it. Raises InputError if it can't be
@@ -162,8 +181,11 @@ class Output:
                 writer.writeheader()
                 writer.writerows(rows)
 
-    def summarise(self, folder: Path | None, **facts: Any) -> dict[str, Any]:
-        """`facts` with costs, warnings and versions, written to `folder`/summary.json if given."""
+    def summarise(
+        self, folder: Path | None, wrong: Sequence[Reason] = (), **facts: Any
+    ) -> dict[str, Any]:
+        """`facts` with the verdict, costs, warnings and versions, written to `folder`/summary.json
+        if given. wrong: reasons why the result is invalid."""
         total = time.perf_counter() - self._started
         wall = {name: round(seconds, 4) for name, seconds in timing.taken().items()}
         self._started = time.perf_counter()
@@ -171,21 +193,25 @@ class Output:
         if "reason" in facts:
             facts["reason"] = self.translated(facts["reason"])
         summary = {"study": self.name, "ranks": self.comm.size} | facts | self.facts
+        reasons = [*(each._replace(text=self.translated(each.text)) for each in wrong)]
         summary |= {
+            **_verdict([each._asdict() for each in (*reasons, *self.reasons)]),
             "warnings": self.warnings,
             "wall_s": wall | {"total": round(total, 4)},
             "peak_memory_mib": round(self.comm.allreduce(peak, MPI.MAX), 1),
             "versions": VERSIONS,
         }
-        self.warnings = []
+        self.warnings, self.reasons = [], []
         self._write_summary(folder, summary)
         return summary
 
     def amend(self, folder: Path, summary: Mapping[str, Any], **facts: Any) -> dict[str, Any]:
         """`summary` with `facts` and what was warned of since it was written, written anew."""
-        amended = {**summary, **facts, "warnings": [*summary["warnings"], *self.warnings]}
+        reasons = [*summary["reasons"], *(each._asdict() for each in self.reasons)]
+        warnings = [*summary["warnings"], *self.warnings]
+        amended = {**summary, **facts, **_verdict(reasons), "warnings": warnings}
         timing.taken()
-        self._started, self.warnings = time.perf_counter(), []
+        self._started, self.warnings, self.reasons = time.perf_counter(), [], []
         self._write_summary(folder, amended)
         return amended
 

@@ -1,5 +1,5 @@
 """Quantities of formed sheets: shear, shortening of yarns, strains and thickness of fabric, plastic
-strain of metal, draw-in and wrinkles; warnings of shear and shortening.
+strain of metal, draw-in and wrinkles; doubts about shear and shortening.
 
 A membrane stores as shortening what a real ply folds into wrinkles. Where yarns are shortened much,
 cells crumple, and the largest shear angle says little.
@@ -7,13 +7,13 @@ cells crumple, and the largest shear angle says little.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..material.strains import SHORTENED, share_name
+from ..material.strains import CRUMPLED, SHORTENED, share_name
 from ..mechanics.materials import fabric_of
 from ..mechanics.shell.bending import Bending, shortest_wave
 from ..runtime.collective_errors import on_root
@@ -22,13 +22,12 @@ from ..scene.scene import Scene
 from ..sheets.blank import Part
 from . import measures
 from .result import Result
+from .verdict import Reason
 
 if TYPE_CHECKING:
     from ..postprocess.ply import Grid
 
-# shortening
-CRUMPLED = 0.05  # shortening of yarns beyond which a cell crumples
-SHARES = 0.01, SHORTENED, 0.05  # beyond which shares of the area are listed
+SHARES = 0.01, SHORTENED, CRUMPLED  # shortening beyond which shares of the area are listed
 FIELDS = "shear_angle", "shortening_a", "shortening_b"  # of fabric
 
 
@@ -207,30 +206,43 @@ def excess_length(result: Result, part: Part) -> float | None:
     return float(max(lengths))
 
 
-def fabric_warnings(result: Result) -> list[str]:
-    """Warnings of each part of fabric of a sheet in space, as a plane one can't fold: one where the
-    largest shear angle depends on mesh and contact, one where yarns are shortened."""
+def _of_fabric(result):
+    """Each part of fabric of a sheet in space, as a plane one can't fold, with its quantities of
+    shear and shortening."""
     blank, fields = result.scene.blank, result.fields
     if blank.mesh.geometry.dim == 2 or not set(FIELDS) <= set(fields):
-        return []
-    sentences: list[str] = []
+        return
     for part in list(blank.parts.values()) or [blank.whole]:
         unknown = int(np.isnan(fields["shear_angle"][part.cells]).sum())
         if not result.scene.comm.allreduce(unknown):
-            quantities = shear_quantities(result, [part]) | shortening_quantities(result, [part])
-            wave = _allowed(result.scene, part)
-            sentences += _sentences(part.name or blank.name, quantities, wave)
-        shares = fields.get("fibre_volume_fraction", np.full(len(blank.areas()), np.nan))
-        most = _known(np.fmax, result.scene.comm, shares[part.cells])
-        packed = np.pi / np.sqrt(12)  # round fibres side by side
-        if most and most > packed:
-            flaw = f"more than round ones can ({rounded(packed)})"
-            sentences.append(
-                f"fibres of {part.name or blank.name} fill up to {rounded(most)} of its volume, "
-                f"{flaw}: too much pressure or shear, or the fabric's thickness, "
-                "`density`, `fibre_density` or `compaction` is wrong"
-            )
-    return sentences
+            yield part, shear_quantities(result, [part]) | shortening_quantities(result, [part])
+
+
+def limited(result: Result) -> Iterator[tuple[str, dict[str, tuple[float, list[float]]]]]:
+    """Name of each sheet of fabric in space, with {name of a limit: (value, place [mm])}."""
+    for part, found in _of_fabric(result):
+        sheared, shortened = (found[f"{k}_max_at_mm"] for k in ("shear_angle", "shortening"))
+        values = {
+            "shear": (found["shear_angle_max_deg"], sheared),
+            "shear_99_percent": (found["shear_angle_99_percent_deg"], sheared),
+            "shortening": (found[share_name(CRUMPLED)], shortened),
+        }
+        if "fibre_volume_fraction" in result.fields:
+            own = np.nan_to_num(result.fields["fibre_volume_fraction"][part.cells])
+            most, place, _ = measures.largest_in(result.scene.blank, [part], own, own)
+            values["fibre_share"] = most, place["at_mm"]
+        yield part.name, values
+
+
+def fabric_doubts(result: Result) -> list[Reason]:
+    """Doubts about each part of fabric of a sheet in space: one where yarns are shortened, one
+    where cells crumple, so that the largest shear angle depends on mesh and contact."""
+    blank = result.scene.blank
+    return [
+        doubt
+        for part, found in _of_fabric(result)
+        for doubt in _doubts(part.name or blank.name, found, _allowed(result.scene, part))
+    ]
 
 
 def _allowed(scene, part):
@@ -266,20 +278,25 @@ def waves_that_do_not_form(scene: Scene) -> list[str]:
     ]
 
 
-def _sentences(name: str, quantities: Mapping[str, Any], wave: str = "") -> Iterable[str]:
+def _doubts(name: str, quantities: Mapping[str, Any], wave: str = "") -> Iterable[Reason]:
     share, lost = quantities[share_name(SHORTENED)], quantities["excess_length_mm"]
+    place, most = (quantities[f"shortening_max{end}"] for end in ("_at_mm", ""))
     if share > 0.01:
-        place = of_sheet(quantities["shortening_max_at_mm"])
-        most = f"{percent(quantities['shortening_max'], 3)}, as at {place}"
         wide = f"by more than {percent(SHORTENED, 6)} in {percent(share, 3)} of the area"
         excess = "" if lost is None else f"; a yarn loses up to {rounded(lost)} mm of its length"
         law = f"The law stores as shortening what a real ply folds into wrinkles{wave}"
-        yield f"compression shortens yarns of {name} by up to {most}, and {wide}{excess}. {law}"
-    if (there := quantities["shortening_at_shear_angle_max"]) > CRUMPLED:
-        place = of_sheet(quantities["shear_angle_max_at_mm"])
-        most = f"{rounded(quantities['shear_angle_max_deg'])} deg at {place}"
-        where = f"lies where yarns are shortened by {percent(there)}: cells crumple there"
+        yield Reason(
+            f"compression shortens yarns of {name} by up to {percent(most, 3)}, as at "
+            f"{of_sheet(place)}, and {wide}{excess}. {law}"
+        )
+    if most > CRUMPLED:
+        wide = percent(quantities[share_name(CRUMPLED)])
+        sheared = rounded(quantities["shear_angle_max_deg"])
         angle = rounded(quantities["shear_angle_99_percent_deg"])
-        below = f"99 % of the area stay below {angle} deg"
-        why = "and it depends on mesh and contact"
-        yield f"the largest shear angle of {name}, {most}, {where}, {why}; {below}"
+        yield Reason(
+            f"cells of {name} crumple in {wide} of its area, as at {of_sheet(place)}, where yarns "
+            f"are shortened by {percent(most)}: the largest shear angle, {sheared} deg at "
+            f"{of_sheet(quantities['shear_angle_max_at_mm'])}, depends on mesh and contact; 99 % "
+            f"of the area stay below {angle} deg",
+            of="shear_angle_max",
+        )

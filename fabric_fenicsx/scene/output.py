@@ -19,7 +19,8 @@ OF_A_SHEET = "u", "yarn_coordinate_a", "yarn_coordinate_b", "rank", "part"
 OF_A_SUMMARY = (
     "study ranks converged stroke_reached reason element dofs cells terms steps_accepted "
     "steps_rejected newton_iterations energy reaction_N reaction_is energy_imbalance "
-    "energy_imbalance_largest branches quantities error warnings wall_s peak_memory_mib versions"
+    "energy_imbalance_largest branches quantities error verdict reasons warnings wall_s "
+    "peak_memory_mib versions"
 ).split()
 
 
@@ -81,13 +82,6 @@ def overstretched(scene: Scene, strain: float) -> float:
     """Share of the sheet's area, 0 to 1, in which yarns are stretched by more than `strain`; of
     several sheets the largest."""
     return max((term.overstretched(strain) for term in _membranes(scene)), default=0.0)
-
-
-def most_shortened(scene: Scene, strain: float) -> tuple[float, str]:
-    """Share of a sheet's area in which compression shortens yarns by more than `strain`, and the
-    name of the sheet: the one with the largest share."""
-    shares = [(term.shortened(strain), term.part.name) for term in _membranes(scene)]
-    return max(shares, key=lambda each: each[0], default=(0.0, ""))
 
 
 def locking(scene: Scene) -> list[str]:

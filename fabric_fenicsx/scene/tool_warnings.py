@@ -25,16 +25,23 @@ MAX_TURN = 90.0
 MIN_CELLS = 5
 
 
-def tool_warnings(scene: Scene) -> list[str]:
+def tool_warnings(scene: Scene, formed: bool = False) -> list[str]:
     """Sentences on too few cells, or too large ones for the tools, on friction that may be in per
-    cent, and on tools in other units than mm or with holes."""
+    cent, and on tools in other units than mm or with holes. formed: ask only tools that touched the
+    sheet for their radii."""
     blank, tools = scene.blank, output.tools(scene)
+    asked = [tool for tool in tools if not formed or _touched(scene, tool)]
     few = few_cells_warning(scene)
-    sentences = [few or cell_size_warning(blank, tools), *_frictions(scene)]
+    sentences = [few or cell_size_warning(blank, asked), *_frictions(scene)]
     size = float(np.subtract(*blank.extent()[::-1]).max())
     for tool in tools:
         sentences += [size_warning(tool, size), hole_warning(tool)]
     return [each for each in sentences if each]
+
+
+def _touched(scene, tool):
+    """True if the tool pressed the sheet in any accepted state; called on all ranks."""
+    return any([t.touched() for t in scene.terms if isinstance(t, Contact) and t.tool is tool])
 
 
 def _frictions(scene):
@@ -61,7 +68,7 @@ def few_cells_warning(scene: Scene) -> str:
         return ""
     return (
         f"{rounded(along)} cells reach along the whole of {blank.name}, which tell neither forces "
-        f"nor shape: the result is not to be believed; take {2 * MIN_CELLS} or more"
+        f"nor shape; take {2 * MIN_CELLS} or more"
     )
 
 
@@ -98,7 +105,7 @@ def untouched_warning(scene: Scene) -> str:
         contacts = [t for t in scene.terms if isinstance(t, Contact) and t.tool is tool]
         along_path = tool.displacement - tool.travel * tool.direction - tool.path(0.0)
         moved = float(np.linalg.norm(along_path))  # so far, as a run may have been stopped
-        if contacts and moved and not any([each.touched() for each in contacts]):
+        if contacts and moved and not _touched(scene, tool):
             gap = min(float(each.gap().min(initial=math.inf)) for each in contacts)
             gap = round(scene.comm.allreduce(gap, MPI.MIN), 9)
             sentences.append(

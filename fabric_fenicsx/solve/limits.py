@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ..material.strains import SHORTENED
+from ..material.strains import CRUMPLED
 from ..runtime.fields import check_fields, documented, number
-from ..runtime.formatting import percent
+from ..runtime.formatting import percent, rounded
 from ..runtime.rules import POSITIVE
 
 GROUP = "limits, beyond which a result is not believed (exit status 3)"  # of options
@@ -13,10 +13,14 @@ SENTENCES = {
     "imbalance": "work of supports and tools differs from the energies by {} of these",
     "viscous": "regularisation took {} of the strain energy",
     "penetration": "the sheet is penetrated by {} of its thickness",
+    "shear": "a cell is sheared by {}",
+    "shear_99_percent": "1 % of the area is sheared by more than {}",
+    "fibre_share": "fibres fill {} of the volume, and round ones side by side 90.7 %",
     "shortening": "compression shortens yarns by more than "
-    f"{percent(SHORTENED)} in {{}} of the area, where a real ply wrinkles",
+    f"{percent(CRUMPLED)} in {{}} of the area, where a real ply folds",
     "located": "supports that only locate the sheet bear {} of the forces on it",
 }
+ANGLES = "shear", "shear_99_percent"  # in deg, all others are shares
 EDGES = 1e-2  # of the area, in which yarns at singular points may be stretched further
 
 
@@ -27,7 +31,7 @@ def _limit(default, text):
 @documented
 @dataclass(frozen=True)
 class Limits:
-    """Limits beyond which a result is not believed, as shares: 0.05 is 5 %.
+    """Limits beyond which a result is invalid: angles, and shares, of which 0.05 is 5 %.
 
     Raises
     ------
@@ -46,8 +50,11 @@ class Limits:
     strain: float = _limit(
         0.1, "nominal strain of yarns in tension, but in 1 % of the area for singular points"
     )
+    shear: float = _limit(85.0, "largest shear angle of a cell of a sheet in space [deg]")
+    shear_99_percent: float = _limit(75.0, "shear angle that 99 % of its area stay below [deg]")
+    fibre_share: float = _limit(0.907, "fibre volume fraction of a cell, where it is known")
     shortening: float = _limit(
-        1.0, "area in which compression shortens yarns by more than 2 % (1: no limit)"
+        0.05, "area in which compression shortens yarns by more than 5 % (1: no limit)"
     )
     located: float = _limit(0.05, "forces of supports that only locate, over all from outside")
 
@@ -65,7 +72,8 @@ class Limits:
 
     def _sentence(self, name, value):
         limit = getattr(self, name)
+        as_text = (lambda v, n: f"{rounded(v, n)} deg") if name in ANGLES else percent
         # as many digits as tell the two apart
-        texts = [(percent(value, n), percent(limit, n)) for n in (3, 6, 17)]
+        texts = [(as_text(value, n), as_text(limit, n)) for n in (3, 6, 17)]
         text, bound = next((pair for pair in texts if pair[0] != pair[1]), texts[-1])
         return f"{SENTENCES[name].format(text)}; allowed is {bound} (`Limits.{name}`)"

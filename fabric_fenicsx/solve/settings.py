@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from ..runtime.fields import check_fields, choice, documented, number
+from ..runtime.fields import check_fields, choice, documented, number, switch
 from ..runtime.rules import COUNT, POSITIVE, Rule
 from .limits import Limits
 from .linear import LINEAR_SOLVERS
@@ -60,6 +60,9 @@ class Settings:
         "mumps-cholesky", tuple(LINEAR_SOLVERS), "solver of the linear systems", "solver"
     )
     every: int = number(5, COUNT, "accepted steps between states written for ParaView", "output")
+    stop_when_invalid: bool = switch(
+        "end at the step where fabric is sheared, shortened or filled beyond its limits", "solver"
+    )
     limits: Limits = field(default_factory=Limits)
     milestones: Sequence[float] = ()
 

@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from ..results.verdict import INVALID
 from ..runtime.errors import InputError
 from ..runtime.files import lock_folder, read_summary, replace_file
 from ..runtime.formatting import rounded
@@ -55,16 +56,27 @@ class Run:
         return summary.get("peak_memory_mib", 0) * summary.get("ranks", 1)
 
     def is_believed(self) -> bool:
-        """True once it reached the load and is believed."""
-        return bool(self.summary().get("converged"))
+        """True once its process ended well and its result is not invalid."""
+        return self.verdict() not in ("", INVALID)
+
+    def verdict(self) -> str:
+        """That of its summary, of a run that did not end well "invalid"; "" without a summary."""
+        verdict = str(self.summary().get("verdict", ""))
+        return verdict and (verdict if self.status == 0 else INVALID)
+
+    def doubts(self, quantity: str = "") -> list[str]:
+        """Doubts about its result, or those that are about this quantity alone."""
+        reasons = self.summary().get("reasons", ())
+        return [r["text"] for r in reasons if not quantity or (r["of"] and r["of"] in quantity)]
 
     def is_at_full_load(self) -> bool:
         """True once it reached the load, believed or not."""
         return self.summary().get("stroke_reached", 0) >= 1
 
     def is_done(self, options: Sequence[str]) -> bool:
-        """True for a run at full load, and for one that gave up by itself with these options."""
-        return self.is_at_full_load() or (self.status == 3 and self.options == list(options))
+        """True for a run that ended by itself at full load, or with these options."""
+        ended = self.is_at_full_load() or self.options == list(options)
+        return self.status == 0 or (self.status == 3 and ended)
 
     def doubt(self) -> str:
         """Words on a run that is not believed, "" of others."""
@@ -87,6 +99,10 @@ class Run:
         numbers = self.numbers()
         check_quantity(name, numbers, f"not in the summary of {self.folder}")
         return numbers[name]
+
+    def value(self, name: str) -> float:
+        """The quantity `name`, nan where the run, or the quantity, is not believed."""
+        return self.number(name) if self.is_believed() and not self.doubts(name) else math.nan
 
 
 def _read_run(file):

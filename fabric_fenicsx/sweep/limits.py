@@ -35,14 +35,13 @@ def below(runs: Sequence[Run], quantity: str, limit: float, finer: Finer | None 
     other side there those beside it."""
     (key,) = runs[0].values
     runs = sorted(runs, key=lambda run: float(run.values[key]))
-    values = [run.number(quantity) if run.is_believed() else math.nan for run in runs]
+    values = [run.value(quantity) for run in runs]
     valued = [run for run, value in zip(runs, values) if math.isfinite(value)]
     name, asked = short_names([key])[key], f"{quantity} below {rounded(limit, 5)}"
     notes = []
-    for why, is_believed in (("not believed", False), ("without a value", True)):
-        others = [r for r in runs if r not in valued and r.is_believed() == is_believed]
-        if others:
-            notes.append(f"left out, as {why}: {name} = {', '.join(r.values[key] for r in others)}")
+    for why in dict.fromkeys(_why(run, quantity) for run in runs if run not in valued):
+        others = [r.values[key] for r in runs if r not in valued and _why(r, quantity) == why]
+        notes.append(f"left out, as {why}: {name} = {', '.join(others)}")
     if not valued:
         return "; ".join([f"{asked}: no run is believed and has a value", *notes])
     x = np.array([float(run.values[key]) for run in valued])
@@ -65,6 +64,13 @@ def below(runs: Sequence[Run], quantity: str, limit: float, finer: Finer | None 
     return "; ".join([f"{asked}: {where}", *notes])
 
 
+def _why(run, quantity):
+    """Why a run has no value that is believed."""
+    if not run.is_believed():
+        return "not believed"
+    return "their quantity is doubted, see the table" if run.doubts(quantity) else "without a value"
+
+
 def _again(runs, y, quantity, limit, finer):
     """The quantity with the values of the finer mesh where it was run, nan if not believed."""
     under, fine, done = y < limit, y.copy(), set[int]()
@@ -73,7 +79,7 @@ def _again(runs, y, quantity, limit, finer):
     while todo:
         places = sorted(todo)
         for k, run in zip(places, finer.evaluate([runs[k].values for k in places])):
-            fine[k] = run.number(quantity) if run.is_believed() else math.nan
+            fine[k] = run.value(quantity)
         done |= todo
         moved = [k for k in places if math.isnan(fine[k]) or (fine[k] < limit) != under[k]]
         todo = {n for k in moved for n in (k - 1, k + 1) if 0 <= n < len(runs)} - done

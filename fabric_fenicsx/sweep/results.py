@@ -58,11 +58,12 @@ def ordered(runs: Sequence[Run]) -> list[Run]:
 
 
 def _table(runs):
-    """table.csv: a row a run with its folder, values, whether it is believed or why not, and all
-    of its numbers."""
+    """table.csv: a row a run with its folder, values, verdict, whether it is believed or why not,
+    and all of its numbers."""
     rows = []
     for run in runs:
-        facts = {"run": run.folder.name, **run.values, "converged": run.is_believed()}
+        facts = {"run": run.folder.name, **run.values, "verdict": run.verdict()}
+        facts["converged"] = run.is_believed()
         rows.append(facts | {"reason": run.reason} | run.numbers())
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, dict.fromkeys(key for row in rows for key in row), restval="")
@@ -109,6 +110,8 @@ def _row(run, keys, names):
         "values": [run.values.get(key, "") for key in keys],
         "numbers": [_shown(numbers[name]) if name in numbers else "-" for name in names],
         "believed": run.is_believed(),
-        "reason": reason or ("" if run.summary() else "not run"),
+        "verdict": run.verdict() or "not run",
+        "reason": reason,
+        "doubts": run.doubts() if run.is_believed() else [],
         "report": report if (run.folder / "report.html").is_file() else "",
     }

@@ -166,7 +166,7 @@ def _last_words(console):
 
 def _note(run, status):
     """Note in a run's folder how its process ended."""
-    reason = str(run.summary().get("reason", ""))
+    summary = run.summary()
     run.status = status
     if run.is_believed():
         run.reason = ""
@@ -175,8 +175,9 @@ def _note(run, status):
         memory = " (as the system does when memory is short)" if name == "SIGKILL" else ""
         run.reason = f"ended by {name}{memory}"
     else:
-        run.reason = (status == 3 and reason) or _last_words(run.folder / CONSOLE)
-    if reason.startswith("stopped by"):
+        own = "" if summary.get("converged") else summary.get("reason")  # else of a later run
+        run.reason = (status == 3 and own) or _last_words(run.folder / CONSOLE)
+    if run.reason.startswith(("stopped by", "interrupted")):
         run.status = None  # by somebody else: the next call goes on with it
     run.save()
 

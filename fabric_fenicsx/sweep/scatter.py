@@ -85,12 +85,12 @@ def told(
     sound = [run for run in runs if run.is_believed()]
     if len(sound) < len(ranges) + 3:
         raise SolverFailure(f"{len(sound)} of {len(runs)} runs are believed, too few to tell more")
-    numbers = [run.numbers() for run in sound]
-    names = [n for n in labels if all(math.isfinite(each.get(n, math.nan)) for each in numbers)]
+    known = set.intersection(*(set(run.numbers()) for run in sound))
+    names = [n for n in labels if n in known and all(math.isfinite(r.value(n)) for r in sound)]
     spreads = {name: spread(sound, ranges, name) for name in names}
     sentences = [_words(labels[name], each) for name, each in spreads.items()]
     for name, limit in limits:
-        values = [y for run in sound if math.isfinite(y := run.number(name))]
+        values = [y for run in sound if math.isfinite(y := run.value(name))]
         count = f"{sum(y < limit for y in values)} of {len(values)}"
         without = f", {n} have no value" if (n := len(sound) - len(values)) else ""
         sentences.append(f"{name} below {rounded(limit, 5)}: in {count} runs{without}")

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import ufl
-from builders import COARSE, COMM
+from builders import COARSE, COMM, said
 from dolfinx import fem
 
 import fabric_fenicsx as ff
@@ -110,7 +110,7 @@ def test_an_energy_below_0_is_told_as_the_cause_of_an_imbalance():
         result = loaded(k=-1e-3, stroke=0.0, height=-50.0).run()
     except ff.SolverFailure as failure:
         result = failure.result
-    (words,) = [text for text in result.summary["warnings"] if "stored energy differ by" in text]
+    (words,) = [text for text in said(result.summary) if "stored energy differ by" in text]
     assert "drives the sheet, as energies are below 0: bedding -" in words and "step" not in words
 
 
@@ -225,7 +225,7 @@ def test_a_surface_that_gives_no_number_on_the_way_is_named():
     job, _ = ball_under_a_sheet(lambda load: (0, 0, -32 + 4 * load), Cut(30))
     with pytest.raises(ff.SolverFailure, match="gave up") as failure:
         replace(job, viscosity="off").run()
-    warnings = failure.value.result.summary["warnings"]
+    warnings = said(failure.value.result.summary)
     assert any("the surface Cut of ball gives no number at (" in text for text in warnings)
 
 
@@ -235,7 +235,7 @@ def test_a_tool_that_never_touches_the_sheet_is_told_of(start):
     job, ball = ball_under_a_sheet(lambda load: (0, 0, start + 5 * load))
     words = "a tool never touched the sheet: ball moved by 5 mm, and is still 24.5 mm off"
     result = job.run()
-    told = result.summary["warnings"]
+    told = said(result.summary)
     assert any(text.startswith(words) for text in told) == (start == -60)
     assert not any("nothing moves" in text for text in told)
     assert (result.force(ball)[2] > 0) == (start != -60)
@@ -246,14 +246,15 @@ def test_a_tool_that_never_touches_the_sheet_is_told_of(start):
 
 
 def test_warnings_of_a_scene_are_in_its_summary(monkeypatch):
-    """Of one in which nothing moves, that shapes hold, with a tool too small for its cells."""
+    """Of one in which nothing moves, that shapes hold, with friction in per cent."""
     blank = ff.Blank.rectangle(40, 20, nx=6, ny=3, spatial=True)
     ball = ff.Tool(ff.Sphere(2, (20, 10, -2.5)), name="ball")
-    scene = ff.Scene(blank, [ff.Membrane(ff.load("komeili")), ff.Contact(ball)], ff.clamped_ends())
+    terms = [ff.Membrane(ff.load("komeili")), ff.Contact(ball, friction=25.0)]
+    scene = ff.Scene(blank, terms, ff.clamped_ends())
     monkeypatch.setattr(scene, "check_held", lambda: "held by shapes")
-    told = " ".join(ff.Job(scene, steps=1).run().summary["warnings"])
-    words = "nothing moves or loads the sheet", "held by shapes", "the ball has a radius of 2 mm"
-    assert all(each in told for each in words)
+    found = " ".join(said(ff.Job(scene, steps=1).run().summary))
+    words = "nothing moves or loads the sheet", "held by shapes", "coefficient of 25"
+    assert all(each in found for each in words)
 
 
 @pytest.mark.mpi

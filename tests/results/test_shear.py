@@ -7,7 +7,8 @@ from builders import COMM, Elastic, sheet
 import fabric_fenicsx as ff
 from fabric_fenicsx.mechanics.output import Fields
 from fabric_fenicsx.results.quantities import (
-    fabric_warnings,
+    fabric_doubts,
+    limited,
     shear_quantities,
     shortening_quantities,
 )
@@ -78,17 +79,37 @@ def test_a_sheet_that_is_not_shortened():
     assert q["shortening_max"] == q["shortened_by_1_percent_share"] == q["excess_length_mm"] == 0
 
 
-def test_a_largest_angle_in_a_cell_that_crumples_is_told_of():
-    _, words = fabric_warnings(sheared(crumpled=0.12))
-    assert words.startswith("the largest shear angle of blank, 51.6 deg at (1.667, 5) mm of the")
-    assert "yarns are shortened by 12 %: cells crumple there" in words
-    assert "99 % of the area stay below" in words
-    both = fabric_warnings(sheared(crumpled=0.12, names=("left", "right")))
-    assert [words.split(",")[0].split()[-1] for words in both[1::2]] == ["left", "right"]
+def test_cells_that_crumple_are_told_of_wherever_they_are():
+    """With the largest shear angle in one of them, and in another one."""
+    result = sheared(crumpled=0.12)
+    _, (words, of, _) = fabric_doubts(result)
+    assert words.startswith("cells of blank crumple in 2.5 % of its area, as at (1.667, 5) mm of")
+    assert "yarns are shortened by 12 %: the largest shear angle, 51.6 deg at (1.6" in words
+    assert "99 % of the area stay below" in words and of == "shear_angle_max"
+    middle = abs(result.scene.blank.midpoints()[0] - LENGTH / 2) < LENGTH / 40
+    result.fields["shortening_b"][:] = np.where(middle, 0.06, 0.0)
+    _, (words, *_) = fabric_doubts(result)
+    assert "shortened by 6 %: the largest shear angle, 51.6 deg at (1.667, 5) mm" in words
+    both = fabric_doubts(sheared(crumpled=0.12, names=("left", "right")))
+    assert [each.text.split(" crumple")[0].split()[-1] for each in both[1::2]] == ["left", "right"]
+
+
+@pytest.mark.mpi
+def test_what_limits_ask_for_is_known_with_its_place():
+    """Of fabric, filled by fibres in one cell."""
+    result = sheared(crumpled=0.12)
+    filled = np.argmax(result.scene.blank.midpoints()[0]) == np.arange(
+        len(result.fields["shear_angle"])
+    )
+    result.fields["fibre_volume_fraction"] = np.where(filled, 1.2, np.nan)
+    ((name, values),) = limited(result)
+    assert name == "" and values["shear"] == pytest.approx((np.degrees(0.9), [5 / 3, 5]))
+    assert values["shortening"][0] == pytest.approx(20 / 800)
+    assert values["fibre_share"][0] == 1.2 and values["fibre_share"][1][0] > 195
 
 
 def test_shortening_is_told_of_as_what_hides_wrinkles():
-    words, _ = fabric_warnings(sheared(crumpled=0.12))
+    (words, *_), _ = fabric_doubts(sheared(crumpled=0.12))
     assert words.startswith(
         "compression shortens yarns of blank by up to 12 %, as at (1.667, 5) mm of"
     )
@@ -99,7 +120,7 @@ def test_shortening_is_told_of_as_what_hides_wrinkles():
 @pytest.mark.parametrize("options", [{"crumpled": 0.019}, {"crumpled": 0.12, "spatial": False}])
 def test_what_is_not_shortened_is_not_told_of(options):
     """Yarns that are hardly shortened, and a plane sheet, which can't fold."""
-    assert not fabric_warnings(sheared(**options))
+    assert not fabric_doubts(sheared(**options))
 
 
 @pytest.mark.mpi
@@ -119,7 +140,7 @@ def test_sheets_without_yarns_are_not_asked():
     result = sheared(crumpled=0.12, names=("metal", "fabric"))
     for values in result.fields.values():
         values[result.scene.blank.part("metal").cells] = np.nan
-    other, words = fabric_warnings(result)
-    assert "shear angle of fabric" in words and "shortens yarns of fabric" in other
-    assert not fabric_warnings(Result({}, [], Fields({}), None, result.scene))
+    (other, *_), (words, *_) = fabric_doubts(result)
+    assert "cells of fabric crumple" in words and "shortens yarns of fabric" in other
+    assert not fabric_doubts(Result({}, [], Fields({}), None, result.scene))
     assert COMM.allreduce(len(words)) == COMM.size * len(words)

@@ -8,6 +8,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from builders import said
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
@@ -70,7 +71,7 @@ def test_the_summary_tells_them(study, shared_path):
     summary = json.loads((shared_path / "out" / "summary.json").read_text())
     options = (summary["options"][name] for name in ("length", "width", "nx", "pattern"))
     assert tuple(options) == (120, 30, None, None)
-    (doubt,) = summary["warnings"]
+    (doubt,) = said(summary)
     assert doubt.startswith("--nx changes nothing, as --mesh")
     assert doubt.endswith("has its own cells")
 
@@ -135,4 +136,4 @@ def test_locking_is_said_once_and_kept(launch):
     options = "--quick", "--element", "P1", "--pattern", "left", "--no-pictures"
     done = launch("bias_extension", *options)
     assert done.status == 0 and done.err.count("of the linear cells") == 1
-    assert any("lock" in text for text in done.summary["warnings"])
+    assert any("lock" in text for text in said(done.summary))

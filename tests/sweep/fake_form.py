@@ -36,8 +36,12 @@ reason = stopped[0] if stopped else "no step is small enough" if pressure > 1 el
 rows = [f"{load},{10 * load},{1000 * pressure * load}" for load in (0.0, 0.5, 1.0)]
 (given.out / "history.csv").write_text("load,displacement_mm,reaction_N\n" + "\n".join(rows))
 shortening = cells * (0.02 * pressure**-0.5 + friction * pressure**2 - 0.04)
+rough = {"verdict": "doubtful", "text": "heights of wrinkles are rough", "of": "wrinkles"}
+doubts = [rough] if 0.39 < pressure <= 1 else []
 summary = {
     "converged": reached == 1,
+    "verdict": "invalid" if reached < 1 else "doubtful" if doubts else "ok",
+    "reasons": doubts,
     "stroke_reached": reached,
     "reason": reason,
     "reaction_N": 1000 * pressure * factor,

@@ -342,3 +342,33 @@ def test_a_press_is_named_and_short_forms_behind_two_dashes_are_its_runs():
     """So the finer cells are finer than those that the runs have."""
     file = sweep.parser().parse_args(["hemisphere"]).press
     assert Form(file, ["--nx", "4", "--fibre-angle=45"]).finer({}) == {"blank.nx": "6"}
+
+
+def test_a_quantity_that_runs_doubt_gives_no_answer_and_the_page_repeats_the_doubt(run):
+    """The stand-in doubts heights of wrinkles from a pressure of 0.4 on, and nothing else."""
+    words = "--vary", "ring.pressure=0.1,0.4", "--below"
+    status, out, _ = run(*words, "wrinkles.count=1", *words[-1:], "shortening_mean=0.02")
+    assert (
+        status == 0 and "wrinkles.count below 1: in all runs, from pressure = 0.1 on; left" in out
+    )
+    assert "left out, as their quantity is doubted, see the table: pressure = 0.4" in out
+    assert "shortening_mean below 0.02: in all runs" not in out
+    assert [row["verdict"] for row in table()] == ["ok", "doubtful"]
+    page = Path("out/report.html").read_text()
+    assert page.count("<li>heights of wrinkles are rough</li>") == 1
+    _, out, _ = run("--vary", "ring.pressure=0.4", "--below", "wrinkles.count=1")
+    assert "wrinkles.count below 1: no run is believed and has a value; left out" in out
+
+
+def test_a_run_that_was_stopped_behind_its_first_result_is_not_believed(run, monkeypatch):
+    """As by a signal while finer cells of `--refine` are run; the next call goes on with it."""
+    late = "fabric form: stopped: stopped by SIGTERM at load factor 0.5"
+    end = f"if not given.resume:\n    print('{late}')\n    sys.exit(3)\nsys.exit(3 if"
+    text = FAKE.read_text().replace("sys.exit(3 if", end)
+    Path("late.py").write_text(text)
+    monkeypatch.setattr(sys.modules[__name__], "FAKE", Path("late.py"))
+    status, out, _ = run("--vary", "ring.pressure=0.1")
+    assert status == 3 and "pressure=0.1: gave up: stopped by SIGTERM at load factor 0.5" in out
+    assert [(row["verdict"], row["converged"]) for row in table()] == [("invalid", "False")]
+    assert run("--vary", "ring.pressure=0.1")[0] == 0 and table()[0]["verdict"] == "ok"
+    assert starts() == {"pressure=0.1": ["begin", "resume"]}

@@ -361,10 +361,6 @@ class Membrane(Term):
         stretches = np.sqrt(self.invariants_at_points()[..., [0, 2]])
         return self._share(np.einsum("q,cqk->ck", self.weights, stretches).max(1) - 1 > strain)
 
-    def shortened(self, strain: float) -> float:
-        """As `overstretched`, in which yarns are shortened by more."""
-        return self._share(self.shortening().max(1) > strain)
-
     def shortening(self) -> np.ndarray:
         """Shortening of both yarns under compression, means over cells (cells, 2): the nominal
         strain, as far as the yarn's stress is what that strain alone gives. Contraction beside

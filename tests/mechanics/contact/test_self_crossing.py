@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from builders import COMM, Elastic, everywhere
+from builders import COMM, Elastic, everywhere, said
 from builders import sheet as rectangle
 
 import fabric_fenicsx as ff
@@ -79,4 +79,4 @@ def test_sheets_that_pass_through_one_another_are_told_of():
     result = ff.Job(scene, steps=1, limits=ff.Limits(imbalance=2.0)).run()
     found = crossing_warning(stack)
     assert found.startswith("lower and upper pass through one another at ")
-    assert COMM.rank > 0 or found in result.summary["warnings"]
+    assert COMM.rank > 0 or found in said(result.summary)

@@ -1,0 +1,14 @@
+"""The verdict on a result, and its reasons."""
+
+from typing import NamedTuple
+
+OK, DOUBTFUL, INVALID = "ok", "doubtful", "invalid"
+
+
+class Reason(NamedTuple):
+    """Why a result is doubtful or invalid. of: of a doubt, which quantities it is about: a part of
+    their names; "" if it is about all."""
+
+    text: str
+    of: str = ""
+    verdict: str = DOUBTFUL
