@@ -35,6 +35,9 @@ for tension in (1.0, 4.0, 16.0):
     across = z[middle[np.argsort(y[middle])]]
     theory = 2 * math.sqrt(math.pi * L) * (B / tension) ** 0.25
     print(tension, (across[1:] * across[:-1] < 0).sum(), round(2 * W / theory, 1))
-    plt.subplot(131 + int(math.log(tension, 4)), title=f"{tension:g} N/mm")
+    plt.subplot(131 + int(math.log(tension, 4)), title=f"{tension:g} N/mm", xlabel="x / mm")
     plt.tricontourf(x, y, z, 20, cmap="RdBu")
+    plt.colorbar(label="z / mm", location="bottom")
+    plt.ylabel("y / mm" if tension == 1 else "")
+plt.tight_layout()
 plt.savefig("wrinkles.png", dpi=100, bbox_inches="tight")

@@ -92,9 +92,7 @@ def fields_of(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     symmetry = tables["blank"].pop("symmetry", "none")
     stops = tables["limits"].pop("stop_when_invalid", False)
     if not isinstance(stops, bool):
-        raise InputError(
-            f"limits.stop_when_invalid is {shown(stops)}; allowed is true or false"
-        )
+        raise InputError(f"limits.stop_when_invalid is {shown(stops)}; allowed is true or false")
     stages = _list(document, "stage")
     return {
         "title": document.get("title", ""),

@@ -61,7 +61,7 @@ def not_formed(result: Result, limits: Limits) -> list[str]:
             for words in limits.exceeded({limit: value}):
                 sheet = f"sheet {name}: " if name else ""
                 cure = CURES.get(limit) or _cure(result.scene)
-                wrong.append(f"{sheet}{words}, at most at {of_sheet(place)}; {cure}")
+                wrong.append(f"{sheet}{words}; most is at {of_sheet(place)}; {cure}")
     return wrong
 
 
@@ -199,8 +199,8 @@ def ripples(quantities: Mapping[str, Any]) -> str:
 
     plies = quantities.get("plies", {"": quantities}).values()
     waves = [ply["wrinkles"] for ply in plies if ply.get("wrinkles")]
-    most = max(waves, key=lambda each: each["ripples_mm"], default={"ripples_mm": 0.0})
-    if most["ripples_mm"] < MIN_HEIGHT:
+    most = max(waves, key=lambda each: each["ripples_mm"], default=None)
+    if most is None or most["ripples_mm"] < MIN_HEIGHT:
         return ""
     return (
         f"ripples of the mesh, up to {rounded(most['ripples_mm'])} mm high, are no wrinkles: cells "

@@ -29,7 +29,6 @@ BLANK, CUT = "#e6d8a8", "#4a5360"
 VIEW = 0.45, -1.0, 0.55  # from the blank to the camera
 PANEL = 1200, 750  # pixels drawn of a state
 SHOWN = 0.0, 0.2, 0.4, 0.6, 0.8, 1.0  # in a filmstrip, of the load
-SPACINGS = [10.0**k * n for k in range(-2, 5) for n in (1, 2, 5)]  # mm of these, as people like
 SOLID = {"smooth_shading": True, "split_sharp_edges": True, "ambient": 0.3, "diffuse": 0.75}
 OPEN_EDGES = {"manifold_edges": False, "non_manifold_edges": False}
 
@@ -95,8 +94,7 @@ def filmstrip(path: File, folder: Path | str, loads: ArrayLike = SHOWN) -> None:
     plies = [surface for scene in scenes for surface in scene.plies.values()]
     above, bounds, limit = _of_state(written[0]).above, _bounds(plies), space.shear_limit(plies)
     size = max(np.ptp(s["place"], axis=0).max() for s in scenes[0].plies.values())
-    # along a blank, about, in a filmstrip
-    spacing = min(SPACINGS, key=lambda s: abs(np.log(24 * s / size)))
+    spacing = space.round_length(size / 24)  # along a blank, about, in a filmstrip
     images = []
     for scene in scenes:
         scene = scene._replace(above=above)
@@ -166,6 +164,7 @@ def _draw_setup(plotter, scene, motions):
 def _draw_state(plotter, scene, limit, spacing):
     """Plies and tools of a state."""
     space.draw_plies(plotter, list(scene.plies.values()), limit, spacing)
+    space.draw_axes(plotter, list(scene.plies.values()))
     for name, surface in scene.tools.items():
         if not scene.above[name]:
             behind = surface.translate(-3 * unit(np.array(VIEW)))

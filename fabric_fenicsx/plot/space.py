@@ -23,6 +23,7 @@ COLOURS = "YlOrRd"  # light, so that the shading shows the shape
 VIEW = 0.4, -1.0, 0.75  # from the ply to the camera
 STEEL, TOOL, YARNS = "#8f9aa8", "#d3d8e0", "#30343b"
 YARN = "yarn_coordinate"  # distance across yarns, at points
+SPACINGS = [10.0**k * n for k in range(-2, 5) for n in (1, 2, 5)]  # mm of these, as people like
 SHEAR = "magnitude of the shear angle / deg"
 
 
@@ -150,6 +151,26 @@ def draw_plies(
             plotter.add_mesh(tubes, color=YARNS, smooth_shading=True)
 
 
+def round_length(about: float) -> float:
+    """The length [mm] of `SPACINGS` that is nearest to one."""
+    return min(SPACINGS, key=lambda length: abs(np.log(length / about)))
+
+
+def draw_axes(plotter: pyvista.Plotter, surfaces: Sequence[pyvista.PolyData]) -> None:
+    """Add arrows along x, y and z beside the lowest corner of plies, with their length."""
+    ends = np.array([surface.bounds for surface in surfaces]).reshape(-1, 3, 2)
+    low, high = ends[:, :, 0].min(0), ends[:, :, 1].max(0)
+    length = round_length(0.12 * (high - low).max())
+    start = low - 0.5 * length * np.array([1.0, 1.0, 0.0])
+    for along in np.eye(3):
+        arrow = pyvista.Arrow(start=start, direction=along, scale=length, shaft_radius=0.03)
+        plotter.add_mesh(arrow, color=YARNS)
+    tips = start + 1.15 * length * np.eye(3)
+    names = ["x", "y", f"z, {length:g} mm"]
+    look = {"shape": None, "show_points": False, "always_visible": True, "text_color": YARNS}
+    plotter.add_point_labels(tips, names, font_size=28, bold=False, **look)
+
+
 def shear_limit(surfaces: Iterable[pyvista.PolyData]) -> float:
     """End of the colours that cover the shear angles of plies, a multiple of 5 deg."""
     highest = max(surface["shear_angle"].max() for surface in surfaces)
@@ -181,6 +202,7 @@ def formed_picture(
 
     def draw(plotter):
         draw_plies(plotter, surfaces, limit, spacing)
+        draw_axes(plotter, surfaces)
         if tool is not None:
             whole = mirrored(tool, surfaces[0].field_data["planes"])
             # away from the camera, so that it looks the same but does not show through the ply

@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..material.strains import CRUMPLED, share_name
 from ..scene import output
 from ..sheets.blank import Part
 from . import measures
+from .quantities import crumples
 from .result import Result
 
 OTHER_CELLS = 1.75  # times the difference to a run on cells of another kind
@@ -118,8 +118,7 @@ def _centres(part: Part) -> np.ndarray:
 def mesh_decides(result: Result) -> str:
     """Why strains and shapes of a formed sheet depend on its mesh, however fine; "" if nothing is
     known that makes them."""
-    there, share = map(result.number, ("shortening_at_shear_angle_max", share_name(CRUMPLED)))
-    if (there or 0.0) > CRUMPLED or (share or 0.0) > 0.01:
+    if crumples(result.summary["quantities"]):
         return "cells crumple"
     in_space = result.scene.blank.mesh.geometry.dim == 3
     return "the law allows bands" if in_space and output.has_bands(result.scene) else ""

@@ -234,6 +234,12 @@ def limited(result: Result) -> Iterator[tuple[str, dict[str, tuple[float, list[f
         yield part.name, values
 
 
+def crumples(quantities: Mapping[str, Any]) -> bool:
+    """True if cells crumple where the shear angle is largest, or in more than 1 % of the area."""
+    there, share = "shortening_at_shear_angle_max", share_name(CRUMPLED)
+    return bool(quantities.get(there, 0.0) > CRUMPLED or quantities.get(share, 0.0) > 0.01)
+
+
 def fabric_doubts(result: Result) -> list[Reason]:
     """Doubts about each part of fabric of a sheet in space: one where yarns are shortened, one
     where cells crumple, so that the largest shear angle depends on mesh and contact."""
@@ -289,7 +295,7 @@ def _doubts(name: str, quantities: Mapping[str, Any], wave: str = "") -> Iterabl
             f"compression shortens yarns of {name} by up to {percent(most, 3)}, as at "
             f"{of_sheet(place)}, and {wide}{excess}. {law}"
         )
-    if most > CRUMPLED:
+    if crumples(quantities):
         wide = percent(quantities[share_name(CRUMPLED)])
         sheared = rounded(quantities["shear_angle_max_deg"])
         angle = rounded(quantities["shear_angle_99_percent_deg"])

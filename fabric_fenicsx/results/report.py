@@ -12,9 +12,18 @@ import jinja2
 from ..material.strains import share_name
 from ..runtime.formatting import percent, rounded, with_error
 
+# what a person looks at first, where a run has it
+HEADLINES = {
+    "reaction_N": "force [N]",
+    "shear_angle_max_deg": "largest shear angle [deg]",
+    "shear_angle_99_percent_deg": "shear angle, 99 % of the area below [deg]",
+    "shortening_max": "largest shortening of yarns [-]",
+    "draw_in.largest_mm": "largest draw-in [mm]",
+    "wrinkles.height_mm": "largest height of wrinkles [mm]",
+}
 # picture -> what it shows, in the order of a report
 CAPTIONS = {
-    "setup": "Tools and flat blank before anything moves; arrows are as long as the motions",
+    "formed": "The formed ply: magnitude of the shear angle, and yarns",
     "curve": "Force over displacement; a band is its estimated error, squares are measured",
     "filmstrip": "The stroke: magnitude of the shear angle, yarns and tools in states on the way",
     "maps": "Logarithmic strains, and shear angle (negative where that from yarns a to b grows)",
@@ -22,7 +31,7 @@ CAPTIONS = {
     "measured": "Normalised shear force, simulated and measured",
     "compare": "Variants of the couplings: strains and shear angle",
     "compare_curves": "Variants of the couplings: reaction over displacement",
-    "formed": "The formed ply: magnitude of the shear angle, and yarns",
+    "setup": "Tools and flat blank before anything moves; arrows are as long as the motions",
     "states": "Strain states: which yarns are in tension, which in compression",
     "wrinkles": "Wrinkles: height of the waves of the ply, where no tool is near",
     "shortening": "Shortening of yarns by compression, where a real ply wrinkles",
@@ -70,8 +79,8 @@ def page(
     log: Path | None = None,
 ) -> str:
     """HTML, with its pictures in it, of runs {name: (path of the summary, paths of pictures)}, as
-    far as they are there. description: of the study; ending: "done", or the reason why it ended;
-    log: path of a text."""
+    far as they are there: of each the verdict, the formed part, a few numbers and the curve first.
+    description: of the study; ending: "done", or the reason why it ended; log: path of a text."""
     shown = [_shown(name, *files) for name, files in runs.items()]
     return rendered(
         Path(__file__).with_name("report.html.jinja"),
@@ -120,13 +129,29 @@ def _shown(name, summary, pictures):
     own = {k: v for k, v in facts.items() if k not in shared}
     place = {name: k for k, name in enumerate(CAPTIONS)}
     files = sorted(pictures, key=lambda file: (place.get(file.stem, len(place)), file.stem))
-    captions = [CAPTIONS.get(file.stem, file.stem.replace("_", " ")) for file in files]
+    stems = [file.stem for file in files]
+    captions = [CAPTIONS.get(stem, stem.replace("_", " ")) for stem in stems]
+    quantities = _with_errors(facts.get("quantities", own), facts.get("error") or {})
+    sheets = {"": quantities} | quantities.get("plies", {})
+    headlines = {text: [_headline(q, n) for q in sheets.values()] for n, text in HEADLINES.items()}
     return {
         "name": name,
         "summary": facts,
-        "quantities": _with_errors(facts.get("quantities", own), facts.get("error") or {}),
-        "pictures": [*zip(captions, map(encoded, files))],
+        "sheets": list(sheets),
+        "headlines": {text: values for text, values in headlines.items() if any(values)},
+        "quantities": quantities,
+        "pictures": [*zip(stems, captions, map(encoded, files))],
     }
+
+
+def _headline(quantities, name):
+    """A number of a sheet with its place on the flat sheet, as text; "" if it has none."""
+    *outer, name = name.split(".")
+    for key in outer:
+        quantities = quantities.get(key) or {}
+    place = quantities.get(f"{name.removesuffix('_deg').removesuffix('_mm')}_at_mm", "")
+    text = "" if quantities.get(name) is None else _number(quantities[name])
+    return f"{text} at {place} mm" if text and place else text
 
 
 def _with_errors(values, errors, before=""):

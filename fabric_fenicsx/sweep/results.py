@@ -6,23 +6,16 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..results.report import encoded, rendered
+from ..results import report
 from ..runtime.errors import NOT_BELIEVED
 from ..runtime.files import replace_file
 from ..runtime.formatting import rounded
 from .folder import Run, SweepFolder, force_name
 from .varied import number, short_names
 
-# what a person looks at first, where a run has it
-HEADLINES = {
-    "reaction_N": "force [N]",
-    "shear_angle_max_deg": "largest shear angle [deg]",
+HEADLINES = report.HEADLINES | {
     "shortening_mean": "mean shortening of yarns [-]",
-    "shortening_max": "largest shortening of yarns [-]",
     "excess_length_mm": "length lost by a yarn [mm]",
-    "draw_in.largest_mm": "largest draw-in [mm]",
-    "wrinkles.height_mm": "largest height of wrinkles [mm]",
-    "shear_angle_99_percent_deg": "shear angle, 99 % of the area below [deg]",
 }
 CAPTIONS = {
     "trends": "Headline quantities of runs at full load; a cross is one that is not believed",
@@ -83,7 +76,7 @@ def headlines(runs: Sequence[Run], asked: Sequence[str] = ()) -> dict[str, str]:
 def _page(sweep, title, answers, runs, shown, files):
     """report.html, with its pictures in it and links to the runs' own reports."""
     keys = short_names([*dict.fromkeys(key for run in runs for key in run.values)])
-    return rendered(
+    return report.rendered(
         Path(__file__).with_name("sweep.html.jinja"),
         title=title,
         answers=answers,
@@ -91,7 +84,7 @@ def _page(sweep, title, answers, runs, shown, files):
         columns=list(shown.values()),
         rows=[_row(run, keys, shown) for run in runs],
         believed=sum(run.is_believed() for run in runs),
-        pictures=[(CAPTIONS[name], encoded(f)) for name, f in files.items() if f.is_file()],
+        pictures=[(CAPTIONS[name], report.encoded(f)) for name, f in files.items() if f.is_file()],
         press=sweep.press["text"],
     )
 

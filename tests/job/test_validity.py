@@ -8,15 +8,16 @@ import pytest
 from builders import said, sheet
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.job import validity
 from fabric_fenicsx.job.validity import coarse_waves, ripples
 
 
-def pressed(fabric, pattern="crossed", angle=0.0):
-    """A sheet in space, pressed together by 6 % along x, which is kept from buckling."""
+def pressed(fabric, pattern="crossed", angle=0.0, stroke=-2.4):
+    """A sheet in space, pressed together by 2.4 mm along x, which is kept from buckling."""
     options = {"pattern": pattern, "fibre_angle": angle, "spatial": True}
     blank = ff.Blank.rectangle(40, 20, nx=8, ny=4, **options)
     flat = ff.Support("flat", lambda x: np.full(x.shape[1], True), (1, 2))
-    supports = [*ff.clamped_ends(-2.4)(blank), flat]
+    supports = [*ff.clamped_ends(stroke)(blank), flat]
     terms = [ff.Membrane(fabric), ff.Bending(modulus=100.0)]
     return ff.Job(ff.Scene(blank, terms, supports), steps=4)
 
@@ -69,6 +70,34 @@ def test_yarns_that_compression_shortens_are_not_believed():
 def test_where_cells_lock_that_is_the_first_thing_to_mend():
     with pytest.raises(ff.SolverFailure, match="cells lock, which shortens yarns, too: take anoth"):
         pressed(ff.load("komeili").replace(assumed=()), "left", 30.0).run()
+
+
+def test_a_run_ends_at_the_step_where_a_ply_cannot_be_formed_if_asked_for():
+    """The shortening is 3, 6, 9 and 12 % at the ends of the steps; from 5 % on it is too much."""
+    job = pressed(ff.load("komeili"), stroke=-4.8)
+    with pytest.raises(ff.SolverFailure, match="the run ends there, at load factor 0.5") as failure:
+        dataclasses.replace(job, stop_when_invalid=True).run()
+    summary = failure.value.result.summary
+    assert summary["stroke_reached"] == 0.5 and summary["verdict"] == "invalid"
+    first = summary["reasons"][0]["text"]
+    assert re.search(r"most is at \([\d.]+, [\d.]+\) mm of the flat sheet", first)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("shear", 85.5, "a cell is sheared by 85.5 deg; allowed is 85 deg (`Limits.shear`)"),
+        ("shear_99_percent", 75.1, "1 % of the area is sheared by more than 75.1 deg; allowed"),
+        ("fibre_share", 2.89, "fibres fill 289 % of the volume"),
+    ],
+)
+def test_fabric_that_no_press_can_lay_so_is_invalid(name, value, words, monkeypatch):
+    found = {"shear": 84.9, "shear_99_percent": 74.9, "fibre_share": 0.9} | {name: value}
+    values = {limit: (number, [1.0, 2.0]) for limit, number in found.items()}
+    monkeypatch.setattr(validity, "limited", lambda result: [("upper", values)])
+    (told,) = validity.not_formed(None, ff.Limits())
+    assert told.startswith(f"sheet upper: {words}") and "most is at (1, 2) mm of the flat" in told
+    assert not validity.not_formed(None, ff.Limits(**{name: 2 * value}))
 
 
 def test_what_yarns_contract_by_beside_stretched_ones_does_not_count():

@@ -31,6 +31,25 @@ def test_a_range_is_written_as_one(tmp_path):
     assert "<td>1, 2</td>" in text and "<td>(3, 4.5)</td>" in text
 
 
+def test_the_verdict_is_first_then_the_part_and_six_numbers(tmp_path):
+    """Of a stack with the draw-in of each ply and its place; all other numbers are folded."""
+    file = tmp_path / "summary.json"
+    draw_in = {"largest_mm": 12.5, "largest_at_mm": [0.0, 60.0]}
+    found = {"draw_in": {"largest_mm": 12.5}, "plies": {"lower": {"draw_in": draw_in}}, "own": 7}
+    reason = {"verdict": "invalid", "text": "a cell is sheared by 89 deg", "of": ""}
+    facts = {"verdict": "invalid", "reasons": [reason], "reaction_N": 5.0, "reaction_is": "force"}
+    file.write_text(json.dumps({"quantities": found, "wall_s": {}, **facts}))
+    pictures = [tmp_path / f"{name}.png" for name in ("curve", "formed", "maps")]
+    for picture in pictures:
+        picture.write_bytes(b"")
+    text = page("dome", {"": (file, pictures)}, "what it is", "not believed: sheared")
+    order = ["<h1>", "Verdict: invalid", "sheared by 89 deg", "what it is", "The formed ply"]
+    order += ["<th>force [N]", "<th>largest draw-in [mm]</th><td>12.5</td><td>12.5 at (0, 60) mm"]
+    order += ["Force over", "Logarithmic strains", "<details>", "<th>own</th><td>7</td>"]
+    places = [text.index(words) for words in order]
+    assert places == sorted(places) and "not believed: sheared" not in text
+
+
 def test_numbers_come_first_with_their_errors_and_maps_of_errors_last(tmp_path):
     file = tmp_path / "summary.json"
     found = {"draw_in": {"largest_mm": 30.0, "corner_mm": 8.0}}
@@ -41,7 +60,7 @@ def test_numbers_come_first_with_their_errors_and_maps_of_errors_last(tmp_path):
         picture.write_bytes(b"")
     text = page("dome", {"": (file, pictures)}, "", "done")
     shown = [
-        "<td>30 +- 0.5</td>",
+        "<td>30 +- 0.5",
         "Force over displacement",
         "Logarithmic strains",
         "Estimated errors of",
