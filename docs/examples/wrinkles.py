@@ -37,7 +37,7 @@ for tension in (1.0, 4.0, 16.0):
     print(tension, (across[1:] * across[:-1] < 0).sum(), round(2 * W / theory, 1))
     plt.subplot(131 + int(math.log(tension, 4)), title=f"{tension:g} N/mm", xlabel="x / mm")
     plt.tricontourf(x, y, z, 20, cmap="RdBu")
-    plt.colorbar(label="z / mm", location="bottom")
+    plt.colorbar(label="z / mm", location="bottom", ticks=[z.min(), 0, z.max()], format="%.2f")
     plt.ylabel("y / mm" if tension == 1 else "")
 plt.tight_layout()
 plt.savefig("wrinkles.png", dpi=100, bbox_inches="tight")

@@ -1,4 +1,4 @@
-"""Limits beyond which a result is not believed."""
+"""Limits beyond which a result is invalid."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from ..runtime.fields import check_fields, documented, number
 from ..runtime.formatting import percent, rounded
 from ..runtime.rules import POSITIVE
 
-GROUP = "limits, beyond which a result is not believed (exit status 3)"  # of options
+GROUP = "limits, beyond which a result is invalid (exit status 3)"  # of options
 SENTENCES = {
     "imbalance": "work of supports and tools differs from the energies by {} of these",
     "viscous": "regularisation took {} of the strain energy",
