@@ -3,6 +3,7 @@ each varied alone."""
 
 from fabric_fenicsx.command_line.press_study import PressStudy, press_parser
 from fabric_fenicsx.command_line.study import run
+from fabric_fenicsx.results.verdict import INVALID, Reason
 from fabric_fenicsx.runtime.errors import SolverFailure
 from fabric_fenicsx.studies.lib import compression_parameters as parameters
 
@@ -57,6 +58,9 @@ def main(study):
             pictures.maps(folder / f"{name}.png", plies, fields, outliers=0.01)
     study.comm.barrier()
     failed = [r for r in rows if r["reason"]]
+    for row in failed:
+        words = f"{row['parameter']} = {row['value']:g}: {row['reason']}"
+        study.output.doubt(Reason(words, verdict=INVALID))
     study.summarise(
         folder,
         converged=not failed,

@@ -7,6 +7,7 @@ from fabric_fenicsx.forming.unloading import unloading
 from fabric_fenicsx.job.validity import MIN_CELLS, coarsest_waves
 from fabric_fenicsx.material.laws import coupling_variants
 from fabric_fenicsx.postprocess.wrinkles import MIN_HEIGHT
+from fabric_fenicsx.results.verdict import INVALID, Reason
 from fabric_fenicsx.runtime.errors import InputError, SolverFailure
 from fabric_fenicsx.runtime.formatting import percent, rounded
 from fabric_fenicsx.runtime.rules import POSITIVE
@@ -83,6 +84,8 @@ def compared(study, press):
         labels = "stroke / mm", f"{made.force_name()} / N"
         pictures.reactions(folder / "compare_curves.png", results, *labels)
     least = min(reached.values())
+    for reason in failed:
+        study.output.doubt(Reason(reason, verdict=INVALID))
     study.summarise(folder, converged=not failed, stroke_reached=least, quantities=numbers)
     if failed:
         raise SolverFailure("; ".join(failed))

@@ -193,8 +193,8 @@ class Job(Settings):
         if not output.is_kept:
             result.forget_folder()
         if run.wrong:
-            whole = result.summary["stroke_reached"] == 1
-            raise SolverFailure(run.wrong + output.where(folder, whole), result)
+            where = output.where(folder, result.summary["stroke_reached"])
+            raise SolverFailure(run.wrong + where, result)
         return result
 
     def _finished_before(self, output, result, start, notes, problem, pictures):

@@ -83,7 +83,7 @@ class Run:
             self._start,
             on_accept=self._accept,
             on_reject=self._reject,
-            stop=lambda: signals() or validity.not_believed(self._wrong_now, self._load()),
+            stop=lambda: signals() or validity.not_believed(self._wrong_now),
         )
         self._began = self._step_began = time.monotonic()
         first = self.scene.comm.rank == 0
@@ -136,10 +136,6 @@ class Run:
             is_seen = status.on_terminal() or self.output.is_quiet
             log.log(logging.DEBUG if is_seen else logging.INFO, self._reached)
 
-    def _load(self):
-        """Load factor of the last accepted state."""
-        return self.history.rows[-1]["load"] if self.history.rows else 0.0
-
     def _doing(self):
         """How far the run is, for the status line."""
         report, seconds = self._newton.report, time.monotonic() - self._step_began
@@ -180,8 +176,6 @@ class Run:
         result = Result({}, rows, fields, self.folder, scene)
         energy = self._energy()
         quantities = self.job.setup.quantities(result)
-        for doubt in validity.doubts(result, energy, quantities):
-            output.doubt(doubt)
         wrong = validity.not_formed(result, self.job.limits)
         wrong += [each for each in self._wrong_now if each not in wrong]
         wrong += validity.beyond_limits_at_end(scene, self.job.limits, rows, energy)
@@ -189,9 +183,11 @@ class Run:
         if outcome.reason and not outcome.reason.startswith(NOT_BELIEVED):
             wrong.append(outcome.reason)
             self.wrong = outcome.reason if self.stopped else "; ".join(wrong[::-1])
+        invalid = [Reason(each, verdict=INVALID) for each in wrong]
+        for reason in (*invalid, *validity.doubts(result, energy, quantities)):
+            output.doubt(reason)
         result.summary = output.summarise(
             self.folder,
-            [Reason(each, verdict=INVALID) for each in wrong],
             converged=not self.wrong,
             stroke_reached=outcome.reached,
             reason=self.wrong or "full load reached",

@@ -30,10 +30,9 @@ KERNEL_TOLERANCE = (
 )
 
 
-def not_believed(wrong: Sequence[str], load: float = 1.0) -> str:
-    """One sentence of all that is wrong with a result at a `load`, "" if nothing is."""
-    end = [f"the run ends there, at load factor {rounded(load, 6)}"] if load < 1 else []
-    return NOT_BELIEVED + "; ".join([*wrong, *end]) if wrong else ""
+def not_believed(wrong: Sequence[str]) -> str:
+    """One sentence of all that is wrong with a result, "" if nothing is."""
+    return NOT_BELIEVED + "; ".join(wrong) if wrong else ""
 
 
 def beyond_limits_now(scene: Scene, limits: Limits) -> list[str]:

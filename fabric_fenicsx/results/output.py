@@ -22,9 +22,10 @@ from ..runtime import timing
 from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
 from ..runtime.files import lock_folder, replace_file
+from ..runtime.formatting import rounded
 from ..runtime.logs import MARKED, LogFile, log
 from ..runtime.version import __version__
-from .verdict import OK, Reason
+from .verdict import INVALID, OK, Reason
 
 # the files by which a folder is known to hold results
 RESULTS = "summary.json", "history.csv", "checkpoint.npz"
@@ -45,11 +46,6 @@ def finite(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [finite(each) for each in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _verdict(reasons):
-    """Entries of the summary; reasons: those of an invalid result first."""
-    return {"verdict": reasons[0]["verdict"] if reasons else OK, "reasons": reasons}
 
 
 class Output:
@@ -108,8 +104,9 @@ class Output:
             self.warnings.append(text)
 
     def doubt(self, reason: Reason) -> None:
-        """As `warn`, a reason of the verdict."""
-        reason = reason._replace(text=self.tell(reason.text))
+        """As `warn`, a reason of the verdict; one why it is invalid is not printed."""
+        said = self.translated if reason.verdict == INVALID else self.tell
+        reason = reason._replace(text=said(reason.text))
         if reason.text and reason not in self.reasons:
             self.reasons.append(reason)
 
@@ -168,10 +165,10 @@ class Output:
             f for name in RESULTS for f in (*self.path.glob(name), *self.path.glob(f"*/{name}"))
         ]
 
-    def where(self, folder: Path, whole: bool = False) -> str:
-        """Text that tells where the results are, if they are kept; whole: of the full load."""
-        what = "the results are" if whole else "the results up to there are"
-        return f"; {what} in {folder}" if self.is_kept else ""
+    def where(self, folder: Path, load: float) -> str:
+        """Text that tells up to which load there are results, and if they are kept, where."""
+        end = f"; the run ends at load factor {rounded(load, 6)}" if load < 1 else ""
+        return f"{end}; the results are in {folder}" if self.is_kept else end
 
     def write_table(self, path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
         """Write dicts to a CSV file, on rank 0, with a column for each of their keys."""
@@ -181,11 +178,9 @@ class Output:
                 writer.writeheader()
                 writer.writerows(rows)
 
-    def summarise(
-        self, folder: Path | None, wrong: Sequence[Reason] = (), **facts: Any
-    ) -> dict[str, Any]:
-        """`facts` with the verdict, costs, warnings and versions, written to `folder`/summary.json
-        if given. wrong: reasons why the result is invalid."""
+    def summarise(self, folder: Path | None, **facts: Any) -> dict[str, Any]:
+        """`facts` with verdict, costs, warnings and versions, written to `folder`/summary.json if
+        given."""
         total = time.perf_counter() - self._started
         wall = {name: round(seconds, 4) for name, seconds in timing.taken().items()}
         self._started = time.perf_counter()
@@ -193,9 +188,8 @@ class Output:
         if "reason" in facts:
             facts["reason"] = self.translated(facts["reason"])
         summary = {"study": self.name, "ranks": self.comm.size} | facts | self.facts
-        reasons = [*(each._replace(text=self.translated(each.text)) for each in wrong)]
         summary |= {
-            **_verdict([each._asdict() for each in (*reasons, *self.reasons)]),
+            **self._verdict(),
             "warnings": self.warnings,
             "wall_s": wall | {"total": round(total, 4)},
             "peak_memory_mib": round(self.comm.allreduce(peak, MPI.MAX), 1),
@@ -205,11 +199,17 @@ class Output:
         self._write_summary(folder, summary)
         return summary
 
+    def _verdict(self, before=()):
+        """Entries of the summary; before: reasons that it had."""
+        reasons = [*before, *(each._asdict() for each in self.reasons)]
+        reasons.sort(key=lambda each: each["verdict"] != INVALID)
+        return {"verdict": reasons[0]["verdict"] if reasons else OK, "reasons": reasons}
+
     def amend(self, folder: Path, summary: Mapping[str, Any], **facts: Any) -> dict[str, Any]:
         """`summary` with `facts` and what was warned of since it was written, written anew."""
-        reasons = [*summary["reasons"], *(each._asdict() for each in self.reasons)]
         warnings = [*summary["warnings"], *self.warnings]
-        amended = {**summary, **facts, **_verdict(reasons), "warnings": warnings}
+        verdict = self._verdict(summary["reasons"])
+        amended = {**summary, **facts, **verdict, "warnings": warnings}
         timing.taken()
         self._started, self.warnings, self.reasons = time.perf_counter(), [], []
         self._write_summary(folder, amended)

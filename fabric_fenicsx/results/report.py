@@ -41,6 +41,9 @@ CAPTIONS = {
     "error": "Estimated errors of strains and shear angle, from a coarser mesh",
     "front": "Error over cost; the line joins the runs that none beats in both",
 }
+# of a summary, what stands in a report outside its list of numbers
+ELSEWHERE = "verdict reasons warnings quantities command options fabric versions".split()
+RENAMED = {"energy": "energy_Nmm", "error": "estimated_absolute_errors", "wall_s": "seconds"}
 # the end of a name -> its unit, the longest first
 UNITS = {"N_per_mm3": "N/mm^3", "N_per_mm": "N/mm", "Nmm": "N mm"}
 UNITS |= {unit: unit for unit in ("MPa", "MiB", "deg", "mm", "N")}
@@ -49,6 +52,9 @@ WORDS = {
     "log_eps_11": "logarithmic strain along yarns a",
     "log_eps_22": "logarithmic strain along yarns b",
     "eps_a": "nominal strain along yarns a",
+    "energy_imbalance": "difference of work and energies, over these",
+    "kernel_mismatch": "difference of stresses of elements and of the kernel",
+    "assumed": "numbers that no test has determined",
     "eps_b": "nominal strain along yarns b",
     "punch_force_N": "punch force of what is modelled N",
     "contact_forces_N": "contact forces on what is modelled N",
@@ -89,7 +95,6 @@ def page(
         ending=ending,
         runs=[run for run in shown if run["summary"] or run["pictures"]],
         first=next((run["summary"] for run in shown if run["summary"]), {}),
-        rounding=1e-10,  # up to which UFL and kernel may differ
         log=log.read_text() if log and log.is_file() else "",
     )
 
@@ -125,13 +130,11 @@ def label(name: str) -> str:
 
 def _shown(name, summary, pictures):
     facts = json.loads(summary.read_text()) if summary.is_file() else {}
-    shared = "study", "converged", "command", "options", "wall_s", "versions"
-    own = {k: v for k, v in facts.items() if k not in shared}
     place = {name: k for k, name in enumerate(CAPTIONS)}
     files = sorted(pictures, key=lambda file: (place.get(file.stem, len(place)), file.stem))
     stems = [file.stem for file in files]
     captions = [CAPTIONS.get(stem, stem.replace("_", " ")) for stem in stems]
-    quantities = _with_errors(facts.get("quantities", own), facts.get("error") or {})
+    quantities = _with_errors(facts.get("quantities", {}), facts.get("error") or {})
     sheets = {"": quantities} | quantities.get("plies", {})
     headlines = {text: [_headline(q, n) for q in sheets.values()] for n, text in HEADLINES.items()}
     return {
@@ -140,6 +143,7 @@ def _shown(name, summary, pictures):
         "sheets": list(sheets),
         "headlines": {text: values for text, values in headlines.items() if any(values)},
         "quantities": quantities,
+        "facts": {RENAMED.get(k, k): v for k, v in facts.items() if k not in ELSEWHERE},
         "pictures": [*zip(stems, captions, map(encoded, files))],
     }
 

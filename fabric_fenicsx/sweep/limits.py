@@ -66,9 +66,8 @@ def below(runs: Sequence[Run], quantity: str, limit: float, finer: Finer | None 
 
 def _why(run, quantity):
     """Why a run has no value that is believed."""
-    if not run.is_believed():
-        return "not believed"
-    return "their quantity is doubted, see the table" if run.doubts(quantity) else "without a value"
+    doubted = "doubted, see the table" if run.doubts(quantity) else "without a value"
+    return doubted if run.is_believed() else "not believed"
 
 
 def _again(runs, y, quantity, limit, finer):

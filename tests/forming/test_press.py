@@ -436,12 +436,23 @@ EXAMPLES = sorted(path.stem for path in PRESSES.glob("*.toml"))
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_a_press_is_data_that_a_file_holds(name, tmp_path):
     """Read, written and read again it is the same; building leaves it as it was."""
-    press = ff.Press.read(name)
+    press = ff.Press.read(name, ["limits.shear=80", "limits.stop_when_invalid=true"])
+    assert (press.limits.shear, press.stop_when_invalid) == (80, True)
     press.write(tmp_path / "press.toml")
     again = ff.Press.read(tmp_path / "press.toml")
     assert press == again == press.replace() != press.replace(title="another")
     with pytest.raises(dataclasses.FrozenInstanceError):
         press.symmetry = "none"
+
+
+@pytest.mark.parametrize("stops", [True, False])
+def test_a_press_tells_its_job_where_to_stop(stops):
+    job = ff.Press.read(
+        "hemisphere", ["blank.nx=2", f"limits.stop_when_invalid={str(stops).lower()}"]
+    ).job()
+    assert job.stop_when_invalid == stops
+    with pytest.raises(ff.InputError, match="limits.stop_when_invalid is 1; allowed is true or"):
+        ff.Press.read("hemisphere", ["limits.stop_when_invalid=1"])
 
 
 def test_what_no_file_can_say_is_named(tmp_path):

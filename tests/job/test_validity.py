@@ -75,7 +75,7 @@ def test_where_cells_lock_that_is_the_first_thing_to_mend():
 def test_a_run_ends_at_the_step_where_a_ply_cannot_be_formed_if_asked_for():
     """The shortening is 3, 6, 9 and 12 % at the ends of the steps; from 5 % on it is too much."""
     job = pressed(ff.load("komeili"), stroke=-4.8)
-    with pytest.raises(ff.SolverFailure, match="the run ends there, at load factor 0.5") as failure:
+    with pytest.raises(ff.SolverFailure, match="the run ends at load factor 0.5") as failure:
         dataclasses.replace(job, stop_when_invalid=True).run()
     summary = failure.value.result.summary
     assert summary["stroke_reached"] == 0.5 and summary["verdict"] == "invalid"

@@ -329,7 +329,7 @@ def test_all_that_is_said_is_said_once(launch):
 def test_report(launch):
     done = launch("bias_extension", "--quick", "--strain", 0.05)
     text = (done.folder / "report.html").read_text()
-    assert "Done" in text and f"{done.summary['reaction_N']:.5g}" in text
+    assert "Verdict: " in text and f"{done.summary['reaction_N']:.5g}" in text
     for word in ("--strain 0.05", "s_T = 1467.6", "petsc4py", "centre shear angle [deg]"):
         assert word in text, word
     assert text.count("data:image/png;base64,") == len(list(done.folder.glob("*.png"))) >= 3

@@ -351,7 +351,7 @@ def test_a_quantity_that_runs_doubt_gives_no_answer_and_the_page_repeats_the_dou
     assert (
         status == 0 and "wrinkles.count below 1: in all runs, from pressure = 0.1 on; left" in out
     )
-    assert "left out, as their quantity is doubted, see the table: pressure = 0.4" in out
+    assert "left out, as doubted, see the table: pressure = 0.4" in out
     assert "shortening_mean below 0.02: in all runs" not in out
     assert [row["verdict"] for row in table()] == ["ok", "doubtful"]
     page = Path("out/report.html").read_text()
