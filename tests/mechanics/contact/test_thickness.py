@@ -7,7 +7,7 @@ import pytest
 from builders import COMM, everywhere, run, sheet
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.results.quantities import fabric_warnings
+from fabric_fenicsx.results.quantities import limited
 from fabric_fenicsx.scene import output as reports
 
 FABRIC = ff.load("komeili").replace(fibre_density=2.5)
@@ -54,16 +54,16 @@ def test_a_ply_between_two_plates_is_as_thick_as_their_gap(cell):
         assert FABRIC.thickness_under(pressure) == pytest.approx(gap)
 
 
-@pytest.mark.parametrize("gap, told", [(0.8, False), (0.25, True)])
-def test_more_fibres_than_fit_side_by_side_are_told_of(gap, told):
-    """0.375 of 0.8 mm, 1.2 of 0.25 mm."""
+@pytest.mark.parametrize("gap, share", [(0.8, 0.375), (0.25, 1.2)])
+def test_more_fibres_than_fit_side_by_side_are_invalid(gap, share):
     ply = rectangle()
     scene = ff.Scene(ply, [ff.Membrane(FABRIC), *plates(gap)], [PLAIN])
     run(scene, 4)
     result = ff.Result({}, [], reports.cell_fields(scene), None, scene)
-    words = [each for each in fabric_warnings(result) if "of its volume" in each]
-    assert bool(words) == told
-    assert not told or "fill up to 1.2 of its volume, more than round ones can (0.907)" in words[0]
+    [(_, values)] = limited(result)
+    most, _ = values["fibre_share"]
+    assert most == pytest.approx(share)
+    assert bool(ff.Limits().exceeded({"fibre_share": most})) == (share > 0.907)
 
 
 def test_a_sheared_ply_has_more_fibres_in_its_area():
