@@ -30,7 +30,7 @@ CUT = 3.5  # standard deviations beyond which places have no weight
 # Of bands of wavelengths: ratio of one to the next, places sampled of each, and directions
 RATIO, PLACES, WAYS = 1.44, 8, 6
 # Standard deviations over the wavelength of a band: what smooths noise, shape, across, normals
-FINE, COARSE, ACROSS, NORMAL = 0.1, 0.62, 0.2, 0.3
+FINE, COARSE, ACROSS, NORMAL = 0.1, 0.68, 0.2, 0.3
 REACH = 0.75  # of a wavelength, in which a wave turns to both sides
 LEAST = 0.7  # share of these two that must be on the ply
 TURN = 0.1, 0.2  # share of its curvature that it has the other way there: none, and full height
