@@ -350,7 +350,8 @@ class SpringHolder(Kind):
 
     def terms(self, site: HolderSite) -> list[Term]:
         """As in `Holder`. Raises InputError for a point beyond a plane of symmetry."""
-        planes, springs = list(site.planes), list[Term]()
+        planes = list(site.planes)
+        springs: list[Term] = []
         for name, way, edge in site.edges(self.edges):
             cut = sum(not way[axis] for axis in planes)  # by planes across the edge
             springs.append(self._spring(site, name, edge, 0.5**cut, way))
