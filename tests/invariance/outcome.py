@@ -1,6 +1,7 @@
 """What a run gives, as numbers that are compared."""
 
 from fabric_fenicsx.postprocess.ply import plan_area, ply_of, whole
+from fabric_fenicsx.postprocess.wrinkles import MIN_RIDGE
 
 KINDS = ("strain", "bending", "metal", "plastic", "friction", "viscous", "external_work")
 NAMES = ("shear_angle_max_deg", "shear_angle_99_percent_deg", "thickness_min_mm")
@@ -33,6 +34,7 @@ def differences(one, other, within, besides=()):
     """Sentences on numbers of two outcomes that differ by more than `within` of them, or of the
     largest of their kind."""
     largest = dict.fromkeys(("shear_angle_max_deg", "shear_angle_99_percent_deg"), 1.0)
+    largest["wrinkles"] = MIN_RIDGE  # mm: lower rims are flat
     for name, value in one.items():
         largest[kind(name)] = max(largest.get(kind(name), 1e-9), abs(value))
     told = [f"{name} is there once" for name in {*one} ^ {*other}]
