@@ -12,10 +12,8 @@ import numpy as np
 import fabric_fenicsx as ff
 
 L, W, H, B = 100.0, 152.0, 0.2, 4 / 3  # length, width, thickness [mm], bending stiffness [N mm]
-yarn = ff.Yarn(b=2e4, d=2e3)
-film = ff.WovenFabric(yarn, yarn, s1=0.5, thickness=H)
+film = ff.WovenFabric(*2 * [ff.Yarn(b=2e4, d=2e3)], s1=0.5, thickness=H)
 edges = [lambda x: x[1] < 1e-6, lambda x: x[1] > W - 1e-6]  # as if it went on beyond
-
 for tension in (1.0, 4.0, 16.0):
     critical = 2 * math.sqrt(B * tension) * math.pi / L  # compression [N/mm]; the energy is b eps^2
     strains = np.array([tension / film.warp.b, -1.3 * critical / film.weft.d]) / 2 / H
@@ -31,13 +29,12 @@ for tension in (1.0, 4.0, 16.0):
     terms = [ff.Membrane(film), ff.Bending(B, D_t=2 * B, symmetric=edges)]
     ff.Job(ff.Scene(sheet, terms, supports=held)).run()
     (x, y, _), z = sheet.coordinates().T, sheet.nodal_displacement()[:, 2]
-    middle = np.flatnonzero(abs(x - L / 2) < 1e-6)
-    across = z[middle[np.argsort(y[middle])]]
-    theory = 2 * math.sqrt(math.pi * L) * (B / tension) ** 0.25
-    print(tension, (across[1:] * across[:-1] < 0).sum(), round(2 * W / theory, 1))
-    plt.subplot(131 + int(math.log(tension, 4)), title=f"{tension:g} N/mm", xlabel="x / mm")
+    middle = abs(x - L / 2) < 1e-6
+    across = z[middle][np.argsort(y[middle])]
+    theory = W / math.sqrt(math.pi * L) * (tension / B) ** 0.25
+    print(tension, (across[1:] * across[:-1] < 0).sum(), round(theory, 1))
+    labels = {"title": f"{tension:g} N/mm", "xlabel": "x / mm", "ylabel": "y / mm"}
+    plt.subplot(131 + int(math.log(tension, 4)), **labels).label_outer()
     plt.tricontourf(x, y, z, 20, cmap="RdBu")
     plt.colorbar(label="z / mm", location="bottom", ticks=[z.min(), 0, z.max()], format="%.2f")
-    plt.ylabel("y / mm" if tension == 1 else "")
-plt.tight_layout()
 plt.savefig("wrinkles.png", dpi=100, bbox_inches="tight")

@@ -165,10 +165,9 @@ def draw_axes(plotter: pyvista.Plotter, surfaces: Sequence[pyvista.PolyData]) ->
     for along in np.eye(3):
         arrow = pyvista.Arrow(start=start, direction=along, scale=length, shaft_radius=0.03)
         plotter.add_mesh(arrow, color=YARNS)
-    tips = start + 1.15 * length * np.eye(3)
-    names = ["x", "y", f"z, {length:g} mm"]
-    look = {"shape": None, "show_points": False, "always_visible": True, "text_color": YARNS}
-    plotter.add_point_labels(tips, names, font_size=28, bold=False, **look)
+    tips, names = start + 1.15 * length * np.eye(3), ["x", "y", f"z, {length:g} mm"]
+    look = {"shape": None, "show_points": False, "always_visible": True, "bold": False}
+    plotter.add_point_labels(tips, names, font_size=28, text_color=YARNS, **look)
 
 
 def shear_limit(surfaces: Iterable[pyvista.PolyData]) -> float:

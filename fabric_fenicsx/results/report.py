@@ -42,7 +42,8 @@ CAPTIONS = {
     "front": "Error over cost; the line joins the runs that none beats in both",
 }
 # of a summary, what stands in a report outside its list of numbers
-ELSEWHERE = "verdict reasons warnings quantities command options fabric versions".split()
+ELSEWHERE = "verdict reasons reason warnings quantities reaction_N reaction_is command".split()
+ELSEWHERE += "options fabric versions".split()
 RENAMED = {"energy": "energy_Nmm", "error": "estimated_absolute_errors", "wall_s": "seconds"}
 # the end of a name -> its unit, the longest first
 UNITS = {"N_per_mm3": "N/mm^3", "N_per_mm": "N/mm", "Nmm": "N mm"}

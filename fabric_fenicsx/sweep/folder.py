@@ -15,7 +15,6 @@ from typing import Any
 from ..results.verdict import INVALID
 from ..runtime.errors import InputError
 from ..runtime.files import lock_folder, read_summary, replace_file
-from ..runtime.formatting import rounded
 from ..runtime.rules import did_you_mean
 from .varied import Values, folder_name, label
 
@@ -77,13 +76,6 @@ class Run:
         """True for a run that ended by itself at full load, or with these options."""
         ended = self.is_at_full_load() or self.options == list(options)
         return self.status == 0 or (self.status == 3 and ended)
-
-    def doubt(self) -> str:
-        """Words on a run that is not believed, "" of others."""
-        if self.is_believed():
-            return ""
-        reached = self.summary().get("stroke_reached", 1.0)
-        return "not believed" if reached >= 1 else f"ended at load {rounded(reached)}"
 
     def numbers(self) -> dict[str, float]:
         """Its quantities that are one number {name with dots: number}, force and time first; nan

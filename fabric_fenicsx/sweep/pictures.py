@@ -155,7 +155,7 @@ def _draw_maps(path, runs):
             _, *limits = colour_scale(colours, 0.0, float(np.nanmax(np.concatenate(values))))
             for ax, run, (polygons, _), each in zip(mine.flat, drawn, sheets, values):
                 cells = draw_cells(ax, polygons, each, colours, limits)
-                words = run.doubt()
+                words = run.verdict() * (not run.is_believed())
                 ax.set_title(run.label + (f" ({words})" if words else ""), fontsize="x-small")
             for ax in mine.flat[len(drawn) :]:
                 ax.set_axis_off()

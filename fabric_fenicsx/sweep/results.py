@@ -96,8 +96,8 @@ def _shown(number):
 def _row(run, keys, names):
     """A run in the report's table."""
     numbers, reason = run.numbers(), run.reason.removeprefix(NOT_BELIEVED)
-    if run.summary():
-        reason = ": ".join(filter(None, (run.doubt(), reason)))
+    if (reached := run.summary().get("stroke_reached", 1.0)) < 1:
+        reason = f"ended at load {rounded(reached)}: {reason}"
     report = f"{run.folder.name}/report.html"
     return {
         "values": [run.values.get(key, "") for key in keys],
