@@ -208,7 +208,7 @@ class Output:
     def amend(self, folder: Path, summary: Mapping[str, Any], **facts: Any) -> dict[str, Any]:
         """`summary` with `facts` and what was warned of since it was written, written anew."""
         warnings = [*summary["warnings"], *self.warnings]
-        verdict = self._verdict(summary["reasons"])
+        verdict = self._verdict(summary.get("reasons", ()))
         amended = {**summary, **facts, **verdict, "warnings": warnings}
         timing.taken()
         self._started, self.warnings, self.reasons = time.perf_counter(), [], []

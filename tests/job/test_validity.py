@@ -57,7 +57,7 @@ def test_yarns_that_compression_shortens_are_not_believed():
         pressed(ff.load("komeili")).run()
     words = str(failure.value)
     assert words.startswith("the result is not to be believed: compression shortens yarns by more")
-    assert "100 % of the area, where a real ply wrinkles; allowed is 5 % (`Limits.short" in words
+    assert "100 % of the area, where a real ply folds; allowed is 5 % (`Limits.short" in words
     summary = failure.value.result.summary
     assert summary["verdict"] == summary["reasons"][0]["verdict"] == "invalid"
     assert "may help, and it rests on d, which no test has determined" in words
