@@ -69,7 +69,7 @@ def test_yarns_that_compression_shortens_are_not_believed():
 @pytest.mark.mpi
 def test_where_cells_lock_that_is_the_first_thing_to_mend():
     with pytest.raises(ff.SolverFailure, match="cells lock, which shortens yarns, too: take anoth"):
-        pressed(ff.load("komeili").replace(assumed=()), "left", 30.0).run()
+        pressed(ff.load("komeili").replace(assumed=()), "left", 30.0, -4.0).run()
 
 
 def test_a_run_ends_at_the_step_where_a_ply_cannot_be_formed_if_asked_for():
