@@ -65,7 +65,7 @@ def lay(
     return Laid(blank, settled, [*filter(None, warnings)])
 
 
-def modelled(planes):
+def modelled(planes: Sequence[int]) -> np.ndarray:
     """Shares (2,) of length and width that are modelled."""
     return np.where(np.isin([0, 1], planes), 0.5, 1.0)
 

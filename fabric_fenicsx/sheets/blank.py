@@ -227,7 +227,7 @@ class Blank(SheetMesh):
         def made():
             points, cells, kind = specimen(length, width, nx, ny, pattern, cell, yarns, between)
             if layout.get("centred"):
-                points[:, :2] -= np.array([length, width]) / 2 * layout["centred"]
+                points[:, :2] -= np.array([length, width]) / 2 * np.asarray(layout["centred"])
             points[:, :2] = points[:, :2] @ axes_of(layout.get("turned", 0.0))
             return MeshArrays(points, cells, kind, [])
 
@@ -242,7 +242,6 @@ class Blank(SheetMesh):
         size: float | None = None,
         pattern: str | None = None,
         layer: str | None = None,
-        planes: Sequence[int] = (),
         spatial: bool = False,
         comm: MPI.Comm = MPI.COMM_WORLD,
         **layout: Unpack[Layout],
@@ -260,11 +259,10 @@ class Blank(SheetMesh):
             `spatial`.
         layer : str
             Of a DXF, or several with commas between them.
-        planes : sequence of int
-            Axes, 0 or 1, to which planes of symmetry through the origin are perpendicular: of an
-            outline on both sides of one the positive side is meshed.
         spatial, **layout
-            As in `rectangle`; the sheet lies as in the file, unless `centred`.
+            As in `rectangle`; the sheet lies as in the file, unless `centred`. planes: axes, 0 or
+            1, to which planes of symmetry through the origin are perpendicular: of an outline on
+            both sides of one the positive side is meshed.
 
         Raises
         ------
@@ -294,7 +292,7 @@ class Blank(SheetMesh):
             if layout.get("centred"):
                 middle = np.reshape(sheet.bounds, (2, 2)).mean(0)
                 sheet = shapely.transform(sheet, lambda x: x - middle)
-            for axis in planes:
+            for axis in layout.get("planes", ()):
                 sheet = mirrored_half(sheet, axis, source)
             low, high = np.reshape(sheet.bounds, (2, 2))
             edge = (high - low)[0] / nx if size is None else size

@@ -1,6 +1,7 @@
 """Place of a sheet and directions of its yarns."""
 
 import math
+from collections.abc import Sequence
 from typing import Any, TypedDict
 
 import numpy as np
@@ -20,7 +21,8 @@ class Layout(TypedDict, total=False):
     fibre_angle: float
     yarn_angle: float
     turned: float
-    centred: Any
+    centred: bool | list[bool]
+    planes: Sequence[int]
 
 
 def axes_of(turned: float) -> np.ndarray:
