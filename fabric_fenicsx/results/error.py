@@ -4,7 +4,8 @@ On cells of another kind errors have other causes, so the difference of the two 
 sum of both. On cells of the same kind, twice as large, the other run's error is 2^p times the run's
 own, so their difference is at least that for p >= 1; energies of a minimum have p = 2 or near it.
 Two numbers may agree by chance; forces along the whole second half of the load do not: their
-relative difference (root mean square) is the least error.
+largest relative difference, on larger cells of the same kind its root mean square, is the least
+error.
 """
 
 from collections.abc import Iterable, Sequence
@@ -56,8 +57,8 @@ def rule(rows: Sequence[Row], others: Sequence[Row], *, of_other_kind: bool) -> 
     late = loads >= 0.5
     own = np.interp(loads[late], load, force)
     size = np.maximum(np.abs(own), max(MIN_FORCE * np.abs(force).max(), 1e-300))
-    apart = (forces[late] - own) / size
-    share = float(np.sqrt(np.mean(apart**2))) if late.any() else 0.0
+    apart = np.abs(forces[late] - own) / size
+    share = float(apart.max() if of_other_kind else np.sqrt(np.mean(apart**2)))
     share = max(share, MIN_SHARE) if share > ALIKE else share
     factors = (OTHER_CELLS, OTHER_CELLS) if of_other_kind else (1.0, ENERGY)
     return Rule(*factors, share)

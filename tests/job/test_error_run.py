@@ -202,7 +202,7 @@ def test_a_chance_agreement_tells_nothing():
     assert by == pytest.approx((1.0, ENERGY, share))
     assert by.error(10.0, 0.0) == pytest.approx(10 * share)
     assert by.error(10.0, 4.0) == pytest.approx(2 * by.error(10.0, 4.0, is_energy=True))
-    assert rule(run, other, of_other_kind=True) == pytest.approx((OTHER_CELLS,) * 2 + (share,))
+    assert rule(run, other, of_other_kind=True) == pytest.approx((OTHER_CELLS,) * 2 + (0.2,))
 
 
 def test_two_runs_know_no_error_below_a_thousandth():

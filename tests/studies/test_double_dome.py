@@ -123,7 +123,7 @@ def test_a_punch_from_a_file(launch, tmp_path):
 
     points, triangles = double_dome(size=8.0, turn=6.0)
     meshio.write_points_cells(tmp_path / "punch.stl", points, [("triangle", triangles)])
-    part, of_it = double_dome(size=8.0, turn=6.0, symmetry="xy")
+    part, of_it = double_dome(size=8.0, turn=6.0, quarter=True)
     meshio.write_points_cells(tmp_path / "quarter.stl", part, [("triangle", of_it)])
     options = "--nx", 6, *to(12), "--steps", 4, "--balance", 9, "--no-pictures"
     forces = []

@@ -64,7 +64,9 @@ def test_forces_at_faces_have_neither_sum_nor_moment(pair):
 
 def test_a_rank_without_points_has_no_sliding(pair):
     start, n = pair.faces.accepted, pair.points.count
-    corners = tuple(Corners(*(each[:0] for each in c)) for c in start.corners)
+    corners = tuple(
+        Corners(*(each if each is None else each[:0] for each in c)) for c in start.corners
+    )
     nothing = start._replace(points=start.points[:0], normal=start.normal[:0], corners=corners)
     none = FaceSliding(pair.points, nothing)
     assert not none.slid().any() and not none.triplets(np.ones((n, 3, 3)))[2].any()
