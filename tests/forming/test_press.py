@@ -273,9 +273,9 @@ def test_a_press_on_two_ranks_is_that_on_one():
     press = hemisphere("blank.nx=6", "stage.1.steps=6")
     result = formed(press, None, balance=None)
     assert press.tools["punch"].path(0)[2] == pytest.approx(-50 - press.thickness / 2, rel=1e-9)
-    assert result.number("force_N") == pytest.approx(27.485761, rel=1e-6)
+    assert result.number("force_N") == pytest.approx(27.698680, rel=1e-6)
     waves = result.summary["quantities"]["wrinkles"]
-    assert waves["ripples_mm"] == pytest.approx(0.0400116007, rel=1e-6)
+    assert waves["ripples_mm"] == pytest.approx(0.0425581274, rel=1e-6)
 
 
 def test_a_ply_that_the_punch_leaves_slack_does_not_depend_on_steps():
