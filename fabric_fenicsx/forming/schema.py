@@ -405,6 +405,7 @@ def write(press: Any, path: str | os.PathLike[str]) -> None:
             name = getattr(value, "name", "") or "material"
             if value in (PRESETS.get(name), METALS.get(name)):
                 return name
+            name = re.sub(r"\W+", "_", name)  # a name may hold what no file's name can, as "a/b"
             names = (f"{path.stem}_{name}{k or ''}.toml" for k in count())
             file = next(f for f in map(path.with_name, names) if files.get(f, value) == value)
             files[file] = value

@@ -464,7 +464,7 @@ def test_what_no_file_can_say_is_named(tmp_path):
     assert (
         ff.Press.read(tmp_path / "press.toml") == mine and (tmp_path / "press_mine.toml").is_file()
     )
-    other = own.replace(thickness=0.5)
+    other = own.replace(thickness=0.5, name="glass/PP twill")
     (sheet,) = press.sheets
     two = [dataclasses.replace(sheet, name=f"{f.thickness}", fabric=f) for f in (own, other)]
     press.replace(sheets=two).write(tmp_path / "press.toml")
