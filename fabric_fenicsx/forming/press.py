@@ -98,7 +98,7 @@ class Press(KnowsItsFields):
     def __post_init__(self) -> None:
         if self.symmetry not in SYMMETRIES:
             raise InputError(
-                f"`symmetry` is {shown(self.symmetry)}; allowed are {', '.join(SYMMETRIES)}"
+                f"blank.symmetry is {shown(self.symmetry)}; allowed are {', '.join(SYMMETRIES)}"
             )
         alone: Any = self.sheets
         given: list[Sheet] = [alone] if isinstance(alone, Sheet) else list(alone)

@@ -69,6 +69,12 @@ def sheet_of(rings: Sequence[np.ndarray], source: str) -> shapely.Polygon:
     return sheet
 
 
+def centred(sheet: shapely.Polygon) -> shapely.Polygon:
+    """The sheet with the middle of its extent at the origin."""
+    middle = np.reshape(sheet.bounds, (2, 2)).mean(0)
+    return shapely.transform(sheet, lambda x: x - middle)
+
+
 def mirrored_half(sheet: shapely.Polygon, axis: int, source: str) -> shapely.Polygon:
     """The half of a sheet on the positive side of the plane x = 0 or y = 0 (`axis` 0 or 1), which
     mirrors it; a sheet that begins at the plane as it is. Raises InputError, by the size of what

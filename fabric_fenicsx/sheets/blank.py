@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, Self, Unpack
 
 import numpy as np
-import shapely
 from dolfinx.mesh import Mesh
 from mpi4py import MPI
 from numpy.typing import ArrayLike
@@ -273,7 +272,7 @@ class Blank(SheetMesh):
         """
         from ..meshes.outline import outline_mesh
         from ..meshes.outline_files import read_outline
-        from ..meshes.rings import mirrored_half, sheet_of
+        from ..meshes.rings import centred, mirrored_half, sheet_of
 
         options, nx = blank_options(layout), COUNT.check("`nx`", nx)
         if (element := layout.get("element") or "P")[0] != "P":
@@ -290,8 +289,7 @@ class Blank(SheetMesh):
             else:
                 sheet, notes = sheet_of([np.asarray(ring, float) for ring in given], source), []
             if layout.get("centred"):
-                middle = np.reshape(sheet.bounds, (2, 2)).mean(0)
-                sheet = shapely.transform(sheet, lambda x: x - middle)
+                sheet = centred(sheet)
             for axis in layout.get("planes", ()):
                 sheet = mirrored_half(sheet, axis, source)
             low, high = np.reshape(sheet.bounds, (2, 2))

@@ -456,6 +456,12 @@ def test_a_press_tells_its_job_where_to_stop(stops):
         ff.Press.read("hemisphere", ["limits.stop_when_invalid=1"])
 
 
+@pytest.mark.parametrize("change", ["blank.symmetry=z", "blank.quarter=true"])
+def test_what_is_no_symmetry_is_refused(change):
+    with pytest.raises(ff.InputError, match="blank..* is .*; allowed .*xy"):
+        ff.Press.read("hemisphere", [change])
+
+
 def test_what_no_file_can_say_is_named(tmp_path):
     own = ff.load("komeili").replace(name="mine", thickness=0.7)
     press = ff.Press.read("hemisphere")
