@@ -233,8 +233,8 @@ def _origin_warnings(problem, fit, alone):
     origins = _origins(problem.curves)
     if wide:
         yield (
-            f"intervals of {', '.join(wide)} are more than twice as wide as they were "
-            f"with a known {', '.join(origins)}: state these in the file if you know them"
+            f"intervals of {', '.join(wide)} are more than twice as wide as they were with known "
+            "slacks and zeros: state these in the files if you know them"
         )
     for name, number in origins.items():
         if name.startswith("zero") and number.interval[0] > 0:

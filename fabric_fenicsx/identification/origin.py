@@ -59,7 +59,8 @@ def _fitted(curve, thickness):
 
     Points weigh by the scatter of their neighbours and 3 % of the force: so a law that is off at
     the peak does not move the beginning. Intervals of 95 % follow the sum of squares over the
-    slack, of which the force is not a linear function.
+    slack, of which the force is not a linear function. What may be 0 by its interval is taken as 0,
+    and widens those of the parameters all the same.
     """
     x, y = _abscissa(curve), curve.responses[0].values
     powers, has_zero = min(5, len(y) // 4), "zero" in curve.unknown  # the law has fewer
@@ -100,16 +101,20 @@ def _fitted(curve, thickness):
         finer = np.linspace(max(near[0] - step, 0.0), near[-1] + step, TRIALS)
         fits = [fit(slack, columns(slack), sd) for slack in finer]
     near, most = likely(fits)
-    _, slack, zero, *_ = min(near, key=lambda each: each[0])
+    kept = near if near[0][1] else near[:1]
     spans = [np.sqrt(most - each[0]) * each[3] for each in near]
-    lows, highs = zip(*((each[2] - span, each[2] + span) for each, span in zip(near, spans)))
+    lows, highs = zip(*((each[2] - span, each[2] + span) for each, span in zip(kept, spans)))
+    intervals = {"slack": (near[0][1], near[-1][1]), "zero": (min(lows), max(highs))}
+    told = [name for name in curve.unknown if intervals[name][0] > 0 or intervals[name][1] < 0]
+    has_zero = "zero" in told
+    _, slack, zero, *_ = min(fit(each[1], columns(each[1]), sd) for each in kept)
     ends = [(near[k][1] - slack, near[k][2] - zero) for k in (0, -1)]
     per = {"zero": curve.per_newton, "slack": np.pi / 180 if curve.displacement is None else 1.0}
-    values = {"slack": (slack, near[0][1], near[-1][1]), "zero": (zero, min(lows), max(highs))}
     numbers = {}
-    for name in curve.unknown:
-        value, low, high = (float(each / per[name]) for each in values[name])
-        numbers[f"{name} of {curve.file}"] = value, low, high, _unit(curve, name)
+    for name, value in (("slack", slack), ("zero", zero)):
+        if name in told:
+            three = (float(each / per[name]) for each in (value, *intervals[name]))
+            numbers[f"{name} of {curve.file}"] = *three, _unit(curve, name)
     begun = _from(curve, slack, zero, thickness)
     return replace(begun, origin=Origin(numbers, ends, float(max(spans))), unknown=())
 
