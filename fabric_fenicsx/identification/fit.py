@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import stats
 
+from ..material.files import FIBRES, SHEET
 from ..material.homogeneous import nominal_tangent
 from ..material.laws.coupled import SHEAR, WovenFabric, Yarn
 from ..runtime.errors import InputError
@@ -261,7 +262,7 @@ def _fabric(value, sheet, compaction, assumed):
     names of values that were not fitted."""
     warp, weft = (Yarn(**yarn) for yarn in yarns_of(value))
     numbers: dict[str, Any] = {n: value[n] for n in SHEAR}
-    numbers |= {n: getattr(sheet, n) for n in ("thickness", "density", "fibre_density", "name")}
+    numbers |= {n: getattr(sheet, n) for n in ("name", *SHEET, *FIBRES)}
     numbers |= {"compaction": compaction.compaction} if compaction else {}
     return WovenFabric(warp, weft, **numbers, assumed=tuple({base(name) for name in assumed}))
 

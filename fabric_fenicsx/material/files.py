@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 from ..readers.units import OWN, UNITS, suffixes
 from ..runtime.errors import InputError
 from ..runtime.files import replace_file
-from ..runtime.rules import POSITIVE, Rule, above_zero, did_you_mean, shown, unknown_key
+from ..runtime.rules import POSITIVE, SHARE, Rule, above_zero, did_you_mean, shown, unknown_key
 
 SHEET = {"thickness": above_zero("length"), "density": above_zero("density")}
 OWN_UNITS = {kind: OWN[kind] for kind in ("stress", "length", "density")}  # of files we write
-FIBRES = {"fibre_density": above_zero("density")}
+FIBRES = {"fibre_density": above_zero("density"), "fibre_share": SHARE}
 
 
 class Several(NamedTuple):

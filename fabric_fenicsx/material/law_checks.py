@@ -16,6 +16,7 @@ PLAUSIBLE = {
     "thickness": (0.01, 20.0, "mm"),
     "density": (0.05, 10.0, "g/cm3"),
     "fibre_density": (0.8, 10.0, "g/cm3"),
+    "fibre_share": (0.1, 1.0, "of the mass"),
     **{f"b of {yarn}": (1.0, 1e5, "MPa") for yarn in ("yarns", "warp", "weft")},
     "s1": (1e-4, 10.0, "MPa"),
     "stiffness along a": (2.0, 2e5, "MPa"),

@@ -16,7 +16,7 @@ from ..runtime.rules import POSITIVE, Rule, check_complete, unknown_key
 from .files import OWN_UNITS, SHEET, read_numbers, read_toml, write_whole
 
 # fields of materials that have no part in the energy of the membrane
-NO_ENERGY = "density", "fibre_density", "compaction", "bending", "bending_friction"
+NO_ENERGY = "density", "fibre_density", "fibre_share", "compaction", "bending", "bending_friction"
 
 
 @dataclass(frozen=True)

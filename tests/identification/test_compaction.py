@@ -112,6 +112,9 @@ def test_fibre_volume_fractions(tmp_path):
     read, _ = data.read(folder(tmp_path, told, pull=FREE, pressed=text))
     assert read.measured_thickness(read.compaction[0]) == pytest.approx(known.response.values)
     assert fit_compaction(read).compaction.exponent == pytest.approx(9.0, rel=1e-6)
+    read, _ = data.read(folder(tmp_path, f"{told}fibre_share = 0.5\n", pull=FREE, pressed=text))
+    half = known.response.values / 2
+    assert read.measured_thickness(read.compaction[0]) == pytest.approx(half)
     folder(tmp_path, sheet, pressed=text)
     with pytest.raises(InputError, match=r"pressed.csv: the column fibre_volume_fraction needs"):
         data.read(tmp_path)

@@ -105,6 +105,7 @@ def read(tmp_path):
         LAW58.replace(
             compaction=ff.Compaction(12.5, onset=2e-3, pressure=5e-4, thickening=1.0),
             fibre_density=2.54,
+            fibre_share=0.6,
             shear_friction=ff.ShearFriction((0.2, 0.05), (0.01, 0.02)),
             bending_friction=ff.BendingFriction((8.0, 2.0), (0.02, 0.01)),
             bending=ff.MeasuredBending(cantilever_a=210.0, cantilever_b=160.0),

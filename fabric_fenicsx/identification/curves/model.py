@@ -203,9 +203,9 @@ class Sheet:
     """The content of `sheet.toml`: thickness [mm], density [g/cm3], whether warp and weft are tied
     (`balanced`), values to assume for parameters that the data don't determine, as {"p_min": ..} or
     {"warp.p_min": ..}, the areal weight [g/m2] if the density is from one, and the fibre density
-    [g/cm3] if known. compaction: tests across the thickness. Of the CSV files: keys {file: {key:
-    text}}, columns {name in a header: column, maybe with a unit in brackets}, and csv, their
-    delimiter, decimal and encoding as far as stated."""
+    [g/cm3] and share of the mass if known. compaction: tests across the thickness. Of the CSV
+    files: keys {file: {key: text}}, columns {name in a header: column, maybe with a unit in
+    brackets}, and csv, their delimiter, decimal and encoding as far as stated."""
 
     name: str
     thickness: float
@@ -214,6 +214,7 @@ class Sheet:
     assumed: dict[str, float] = field(default_factory=dict)
     areal_weight: float | None = None
     fibre_density: float | None = None
+    fibre_share: float | None = None
     compaction: tuple[CompactionTest, ...] = field(default=(), compare=False)  # has arrays
     keys: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     columns: Mapping[str, str] = field(default_factory=dict)
@@ -223,5 +224,6 @@ class Sheet:
         """Thickness of one ply at each point of a test, (n,) [mm]."""
         if test.response.column == "thickness":
             return test.response.values
-        fibres = self.density * self.thickness / (self.fibre_density or math.nan)
+        mass = self.density * self.thickness * (self.fibre_share or 1.0)
+        fibres = mass / (self.fibre_density or math.nan)
         return fibres / test.response.values

@@ -65,9 +65,9 @@ def read(path: Path | str) -> tuple[Sheet, tuple[Curve, ...]]:
 
 def read_sheet(path: Path | str) -> Sheet:
     """Read `sheet.toml`: name, thickness_mm, density_g_per_cm3 or areal_weight_g_per_m2, balanced,
-    and optional fibre_density_g_per_cm3, [assumed], [assumed.warp], [assumed.weft] with parameters
-    as in a material file (d_MPa, p_min, ..), and [csv], [columns] and [tests."FILE"]. Raises
-    InputError by file and key."""
+    and optional fibre_density_g_per_cm3, fibre_share, [assumed], [assumed.warp], [assumed.weft]
+    with parameters as in a material file (d_MPa, p_min, ..), and [csv], [columns] and
+    [tests."FILE"]. Raises InputError by file and key."""
     return read_toml(path, _sheet)
 
 

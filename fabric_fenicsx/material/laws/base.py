@@ -66,6 +66,8 @@ class Law(Material, Energy):
         As tests tell it; None for that of the sheet, by a modulus.
     fibre_density : float or None
         Mass per volume of the fibres [g/cm3], None if not known.
+    fibre_share : float or None
+        Share of the fabric's mass that is fibres, where it brings its matrix; None for all of it.
     assumed : tuple of str
         Names of numbers that no test has determined.
     scatter : mapping
@@ -97,6 +99,7 @@ class Law(Material, Energy):
     bending_friction: BendingFriction | None = None
     bending: MeasuredBending | None = None
     fibre_density: float | None = None
+    fibre_share: float | None = None
     # where numbers are from does not make another fabric
     assumed: tuple[str, ...] = field(default=(), compare=False)
     scatter: Mapping[str, tuple[float, float]] = field(default_factory=dict, compare=False)
@@ -120,15 +123,20 @@ class Law(Material, Energy):
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "assumed", self._checked_assumed())
-        if self.fibre_density is None:
-            return
-        fibres = FIBRES["fibre_density"].check("fibre_density", self.fibre_density)
-        object.__setattr__(self, "fibre_density", fibres)
-        if not fibres > self.density:
+        for name, rule in FIBRES.items():
+            if (value := getattr(self, name)) is not None:
+                object.__setattr__(self, name, rule.check(name, value))
+        if self.fibre_density is not None and not self.fibre_density > self._fibre_mass:
             raise InputError(
-                f"fibre_density is {self.fibre_density:g} g/cm3; allowed is more than the fabric's "
-                f"density of {self.density:g} g/cm3, as fibres do not fill all of it"
+                f"fibre_density is {self.fibre_density:g} g/cm3; allowed is more than the "
+                f"{self._fibre_mass:g} g of fibres in 1 cm3 of fabric, as they do not fill all of "
+                "it (`fibre_share` is theirs of a fabric that brings its matrix)"
             )
+
+    @property
+    def _fibre_mass(self):
+        """That of the fibres, per volume of fabric [g/cm3]."""
+        return self.density * (self.fibre_share or 1.0)
 
     def _checked_assumed(self):
         assumed = self.assumed
@@ -175,7 +183,8 @@ class Law(Material, Energy):
         if self.fibre_density is None:
             allowed = "allowed is a number above 0 [g/cm3]"
             raise InputError(f"fibre_density of material {self.label} is not known; {allowed}")
-        fibres = self.density / self.fibre_density * self.thickness  # as a layer without pores [mm]
+        # as a layer without pores [mm]
+        fibres = self._fibre_mass / self.fibre_density * self.thickness
         return fibres / (np.asarray(thickness, float) * area)
 
     @property

@@ -98,7 +98,7 @@ class WovenFabric(Law):
         Shear stress over shear angle [MPa], eqs (24), (25).
     couplings : collection of str
         Those that are on, any of `biaxial`, `tension_shear`, `compression_shear`.
-    thickness, density, name, compaction, fibre_density, assumed
+    thickness, density, name, compaction, fibre_density, fibre_share, assumed
         As in `Law`.
 
     Raises

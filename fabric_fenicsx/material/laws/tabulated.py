@@ -128,7 +128,7 @@ class TabulatedFabric(Law):
         Nominal stress [MPa] over strain [-] along the yarns.
     shear : Curve
         Shear stress [MPa] over shear angle [rad] from 0 on; the other sense is its mirror image.
-    thickness, density, name, compaction, fibre_density, assumed
+    thickness, density, name, compaction, fibre_density, fibre_share, assumed
         As in `Law`.
 
     Raises
