@@ -1,14 +1,16 @@
 """Values that a test curve cannot have."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
 
 from ...readers.text_tables import Problems
 from ...runtime.errors import InputError
+from ...runtime.formatting import rounded
 from .branch import NOISE
+from .forces import bias_angle
 from .model import STRAINS, TESTS, Curve, Table, unit_inside, units
 
 # beyond it a wrong unit is the likely reason
@@ -139,6 +141,21 @@ def check_compaction(table: Table, column: str) -> None:
         low, high = (_value(each, column) for each in v[[0, -1]])
         text = f"{column} is {high} under the highest pressure and {low} under the lowest"
         raise _refused(rows[-1], text, "more" if is_share else "less")
+
+
+def angle_remarks(table: Table, lengths: Mapping[str, float]) -> list[str]:
+    """A sentence on measured shear angles that are not those of the displacement up to 30 deg."""
+    by_clamp = bias_angle(table.columns["displacement"], lengths["height"], lengths["width"])
+    for k in np.flatnonzero((by_clamp > math.radians(5)) & (by_clamp < math.radians(30)))[-1:]:
+        gamma = table.columns["gamma"][k]
+        if abs(gamma / by_clamp[k] - 1) > 0.3:
+            angle, other = (rounded(math.degrees(each), 3) for each in (gamma, by_clamp[k]))
+            return [
+                f"gamma is {angle} deg in row {table.rows[k]}, and {other} deg by the "
+                "displacement; gamma is the change of the angle between the yarns, not half of it "
+                "as the shear strain of a tensor"
+            ]
+    return []
 
 
 def curve_warnings(curves: Sequence[Curve]) -> Iterator[str]:

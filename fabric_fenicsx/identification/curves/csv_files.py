@@ -14,7 +14,7 @@ from ...runtime.errors import InputError
 from ...runtime.rules import unknown_key
 from . import checks
 from .branch import from_zero, kept, loading_branch, way_back
-from .forces import of_fabric, response
+from .forces import MEASURES, image_angle, of_fabric, response
 from .model import (
     COLUMNS,
     KEYS,
@@ -67,9 +67,14 @@ def read_test(path: Path, sheet: Sheet) -> Curve | CompactionTest:
 
 
 def _curve(file, table, keys, thickness, remarks):
-    test = TESTS[keys.test]
+    test, columns = TESTS[keys.test], table.columns
     _take_zero(table, keys)
-    raw = {column: raw for raw, (column, _) in test.raw.items() if raw in table.columns}
+    if {*test.image} & {*columns}:
+        strains = np.column_stack([columns.pop(name) for name in test.image])
+        columns["gamma"] = image_angle(strains, keys.texts["strain"][1], keys.test)
+        table.header["gamma"] = unit_inside("gamma")
+    given = {raw: column for raw, (column, _) in test.raw.items() if raw in columns}
+    raw = {column: raw for raw, column in given.items() if column not in columns}
     moved = raw.get(test.strains[0], test.strains[0])
     table, notes = from_zero(table, moved, test.sign)
     runs = max(
@@ -93,6 +98,8 @@ def _curve(file, table, keys, thickness, remarks):
         raise InputError("both columns tau and F_sh are given; allowed is one of them")
     checks.check_length(table, MIN_POINTS)
     checks.check_values(keys.test, table, runs, measured)
+    if len(raw) < len(given):
+        notes += checks.angle_remarks(table, keys.lengths)
     none = np.zeros(len(table.rows))
     strains = np.column_stack([none if c in measured else columns.get(c, none) for c in STRAINS])
     specimen, back = (keys.test, keys.lengths, thickness), None
@@ -115,8 +122,8 @@ def _curve(file, table, keys, thickness, remarks):
         keys.lengths,
         (*remarks, *notes),
         back,
-        columns.get("displacement"),
-        () if back else _unknown_origin(keys, moved, columns),
+        columns["displacement"] if "displacement" in raw.values() else None,
+        () if back else _unknown_origin(keys, raw, columns),
         per_newton=1 / (keys.lengths["width"] * thickness) if "F" in raw.values() else 1.0,
     )
 
@@ -130,10 +137,11 @@ def _take_zero(table, keys):
         table.columns["F"] -= sign * size
 
 
-def _unknown_origin(keys, moved, columns):
-    """Which of slack and zero are to be fitted; the angle of a picture frame is that of the
-    frame."""
-    may = {"slack": moved == "displacement" or keys.test == "picture_frame", "zero": "F" in columns}
+def _unknown_origin(keys, raw, columns):
+    """Which of slack and zero are to be fitted; the angle of a picture frame is that of the frame,
+    unless the keys have the `strain` of its images."""
+    of_frame = keys.test == "picture_frame" and "strain" not in keys.texts
+    may = {"slack": of_frame or "displacement" in raw.values(), "zero": "F" in columns}
     return tuple(name for name in may if may[name] and name not in keys.texts)
 
 
@@ -200,7 +208,7 @@ def _keys(texts, problems):
         if "lateral" in test.keys and "lateral" in texts:
             free, across, others = _lateral(name, *texts.pop("lateral"))
     for key in test.all_keys:
-        if key in texts and key not in ("slack", "zero"):
+        if key in texts and key not in ("slack", "zero", "strain"):
             with problems:
                 lengths[key] = _quantity(key, texts[key], factors("length"))
     return _Keys(name, free, (*test.measured, *across), others, lengths, texts)
@@ -261,7 +269,7 @@ def _table(cells, keys, sheet, problems):
     """The `Table` of a file's cells, and a sentence on each column that is not read."""
     place, factors, header, unknown = f"row {cells.top}", {}, {}, []
     test, named = TESTS[keys.test], sheet.columns
-    allowed = (*test.strains, *test.optional, *keys.measured, *test.raw)
+    allowed = (*test.strains, *test.optional, *keys.measured, *test.image, *test.raw)
     counts = [cells.names[: i + 1].count(name) for i, name in enumerate(cells.names)]
     names = [f"{name} {n}" if name and n > 1 else name for name, n in zip(cells.names, counts)]
     stated = {named[name] for name in names if name in named}
@@ -281,7 +289,10 @@ def _table(cells, keys, sheet, problems):
             _check_column(place, column, header[column], keys, allowed)
             factors[i] = column, units(column, sheet.thickness)[header[column]]
     present = set(header) | {column for raw, (column, _) in test.raw.items() if raw in header}
+    if by_image := {*test.image} & {*header}:
+        present |= {"gamma"}
     missing = [column for column in test.strains if column not in present]
+    missing += [column for column in test.image if by_image and column not in header]
     missing += [] if set(test.measured) & present else [" or ".join(test.measured)]
     wrong = [name for name, _ in unknown]
     if not missing:  # one that may be misspelled
@@ -340,10 +351,17 @@ def _unknown(names, allowed):
 
 
 def _check_raw(place, keys, header, problems):
-    """Problems of columns as a machine writes them, and of the strip's sizes that they need."""
+    """Problems of columns as a machine or a camera writes them, and of the keys they need."""
     test = TESTS[keys.test]
+    if {*test.image} & {*header}:
+        if "gamma" in header:
+            columns = f"{place}: both columns gamma and {test.image[-1]}"
+            problems.append(f"{columns} are given; allowed is one of them")
+        if (measure := keys.texts.get("strain", ("", "not stated"))[1]) not in MEASURES:
+            allowed = ", ".join(f"`# strain: {name}`" for name in MEASURES)
+            problems.append(f"{place}: the strain of exx is {measure}; allowed is {allowed}")
     for raw, (column, key) in test.raw.items():
-        if raw in header and column in header:
+        if raw in header and column in header and keys.test != "bias_extension":
             problems.append(
                 f"{place}: both columns {column} and {raw} are given; allowed is one of them"
             )

@@ -18,6 +18,14 @@ from numpy.typing import ArrayLike
 from ...runtime.errors import InputError
 from .model import Response, unit_inside
 
+YARNS = np.eye(2)
+# right Cauchy-Green of principal strains
+MEASURES = {
+    "green": lambda e: np.maximum(1 + 2 * e, 1e-9),
+    "hencky": lambda e: np.exp(2 * e),
+    "biot": lambda e: np.maximum(1 + e, 1e-9) ** 2,
+}
+
 
 def response(
     column: str,
@@ -47,6 +55,18 @@ def response(
         arm = (H / W - 1) * (np.cos(gamma / 2) - np.sin(gamma / 2))
         gain, half = t * (2 * H - 3 * W) / arm, t * W / arm
     return Response(column, unit_inside(column), values, gain, half)
+
+
+def image_angle(strains: np.ndarray, measure: str, test: str) -> np.ndarray:
+    """Shear angle (n,) [rad] by exx, eyy and exy (n, 3) of image correlation, of a measure of
+    `MEASURES`; x and y are along and across the pull of a bias test or a frame, or along the
+    yarns of a plain shear test."""
+    tensors = strains[:, [0, 2, 2, 1]].reshape(-1, 2, 2)
+    values, axes = np.linalg.eigh(tensors)
+    a, b = YARNS if test == "shear" else (YARNS @ [[1, 1], [1, -1]]) / math.sqrt(2)
+    C = np.einsum("nij,nj,nkj->nik", axes, MEASURES[measure](values), axes)
+    sine = (C @ b @ a) / np.sqrt((C @ a @ a) * (C @ b @ b))
+    return np.arcsin(sine * np.sign(sine[np.abs(sine).argmax()]))
 
 
 def _bias_strip(lengths):

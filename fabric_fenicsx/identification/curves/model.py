@@ -12,11 +12,12 @@ from ...readers.units import ANGLE, STRAIN, factors
 
 MIN_POINTS = 5
 STRAINS = ("eps_a", "eps_b", "gamma")
+IMAGE = ("exx", "eyy", "exy")  # of image correlation, which become gamma
 
 _STRESS = factors("stress") | {"N/mm2": 1.0}
 _PER_WIDTH = {"N/mm": 1.0, "N/m": 1e-3, "kN/m": 1.0}
 _UNIT = {  # first unit of each: the one used inside
-    **dict.fromkeys(("eps_a", "eps_b"), STRAIN),
+    **dict.fromkeys(("eps_a", "eps_b", *IMAGE), STRAIN),
     "gamma": ANGLE,
     **dict.fromkeys(("sigma_a", "sigma_b", "tau"), _STRESS),
     "F_sh": _PER_WIDTH,
@@ -75,11 +76,16 @@ class Kind(NamedTuple):
     raw: Mapping[str, tuple[str, str]] = MappingProxyType({})
 
     @property
+    def image(self) -> tuple[str, ...]:
+        """Columns of image correlation that the test may have in place of gamma."""
+        return IMAGE if self.strains == ("gamma",) else ()
+
+    @property
     def all_keys(self) -> tuple[str, ...]:
         """All keys that files of the test may have besides `test` and `noise`."""
         may_be_slack = self.sign > 0 and self.strains != ("pressure",)
         has_load_cell = "F" in (*self.measured, *self.raw)
-        keys = *self.keys, *(key for _, key in self.raw.values())
+        keys = *self.keys, *(key for _, key in self.raw.values()), *["strain"][: len(self.image)]
         return tuple(dict.fromkeys((*keys, *["slack"][:may_be_slack], *["zero"][:has_load_cell])))
 
 

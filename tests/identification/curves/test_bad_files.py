@@ -27,7 +27,9 @@ CASES = [
     (PERCENT, "", "", "row 9: eps_a reaches 0.03 % only; allowed is 0.05 % or more (is the unit -"),
     (WIDENED, "", "", f"row 8: eps_a is 0.1; {NARROW}"),
     (re.sub(r"0\.\d+", "0", SHEAR), "", "", "row 3: F_sh is 0 in every row, so there is nothing"),
-    (BIAS, "gamma [deg],F", "gamma [deg],displacement", "row 4: both columns gamma and"),
+    (FREE, "sigma_a [MPa]", "displacement [mm]", "row 5: both columns eps_a and displacement"),
+    (BIAS, "gamma [deg]", "exx [%]", "the column eyy is missing"),
+    (BIAS, "gamma [deg]", "exx [%]", "the strain of exx is not stated; allowed is `# strain: gre"),
     (BIAS, "11.5 cm", "11.5", "row 3: width is '11.5'; allowed is a number above 0 with one of"),
     (BIAS, "11.5 cm", "15 cm", "height is 230 mm and width 150 mm; allowed is a height of 2"),
 ]

@@ -91,7 +91,7 @@ UNREADABLE = {
     (MACHINE + COMMA).encode("utf-16"): "no text in UTF-8",
     (KEYS + COMMA).encode(): "row 4: there is no header above it",
     (KEYS + "Traverse [mm];Kanal 1 [N]\n" + COMMA).encode(): "row 4: columns 'Traverse', 'Kanal 1' "
-    "are unknown; allowed are gamma, F, displacement, or a line `Traverse = ",
+    "are unknown; allowed are gamma, F, exx, eyy, exy, displacement, or a line `Traverse = ",
 }
 UNREADABLE |= {(MACHINE + rows).encode(): words for rows, words in REFUSED.items()}
 

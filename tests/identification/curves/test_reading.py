@@ -5,6 +5,7 @@ import pytest
 from curve_texts import BIAS, FREE, SHEAR, SHEET, UNIAXIAL, folder, scaled
 
 from fabric_fenicsx.identification import curves as data
+from fabric_fenicsx.identification.curves.forces import bias_angle
 
 PULLED = (0.5, 6.9), (1, 14.5), (1.5, 22.8), (2, 31.6), (2.5, 41.1)  # of UNIAXIAL, % and MPa
 
@@ -112,3 +113,43 @@ def test_assumed_values(tmp_path):
         "c": 20.0,
         "weft.d": 2.0,
     }
+
+
+X = np.linspace(1, 40, 20)  # mm
+
+
+def photographed(columns, *values, test="bias_extension", keys=""):
+    """A test with columns of images, of a force that counts for nothing."""
+    sizes = {"bias_extension": "# height: 300 mm\n# width: 100 mm\n", "shear": ""}[test]
+    rows = "".join(",".join(f"{each:.17g}" for each in row) + "\n" for row in zip(*values, X))
+    force = "F [N]" if sizes else "tau [MPa]"
+    return f"# test: {test}\n{sizes}{keys}{columns},{force}\n{rows}"
+
+
+MEASURES = {"green": lambda u: (u * u - 1) / 2, "hencky": np.log, "biot": lambda u: u - 1}
+
+
+@pytest.mark.parametrize("measure", MEASURES)
+def test_strains_of_images_become_shear_angles(tmp_path, measure):
+    """Of stretches along and across the bisector of the yarns."""
+    g, of = bias_angle(X, 300, 100), MEASURES[measure]
+    along, across = (of(np.sqrt(1 + sign * np.sin(g))) for sign in (1, -1))
+    head, keys = "displacement [mm],exx [-],Eyy [-],exy [-]", f"# strain: {measure}\n"
+    bias = photographed(head, X, across, along, 0 * X, keys=keys)
+    (curve,) = data.read(folder(tmp_path, test=bias))[1]
+    assert curve.strains[:, 2] == pytest.approx(g, abs=1e-12)
+    assert not (curve.is_raw or curve.remarks)
+    mean, half = (along + across) / 2, (along - across) / 2  # along yarns
+    names = "exx [-],eyy [-],exy [-]"
+    shear = photographed(names, mean, mean, -half, test="shear", keys=keys)
+    (curve,) = data.read(folder(tmp_path, test=shear))[1]
+    assert curve.strains[:, 2] == pytest.approx(g, abs=1e-12)
+
+
+@pytest.mark.parametrize("share, told", [(1.0, 0), (0.8, 0), (0.5, 1)])
+def test_an_angle_that_does_not_fit_the_displacement_is_told(tmp_path, share, told):
+    g = share * np.degrees(bias_angle(X, 300, 100))
+    text = photographed("displacement [mm],gamma [deg]", X, g)
+    (curve,) = data.read(folder(tmp_path, test=text))[1]
+    assert curve.strains[-1, 2] == pytest.approx(np.radians(g[-1]))
+    assert sum("not half of it as the shear strain" in each for each in curve.remarks) == told
