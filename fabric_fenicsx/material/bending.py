@@ -1,16 +1,17 @@
 """Bending of a fabric's yarns as tests tell it."""
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..runtime.errors import InputError
-from ..runtime.rules import above_zero, not_negative
+from ..runtime.rules import above_zero, of_either_sign
 from .files import Several
 from .material import Parameters
 
 GRAVITY = 9.81e-6  # N/mm^2 of a sheet of 1 g/cm^3 and 1 mm
+STUCK = 0.02  # of the largest curvature: from there on yarns slide that a threshold held
 
 
 class Bent(NamedTuple):
@@ -24,7 +25,11 @@ class Bent(NamedTuple):
 
 @dataclass(frozen=True)
 class MeasuredBending(Parameters):
-    """Moment over curvature of both yarns, elastic: from a cantilever test, or as a table.
+    """Moment over curvature of both yarns: from a cantilever test, or as a table, which may be a
+    loop.
+
+    A moment at no curvature, and half the width of a loop, is a threshold: friction between yarns.
+    What is left is elastic, and a monotone cubic joins it.
 
     Parameters
     ----------
@@ -33,29 +38,33 @@ class MeasuredBending(Parameters):
         The stiffness is weight times the bending length cubed, half of the overhang (F. T. Peirce,
         J. Text. Inst. 21 (1930) T377).
     curvature : sequence of float, optional
-        From 0 on [1/mm]; beyond the last one the last slope goes on.
+        [1/mm], above 0 where the fabric's upper face becomes hollow: rising from 0, and mirrored
+        for the other face; or rising from below 0, with a 0, or two of them for a threshold; or a
+        loop, up from 0 and back, or through both faces. Beyond its ends the last slope goes on.
     moment_a, moment_b : sequence of float, optional
-        Per width at these curvatures, rising from 0 [N mm/mm]; b is as a if it is not given. A
-        monotone cubic joins them; bending the other way it is mirrored.
+        Per width at these curvatures [N mm/mm]; b is as a if it is not given.
 
     Raises
     ------
     InputError
-        For anything but both overhangs, or curvatures and moments, that rise from 0.
+        For anything but both overhangs, or curvatures and moments, of which the elastic part rises
+        through 0.
 
     Examples
     --------
-    >>> test = ff.MeasuredBending(curvature=(0, 0.01, 0.05), moment_a=(0, 0.1, 0.2))
+    >>> test = ff.MeasuredBending(curvature=(0, 0.01, 0.05), moment_a=(0.02, 0.12, 0.22))
     >>> test.respond(np.array([[0.01, -0.07]]), 1e-5).moment.round(3).tolist()
     [[0.1, -0.25]]
+    >>> test.thresholds  # of a and b, which friction takes
+    (0.02, 0.02)
     """
 
     rules = {
         "cantilever_a": above_zero("length"),
         "cantilever_b": above_zero("length"),
-        "curvature": Several(not_negative("curvature")),
-        "moment_a": Several(not_negative("line_moment")),
-        "moment_b": Several(not_negative("line_moment")),
+        "curvature": Several(of_either_sign("curvature")),
+        "moment_a": Several(of_either_sign("line_moment")),
+        "moment_b": Several(of_either_sign("line_moment")),
     }
     optional = tuple(rules)
     prefix = "bending."
@@ -65,6 +74,9 @@ class MeasuredBending(Parameters):
     curvature: tuple[float, ...] = ()
     moment_a: tuple[float, ...] = ()
     moment_b: tuple[float, ...] = ()
+    thresholds: tuple[float, ...] = field(init=False, repr=False, compare=False, default=(0.0, 0.0))
+    # curvatures and moments of the elastic part of each yarn
+    _elastic: Any = field(init=False, repr=False, compare=False, default=())
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -79,18 +91,23 @@ class MeasuredBending(Parameters):
                 "bending is incomplete, or told twice; allowed are cantilever_a and cantilever_b, "
                 "or curvature and moment_a, and moment_b if it differs, of as many numbers"
             )
-        for name, values in zip(("curvature", "moment_a", "moment_b"), curves):
-            if values[0] or min(np.diff(values)) <= 0:
-                raise InputError(
-                    f"bending.{name} is {list(values)}; allowed are numbers that rise from 0"
-                )
+        parts = [
+            _parted(np.array(self.curvature), np.array(getattr(self, name)), name)
+            for name in ("moment_a", "moment_b")
+        ]
+        object.__setattr__(self, "_elastic", tuple(curve for curve, _ in parts))
+        object.__setattr__(self, "thresholds", tuple(float(each) for _, each in parts))
+
+    @property
+    def stuck(self) -> float:
+        """Curvature up to which yarns stick below the threshold [1/mm]."""
+        return STUCK * max(map(abs, self.curvature), default=1.0)
 
     def respond(self, curvature: np.ndarray, areal_weight: float) -> Bent:
         """At curvatures (n, 2) [1/mm] of a fabric of `areal_weight`, density times thickness
-        [g/cm3 mm]."""
+        [g/cm3 mm], without thresholds."""
         yarns = [
-            _along(curvatures, moment, values)
-            for (curvatures, moment), values in zip(self._curves(areal_weight), curvature.T)
+            _along(curve, values) for curve, values in zip(self._curves(areal_weight), curvature.T)
         ]
         return Bent(*(np.stack(each, axis=1) for each in zip(*yarns)))
 
@@ -100,22 +117,63 @@ class MeasuredBending(Parameters):
 
     def _curves(self, areal_weight):
         """Curvatures and moments of each yarn."""
-        if self.curvature:
-            return [(self.curvature, moment) for moment in (self.moment_a, self.moment_b)]
-        weight = GRAVITY * areal_weight
+        if self._elastic:
+            return self._elastic
+        weight, ends = GRAVITY * areal_weight, np.array([-1.0, 0.0, 1.0])
         lengths = (self.cantilever_a or 0.0, self.cantilever_b or 0.0)
-        return [((0.0, 1.0), (0.0, weight * (length / 2) ** 3)) for length in lengths]
+        return [(ends, weight * (length / 2) ** 3 * ends) for length in lengths]
 
 
-def _along(curvature, moment, values):
+def _parted(curvature, moment, name):
+    """The elastic part of a measured curve, curvatures and moments through 0, and its threshold.
+    InputError, which calls the moment `name`, where that does not rise."""
+    if min(np.diff(curvature)) < 0:
+        curvature, moment, threshold = _of_loop(curvature, moment)
+    else:
+        at_zero = moment[curvature == 0]
+        threshold = np.abs(at_zero).max(initial=0.0)
+        moment = moment - threshold * np.sign(curvature)
+        moment[curvature == 0] = 0.0
+    curvature, first = np.unique(curvature, return_index=True)
+    moment = moment[first]
+    if curvature[0] >= 0:
+        curvature, moment = (np.concatenate([-v[:0:-1], v]) for v in (curvature, moment))
+    if 0 not in curvature or min(np.diff(moment)) <= 0 or len(curvature) < 3:
+        raise InputError(
+            f"the elastic part of bending.{name} over bending.curvature is {moment.tolist()} over "
+            f"{curvature.tolist()}; allowed is one that rises through 0"
+        )
+    return (curvature, moment), threshold
+
+
+def _of_loop(curvature, moment):
+    """Curvatures, elastic moments and the threshold of a loop."""
+    steps = np.diff(curvature)
+    ways = []
+    for sign in (1, -1):
+        way = np.append(sign * steps > 0, False) | np.append(False, sign * steps > 0)
+        way[0] &= curvature[0] != 0  # from rest nothing slides yet
+        order = np.argsort(curvature[way], kind="stable")
+        ways.append((curvature[way][order], moment[way][order]))
+    low, high = max(x[0] for x, _ in ways), min(x[-1] for x, _ in ways)
+    at = np.unique(curvature[(curvature >= low) & (curvature <= high)])
+    there, back = (np.interp(at, *way) for way in ways)
+    half = (there - back) / 2
+    threshold = max(np.median(half[half >= 0.5 * half.max()]), 0.0)
+    # where a way begins nothing slides, and the other one tells
+    ends = np.where(at > 0, there - threshold, back + threshold)
+    elastic = np.where(half > threshold / 2, (there + back) / 2, ends)
+    elastic -= np.interp(0.0, at, elastic) if low < 0 else 0.0
+    return np.append(0.0, at[at != 0]), np.append(0.0, elastic[at != 0]), threshold
+
+
+def _along(curve, values):
     """Energy, moment and slope of one yarn at values (n,)."""
     from scipy.interpolate import PchipInterpolator  # takes long to import
 
-    ends = [-curvature[1], *curvature, 2 * curvature[-1] - curvature[-2]]
-    curve = PchipInterpolator(ends, [-moment[1], *moment, 2 * moment[-1] - moment[-2]])
-    size, last = abs(values), curvature[-1]
-    inside, beyond = np.minimum(size, last), np.maximum(size - last, 0.0)
-    slope, at_last = curve.derivative()(inside), curve(inside)
-    energy = curve.antiderivative()(inside) - curve.antiderivative()(0.0)
-    energy = energy + (at_last + slope * beyond / 2) * beyond
-    return energy, np.sign(values) * (at_last + slope * beyond), slope
+    beyond_ends = (np.array([2 * v[0] - v[1], *v, 2 * v[-1] - v[-2]]) for v in curve)
+    moments, (low, *_, high) = PchipInterpolator(*beyond_ends), curve[0]
+    inside = np.clip(values, low, high)
+    beyond, slope, at = values - inside, moments.derivative()(inside), moments(inside)
+    energy = moments.antiderivative()(inside) - moments.antiderivative()(0.0)
+    return energy + (at + slope * beyond / 2) * beyond, at + slope * beyond, slope

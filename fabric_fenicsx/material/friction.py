@@ -58,17 +58,23 @@ class YarnFriction(Parameters):
 
     def respond(self, strain: np.ndarray, sliding: np.ndarray) -> Response:
         """The response at points, strain (...), that slid by `sliding` (..., k) before."""
-        k, f = np.array(self.stiffness), np.array(self.strength)
-        z = strain[..., None] - sliding
-        elastic = np.clip(z, -f / k, f / k)
-        lost = (f * abs(z - elastic)).sum(-1)
-        return Response(
-            energy=(k * elastic**2 / 2).sum(-1) + lost,
-            stress=(k * elastic).sum(-1),
-            tangent=(k * (abs(z) <= f / k)).sum(-1),
-            sliding=sliding + z - elastic,
-            dissipated=lost,
-        )
+        k = np.array(self.stiffness)
+        return respond(k, np.array(self.strength) / k, strain, sliding)
+
+
+def respond(k: np.ndarray, most: np.ndarray, strain: np.ndarray, sliding: np.ndarray) -> Response:
+    """As of `YarnFriction`, of elements of stiffness k (k,) or, of strains that differ, (m, k),
+    that slide where springs are strained by `most`, of the same shape."""
+    z = strain[..., None] - sliding
+    elastic = np.clip(z, -most, most)
+    lost = (k * most * abs(z - elastic)).sum(-1)
+    return Response(
+        energy=(k * elastic**2 / 2).sum(-1) + lost,
+        stress=(k * elastic).sum(-1),
+        tangent=(k * (abs(z) <= most)).sum(-1),
+        sliding=sliding + z - elastic,
+        dissipated=lost,
+    )
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ UNITS = {
     "areal_weight": {"g/m2": 0, "kg/m2": 3},
     "bending_stiffness": {"Nmm": 0, "Nm": 3},
     "curvature": {"1/mm": 0, "1/m": -3},
-    "line_moment": {"N": 0, "mN": -3},
+    "line_moment": {"N": 0, "mN": -3, "Nmm/mm": 0},
 }
 OWN = {kind: next(iter(known)) for kind, known in UNITS.items()}  # the package's own units
 DEG = math.pi / 180

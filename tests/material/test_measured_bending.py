@@ -41,6 +41,50 @@ def test_a_cantilever_of_this_length_droops_by_41_5_deg():
     assert np.degrees(np.arctan2(abs(end[3]), end[2])) == pytest.approx(41.5, abs=1.0)
 
 
+UP = np.linspace(0, 0.2, 11)
+MEASURED = {  # curvatures, and which way each is reached
+    "a threshold": (UP, 1 + 0 * UP),
+    "two faces": ([-0.2, -0.1, 0, 0, 0.1, 0.2], [-1, -1, -1, 1, 1, 1]),
+    "a loop": (np.r_[UP, UP[-2::-1]], np.repeat([0, 1, -1], [1, 10, 10])),
+    "a loop of two faces": (
+        np.r_[UP, UP[-2::-1], -UP[1:], -UP[-2::-1]],
+        np.repeat([0, 1, -1, 1], [1, 10, 20, 10]),
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", MEASURED)
+def test_faces_thresholds_and_loops_of_measured_curves(kind):
+    """The lower face is 1.6 times as stiff, where it is measured."""
+    curvature, way = map(np.asarray, MEASURED[kind])
+    stiffness = np.where(curvature < 0, 8.0, 5.0)
+    moment = stiffness * curvature + 0.05 * way
+    test = ff.MeasuredBending(curvature=tuple(curvature), moment_a=tuple(moment))
+    assert test.thresholds == pytest.approx((0.05, 0.05))
+    at = np.array([-0.2, -0.1, 0.0, 0.1, 0.2])
+    below = 8.0 if min(curvature) < 0 else 5.0
+    found = test.respond(np.stack([at, at], 1), 1.0)
+    assert found.moment[:, 0] == pytest.approx(np.where(at < 0, below, 5.0) * at)
+    work = quad(lambda c: test.respond(np.array([[c, c]]), 1.0).moment[0, 0], 0, -0.2)[0]
+    assert found.energy[0, 0] == pytest.approx(work, rel=1e-7)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_strip_is_bent_over_each_of_its_faces(sign):
+    """It takes the energy of this face, and friction the threshold's."""
+    measured = ff.MeasuredBending(curvature=(-0.1, 0, 0, 0.1), moment_a=(-0.85, -0.05, 0.05, 0.55))
+    blank = ff.Blank.rectangle(60, 20, nx=24, ny=8, spatial=True)
+    membrane = ff.Membrane(KOMEILI.replace(bending=measured))
+    scene = ff.Scene(blank, [membrane, ff.Bending(modulus=1.0)], ff.clamped_ends(0.1))
+    x, kappa = blank.coordinates()[:, 0], 0.03
+    bent = [np.sin(kappa * x) / kappa - x, 0 * x, sign * (1 - np.cos(kappa * x)) / kappa]
+    blank.u.x.array[:] = np.ravel(bent, order="F")
+    energies, both = scene.energies(), np.array([[sign * kappa, 0.0], [-sign * kappa, 0.0]])
+    here, other = 1200 * measured.respond(both, 0.75).energy[:, 0]
+    assert energies["bending"] == pytest.approx(here, rel=0.1) and abs(here / other - 1) > 0.15
+    assert energies["yarn_friction"] == pytest.approx(1200 * 0.05 * (kappa - 0.001), rel=0.1)
+
+
 @pytest.mark.parametrize("angle", [0, 90])
 def test_a_strip_bent_to_a_cylinder(angle):
     """It takes the energy of its curvature, and its forces are the energy's derivatives."""

@@ -9,7 +9,7 @@ from scipy import sparse
 
 from ...material import kernel
 from ...material.bending import MeasuredBending
-from ...material.friction import Response
+from ...material.friction import Response, respond
 from ...material.laws import Law
 from ...runtime.errors import InputError
 from ...runtime.rules import FROM_ZERO
@@ -181,14 +181,14 @@ class Bending(Term):
         self._matrix.eliminate_zeros()  # all, without bending within the sheet
         self._rest: np.ndarray | float = 0.0
         self._now: _State | None = None
-        self._friction = None
+        self._friction = np.zeros((2, 2, 0))
         if blank.mesh.geometry.dim == 3:
             undeformed = self._stencil.shape(0 * self._stencil.displacement())
             self._rest = self._curvature(_angles(undeformed.curvature)[0])
-            self._friction = fabric.bending_friction if fabric else None
-        count = len(self._friction.stiffness) if self._friction else 0
+            self._friction = _elements(fabric, self._measured)
         self._area, self._per_cell = cells.area, cells.per_cell
-        self._sliding, self._dissipated = np.zeros((len(cells.area), 2, count)), 0 * cells.area
+        self._sliding = np.zeros((len(cells.area), *self._friction.shape[1:]))
+        self._dissipated = 0 * cells.area
 
     # -- what a scene calls
 
@@ -211,13 +211,13 @@ class Bending(Term):
 
     def cell_memory(self) -> dict[str, np.ndarray]:
         """Sliding between yarns, and what it has dissipated, of the triangles of each cell."""
-        if not self._friction:
+        if not self._friction.size:
             return {}
         arrays = {"sliding": self._sliding, "dissipated": self._dissipated}
         return {name: self.part.rows(each, self._per_cell) for name, each in arrays.items()}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        if self._friction:
+        if self._friction.size:
             self._sliding, self._dissipated = (
                 memory[name][self.part.cells].reshape(now.shape)
                 for name, now in (("sliding", self._sliding), ("dissipated", self._dissipated))
@@ -277,8 +277,10 @@ class Bending(Term):
             )
             section = section.copy()
             moments[:, :2], section[:, :2] = area * along.moment, area * along.slope
-        if self._friction:
-            friction, section = self._friction.respond(bent[:, :2], self._sliding), section.copy()
+        if self._friction.size:
+            stiffness, slides = self._friction
+            friction = respond(stiffness, slides, bent[:, :2], self._sliding)
+            section = section.copy()
             moments[:, :2] += self._area[:, None] * friction.stress
             section[:, :2] += self._area[:, None] * friction.tangent
         at_edges = np.einsum("cke,ck->ce", self._spread, moments)
@@ -291,6 +293,20 @@ class Bending(Term):
         """Curvatures (cells, 3), 11, 22, 2 12, from the angles (cells, 3) by which cells are bent
         at their edges."""
         return np.einsum("cke,ce->ck", self._spread, angles)
+
+
+def _elements(fabric, measured):
+    """Stiffness [N mm] of the elements of friction of each yarn, and the curvature at which they
+    slide [1/mm], (2, 2, k): those of a fabric's `bending_friction`, and of thresholds."""
+    stiffness, slides = [], []
+    if friction := fabric and fabric.bending_friction:
+        for k, f in zip(friction.stiffness, friction.strength):
+            stiffness.append([k, k])
+            slides.append([f / k] * 2)
+    if measured and any(measured.thresholds):
+        stiffness.append([f / measured.stuck for f in measured.thresholds])
+        slides.append([measured.stuck] * 2)
+    return np.array([stiffness, slides]).reshape(2, -1, 2).swapaxes(1, 2)
 
 
 def _angles(slopes):
