@@ -16,11 +16,19 @@ OWN = {kind: next(iter(known)) for kind, known in UNITS.items()}  # the package'
 DEG = math.pi / 180
 ANGLE = {"rad": 1.0, "deg": DEG}
 STRAIN = {"-": 1.0, "%": 0.01}
+PER_WIDTH = {"N/mm": 1.0, "N/m": 1e-3, "kN/m": 1.0}
 
 
 def factors(kind: str) -> dict[str, float]:
     """Factor from each unit of a kind to the package's own."""
     return {unit: float(f"1e{power}") for unit, power in UNITS[kind].items()}
+
+
+def stresses(thickness: float) -> dict[str, float]:
+    """Factor to MPa from each unit of a stress, and of a force per width of a sheet of `thickness`
+    [mm]."""
+    per_width = {unit: factor / thickness for unit, factor in PER_WIDTH.items()}
+    return factors("stress") | {"N/mm2": 1.0} | per_width
 
 
 def suffixes(kind: str) -> dict[str, int]:

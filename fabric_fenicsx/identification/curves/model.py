@@ -8,19 +8,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...readers.units import ANGLE, STRAIN, factors
+from ...readers.units import ANGLE, PER_WIDTH, STRAIN, factors, stresses
 
 MIN_POINTS = 5
 STRAINS = ("eps_a", "eps_b", "gamma")
 IMAGE = ("exx", "eyy", "exy")  # of image correlation, which become gamma
 
-_STRESS = factors("stress") | {"N/mm2": 1.0}
-_PER_WIDTH = {"N/mm": 1.0, "N/m": 1e-3, "kN/m": 1.0}
+_STRESS = stresses(math.nan)
 _UNIT = {  # first unit of each: the one used inside
     **dict.fromkeys(("eps_a", "eps_b", *IMAGE), STRAIN),
     "gamma": ANGLE,
     **dict.fromkeys(("sigma_a", "sigma_b", "tau"), _STRESS),
-    "F_sh": _PER_WIDTH,
+    "F_sh": PER_WIDTH,
     "F": {"N": 1.0, "kN": 1e3},
     "displacement": factors("length"),
     "pressure": factors("stress") | {"bar": 0.1},
@@ -48,9 +47,7 @@ def column_of(name: str) -> str:
 def units(column: str, thickness: float = math.nan) -> Mapping[str, float]:
     """Factor from each unit that a column may have to the first, which is used inside. A stress may
     also be a force per width, which is divided by `thickness` [mm]."""
-    if _UNIT[column] is not _STRESS:
-        return _UNIT[column]
-    return _STRESS | {unit: factor / thickness for unit, factor in _PER_WIDTH.items()}
+    return stresses(thickness) if _UNIT[column] is _STRESS else _UNIT[column]
 
 
 def unit_inside(column: str) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...readers.text_tables import Problems, read_lines, table_of, values_of
-from ...readers.units import ANGLE, STRAIN, factors
+from ...readers.units import ANGLE, STRAIN, stresses
 from ...runtime.errors import InputError
 from ...runtime.formatting import percent
 from ...runtime.rules import shown
@@ -31,8 +31,6 @@ _BEYOND = {
     CONSTANT: "there the stress stays at the table's last, without stiffness",
     LINEAR: "there the table's last slope goes on",
 }
-_YARN = {"eps": STRAIN, "sigma": factors("stress")}
-_SHEAR = {"gamma": ANGLE, "tau": factors("stress")}
 
 
 @dataclass(frozen=True)
@@ -212,13 +210,15 @@ class TabulatedFabric(Law):
     @classmethod
     def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
         """The fabric of a TOML document in `folder`, in which `warp`, `weft` and `shear` are CSV
-        files with the headers `eps [%], sigma [MPa]` and `gamma [deg], tau [MPa]`."""
+        files with the headers `eps [%], sigma [MPa]` and `gamma [deg], tau [MPa]`, or such."""
         own = {key: document.pop(key, None) for key in ("law", "model", "extrapolation", *CURVES)}
         fields = sheet_fields(cls, document, take_units(document), tuple(own))
         for key in CURVES:
             if own[key] is None:
                 raise InputError(f"missing {key}; allowed is a CSV file beside this one")
-            curve = read_table(folder / own[key], _SHEAR if key == "shear" else _YARN)
+            stress = stresses(fields["thickness"])
+            yarn, shear = {"eps": STRAIN, "sigma": stress}, {"gamma": ANGLE, "tau": stress}
+            curve = read_table(folder / own[key], shear if key == "shear" else yarn)
             if own["extrapolation"] is not None:
                 curve = dataclasses.replace(curve, extrapolation=own["extrapolation"])
             fields[key] = curve
@@ -226,8 +226,8 @@ class TabulatedFabric(Law):
 
 
 def read_table(path: Path, columns: Mapping[str, Mapping[str, float]]) -> Curve:
-    """The curve in a CSV file with two `columns`, {name: factors of its units}. InputError by file
-    and row."""
+    """The curve in a CSV file with two `columns`, {name: factors of its units}, in any order.
+    InputError by file and row."""
     try:
         return _curve(read_lines(path), columns)
     except InputError as error:
@@ -240,13 +240,14 @@ def _curve(lines, columns):
     if len(table.names) != 2:
         raise InputError(f"row {table.top} is no header of two columns; allowed is {allowed}")
     factors_of = {}
-    for i, (name, unit, column) in enumerate(zip(table.names, table.units, columns)):
-        if name != column or unit not in columns[column]:
+    for i, (name, unit) in enumerate(zip(table.names, table.units)):
+        if name in table.names[:i] or unit not in columns.get(name, ()):
             head = name if unit is None else f"{name} [{unit}]"
             raise InputError(f"row {table.top} has the column {head!r}; allowed is {allowed}")
-        factors_of[i] = name, columns[column][unit]
+        factors_of[i] = name, columns[name][unit]
     problems = Problems()
-    x, y = values_of(table, factors_of, problems).values()
+    found = values_of(table, factors_of, problems)
+    x, y = (found[name] for name in columns)
     if len(x) > MAX_POINTS:
         allowed = f"allowed are {MIN_POINTS} to {MAX_POINTS}, so thin it out"
         problems.append(f"has {len(x)} points; {allowed}")

@@ -89,15 +89,17 @@ def test_kernel_has_the_stresses_of_the_closed_form(material, request):
 def test_tables_from_files(tmp_path, tabulated):
     for name, curve, header, factor in (
         ("warp", tabulated.warp, "eps [%], sigma [MPa]", (100, 1)),
-        ("weft", tabulated.weft, "eps [-], sigma [kPa]", (1, 1000)),
-        ("shear", tabulated.shear, "gamma [deg], tau [MPa]", (180 / np.pi, 1)),
+        ("weft", tabulated.weft, "sigma [kPa], eps [-]", (1, 1000)),
+        ("shear", tabulated.shear, "gamma [deg], tau [N/mm]", (180 / np.pi, 0.5)),
     ):
+        order = -1 if header.startswith("sigma") else 1
         lines = [
-            f"{float(x * factor[0])!r}, {float(y * factor[1])!r}" for x, y in zip(curve.x, curve.y)
+            ", ".join([repr(float(v * f)) for v, f in zip(point, factor)][::order])
+            for point in zip(curve.x, curve.y)
         ]
         (tmp_path / f"{name}.csv").write_text("\n".join(["# measured by nobody", header, *lines]))
     text = (
-        'model = "fabric"\nname = "table"\nthickness_mm = 1.0\ndensity_g_per_cm3 = 0.75\nwarp = '
+        'model = "fabric"\nname = "table"\nthickness_mm = 0.5\ndensity_g_per_cm3 = 0.75\nwarp = '
         '"warp.csv"\nweft = "weft.csv"\nshear = "shear.csv"\n'
     )
     (tmp_path / "m.toml").write_text(text)
