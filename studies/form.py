@@ -4,14 +4,14 @@ from fabric_fenicsx.command_line.options import Parser, option_type
 from fabric_fenicsx.command_line.press_study import PressStudy, press_parser
 from fabric_fenicsx.command_line.study import run
 from fabric_fenicsx.forming.unloading import unloading
-from fabric_fenicsx.job.validity import MIN_CELLS, coarsest_waves
+from fabric_fenicsx.job.validity import AIM, MIN_CELLS, coarsest_waves
 from fabric_fenicsx.material.laws import coupling_variants
 from fabric_fenicsx.postprocess.wrinkles import MIN_HEIGHT
 from fabric_fenicsx.results.verdict import INVALID, Reason
 from fabric_fenicsx.runtime.errors import InputError, SolverFailure
 from fabric_fenicsx.runtime.formatting import percent, rounded
 from fabric_fenicsx.runtime.rules import POSITIVE
-from fabric_fenicsx.sweep.folder import flat
+from fabric_fenicsx.sweep.folder import REFINED, flat
 
 
 def options(description: str | None, press: str = "") -> Parser:
@@ -19,7 +19,7 @@ def options(description: str | None, press: str = "") -> Parser:
     p = press_parser(description, press or "form", press)
     p.group("more runs")
     p.switch("--compare", "run all variants of the couplings, each until it is formed")
-    words = f"if a wave has fewer than {MIN_CELLS:g} cells, run again with as many more as it needs"
+    words = f"if a wave has fewer than {MIN_CELLS:g} cells, run again with {AIM:g}"
     p.switch("--refine", words)
     words = "run the whole blank, too, with the leading tool aside, and tell what changes [mm]"
     aside = {"metavar": "MM", "type": option_type(POSITIVE)}
@@ -92,12 +92,12 @@ def compared(study, press):
 
 
 def refined(study, press, result):
-    """The press and result of cells that wrinkles need, in the folder finer, or those given."""
-    for part in ("finer", "finer/finer"):
+    """The press and result of cells that wrinkles need, in a folder of theirs, or those given."""
+    for part in REFINED:
         waves = coarsest_waves(result.summary["quantities"])
         if not waves:
             break
-        press = study.build(press.finer(MIN_CELLS / waves["cells_a_wave"]))
+        press = study.build(press.finer(AIM / waves["cells_a_wave"]))
         result = study.run(press, part)
         tell(study, press, result, result.folder)
     return press, result

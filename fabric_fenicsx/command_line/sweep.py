@@ -121,7 +121,8 @@ def _sweep(args, passed, program, argv):
             labels = results.headlines(runs, asked)
             answers, sweep.facts["scatter"] = scatter.told(runs, ranges, labels, below)
         elif below:
-            finer = None if args.no_finer else _finer(form.finer(values[0]), runner)
+            refined = args.no_finer or "--refine" in passed  # cells as fine as each run needs
+            finer = None if refined else _finer(form.finer(values[0]), runner)
             answers = [limits.below(runs, *limit, finer) for limit in below]
         sweep.save()
         print(*answers, sep="\n", end="\n" * bool(answers))

@@ -19,6 +19,7 @@ from ..solve.limits import EDGES, Limits
 from ..solve.step_criteria import UNBALANCED
 
 MIN_CELLS = 7.0  # cells of a wave, from which on its height is within some per cent
+AIM = 7.5  # cells to be taken, as waves on finer ones may be shorter
 CURES = {
     "shear": "the ply can't be formed there; other yarn angles, a larger radius or a cut may help",
     "fibre_share": "there is too much pressure or shear, or the fabric's thickness, `density`, "
@@ -187,8 +188,7 @@ def coarse_waves(quantities: Mapping[str, Any]) -> str:
     )
     return (
         f"heights of wrinkles, up to {height} mm, are rough, as {length} mm of a wave are {cells} "
-        f"cells; take {MIN_CELLS:g}: "
-        f"`nx` {rounded(MIN_CELLS / least['cells_a_wave'])} times as large"
+        f"cells; take {AIM:g}: `nx` {rounded(AIM / least['cells_a_wave'])} times as large"
     )
 
 

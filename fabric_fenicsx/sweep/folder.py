@@ -20,6 +20,7 @@ from .varied import Values, folder_name, label
 
 STATE, RUN = "sweep.json", "run.json"  # in the folder of a sweep, and in that of each run
 FORMAT = 2  # of sweep.json; another one is refused
+REFINED = "finer", "finest"  # folders of a run's own runs on the cells that waves need
 ALWAYS = "reaction_N", "stroke_reached"  # numbers of every run
 OWN = STATE, "table.csv", "report.html", "curves.png", "maps.png", "trends.png"
 
@@ -40,9 +41,15 @@ class Run:
         """Its values, as a reader would write them."""
         return label(self.values)
 
+    @property
+    def results(self) -> Path:
+        """The folder of its results: with `--refine` of those on the finest cells."""
+        finer = [self.folder / name for name in REFINED if "--refine" in self.options]
+        return [self.folder, *(each for each in finer if (each / "summary.json").is_file())][-1]
+
     def summary(self) -> dict[str, Any]:
-        """Its summary.json, {} if there is none yet."""
-        return read_summary(self.folder / "summary.json")
+        """The summary.json of its results, {} if there is none yet."""
+        return read_summary(self.results / "summary.json")
 
     def save(self) -> None:
         """Write run.json into its folder."""

@@ -38,7 +38,7 @@ def _draw_curves(path, runs, scatter):
     series: dict[str, Any] = {}
     for run in runs:
         try:
-            with open(run.folder / "history.csv", newline="") as file:
+            with open(run.results / "history.csv", newline="") as file:
                 rows = [*csv.DictReader(file)]
             x, y = ([float(row[k]) for row in rows] for k in ("displacement_mm", "reaction_N"))
         except (OSError, KeyError, ValueError):
@@ -131,10 +131,10 @@ def _sheet(folder):
 
 
 def _draw_maps(path, runs):
-    drawn = [run for run in runs if (run.folder / "fields.pvd").is_file()]
+    drawn = [run for run in runs if (run.results / "fields.pvd").is_file()]
     if not drawn:
         return
-    sheets = [_sheet(run.folder) for run in drawn]
+    sheets = [_sheet(run.results) for run in drawn]
     fields = {name: [values[name] for _, values in sheets] for name in sheets[0][1]}
     fields = {name: f for name, f in fields.items() if np.isfinite(np.concatenate(f)).any()}
     # all values of the last key in a row where two keys make a full table, else what fits

@@ -51,13 +51,14 @@ def ordered(runs: Sequence[Run]) -> list[Run]:
 
 
 def _table(runs):
-    """table.csv: a row a run with its folder, values, verdict, whether it is believed or why not,
-    and all of its numbers."""
+    """table.csv: a row a run with its folder, values, verdict, whether it is believed, why not or
+    what is doubted, and all of its numbers."""
     rows = []
     for run in runs:
         facts = {"run": run.folder.name, **run.values, "verdict": run.verdict()}
         facts["converged"] = run.is_believed()
-        rows.append(facts | {"reason": run.reason} | run.numbers())
+        facts["reason"] = run.reason or "; ".join(run.doubts())
+        rows.append(facts | run.numbers())
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, dict.fromkeys(key for row in rows for key in row), restval="")
     writer.writeheader()
@@ -98,7 +99,7 @@ def _row(run, keys, names):
     numbers, reason = run.numbers(), run.reason.removeprefix(NOT_BELIEVED)
     if (reached := run.summary().get("stroke_reached", 1.0)) < 1:
         reason = f"ended at load {rounded(reached)}: {reason}"
-    report = f"{run.folder.name}/report.html"
+    report = run.results / "report.html"
     return {
         "values": [run.values.get(key, "") for key in keys],
         "numbers": [_shown(numbers[name]) if name in numbers else "-" for name in names],
@@ -106,5 +107,5 @@ def _row(run, keys, names):
         "verdict": run.verdict() or "not run",
         "reason": reason,
         "doubts": run.doubts() if run.is_believed() else [],
-        "report": report if (run.folder / "report.html").is_file() else "",
+        "report": str(report.relative_to(run.folder.parent)) if report.is_file() else "",
     }

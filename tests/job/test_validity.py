@@ -37,7 +37,7 @@ def test_without_a_limit_shortened_yarns_are_the_first_warning():
 
 def test_waves_of_few_cells_are_told():
     waves = {"height_mm": 1.5, "wavelength_mm": 40.0, "cells_a_wave": 3.5}
-    assert "take 7: `nx` 2 times as large" in coarse_waves({"wrinkles": waves})
+    assert "take 7.5: `nx` 2.14 times as large" in coarse_waves({"wrinkles": waves})
     fine, flat = waves | {"cells_a_wave": 7.0}, waves | {"cells_a_wave": None}
     plies = {"a": {"wrinkles": fine}, "b": {"wrinkles": flat}, "c": {"wrinkles": None}}
     assert not coarse_waves({"plies": plies}) and not coarse_waves({})

@@ -37,7 +37,7 @@ def test_finer_cells_where_waves_are(launch, tmp_path):
     coarse = run.summary["quantities"]["wrinkles"]
     finer = json.loads((run.folder / "finer" / "summary.json").read_text())
     times = finer["cells"] / run.summary["cells"]
-    assert coarse["cells_a_wave"] < 7 and times >= (7 / coarse["cells_a_wave"]) ** 2 - 1e-9
+    assert coarse["cells_a_wave"] < 7 and times >= (7.5 / coarse["cells_a_wave"]) ** 2 - 1e-9
     assert (run.folder / "finer" / "wrinkles.vtu").exists()
 
 

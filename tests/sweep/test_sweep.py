@@ -353,11 +353,26 @@ def test_a_quantity_that_runs_doubt_gives_no_answer_and_the_page_repeats_the_dou
     )
     assert "left out, as doubted, see the table: pressure = 0.4" in out
     assert "shortening_mean below 0.02: in all runs" not in out
-    assert [row["verdict"] for row in table()] == ["ok", "doubtful"]
+    rows = [(row["verdict"], row["reason"]) for row in table()]
+    assert rows == [("ok", ""), ("doubtful", "heights of wrinkles are rough")]
     page = Path("out/report.html").read_text()
     assert page.count("<li>heights of wrinkles are rough</li>") == 1
     _, out, _ = run("--vary", "ring.pressure=0.4", "--below", "wrinkles.count=1")
     assert "wrinkles.count below 1: no run is believed and has a value; left out" in out
+
+
+def test_numbers_of_refined_runs_are_those_of_their_finest_cells(run):
+    words = "--vary", "ring.pressure=0.1,0.4", "--below", "shortening_mean=0.02", "--finer"
+    status, out, _ = run(*words, "--", "--refine")
+    coarse, refined = (0.02 * p**-0.5 + 0.2 * p**2 - 0.04 for p in (0.1, 0.4))
+    assert status == 0 and "on finer cells" not in out and len(table()) == 2
+    numbers = [float(row["shortening_mean"]) for row in table()]
+    assert numbers == pytest.approx([coarse, refined / 2])
+    assert [row["verdict"] for row in table()] == ["ok", "ok"]
+    share = (0.02 - coarse) / (refined / 2 - coarse)
+    assert f"from pressure = {0.1 + 0.3 * share:.4g} on" in out
+    page = Path("out/report.html").read_text()
+    assert "heights of wrinkles are rough" not in page
 
 
 def test_a_run_that_was_stopped_behind_its_first_result_is_not_believed(run, monkeypatch):
