@@ -39,7 +39,7 @@ class MeasuredBending(Parameters):
         J. Text. Inst. 21 (1930) T377).
     curvature : sequence of float, optional
         [1/mm], above 0 where the fabric's upper face becomes hollow: rising from 0, and mirrored
-        for the other face; or rising from below 0, with a 0, or two of them for a threshold; or a
+        for the other face; or rising from below 0, with two of 0 where there is a threshold; or a
         loop, up from 0 and back, or through both faces. Beyond its ends the last slope goes on.
     moment_a, moment_b : sequence of float, optional
         Per width at these curvatures [N mm/mm]; b is as a if it is not given.
@@ -128,25 +128,26 @@ def _parted(curvature, moment, name):
     """The elastic part of a measured curve, curvatures and moments through 0, and its threshold.
     InputError, which calls the moment `name`, where that does not rise."""
     if min(np.diff(curvature)) < 0:
-        curvature, moment, threshold = _of_loop(curvature, moment)
+        curvature, moment, threshold = _of_loop(curvature, moment, name)
     else:
-        at_zero = moment[curvature == 0]
-        threshold = np.abs(at_zero).max(initial=0.0)
+        threshold = np.abs(moment[curvature == 0]).max(initial=0.0)
         moment = moment - threshold * np.sign(curvature)
-        moment[curvature == 0] = 0.0
-    curvature, first = np.unique(curvature, return_index=True)
-    moment = moment[first]
-    if curvature[0] >= 0:
+    curvature, first = np.unique(np.append(0.0, curvature), return_index=True)
+    moment = np.append(0.0, moment)[first]
+    if curvature[0] == 0:
         curvature, moment = (np.concatenate([-v[:0:-1], v]) for v in (curvature, moment))
-    if 0 not in curvature or min(np.diff(moment)) <= 0 or len(curvature) < 3:
+    for k in np.flatnonzero(np.diff(moment) <= 0)[:1]:
+        low, high = (f"{moment[i]:.4g} at {curvature[i]:.4g} 1/mm" for i in (k, k + 1))
         raise InputError(
-            f"the elastic part of bending.{name} over bending.curvature is {moment.tolist()} over "
-            f"{curvature.tolist()}; allowed is one that rises through 0"
+            f"bending.{name} less its threshold is {low} and {high}; allowed is one that rises "
+            "through 0 (thin out what scatters)"
         )
+    if len(curvature) < 3:
+        raise InputError("bending.curvature is 0 alone; allowed are others, too")
     return (curvature, moment), threshold
 
 
-def _of_loop(curvature, moment):
+def _of_loop(curvature, moment, name):
     """Curvatures, elastic moments and the threshold of a loop."""
     steps = np.diff(curvature)
     ways = []
@@ -155,16 +156,20 @@ def _of_loop(curvature, moment):
         way[0] &= curvature[0] != 0  # from rest nothing slides yet
         order = np.argsort(curvature[way], kind="stable")
         ways.append((curvature[way][order], moment[way][order]))
+    if min(len(x) for x, _ in ways) < 1:
+        raise InputError("bending.curvature falls; allowed is a rising one, or a loop")
     low, high = max(x[0] for x, _ in ways), min(x[-1] for x, _ in ways)
     at = np.unique(curvature[(curvature >= low) & (curvature <= high)])
     there, back = (np.interp(at, *way) for way in ways)
     half = (there - back) / 2
-    threshold = max(np.median(half[half >= 0.5 * half.max()]), 0.0)
+    if half.sum() < 0:
+        raise InputError(f"bending.{name} is larger on the way back; allowed is a loop of friction")
+    threshold = np.median(half[half >= 0.5 * half.max()])
     # where a way begins nothing slides, and the other one tells
     ends = np.where(at > 0, there - threshold, back + threshold)
     elastic = np.where(half > threshold / 2, (there + back) / 2, ends)
     elastic -= np.interp(0.0, at, elastic) if low < 0 else 0.0
-    return np.append(0.0, at[at != 0]), np.append(0.0, elastic[at != 0]), threshold
+    return at, elastic, threshold
 
 
 def _along(curve, values):

@@ -179,7 +179,7 @@ REFUSED = [  # of a file, or behind a line of it
     (END, "[shear_friction]\nstiffness_MPa = 0.2", "missing shear_friction.strength"),
     (END, "[bending]\ncantilever_a_mm = 200", "bending is incomplete, or told twice"),
     (END, "[bending]\ncurvature_1_per_m = [0, 1]\nmoment_a_N = [0, 1, 2]", "of as many numbers"),
-    (END, "[bending]\ncurvature_1_per_m = [0, 1]\nmoment_a_N = [1, 1]", "one that rises through 0"),
+    (END, "[bending]\ncurvature_1_per_m = [0, 1]\nmoment_a_N = [1, 1]", "one that rises "),
     (END, "[scatter]\ns1 = [0.03, 0.035]", "scatter.s1 is from 0.03 to 0.035, and s1 is 0.02506"),
     (END, "[scatter]\ns1 = [0.035, 0.018]", "scatter.s1 is [0.035, 0.018]; allowed are two number"),
     (END, "[scatter]\nshear_facto = [0.5, 2]", "scatter.shear_facto is unknown (did you mean shea"),
