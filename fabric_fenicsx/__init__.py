@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from .mechanics.shell.metal import SheetMetal
     from .mechanics.springs import Springs
     from .mechanics.term import Term
+    from .readers.field import Field
     from .runtime.errors import InputError, Interrupted, SolverFailure
     from .scene.scene import Scene
     from .scene.supports import Support, clamped_ends, frame, rolling_ends

@@ -1,6 +1,7 @@
 """Options and exit status, shared by scripts that need no DOLFINx."""
 
 import argparse
+import os
 import re
 import shlex
 import sys
@@ -8,6 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
+from ..readers.field import OfPlace
 from ..runtime.errors import NOT_BELIEVED, InputError, Interrupted
 from ..runtime.ranks import on_ranks
 from ..runtime.rules import Rule, did_you_mean
@@ -68,9 +70,11 @@ def spelled(name: str) -> str:
 
 
 def option_type(rule: Rule) -> Callable[[str], Any]:
-    """An argparse type of the numbers that `rule` allows."""
+    """An argparse type of the numbers that `rule` allows, or of files of points where it does."""
 
     def convert(text: str) -> Any:
+        if isinstance(rule, OfPlace) and os.path.isfile(text):
+            return os.path.abspath(text)
         try:
             return rule.check("", float(text))
         except (ValueError, InputError):

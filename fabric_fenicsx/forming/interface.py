@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ..readers.field import Field, of_place
 from ..runtime.fields import check_fields, number, switch
 from ..runtime.rules import FROM_ZERO, POSITIVE
 
@@ -26,7 +27,8 @@ class Interface:
     Parameters
     ----------
     friction, metal_friction
-        Coefficients of fabric and of metal on tools; of sheets on sheets see `Sheet.friction`.
+        Coefficients of fabric and of metal on tools, or a `Field` of the place x, y, z where a tool
+        is touched, as it stands at first; of sheets on sheets see `Sheet.friction`.
     slip
         Elastic slip while a sheet sticks [mm].
     lag
@@ -49,8 +51,12 @@ class Interface:
     0.1
     """
 
-    friction: float = number(0.25, FROM_ZERO, "coefficient between fabric and tools")
-    metal_friction: float = number(0.1, FROM_ZERO, "coefficient between metal and tools", "tools")
+    friction: float | Field = number(
+        0.25, of_place(FROM_ZERO, "xyz"), "coefficient between fabric and tools"
+    )
+    metal_friction: float | Field = number(
+        0.1, of_place(FROM_ZERO, "xyz"), "coefficient between metal and tools", "tools"
+    )
     slip: float = number(0.1, POSITIVE, "elastic slip while a sheet sticks [mm]")
     lag: float = number(
         0.002,
@@ -78,7 +84,7 @@ class Interface:
         do not settle with as little as friction allows."""
         return 5 * self.lag
 
-    def coulomb(self, coefficient: float | dict[str, float]) -> Coulomb:
+    def coulomb(self, coefficient: float | Field | Mapping[str, float | Field]) -> Coulomb:
         """Friction with this coefficient, or with one for each sheet {name: coefficient}."""
         from ..mechanics.contact.coulomb import Coulomb
 

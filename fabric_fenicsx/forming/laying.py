@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..coupons.laying import lay, modelled
 from ..mechanics.term import Term
+from ..runtime.collective_errors import on_all
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from ..sheets.blank import Blank
@@ -80,9 +81,11 @@ def lay_blank(press: Press, comm: MPI.Comm, warnings: list[str]) -> Laid:
     that reach beyond planes of symmetry or not to them."""
     sheets = [s.ready(f"ply {k}", press.interface) for k, s in enumerate(press.sheets, 1)]
     planes = press.planes
-    if planes:
-        warnings += filter(None, (sheet.mirror_warning(press.modelled) for sheet in sheets))
     made, meshed = _meshed(sheets, planes, comm)
+    for sheet, laid in zip(made, meshed):
+        x = laid.blank.places() @ np.eye(2, 3)
+        own = on_all(comm, lambda: sheet.mirror_warning(press.modelled, planes, x))
+        warnings += [text for text in comm.allgather(own) if text][:1]
     for sheet, laid in zip(made, meshed):
         path = f"ply {sheet.name}" if made[1:] else sheet.sheet_file or "the blank"
         _check_symmetric(laid.blank, path, planes)

@@ -17,6 +17,7 @@ from ..material.files import read_toml, write_whole
 from ..material.laws.base import Material
 from ..material.metal import METALS
 from ..material.presets import PRESETS
+from ..readers.field import Field, OfPlace, from_entry
 from ..runtime.errors import InputError
 from ..runtime.files import check_file
 from ..runtime.rules import check_complete, shown, unknown_key
@@ -144,6 +145,9 @@ def _value(value, meta, path, folder):
         beside = folder / source
         with located(path, ()):
             return meta["read"](str(beside) if beside.is_file() else source).changed(numbers)
+    if isinstance(meta.get("rule"), OfPlace):
+        with located(path, ()):
+            return from_entry(value, path, lambda file, at: _file(file, at, folder))
     if meta.get("metavar") == "FILE":
         return _file(value, path, folder)
     if "metavar" in meta and not isinstance(value, str):
@@ -397,6 +401,8 @@ def write(press: Any, path: str | os.PathLike[str]) -> None:
     path, files = Path(path), dict[Path, Any]()
 
     def plain(value, where):
+        if isinstance(value, Field):
+            value = value.entry
         if isinstance(value, Mapping):
             return {key: plain(each, f"{where}.{key}".strip(".")) for key, each in value.items()}
         if isinstance(value, (list, tuple, np.ndarray)):

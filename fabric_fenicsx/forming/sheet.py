@@ -12,9 +12,11 @@ from ..material.laws import Law
 from ..material.laws.base import Material
 from ..material.metal import Metal, load_metal
 from ..material.presets import checked_fabric, load
+from ..readers.field import Field, of_place
 from ..runtime.errors import InputError
 from ..runtime.fields import choice, number, switch
 from ..runtime.rules import COUNT, FROM_ZERO, POSITIVE
+from ..sheets.layout import FULL_TURN
 from ..sheets.sheet_fields import ELEMENTS, SheetFields
 from .interface import BETWEEN_FABRICS, ON_METAL, Interface
 
@@ -43,17 +45,17 @@ class Sheet(SheetFields):
         of its edges (DXF, CSV, mesh), with the `size` of its cells [mm] and its `layer` in a
         drawing. Either is flat, in a plane z = const, and lies as in its file or is `centred`.
     thickness
-        In place of the material's [mm].
+        In place of the material's [mm], or a `Field` of x and y of the flat sheet as it is laid.
     nx, ny, pattern, element, integration
         Its mesh: rectangles along the modelled part of length and width, how they become cells, the
         element, and its integration points.
     fibre_angle, yarn_angle, weave_angle
-        Angles from x to yarns a, from yarns a to yarns b, and from a to b where the weave is free
-        of shear [deg].
+        Angles from x to yarns a, which may be a `Field` of x and y of the flat sheet as it is laid,
+        from yarns a to yarns b, and from a to b where the weave is free of shear [deg].
     bending_modulus, twist_modulus, in_plane_bending
         See `Bending`.
     friction
-        Coefficient of friction with the next sheet above; by default 0.334, beside metal 0.25
+        Coefficient of friction with the next sheet above, or a `Field` of x and y; by default 0.334, beside metal 0.25
         (Table 2 of Schäfer et al.).
 
     Raises
@@ -88,15 +90,20 @@ class Sheet(SheetFields):
     )
     length: float | None = number(None, POSITIVE, "of the whole sheet, along x [mm]")
     width: float | None = number(None, POSITIVE, "of the whole sheet, along y [mm]")
-    thickness: float | None = number(None, POSITIVE, "in place of the material's [mm]")
+    thickness: float | Field | None = number(
+        None, of_place(POSITIVE), "in place of the material's [mm]"
+    )
+    fibre_angle: float | Field = number(  # type: ignore[assignment]
+        0.0, of_place(FULL_TURN), "from the length to yarns a [deg]", "mesh"
+    )
     centred: bool = switch("put the middle of an outline or mesh at the origin")
     bending_modulus: float = number(100.0, FROM_ZERO, "bending modulus of the yarns [MPa]")
     twist_modulus: float = number(1.0, FROM_ZERO, "twisting modulus of the sheet [MPa]")
     in_plane_bending: float = number(
         0.0, FROM_ZERO, "stiffness of yarns against bending within the sheet, over that out of it"
     )
-    friction: float | None = number(
-        None, FROM_ZERO, "coefficient to the next sheet (0.334, beside metal 0.25)"
+    friction: float | Field | None = number(
+        None, of_place(FROM_ZERO), "coefficient to the next sheet (0.334, beside metal 0.25)"
     )
 
     def __post_init__(self) -> None:
@@ -151,7 +158,7 @@ class Sheet(SheetFields):
         """Thickness under a pressure [MPa], [mm]."""
         return self.material.thickness_under(pressure)
 
-    def friction_to(self, upper: "Sheet") -> float:
+    def friction_to(self, upper: "Sheet") -> float | Field:
         """Coefficient of friction with a sheet above it."""
         if self.friction is not None:
             return self.friction
@@ -163,24 +170,39 @@ class Sheet(SheetFields):
         cells = {counts[k]: 2 * n for k in planes if (n := getattr(self, counts[k]))}
         return dataclasses.replace(self, **cells)
 
-    def mirror_warning(self, modelled: str) -> str:
-        """A warning if the planes of symmetry don't mirror the yarns into yarns of the same kind,
-        otherwise "". modelled: what is modelled, a half or a quarter."""
-        if not self.fabric:
+    def mirror_warning(self, modelled: str, planes: Sequence[int], x: np.ndarray) -> str:
+        """A warning if the planes of symmetry don't mirror the yarns at places x (n, 3) into yarns
+        of the same kind, otherwise "". modelled: what is modelled, a half or a quarter. A file of
+        points may know of the modelled part alone, and is believed."""
+        angle = self.fibre_angle
+        if not self.fabric or (isinstance(angle, Field) and not callable(angle.source)):
             return ""
-        a, b = self.fibre_angle, self.fibre_angle + self.yarn_angle
-        along = _is_multiple(a, 90) and _is_multiple(b, 90)
+        where = "yarns by a function"
+        if not isinstance(angle, Field):
+            where, x = f"yarns at {angle:g} and {angle + self.yarn_angle:g} deg", np.zeros((1, 3))
         one, two, sheared = np.array([[0.01, 0.02], [0.02, 0.01], [0.1, 0.1]])
         energies = self.fabric.derivatives(one, two, sheared, False).parts.sum(1)
-        if along or (_is_multiple(a + b, 180) and math.isclose(*energies)):
-            return ""
-        differ = ", as warp and weft differ" if _is_multiple(a + b, 180) else ""
-        return (
-            f"yarns at {a:g} and {b:g} deg are not their own mirror images{differ}, so the "
-            f"{modelled} stands for a ply of mirrored ones; take the whole ply"
-        )
+        for axis in planes:
+            here, image = (self._yarns_at(each) for each in (x, x * (1 - 2 * np.eye(3)[axis])))
+            if _is_multiple(here + image, 180):
+                continue
+            swapped = _is_multiple(here + image[::-1], 180)
+            if swapped and math.isclose(*energies):
+                continue
+            differ = ", as warp and weft differ" if swapped else ""
+            return (
+                f"{where} are not their own mirror images{differ}, so the {modelled} stands for a "
+                "ply of mirrored ones; take the whole ply"
+            )
+        return ""
+
+    def _yarns_at(self, x):
+        """Angles of yarns a and b at places x (n, 3), (2, n) [deg]."""
+        angle = self.fibre_angle
+        a = angle.at(x) if isinstance(angle, Field) else np.full(len(x), angle)
+        return np.stack([a, a + self.yarn_angle])
 
 
-def _is_multiple(angle, of):
-    """Whether an angle is a multiple `of` another, to 1e-6 deg."""
-    return abs(math.remainder(angle, of)) < 1e-6
+def _is_multiple(angles, of):
+    """Whether all angles are multiples `of` another, to 1e-6 deg."""
+    return bool((abs(angles - of * np.round(angles / of)) < 1e-6).all())

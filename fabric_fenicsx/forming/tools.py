@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..readers.field import Field, of_place
 from ..runtime.errors import InputError
 from ..runtime.fields import check_fields, choice, number
 from ..runtime.rules import FROM_ZERO, POSITIVE
@@ -67,7 +68,7 @@ class PressTool:
         Force on the whole blank [N] that pushes the tool towards the blank from the start; by
         default none: the stages say how it moves.
     friction
-        Coefficient of friction with the blank, by default that of the `Interface`.
+        Coefficient of friction with the blank, or a `Field`, by default that of the `Interface`.
     chord
         Largest distance of triangles from a CAD model [mm].
 
@@ -88,7 +89,9 @@ class PressTool:
     off: float | None = number(None, FROM_ZERO, "distance from the blank at the start [mm]")
     turn: Sequence[float] = (0.0, 0.0, 0.0)
     force: float | None = number(None, POSITIVE, "towards the whole blank [N]")
-    friction: float | None = number(None, FROM_ZERO, "coefficient to the blank")
+    friction: float | Field | None = number(
+        None, of_place(FROM_ZERO, "xyz"), "coefficient to the blank"
+    )
     chord: float = number(0.1, POSITIVE, "largest distance of triangles from a CAD model [mm]")
 
     def __post_init__(self) -> None:

@@ -12,6 +12,7 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from ..material.laws.base import Material
+from ..readers.field import Field
 from ..sheets.blank import Blank, Part
 from ..tools.tool import Tool
 
@@ -65,6 +66,8 @@ class Term:
     blank, part : Blank, Part
         The sheet and the part of it that the term is on, known in `set_up`. `blank.mesh.comm` is
         the MPI communicator, `blank.V.dofmap.index_map` numbers the nodes.
+    fields : mapping
+        {name: (`Field`, places (n, 3), its values (n,) there)} of what depends on the place.
     fingerprint : dict
         Attributes before `set_up` as plain data, in which a checkpoint must agree.
     unbound : Term
@@ -91,6 +94,7 @@ class Term:
     energy: ufl.Form | None = None
     pattern = 0
     prestressed = False
+    fields: Mapping[str, tuple[Field, np.ndarray, np.ndarray]] = {}
     tool: Tool | None = None
     blank: Blank
     part: Part

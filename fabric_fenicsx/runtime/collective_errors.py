@@ -5,7 +5,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from mpi4py import MPI
 
@@ -31,6 +31,19 @@ def on_root(comm: MPI.Comm, make: Callable[[], T]) -> T:
             error = str(unwritable(e))
     result, error = comm.bcast((result, error))
     if error:
+        raise InputError(error)
+    return result
+
+
+def on_all(comm: MPI.Comm, make: Callable[[], T]) -> T:
+    """What make() gives on each rank; an InputError on any is raised on all."""
+    result: Any = None
+    error = ""
+    try:
+        result = make()
+    except InputError as e:
+        error = str(e)
+    if error := next(filter(None, comm.allgather(error)), ""):
         raise InputError(error)
     return result
 

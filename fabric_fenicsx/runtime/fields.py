@@ -56,7 +56,7 @@ def check_fields(owner: Any, label: Callable[[str], str] = "`{}`".format) -> lis
             value = meta["rule"].check(label(each.name), value)
             object.__setattr__(owner, each.name, value)
             most, hint = meta["doubt"] or (math.inf, "")
-            if value > most:
+            if isinstance(value, (int, float)) and value > most:
                 doubts.append(f"{label(each.name)} is {value:g}, which is much: {hint}")
         if "switch" in meta and not isinstance(value, bool):
             raise InputError(f"{label(each.name)} is {value!r}; allowed is true or false")

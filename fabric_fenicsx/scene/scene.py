@@ -10,7 +10,7 @@ from petsc4py import PETSc
 
 from .. import dolfinx_compat as compat
 from ..mechanics.assembly import Assembly
-from ..mechanics.fingerprint import entries, plain
+from ..mechanics.fingerprint import entries, of_values, plain
 from ..mechanics.term import Term, overrides
 from ..mechanics.term_checks import bind, check_answers
 from ..runtime.errors import InputError
@@ -272,9 +272,17 @@ class Scene:
             for name, given in term.fingerprint.items():
                 numbers = entries(given, name)
                 facts |= {f"{k} of term {i}, {term.name}": v for k, v in numbers.items()}
+            for name, (_, x, values) in term.fields.items():
+                told = of_values(self.comm, x, values[:, None])
+                facts[f"values of {name} of term {i}, {term.name}"] = told
         facts["supports"] = ", ".join(support.name for support in self.supports)
         farthest = self.comm.allreduce(abs(self.supports.values(1.0)).max(initial=0.0), MPI.MAX)
         facts["largest displacement of supports [mm]"] = plain(float(farthest))
         if straight := self.blank.whole.straight:
             facts["directions of the yarns"] = np.round(straight, 9).tolist()
+        else:
+            gdim, x = self.blank.mesh.geometry.dim, self.blank.places()
+            yarns = [f.x.array.reshape(-1, gdim)[: len(x)] for f in (self.blank.a0, self.blank.b0)]
+            x = x @ np.eye(x.shape[1], 3)
+            facts["directions of the yarns"] = of_values(self.comm, x, np.hstack(yarns))
         return facts

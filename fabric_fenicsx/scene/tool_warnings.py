@@ -54,7 +54,7 @@ def _frictions(scene):
     return [
         f"friction on {name} has a coefficient of {mu:g}, which is much: 25 % is 0.25"
         for name, mu in much.items()
-        if mu > MAX_FRICTION
+        if MAX_FRICTION < mu < np.inf
     ]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -19,7 +18,7 @@ from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
 from ..runtime.rules import COUNT, POSITIVE
 from .cells import CELLS
-from .layout import Layout, axes_of, blank_options, moved_sheet
+from .layout import Layout, axes_of, blank_options, moved_sheet, yarns_at
 from .mesh_checks import MeshArrays, checked_mesh
 from .mesh_files import read_mesh
 from .part import Part
@@ -204,7 +203,8 @@ class Blank(SheetMesh):
         element : {"P1", "P2", "P3", "Q1", "Q2"}
             By default P1 or P2, see `degree` of `Blank`.
         fibre_angle, yarn_angle : float
-            From the length to yarns a (0), and from there to yarns b (90) [deg].
+            From the length to yarns a (0), a `Field`, too, and from there to yarns b (90) [deg].
+            Cells along the yarns follow those in the middle.
         turned : float
             From x to the length [rad]; the blank's frame is then its length and width.
         centred : bool
@@ -220,11 +220,12 @@ class Blank(SheetMesh):
         nx = COUNT.check("`nx`", nx)
         ny = max(1, round(nx * width / length)) if ny is None else COUNT.check("`ny`", ny)
         cell = "quadrilateral" if (layout.get("element") or "P")[0] == "Q" else "triangle"
-        yarns = math.radians(layout.get("fibre_angle", 0.0))
-        between = math.radians(layout.get("yarn_angle", 90.0))
+        centred = np.broadcast_to(layout.get("centred", False), 2)
+        middle = np.where(centred, 0.0, [length / 2, width / 2]) @ axes_of(layout.get("turned", 0))
 
         def made():
-            points, cells, kind = specimen(length, width, nx, ny, pattern, cell, yarns, between)
+            yarns = yarns_at(layout, middle)
+            points, cells, kind = specimen(length, width, nx, ny, pattern, cell, *yarns)
             if layout.get("centred"):
                 points[:, :2] -= np.array([length, width]) / 2 * np.asarray(layout["centred"])
             points[:, :2] = points[:, :2] @ axes_of(layout.get("turned", 0.0))
@@ -278,7 +279,6 @@ class Blank(SheetMesh):
         if (element := layout.get("element") or "P")[0] != "P":
             raise InputError(f"`element` is {element}; allowed for an outline are triangles (P)")
         pattern = pattern or ("along" if spatial else "unstructured")
-        yarns = options["a"], options.get("b", options["a"] + math.pi / 2)
         given: Any = outline
         is_file = isinstance(outline, (str, os.PathLike))
         source = f"outline {outline}" if is_file else "the outline"
@@ -293,9 +293,13 @@ class Blank(SheetMesh):
             for axis in layout.get("planes", ()):
                 sheet = mirrored_half(sheet, axis, source)
             low, high = np.reshape(sheet.bounds, (2, 2))
+            angle, between = yarns_at(layout, sheet.centroid.coords[0])
+            angle += layout.get("turned", 0.0)
             edge = (high - low)[0] / nx if size is None else size
             try:
-                points, cells, kind, left_out = outline_mesh(sheet, edge, pattern, yarns)
+                points, cells, kind, left_out = outline_mesh(
+                    sheet, edge, pattern, (angle, angle + between)
+                )
             except InputError as error:
                 raise InputError("; ".join([str(error), *notes])) from None
             return MeshArrays(points, cells, kind, notes + left_out)

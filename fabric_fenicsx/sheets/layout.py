@@ -6,6 +6,7 @@ from typing import Any, TypedDict
 
 import numpy as np
 
+from ..readers.field import Field, of_place
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from ..runtime.rules import BELOW_180, FINITE, Rule, unknown_key
@@ -18,7 +19,7 @@ class Layout(TypedDict, total=False):
     """Place of a sheet, its element and directions of its yarns, as in `Blank.rectangle`."""
 
     element: str | None
-    fibre_angle: float
+    fibre_angle: float | Field
     yarn_angle: float
     turned: float
     centred: bool | list[bool]
@@ -34,17 +35,33 @@ def blank_options(layout: Layout) -> dict[str, Any]:
     """Options of a `Blank` that lies so; InputError for an angle beyond a full turn."""
     for name in set(layout) - set(Layout.__annotations__):
         raise unknown_key(name, Layout.__annotations__, f"keyword {name}")
-    fibre_angle = FULL_TURN.check("`fibre_angle`", layout.get("fibre_angle", 0.0))
+    fibre_angle = of_place(FULL_TURN).check("`fibre_angle`", layout.get("fibre_angle", 0.0))
+    layout["fibre_angle"] = fibre_angle
     yarn_angle = BELOW_180.check("`yarn_angle`", layout.get("yarn_angle", 90.0))
     turned = FINITE.check("`turned`", layout.get("turned", 0.0))
     element = layout.get("element")
-    a = math.radians(fibre_angle) + turned
+    a = _direction(fibre_angle, turned)
     options: dict[str, Any] = {"a": a, "degree": int(element[1]) if element else None}
     if turned:
         options["frame"] = axes_of(turned)
     if yarn_angle != 90:
-        options["b"] = a + math.radians(yarn_angle)
+        options["b"] = _direction(fibre_angle, turned + math.radians(yarn_angle))
     return options
+
+
+def _direction(angle, more):
+    """An angle [deg], or one at places (3, n), and `more` [rad], in rad."""
+    if isinstance(angle, Field):
+        return lambda x: np.radians(angle.at(x.T)) + more
+    return math.radians(angle) + more
+
+
+def yarns_at(layout: Layout, place: Sequence[float]) -> tuple[float, float]:
+    """Angle from the length to yarns a, and from there to yarns b, [rad] at a place (x, y)."""
+    angle = layout.get("fibre_angle", 0.0)
+    if isinstance(angle, Field):
+        angle = float(angle.at(np.array([[*place, 0.0]]))[0])
+    return math.radians(angle), math.radians(layout.get("yarn_angle", 90.0))
 
 
 def moved_sheet(

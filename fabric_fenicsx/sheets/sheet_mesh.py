@@ -1,6 +1,7 @@
 """The mesh of a sheet with its yarns, its displacement, and numbers at its cells and nodes."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import ufl
@@ -12,6 +13,7 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from .. import dolfinx_compat as compat
+from ..runtime.collective_errors import on_all
 from ..runtime.errors import InputError
 from .layout import FLAT_TOLERANCE
 
@@ -289,7 +291,10 @@ def _tangent(mesh, centre, normal, direction, name):
     if np.ndim(direction) == 0 and not callable(direction) and abs(float(direction)) > 2 * np.pi:
         found = f"fibre direction {name} is {direction:g}, an angle in radians"
         raise InputError(f"{found}; allowed is from -2 pi to 2 pi")
-    value = np.asarray(direction(centre.T) if callable(direction) else direction, dtype=float)
+    value: Any = direction
+    if callable(direction):
+        value = on_all(mesh.comm, lambda: direction(centre.T))
+    value = np.asarray(value, dtype=float)
     if value.ndim == 0 or value.shape == (n,) and callable(direction):
         value = np.stack(np.broadcast_arrays(np.cos(value), np.sin(value), 0.0), -1)
     elif callable(direction):

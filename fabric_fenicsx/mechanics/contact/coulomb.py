@@ -1,10 +1,12 @@
 """Coulomb's law of friction, as a potential of points that slip."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from ...readers.field import Field, of_place
 from ...runtime.errors import InputError
 from ...runtime.rules import ABOVE_ZERO_OR_INF, FROM_ZERO, POSITIVE
 from . import friction_loops as loops
@@ -24,7 +26,9 @@ class Coulomb:
     Parameters
     ----------
     coefficient
-        mu; on a tool that presses several sheets also one for each, {sheet name: mu}.
+        mu, or a `Field`: on a tool of the place where it is touched, as the tool stands at first,
+        between sheets of the place x, y of the flat sheet. On a tool that presses several sheets
+        also one for each, {sheet name: mu}.
     slip
         s [mm], by which a sticking point slips at most.
     lag
@@ -44,13 +48,13 @@ class Coulomb:
     array([0.0375, 5.85  ])
     """
 
-    coefficient: float | Mapping[str, float]
+    coefficient: float | Field | Mapping[str, float | Field]
     slip: float = 0.1
     lag: float = LAG
 
     def __post_init__(self) -> None:
         for value in self._coefficients():
-            FROM_ZERO.check("coefficient of friction", value)
+            of_place(FROM_ZERO, "xyz").check("coefficient of friction", value)
         POSITIVE.check("slip of friction", self.slip)
         ABOVE_ZERO_OR_INF.check("lag of friction", self.lag)
 
@@ -60,8 +64,20 @@ class Coulomb:
 
     @property
     def largest(self) -> float:
-        """The largest coefficient."""
-        return max(self._coefficients(), default=0.0)
+        """The largest coefficient, inf of a field."""
+        return max(
+            (np.inf if isinstance(mu, Field) else mu for mu in self._coefficients()), default=0.0
+        )
+
+    def of(self, label: str, axes: str) -> "Coulomb":
+        """The same with coefficients that are fields of these axes; label: in messages."""
+        check = of_place(FROM_ZERO, axes).check
+        mu = self.coefficient
+        if isinstance(mu, Mapping):
+            bound: Any = {name: check(label, each) for name, each in mu.items()}
+        else:
+            bound = check(label, mu)
+        return replace(self, coefficient=bound)
 
     def potential(self, z: np.ndarray, limit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Energies (n,) [N mm], and forces on the points (n, 3) [N], minus their derivatives."""
@@ -80,11 +96,15 @@ class Coulomb:
         )
 
 
-def friction_law(friction: float | Mapping[str, float] | Coulomb, owner: str) -> Coulomb | None:
+Friction = float | Field | Mapping[str, float | Field] | Coulomb
+
+
+def friction_law(friction: Friction, owner: str, axes: str) -> Coulomb | None:
     """Law of a term's `friction`, None if all coefficients are 0. owner: the term, named in
-    errors."""
+    errors; axes: of its fields."""
     try:
         law = friction if isinstance(friction, Coulomb) else Coulomb(friction)
+        law = law.of("coefficient of friction", axes)
     except InputError as error:
         raise InputError(f"{owner}: {error}") from None
     return law if law.largest else None

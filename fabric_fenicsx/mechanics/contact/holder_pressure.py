@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +16,7 @@ from ..load import at_load, check_over_load
 from ..output import Value
 from ..term import SceneFacts
 from ..term_checks import bind
-from .coulomb import Coulomb
+from .coulomb import Friction
 from .interaction import ToolInteraction
 from .nodes import Nodes, values_at
 from .sheet_contact import SheetContact
@@ -76,7 +76,7 @@ class BlankHolderPressure(ToolInteraction):
         tool: Tool | None = None,
         lag: float | None = None,
         against: Sequence[SheetContact] = (),
-        friction: float | Mapping[str, float] | Coulomb = 0.0,
+        friction: Friction = 0.0,
     ) -> None:
         check_over_load(PRESSURE, FROM_ZERO, pressure)
         if lag is not None:

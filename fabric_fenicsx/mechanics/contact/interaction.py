@@ -6,9 +6,11 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from ...readers.field import Field
+from ...runtime.collective_errors import on_all
 from ...tools.tool import Tool
 from ..term import NO_TANGENT, Term, Triplets
-from .coulomb import Coulomb, friction_law
+from .coulomb import Friction, friction_law
 from .friction import FrictionState, Sliding
 from .friction_loops import turned, turned_blocks
 from .nodes import Nodes
@@ -35,8 +37,10 @@ class Interaction(Term):
     rigid: Any = False
     thickness: Any = 1.0
 
-    def __init__(self, friction: float | Mapping[str, float] | Coulomb, owner: str) -> None:
-        self.coulomb = friction_law(friction, owner)
+    AXES = "xy"  # of a friction that is a field
+
+    def __init__(self, friction: Friction, owner: str) -> None:
+        self.coulomb = friction_law(friction, owner, self.AXES)
 
     def normal_forces(self) -> np.ndarray:
         """Sizes of the forces that press this rank's points, (points,) [N]."""
@@ -61,6 +65,12 @@ class Interaction(Term):
     def _coefficient(self, law):
         """Friction coefficient of all points, or of each."""
         return law.coefficient
+
+    def _of_place(self, field, x):
+        """Coefficients (n,) by a field at places x (n, 3), noted as its values."""
+        values = on_all(self.blank.mesh.comm, lambda: field.at(x))
+        self.fields = {"friction": (field, x, values)} | dict(self.fields)  # of the start
+        return values
 
     def _start_friction(self):
         """Begin friction in the present state."""
@@ -182,10 +192,11 @@ class ToolInteraction(Interaction):
     nodes: Nodes
     # in the accepted state, before it was accepted and after it was
     _friction_force = _friction_at_start = np.zeros(3)
+    _follows = False  # friction is a field
 
-    def __init__(
-        self, tool: Tool, friction: float | Mapping[str, float] | Coulomb, owner: str
-    ) -> None:
+    AXES = "xyz"
+
+    def __init__(self, tool: Tool, friction: Friction, owner: str) -> None:
         super().__init__(friction, owner)
         self.tool = tool
         if self.coulomb:
@@ -209,12 +220,23 @@ class ToolInteraction(Interaction):
     # -- friction
 
     def _coefficient(self, law):
-        if not isinstance(law.coefficient, Mapping):
-            return law.coefficient
-        coefficients = np.zeros(self.nodes.count)
-        for name, coefficient in law.coefficient.items():
-            coefficients[self.blank.part(name).nodes] = coefficient
+        mu = law.coefficient
+        each = mu if isinstance(mu, Mapping) else {"": mu}
+        fields = [name for name in each if isinstance(each[name], Field)]
+        if not fields and each is not mu:
+            return mu
+        coefficients, x = np.zeros(self.nodes.count), self._touched()
+        for name, coefficient in each.items():
+            at = self.blank.part(name).nodes
+            value = self._of_place(coefficient, x[at]) if name in fields else coefficient
+            coefficients[at] = value
+        self._follows = bool(fields)
         return coefficients
+
+    def _touched(self):
+        """Places of the tool at the nodes, as it stands at first (nodes, 3) [mm]."""
+        x = self.nodes.places + self.nodes.view() - np.nan_to_num(self._offsets()[0])
+        return x - self.tool.displacement + self.tool.path(0.0)
 
     def _sliding(self):
         return ToolSliding(self.nodes, self.tool, self._normals(), *self._offsets())
@@ -250,6 +272,8 @@ class ToolInteraction(Interaction):
     def accept(self) -> None:
         if self.friction_state:
             self._friction_force = self.nodes.total(self._friction_forces())
+            if self._follows:  # what it touches is taken anew for the next step
+                self.friction_state.coefficient = self._coefficient(self.coulomb)
             super().accept()
             self._friction_at_start = self.nodes.total(self._friction_forces())
 

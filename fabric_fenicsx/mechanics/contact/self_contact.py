@@ -6,6 +6,7 @@ import numpy as np
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 
+from ...readers.field import Field
 from ...runtime.errors import InputError
 from ...runtime.rules import POSITIVE
 from ...sheets.blank import Part
@@ -185,7 +186,7 @@ class SelfContact(FaceContact):
         points: int = 3,
         lag: float = LAG,
         symmetric: Where | Sequence[Where] = (),
-        friction: float | Coulomb = 0.0,
+        friction: float | Field | Coulomb = 0.0,
     ) -> None:
         super().__init__("self-contact", penalty, points, lag, symmetric, friction)
         if thickness is not None:

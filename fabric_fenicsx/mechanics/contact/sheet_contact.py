@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from mpi4py import MPI
 
+from ...readers.field import Field
 from ...runtime.errors import InputError
 from ...runtime.formatting import rounded
 from ...runtime.rules import POSITIVE, Rule
@@ -47,7 +48,7 @@ class FaceContact(Interaction):
         points: int,
         lag: float,
         symmetric: Where | Sequence[Where],
-        friction: float | Coulomb,
+        friction: float | Field | Coulomb,
     ) -> None:
         self.name = name
         for what, value in (("penalty", penalty), ("lag", lag)):
@@ -105,6 +106,10 @@ class FaceContact(Interaction):
         radius = min((min(tool.surface.radii) for tool in tools if tool), default=np.inf)
         law = face_of(material, radius)
         return material.thickness_under(0.0), law, thickening_of(material)
+
+    def _coefficient(self, law):
+        mu = law.coefficient
+        return self._of_place(mu, self.points.flat_places()) if isinstance(mu, Field) else mu
 
     def where_deepest(self) -> str:
         return self.name
@@ -316,7 +321,7 @@ class SheetContact(FaceContact):
         points: int = 3,
         lag: float = LAG,
         symmetric: Where | Sequence[Where] = (),
-        friction: float | Coulomb = 0.0,
+        friction: float | Field | Coulomb = 0.0,
     ) -> None:
         self.sheets = lower, upper
         name = f"contact of {lower} and {upper}"

@@ -180,6 +180,11 @@ class SheetPoints:
         result[pairs.points] = values
         return result
 
+    def flat_places(self) -> np.ndarray:
+        """Places of all points in the undeformed sheet, (count, 3) [mm]."""
+        corners = self.blank.coordinates()[self.blank.triangles(self.part.cells)]
+        return np.einsum("kc,nmci->nmki", self._places, corners).reshape(self.count, 3)
+
     def means(self, values: np.ndarray) -> np.ndarray:
         """Means of values of all points (count, ...) over each cell, on each side that points look
         to, (cells, SIDES, ...)."""

@@ -1,6 +1,6 @@
 """Contact of a sheet with rigid tools: pressure at its nodes."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +17,7 @@ from ..output import Value, largest, least, total
 from ..shell.morley import Where
 from ..term import SceneFacts
 from ..work import Work
-from .coulomb import LAG, Coulomb
+from .coulomb import LAG, Friction
 from .interaction import ToolInteraction
 from .nodes import Nodes
 from .pressing import Pressed, press, with_secant_stiffness
@@ -73,7 +73,7 @@ class Contact(ToolInteraction):
         tool: Tool,
         thickness: float | None = None,
         penalty: float | None = None,
-        friction: float | Mapping[str, float] | Coulomb = 0.0,
+        friction: Friction = 0.0,
         where: Where | None = None,
     ) -> None:
         super().__init__(tool, friction, f"contact with {tool.name}")

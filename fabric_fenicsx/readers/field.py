@@ -1,0 +1,262 @@
+"""Fields: numbers that depend on the place, by a function or by points in a file."""
+
+import hashlib
+import os
+from collections.abc import Callable, Mapping
+from copy import copy
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from ..runtime.errors import InputError
+from ..runtime.files import check_file, ending
+from ..runtime.formatting import coordinates, rounded
+from ..runtime.rules import FINITE, Rule, shown, unknown_key
+from .text_tables import Problems, read_lines, table_of, values_of
+
+AXES = "x", "y", "z"
+UNITS = None, "deg", "mm", "C", "-"  # that a column of values may state
+ALLOWED = "a CSV with columns x, y and one more, or a mesh with values at its points"
+
+
+class Field:
+    """A number that depends on the place, where an option takes one.
+
+    Between points in a file the number is interpolated linearly, on triangles or tetrahedra between
+    them; beyond them it is that of the nearest point. Angles are interpolated as they stand, so
+    write 190 after 170 deg, not -170.
+
+    Parameters
+    ----------
+    source : function or file name
+        A function of x and y of the flat sheet, for friction with tools of x, y and z; of arrays
+        (n,) [mm], to the values (n,). Or a CSV with columns x, y, if wanted z, and values; or a
+        mesh with values at its points, as .vtu.
+    name : str
+        Of the values, if the file has several.
+
+    Raises
+    ------
+    InputError
+        For a file without such points, and for points that span no area, or lie at one place with
+        different values.
+
+    Examples
+    --------
+    >>> rim = ff.Field(lambda x, y: np.where(abs(x) > 40, 20.0, 180.0))
+    >>> rim.at(np.array([[0.0, 0.0, 0.0], [45.0, 0.0, 0.0]])).tolist()
+    [180.0, 20.0]
+    """
+
+    def __init__(self, source: Callable[..., Any] | str | os.PathLike[str], name: str = "") -> None:
+        self.source, self.name = source, name
+        self.label, self.rule, self.axes = "the field", FINITE, "xy"
+        self._places, self._values = np.empty((2, 0))
+        if not callable(source):
+            self._places, self._values = _read(Path(source), name)
+            self._between = _interpolated(self._places, self._values, f"{source}: its")
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Field):
+            return NotImplemented
+        mine, others = (each.content or each.source for each in (self, other))
+        return mine == others
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return f"Field({self.source!r})"
+
+    def of(self, label: str, rule: Rule, axes: str) -> Self:
+        """The same for an option: what messages call it, the rule of its values and its axes.
+        Raises InputError for points that have no place or value for it."""
+        new = copy(self)
+        new.label, new.rule, new.axes = label, rule, axes
+        if len(self._values):
+            if self._places.shape[1] > len(axes):
+                raise InputError(
+                    f"{label} is {self.source}, whose points have different z; allowed are places "
+                    "of the flat sheet, x and y"
+                )
+            new._check(self._values, self._places)
+        return new
+
+    def at(self, x: np.ndarray) -> np.ndarray:
+        """Values (n,) at places x (n, 3) [mm]. Raises InputError where the function gives none."""
+        if not callable(self.source):
+            places = x[:, : self._places.shape[1]]
+            values = self._between(places)
+            out = np.isnan(values)
+            values[out] = self._values[self._nearest.query(places[out])[1]]
+            return values
+        axes = list(self.axes)
+        try:
+            values = np.asarray(self.source(*x.T[: len(axes)]), float)
+            values = np.broadcast_to(values, len(x)).copy()
+        except Exception as error:  # a user's function raises whatever it does
+            words = " ".join(str(error).split())
+            raise InputError(
+                f"{self.label} as a function of {', '.join(axes)} fails ({type(error).__name__}: "
+                f"{words}); allowed is one of arrays, as lambda {', '.join(axes)}: "
+                "np.where(x > 0, 1.0, 2.0)"
+            ) from None
+        self._check(values, x)
+        return values
+
+    @property
+    def content(self) -> str:
+        """What tells files with other points apart, "" of a function."""
+        if callable(self.source):
+            return ""
+        data = self._places.tobytes() + self._values.tobytes()
+        return hashlib.sha256(data).hexdigest()[:16]
+
+    @property
+    def entry(self) -> Any:
+        """As a press's file says it; a function as it is."""
+        if callable(self.source):
+            return self.source
+        return {"file": str(self.source), "field": self.name} if self.name else str(self.source)
+
+    def told(self, values: np.ndarray) -> str:
+        """Values (n,) and where they are from, for people."""
+        low, high = (rounded(float(v), 4) for v in (values.min(), values.max()))
+        source = "a function" if callable(self.source) else Path(self.source).name
+        return f"{low if low == high else f'{low} to {high}'} ({source})"
+
+    def _check(self, values, places):
+        """Raise InputError for a value that the rule does not allow."""
+        for k in [] if not len(values) else {int(np.argmin(values)), int(np.argmax(values))}:
+            where = f"{self.label} at {coordinates(places[k])} mm"
+            self.rule.check(where, float(values[k]))
+
+    @cached_property
+    def _nearest(self):
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self._places)
+
+
+@dataclass(frozen=True)
+class OfPlace(Rule):
+    """A rule for a number that may be a `Field` of these axes, too, or what makes one. numbers: the
+    rule of its values."""
+
+    numbers: Rule = FINITE
+    axes: str = "xy"
+
+    def check(self, name: str, value: Any) -> Any:
+        """As of `Rule`: a number, or the `Field`."""
+        if callable(value) or isinstance(value, (str, os.PathLike)):
+            value = Field(value)
+        if isinstance(value, Field):
+            return value.of(name, self.numbers, self.axes)
+        return super().check(name, value)
+
+
+def of_place(rule: Rule, axes: str = "xy") -> OfPlace:
+    """The rule for a number that `rule` allows, or for a field of such."""
+    words = f"{rule.allowed}, a function of {', '.join(axes)}, or a file of points"
+    return OfPlace(**vars(rule) | {"allowed": words}, numbers=rule, axes=axes)
+
+
+def from_entry(value: Any, path: str, found: Callable[[Any, str], str]) -> Any:
+    """What an option of a file that takes a field has: a number, a file's name or a table of one.
+    found: function of a file's name, and what messages call it, to its path."""
+    if isinstance(value, str):
+        return Field(found(value, path))
+    if not isinstance(value, Mapping):
+        return value
+    for key in value:
+        if key not in ("file", "field"):
+            raise unknown_key(key, ("file", "field"), f"{path}.{key}")
+    return Field(found(value.get("file"), f"{path}.file"), str(value.get("field", "")))
+
+
+def _read(path, name):
+    """Places (n, 2 or 3) [mm] and values (n,) of the points in a file, each place once."""
+    check_file(path, "file", ALLOWED)
+    try:
+        is_table = ending(path) in (".csv", ".txt", ".dat")
+        places, values = _once(*(_of_table if is_table else _of_mesh)(path, name))
+        is_flat = places.shape[1] == 3 and np.ptp(places[:, 2]) < 1e-9
+        return places[:, :2] if is_flat else places, values
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _interpolated(places, values, whose):
+    """Function of places (m, k) to values (m,), NaN beyond the points."""
+    from scipy.interpolate import LinearNDInterpolator  # takes long to import
+    from scipy.spatial import QhullError
+
+    try:
+        return LinearNDInterpolator(places, values)
+    except (QhullError, ValueError):
+        few = "3 or more that span an area" if places.shape[1] == 2 else "4 or more in space"
+        raise InputError(
+            f"{whose} {len(values)} points span no {'area' if places.shape[1] == 2 else 'volume'}; "
+            f"allowed are {few}"
+        ) from None
+
+
+def _of_table(path, name):
+    table = table_of(read_lines(path), AXES.__contains__)
+    axes = [axis for axis in AXES if axis in table.names]
+    others = [each for each in table.names if each not in AXES]
+    name = _chosen(others, name, "column")
+    if axes[:2] != ["x", "y"]:
+        raise InputError(f"row {table.top} has no columns x and y; allowed is {ALLOWED}")
+    columns = {table.names.index(each): (each, 1.0) for each in [*axes, name]}
+    for k, (each, _) in columns.items():
+        allowed = (None, "mm") if each in AXES else UNITS
+        if table.units[k] not in allowed:
+            words = ", ".join(unit for unit in allowed if unit)
+            raise InputError(f"column {each} is in {table.units[k]}; allowed is one of {words}")
+    problems = Problems()
+    numbers = values_of(table, columns, problems)
+    problems.stop()
+    return np.stack([numbers[axis] for axis in axes], 1), numbers[name]
+
+
+def _of_mesh(path, name):
+    import meshio
+
+    try:
+        mesh = meshio.read(path)
+    except (Exception, SystemExit) as error:  # meshio raises whatever its parsing stumbles on
+        words = " ".join(str(error).split())
+        raise InputError(f"can't be read ({words}); allowed is {ALLOWED}") from None
+    fields = {k: np.asarray(v, float) for k, v in mesh.point_data.items() if np.ndim(v) == 1}
+    values = fields[_chosen(list(fields), name, "field at points")]
+    if not np.isfinite(values).all():
+        raise InputError(f"{name or 'the field'} has values that are no numbers")
+    return np.asarray(mesh.points, float), values
+
+
+def _chosen(names, name, kind):
+    """The name that is asked for, or the only one there is."""
+    if name and name not in names:
+        raise unknown_key(name, names, f"{kind} {shown(name)}")
+    if name or len(names) == 1:
+        return name or names[0]
+    found = f"has {len(names)} {kind}s of values, {', '.join(names)}" if names else f"has no {kind}"
+    raise InputError(f"{found}; allowed is one, or one that is named by `field`")
+
+
+def _once(places, values):
+    """Places and values without repeated ones; InputError where one place has two values."""
+    different, which = np.unique(places.round(9), axis=0, return_inverse=True)
+    which = which.ravel()
+    low, high = np.full((2, len(different)), [[np.inf], [-np.inf]])
+    np.minimum.at(low, which, values)
+    np.maximum.at(high, which, values)
+    twice = np.flatnonzero(high - low > 1e-9 * np.maximum(abs(high), 1.0))
+    if len(twice):
+        k = twice[0]
+        both = f"{rounded(low[k], 4)} and {rounded(high[k], 4)}"
+        raise InputError(f"at {coordinates(different[k])} mm there are the values {both}")
+    return different, high
