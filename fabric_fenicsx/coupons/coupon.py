@@ -57,6 +57,7 @@ class Coupon(SheetFields):
     def __post_init__(self) -> None:
         checked_fabric("`fabric`", self.fabric)
         super().__post_init__()
+        self.fabric.at(self.temperature)
 
     def build(self, comm: MPI.Comm | None = None) -> CouponSetup:
         """Mesh the sheet and make its scene, on the ranks of `comm` (all)."""

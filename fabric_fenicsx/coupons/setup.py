@@ -27,6 +27,8 @@ class CouponSetup(Setup):
     def __init__(self, data: Any, comm: MPI.Comm | None = None) -> None:
         self.comm = comm or MPI.COMM_WORLD
         self.data = data.with_defaults(data.FULL["nx"], **data.SIDES)
+        warm = self.data.fabric.at(self.data.temperature)
+        self.data = replace(self.data, fabric=warm, temperature=None)
         self.choose()
         sides = [*data.SIDES]
         self.blank, settled, self.warnings = lay(

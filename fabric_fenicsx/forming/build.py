@@ -9,6 +9,7 @@ from ..mechanics.contact.self_contact import SelfContact
 from ..mechanics.shell.bending import Bending
 from ..mechanics.shell.membrane import Membrane
 from ..mechanics.shell.metal import SheetMetal
+from ..readers.field import Field
 from ..runtime.status import task
 from ..runtime.timing import phase
 from ..scene.scene import Scene
@@ -33,6 +34,7 @@ def build(press: Press, comm: MPI.Comm | None = None) -> FormingScene:
     meshed and for tools that can't stand or move as given."""
     comm, warnings, interface = comm or MPI.COMM_WORLD, list[str](), press.interface
     laid = lay_blank(press, comm, warnings)
+    press = press.replace(sheets=laid.sheets)
     placed = place(press, laid, comm, warnings)
     sheets, planes = laid.sheets, [_plane(axis) for axis in press.planes]
 
@@ -53,12 +55,18 @@ def build(press: Press, comm: MPI.Comm | None = None) -> FormingScene:
     scene = Scene(laid.blank, terms, _supports(press, laid))
     if laid.stack:
         stack.press(laid.stack, sheets, scene.terms, on_die)
-    return FormingScene(press.replace(sheets=sheets), scene, warnings, laid, placed, holders)
+    return FormingScene(press, scene, warnings, laid, placed, holders)
 
 
 def _membrane(sheet):
     weave = None if sheet.weave_angle is None else math.radians(sheet.weave_angle)
-    return Membrane(sheet.fabric, integration=sheet.integration, weave_angle=weave)
+    return Membrane(
+        sheet.fabric,
+        integration=sheet.integration,
+        weave_angle=weave,
+        temperature=sheet.temperature,
+        thickness=sheet.thickness if isinstance(sheet.thickness, Field) else None,
+    )
 
 
 def _bending(sheet, planes):

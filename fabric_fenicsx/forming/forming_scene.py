@@ -16,11 +16,13 @@ from ..mechanics.fingerprint import plain
 from ..mechanics.load import EdgeTension
 from ..mechanics.springs import Springs
 from ..mechanics.term import Term
+from ..readers.field import Field
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from ..runtime.timing import phase
 from ..scene import output
 from ..scene.scene import Scene
+from ..sheets.sheet_mesh import bounds
 from ..solve.checkpoint import STAGES
 from ..tools.tool import Tool
 from .laying import Laid
@@ -58,6 +60,25 @@ class FormingScene(Setup):
         self.pressing = [term for term in scene.terms if isinstance(term, ToolInteraction)]
         self.contacts = [term for term in self.pressing if isinstance(term, Contact)]
         self.wrinkle_heights: dict[str, Any] = {}
+
+    def fields(self) -> dict[str, str]:
+        """{name: least to largest value and source} of what is a field; on all ranks."""
+        units = {"fibre_angle": "deg", "thickness": "mm", "temperature": "C"}
+        found = {}
+        for path, sheet, blank in zip(self.data.paths(), self.sheets, self.laid.blanks):
+            of_sheet = {f"{path}.{name}_{units[name]}": getattr(sheet, name) for name in units}
+            given = {n: v for n, v in of_sheet.items() if isinstance(v, Field)}
+            found |= {name: (v, v.at(blank.centres())) for name, v in given.items()}
+        for term in self.scene.terms:
+            if "friction" in term.fields:
+                field, _, values = term.fields["friction"]
+                found[f"friction of {term.tool.name if term.tool else term.name}"] = field, values
+        return {name: field.told(*self._ends(values)) for name, (field, values) in found.items()}
+
+    def _ends(self, values):
+        """Least and largest of values of all ranks."""
+        low, high = bounds(self.comm, values[None])
+        return float(low[0]), float(high[0])
 
     def leader(self, load: float = 1.0) -> Tool:
         """The tool whose force the curve shows at a load factor: the one that moves furthest in the

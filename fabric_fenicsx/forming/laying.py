@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from mpi4py import MPI
@@ -83,8 +84,8 @@ def lay_blank(press: Press, comm: MPI.Comm, warnings: list[str]) -> Laid:
     planes = press.planes
     made, meshed = _meshed(sheets, planes, comm)
     for sheet, laid in zip(made, meshed):
-        x = laid.blank.places() @ np.eye(2, 3)
-        own = on_all(comm, lambda: sheet.mirror_warning(press.modelled, planes, x))
+        at, warning = laid.blank.centres(), partial(sheet.mirror_warning, press.modelled, planes)
+        own = on_all(comm, partial(warning, at))
         warnings += [text for text in comm.allgather(own) if text][:1]
     for sheet, laid in zip(made, meshed):
         path = f"ply {sheet.name}" if made[1:] else sheet.sheet_file or "the blank"
@@ -92,7 +93,9 @@ def lay_blank(press: Press, comm: MPI.Comm, warnings: list[str]) -> Laid:
         warnings += laid.warnings
     blanks = [each.blank for each in meshed]
     sheets = [
-        dataclasses.replace(sheet, **laid.settled, integration=sheet.integration or "full")
+        dataclasses.replace(
+            sheet.laid_on(laid.blank), **laid.settled, integration=sheet.integration or "full"
+        )
         for sheet, laid in zip(made, meshed)
     ]
     low, high = blanks[first_fabric(sheets)].extent()

@@ -25,6 +25,8 @@ def all_of(made: FormingScene, result: Result) -> dict[str, Any]:
         | contact_quantities(made, result)
         | sheet_quantities(made, result)
     )
+    if fields := made.fields():
+        numbers["fields"] = fields
     if "sheet_pressure" in result.fields:  # means of cells on the next sheet
         pressure = np.nan_to_num(result.fields["sheet_pressure"])
         numbers["sheet_pressure_largest_MPa"] = measures.extremes(made.comm, pressure)[1]

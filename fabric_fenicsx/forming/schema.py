@@ -38,7 +38,7 @@ MATERIALS = "fabric", "metal"  # as {material = "komeili", s1 = 0.03}
 OF_ALL_PLIES = {"material": "fabric"} | {
     name: name
     for name in ("nx", "ny", "size", "pattern", "element", "integration")
-    + ("fibre_angle", "yarn_angle")
+    + ("fibre_angle", "yarn_angle", "temperature")
 }
 SURFACES = "shape", "file", "die_of"  # entries of a tool, one of which it has
 # shape -> function of its numbers, and their names; its face is up, its origin at `PressTool.at`

@@ -7,15 +7,18 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, Self
 
 import numpy as np
+from mpi4py import MPI
 
 from ..material.laws import Law
 from ..material.laws.base import Material
 from ..material.metal import Metal, load_metal
 from ..material.presets import checked_fabric, load
 from ..readers.field import Field, of_place
+from ..runtime.collective_errors import on_all
 from ..runtime.errors import InputError
 from ..runtime.fields import choice, number, switch
-from ..runtime.rules import COUNT, FROM_ZERO, POSITIVE
+from ..runtime.rules import COUNT, FINITE, FROM_ZERO, POSITIVE
+from ..sheets.blank import Blank
 from ..sheets.layout import FULL_TURN
 from ..sheets.sheet_fields import ELEMENTS, SheetFields
 from .interface import BETWEEN_FABRICS, ON_METAL, Interface
@@ -52,11 +55,14 @@ class Sheet(SheetFields):
     fibre_angle, yarn_angle, weave_angle
         Angles from x to yarns a, which may be a `Field` of x and y of the flat sheet as it is laid,
         from yarns a to yarns b, and from a to b where the weave is free of shear [deg].
+    temperature
+        Of the fabric, whose numbers are known at temperatures [deg C]; or a `Field` of x and y of
+        the flat sheet as it is laid. It is given: no heat is conducted.
     bending_modulus, twist_modulus, in_plane_bending
         See `Bending`.
     friction
-        Coefficient of friction with the next sheet above, or a `Field` of x and y; by default 0.334, beside metal 0.25
-        (Table 2 of Schäfer et al.).
+        Coefficient of friction with the next sheet above, or a `Field` of x and y; by default
+        0.334, beside metal 0.25 (Table 2 of Schäfer et al.).
 
     Raises
     ------
@@ -97,6 +103,9 @@ class Sheet(SheetFields):
         0.0, of_place(FULL_TURN), "from the length to yarns a [deg]", "mesh"
     )
     centred: bool = switch("put the middle of an outline or mesh at the origin")
+    temperature: float | Field | None = number(  # type: ignore[assignment]
+        None, of_place(FINITE), "of fabric that has numbers at temperatures [deg C]", "weave"
+    )
     bending_modulus: float = number(100.0, FROM_ZERO, "bending modulus of the yarns [MPa]")
     twist_modulus: float = number(1.0, FROM_ZERO, "twisting modulus of the sheet [MPa]")
     in_plane_bending: float = number(
@@ -114,12 +123,32 @@ class Sheet(SheetFields):
             raise InputError("`centred` needs `outline` or `mesh`")
         if self.metal and self.fabric:
             raise InputError("`fabric` is not allowed beside `metal`")
+        if self.metal and isinstance(self.thickness, Field):
+            raise InputError("`thickness` of metal is a field; allowed is a number above 0")
+        if self.metal and self.temperature is not None:
+            raise InputError("`temperature` is of fabric alone, and not allowed beside `metal`")
+        if self.fabric:
+            at: Any = self.temperature
+            if isinstance(at, Field):
+                at = min(self.fabric.at_temperatures, default=0.0)
+            self.fabric.at(at)
 
     @property
     def material(self) -> Material:
-        """Its metal or fabric, with the sheet's own thickness if it has one."""
+        """Its metal or fabric, with the sheet's own thickness if that is a number."""
         material: Any = self.metal or self.fabric
-        return material.replace(thickness=self.thickness) if self.thickness else material
+        own = self.thickness and not isinstance(self.thickness, Field)
+        return material.replace(thickness=self.thickness) if own else material
+
+    def laid_on(self, blank: Blank) -> Self:
+        """The sheet of this blank. The fabric of one whose thickness is a field has the largest."""
+        if not isinstance(self.thickness, Field):
+            return self
+        field, x = self.thickness, np.vstack([blank.coordinates(), blank.centres()])
+        comm = blank.mesh.comm
+        most = comm.allreduce(on_all(comm, lambda: float(field.at(x).max(initial=0.0))), MPI.MAX)
+        fabric: Any = self.material.replace(thickness=most)
+        return dataclasses.replace(self, fabric=fabric)
 
     def ready(self, name: str, interface: Interface) -> Self:
         """The sheet with a name and its final material, as it is built. Raises InputError if it has

@@ -48,6 +48,7 @@ class Energy:
 
     law: ClassVar[str] = ""
     thickness: Any  # [mm]
+    count = 1  # of points, each of which has its own numbers
 
     def energy(self, eps_a: Any, eps_b: Any, gamma: Any) -> tuple[Any, Any, Any]:
         """The parts of the strain energy density W, along a, along b and shear with its couplings
@@ -91,6 +92,10 @@ class Energy:
     def shear_stiffness(self) -> float:
         """The law's stiffness in shear at rest, d2W/dgamma2 [MPa]."""
         return float(self.derivatives(*np.zeros((3, 1))).second[5, 0])
+
+    def shear_stiffnesses(self) -> np.ndarray:
+        """That of each of its points, (count,)."""
+        return self.derivatives(*np.zeros((3, self.count))).second[5]
 
     def ranges(self) -> tuple[Range, ...]:
         """The strains that the law's numbers are for, where they have an end: a run warns of

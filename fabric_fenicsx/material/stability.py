@@ -70,8 +70,10 @@ def evaluate(fabric: Law, invariants: ArrayLike) -> Stability:
     states = np.asarray(invariants, float)
     W, Q, out_of_plane = _second(fabric, states.reshape(-1, 4))
     hessian, (acoustic, direction) = _hessian(W), smallest_eigenvalue(Q)
-    rest = _hessian(_in_strains(fabric, np.ones(1), np.ones(1), np.zeros(1)))[0]
-    convexity, ellipticity = hessian / (rest or 1.0), acoustic / (fabric.shear_stiffness or 1.0)
+    ones, shear = np.ones(fabric.count), fabric.shear_stiffnesses()
+    rest = _hessian(_in_strains(fabric, ones, ones, 0 * ones))
+    convexity = hessian / np.where(rest == 0, 1.0, rest)
+    ellipticity = acoustic / np.where(shear == 0, 1.0, shear)
     values = convexity, ellipticity, hessian, acoustic, direction, out_of_plane
     return Stability(*(v.reshape(states.shape[:-1]) for v in values))
 
@@ -79,6 +81,8 @@ def evaluate(fabric: Law, invariants: ArrayLike) -> Stability:
 def least_ellipticity(fabric: Law, invariants: ArrayLike) -> float:
     """The least of `evaluate`'s ellipticity indicators over all states, at about half the cost; inf
     without states."""
+    if fabric.count != 1:
+        return float(evaluate(fabric, invariants).ellipticity.min(initial=np.inf))
     _, Q, _ = _second(fabric, np.asarray(invariants, float).reshape(-1, 4))
     least = float(smallest_eigenvalue(Q, only_least=True)[0].min(initial=np.inf))
     return least / (fabric.shear_stiffness or 1.0)

@@ -1,11 +1,13 @@
 """Materials of a scene's sheets, as their terms know them."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from ..material.laws import Law
 from ..material.laws.base import Material
+from ..runtime.collective_errors import on_all
 from ..sheets.blank import Part
 from .term import SceneFacts
 
@@ -28,6 +30,26 @@ def material_of(scene: SceneFacts, part: Part) -> Material | None:
 def fabric_of(scene: SceneFacts, part: Part) -> Law | None:
     """The first fabric among these, None if no term knows."""
     return next((each for each in materials_of(scene, part) if isinstance(each, Law)), None)
+
+
+def thickness_shares(scene: SceneFacts, part: Part, x: np.ndarray) -> np.ndarray:
+    """Thickness at places x (n, 3) of the undeformed part over that of its material, (n,); on all
+    ranks together."""
+    here = part, scene.blank.whole
+    for term in scene.terms:
+        if (field := term.thickness_field) and scene.blank.part(term.part_name) in here:
+            material: Any = term.material
+            return on_all(scene.blank.mesh.comm, lambda: field.at(x)) / material.thickness
+    return np.ones(len(x))
+
+
+def thickness_shares_at_nodes(scene: SceneFacts) -> np.ndarray:
+    """As `thickness_shares`, at the owned nodes (nodes,)."""
+    count = scene.blank.V.dofmap.index_map.size_local
+    shares, x = np.ones(count), scene.blank.coordinates()[:count]
+    for part in list(scene.blank.parts.values()) or [scene.blank.whole]:
+        shares[part.nodes] = thickness_shares(scene, part, x[part.nodes])
+    return shares
 
 
 def materials_at_nodes(scene: SceneFacts) -> tuple[list[Material], np.ndarray] | None:

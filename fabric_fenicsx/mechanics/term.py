@@ -68,6 +68,8 @@ class Term:
         the MPI communicator, `blank.V.dofmap.index_map` numbers the nodes.
     fields : mapping
         {name: (`Field`, places (n, 3), its values (n,) there)} of what depends on the place.
+    thickness_field : Field or None
+        Thickness of the part's material [mm] where that depends on the place.
     fingerprint : dict
         Attributes before `set_up` as plain data, in which a checkpoint must agree.
     unbound : Term
@@ -94,6 +96,7 @@ class Term:
     energy: ufl.Form | None = None
     pattern = 0
     prestressed = False
+    thickness_field: Field | None = None
     fields: Mapping[str, tuple[Field, np.ndarray, np.ndarray]] = {}
     tool: Tool | None = None
     blank: Blank

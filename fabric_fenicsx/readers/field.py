@@ -121,11 +121,11 @@ class Field:
             return self.source
         return {"file": str(self.source), "field": self.name} if self.name else str(self.source)
 
-    def told(self, values: np.ndarray) -> str:
-        """Values (n,) and where they are from, for people."""
-        low, high = (rounded(float(v), 4) for v in (values.min(), values.max()))
+    def told(self, low: float, high: float) -> str:
+        """The least and the largest value, and where they are from, for people."""
+        ends = dict.fromkeys((rounded(low, 4), rounded(high, 4)))
         source = "a function" if callable(self.source) else Path(self.source).name
-        return f"{low if low == high else f'{low} to {high}'} ({source})"
+        return f"{' to '.join(ends)} ({source})"
 
     def _check(self, values, places):
         """Raise InputError for a value that the rule does not allow."""

@@ -281,8 +281,7 @@ class Scene:
         if straight := self.blank.whole.straight:
             facts["directions of the yarns"] = np.round(straight, 9).tolist()
         else:
-            gdim, x = self.blank.mesh.geometry.dim, self.blank.places()
+            gdim, x = self.blank.mesh.geometry.dim, self.blank.centres()
             yarns = [f.x.array.reshape(-1, gdim)[: len(x)] for f in (self.blank.a0, self.blank.b0)]
-            x = x @ np.eye(x.shape[1], 3)
             facts["directions of the yarns"] = of_values(self.comm, x, np.hstack(yarns))
         return facts

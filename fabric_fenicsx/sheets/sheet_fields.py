@@ -7,7 +7,7 @@ from ..material.laws import Law
 from ..meshes.specimen import PATTERNS
 from ..runtime.errors import InputError
 from ..runtime.fields import KnowsItsFields, check_fields, choice, number, text
-from ..runtime.rules import BELOW_180, COUNT, POSITIVE
+from ..runtime.rules import BELOW_180, COUNT, FINITE, POSITIVE
 from .layout import FULL_TURN
 
 ELEMENTS = "P1", "P2", "P3", "Q1", "Q2"
@@ -43,6 +43,9 @@ class SheetFields(KnowsItsFields):
     fibre_angle: float = number(0.0, FULL_TURN, "from the length to yarns a [deg]", "mesh")
     yarn_angle: float = number(
         90.0, BELOW_180, "from yarns a to yarns b in the flat sheet [deg]", "weave"
+    )
+    temperature: float | None = number(
+        None, FINITE, "of a fabric that has numbers at temperatures [deg C]", "weave"
     )
     weave_angle: float | None = number(
         None, BELOW_180, "that where the weave is free of shear (the yarn angle) [deg]", "weave"

@@ -136,6 +136,10 @@ class SheetMesh:
         low, high = bounds(self.mesh.comm, self.mesh.geometry.x.T)
         return bool(high[2] - low[2] <= FLAT_TOLERANCE * (high - low).max())
 
+    def centres(self) -> np.ndarray:
+        """Undeformed centres of the owned cells, (cells, 3) along x, y and z [mm]."""
+        return self._cell_points().mean(1)
+
     def places(self) -> np.ndarray:
         """Undeformed centres of the owned cells, (cells, 2) along x and y, if the sheet is not flat
         (cells, 3) along z, too [mm]."""

@@ -1,5 +1,6 @@
 """A law of fabrics: the numbers that every one has, and what is asked of it."""
 
+import dataclasses
 from collections.abc import Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
@@ -9,7 +10,7 @@ import numpy as np
 
 from ...readers.units import OWN
 from ...runtime.errors import InputError
-from ...runtime.rules import Rule, check_complete, shown, unknown_key
+from ...runtime.rules import FINITE, POSITIVE, Rule, check_complete, shown, unknown_key
 from .. import law_checks
 from ..bending import MeasuredBending
 from ..compaction import Compaction
@@ -18,6 +19,7 @@ from ..files import (
     FIBRES,
     OWN_UNITS,
     SHEET,
+    read_numbers,
     read_scatter,
     read_sheet_numbers,
     take_table,
@@ -68,6 +70,8 @@ class Law(Material, Energy):
         Mass per volume of the fibres [g/cm3], None if not known.
     fibre_share : float or None
         Share of the fabric's mass that is fibres, where it brings its matrix; None for all of it.
+    at_temperatures : mapping
+        {temperature [deg C]: {name of a number or factor: its value there}}, for `at`.
     assumed : tuple of str
         Names of numbers that no test has determined.
     scatter : mapping
@@ -100,6 +104,7 @@ class Law(Material, Energy):
     bending: MeasuredBending | None = None
     fibre_density: float | None = None
     fibre_share: float | None = None
+    at_temperatures: Mapping[float, Mapping[str, float]] = field(default_factory=dict, hash=False)
     # where numbers are from does not make another fabric
     assumed: tuple[str, ...] = field(default=(), compare=False)
     scatter: Mapping[str, tuple[float, float]] = field(default_factory=dict, compare=False)
@@ -123,6 +128,7 @@ class Law(Material, Energy):
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "assumed", self._checked_assumed())
+        object.__setattr__(self, "at_temperatures", self._checked_temperatures())
         for name, rule in FIBRES.items():
             if (value := getattr(self, name)) is not None:
                 object.__setattr__(self, name, rule.check(name, value))
@@ -144,6 +150,94 @@ class Law(Material, Energy):
             if name not in self.parameters:
                 raise unknown_key(name, self.parameters, f"assumed: {shown(name)}")
         return tuple(name for name in self.parameters if name in assumed)
+
+    def _checked_temperatures(self):
+        tables = {FINITE.check("temperature", t): at for t, at in self.at_temperatures.items()}
+        if len(tables) == 1:
+            raise InputError(f"at has the temperature {min(tables):g} alone; allowed are 2 or more")
+        rules, names = self.rules_at_temperatures(), {*next(iter(tables.values()), ())}
+        for temperature, numbers in tables.items():
+            where = f"at temperature {temperature:g}"
+            for name, value in numbers.items():
+                if name not in rules:
+                    raise unknown_key(name, rules, f"{where}: {name}")
+                rules[name].check(f"{where}: {name}", value)
+            check_complete(numbers, names, f"{where}: ", "at each temperature the same")
+            names |= {*numbers}
+        return {t: dict(tables[t]) for t in sorted(tables)}
+
+    @classmethod
+    def rules_at_temperatures(cls) -> Mapping[str, Rule]:
+        """The rules of what may depend on the temperature: numbers but for those of the sheet, and
+        factors."""
+        own = {name: rule for name, rule in cls.numbers().items() if name not in SHEET}
+        return own | dict.fromkeys(cls.factors, POSITIVE)
+
+    def _measured(self):
+        """The temperatures that are known, and the fabric at each."""
+        plain = dataclasses.replace(self, at_temperatures={})
+        return [*self.at_temperatures], [
+            Material.changed(plain, numbers) for numbers in self.at_temperatures.values()
+        ]
+
+    def check_temperatures(self, temperatures: np.ndarray) -> None:
+        """InputError for a temperature [deg C] beyond those that are known, and without such."""
+        known = [*self.at_temperatures]
+        if not known:
+            raise InputError(
+                f"`temperature` is given, and material {self.label} has no numbers at temperatures,"
+                " [[at]]; allowed is none"
+            )
+        low, high = (float(each) for each in (temperatures.min(), temperatures.max()))
+        if not known[0] <= low <= high <= known[-1]:
+            raise InputError(
+                f"`temperature` is {low if low < known[0] else high:g}; allowed is from "
+                f"{known[0]:g} to {known[-1]:g} deg C, where numbers of {self.label} are known"
+            )
+
+    def at(self, temperature: float | None) -> Self:
+        """The fabric at a temperature [deg C], with each number interpolated linearly between those
+        at the temperatures next to it. InputError for a temperature that is needed or of no use, or
+        beyond those that are known."""
+        if temperature is None and not self.at_temperatures:
+            return self
+        if temperature is None:
+            known = [*self.at_temperatures]
+            raise InputError(
+                f"`temperature` is missing, as material {self.label} has numbers at temperatures; "
+                f"allowed is from {known[0]:g} to {known[-1]:g} deg C"
+            )
+        self.check_temperatures(np.array(temperature))
+        known, fabrics = self._measured()
+        k = min(int(np.searchsorted(known, temperature, side="right")), len(known) - 1)
+        share = (temperature - known[k - 1]) / (known[k] - known[k - 1])
+        mixed = _mixed(fabrics[k - 1], fabrics[k], float(share))
+        return dataclasses.replace(mixed, name=f"{self.label} at {temperature:g} C")
+
+    def numbers_at(self, temperatures: np.ndarray) -> np.ndarray:
+        """The numbers of `symbols` at temperatures (n,) [deg C], (n, numbers), as of `at`."""
+        known, fabrics = self._measured()
+        columns = np.transpose([numbers_of(fabric) for fabric in fabrics])
+        return np.stack([np.interp(temperatures, known, column) for column in columns], axis=1)
+
+    def by_points(self, numbers: np.ndarray) -> Self:
+        """The law of points of which each has its `numbers` (n, numbers), in the order of
+        `symbols`, for their states alone."""
+        columns = iter(np.transpose(numbers))
+        new = self.symbols(lambda _: next(columns))
+        object.__setattr__(new, "count", len(numbers))
+        return new
+
+    def changed(self, numbers: Mapping[str, Any]) -> Self:
+        new = super().changed(numbers)
+        for name in numbers if self.at_temperatures else ():
+            alone = super().changed({name: numbers[name]})
+            if alone != self and alone._measured() == self._measured():
+                raise InputError(
+                    f"{name} is changed, and material {self.label} has its own at each "
+                    "temperature; allowed are numbers that [[at]] has not"
+                )
+        return new
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -233,6 +327,9 @@ class Law(Material, Energy):
         entries = {name: value for name, value in numbers.items() if value is not None}
         entries |= {"assumed": list(self.assumed)} if self.assumed else {}
         entries |= {"scatter": dict(self.scatter)} if self.scatter else {}
+        if self.at_temperatures:
+            tables_at = self.at_temperatures.items()
+            entries["at"] = [{"temperature": t} | dict(numbers) for t, numbers in tables_at]
         tables = {name: each.table() for name in TABLES if (each := getattr(self, name))}
         return entries | {"compaction": False} | tables
 
@@ -261,10 +358,47 @@ def sheet_fields(
             fields[key] = kind.from_table(take_table(document, key), units, key)
     fields |= {"assumed": document.pop("assumed", ())}
     fields |= {"scatter": read_scatter(document, law.numbers(), law.factors, units)}
-    keys, rules = (*also, *fields, *TABLES), rules or {}
+    fields |= {"at_temperatures": _read_temperatures(law, document.pop("at", []), units)}
+    keys, rules = (*also, *fields, "at", *TABLES), rules or {}
     fields |= read_sheet_numbers(document, units, keys, {**FIBRES, **rules})[0]
     check_complete(fields, (*SHEET, *rules), "", "at the top of the file")
     return fields
+
+
+def _read_temperatures(law, tables, units):
+    """{temperature: {name: value}} of the tables [[at]]."""
+    if not isinstance(tables, list) or not all(isinstance(each, dict) for each in tables):
+        raise InputError("at is no list; allowed is a table [[at]] for each temperature")
+    found: dict[float, dict[str, float]] = {}
+    rules = {"temperature": FINITE} | dict(law.rules_at_temperatures())
+    for k, table in enumerate(tables, 1):
+        numbers = read_numbers(table, rules, units, f"at.{k}.")
+        check_complete(numbers, ["temperature"], f"at.{k}.", "in each [[at]]")
+        temperature = numbers.pop("temperature")
+        if temperature in found:
+            raise InputError(f"at.{k}.temperature is {temperature:g} again; allowed is each once")
+        found[temperature] = numbers
+    return found
+
+
+def numbers_of(law: Parameters) -> list[float]:
+    """The numbers that `symbols` replaces, in its order."""
+    numbers: list[float] = []
+    law.symbols(numbers.append)
+    return numbers
+
+
+def _mixed(one, two, share):
+    """Of two alike, what lies at a share of the way from one to the other."""
+    if isinstance(one, Parameters):
+        names = [each.name for each in dataclasses.fields(one) if each.init]
+        pairs = {name: (getattr(one, name), getattr(two, name)) for name in names}
+        return dataclasses.replace(one, **{n: _mixed(*each, share) for n, each in pairs.items()})
+    if one == two:
+        return one
+    if isinstance(one, tuple):
+        return tuple(_mixed(*each, share) for each in zip(one, two))
+    return (1 - share) * one + share * two
 
 
 def coupling_variants(fabric: Law) -> dict[str, Law]:

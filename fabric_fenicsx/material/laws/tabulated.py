@@ -113,6 +113,7 @@ class Curve(Parameters):
         """A copy for `energy` alone, with make(v) for each number v."""
         new = super().symbols(make)
         object.__setattr__(new, "_pieces", [[make(v) for v in row] for row in self._pieces])
+        object.__setattr__(new, "_functions", None)
         return new
 
 
@@ -167,6 +168,8 @@ class TabulatedFabric(Law):
     def derivatives(
         self, eps_a: np.ndarray, eps_b: np.ndarray, gamma: np.ndarray, second: bool = True
     ) -> Derivatives:
+        if self.warp._functions is None:  # of `symbols`
+            return super().derivatives(eps_a, eps_b, gamma, second)
         pairs = (self.warp, eps_a), (self.weft, eps_b), (self._both, gamma)
         (A, A_a, A_aa), (B, B_b, B_bb), (H, H_g, H_gg) = (c.derivatives(e) for c, e in pairs)
         zero = np.zeros_like(A)

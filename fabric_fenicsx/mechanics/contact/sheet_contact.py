@@ -9,7 +9,7 @@ from ...readers.field import Field
 from ...runtime.errors import InputError
 from ...runtime.formatting import rounded
 from ...runtime.rules import POSITIVE, Rule
-from ..materials import material_of
+from ..materials import material_of, thickness_shares_at_nodes
 from ..output import Value, joined, largest, size_of
 from ..shell.morley import Where
 from ..term import SceneFacts, Triplets, overrides
@@ -64,6 +64,8 @@ class FaceContact(Interaction):
 
     def _begin(self, scene, points, *face_laws):
         """Let the faces of these laws press at the points."""
+        if any(term.thickness_field for term in scene.terms):
+            points.vary(thickness_shares_at_nodes(scene))
         self.points, self.face_laws = points, face_laws
         self._law = between_faces(*face_laws)
         self.rigid = isinstance(self._law, Rigid)

@@ -109,10 +109,15 @@ class SheetPoints:
         self.count = len(self.areas)
         self.nodes = Nodes(self.blank)
         self._thickens, self._powers = any(thickening), np.zeros(self.nodes.count)
+        self._shares = np.ones(self.nodes.count)  # of the thickness, where that is a field
         for part, power in zip(parts, thickening):
             self._powers[part.nodes] = power
         self._below = np.full(self.count, -1)  # what was found last
         self._found: tuple[np.ndarray, ContactPairs] | None = None
+
+    def vary(self, shares: np.ndarray) -> None:
+        """Let the sheets be `shares` (owned nodes,) as thick as they were made."""
+        self._shares, self._thickens, self._found = shares, True, None
 
     def pairs(self) -> ContactPairs:
         """The points over the other sheet at the present displacement, on all ranks together."""
@@ -159,7 +164,7 @@ class SheetPoints:
             return np.ones(len(at))
         areas = self.nodes.areas
         ratios = np.where(areas > 0, self.nodes.areas_now() / np.maximum(areas, 1e-300), 1.0)
-        thicker = (ratios**-self._powers)[:, None]
+        thicker = (self._shares * ratios**-self._powers)[:, None]
         mine = self._own.flat(self._places, self._own.gathered(thicker))[at, 0]
         others = self._face.gathered(thicker)[self._face.triangles[below.triangle[at]], 0]
         return self._share * mine + (1 - self._share) * (below.weights[at] * others).sum(1)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...material.laws.base import Law
-from ..materials import fabric_of
+from ..materials import fabric_of, thickness_shares
 from ..output import Value, last, total
 from ..term import SceneFacts
 from .pressure_law import thickening_of
@@ -22,10 +22,12 @@ class PlyThickness:
     ) -> None:
         self._blank = blank = scene.blank
         self._flat, self._fibres = np.full((2, len(blank.areas())), np.nan)
-        self._thickening = np.zeros(len(self._flat))
+        self._thickening, self._shares = np.zeros((2, len(self._flat)))
         self._fabrics: list[tuple[np.ndarray, Law]] = []
         for part in list(blank.parts.values()) or [blank.whole]:
             if (fabric := fabric_of(scene, part)) and not (rigid and fabric.compaction):
+                shares = thickness_shares(scene, part, blank.centres()[part.cells])
+                self._shares[part.cells] = 1.0 if thickness else shares
                 fabric = fabric.replace(thickness=thickness or fabric.thickness)
                 self._fabrics.append((part.cells, fabric))
                 self._flat[part.cells] = fabric.thickness_under(0.0)
@@ -38,7 +40,7 @@ class PlyThickness:
         lost = np.zeros(len(self._fibres))
         for cells, fabric in self._fabrics:
             lost[cells] = (fabric.thickness_under(0.0) - fabric.thickness_under(pressure)) / 2
-        return lost * self._growth()
+        return lost * self._shares * self._growth()
 
     def fields(self, lost: np.ndarray) -> dict[str, Value]:
         """Compaction and thickness [mm] and, where fibre densities are known, fibre volume fraction
@@ -54,10 +56,11 @@ class PlyThickness:
         return values
 
     def _thickness(self, fields):
-        return self._flat * self._growth() - fields["compaction"]
+        return self._flat * self._shares * self._growth() - fields["compaction"]
 
     def _growth(self):
         return self._blank.area_ratios() ** -self._thickening
 
     def _share_of_fibres(self, fields):
-        return self._fibres / (self._thickness(fields) * self._blank.area_ratios())
+        fibres = self._fibres * self._shares
+        return fibres / (self._thickness(fields) * self._blank.area_ratios())

@@ -12,7 +12,7 @@ from ...runtime.rules import POSITIVE
 from ...tools.checks import check_start
 from ...tools.surfaces import Nearest
 from ...tools.tool import Tool
-from ..materials import materials_at_nodes
+from ..materials import materials_at_nodes, thickness_shares_at_nodes
 from ..output import Value, largest, least, total
 from ..shell.morley import Where
 from ..term import SceneFacts
@@ -93,6 +93,10 @@ class Contact(ToolInteraction):
             raise InputError(f"{len(same)} contacts with {self.tool.name} given; allowed is one")
         self.nodes = Nodes(scene.blank, self.part, self.where)
         self._flat_thickness, self._flat_law, self.rigid = self._faces(scene)
+        if any(term.thickness_field for term in scene.terms) and not self._face["thickness"]:
+            shares = thickness_shares_at_nodes(scene)
+            self._flat_thickness = shares * self._flat_thickness
+            self._flat_law = Grown(self._flat_law, np.where(self.rigid, 1.0, shares))
         self.plies = PlyThickness(scene, self._face["thickness"], bool(self._face["penalty"]))
         self.depth = np.zeros(self.nodes.count)
         self._press_on(self.nodes.areas, np.zeros(self.nodes.count))

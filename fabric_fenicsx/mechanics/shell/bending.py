@@ -13,7 +13,7 @@ from ...material.friction import Response, respond
 from ...material.laws import Law
 from ...runtime.errors import InputError
 from ...runtime.rules import FROM_ZERO
-from ..materials import fabric_of
+from ..materials import fabric_of, thickness_shares
 from ..term import SceneFacts, Term, Triplets
 from .morley import MorleyCells, Where
 from .stencil import Stencil
@@ -169,6 +169,11 @@ class Bending(Term):
         self._spread = TWIST[:, None] * cells.spread
         self._coupled = self._stencil.coupled
         weights = cells.area[:, None] * self.stiffnesses
+        if "modulus" in stiffness:
+            x = cells.corners.mean(1) @ blank.frame @ np.eye(len(blank.frame), 3)
+            measured = np.array([True, True, False]) & bool(self._measured)
+            cubes = thickness_shares(scene, self.part, x)[:, None] ** 3
+            weights = weights * np.where(measured, 1.0, cubes)
         self._section = (1 - self.in_plane) * weights / TWIST**2
         self._across = (1 - self.in_plane) * np.tile(cells.area[:, None], 2)
         # stiffness of all second derivatives along each axis, of pairs of nodes

@@ -1,6 +1,6 @@
 """The membrane: in-plane strain energy of a blank."""
 
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import ufl
@@ -11,10 +11,13 @@ from ufl.core.expr import Expr
 from ... import dolfinx_compat as compat
 from ...material import kernel, stability
 from ...material.laws import Law
+from ...material.laws.base import numbers_of
 from ...material.presets import checked_fabric
 from ...material.strains import SHORTENED, nominal_strain, share_name, shear_angle
+from ...readers.field import Field, of_place
+from ...runtime.collective_errors import on_all
 from ...runtime.errors import InputError
-from ...runtime.rules import COUNT
+from ...runtime.rules import COUNT, FINITE, POSITIVE
 from ...sheets.part import Part
 from .. import membrane_energy
 from ..output import Value, joined, largest, last, least, on_part
@@ -76,6 +79,12 @@ class Membrane(Term):
         Angle between the yarns of the weave without shear [rad], from which the shear angle counts.
         By default the initial angle of the blank, as in eq. (8). With any other the blank has
         stress as it lies.
+    temperature : float or Field, optional
+        Of a fabric that has numbers at temperatures [deg C]: one, or of x and y of the flat sheet,
+        taken in the middle of each cell.
+    thickness : Field, optional
+        In place of the fabric's [mm], of x and y of the flat sheet. It scales membrane, bending
+        (with its cube, but not a measured one) and the faces that touch others.
 
     Raises
     ------
@@ -110,12 +119,26 @@ class Membrane(Term):
         quadrature_degree: int | None = None,
         integration: str = "full",
         weave_angle: float | None = None,
+        temperature: float | Field | None = None,
+        thickness: Field | None = None,
     ) -> None:
         if integration not in INTEGRATION:
             raise InputError(
                 f"integration is {integration!r}; allowed are {', '.join(INTEGRATION)}"
             )
-        self.fabric, self.integration = checked_fabric("fabric of a membrane", fabric), integration
+        checked_fabric("fabric of a membrane", fabric)
+        if temperature is not None:
+            temperature = of_place(FINITE).check("`temperature`", temperature)
+        if thickness is not None:
+            thickness = of_place(POSITIVE).check("`thickness`", thickness)
+            if not isinstance(thickness, Field):
+                thickness, fabric = None, fabric.replace(thickness=thickness)
+        self.thickness_field, self.integration = thickness, integration
+        self._warm: tuple[Law, Field] | None = None
+        if isinstance(temperature, Field):  # the coldest stands for all where one law is asked for
+            self._warm = fabric, temperature
+            temperature = min(fabric.at_temperatures, default=0.0)
+        self.fabric = fabric.at(temperature)
         self.weave_angle = None if weave_angle is None else kernel.check_weave_angle(weave_angle)
         self.prestressed = weave_angle is not None
         if quadrature_degree is not None:
@@ -125,6 +148,7 @@ class Membrane(Term):
         self._evaluated: tuple[np.ndarray, np.ndarray] | None = None
 
     def set_up(self, scene: SceneFacts) -> None:
+        self._numbers = self._numbers_of_cells()
         blank, mesh = scene.blank, scene.blank.mesh
         self.fabric.check_rest()
         cell = compat.cell_name(mesh)
@@ -196,15 +220,47 @@ class Membrane(Term):
         """The fabric, a0 and b0 where they are constant and the cosine of a weave angle that is
         given: entries of one vector, as several would be ordered, and the form compiled anew, by
         their names."""
-        straight, fabric = self.part.straight, self.fabric
-        numbers: list[float] = []
-        fabric.symbols(numbers.append)
-        values = [*numbers, *np.ravel(straight or ())]
+        straight, fabric, numbers = self.part.straight, self.fabric, self._numbers
+        values = [] if numbers is not None else numbers_of(fabric)
+        values += [*np.ravel(straight or ())]
         values += [] if self.weave_angle is None else [np.cos(self.weave_angle)]
-        entries = iter(fem.Constant(mesh, values))
-        law = fabric.symbols(lambda _: next(entries))
+        entries = iter(fem.Constant(mesh, values) if values else ())
+        of_law = entries
+        if numbers is not None:
+            many = numbers.shape[1]
+            function = fem.Function(compat.vector_space(mesh, "DG", 0, many))
+            function.x.array.reshape(-1, many)[self.part.cells] = numbers
+            of_law = iter(function)
+        law = fabric.symbols(lambda _: next(of_law))
         directions = [ufl.as_vector([next(entries) for _ in each]) for each in straight or ()]
         return law, directions, next(entries, None)
+
+    def _numbers_of_cells(self):
+        """The numbers of the law in the part's cells (cells, numbers), None if they are the same in
+        all."""
+        if not (self._warm or self.thickness_field):
+            return None
+        x, comm = self.blank.centres()[self.part.cells], self.blank.mesh.comm
+        numbers = np.tile(numbers_of(self.fabric), (len(x), 1))
+        fields: dict[str, Field] = {"temperature": self._warm[1]} if self._warm else {}
+        fields |= {"thickness": self.thickness_field} if self.thickness_field else {}
+        values = {name: on_all(comm, partial(each.at, x)) for name, each in fields.items()}
+        self.fields = {name: (each, x, values[name]) for name, each in fields.items()}
+        if self._warm:
+            law, at = self._warm[0], values["temperature"]
+            on_all(comm, lambda: law.check_temperatures(at) if len(at) else None)
+            numbers = law.numbers_at(at)
+        numbers[:, -1] = values.get("thickness", numbers[:, -1])
+        return numbers
+
+    @cached_property
+    def law_of_points(self) -> Law:
+        """The fabric, or the law of all quadrature points of the part's cells, each with its own
+        numbers."""
+        if not self._warm:
+            return self.fabric
+        many = len(compat.quadrature(self.blank.mesh, self.degree)[1])
+        return self.fabric.by_points(np.repeat(self._numbers, many, axis=0))
 
     def _fibres(self):
         """a0, b0: where they vary, on cells without one tangent plane projected anew at each
@@ -256,7 +312,7 @@ class Membrane(Term):
         cells, points = F.shape[:2]
         b = b.reshape(-1, 2)
         state = kernel.evaluate(
-            self.fabric,
+            self.law_of_points,
             gradient=F.reshape(-1, 3, 2),
             fibres=([1.0, 0.0], b),
             weave_angle=self.weave_angle,
@@ -307,7 +363,7 @@ class Membrane(Term):
         )
         for name, f, I in (("sigma_a", fa, I4), ("sigma_b", fb, I8)):
             fields[name] = mean(np.einsum("cqi,cqij,cqj->cq", f, state.cauchy, f) / I)
-        stable = stability.evaluate(self.fabric, state.invariants)
+        stable = stability.evaluate(self.law_of_points, state.invariants)
         if self._rubbing:
             fields["shear_friction"] = mean(self._rubbing.response().stress)
         fields["stability_convexity"] = stable.convexity.min(1)
@@ -333,7 +389,7 @@ class Membrane(Term):
         itself allows a band. In space also the largest shortening of yarns in a cell, and the share
         of the area in which it is above `SHORTENED`: there it hides wrinkles."""
         comm = self.blank.mesh.comm
-        stable = stability.least_ellipticity(self.fabric, self.invariants_at_points())
+        stable = stability.least_ellipticity(self.law_of_points, self.invariants_at_points())
         columns = {"min_stability": least(comm.allreduce(stable, MPI.MIN))}
         if self.blank.mesh.geometry.dim == 3:
             most = self.shortening().max(1)
@@ -370,7 +426,7 @@ class Membrane(Term):
         eps_a, eps_b, none = nominal_strain(I4), nominal_strain(I8), 0 * I4
 
         def stress(a, b, gamma):
-            return self.fabric.derivatives(a, b, gamma, second=False).first
+            return self.law_of_points.derivatives(a, b, gamma, second=False).first
 
         now, alone = stress(eps_a, eps_b, gamma), stress(eps_a, none, none)[:1]
         alone = np.concatenate([alone, stress(none, eps_b, none)[1:2]])

@@ -42,7 +42,7 @@ def band_warning(membrane: Membrane) -> str:
     """
     part, comm = membrane.part, membrane.blank.mesh.comm
     areas = membrane.blank.areas()[part.cells]
-    state = stability.evaluate(membrane.fabric, membrane.invariants_at_points())
+    state = stability.evaluate(membrane.law_of_points, membrane.invariants_at_points())
     least = state.ellipticity.min(1)
     lost, whole = comm.allreduce(np.array([areas[least < 0].sum(), areas.sum()]))
     if lost <= 0.01 * whole:
@@ -158,7 +158,9 @@ def alternating_energy(membrane: Membrane) -> float:
         frame = np.stack([np.broadcast_to([1.0, 0.0], b.shape), b], -1)
         F = np.stack([fa, fb], -1) @ np.linalg.inv(frame)
         fibres = [1.0, 0.0], b.reshape(-1, 2)
-        found = kernel.evaluate(membrane.fabric, gradient=F.reshape(-1, 2, 2), fibres=fibres).energy
+        found = kernel.evaluate(
+            membrane.law_of_points, gradient=F.reshape(-1, 2, 2), fibres=fibres
+        ).energy
         return float(areas @ (found.reshape(gamma.shape) @ membrane.weights))
 
     parts = np.array([energy(stretches), energy(np.broadcast_to(smooth, stretches.shape))])
