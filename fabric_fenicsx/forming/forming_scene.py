@@ -64,7 +64,7 @@ class FormingScene(Setup):
     def fields(self) -> dict[str, str]:
         """{name: least to largest value and source} of what is a field; on all ranks."""
         units = {"fibre_angle": "deg", "thickness": "mm", "temperature": "C"}
-        found = {}
+        found = dict[str, tuple[Field, np.ndarray]]()
         for path, sheet, blank in zip(self.data.paths(), self.sheets, self.laid.blanks):
             of_sheet = {f"{path}.{name}_{units[name]}": getattr(sheet, name) for name in units}
             given = {n: v for n, v in of_sheet.items() if isinstance(v, Field)}

@@ -40,7 +40,9 @@ def weft_for_warp_of(sheet):
     return dataclasses.replace(
         sheet,
         fabric=law.replace(warp=law.weft, weft=law.warp),
-        fibre_angle=(sheet.fibre_angle + sheet.yarn_angle + 180) % 360 - 180,
+        fibre_angle=Map().field(
+            sheet.fibre_angle, lambda a: (a + sheet.yarn_angle + 180) % 360 - 180
+        ),
         yarn_angle=180 - sheet.yarn_angle,
         weave_angle=None if weave is None else 180 - weave,
     )
@@ -95,7 +97,11 @@ def reordered(press, folder):
 def centred(press, folder):
     """The sheet's file lies elsewhere, and `centred` puts its middle at the origin."""
     moved = moved_press(press, Map(shift=(30.0, -20.0)), folder)
-    sheets = [dataclasses.replace(each, centred=True) for each in moved.sheets]
+    fields = "fibre_angle", "thickness", "temperature", "friction"  # of the place as it is laid
+    sheets = [
+        dataclasses.replace(there, centred=True, **{name: getattr(here, name) for name in fields})
+        for here, there in zip(press.sheets, moved.sheets)
+    ]
     return press.replace(sheets=sheets)
 
 
@@ -228,8 +234,8 @@ NOT_BY_DESIGN = {
     "turned by 30 deg": {name: EIGHT for name in PRESSES if name not in ("gap", "springs")},
     "turned by 45 deg": dict.fromkeys(("tension", "edge_springs"), AXES),
     "turned over": dict.fromkeys(("two_plies", "ply_and_metal"), STACK),
-    "written and read": dict.fromkeys(("own_term",), ONLY_HERE),
-    "set in the command": dict.fromkeys(("own_term",), ONLY_HERE),
+    "written and read": dict.fromkeys(("own_term", "fields"), ONLY_HERE),
+    "set in the command": dict.fromkeys(("own_term", "fields"), ONLY_HERE),
 }
 NOT_BY_DESIGN["turned by 30 deg"] |= dict.fromkeys(("tension", "edge_springs"), AXES)
 

@@ -61,15 +61,24 @@ class Map:
 
     def angle(self, deg):
         """The angle in plan of a direction that was at `deg`."""
-        x = self.axes @ [np.cos(np.radians(deg)), np.sin(np.radians(deg)), 0.0]
-        return float(np.degrees(np.arctan2(x[1], x[0])).round(9))
+        rad = np.radians(deg)
+        x = self.axes @ np.stack([np.cos(rad), np.sin(rad), 0.0 * rad])
+        return np.degrees(np.arctan2(x[1], x[0])).round(9)
+
+    def field(self, value, to=lambda value: value):
+        """A number, or a field there, whose values become others by `to`."""
+        if not isinstance(value, ff.Field):
+            return value if value is None else float(to(value))
+        return lambda *x: to(
+            value.at(self.back(np.stack(np.broadcast_arrays(*x, *[0.0] * (3 - len(x))), 1)))
+        )
 
     def yarns(self, sheet):
         """Fields of a sheet's yarns."""
         between = {n: getattr(sheet, n) for n in ("yarn_angle", "weave_angle")}
         if self.reverses:
             between = {n: None if v is None else 180.0 - v for n, v in between.items()}
-        return {"fibre_angle": self.angle(sheet.fibre_angle)} | between
+        return {"fibre_angle": self.field(sheet.fibre_angle, self.angle)} | between
 
 
 def moved_sheet(sheet, blank, file, map):
@@ -90,7 +99,9 @@ def moved_sheet(sheet, blank, file, map):
     sides = ("length", "width", "side", "outline", "size", "nx", "ny", "layer")
     none = {name: None for name in sides if hasattr(sheet, name)}
     none["pattern"] = type(sheet).pattern
-    return dataclasses.replace(sheet, mesh=str(file), **none | map.yarns(sheet))
+    fields = ("thickness", "temperature", "friction") if hasattr(sheet, "thickness") else ()
+    moved = {name: map.field(getattr(sheet, name)) for name in fields}
+    return dataclasses.replace(sheet, mesh=str(file), **none | map.yarns(sheet) | moved)
 
 
 def moved_tool(tool, map, file):
@@ -137,7 +148,9 @@ def moved_press(press, map, folder):
         moved_sheet(sheet, blank, folder / f"sheet_{k}.vtu", map)
         for k, (sheet, blank) in enumerate(zip(press.sheets, built.laid.blanks))
     ]
+    friction = map.field(press.interface.friction)
     return press.replace(
+        interface=dataclasses.replace(press.interface, friction=friction),
         sheets=sheets[::-1] if map.is_over else sheets,
         tools={n: moved_tool(tool, map, folder / n) for n, tool in press.tools.items()},
         holders={n: moved_holder(h, map, built.laid.centre) for n, h in press.holders.items()},

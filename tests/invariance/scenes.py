@@ -132,6 +132,36 @@ def two_plies(**given):
     return press(*plies, stages=ff.Stage("forming", moves={"ball": 3.0}, steps=2), **given)
 
 
+WARM = TWILL.replace(at_temperatures={20.0: {"shear_factor": 4.0}, 200.0: {"shear_factor": 1.0}})
+
+
+def of_fields(folder):
+    """Functions that no mirror leaves as they are."""
+    ply = sheet(
+        WARM,
+        fibre_angle=lambda x, y: 10 + 0.1 * x - 0.2 * y,
+        thickness=lambda x, y: 0.9 + 0.002 * x,
+        temperature=lambda x, y: 100 + x + 0.5 * y,
+    )
+    friction = lambda x, y, z: 0.2 + 0.002 * x + 0.01 * z  # noqa: E731
+    return press(ply, interface=ff.Interface(friction=friction))
+
+
+def of_files(folder):
+    """A quarter with a warm middle, by files of points."""
+    x, y = (c.ravel() for c in np.meshgrid(np.linspace(-50, 50, 11), np.linspace(-40, 40, 9)))
+    table = np.column_stack([x, y, 180 - 2 * abs(x)])
+    np.savetxt(folder / "warm.csv", table, delimiter=",", header="x,y,T [C]", comments="")
+    points, mu = np.column_stack([x, y, 0 * x]), {"mu": 0.1 + 0.002 * abs(y)}
+    cells = {"vertex": np.arange(len(x))[:, None]}
+    meshio.write(folder / "mu.vtu", meshio.Mesh(points, cells, mu), binary=False)
+    return press(
+        sheet(WARM, nx=4, temperature=str(folder / "warm.csv")),
+        symmetry="xy",
+        interface=ff.Interface(friction=str(folder / "mu.vtu")),
+    )
+
+
 FORCE = {"ball": ff.PressTool(ff.Sphere(24), force=1.0)}
 BACK = [
     ff.Stage("forming", moves={"ball": 6.0}, steps=2),
@@ -186,6 +216,8 @@ PRESSES: dict[str, Callable] = {
     "self": lambda folder: press(interface=ff.Interface(friction=0.2, self=True)),
     "no_bending": lambda folder: press(sheet(bending_modulus=0.0)),
     "yarn_friction": lambda folder: press(sheet(TWILL.replace(**RUBBING))),
+    "fields": of_fields,
+    "files": of_files,
     "own_law": lambda folder: press(sheet(Own(**vars(TWILL)), pattern="left")),
 }
 COUPONS: dict[str, Callable] = {

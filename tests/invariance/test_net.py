@@ -102,7 +102,7 @@ class Killed(Exception):
 
 
 STOPPED = ["gap", "by_force", "springs", "own_term", "stl", "back", "two_stages", "inner"]
-STOPPED += ["two_plies", "ply_and_metal", "self", "yarn_friction"]
+STOPPED += ["two_plies", "ply_and_metal", "self", "yarn_friction", "fields"]
 
 
 @pytest.mark.parametrize("scene", STOPPED)
@@ -176,7 +176,7 @@ def forces(scene, x, load):
     return np.append(scene.forces.array, scene.energy())
 
 
-ON_RANKS = "whole", "quarter", "stl", "two_plies", "ply_and_metal", "inner", "springs"
+ON_RANKS = "whole", "quarter", "stl", "two_plies", "ply_and_metal", "inner", "springs", "fields"
 
 
 @pytest.mark.parametrize("scene", [pytest.param(n, marks=pytest.mark.mpi) for n in ON_RANKS])
