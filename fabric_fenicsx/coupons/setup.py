@@ -38,7 +38,7 @@ class CouponSetup(Setup):
         self.data = replace(self.data, **settled)
         self.data = replace(self.data, integration=self.integration())
         weave = data.weave_angle and math.radians(data.weave_angle)
-        self.membrane = Membrane(data.fabric, integration=self.data.integration, weave_angle=weave)
+        self.membrane = Membrane(warm, integration=self.data.integration, weave_angle=weave)
         self.prepare()
         terms = [self.membrane, *self.terms()]
         super().__init__(Scene(self.blank, terms, self.supports()), self.data, self.warnings)

@@ -70,9 +70,10 @@ class FormingScene(Setup):
             given = {n: v for n, v in of_sheet.items() if isinstance(v, Field)}
             found |= {name: (v, v.at(blank.centres())) for name, v in given.items()}
         for term in self.scene.terms:
-            if "friction" in term.fields:
-                field, _, values = term.fields["friction"]
-                found[f"friction of {term.tool.name if term.tool else term.name}"] = field, values
+            owner = term.tool.name if term.tool else term.name
+            for name, (field, _, values) in term.fields.items():
+                if name.startswith("friction"):
+                    found[f"{name} on {owner}"] = field, values
         return {name: field.told(*self._ends(values)) for name, (field, values) in found.items()}
 
     def _ends(self, values):

@@ -243,8 +243,8 @@ def _chosen(names, name, kind):
         raise unknown_key(name, names, f"{kind} {shown(name)}")
     if name or len(names) == 1:
         return name or names[0]
-    found = f"has {len(names)} {kind}s of values, {', '.join(names)}" if names else f"has no {kind}"
-    raise InputError(f"{found}; allowed is one, or one that is named by `field`")
+    found = f"{len(names)} {kind}s of values, {', '.join(names)}" if names else "no values"
+    raise InputError(f"has {found}; allowed is one {kind}, or one that is named by `field`")
 
 
 def _once(places, values):

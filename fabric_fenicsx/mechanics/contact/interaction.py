@@ -66,10 +66,11 @@ class Interaction(Term):
         """Friction coefficient of all points, or of each."""
         return law.coefficient
 
-    def _of_place(self, field, x):
-        """Coefficients (n,) by a field at places x (n, 3), noted as its values."""
+    def _of_place(self, field, x, sheet=""):
+        """Coefficients (n,) by a field at places x (n, 3), noted as its values of a sheet."""
         values = on_all(self.blank.mesh.comm, lambda: field.at(x))
-        self.fields = {"friction": (field, x, values)} | dict(self.fields)  # of the start
+        name = f"friction of {sheet}" if sheet else "friction"
+        self.fields = {name: (field, x, values)} | dict(self.fields)  # of the start
         return values
 
     def _start_friction(self):
@@ -228,7 +229,7 @@ class ToolInteraction(Interaction):
         coefficients, x = np.zeros(self.nodes.count), self._touched()
         for name, coefficient in each.items():
             at = self.blank.part(name).nodes
-            value = self._of_place(coefficient, x[at]) if name in fields else coefficient
+            value = self._of_place(coefficient, x[at], name) if name in fields else coefficient
             coefficients[at] = value
         self._follows = bool(fields)
         return coefficients
