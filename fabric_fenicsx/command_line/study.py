@@ -177,7 +177,7 @@ class Study:
             flaw = f"but the material {args.material} is of the law {fabric.law}"
             allowed = "--material with a file of the law in it"
             raise InputError(f"{option}, {flaw}; allowed is {allowed}")
-        return self.coupled(fabric)
+        return self.coupled(fabric if "temperature" in args else fabric.at(None))
 
     def coupled(self, fabric: Law) -> Law:
         """The fabric with the couplings that the options leave."""

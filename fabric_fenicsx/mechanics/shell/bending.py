@@ -168,12 +168,7 @@ class Bending(Term):
         self._stencil = Stencil(cells, cells.bends, cells.own * is_curved)
         self._spread = TWIST[:, None] * cells.spread
         self._coupled = self._stencil.coupled
-        weights = cells.area[:, None] * self.stiffnesses
-        if "modulus" in stiffness:
-            x = cells.corners.mean(1) @ blank.frame @ np.eye(len(blank.frame), 3)
-            measured = np.array([True, True, False]) & bool(self._measured)
-            cubes = thickness_shares(scene, self.part, x)[:, None] ** 3
-            weights = weights * np.where(measured, 1.0, cubes)
+        weights = self._weights(scene, cells)
         self._section = (1 - self.in_plane) * weights / TWIST**2
         self._across = (1 - self.in_plane) * np.tile(cells.area[:, None], 2)
         # stiffness of all second derivatives along each axis, of pairs of nodes
@@ -194,6 +189,16 @@ class Bending(Term):
         self._area, self._per_cell = cells.area, cells.per_cell
         self._sliding = np.zeros((len(cells.area), *self._friction.shape[1:]))
         self._dissipated = 0 * cells.area
+
+    def _weights(self, scene, cells):
+        """Areas times stiffnesses of the cells (cells, 3), of a sheet as thick as it is there."""
+        weights = cells.area[:, None] * self.stiffnesses
+        if "modulus" not in self._given:
+            return weights
+        x = cells.corners.mean(1) @ self.blank.frame @ np.eye(len(self.blank.frame), 3)
+        cubes = thickness_shares(scene, self.part, x)[:, None] ** 3
+        measured = np.array([True, True, False]) & bool(self._measured)
+        return weights * np.where(measured, 1.0, cubes)
 
     # -- what a scene calls
 
