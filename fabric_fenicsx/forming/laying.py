@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..coupons.laying import lay, modelled
 from ..mechanics.term import Term
+from ..readers.field import Field
 from ..runtime.collective_errors import on_all
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
@@ -94,7 +95,7 @@ def lay_blank(press: Press, comm: MPI.Comm, warnings: list[str]) -> Laid:
     blanks = [each.blank for each in meshed]
     sheets = [
         dataclasses.replace(
-            sheet.laid_on(laid.blank), **laid.settled, integration=sheet.integration or "full"
+            _as_thick(sheet, laid.blank), **laid.settled, integration=sheet.integration or "full"
         )
         for sheet, laid in zip(made, meshed)
     ]
@@ -105,6 +106,16 @@ def lay_blank(press: Press, comm: MPI.Comm, warnings: list[str]) -> Laid:
     centre = _centroid(blank)
     centre[list(planes)] = 0.0
     return Laid(blank, sheets, sides, centre)
+
+
+def _as_thick(sheet, blank):
+    """The sheet; the fabric of one whose thickness is a field has the largest on this blank."""
+    if not isinstance(sheet.thickness, Field):
+        return sheet
+    comm, x = blank.mesh.comm, np.vstack([blank.coordinates(), blank.centres()])
+    own = on_all(comm, lambda: float(sheet.thickness.at(x).max(initial=0.0)))
+    most = comm.allreduce(own, MPI.MAX)
+    return dataclasses.replace(sheet, fabric=sheet.fabric.replace(thickness=most))
 
 
 def first_fabric(sheets: Sequence[Sheet]) -> int:

@@ -7,18 +7,15 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from mpi4py import MPI
 
 from ..material.laws import Law
 from ..material.laws.base import Material
 from ..material.metal import Metal, load_metal
 from ..material.presets import checked_fabric, load
 from ..readers.field import Field, of_place
-from ..runtime.collective_errors import on_all
 from ..runtime.errors import InputError
 from ..runtime.fields import choice, number, switch
 from ..runtime.rules import COUNT, FINITE, FROM_ZERO, POSITIVE
-from ..sheets.blank import Blank
 from ..sheets.layout import FULL_TURN
 from ..sheets.sheet_fields import ELEMENTS, SheetFields
 from .interface import BETWEEN_FABRICS, ON_METAL, Interface
@@ -139,16 +136,6 @@ class Sheet(SheetFields):
         material: Any = self.metal or self.fabric
         own = self.thickness and not isinstance(self.thickness, Field)
         return material.replace(thickness=self.thickness) if own else material
-
-    def laid_on(self, blank: Blank) -> Self:
-        """The sheet of this blank. The fabric of one whose thickness is a field has the largest."""
-        if not isinstance(self.thickness, Field):
-            return self
-        field, x = self.thickness, np.vstack([blank.coordinates(), blank.centres()])
-        comm = blank.mesh.comm
-        most = comm.allreduce(on_all(comm, lambda: float(field.at(x).max(initial=0.0))), MPI.MAX)
-        fabric: Any = self.material.replace(thickness=most)
-        return dataclasses.replace(self, fabric=fabric)
 
     def ready(self, name: str, interface: Interface) -> Self:
         """The sheet with a name and its final material, as it is built. Raises InputError if it has
