@@ -207,3 +207,13 @@ def test_a_press_tells_what_ran(tmp_path):
     by_function = dataclasses.replace(told.sheets[0], fibre_angle=lambda x, y: x)
     with pytest.raises(ff.InputError, match="blank.fibre_angle is .*, which a file cannot hold"):
         told.replace(sheets=by_function).write(tmp_path / "other.toml")
+
+
+def test_a_part_is_told_of_yarns_that_no_mirror_leaves_as_they_are():
+    def warnings(angle):
+        made = press(sheet(fibre_angle=angle, nx=3)).replace(symmetry="xy")
+        return [text for text in made.build().warnings if "mirror images" in text]
+
+    (told,) = warnings(lambda x, y: 20 + 0 * x)
+    assert told.startswith("yarns by a function are not their own mirror images, so the quarter")
+    assert not warnings(lambda x, y: 0.01 * x * y)
