@@ -109,6 +109,7 @@ def test_bending_grows_with_the_cube_of_the_thickness():
     assert mixed == pytest.approx((thin + thick) / 2, rel=1e-9)
 
 
+@pytest.mark.versions
 @pytest.mark.parametrize("law", ["coupled", "tabulated", "law58"])
 def test_states_and_derivatives_are_those_of_the_energy(law):
     """Also stresses of the kernel, which is given the numbers of each point."""
@@ -198,6 +199,17 @@ def test_a_press_tells_what_ran(tmp_path):
     told.write(tmp_path / "press.toml")
     again = ff.Press.read(tmp_path / "press.toml", ["blank.temperature=T.csv"])
     assert again.replace(title="") == told
+    table = 'contact.friction={{ file = "T.csv", {} = "T" }}'
+    greasy = ff.Press.read(tmp_path / "press.toml", [table.format("field")])
+    assert greasy.interface.friction == ff.Field(tmp_path / "T.csv")
+    with pytest.raises(
+        ff.InputError, match=r"contact\.friction\.name is unknown; allowed are file"
+    ):
+        ff.Press.read(tmp_path / "press.toml", [table.format("name")])
+    with pytest.raises(
+        ff.InputError, match=r"blank\.thickness is 't.csv', no file; allowed is one"
+    ):
+        ff.Press.read(tmp_path / "press.toml", ["blank.thickness=t.csv"])
     built = again.build()
     assert built.fields() == {"blank.temperature_C": "23.33 to 116.7 (T.csv)"}
     before = built.scene.fingerprint(), built.fingerprint()
