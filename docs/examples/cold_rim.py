@@ -20,7 +20,7 @@ def cold_rim(x, y):
     return np.interp(np.hypot(x, y), [50, 80], [200, 20])
 
 
-press = ff.Press.read("hemisphere", ["blank.nx=8"])
+press = ff.Press.read("hemisphere", ["blank.nx=6"])
 for name, temperature in {"warm": 200.0, "cold_rim": cold_rim}.items():
     ply = dataclasses.replace(press.sheets[0], fabric=fabric, temperature=temperature)
     job = press.replace(sheets=ply).job(steps=4, balance=None, path_tolerance=1e-3)
