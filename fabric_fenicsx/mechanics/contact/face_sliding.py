@@ -22,19 +22,16 @@ class FaceSliding:
         self.normals = points.of_all(start, normals)
         self._motion = RelativeMotion(points.blank, start.corners, normals)
         self._place = self._motion.relative()
+        self._moved, self._offsets = start.moved(), self._motion.offsets()
 
     def slid(self) -> np.ndarray:
         """See `Sliding`, 0 at points that lay over nothing."""
         return self._points.of_all(self.start, self._motion.relative() - self._place)
 
-    def exact(self, now: ContactPairs) -> np.ndarray:
-        """Sliding that is not linear, to other pairs: the motion of the points less the change of
-        their offsets, (count, 3) [mm]."""
-        moved = self._points.of_all(self.start, self.start.moved())
-        before, after = (
-            self._points.of_all(each, each.offsets(), np.nan) for each in (self.start, now)
-        )
-        return moved - np.nan_to_num(after - before)
+    def exact(self) -> np.ndarray:
+        """As `slid`, at any angle by which the triangles turn."""
+        turned = self._motion.offsets() - self._offsets
+        return self._points.of_all(self.start, self.start.moved() - self._moved + turned)
 
     def add(self, forces: np.ndarray, f: np.ndarray) -> None:
         """Add to f, of this rank's degrees of freedom [N], forces (count, 3) [N] on the faces of

@@ -27,18 +27,30 @@ class RelativeMotion:
     def __init__(
         self, blank: Blank, corners: Sequence[Corners], normals: np.ndarray | None = None
     ) -> None:
-        over, below = corners
+        over, below = self._corners = corners
         nodes = np.concatenate([over.nodes, below.nodes], 1)
         self._known, places = np.unique(nodes, return_inverse=True)
         self._nodes = places.reshape(nodes.shape)
+        self._normals = normals
         self._motions = np.concatenate([_motions(over, normals), -_motions(below, normals)], 2)
         self._gathered = GatheredNodes(blank, self._known)
+        self._before = self._gathered.displacement()
         each = np.ones(self._nodes.size), (self._nodes.ravel(), np.arange(self._nodes.size))
         self._on_nodes = sparse.csr_matrix(each, shape=(len(self._known), self._nodes.size))
 
     def relative(self) -> np.ndarray:
         """Displacement of the points relative to the other sheet, (n, 3) [mm]."""
         return self._moved(self._gathered.displacement())
+
+    def offsets(self) -> np.ndarray:
+        """Vectors from the flat triangle below to that of each point, less those from the triangles
+        to their touching faces, (n, 3) [mm]. Needs `normals`."""
+        moved = self._gathered.displacement() - self._before
+        over, below = (
+            each.offset[:, None] * _unit_normals(each.places + moved[nodes], self._normals)
+            for each, nodes in zip(self._corners, np.split(self._nodes, 2, axis=1))
+        )
+        return over - below
 
     def apart(self, owned: np.ndarray) -> np.ndarray:
         """Values at the points less those on the other sheet below them, (n, 3); owned (nodes, 3):
@@ -82,6 +94,13 @@ def _motions(corners, normals):
     if mirrors is not None:
         moves = np.einsum("nij,njcx->nicx", mirrors, moves)
     return moves.reshape(len(x), 3, 9)
+
+
+def _unit_normals(x, along):
+    """Unit normals (n, 3) of triangles x (n, 3, 3), on the side of `along` (n, 3)."""
+    across = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+    across *= np.sign((across * along).sum(1))[:, None]
+    return across / np.maximum(np.linalg.norm(across, axis=1), 1e-300)[:, None]
 
 
 @compiled

@@ -151,7 +151,7 @@ class FaceContact(Interaction):
         return FaceSliding(self.points, self.faces.now)
 
     def _slid_exactly(self, sliding):
-        return sliding.exact(self.faces.now)
+        return sliding.exact()
 
     # -- value, gradient, Hessian
 
