@@ -204,9 +204,13 @@ class SheetMesh:
         `values` (owned cells, nodes of a cell or its corners, k); cells: which of the owned
         (all)."""
         nodes = compat.dofmap(self.V)[slice(len(values)) if cells is None else cells]
-        nodes, count = nodes[:, : values.shape[1]].ravel(), len(self.coordinates())
-        columns = values.reshape(-1, values.shape[2]).T
-        total = np.stack([np.bincount(nodes, each, count) for each in columns], axis=1)
+        return self.summed_at(nodes[:, : values.shape[1]], values)
+
+    def summed_at(self, nodes: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Sums at the local nodes of `u`, (nodes, k), of all ranks, of `values` (..., k) at the
+        local `nodes` (...)."""
+        columns, count = values.reshape(-1, values.shape[-1]).T, len(self.coordinates())
+        total = np.stack([np.bincount(nodes.ravel(), each, count) for each in columns], axis=1)
         return self._exchanged(total.astype(float, copy=False), add=True)  # of no cells it is int
 
     def cell_means(self, values: np.ndarray) -> np.ndarray:

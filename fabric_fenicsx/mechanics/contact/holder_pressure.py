@@ -38,8 +38,8 @@ class BlankHolderPressure(ToolInteraction):
     direction
         In which it presses (3,).
     under
-        Function of positions (3, n) [mm] to the share (n,) of each node's area, 0 to 1, that is
-        under the holder.
+        Function of positions (3, n) [mm] to the share (n,) of each, 0 to 1, that is under the
+        holder: what is pressed of a triangle follows from its values within it.
     tool
         Moves with the holder along a path, for its friction; by default one at rest.
     lag
@@ -170,8 +170,8 @@ class BlankHolderPressure(ToolInteraction):
 
     def _pressed(self):
         """Areas (nodes,) under the holder, where all the other sheets lie on this one [mm^2]."""
-        x = self.nodes.places + self.nodes.displacement()
         covered: np.ndarray | None = None
         for contact in reversed(self._against):
             covered = contact.points.covered(covered)
-        return self.shares(x.T) * (self.nodes.areas_now() if covered is None else covered)
+        areas = self.nodes.areas_now() if covered is None else covered
+        return self.nodes.shares_under(self.shares) * areas

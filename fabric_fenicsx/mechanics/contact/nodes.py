@@ -71,6 +71,19 @@ class Nodes:
         """Areas of the part at the nodes at the present displacement (count,) [mm^2]."""
         return self.areas * self.part.growth()[: self.count]
 
+    def shares_under(self, function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """Shares (count,) of the present areas at the nodes, of a `function` of places (3, n) [mm]
+        to the share (n,) of each, at `WITHIN` each triangle."""
+        blank, triangles = self.blank, self.blank.triangles(self.part.cells).reshape(-1, 3)
+        corners = (blank.coordinates() + blank.nodal_displacement())[triangles]
+        places = np.einsum("kc,nci->ink", WITHIN, corners).reshape(3, -1)
+        borne = function(places).reshape(len(corners), -1) @ WITHIN / len(WITHIN)
+        sides = corners[:, 1:] - corners[:, :1]
+        areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)[:, None]
+        both = np.stack([areas * borne, areas * np.full((1, 3), 1 / 3)], -1)
+        under, whole = blank.summed_at(triangles, both)[: self.count].T
+        return np.divide(under, whole, out=np.zeros_like(under), where=whole > 0)
+
     def common(self, rows: np.ndarray) -> np.ndarray:
         """The row (k,) that all nodes of all ranks have in `rows` (count, k)."""
         return next(
@@ -80,6 +93,18 @@ class Nodes:
     def total(self, values: np.ndarray) -> np.ndarray:
         """Sum over all ranks' nodes of values (count, ...)."""
         return self.comm.allreduce(values.sum(0), MPI.SUM)
+
+
+def _centres(k):
+    """Barycentric coordinates (k^2, 3) of the centres of the equal triangles that k parts of each
+    side make."""
+    i, j = (3 * each.ravel() for each in np.mgrid[:k, :k])
+    up, down = (np.column_stack([i + n, j + n])[i + j < 3 * (k + 1 - n)] for n in (1, 2))
+    first = np.concatenate([up, down]) / (3 * k)
+    return np.column_stack([1 - first.sum(1), first])
+
+
+WITHIN = _centres(5)
 
 
 def _areas(blank, part):
