@@ -30,7 +30,7 @@ class Interface:
         Coefficients of fabric and of metal on tools, or a `Field` of the place x, y, z where a tool
         is touched, as it stands at first; of sheets on sheets see `Sheet.friction`.
     slip
-        Elastic slip while a sheet sticks [mm].
+        Elastic slip while a sheet sticks [mm], by default that of `Coulomb`.
     lag
         Share of normal forces, and of areas under a holder, by which these may lag behind the state
         in a solve; forces between sheets five times as much.
@@ -57,7 +57,9 @@ class Interface:
     metal_friction: float | Field = number(
         0.1, of_place(FROM_ZERO, "xyz"), "coefficient between metal and tools", "tools"
     )
-    slip: float = number(0.1, POSITIVE, "elastic slip while a sheet sticks [mm]")
+    slip: float | None = number(
+        None, POSITIVE, "elastic slip while a sheet sticks, by default of each pair [mm]"
+    )
     lag: float = number(
         0.002,
         POSITIVE,

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from ..job.job import Result
+from ..mechanics.contact.coulomb import MAX_SLIP
 from ..mechanics.springs import Springs
 from ..postprocess.ply import Grid
 from ..postprocess.wrinkles import height_map
@@ -64,7 +65,7 @@ def contact_quantities(made: FormingScene, result: Result) -> dict[str, Any]:
         "penetration_mm": max(each.penetration() for each in made.contacts),
         "penetration_largest_mm": max(each.largest_penetration() for each in made.contacts),
         "penetration_of_thickness": output.deepest(scene)[0],
-        "sticking_slip_mm": interface.slip if interface.friction else None,
+        "sticking_slip_mm": (interface.slip or MAX_SLIP) if interface.friction else None,
         "viscous_of_strain_energy": share(energies["viscous"], stretching(energies)),
     }
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ...readers.field import Field, of_place
 from ...runtime.errors import InputError
@@ -13,6 +14,8 @@ from . import friction_loops as loops
 
 # the double dome's force is then 0.05 % off that of 0.0001, in 0.9 times the iterations
 LAG = 0.002
+MAX_SLIP = 0.1  # mm, elastic slip where a sheet presses hard
+LEAST = 1e-12  # N, friction of which no slip is known
 
 
 @dataclass(frozen=True)
@@ -21,7 +24,8 @@ class Coulomb:
 
     A point pressed by P that has slipped by z, in its tangent plane, has the energy
     mu P |z|^2 / (2 s) up to |z| = s and mu P (|z| - s / 2) beyond. In the methods z is (n, 3) [mm],
-    and limit (n,) [N] is mu P, the resistance of a point that slides.
+    limit (n,) [N] is mu P, the resistance of a point that slides, and stiffness (n,) [N/mm] is the
+    least one of a point that sticks, given by the sheets.
 
     Parameters
     ----------
@@ -30,7 +34,8 @@ class Coulomb:
         between sheets of the place x, y of the flat sheet. On a tool that presses several sheets
         also one for each, {sheet name: mu}.
     slip
-        s [mm], by which a sticking point slips at most.
+        s [mm], by which a sticking point slips at most. By default what sticks is as stiff as the
+        sheets need over a few cells, and s follows from mu P, up to 0.1 mm.
     lag
         Normal forces, pressed areas and tangent planes are lagged during a solve. It is repeated if
         taking them as they are changes the forces by more than this share of their sum. With inf
@@ -49,13 +54,14 @@ class Coulomb:
     """
 
     coefficient: float | Field | Mapping[str, float | Field]
-    slip: float = 0.1
+    slip: float | None = None
     lag: float = LAG
 
     def __post_init__(self) -> None:
         for value in self._coefficients():
             of_place(FROM_ZERO, "xyz").check("coefficient of friction", value)
-        POSITIVE.check("slip of friction", self.slip)
+        if self.slip is not None:
+            POSITIVE.check("slip of friction", self.slip)
         ABOVE_ZERO_OR_INF.check("lag of friction", self.lag)
 
     def _coefficients(self):
@@ -79,21 +85,31 @@ class Coulomb:
             bound = check(label, mu)
         return replace(self, coefficient=bound)
 
-    def potential(self, z: np.ndarray, limit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Energies (n,) [N mm], and forces on the points (n, 3) [N], minus their derivatives."""
-        return loops.potential(z, limit, self.slip)
+    def slips(self, limit: np.ndarray, stiffness: ArrayLike = 0.0) -> np.ndarray:
+        """s of each point (n,) [mm]."""
+        if self.slip is not None:
+            return np.full(len(limit), self.slip)
+        stiffness = np.maximum(stiffness, limit / MAX_SLIP)
+        return np.maximum(limit, LEAST) / np.maximum(stiffness, LEAST / MAX_SLIP)
 
-    def blocks(self, z: np.ndarray, limit: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    def potential(
+        self, z: np.ndarray, limit: np.ndarray, stiffness: ArrayLike = 0.0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Energies (n,) [N mm], and forces on the points (n, 3) [N], minus their derivatives."""
+        return loops.potential(z, limit, self.slips(limit, stiffness))
+
+    def blocks(
+        self, z: np.ndarray, limit: np.ndarray, normal: np.ndarray, stiffness: ArrayLike = 0.0
+    ) -> np.ndarray:
         """Second derivatives of the energies (n, 3, 3) [N/mm]: mu P / max(|z|, s) times the
         projector on the plane across `normal` (n, 3), of a sliding point less the direction of
         its slip."""
-        return loops.blocks(z, limit, normal, self.slip)
+        return loops.blocks(z, limit, normal, self.slips(limit, stiffness))
 
-    def elastic(self, z: np.ndarray) -> np.ndarray:
+    def elastic(self, z: np.ndarray, limit: np.ndarray, stiffness: ArrayLike = 0.0) -> np.ndarray:
         """Elastic part of the slip, at most s long, (n, 3) [mm]."""
-        return (
-            z * np.minimum(1.0, self.slip / np.maximum(np.linalg.norm(z, axis=1), 1e-300))[:, None]
-        )
+        length = np.maximum(np.linalg.norm(z, axis=1), 1e-300)
+        return z * np.minimum(1.0, self.slips(limit, stiffness) / length)[:, None]
 
 
 Friction = float | Field | Mapping[str, float | Field] | Coulomb

@@ -31,7 +31,8 @@ class FrictionState:
     where a point is pressed for the first time. `begin`, `update` and `accept` take normal forces
     (n,) [N]. All ranks use it together.
 
-    - coefficient: of all points, or one for each (n,)
+    - coefficient, stiffness: as in `Coulomb`, of all points, or one for each (n,)
+    - used (n,): largest slip in accepted states over the elastic one, above 1 where a point slid
     - limit (n,): friction that the points can bear in the accepted state [N]
     - start, sliding: from the accepted state on, and from where tangent planes were taken last
     """
@@ -43,10 +44,13 @@ class FrictionState:
         normal_forces: np.ndarray,
         sliding: Sliding,
         comm: MPI.Comm,
+        stiffness: float | np.ndarray = 0.0,
     ) -> None:
+        self._stiffness = stiffness
         self.law, self.coefficient, self._comm = law, coefficient, comm
         n = len(normal_forces)
         self._slip, self._accepted_energy = np.zeros((n, 3)), np.zeros(n)
+        self.used = np.zeros(n)
         self._start(normal_forces, sliding)
 
     def _start(self, normal_forces, sliding):
@@ -61,7 +65,7 @@ class FrictionState:
         self._limit = self.limit if normal_forces is None else self.coefficient * normal_forces
         # what the elastic slip does not hold
         self._energy_correction = (
-            self._accepted_energy - self.law.potential(self._slip, self._limit)[0]
+            self._accepted_energy - self._potential(self._slip, self._limit)[0]
         )
         self._take(self.start, self._slip)
 
@@ -85,15 +89,15 @@ class FrictionState:
             return False
         now = sliding()
         slip = self._slip_at(exact, now)
-        changes = self.law.potential(slip, limit)[1] - self.forces()
+        changes = self._potential(slip, limit)[1] - self.forces()
         sums = np.array([np.linalg.norm(changes, axis=1).sum(), limit.sum()])
         changed, total = self._comm.allreduce(sums)
         if changed <= self.law.lag * total:
             return False
         mean = (self.limit + limit) / 2  # as normal forces changed along the way
-        before, after = (self.law.potential(z, mean)[0] for z in (self._slip, slip))
+        before, after = (self._potential(z, mean)[0] for z in (self._slip, slip))
         self._energy_correction = (
-            self._accepted_energy + after - before - self.law.potential(slip, limit)[0]
+            self._accepted_energy + after - before - self._potential(slip, limit)[0]
         )
         self._limit = limit
         self._take(now, slip)
@@ -103,8 +107,10 @@ class FrictionState:
         """Take the present state as the accepted one: keep the elastic part of the slip. exact
         (n, 3): how far points slid to it [mm]; sliding: from it on."""
         slip = self._slip_at(exact, self.sliding)
-        self._accepted_energy = self._energy_correction + self.law.potential(slip, self._limit)[0]
-        self._slip = self.law.elastic(slip)
+        self._accepted_energy = self._energy_correction + self._potential(slip, self._limit)[0]
+        now = np.linalg.norm(slip, axis=1) / self.law.slips(self._limit, self._stiffness)
+        self.used = np.where(self._limit > 0, np.maximum(self.used, now), self.used)
+        self._slip = self.law.elastic(slip, self._limit, self._stiffness)
         self._start(normal_forces, sliding)
 
     def energy(self) -> float:
@@ -118,17 +124,20 @@ class FrictionState:
     def blocks(self) -> np.ndarray:
         """Decrease of the forces as each point slides, (n, 3, 3) [N/mm]."""
         return self.law.blocks(
-            self._slipped(self.sliding.slid()), self._limit, self.sliding.normals
+            self._slipped(self.sliding.slid()), self._limit, self.sliding.normals, self._stiffness
         )
 
     def memory(self) -> dict[str, np.ndarray]:
-        """Elastic slip (n, 3) [mm] and energy taken (n, 1) [N mm] in the accepted state."""
-        return {"slip": self._slip, "energy": self._accepted_energy[:, None]}
+        """Elastic slip (n, 3) [mm] and energy taken (n, 1) [N mm] in the accepted state, and
+        `used` (n, 1)."""
+        used, energy = self.used[:, None], self._accepted_energy[:, None]
+        return {"slip": self._slip, "energy": energy, "used": used}
 
     def recall(self, memory: dict[str, np.ndarray], sliding: Sliding) -> None:
         """Take back what `memory` gave; `accept` of that state, without motion, is to follow."""
         self._slip = np.ascontiguousarray(memory["slip"])
         self._accepted_energy = memory["energy"].reshape(-1)
+        self.used = memory["used"].reshape(-1)
         self.start, self.limit = sliding, np.zeros(len(self._slip))
         self.begin()
 
@@ -140,11 +149,14 @@ class FrictionState:
     def _slipped(self, slid):
         return slipped(self._slip_before, slid, self.sliding.normals)
 
+    def _potential(self, z, limit):
+        return self.law.potential(z, limit, self._stiffness)
+
     def _now(self):
         """Sliding, energy and forces in the present state, evaluated once."""
         slid, known = self.sliding.slid(), self._known
         if known is None or not np.array_equal(slid, known[0]):
-            energy, forces = self.law.potential(self._slipped(slid), self._limit)
+            energy, forces = self._potential(self._slipped(slid), self._limit)
             known = self._known = slid, float((self._energy_correction + energy).sum()), forces
         return known
 

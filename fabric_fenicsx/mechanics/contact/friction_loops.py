@@ -6,11 +6,11 @@ from ...runtime.compiled import compiled
 
 
 @compiled
-def potential(z: np.ndarray, limit: np.ndarray, s: float) -> tuple[np.ndarray, np.ndarray]:
-    """As `Coulomb.potential`, of an elastic slip s [mm]."""
+def potential(z: np.ndarray, limit: np.ndarray, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """As `Coulomb.potential`, of elastic slips (n,) [mm]."""
     energy, forces = np.zeros(len(z)), np.zeros(z.shape)
     for n in range(len(z)):
-        length = np.sqrt(z[n, 0] ** 2 + z[n, 1] ** 2 + z[n, 2] ** 2)
+        length, s = np.sqrt(z[n, 0] ** 2 + z[n, 1] ** 2 + z[n, 2] ** 2), slip[n]
         beyond = max(length - s, 0.0)
         energy[n] = limit[n] * ((length - beyond) ** 2 / (2 * s) + beyond)
         for x in range(3):
@@ -19,12 +19,12 @@ def potential(z: np.ndarray, limit: np.ndarray, s: float) -> tuple[np.ndarray, n
 
 
 @compiled
-def blocks(z: np.ndarray, limit: np.ndarray, normal: np.ndarray, s: float) -> np.ndarray:
-    """As `Coulomb.blocks`, of an elastic slip s [mm]."""
+def blocks(z: np.ndarray, limit: np.ndarray, normal: np.ndarray, slip: np.ndarray) -> np.ndarray:
+    """As `Coulomb.blocks`, of elastic slips (n,) [mm]."""
     stiff = np.zeros((len(z), 3, 3))
     for n in range(len(z)):
         if limit[n]:
-            length = np.sqrt(z[n, 0] ** 2 + z[n, 1] ** 2 + z[n, 2] ** 2)
+            length, s = np.sqrt(z[n, 0] ** 2 + z[n, 1] ** 2 + z[n, 2] ** 2), slip[n]
             stiffness, slides = limit[n] / max(length, s), 1.0 if length > s else 0.0
             for x in range(3):
                 for y in range(3):

@@ -9,11 +9,18 @@ from mpi4py import MPI
 from ...readers.field import Field
 from ...runtime.collective_errors import on_all
 from ...tools.tool import Tool
+from ..output import Value, joined
+from ..stretching import stretching_stiffness
 from ..term import NO_TANGENT, Term, Triplets
 from .coulomb import Friction, friction_law
 from .friction import FrictionState, Sliding
 from .friction_loops import turned, turned_blocks
 from .nodes import Nodes
+
+# stiffness of a triangle's points that stick, over that of the sheets in their planes: the forces
+# of a stuck sheet then grow to their full size over some three cells
+STICKING = 0.05
+LEAST_USED = 0.01  # share of friction that is worth a word
 
 
 class Interaction(Term):
@@ -62,6 +69,16 @@ class Interaction(Term):
     def _forget_balance(self) -> None:
         """Find the balance of a tool moved by force anew, as friction has changed."""
 
+    def _stiffness_of_cells(self) -> float | np.ndarray:
+        """Stiffness of the touching sheets in their planes over half a cell, times the share of
+        it that a point stands for, of all points or of each [N/mm]."""
+        raise NotImplementedError
+
+    def _stretching(self, part):
+        scene = self.bound_to() if self.bound_to else None
+        assert scene
+        return stretching_stiffness(scene, part)
+
     def _coefficient(self, law):
         """Friction coefficient of all points, or of each."""
         return law.coefficient
@@ -76,9 +93,14 @@ class Interaction(Term):
     def _start_friction(self):
         """Begin friction in the present state."""
         if self.coulomb:
-            state = self.normal_forces(), self._sliding(), self.blank.mesh.comm
+            stiffness = 0.0 if self.coulomb.slip else STICKING * self._stiffness_of_cells()
             self.friction_state = FrictionState(
-                self.coulomb, self._coefficient(self.coulomb), *state
+                self.coulomb,
+                self._coefficient(self.coulomb),
+                self.normal_forces(),
+                self._sliding(),
+                self.blank.mesh.comm,
+                stiffness,
             )
 
     def _note_depth(self, load, depth):
@@ -126,6 +148,34 @@ class Interaction(Term):
         if self.friction_state:
             exact = self._slid_exactly(self.friction_state.start)
             self.friction_state.accept(self.normal_forces(), exact, self._sliding())
+
+    def friction_used(self) -> tuple[float, float]:
+        """Means over the friction that points can bear now, of all ranks: of the largest share of
+        it that was used in accepted states, and of those points that slid."""
+        state, sums = self.friction_state, np.zeros(3)
+        if state:
+            sums[:] = np.minimum(state.used, 1) @ state.limit, (state.used >= 1) @ state.limit, 0
+            sums[2] = state.limit.sum()
+        used, slid, total = self.blank.mesh.comm.allreduce(sums)
+        return float(used / max(total, 1e-300)), float(slid / max(total, 1e-300))
+
+    def summary(self) -> dict[str, Value]:
+        """The share of friction that was used, by name."""
+        used = {self._rubs_on(): self.friction_used()[0]}
+        return {"friction_used": joined(used)} if self.coulomb else {}
+
+    def _rubs_on(self):
+        return self.tool.name if self.tool else self.name
+
+    def warnings(self) -> list[str]:
+        """See `Term`: if what friction holds never slid."""
+        used, slid = self.friction_used()
+        if not used > LEAST_USED > slid:
+            return []
+        return [
+            f"friction of {self._rubs_on()} never leaves its elastic slip, of which {used:.2g} is "
+            "used: what it holds sticks, as stiffly as `slip` lets it"
+        ]
 
     def energies(self) -> dict[str | None, float]:
         return {"friction": self.friction_state.energy()} if self.friction_state else {}
@@ -219,6 +269,12 @@ class ToolInteraction(Interaction):
         return np.zeros((n, 3)), np.tile(np.eye(3), (n, 1, 1))
 
     # -- friction
+
+    def _stiffness_of_cells(self):
+        at_nodes = np.zeros(self.nodes.count)
+        for part in list(self.blank.parts.values()) or [self.blank.whole]:
+            at_nodes[part.nodes] = self._stretching(part)
+        return 2 * at_nodes  # of two triangles each
 
     def _coefficient(self, law):
         mu = law.coefficient

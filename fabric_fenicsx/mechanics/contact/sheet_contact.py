@@ -150,6 +150,11 @@ class FaceContact(Interaction):
     def _sliding(self):
         return FaceSliding(self.points, self.faces.now)
 
+    def _stiffness_of_cells(self):
+        sheets = [self._stretching(part) for part in self.points.parts]
+        series = sheets[0] * sheets[1] / max(sum(sheets), 1e-300)
+        return series / self.points.per_triangle
+
     def _slid_exactly(self, sliding):
         return sliding.exact()
 
@@ -391,4 +396,5 @@ class SheetContact(FaceContact):
             "penetration_of_thickness": self.penetration_of_thickness(),
             "sliding_largest_mm": comm.allreduce(float(np.nanmax(sizes, initial=0.0)), MPI.MAX),
         }
-        return {"sheet_contacts": joined({f"{self.sheets[0]}, {self.sheets[1]}": pair})}
+        pairs = {f"{self.sheets[0]}, {self.sheets[1]}": pair}
+        return {"sheet_contacts": joined(pairs), **super().summary()}

@@ -66,7 +66,8 @@ class SheetPoints:
 
     The points are in the sheet of smaller cells, in the upper one if they are equal.
 
-    - part: the sheet with the points; side: 1 if it is the upper one, else -1
+    - parts: lower and upper sheet; part: the one with the points; side: 1 if it is the upper
+      one, else -1
     - areas (count,): undeformed areas that this rank's `count` points stand for [mm^2]
     - thickness (lower, upper) [mm]: their mean is the distance of the mid-surfaces where the gap
       is 0; thickening (lower, upper): powers of the area by which they are thicker
@@ -85,7 +86,7 @@ class SheetPoints:
         symmetric: Sequence[Where],
     ) -> None:
         self.blank, self._lower, self._upper = lower.blank, lower, upper
-        parts = lower, upper
+        self.parts = parts = lower, upper
         comm, self._distance = self.blank.mesh.comm, sum(thickness) / 2
         areas = [self.blank.areas()[part.cells] for part in parts]
         sizes = [comm.allreduce(each.sum()) / comm.allreduce(len(each)) for each in areas]
@@ -102,7 +103,7 @@ class SheetPoints:
         N = np.tile(np.column_stack([1 - places.sum(1), places]), (self.SIDES, 1))
         weights = np.tile(weights, self.SIDES)
         many = self.blank.triangles(self.part.cells).shape[1]
-        self.per_cell = many * len(N)
+        self.per_cell, self.per_triangle = many * len(N), len(N)
         self._weights = self._own.own_weights(N)
         self._flat, self._places = self._own.flat(N), N
         self.areas = (areas[over][:, None] / many * np.tile(weights / weights.sum(), many)).ravel()

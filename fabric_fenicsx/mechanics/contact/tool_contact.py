@@ -383,11 +383,12 @@ class Contact(ToolInteraction):
         """See `Term`: if the tool's surface gave no number, which may be why steps failed."""
         lost = next(filter(None, self.nodes.comm.allgather(self.undefined_at)), "")
         if not lost:
-            return []
+            return super().warnings()
         surface = type(self.tool.surface).__name__
         return [
+            *super().warnings(),
             f"the surface {surface} of {self.tool.name} gives no number at {lost}; "
-            "`check_derivatives` tells what is wrong with a surface of your own"
+            "`check_derivatives` tells what is wrong with a surface of your own",
         ]
 
     # -- checks of a scene
