@@ -110,7 +110,8 @@ class FrictionState:
         self._accepted_energy = self._energy_correction + self._potential(slip, self._limit)[0]
         now = np.linalg.norm(slip, axis=1) / self.law.slips(self._limit, self._stiffness)
         self.used = np.where(self._limit > 0, np.maximum(self.used, now), self.used)
-        self._slip = self.law.elastic(slip, self._limit, self._stiffness)
+        limit = self.coefficient * normal_forces  # which are all that is known when recalled
+        self._slip = self.law.elastic(slip, limit, self._stiffness)
         self._start(normal_forces, sliding)
 
     def energy(self) -> float:
