@@ -158,6 +158,7 @@ class PressureHolder(Kind):
             lag=site.lag,
             against=site.against,
             friction=site.friction,
+            borne=flange,
         )
         if not site.sheets:
             return [pressure]

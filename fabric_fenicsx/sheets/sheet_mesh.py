@@ -127,6 +127,13 @@ class SheetMesh:
         [mm]."""
         return bounds(self.mesh.comm, self.along(self.mesh.geometry.x.T))
 
+    def diameter(self) -> float:
+        """Twice the largest distance of a node from the mean of all, in any frame [mm]."""
+        comm, x = self.mesh.comm, self.coordinates()[: self.V.dofmap.index_map.size_local]
+        centre = comm.allreduce(x.sum(0)) / comm.allreduce(len(x))
+        farthest = np.linalg.norm(x - centre, axis=1).max(initial=0.0)
+        return 2 * comm.allreduce(float(farthest), MPI.MAX)
+
     def midpoints(self) -> np.ndarray:
         """Undeformed centres of the owned cells along the frame's axes, (gdim, cells) [mm]."""
         return self.along(self._cell_points().mean(1).T)

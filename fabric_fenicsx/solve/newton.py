@@ -4,6 +4,7 @@ import logging
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from ..scene.scene import Scene
@@ -83,7 +84,7 @@ class Newton:
         linear_solver: str = "mumps-cholesky",
     ) -> None:
         self.scene, self.tolerance, self.max_iterations = scene, tolerance, max_iterations
-        self._size = np.subtract(*scene.blank.extent()[::-1]).max()
+        self._size = scene.blank.diameter()
         self.smallest = self.RESOLUTION * self._size
         self.x, self._d = scene.u.duplicate(), scene.u.duplicate()
         self.objective = Objective(scene)
@@ -148,7 +149,7 @@ class Newton:
             raise SolveFailed(Termination.ITERATIONS)
         loosened = tolerance if tolerance > self.tolerance else 0.0
         self._shifted = self.directions.find(x, r, d, report, loosened)
-        length, longest = d.norm(PETSc.NormType.NORM_INFINITY), self.LONGEST * self._size
+        length, longest = self._longest(d), self.LONGEST * self._size
         if not (self._shifted or length > self.smallest):
             return Termination.CORRECTION
         if length > longest:
@@ -157,6 +158,12 @@ class Newton:
         size = np.sqrt(abs(r.dot(d)))
         self._log(f"              step of {size:9.3e} in the energy norm / sqrt(N mm){reused}")
         return None
+
+    def _longest(self, d):
+        """The largest motion of a node [mm]."""
+        moved = d.array_r.reshape(-1, self.scene.blank.mesh.geometry.dim)
+        squares = np.einsum("ij,ij->i", moved, moved)
+        return self.scene.comm.allreduce(np.sqrt(squares.max(initial=0.0)), MPI.MAX)
 
     def _log(self, text):
         if self.scene.comm.rank == 0:

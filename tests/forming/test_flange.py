@@ -1,6 +1,7 @@
 """The share of a place that lies beneath the die's flange."""
 
 import numpy as np
+import pytest
 
 from fabric_fenicsx.forming.flange import Flange
 from fabric_fenicsx.tools.primitives import Plate
@@ -8,8 +9,6 @@ from fabric_fenicsx.tools.surfaces import Flipped
 from fabric_fenicsx.tools.tool import Tool
 
 T = 2e-4
-ANGLES = np.arange(8) * np.pi / 4
-RING = np.concatenate([r * np.array([np.cos(ANGLES), np.sin(ANGLES)]) for r in (2, 4, 6)], 1)
 EXTENT = np.array([[-50, -60, 0], [50, 60, 0]])  # some places lie beyond
 PLACES = np.random.default_rng(0).uniform(-60, 60, (3, 4000))
 
@@ -19,18 +18,24 @@ def over_opening(at):
     return Tool(Flipped(Plate(80.0)), lambda load: (*np.multiply(load, at), T / 2), name="die")
 
 
-def counted(places, middle):
-    """What of the rings about `places` (3, n) lies outside the opening about `middle` (2,)."""
-    at = places[:2, :, None] + RING[:, None] - np.reshape(middle, (2, 1, 1))
-    return np.clip(2 * (np.hypot(*at) >= 40).mean(1) - 1, 0, 1)
+def beneath(places, middle):
+    """1 outside the opening about `middle` (2,)."""
+    return (np.hypot(*places[:2] - np.reshape(middle, (2, 1))) >= 40).astype(float)
 
 
-def test_the_share_is_what_all_rings_tell():
+def test_the_share_is_that_of_each_place():
     """Though most places are judged by the lattice about them; whatever was asked before."""
-    flange, right = Flange(over_opening((0, 0)), T, 1.0, EXTENT), counted(PLACES, (0, 0))
-    assert np.array_equal(flange(PLACES), right)
+    flange, right = Flange(over_opening((0, 0)), T, 1.0, EXTENT), beneath(PLACES, (0, 0))
+    assert np.array_equal(flange(PLACES), right) and {0.0, 1.0} == {*right}
     assert np.array_equal(flange(PLACES[:, ::-7]), right[::-7])
-    assert {0.0, 1.0} < set(right) and ((right > 0) & (right < 1)).sum() > 100
+
+
+def test_the_share_falls_where_the_radius_begins():
+    """Of 5 mm: to half of it, 0.23 mm on."""
+    die = Tool(Flipped(Plate(80.0, entry=5.0)), lambda load: (0, 0, 0.5), name="die")
+    x = np.array([45.1, 45.0, 44.95, 44.77, 44.6])
+    share = Flange(die, 1.0, 1.0, EXTENT)(np.array([x, 0 * x, 0 * x]))
+    assert share[[0, 1, 2, 4]].tolist() == [1, 1, 1, 0] and share[3] == pytest.approx(0.49, abs=0.1)
 
 
 def test_the_flange_moves_with_the_die():
@@ -38,7 +43,7 @@ def test_the_flange_moves_with_the_die():
     flange = Flange(die, T, 1.0, EXTENT)
     flange(PLACES)
     die.at(1.0)
-    assert np.array_equal(flange(PLACES), counted(PLACES, (3, 0)))
+    assert np.array_equal(flange(PLACES), beneath(PLACES, (3, 0)))
 
 
 def test_places_that_are_no_numbers_are_not_beneath_it():

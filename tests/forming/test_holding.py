@@ -93,7 +93,7 @@ def test_segments_with_a_common_limit_press_each_node_once(limit):
         (
             ff.PressureHolder(0.02, Region({"x": [-100, 40]})),
             ff.ForceHolder(100, Region({"x": [0, 100]})),
-            "3400 mm2 of the blank",
+            "3600 mm2 of the blank",
         ),
         (
             ff.Grippers(1.0, edges=["low x", "low y"]),

@@ -14,8 +14,8 @@ from . import friction_loops as loops
 
 # the double dome's force is then 0.05 % off that of 0.0001, in 0.9 times the iterations
 LAG = 0.002
-MAX_SLIP = 0.1  # mm, elastic slip where a sheet presses hard
-LEAST = 1e-12  # N, friction of which no slip is known
+# mm, elastic slip of points that hardly touch, which stiffen as they are pressed, and of hard ones
+MIN_SLIP, MAX_SLIP = 1e-4, 0.1
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Coulomb:
         also one for each, {sheet name: mu}.
     slip
         s [mm], by which a sticking point slips at most. By default what sticks is as stiff as the
-        sheets need over a few cells, and s follows from mu P, up to 0.1 mm.
+        sheets need over a few cells, and s follows from mu P, from 0.0001 to 0.1 mm.
     lag
         Normal forces, pressed areas and tangent planes are lagged during a solve. It is repeated if
         taking them as they are changes the forces by more than this share of their sum. With inf
@@ -89,8 +89,7 @@ class Coulomb:
         """s of each point (n,) [mm]."""
         if self.slip is not None:
             return np.full(len(limit), self.slip)
-        stiffness = np.maximum(stiffness, limit / MAX_SLIP)
-        return np.maximum(limit, LEAST) / np.maximum(stiffness, LEAST / MAX_SLIP)
+        return np.clip(limit / np.maximum(stiffness, 1e-300), MIN_SLIP, MAX_SLIP)
 
     def potential(
         self, z: np.ndarray, limit: np.ndarray, stiffness: ArrayLike = 0.0

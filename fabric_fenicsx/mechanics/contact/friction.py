@@ -92,16 +92,12 @@ class FrictionState:
         changes = self._potential(slip, limit)[1] - self.forces()
         sums = np.array([np.linalg.norm(changes, axis=1).sum(), limit.sum()])
         changed, total = self._comm.allreduce(sums)
-        if changed <= self.law.lag * total:
-            return False
-        mean = (self.limit + limit) / 2  # as normal forces changed along the way
-        before, after = (self._potential(z, mean)[0] for z in (self._slip, slip))
-        self._energy_correction = (
-            self._accepted_energy + after - before - self._potential(slip, limit)[0]
-        )
-        self._limit = limit
-        self._take(now, slip)
-        return True
+        is_taken = changed > self.law.lag * total
+        if is_taken:
+            self._limit = limit
+            self._take(now, slip)
+        self._set_energy(slip, limit)
+        return bool(is_taken)
 
     def accept(self, normal_forces: np.ndarray, exact: np.ndarray, sliding: Sliding) -> None:
         """Take the present state as the accepted one: keep the elastic part of the slip. exact
@@ -149,6 +145,15 @@ class FrictionState:
 
     def _slipped(self, slid):
         return slipped(self._slip_before, slid, self.sliding.normals)
+
+    def _set_energy(self, slip, limit):
+        """Let the energy be that of the state alone, however it was found: of the way to this slip,
+        on which the friction that can be borne went to this limit."""
+        mean = (self.limit + limit) / 2
+        before, after = (self._potential(z, mean)[0] for z in (self._slip, slip))
+        held = self._potential(self._slipped(self.sliding.slid()), self._limit)[0]
+        self._energy_correction = self._accepted_energy + after - before - held
+        self._known = None
 
     def _potential(self, z, limit):
         return self.law.potential(z, limit, self._stiffness)

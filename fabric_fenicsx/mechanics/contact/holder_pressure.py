@@ -18,7 +18,7 @@ from ..term import SceneFacts
 from ..term_checks import bind
 from .coulomb import Friction
 from .interaction import ToolInteraction
-from .nodes import Nodes, values_at
+from .nodes import Nodes, shares_at
 from .sheet_contact import SheetContact
 from .thickness import PlyThickness
 
@@ -52,6 +52,9 @@ class BlankHolderPressure(ToolInteraction):
     friction
         Of the holder's side, as of `Contact`. Without it the holder does not hold the sheet in its
         plane.
+    borne
+        As `under`, by default the same: where the die bears the pressure. Corners of triangles
+        beyond it are not pressed, as nothing is below them; those that are bear all of it.
 
     Raises
     ------
@@ -77,11 +80,13 @@ class BlankHolderPressure(ToolInteraction):
         lag: float | None = None,
         against: Sequence[SheetContact] = (),
         friction: Friction = 0.0,
+        borne: Callable[[np.ndarray], np.ndarray] | None = None,
     ) -> None:
         check_over_load(PRESSURE, FROM_ZERO, pressure)
         if lag is not None:
             lag = ABOVE_ZERO_OR_INF.check(f"lag of the {self.name}", lag)
         self.under, self.lag, self._against = under, lag, list(against)
+        self._borne = borne or under
         self._pressure = pressure
         self.direction = checked_vector(f"direction of the {self.name}", direction, unit=True)
         tool = tool or Tool(Plane((0, 0, 0), self.direction), name=self.name)
@@ -166,7 +171,7 @@ class BlankHolderPressure(ToolInteraction):
 
     def shares(self, points: np.ndarray) -> np.ndarray:
         """Share of each of `points` (3, n) [mm] that is under the holder, 0 to 1 (n,)."""
-        return np.clip(values_at(self.under, points, float), 0, 1)
+        return shares_at(self.under, points)
 
     def _pressed(self):
         """Areas (nodes,) under the holder, where all the other sheets lie on this one [mm^2]."""
@@ -174,4 +179,4 @@ class BlankHolderPressure(ToolInteraction):
         for contact in reversed(self._against):
             covered = contact.points.covered(covered)
         areas = self.nodes.areas_now() if covered is None else covered
-        return self.nodes.shares_under(self.shares) * areas
+        return self.nodes.shares_under(self.under, self._borne) * areas

@@ -20,6 +20,11 @@ def values_at(
     return np.broadcast_to(np.asarray(function(points)).astype(kind), points.shape[1])
 
 
+def shares_at(function: Callable[[np.ndarray], np.ndarray], points: np.ndarray) -> np.ndarray:
+    """Values (n,) of a `function` of `points` (3, n), from 0 to 1."""
+    return np.clip(values_at(function, points, float), 0, 1)
+
+
 class Nodes:
     """This rank's owned nodes of a blank in space, where forces of tools go.
 
@@ -71,18 +76,20 @@ class Nodes:
         """Areas of the part at the nodes at the present displacement (count,) [mm^2]."""
         return self.areas * self.part.growth()[: self.count]
 
-    def shares_under(self, function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        """Shares (count,) of the present areas at the nodes, of a `function` of places (3, n) [mm]
-        to the share (n,) of each, at `WITHIN` each triangle."""
+    def shares_under(self, under: Where, borne: Where) -> np.ndarray:
+        """Shares (count,) of the present areas at the nodes, by two functions of `shares_at`: of
+        what is `under` one, at `WITHIN` each triangle, and goes to the corners that are `borne`."""
         blank, triangles = self.blank, self.blank.triangles(self.part.cells).reshape(-1, 3)
-        corners = (blank.coordinates() + blank.nodal_displacement())[triangles]
+        x = blank.coordinates() + blank.nodal_displacement()
+        corners, held = x[triangles], shares_at(borne, x.T)[triangles][:, None] + BEYOND
         places = np.einsum("kc,nci->ink", WITHIN, corners).reshape(3, -1)
-        borne = function(places).reshape(len(corners), -1) @ WITHIN / len(WITHIN)
+        weights = WITHIN * held / (WITHIN * held).sum(2, keepdims=True)
+        pressed = (shares_at(under, places).reshape(len(corners), -1, 1) * weights).mean(1)
         sides = corners[:, 1:] - corners[:, :1]
         areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)[:, None]
-        both = np.stack([areas * borne, areas * np.full((1, 3), 1 / 3)], -1)
-        under, whole = blank.summed_at(triangles, both)[: self.count].T
-        return np.divide(under, whole, out=np.zeros_like(under), where=whole > 0)
+        both = np.stack([areas * pressed, areas * np.full((1, 3), 1 / 3)], -1)
+        share, whole = blank.summed_at(triangles, both)[: self.count].T
+        return np.divide(share, whole, out=np.zeros_like(share), where=whole > 0)
 
     def common(self, rows: np.ndarray) -> np.ndarray:
         """The row (k,) that all nodes of all ranks have in `rows` (count, k)."""
@@ -105,6 +112,7 @@ def _centres(k):
 
 
 WITHIN = _centres(5)
+BEYOND = 1e-3  # weight of corners that are not borne
 
 
 def _areas(blank, part):

@@ -316,7 +316,7 @@ def test_two_contacts_with_one_tool_are_refused():
 
 def test_pressed_areas_that_alternate_are_left_alone_in_the_end():
     """Three times in a step they are taken anew, and in the next step again."""
-    shares = iter([0.0, 0.0] + 10 * [1.0, 0.5])
+    shares = iter(np.repeat([0.0, 0.0] + 10 * [1.0, 0.5], 2))  # asked twice each time
     under = lambda x: np.full(x.shape[1], next(shares))  # noqa: E731
     press = ff.BlankHolderPressure(1.0, (0, 0, 1), under, lag=0.01)
     alone(sheet(10, 10, 2, 2), press)
