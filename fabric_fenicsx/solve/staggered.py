@@ -21,14 +21,17 @@ LOOSE_FALL = 0.1
 MAX_ROUGH_ITERATIONS = 8
 
 
-def solve_staggered(newton: Newton, x: PETSc.Vec, tolerance: float) -> tuple[Report, int]:
+def solve_staggered(
+    newton: Newton, x: PETSc.Vec, tolerance: float, near: bool = False
+) -> tuple[Report, int]:
     """Solve for x until terms have nothing to update: first to `FIRST_TOLERANCE`, then to
     `LOOSE_TOLERANCE` or `LOOSE_FALL`, in the end to `tolerance` or the solver's, and nothing is to
-    be updated after that either. Returns the last `Report`, with the iterations of the hardest
+    be updated after that either. near: x is all but the solution, so that the first solve is exact:
+    a loose one would end at once, or not, by rounding. Returns the last `Report`, with the iterations of the hardest
     solve, and those of all."""
     scene, every = newton.scene, []
     asked = max(tolerance, newton.tolerance)
-    now = max(asked, FIRST_TOLERANCE) if scene.has_lagged_terms else asked
+    now = max(asked, FIRST_TOLERANCE) if scene.has_lagged_terms and not near else asked
     fall = 0.0
     for _ in range(MAX_SOLVES + 1):
         report = newton.solve(x, now, fall, minimum=now == asked)

@@ -157,7 +157,7 @@ class LoadStepping:
         scene.set(x)
         scene.on_prediction()
         scene.drag, scene.origin = progress.viscosity.drag, progress.x
-        trial.report, iterations = solve_staggered(self.newton, x, trial.tolerance)
+        trial.report, iterations = solve_staggered(self.newton, x, trial.tolerance, bool(start))
         progress.iterations += iterations
         if self.settings.accuracy and progress.last_step and not start:
             self._predicted.axpy(-1.0, x)

@@ -106,6 +106,8 @@ class Tangent:
 
     def _first_shift(self):
         mean = self.A.getDiagonal().norm(PETSc.NormType.NORM_1) / self.A.size[0]
+        # a power of 2, as the axes of supports change the mean by some per cent
+        mean = 2.0 ** np.round(np.log2(mean)) if 0 < mean < np.inf else mean
         return max(1e-8 * mean, self.shift / 4) if self.shift else 1e-4 * mean
 
     def _subtract_compliances(self, d):

@@ -59,7 +59,7 @@ def test_steps_count_for_nothing_where_no_energy_is_lost():
 
 def slippery(steps):
     stage = ff.Stage("forming", moves={"ball": 3.0}, steps=steps)
-    return scenes.press(interface=ff.Interface(friction=0.0), stages=stage)
+    return scenes.press(interface=ff.Interface(friction=0.0, lag=1e-9), stages=stage)
 
 
 PRESS_FILE = """

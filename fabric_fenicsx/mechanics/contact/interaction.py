@@ -271,10 +271,12 @@ class ToolInteraction(Interaction):
     # -- friction
 
     def _stiffness_of_cells(self):
-        at_nodes = np.zeros(self.nodes.count)
+        at_nodes = np.zeros((self.nodes.count, 1))
         for part in list(self.blank.parts.values()) or [self.blank.whole]:
-            at_nodes[part.nodes] = self._stretching(part)
-        return 2 * at_nodes  # of two triangles each
+            triangles = self.blank.triangles(part.cells).reshape(-1, 3)
+            thirds = np.full((*triangles.shape, 1), self._stretching(part) / 3)
+            at_nodes += self.blank.summed_at(triangles, thirds)[: self.nodes.count]
+        return at_nodes[:, 0]
 
     def _coefficient(self, law):
         mu = law.coefficient
