@@ -22,7 +22,7 @@ from .nodes import Nodes, shares_at
 from .sheet_contact import SheetContact
 from .thickness import PlyThickness
 
-AT_FIRST = 1e-6  # share of `lag` that is enough for the first update in a step
+AT_FIRST, FIRST = 1e-6, 2  # share of `lag` that is enough for the first updates in a step
 MAX_UPDATES = 3  # of the pressed areas in a step, at most: at the flange's end they may alternate
 PRESSURE = "pressure of the blank holder [MPa]"
 
@@ -133,8 +133,9 @@ class BlankHolderPressure(ToolInteraction):
             return False
         now = self._pressed()
         changed, all_of_it = self.nodes.total(np.column_stack([abs(now - self.areas), now]))
-        # once in each step, unless nothing moves, so that areas don't lag by steps
-        if changed <= self.lag * all_of_it * (1.0 if self._updates else AT_FIRST):
+        # at first whatever has moved, so that areas depend neither on steps nor on rounding
+        lag = self.lag if self._updates >= FIRST else AT_FIRST * self.lag
+        if changed <= lag * all_of_it:
             return False
         self.areas, self._updates = now, self._updates + 1
         return True
