@@ -24,14 +24,14 @@ from .sheet_points import SheetPoints
 
 class SelfPoints(SheetPoints):
     """Points in the triangles of a sheet that look to both sides for another place of it, or for
-    their own image in a plane of symmetry, whose same face looks back: the top at the top, the
-    bottom at the bottom.
+    their own image in a plane of symmetry: of a fold the same face looks back, the top at the top,
+    of a roll the other one.
 
     Either place has points, so each stands for half of its area. Triangles with a common node do
-    not face each other, nor do those nearer than pi / 2 thicknesses in the flat sheet: a sheet
-    can touch itself there only if it is bent more sharply than round its own thickness, which
-    bending resists. What lay on one side of a point in the accepted state counts as there, also if
-    it has come through the sheet since.
+    not face each other, nor do those nearer in the flat sheet than pi / 2 thicknesses, in a roll
+    twice that: a sheet can touch itself there only if it is bent more sharply than round its own
+    thickness, which bending resists. What lay on one side of a point in the accepted state counts
+    as there, also if it has come through the sheet since.
     """
 
     SIDES = 2
@@ -91,14 +91,18 @@ class SelfPoints(SheetPoints):
         corners = face.places[face.triangles]
         middles, across = corners.mean(1), facet_normals(face.places, face.triangles)[0]
         size = np.linalg.norm(corners - middles[:, None], axis=2).max()
-        cells, near = self._opposed(middles, across, self._reach + 2 * size)
+        cells, near = self._layers(middles, across, self._reach + 2 * size)
         if not len(cells):
             return face.projection(triangle, y, self._reach)
         rows = (cells[:, None] * many + np.arange(many)).ravel()
         near, sides = near.repeat(many, axis=0), self._sides[rows]
         points = face.points(self._weights[rows], self._flat[rows])
-        at_corners = face.normals[face.triangles[face.own_triangles[cells]]]
-        normals = np.einsum("kc,nci->nki", self._places, at_corners).reshape(-1, 3)
+        normals = face.flat(self._places, face.normals)
+
+        def towards(at, along):
+            """Sides of a place with normals `along`, on which points `at` may be."""
+            return np.where((along * normals[at]).sum(1) < 0, 1.0, -1.0) * self._sides[at]
+
         # heights from which on a triangle counts: any or none, if it lay on this or the other side
         others = rows + (sides * many / 2).astype(int)
         here, there = (
@@ -111,10 +115,12 @@ class SelfPoints(SheetPoints):
         off = points[:, None] - middles[near]
         height = (off * across[near]).sum(2)
         beside = np.linalg.norm(off, axis=2) > np.hypot(height, size + abs(height) / 2)
-        near[beside | (sides[:, None] * height < least - size)] = -1
+        facing = np.einsum("nki,ni->nk", across[near], normals[rows]) < 0
+        above = np.where(facing, 1.0, -1.0) * sides[:, None] * height
+        near[beside | (above < least - size)] = -1
 
         def fits(at, k, height, along):
-            return ((along * normals[at]).sum(1) < 0) & (sides[at] * height > least[at, k])
+            return towards(rows[at], along) * height > least[at, k]
 
         triangle[rows], y[rows] = face.seek(points, np.arange(len(rows)), near, fits)
         below = face.projection(triangle, y, self._reach)
@@ -125,27 +131,39 @@ class SelfPoints(SheetPoints):
         at = at[turned <= 1]
         flat = face.X[face.triangles[below.triangle[at]]]
         self._partners_now[at] = np.einsum("nc,nci->ni", below.weights[at], flat)
-        below.gap[at] *= self._sides[at]
-        below.normal[at] *= self._sides[at, None]
-        below.curvature[at] *= self._sides[at, None, None]
+        facing_points = towards(at, below.normal[at])
+        below.gap[at] *= facing_points
+        below.normal[at] *= facing_points[:, None]
+        below.curvature[at] *= facing_points[:, None, None]
         return below
 
-    def _opposed(self, middles, normals, reach):
-        """Numbers (k,) of this rank's triangles that have others within `reach` with normals
-        opposed to theirs, and numbers of these, the nearest first, (k, n), -1 for none.
-        middles, normals (m, 3): of all triangles."""
+    def _layers(self, middles, normals, reach):
+        """Numbers (k,) of this rank's triangles over or under which others lie within `reach`,
+        with normals opposed to theirs or, in a roll, along them, and numbers of these, the nearest
+        first, (k, n), -1 for none. middles, normals (m, 3): of all triangles."""
         triangles, mine, count = self._own.triangles, self._own.own_triangles, len(middles)
         tree, farthest = cKDTree(np.hstack([middles / reach, normals])), np.sqrt(1 + 2)
-        asked = np.hstack([middles / reach, -normals])[mine]
-        near = tree.query(asked, range(1, MAX_NEIGHBOURS + 1), distance_upper_bound=farthest)[1]
-        cells = np.flatnonzero(near[:, 0] < count)
-        near, mine = near[cells], mine[cells]
-        near_by = np.minimum(near, count - 1)
-        shared = triangles[near_by][..., None] == triangles[mine][:, None, None]
-        away = np.linalg.norm(self._centres[near_by] - self._centres[mine][:, None], axis=2)
-        near[shared.any((2, 3)) | (away < self._apart) | (near == count)] = -1
-        kept = (near >= 0).any(1)
-        return cells[kept], near[kept]
+        ways = [(-1, 0.0)]
+        if (normals @ normals.mean(0)).min() <= 0:  # a sheet with a roll in it is turned over, too
+            # a layer over or under the triangle, as its neighbours are nearer to itself
+            ways += [(1, self._distance), (1, -self._distance)]
+        found, order = [], []
+        for way, off in ways:
+            asked = np.hstack([(middles + off * normals) / reach, way * normals])[mine]
+            near = tree.query(asked, range(1, MAX_NEIGHBOURS + 1), distance_upper_bound=farthest)[1]
+            near_by = np.minimum(near, count - 1)
+            shared = triangles[near_by][..., None] == triangles[mine][:, None, None]
+            away, turned, flat = (
+                np.linalg.norm(values[near_by] - sign * values[mine][:, None], axis=2)
+                for values, sign in ((middles, 1), (normals, way), (self._centres, 1))
+            )
+            least = self._apart if way < 0 else 2 * np.maximum(self._apart, away)
+            near[shared.any((2, 3)) | (flat < least) | (near == count)] = -1
+            found.append(near)
+            order.append(np.where(near < 0, np.inf, np.hypot(away / reach, turned)))
+        near = np.take_along_axis(np.hstack(found), np.hstack(order).argsort(1, kind="stable"), 1)
+        cells = np.flatnonzero(near[:, 0] >= 0)
+        return cells, near[cells][:, : (near >= 0).sum(1).max(initial=0)]
 
 
 class SelfContact(FaceContact):
