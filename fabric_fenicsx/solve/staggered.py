@@ -27,8 +27,8 @@ def solve_staggered(
     """Solve for x until terms have nothing to update: first to `FIRST_TOLERANCE`, then to
     `LOOSE_TOLERANCE` or `LOOSE_FALL`, in the end to `tolerance` or the solver's, and nothing is to
     be updated after that either. near: x is all but the solution, so that the first solve is exact:
-    a loose one would end at once, or not, by rounding. Returns the last `Report`, with the iterations of the hardest
-    solve, and those of all."""
+    a loose one would end at once, or not, by rounding. Returns the last `Report`, with the
+    iterations of the hardest solve, and those of all."""
     scene, every = newton.scene, []
     asked = max(tolerance, newton.tolerance)
     now = max(asked, FIRST_TOLERANCE) if scene.has_lagged_terms and not near else asked
