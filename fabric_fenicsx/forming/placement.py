@@ -283,17 +283,20 @@ class Placement:
 
     def _beside(self, name, tool, surface, place):
         points, middle = _of_triangles(surface), (self._low + self._high) / 2
+        at = np.asarray(tool.at[:2], dtype=float)
+        low, high = (at, at) if points is None else (at + p(points, 0)[:2] for p in (np.min, np.max))
         words = f"tools.{name} does not meet the blank when it is moved along z"
+        if away := np.linalg.norm(np.maximum(0, np.maximum(self._low - high, low - self._high))):
+            words += f", {rounded(float(away), 6)} mm beside it"
         if points is not None:
-            low, high = points.min(0)[:2] + tool.at[:2], points.max(0)[:2] + tool.at[:2]
-            shift = np.asarray(tool.at[:2]) + middle - (low + high) / 2
+            shift = at + middle - (low + high) / 2
             words += (
                 f": it reaches from {coordinates(low)} to {coordinates(high)} mm, the blank from "
                 f"{coordinates(self._low)} to {coordinates(self._high)} mm"
             )
-            if np.linalg.norm(shift - tool.at[:2]) > 1e-3 * self._size:
-                at = ", ".join(rounded(float(each), 6) for each in shift)
-                return f"{words}; allowed is a tool over it, as with at = [{at}]"
+            if np.linalg.norm(shift - at) > 1e-3 * self._size:
+                over = ", ".join(rounded(float(each), 6) for each in shift)
+                return f"{words}; allowed is a tool over it, as with at = [{over}]"
             return f"{words}; allowed is one in mm that is over the blank (is it in cm or inches?)"
         return f"{words}, nearest to {coordinates(place)}; allowed is `at` that puts it there"
 

@@ -136,7 +136,7 @@ def test_a_ring_pushed_by_a_force_holds_as_its_pressure_does(tmp_path):
 @pytest.mark.parametrize(
     "changes, words",
     [
-        (["tools.punch.at=[300, 0]"], "tools.punch does not meet the blank .*allowed is `at`"),
+        (["tools.punch.at=[300, 0]"], "tools.punch does not meet the blank .*, 200 mm beside it"),
         (
             ["tools.punch.at=[0, 0, -40]"],
             r"cuts into the blank by 10.54 mm .*allowed is z of `at` up to -50.5371",
