@@ -284,7 +284,8 @@ class Placement:
     def _beside(self, name, tool, surface, place):
         points, middle = _of_triangles(surface), (self._low + self._high) / 2
         at = np.asarray(tool.at[:2], dtype=float)
-        low, high = (at, at) if points is None else (at + p(points, 0)[:2] for p in (np.min, np.max))
+        reach = np.zeros((1, 2)) if points is None else points[:, :2]
+        low, high = at + reach.min(0), at + reach.max(0)
         words = f"tools.{name} does not meet the blank when it is moved along z"
         if away := np.linalg.norm(np.maximum(0, np.maximum(self._low - high, low - self._high))):
             words += f", {rounded(float(away), 6)} mm beside it"

@@ -430,13 +430,15 @@ def write(press: Any, path: str | os.PathLike[str]) -> None:
 
 
 def _entries(owner, more):
-    """The fields of a dataclass object that differ from their defaults, {name: value}."""
+    """The fields of a dataclass object that differ from their defaults, {name: value}; None is as
+    good as left out."""
     entries = dict(more)
     for each in dataclasses.fields(owner):
         value, usual = getattr(owner, each.name), each.default
         if each.default_factory is not dataclasses.MISSING:
             usual = each.default_factory()
-        if value is not usual and not (isinstance(value, type(usual)) and value == usual):
+        same = value is usual or (isinstance(value, type(usual)) and value == usual)
+        if not (same or value is None):
             entries[each.name] = value
     return entries
 

@@ -414,6 +414,8 @@ def test_a_mesh_beside_the_tools_is_refused_or_centred(tmp_path):
         press.build()
     (sheet,) = press.sheets
     centred = press.replace(sheets=[dataclasses.replace(sheet, centred=True)]).build()
+    centred.data.write(tmp_path / "press.toml")  # as beside the results of a run
+    assert ff.Press.read(tmp_path / "press.toml").sheets[0].mesh == sheet.mesh
     assert np.ravel(centred.extent) == pytest.approx([-80, -80, 0, 80, 80, 0])
     assert centred.blank.coordinates()[:, 0].max() == pytest.approx(80)
 
