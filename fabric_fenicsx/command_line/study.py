@@ -79,7 +79,7 @@ def add_solver(p: Parser, test: Any) -> None:
     words = f"estimate all errors, from the same run on a mesh twice as coarse{unasked}"
     p.option("--error", action=BooleanOptionalAction, help=words, free=True)
     if test is not Coupon:
-        words = "check all, draw setup.png of a press and tell the cost, but run nothing"
+        words = "check all, draw setup.png of a press, take the first step and tell the cost"
         p.switch("--dry-run", words)
     add_fields(p, Limits, test, prefix="max_", free=True)
 
@@ -215,10 +215,14 @@ class Study:
         self._note_facts()
         pictures = not self.args.no_pictures
         if self.args.dry_run:
-            for line in checked(job, self.output, part, pictures):
+            for line in checked(job, self.output, part, pictures, self.more_runs(job.setup)):
                 self.say(line)
             sys.exit(0)
         return job.run(self.output, part, problem=self._problem, pictures=pictures)
+
+    def more_runs(self, setup: Setup) -> dict[str, float]:
+        """{what options ask for beside the run of a test: times as many cells}."""
+        return {}
 
     def summarise(self, folder: Path | None, **facts: Any) -> dict[str, Any]:
         """Summarise the study as a whole, see `Output.summarise`."""

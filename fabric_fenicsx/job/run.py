@@ -33,6 +33,14 @@ if TYPE_CHECKING:
     from .job import Job
 
 log = logging.getLogger("fabric_fenicsx")
+LATER_STEPS = 1.5  # time of later steps over that of earlier ones, at most, if all goes well
+
+
+def time_left(to_do: float, mean: float, last: float) -> str:
+    """The time that a load factor `to_do` takes, in words: as the steps in the mean did, and as the
+    `last` one [s per load factor]."""
+    low, high = to_do * min(mean, last), LATER_STEPS * to_do * max(mean, last)
+    return f", {tqdm.format_interval(low)} to {tqdm.format_interval(high)} left"
 
 
 class Run:
@@ -71,6 +79,7 @@ class Run:
             self.series = FieldSeries(folder, self.scene, notes.get("states", ()))
         self._from = start.load if start else 0.0
         self._reached = f"{self._stage(self._from)}: first step"
+        self._load, self._size, self._last_seconds = self._from, 0.0, 0.0  # of the last step
         self._wrong_now: list[str] = []  # what is wrong with the last accepted state
         self.stopped, self.wrong = "", ""
 
@@ -128,18 +137,26 @@ class Run:
             f"{rounded(displacement)} mm, {rounded(force)} N, {accepted.report.iterations} "
             "iterations"
         )
-        if self._from < load < 1:
-            left = (now - self._began) * (1 - load) / (load - self._from)
-            self._reached += f", {tqdm.format_interval(left)} left"
-        self._step_began = now
+        self._last_seconds, self._step_began = now - self._step_began, now
+        self._size, self._load = load - self._load, load
         if self.scene.comm.rank == 0:
             is_seen = status.on_terminal() or self.output.is_quiet
-            log.log(logging.DEBUG if is_seen else logging.INFO, self._reached)
+            log.log(logging.DEBUG if is_seen else logging.INFO, self._reached + self._left(0.0))
+
+    def _left(self, seconds):
+        """As of `time_left`, with the last step or, if it lasts longer, the one under way, since
+        `seconds`."""
+        done, to_do = self._load - self._from, 1 - self._load
+        if not (done > 0 and to_do > 0):
+            return ""
+        last = max(self._last_seconds, seconds) / self._size
+        return time_left(to_do, (self._step_began - self._began) / done, last)
 
     def _doing(self):
         """How far the run is, for the status line."""
         report, seconds = self._newton.report, time.monotonic() - self._step_began
-        return f"{self._reached}; next: {report.iterations} iterations, {seconds:.0f} s"
+        left = self._left(seconds)
+        return f"{self._reached}{left}; next: {report.iterations} iterations, {seconds:.0f} s"
 
     def _stage(self, load):
         """What the run is called at a load factor."""

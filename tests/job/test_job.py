@@ -18,11 +18,17 @@ from dolfinx import fem
 
 import fabric_fenicsx as ff
 import fabric_fenicsx.job.job
+from fabric_fenicsx.job.run import time_left
 from fabric_fenicsx.plot import pictures
 from fabric_fenicsx.results.output import finite
 from fabric_fenicsx.runtime.logs import Console
 from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT, on_ranks
 from fabric_fenicsx.solve.limits import Limits
+
+
+def test_the_time_left_is_told_from_the_mean_of_the_steps_to_a_slow_last_one():
+    assert time_left(0.5, 60, 240) == ", 00:30 to 03:00 left"
+    assert time_left(0.5, 240, 60) == ", 00:30 to 03:00 left"
 
 
 @pytest.mark.mpi
