@@ -73,11 +73,15 @@ def _pattern(parser, words):
     parser.add_argument("--sheet", metavar="NAME", help="ply of a stack (default: all)")
     reach = "distance of the line from the ply (default: 2 thicknesses of all plies)"
     parser.add_argument("--reach", type=option_type(POSITIVE), metavar="MM", help=reach)
+    edge = "of a formed net blank: tell how far its edge lies from the line, and write nothing"
+    parser.add_argument("--edge", action="store_true", help=edge)
     # a plane may begin with a minus, which argparse takes for an option
     joined = "\n".join(words).replace("--plane\n", "--plane=")
     args = parser.parse_args(joined.split("\n") if words else [])
     if not (args.line or args.plane):
         raise InputError("nothing says where to trim; allowed is --line FILE or --plane PLANE")
+    if args.edge and args.plane:
+        raise InputError("--edge is not allowed beside --plane; allowed is --line FILE")
     from ..meshes.outline_files import read_trim_line
     from ..postprocess import pattern, states
 
@@ -85,6 +89,12 @@ def _pattern(parser, words):
     if args.sheet is not None and args.sheet not in grids:
         raise unknown_key(args.sheet, filter(None, grids), f"--sheet {args.sheet}")
     where, notes = (_plane(args.plane), []) if args.plane else read_trim_line(args.line)
+    if args.edge:
+        for name in filter(lambda name: args.sheet in (None, name), grids):
+            largest, mean = map(rounded, pattern.edge_distance(grids[name], where))
+            of_ply = f"the edge of {f'ply {name}' if name else 'the ply'}"
+            print(f"{of_ply} is up to {largest} mm from the trim line, {mean} mm in the mean")
+        return
     reach = args.reach or 2 * sum(map(_thickness, grids.values()))
     labels = states.set_labels(grids) if len(grids) > 1 else dict.fromkeys(grids, "")
     patterns, wrong = {}, []

@@ -48,7 +48,7 @@ def checked(
     iterations, seconds = _first_step(newton, job)
     sheets = max(1, len(scene.blank.parts))
 
-    def cost(cells=1.0, steps=job.steps):
+    def cost(cells=1.0, steps=job.steps, fixed=fixed):
         solves = iterations * steps
         if scene.has_lagged_terms:
             solves = USUAL * math.sqrt(solves * sheets)
@@ -62,11 +62,12 @@ def checked(
         f"{size['cells']} cells ({size['element']}), {size['dofs']} degrees of freedom; {terms}",
         f"the run takes {cost()}, and several times as long where plies crumple: the first of "
         f"{job.steps:g} steps took {iterations} iterations of {rounded(seconds, 2)} s, setup"
-        f"{' and pictures' if pictures else ''} take about {rounded(fixed, 2)} s",
+        f"{' and pictures take' if pictures else ' takes'} about {rounded(fixed, 2)} s",
     ]
     if job.error:
         steps = job.coarser_settings(job.setup.FEWER_STEPS).steps
-        lines.append(f"the run on coarser cells, for errors, takes {cost(1 / 4, steps)} more")
+        told = cost(1 / 4, steps, fixed=0)
+        lines.append(f"the run on coarser cells, for errors, takes {told} more")
     lines += [f"{name} takes {cost(cells)} more" for name, cells in more.items()]
     return [
         *lines,

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import pyvista
 import shapely
+from scipy.spatial import cKDTree
 
 from ..meshes.rings import joined, sheet_of
 from ..runtime.errors import InputError
@@ -71,6 +72,33 @@ def flat_pattern(grid: Grid, trim: Plane | Sequence[np.ndarray], reach: float) -
     source = "the trim line, on the flat ply,"
     net = sheet_of(joined(flat, source), source).intersection(_sheet(ply))
     return FlatPattern(net, _inside(ply, net), off)
+
+
+def edge_distance(grid: Grid, trim: Sequence[np.ndarray]) -> tuple[float, float]:
+    """The largest distance between the edge of the formed ply in `grid`, of a quarter that of the
+    whole ply, and a trim line, from each to the other, and the mean distance of the edge from the
+    line [mm].
+
+    trim: lines (n, 3) in space, or (n, 2), to which distances are along x and y [mm].
+    """
+    ply = whole(ply_of(grid))
+    sides = ply.formed[edge_sides(ply.triangles), : trim[0].shape[1]]
+    longest = 0.02 * np.linalg.norm(sides[:, 1] - sides[:, 0], axis=1).mean()
+    edge, lengths = _pieces(sides, longest)
+    line, _ = _pieces(np.vstack([np.stack([p[:-1], p[1:]], 1) for p in trim]), longest)
+    (there, _), (back, _) = cKDTree(line).query(edge), cKDTree(edge).query(line)
+    return float(max(there.max(), back.max())), float(np.average(there, weights=lengths))
+
+
+def _pieces(sides, longest):
+    """Middles (m, d) and lengths (m,) of the equal pieces of `sides` (n, 2, d), up to the
+    `longest`."""
+    start, along = sides[:, 0], sides[:, 1] - sides[:, 0]
+    length = np.linalg.norm(along, axis=1)
+    count = np.maximum(1, np.ceil(length / longest)).astype(int)
+    of = np.repeat(np.arange(len(sides)), count)
+    share = (np.arange(len(of)) - (np.cumsum(count) - count)[of] + 0.5) / count[of]
+    return start[of] + share[:, None] * along[of], (length / count)[of]
 
 
 def _sheet(ply):

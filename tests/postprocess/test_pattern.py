@@ -1,5 +1,6 @@
 """The flat pattern of trimmed plies whose flat shapes are known."""
 
+import dataclasses
 import re
 
 import ezdxf
@@ -8,10 +9,11 @@ import pytest
 import pyvista
 import shapely
 
+import fabric_fenicsx as ff
 from fabric_fenicsx.command_line import main
 from fabric_fenicsx.meshes.outline_files import read_outline, read_trim_line
 from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.postprocess.pattern import Plane, flat_pattern, write_pattern
+from fabric_fenicsx.postprocess.pattern import Plane, edge_distance, flat_pattern, write_pattern
 from fabric_fenicsx.postprocess.ply import SYMMETRIC
 from fabric_fenicsx.postprocess.states import save
 from fabric_fenicsx.runtime.errors import InputError
@@ -198,12 +200,44 @@ def test_the_command_writes_files_and_tells_sizes(run, capsys):
     assert {"pattern.dxf", "pattern.csv", "pattern.vtu"} <= {each.name for each in run.iterdir()}
 
 
+def test_the_edge_is_compared_with_the_trim_line_in_space_and_in_plan(run, tmp_path, capsys):
+    """A line 0.3 mm beside two of the four sides."""
+    line = dense([(-60, -40.3, 0), (60, -40.3, 0), (60, 40.3, 0), (-60, 40.3, 0), (-60, -40.3, 0)])
+    assert edge_distance(ply(rolled), [rolled(line)]) == pytest.approx((0.3, 0.18), rel=0.03)
+    plan = RADIUS * np.sin(60 / RADIUS)
+    assert edge_distance(ply(rolled), [rolled(line)[:, :2]]) == pytest.approx(
+        (0.3, 0.3 * plan / (plan + 40)), rel=0.03
+    )
+    np.savetxt(tmp_path / "line.csv", rolled(line), delimiter=",", header="x,y,z", comments="")
+    assert main.main(["pattern", str(run), "--line", str(tmp_path / "line.csv"), "--edge"]) == 0
+    assert "trim line, 0.18" in capsys.readouterr().out
+    assert not list(run.glob("pattern*"))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("nx, size", [(8, 12), (12, 8)])
+def test_the_edge_of_a_formed_net_blank_lies_on_the_trim_line(nx, size, tmp_path):
+    """Those of docs/examples/net_shape.py, with cells of two sizes: the rectangle's corners are 61
+    mm beside the line."""
+    angle = np.linspace(0, 2 * np.pi, 181)
+    trim = [80 * np.column_stack([np.cos(angle), np.sin(angle)])]
+    press = ff.Press.read("hemisphere", [f"blank.nx={nx}", "stage.1.moves.punch=25"])
+    formed = press.job(steps=4).run().grid
+    assert edge_distance(formed, trim)[0] == pytest.approx(61, abs=1)
+    write_pattern(tmp_path / "net", flat_pattern(formed, trim, 2.0))
+    sheet = dataclasses.replace(press.sheets[0], length=None, width=None, nx=None)
+    sheet = dataclasses.replace(sheet, outline=str(tmp_path / "net.csv"), size=size)
+    largest, mean = edge_distance(press.replace(sheets=[sheet]).job(steps=4).run().grid, trim)
+    assert largest < 0.6 and mean < 0.2
+
+
 @pytest.mark.parametrize(
     "words, error",
     [
         ([], "nothing says where to trim; allowed is --line FILE or --plane PLANE"),
         (["--plane", "q=3"], "--plane is q=3; allowed is"),
         (["--plane", "0,0,0,0,0,0"], "--plane is 0,0,0,0,0,0; allowed is"),
+        (["--plane", "z=-10", "--edge"], "--edge is not allowed beside --plane; allowed is --line"),
         (["--plane", "z=9"], "does not cut the ply, which lies from "),
         (["--line", "no.csv"], "trim line no.csv does not exist"),
         (["--plane", "z=-10", "--sheet", "up"], "--sheet up is unknown"),

@@ -1,0 +1,23 @@
+"""The net shape of a part: its trim line as a flat pattern, and the blank of it formed in turn.
+
+Prints how far the edge of the formed net blank is from the trim line, at most and in the mean [mm].
+"""
+
+import dataclasses
+
+import numpy as np
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.postprocess.pattern import edge_distance, flat_pattern, write_pattern
+
+press = ff.Press.read("hemisphere", ["blank.nx=8", "stage.1.moves.punch=25"])
+angle = np.linspace(0, 2 * np.pi, 181)
+trim = [80 * np.column_stack([np.cos(angle), np.sin(angle)])]  # on the flange, seen along z
+
+formed = press.job(steps=4).run()
+write_pattern("net", flat_pattern(formed.grid, trim, reach=2.0))
+
+sheet = dataclasses.replace(press.sheets[0], length=None, width=None, nx=None)
+net = press.replace(sheets=[dataclasses.replace(sheet, outline="net.csv", size=12)])
+largest, mean = edge_distance(net.job(steps=4).run().grid, trim)
+print(f"{largest:.2f} {mean:.2f}")
