@@ -21,6 +21,7 @@ from .job import Job
 # sheets: 0.75 to 1.4 times as many in presses of one to five sheets, in 4 to 40 steps and on 100 to
 # 3000 cells a sheet; a third where a strip between sheets of metal is bent
 USUAL = 11.5
+ENOUGH = 100  # iterations of the first step: more of them do not tell of later steps
 LOW, HIGH = 0.7, 1.4  # of the cost, as it is told
 STATE, PICTURES = 3.0, 3.3  # s to draw the last state; time of all other pictures over the first's
 
@@ -50,7 +51,7 @@ def checked(
     sheets = max(1, len(scene.blank.parts))
 
     def cost(cells=1.0, steps=job.steps, fixed=fixed):
-        solves = iterations * steps
+        solves = min(iterations, ENOUGH) * steps
         if scene.has_lagged_terms:
             solves = USUAL * math.sqrt(solves * sheets)
         total = fixed + solves * seconds * cells
@@ -61,8 +62,8 @@ def checked(
     size = scene_output.sizes(scene)
     lines = [
         f"{size['cells']} cells ({size['element']}), {size['dofs']} degrees of freedom; {terms}",
-        f"the run takes {cost()}, and several times as long where plies crumple: the first of "
-        f"{job.steps:g} steps took {iterations} iterations of {rounded(seconds, 2)} s, setup"
+        f"the run takes {cost()}, and several times as long where plies crumple: {iterations} "
+        f"iterations at the first of {job.steps:g} steps took {rounded(seconds, 2)} s each, setup"
         f"{' and pictures take' if pictures else ' takes'} about {rounded(fixed, 2)} s",
     ]
     if job.error:
@@ -78,11 +79,15 @@ def checked(
 
 @task("taking the first step")
 def _first_step(newton, job):
-    """Iterations to the first state under load, seconds of one, and why there is no such state."""
-    stepping = LoadStepping(
-        newton, job, stop=lambda: "the first step" if stepping.progress.load else ""
-    )
+    """Iterations to the first state under load, or as many as are enough; seconds of one; why the
+    step can't be taken, or ""."""
+
+    def is_enough():
+        progress = stepping.progress
+        return "enough" if progress.load or progress.iterations >= ENOUGH else ""
+
+    stepping = LoadStepping(newton, job, stop=is_enough)
     began = time.process_time()
     outcome = stepping.run()
-    taken = max(1, outcome.iterations)
-    return taken, (time.process_time() - began) / taken, "" if outcome.reached else outcome.reason
+    taken, failed = max(1, outcome.iterations), not (outcome.reached or is_enough())
+    return taken, (time.process_time() - began) / taken, outcome.reason if failed else ""
