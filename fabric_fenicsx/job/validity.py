@@ -1,5 +1,6 @@
 """Validity of a result: limits that it exceeds, and doubts: the reasons of its verdict."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -75,6 +76,10 @@ def beyond_limits_at_end(
         "viscous": share(energy["viscous"], stretching(energy)),
         "located": scene.supports.located_share(scene_output.outer_forces(scene)),
     }
+    if limits.cell_size < math.inf:
+        from ..scene.tool_warnings import cells_over_radius
+
+        shares["cell_size"] = cells_over_radius(scene)
     return [*_passed_through(scene), *limits.exceeded(shares)]
 
 

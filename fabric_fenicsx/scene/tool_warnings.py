@@ -80,13 +80,25 @@ def _cell_length(blank):
     return total / cells
 
 
-def cell_size_warning(blank: Blank, tools: Iterable[Tool]) -> str:
-    """A sentence if cells, or a quadratic one's halves, are too large to bend around the tools'
-    least radius, else ""."""
+def least_radius(blank: Blank, tools: Iterable[Tool]) -> tuple[float, float, str]:
+    """Length of the cells, or of a quadratic one's halves, and the least radius of the tools [mm],
+    with the tool's name."""
     length = _cell_length(blank)
     # over a quarter of a cell its tool's curvature counts
     radii = [(radius_over(tool, 0.25 * length), tool.name) for tool in tools]
-    least, name = min(radii, default=(math.inf, ""))
+    return length, *min(radii, default=(math.inf, ""))
+
+
+def cells_over_radius(scene: Scene) -> float:
+    """Length of cells over the least radius of the tools that a sheet has touched."""
+    touched = [tool for tool in output.tools(scene) if _touched(scene, tool)]
+    length, least, _ = least_radius(scene.blank, touched)
+    return length / least
+
+
+def cell_size_warning(blank: Blank, tools: Iterable[Tool]) -> str:
+    """A sentence if cells are too large to bend around the tools' least radius, else ""."""
+    length, least, name = least_radius(blank, tools)
     if math.degrees(length / least) <= MAX_TURN:
         return ""
     named = "cells" if blank.degree == 1 else "halves of quadratic cells"

@@ -1,12 +1,13 @@
 """Limits beyond which a result is invalid."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ..material.strains import CRUMPLED
 from ..runtime.fields import check_fields, documented, number
 from ..runtime.formatting import percent, rounded
-from ..runtime.rules import POSITIVE
+from ..runtime.rules import ABOVE_ZERO_OR_INF, POSITIVE
 
 GROUP = "limits, beyond which a result is invalid (exit status 3)"  # of options
 SENTENCES = {
@@ -18,6 +19,7 @@ SENTENCES = {
     "fibre_share": "fibres fill {} of the volume, and round ones side by side 90.7 %",
     "shortening": "compression shortens yarns by more than "
     f"{percent(CRUMPLED)} in {{}} of the area, where a real ply folds",
+    "cell_size": "cells are {} of the least radius of a touched tool",
     "located": "supports that only locate the sheet bear {} of the forces on it",
 }
 ANGLES = "shear", "shear_99_percent"  # in deg, all others are shares
@@ -55,6 +57,9 @@ class Limits:
     fibre_share: float = _limit(0.907, "fibre volume fraction of a cell, where it is known")
     shortening: float = _limit(
         0.05, "area in which compression shortens yarns by more than 5 % (1: no limit)"
+    )
+    cell_size: float = number(
+        math.inf, ABOVE_ZERO_OR_INF, "cells, over the least radius of a touched tool", GROUP
     )
     located: float = _limit(0.05, "forces of supports that only locate, over all from outside")
 

@@ -569,3 +569,13 @@ def test_sheets_touch_themselves_if_asked():
     made = ff.Press.read("laminate", ["blank.nx=4", "contact.self=true"]).build()
     found = [each for each in made.scene.terms if isinstance(each, ff.SelfContact)]
     assert [t.coulomb.coefficient for t in found] == [0.25, 0.334, 0.334, 0.334, 0.25]
+
+
+def test_cells_beside_a_radius_may_be_limited():
+    """Of 25 mm beside one of 8 mm at the ring's opening."""
+    changes = "blank.nx=4", "stage.1.steps=2", "stage.1.moves.punch=5"
+    press, other = hemisphere(*changes), hemisphere(*changes)
+    with pytest.raises(ff.SolverFailure, match=r"cells are 312 % .*; allowed is 300 % .*cell_size"):
+        press.job(balance=None, limits=ff.Limits(imbalance=9, cell_size=3.0)).run()
+    result = other.job(balance=None, limits=ff.Limits(imbalance=9, cell_size=3.2)).run()
+    assert result.summary["verdict"] == "doubtful"
