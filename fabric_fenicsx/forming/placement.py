@@ -48,7 +48,7 @@ def place(press: Press, laid: Laid, comm: MPI.Comm, warnings: list[str]) -> Plac
         press.thickness(),
         press.thickness(CHECK_PRESSURE),
     )
-    at, dies = Placement(nodes, thickness, comm, warnings), press.dies()
+    at, dies = Placement(nodes, thickness, comm, warnings, press.planes), press.dies()
     given = {name: tool.surface for name, tool in press.tools.items()}
     clearances = {
         name: surface.clearance or 1.2 * thickness
@@ -120,12 +120,17 @@ def check_clearance(path: str, clearance: float, pressed: float, surface: Surfac
 class Placement:
     """Brings tools to a flat blank, whose nodes of this rank are at x (n, 3) [mm] in z = 0.
 
-    thickness: of the blank [mm]; warnings: list to which warnings are added. Raises InputError, on
-    all ranks, for a tool that can't stand where it should.
+    thickness: of the blank [mm]; warnings: list to which warnings are added; planes: of symmetry.
+    Raises InputError, on all ranks, for a tool that can't stand where it should.
     """
 
     def __init__(
-        self, x: np.ndarray, thickness: float, comm: MPI.Comm, warnings: list[str]
+        self,
+        x: np.ndarray,
+        thickness: float,
+        comm: MPI.Comm,
+        warnings: list[str],
+        planes: Sequence[int] = (),
     ) -> None:
         self._x, self._t, self._comm, self._warnings = x, thickness, comm, warnings
         low, high = (
@@ -133,6 +138,8 @@ class Placement:
             for least, start in (("min", np.inf), ("max", -np.inf))
         )
         self._low, self._high = low[:2], high[:2]
+        self._middle = (self._low + self._high) / 2
+        self._middle[list(planes)] = 0.0
         self._size = float((self._high - self._low).max())
 
     def surface(self, name: str, tool: PressTool) -> Surface:
@@ -282,7 +289,7 @@ class Placement:
         return min(self._comm.allgather(mine))
 
     def _beside(self, name, tool, surface, place):
-        points, middle = _of_triangles(surface), (self._low + self._high) / 2
+        points = _of_triangles(surface)
         at = np.asarray(tool.at[:2], dtype=float)
         reach = np.zeros((1, 2)) if points is None else points[:, :2]
         low, high = at + reach.min(0), at + reach.max(0)
@@ -290,7 +297,7 @@ class Placement:
         if away := np.linalg.norm(np.maximum(0, np.maximum(self._low - high, low - self._high))):
             words += f", {rounded(float(away), 6)} mm beside it"
         if points is not None:
-            shift = at + middle - (low + high) / 2
+            shift = at + self._middle - (low + high) / 2
             words += (
                 f": it reaches from {coordinates(low)} to {coordinates(high)} mm, the blank from "
                 f"{coordinates(self._low)} to {coordinates(self._high)} mm"

@@ -150,7 +150,7 @@ def doubts(
         *warnings_at_start(scene, formed=True),
         *fabric_doubts(result),
         Reason(coarse_waves(quantities), of="wrinkles"),
-        ripples(quantities),
+        Reason(ripples(quantities), of="wrinkles"),
         untouched,
         _crossing(scene),
         _mismatch(scene),

@@ -18,7 +18,7 @@ from ..runtime.rules import FINITE, Rule, shown, unknown_key
 from .text_tables import Problems, read_lines, table_of, values_of
 
 AXES = "x", "y", "z"
-UNITS = None, "deg", "mm", "C", "-"  # that a column of values may state
+UNITS = None, "deg", "mm", "deg C", "C", "-"  # that a column of values may state
 ALLOWED = "a CSV with columns x, y and one more, or a mesh with values at its points"
 
 
@@ -26,8 +26,8 @@ class Field:
     """A number that depends on the place, where an option takes one.
 
     Between points in a file the number is interpolated linearly, on triangles or tetrahedra between
-    them; beyond them it is that of the nearest point. Angles are interpolated as they stand, so
-    write 190 after 170 deg, not -170.
+    them; beyond them it is that of the nearest point, no farther than the points reach. Angles are
+    interpolated as they stand, so write 190 after 170 deg, not -170.
 
     Parameters
     ----------
@@ -85,12 +85,21 @@ class Field:
         return new
 
     def at(self, x: np.ndarray) -> np.ndarray:
-        """Values (n,) at places x (n, 3) [mm]. Raises InputError where the function gives none."""
+        """Values (n,) at places x (n, 3) [mm]. Raises InputError where the function gives none, and
+        far from all points."""
         if not callable(self.source):
             places = x[:, : self._places.shape[1]]
             values = self._between(places)
             out = np.isnan(values)
-            values[out] = self._values[self._nearest.query(places[out])[1]]
+            distance, nearest = self._nearest.query(places[out])
+            if (distance > np.ptp(self._places, axis=0).max()).any():
+                k = distance.argmax()
+                raise InputError(
+                    f"{self.label}: {self.source} has no point within {rounded(distance[k])} mm of "
+                    f"{coordinates(places[out][k])} mm; allowed are points about the places where "
+                    "the sheet lies in the press"
+                )
+            values[out] = self._values[nearest]
             return values
         axes = list(self.axes)
         try:

@@ -8,6 +8,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+import pyvista
 from scipy.spatial.transform import Rotation
 
 import fabric_fenicsx as ff
@@ -579,3 +580,12 @@ def test_cells_beside_a_radius_may_be_limited():
         press.job(balance=None, limits=ff.Limits(imbalance=9, cell_size=3.0)).run()
     result = other.job(balance=None, limits=ff.Limits(imbalance=9, cell_size=3.2)).run()
     assert result.summary["verdict"] == "doubtful"
+
+
+def test_the_part_of_a_quarter_is_sent_to_its_planes(tmp_path):
+    file = tmp_path / "ball.stl"
+    pyvista.Sphere(radius=50, center=(500, 300, 0)).save(file)
+    quarter = ff.Press.read(HEMISPHERE)
+    tools = {**quarter.tools, "punch": ff.PressTool(str(file))}
+    with pytest.raises(ff.InputError, match=r"as with at = \[-500, -300\]"):
+        quarter.replace(tools=tools).build()

@@ -30,11 +30,13 @@ def mesh(path, **data):
 
 
 def test_a_file_is_its_function_between_the_points_and_its_nearest_point_beyond(tmp_path):
-    files = table(tmp_path / "f.csv", "x [mm],y [mm],angle [deg]"), mesh(tmp_path / "f.vtu")
+    files = table(tmp_path / "f.csv", "x [mm],y [mm],T [deg C]"), mesh(tmp_path / "f.vtu")
     for field in map(ff.Field, files):
         assert field.at(INSIDE) == pytest.approx(ff.Field(linear).at(INSIDE), rel=1e-12)
-        far = field.at(np.array([[90.0, 50.0, 0.0], [-3.0, -40.0, 0.0]]))
-        assert far == pytest.approx([linear(20, 10), linear(0, 0)])
+        beyond = field.at(np.array([[35.0, 14.0, 0.0], [-3.0, -9.0, 0.0]]))
+        assert beyond == pytest.approx([linear(20, 10), linear(0, 0)])
+        with pytest.raises(ff.InputError, match=r"no point within 80.6 mm of \(90, 50\)"):
+            field.at(np.array([[0.0, 0.0, 0.0], [90.0, 50.0, 0.0]]))
     two = mesh(tmp_path / "two.vtu", v=linear(*GRID.T), w=0 * GRID[:, 0])
     assert ff.Field(two, "v") == ff.Field(files[0]) != ff.Field(two, "w")
 
