@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ...readers.field import Field, of_place
 from ...runtime.errors import InputError
@@ -85,27 +84,33 @@ class Coulomb:
             bound = check(label, mu)
         return replace(self, coefficient=bound)
 
-    def slips(self, limit: np.ndarray, stiffness: ArrayLike = 0.0) -> np.ndarray:
+    def slips(self, limit: np.ndarray, stiffness: float | np.ndarray = 0.0) -> np.ndarray:
         """s of each point (n,) [mm]."""
         if self.slip is not None:
             return np.full(len(limit), self.slip)
         return np.clip(limit / np.maximum(stiffness, 1e-300), MIN_SLIP, MAX_SLIP)
 
     def potential(
-        self, z: np.ndarray, limit: np.ndarray, stiffness: ArrayLike = 0.0
+        self, z: np.ndarray, limit: np.ndarray, stiffness: float | np.ndarray = 0.0
     ) -> tuple[np.ndarray, np.ndarray]:
         """Energies (n,) [N mm], and forces on the points (n, 3) [N], minus their derivatives."""
         return loops.potential(z, limit, self.slips(limit, stiffness))
 
     def blocks(
-        self, z: np.ndarray, limit: np.ndarray, normal: np.ndarray, stiffness: ArrayLike = 0.0
+        self,
+        z: np.ndarray,
+        limit: np.ndarray,
+        normal: np.ndarray,
+        stiffness: float | np.ndarray = 0.0,
     ) -> np.ndarray:
         """Second derivatives of the energies (n, 3, 3) [N/mm]: mu P / max(|z|, s) times the
         projector on the plane across `normal` (n, 3), of a sliding point less the direction of
         its slip."""
         return loops.blocks(z, limit, normal, self.slips(limit, stiffness))
 
-    def elastic(self, z: np.ndarray, limit: np.ndarray, stiffness: ArrayLike = 0.0) -> np.ndarray:
+    def elastic(
+        self, z: np.ndarray, limit: np.ndarray, stiffness: float | np.ndarray = 0.0
+    ) -> np.ndarray:
         """Elastic part of the slip, at most s long, (n, 3) [mm]."""
         length = np.maximum(np.linalg.norm(z, axis=1), 1e-300)
         return z * np.minimum(1.0, self.slips(limit, stiffness) / length)[:, None]
