@@ -22,7 +22,7 @@ from .nodes import Nodes, shares_at
 from .sheet_contact import SheetContact
 from .thickness import PlyThickness
 
-AT_FIRST, FIRST = 1e-6, 2  # share of `lag` that is enough for the first updates in a step
+AT_FIRST, FIRST = 1e-3, 2  # share of `lag` that is enough for the first updates in a step
 MAX_UPDATES = 3  # of the pressed areas in a step, at most: at the flange's end they may alternate
 PRESSURE = "pressure of the blank holder [MPa]"
 

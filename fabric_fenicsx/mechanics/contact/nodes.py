@@ -84,7 +84,7 @@ class Nodes:
         corners, held = x[triangles], shares_at(borne, x.T)[triangles][:, None] + BEYOND
         places = np.einsum("kc,nci->ink", WITHIN, corners).reshape(3, -1)
         weights = WITHIN * held / (WITHIN * held).sum(2, keepdims=True)
-        pressed = (shares_at(under, places).reshape(len(corners), -1, 1) * weights).mean(1)
+        pressed = (shares_at(under, places).reshape(len(corners), len(WITHIN), 1) * weights).mean(1)
         sides = corners[:, 1:] - corners[:, :1]
         areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)[:, None]
         both = np.stack([areas * pressed, areas * np.full((1, 3), 1 / 3)], -1)
