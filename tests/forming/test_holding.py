@@ -89,7 +89,7 @@ def test_segments_with_a_common_limit_press_each_node_once(limit):
 @pytest.mark.parametrize(
     "one, other, words",
     [
-        (ff.PressureHolder(0.02), ff.PressureHolder(0.02), "28000 mm2"),
+        (ff.PressureHolder(0.02), ff.PressureHolder(0.02), "28800 mm2"),
         (
             ff.PressureHolder(0.02, Region({"x": [-100, 40]})),
             ff.ForceHolder(100, Region({"x": [0, 100]})),
