@@ -259,6 +259,17 @@ def test_a_ring_is_pressed_by_its_area(pattern, sheared):
     assert pressed[2] == pytest.approx(-0.1 * math.pi * (80**2 - 50**2), rel=0.01)
 
 
+def test_corners_beyond_the_die_are_not_pressed():
+    """The holder ends within the last row of cells, 7 of 10 mm; the row's other nodes bear it."""
+    blank = sheet(10, 10, 2, 2)
+    holder = alone(blank, ff.BlankHolderPressure(1.0, (0, 0, -1), lambda x: x[0] < 7))
+    holder.set_load(1.0)
+    forces = holder.applied_forces().reshape(-1, 3)[:, 2]
+    beyond = holder.nodes.places[:, 0] > 7
+    total, lifted = (holder.nodes.total(each) for each in (forces, np.where(beyond, forces, 0.0)))
+    assert total == pytest.approx(-70, rel=0.05) and abs(lifted) < 1e-2 * abs(total)
+
+
 # -- bad input
 
 PLANE = ff.Plane((0, 0, 0), (0, 0, 1))
