@@ -108,8 +108,8 @@ def test_a_run_that_gave_up_stays_with_its_reason_until_options_change(run):
 
 def test_bad_input_of_a_run_ends_the_sweep_with_its_sentence(run):
     began = time.monotonic()
-    status, out, err = run("--vary", "ring.pressure=0.1,-1", "--", "--slow", "60")
-    assert status == 2 and time.monotonic() - began < 30
+    status, out, err = run("--vary", "ring.pressure=0.1,-1", "--", "--slow", "600")
+    assert status == 2 and time.monotonic() - began < 500
     assert err.endswith(
         "fabric sweep: error: run pressure=-1: ring.pressure is -1; allowed is a number from 0\n"
     )
