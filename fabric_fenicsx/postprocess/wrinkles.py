@@ -1,14 +1,15 @@
 """Wrinkles of a formed ply: waves that rise and fall, told from what bends one way, its shape."""
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import pyvista
+from scipy.linalg import toeplitz
 from scipy.ndimage import (
-    correlate1d,
     distance_transform_edt,
-    gaussian_filter,
+    gaussian_filter1d,
     map_coordinates,
     maximum_filter1d,
     minimum_filter,
@@ -100,38 +101,40 @@ def _waves(ply, edge, longest):
     count = np.ceil(np.log(max(longest / edge / 2, 1)) / np.log(RATIO))
     bands = 2 * edge * RATIO ** np.arange(count + 2)  # the last for waves that are too long
     steps = np.clip(bands / PLACES, edge / 2, 0.9 * edge)  # coarser ones mistake ripples for waves
-    angles = np.arange(WAYS) * np.pi / WAYS
-    at = ply.x[:, :2]
-    found = np.array([[_along(flat, at, a, *each) for each in zip(bands, steps)] for a in angles])
-    w, energy, length = found.swapaxes(0, 2).swapaxes(1, 2)[:3]
+    at, spacing = ply.x[:, :2], np.sqrt(flat.area / flat.n_points)
+    found = []
+    for angle in np.arange(WAYS) * np.pi / WAYS:
+        turned = at @ _turned(angle)
+        sampled = _sampled(flat, turned, _turned(angle), bands, steps)
+        found.append([_along(turned, spacing, *each) for each in zip(bands, steps, *sampled)])
+    w, energy, length = np.array(found).transpose(2, 0, 1, 3)
     beside = np.pad(energy, ((0, 0), (1, 1), (0, 0)))
     others = np.roll(energy, 1, 0), np.roll(energy, -1, 0), beside[:, :-2], beside[:, 2:]
     strongest = (energy > 0) & (energy >= np.max(others, axis=0))  # not seen from aside, or in part
     return (w * strongest).reshape(-1, len(ply.x)), length.reshape(-1, len(ply.x))
 
 
-def _along(flat, nodes, angle, band, step):
-    """Height, energy and length (3, n) at flat `nodes` (n, 2) of waves that run along `angle` and
-    are about `band` long [mm], from places `step` apart [mm]."""
-    turn, wave = _turned(angle), band / step  # places a wave
+def _along(nodes, spacing, band, step, low, on, x):
+    """Height, energy and length (3, n) at flat `nodes` (n, 2), turned, of waves about `band` long
+    [mm], from places as of `_sampled`; spacing: of the ply's nodes [mm]."""
+    wave = band / step  # places a wave
     fine, coarse, quarter = FINE * wave, COARSE * wave, wave / 4
-    low, on, x = _sampled(flat, nodes, turn, step, CUT * COARSE * band)
     inside, between = minimum_filter(on, 3), minimum_filter1d(on, 3, 0)
     along, across = (np.gradient(x, step, axis=axis) for axis in (0, 1))
     normal = _mean(np.cross(along, across), inside, NORMAL * wave, NORMAL * wave)
     normal /= np.maximum(np.linalg.norm(normal, axis=2), 1e-300)[..., None]
     bend = _mean((_turn(x) * normal).sum(2), between, fine, 0) * on
-    even = _fitted(x, on, ACROSS * wave, 1)
-    z = ((_fitted(even, on, fine, 0) - _fitted(even, on, coarse, 0)) * normal).sum(2)
-    z -= _fitted(z[..., None], on, coarse, 0)[..., 0]  # what is left of the shape
+    even = _fitted(x.swapaxes(0, 1), on.T, ACROSS * wave).swapaxes(0, 1)
+    z = ((_fitted(even, on, fine) - _fitted(even, on, coarse)) * normal).sum(2)
+    z -= _fitted(z[..., None], on, coarse)[..., 0]  # what is left of the shape
     own = np.gradient(z, step, axis=0)  # slope of the wave, which may lengthen it
     stretches = (along**2).sum(2) - own**2 - (across**2).sum(2)
     longer = _mean(stretches, inside, quarter, quarter)
-    squares = (_mean(each**2, between, quarter, quarter) for each in (_turn(z), z))
-    turned = np.sqrt(np.divide(*np.maximum([*squares], 1e-30)))
+    squares = _mean(np.dstack([_turn(z), z]) ** 2, between, quarter, quarter)
+    turned = np.sqrt(np.divide(*np.maximum(np.moveaxis(squares, 2, 0), 1e-30)))
     phase = np.arccos(np.clip(1 - turned / 2, -1, 0.99))  # from place to place
     shape = _passed(phase, coarse)
-    apart = np.sqrt(flat.area / flat.n_points) / step  # places from node to node, between straight
+    apart = spacing / step  # places from node to node, between straight
     alternates = np.where(z > 0, _alternates(bend, wave), _alternates(-bend, wave)) * (z * bend < 0)
     alternates *= uniform_filter1d(on, 2 * round(REACH * wave) + 1, 0, mode="constant") > LEAST
     energy = _mean((z * alternates) ** 2, on, quarter, quarter)
@@ -141,7 +144,7 @@ def _along(flat, nodes, angle, band, step):
     z *= alternates / np.maximum(left_over, 0.8)
     longer = maximum_filter1d(longer, 2 * round(REACH * wave) + 1, 0)  # or where it turns back
     nearest = distance_transform_edt(on == 0, return_distances=False, return_indices=True)
-    at = ((nodes @ turn - low) / step).T
+    at = ((nodes - low) / step).T
     values = z * (longer < CLEAR), energy, 2 * np.pi * step / phase
     return [map_coordinates(each[tuple(nearest)], at, order=1) for each in values]
 
@@ -151,17 +154,24 @@ def _turned(angle):
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
-def _sampled(flat, nodes, turn, step, margin):
-    """The ply at places `step` apart around the `nodes`: the first along and across, whether the
-    ply is there, 1 or 0 (p, q), and where it is formed to (p, q, 3)."""
-    ends = [(flat.points[:, :2], 1.382 * step), (nodes, margin)]  # no row on a straight edge
-    low = np.max([(x @ turn).min(0) - beyond for x, beyond in ends], axis=0)
-    high = np.min([(x @ turn).max(0) + beyond for x, beyond in ends], axis=0)
-    count = ((high - low) / step).astype(int) + 2
-    at = (low + step * np.indices(count).reshape(2, -1).T) @ turn.T
-    found = pyvista.PolyData(np.pad(at, ((0, 0), (0, 1)))).sample(flat)
-    on = np.asarray(found["vtkValidPointMask"], dtype=float).reshape(count)
-    return low, on, np.asarray(found["formed"], dtype=float).reshape(*count, 3)
+def _sampled(flat, nodes, turn, bands, steps):
+    """The ply at places around `nodes` that are turned, for each of `bands` and `steps` [mm]: the
+    first along and across, whether the ply is there, 1 or 0 (p, q), and where it is formed to
+    (p, q, 3). Places of all bands are found at once, as VTK sorts the cells each time."""
+    lows, counts, places = [], [], []
+    for band, step in zip(bands, steps):
+        ends = [(flat.points[:, :2] @ turn, 1.382 * step), (nodes, CUT * COARSE * band)]
+        # no row on a straight edge
+        low = np.max([x.min(0) - beyond for x, beyond in ends], axis=0)
+        high = np.min([x.max(0) + beyond for x, beyond in ends], axis=0)
+        lows.append(low)
+        counts.append(((high - low) / step).astype(int) + 2)
+        places.append((low + step * np.indices(counts[-1]).reshape(2, -1).T) @ turn.T)
+    found = pyvista.PolyData(np.pad(np.vstack(places), ((0, 0), (0, 1)))).sample(flat)
+    starts = np.cumsum([len(at) for at in places])[:-1]
+    on, x = (np.split(np.asarray(found[k], float), starts) for k in ("vtkValidPointMask", "formed"))
+    on, x = ([v.reshape(*n, *v.shape[1:]) for v, n in zip(vs, counts)] for vs in (on, x))
+    return lows, on, x
 
 
 def _turn(x):
@@ -173,27 +183,39 @@ def _turn(x):
 
 def _mean(values, weights, *sigma):
     """Gaussian means with `weights` (p, q); sigma: along and across [places]."""
-    parts = values.reshape(*weights.shape, -1) * weights[..., None]
-    sums = np.stack([gaussian_filter(each, sigma) for each in np.moveaxis(parts, 2, 0)], 2)
-    total = np.maximum(gaussian_filter(weights, sigma), 1e-9)[..., None]
-    return (sums / total).reshape(values.shape)
+    n, m = weights.shape
+    along, across = _gaussian(n, sigma[0]), _gaussian(m, sigma[1])
+    parts = np.dstack([values * weights.reshape(n, m, *[1] * (values.ndim - 2)), weights])
+    sums = across @ (along @ parts.reshape(n, -1)).reshape(n, m, -1)
+    return (sums[..., :-1] / np.maximum(sums[..., -1:], 1e-9)).reshape(values.shape)
 
 
-def _fitted(values, weights, sigma, axis):
-    """Parabolas along an axis that fit the values (p, q, k) around each place best, with Gaussian
-    weights of `sigma` [places] and `weights` (p, q): their values there."""
-    reach = int(np.ceil(CUT * sigma))
-    s = np.arange(-reach, reach + 1) / sigma
-    powers = np.exp(-s * s / 2) * s ** np.arange(5)[:, None]
-
-    def sums(of, power):
-        return correlate1d(of, powers[power], axis, mode="constant")
-
-    a, b, c, d, e = np.stack([sums(weights, power) for power in range(5)])[..., None]
+def _fitted(values, weights, sigma):
+    """Parabolas along the first axis that fit the values (p, q, k) around each place best, with
+    Gaussian weights of `sigma` [places] and `weights` (p, q): their values there."""
+    moments = _moments(len(weights), sigma)
+    a, b, c, d, e = moments @ weights
     c_, e = c + 1e-6 * a, e + 1e-6 * a  # of few places
-    share = c_ * e - d * d, c * d - b * e, b * d - c * c_
-    fitted = sum(k * sums(values * weights[..., None], power) for power, k in enumerate(share))
-    return fitted / np.maximum(a * share[0] + b * share[1] + c * share[2], 1e-30)
+    share = np.array([c_ * e - d * d, c * d - b * e, b * d - c * c_])
+    share /= np.maximum(a * share[0] + b * share[1] + c * share[2], 1e-30)
+    sums = moments[:3] @ (values * weights[..., None]).reshape(len(weights), -1)
+    return (share[..., None] * sums.reshape(3, *values.shape)).sum(0)
+
+
+@lru_cache(8)
+def _gaussian(n, sigma):
+    """Matrix (n, n) of a Gaussian filter of n places."""
+    return gaussian_filter1d(np.eye(n), sigma, 0) if sigma else np.eye(n)
+
+
+@lru_cache(8)
+def _moments(n, sigma):
+    """Matrices (5, n, n) of sums over n places, times powers of the way to each, over `sigma`."""
+    s = np.arange(n) / sigma
+    near = np.exp(-s * s / 2) * (s * sigma <= np.ceil(CUT * sigma))
+    return np.array(
+        [toeplitz((-1) ** power * near * s**power, near * s**power) for power in range(5)]
+    )
 
 
 def _passed(phase, sigma):
@@ -218,9 +240,12 @@ def _ridges(z, planes):
     """Number of ridges of a rim's profile z (n,), mirrored in planes of symmetry."""
     for _ in range(planes):
         z = np.concatenate([z, z[::-1]])
-    if np.ptp(z) < MIN_RIDGE:
-        return 0
-    from scipy.signal import find_peaks  # takes long to import
-
-    peaks, _ = find_peaks(np.tile(z, 3), prominence=MIN_RIDGE, plateau_size=1)
-    return int(((peaks >= len(z)) & (peaks < 2 * len(z))).sum())
+    low = high = z.min()
+    ridges, rises = 0, False
+    for height in np.roll(z, -z.argmin()).tolist() + [low]:
+        low, high = min(low, height), max(high, height)
+        if rises and high - height >= MIN_RIDGE:
+            ridges, rises, low = ridges + 1, False, height
+        elif not rises and height - low >= MIN_RIDGE:
+            rises, high = True, height
+    return ridges
