@@ -6,7 +6,6 @@ from fabric_fenicsx.command_line.study import run
 from fabric_fenicsx.forming.unloading import unloading
 from fabric_fenicsx.job.validity import AIM, MIN_CELLS, coarsest_waves
 from fabric_fenicsx.material.laws import coupling_variants
-from fabric_fenicsx.postprocess.wrinkles import MIN_HEIGHT
 from fabric_fenicsx.results.verdict import INVALID, Reason
 from fabric_fenicsx.runtime.errors import InputError, SolverFailure
 from fabric_fenicsx.runtime.formatting import percent, rounded
@@ -117,6 +116,8 @@ def disturbed(study, press, result):
 
 
 def _compare(study, press, result, found):
+    from fabric_fenicsx.postprocess.wrinkles import MIN_HEIGHT
+
     names = "force_of_whole_blank_N", "shear_angle_99_percent_deg", "wrinkles.height_mm"
     numbers = {name: (result.number(name), found.number(name)) for name in names}
     both = {name: two for name, two in numbers.items() if None not in two}

@@ -45,6 +45,7 @@ LIGHT = {  # program -> modules that it does not load, as they take a second or 
     "from fabric_fenicsx.command_line.main import main; main(['sweep', 'press.toml'])": (
         "dolfinx mpi4py matplotlib scipy"
     ),
+    "import fabric_fenicsx.studies.form": "pyvista matplotlib gmsh scipy.ndimage",  # as for --help
 }
 
 
@@ -57,6 +58,18 @@ def test_nothing_is_imported_before_it_is_used(program):
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout == "set()\n", done.stdout + done.stderr
+
+
+def test_a_run_without_pictures_loads_nothing_to_draw_with(tmp_path):
+    code = (
+        "import sys, fabric_fenicsx as ff\n"
+        "press = ff.Press.read('hemisphere', ['blank.nx=4'])\n"
+        "press = press.replace(stages=[ff.Stage('forming', moves={'punch': 5.0})])\n"
+        f"press.job(steps=2).run({str(tmp_path / 'out')!r}, pictures=False)\n"
+        "print({'matplotlib', 'gmsh', 'scipy.signal', 'scipy.stats'} & {*sys.modules})"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout.endswith("set()\n"), done.stdout + done.stderr
 
 
 def test_a_strip_is_pulled_without_compiled_loops(tmp_path):
