@@ -6,6 +6,7 @@ import io
 import json
 import math
 import re
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ FORMAT = 10  # counted up with each change of what the file holds
 SCALARS = (
     "load step last_step work stored missed missed_at solver accepted rejected iterations".split()
 )
+YOUNG = 60.0  # s, in which a run is not worth the wait for the disk at each step
 PLACES = "x", "around"  # of the nodes
 MEMORY = "memory "  # before the names of the terms' arrays
 CELLS = MEMORY + OF_CELLS  # and of those of cells
@@ -45,7 +47,7 @@ class Checkpoint:
 
     def __init__(self, path: Path, blank: Blank, problem: dict[str, Any]) -> None:
         self.path, self.blank, self.problem = path, blank, json.loads(json.dumps(problem))
-        self.comm = blank.mesh.comm
+        self.comm, self._lasting_from = blank.mesh.comm, time.monotonic() + YOUNG
         self.owned = blank.V.dofmap.index_map.size_local
         self._centres = blank.midpoints().T
         self._places = blank.coordinates()[: self.owned], self._around()
@@ -59,8 +61,8 @@ class Checkpoint:
         return blank.summed(vectors)[: self.owned]
 
     def save(self, progress: Progress, notes: dict[str, Any]) -> None:
-        """Write a `Progress` and `notes` (for JSON); the file is complete at any moment. Raises
-        OSError if it can't be written."""
+        """Write a `Progress` and `notes` (for JSON); the file is complete at any moment, and is on
+        the disk unless the run is `YOUNG`. Raises OSError if it can't be written."""
         gdim = self.blank.mesh.geometry.dim
         arrays = {"u": progress.x, "previous": progress.previous}
         arrays = {k: v.array.reshape(-1, gdim)[: self.owned] for k, v in arrays.items()}
@@ -78,7 +80,7 @@ class Checkpoint:
         arrays["meta"] = np.array(json.dumps(meta))
         content = io.BytesIO()
         np.savez(content, checksum=np.array(_checksum(arrays)), **arrays)
-        replace_file(self.path, content.getvalue(), lasting=True)
+        replace_file(self.path, content.getvalue(), time.monotonic() >= self._lasting_from)
 
     def load(
         self, memory: Mapping[str, np.ndarray] | None = None
@@ -90,6 +92,7 @@ class Checkpoint:
         problem or mesh.
         """
         meta, arrays, share = on_root(self.comm, lambda: self._read(memory))
+        self._lasting_from = 0.0
         nodes = self._find(np.hstack([arrays[k] for k in PLACES]), np.hstack(self._places), "nodes")
         cells = self._find(arrays[CENTRES], self._centres, "cells") if CENTRES in arrays else None
         vectors = {}

@@ -2,6 +2,8 @@
 refused in words."""
 
 import json
+import os
+import time
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ from mpi4py import MPI
 import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.solve.checkpoint import Checkpoint
+from fabric_fenicsx.solve.checkpoint import YOUNG, Checkpoint
 from fabric_fenicsx.solve.progress import Progress
 
 COMM = MPI.COMM_WORLD
@@ -75,6 +77,23 @@ def test_lips_of_a_slit_are_not_mixed_up(shared_path, degree, spatial, alone):
     assert sorted(loaded.memory) == sorted(expected.memory)
     for name, values in expected.memory.items():
         assert np.allclose(loaded.memory[name], values, rtol=0, atol=1e-9)
+
+
+def test_only_a_young_run_does_not_wait_for_the_disk(tmp_path, monkeypatch):
+    waits = []
+    monkeypatch.setattr(os, "fsync", waits.append)
+    blank = slit(COMM, 1)
+    state = progress(blank)
+    begun, resumed = (Checkpoint(tmp_path / "c.npz", blank, {}) for _ in range(2))
+    begun.save(state, {})
+    assert not waits
+    resumed.load()
+    resumed.save(state, {})
+    assert len(waits) == 1
+    later = time.monotonic() + YOUNG
+    monkeypatch.setattr(time, "monotonic", lambda: later)
+    begun.save(state, {})
+    assert len(waits) == 2
 
 
 def of_cells(blank):
