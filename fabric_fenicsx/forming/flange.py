@@ -41,11 +41,35 @@ class Flange:
             find(flat, 2 * BEYOND + 2, origin=-1)
             for find in (ndimage.minimum_filter, ndimage.maximum_filter)
         )
+        # how many squares before each have share 0 everywhere, and 1
+        self._counts = [
+            np.pad(each.cumsum(0).cumsum(1), ((1, 0), (1, 0)))
+            for each in (self._most == 0, self._least == 1)
+        ]
+
+    def _follow_die(self):
+        if not np.array_equal(self.die.displacement, self._seen):
+            self._begin_anew()
+
+    def over(self, x: np.ndarray) -> np.ndarray:
+        """The share (n,) of each triangle with corners x (n, 3, 3) [mm] that is 0 or 1 all over it;
+        nan where it may differ, and has to be asked for at places."""
+        self._follow_die()
+        first, last = np.array([axis[[0, -1]] for axis in self._axes]).T
+        low, high = (np.floor(ends / SPACING) for ends in (x.min(1)[:, :2], x.max(1)[:, :2]))
+        known = ((low >= first) & (high <= last)).all(1)
+        (a, b), (c, d) = (
+            (np.where(known[:, None], end - first, 0).astype(int) + n).T
+            for n, end in enumerate((low, high))
+        )
+        squares, share = (c - a) * (d - b), np.full(len(x), np.nan)
+        for value, sums in enumerate(self._counts):
+            share[known & (sums[c, d] - sums[a, d] - sums[c, b] + sums[a, b] == squares)] = value
+        return share
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
         """The share (n,) of places x (3, n) [mm]."""
-        if not np.array_equal(self.die.displacement, self._seen):
-            self._begin_anew()
+        self._follow_die()
         finite = np.isfinite(x[:2]).all(0)
         places = np.where(finite, x[:2], 0.0).T
         first, count = np.array([axis[[0, -1]] for axis in self._axes]).T

@@ -30,9 +30,13 @@ def _owned(form):
     return f.array.copy()
 
 
-def triplets(terms: Iterable[Term]) -> Triplets:
-    """Rows, columns and values (k,) of the tangents of all terms that are no forms."""
-    parts = [[np.asarray(part) for part in term.tangent()] for term in terms]
+def triplets(terms: Iterable[Term], narrow: bool = False) -> Triplets:
+    """Rows, columns and values (k,) of the tangents of all terms that are no forms, or of their
+    narrow ones."""
+    parts = [
+        [np.asarray(part) for part in (term.narrow_tangent() if narrow else term.tangent())]
+        for term in terms
+    ]
     rows, cols, values = (np.concatenate(part) for part in zip(*parts))
     return rows, cols, values
 
@@ -64,7 +68,9 @@ class Assembly:
         # where any of the parts and edges has entries
         whole = ufl.inner(v, w) * ufl.dx
         self._places = self._tangents[0] if list(on) == [("",)] else compat.form(whole)
-        self._extra: TripletPlaces | None = None  # stiffness of the terms that are no forms
+        self._narrowing = [term for term in terms if overrides(term, "narrow_tangent")]
+        # of the matrix and the narrow one: patterns, and places of the terms that are no forms
+        self._made: dict[bool, tuple[list[int], TripletPlaces | None]] = {}
 
     def energies(self) -> dict[str | None, float]:
         """Energy of each kind at the present displacement, of all ranks {kind: N mm}; None: minus
@@ -96,35 +102,49 @@ class Assembly:
                 term.add_forces(local.array)
         f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
 
-    def create_matrix(self) -> PETSc.Mat:
-        """A matrix with entries where the present tangent has some."""
+    def create_matrix(self, narrow: bool = False) -> PETSc.Mat:
+        """A matrix with entries where the present tangent, or the narrow one, has some."""
         PETSc.garbage_cleanup(self._comm)  # matrices and scatters of other places
         A = fem_petsc.create_matrix(self._places)
-        self._pattern, self._extra = self._patterns(), None
-        rows, cols, _ = triplets(self._terms)
+        patterns, extra = self._patterns(), None
+        rows, cols, _ = triplets(self._terms, narrow)
         if self._comm.allreduce(len(rows), MPI.MAX) > 0:
             self._assemble(A, [])
             A.assemble()  # as unused places are given up
-            self._extra = TripletPlaces(A, rows, cols)
+            extra = TripletPlaces(A, rows, cols)
+        self._made[narrow] = patterns, extra
         A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         return A
 
-    def places_changed(self) -> bool:
+    def places_changed(self, narrow: bool = False) -> bool:
         """True if `tangent` has other places than the matrix made last, on any rank."""
-        return self._comm.allreduce(self._pattern != self._patterns(), MPI.LOR)
+        return self._comm.allreduce(self._made[narrow][0] != self._patterns(), MPI.LOR)
 
     def tangent(
-        self, A: PETSc.Mat, bcs: Sequence[fem.DirichletBC] = (), free: PETSc.Vec | None = None
+        self,
+        A: PETSc.Mat,
+        bcs: Sequence[fem.DirichletBC] = (),
+        free: PETSc.Vec | None = None,
+        narrow: bool = False,
     ) -> None:
-        """Make A the second derivative of all energies [N/mm], with unit rows and columns where
-        `bcs` hold. free: 0 at degrees of freedom that they hold, 1 at others."""
+        """Make A the second derivative of all energies [N/mm], or the narrow one near it, with unit
+        rows and columns where `bcs` hold. free: 0 at degrees of freedom that they hold, 1 at
+        others."""
         A.zeroEntries()
         self._assemble(A, bcs)
-        if self._extra is not None:
-            values = np.concatenate([term.tangent()[2] for term in self._terms])
+        if extra := self._made[narrow][1]:
+            values = triplets(self._terms, narrow)[2]
             A.assemble()
-            self._extra.add(A, values, free)
+            extra.add(A, values, free)
         A.assemble()
+
+    def add_beyond(self, v: PETSc.Vec, f: PETSc.Vec, free: PETSc.Vec) -> None:
+        """Add to f what the tangent gives along v beyond the narrow one that was made last, among
+        what is `free`."""
+        more, along = np.zeros(f.local_size), v.array_r * free.array_r
+        for term in self._narrowing:
+            term.add_beyond(along, more)
+        f.array[:] += more * free.array_r
 
     def _assemble(self, A, bcs):
         for form in self._tangents:

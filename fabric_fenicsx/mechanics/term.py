@@ -158,6 +158,15 @@ class Term:
         the same ones as long as `pattern` is the same, and values (k,), to be summed."""
         return NO_TANGENT
 
+    def narrow_tangent(self) -> Triplets:
+        """Triplets near to those of `tangent` at fewer places, as a preconditioner, with
+        `add_beyond`."""
+        return self.tangent()
+
+    def add_beyond(self, v: np.ndarray, f: np.ndarray) -> None:
+        """Add to f (owned dofs,), along v (owned dofs,), what `tangent` had beyond `narrow_tangent`
+        when that was asked for last."""
+
     def variations(self, v: Expr, w: Expr) -> Sequence[ufl.Form]:
         """First variation of the form `energy` in v, and second in v and w (UFL arguments)."""
         first = ufl.derivative(self.energy, self.blank.u, v)

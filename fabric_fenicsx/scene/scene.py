@@ -70,7 +70,7 @@ class Scene:
         self.has_lagged_terms = any(overrides(term, "update_lagged") for term in self.terms)
         self.keeping = [term for term in self.terms if overrides(term, "motion_to_gaps")]
         self._checked = False
-        self._fixed_in_matrix: np.ndarray | None = None
+        self._fixed_in_matrix: dict[bool, np.ndarray] = {}  # and in the narrow one
         self.was_loaded = False  # True once a run has left the state that terms and sheet began in
         is_plane = blank.mesh.geometry.dim == 2
         self._inverted = compat.form(blank.inverted_area()) if is_plane else None
@@ -191,21 +191,27 @@ class Scene:
         if self.drag:
             r.axpy(self.drag, self._dragged())
 
-    def create_matrix(self) -> PETSc.Mat:
+    def create_matrix(self, narrow: bool = False) -> PETSc.Mat:
         """A matrix for `tangent`, with the rigid motions for multigrid."""
-        A, self._fixed_in_matrix = self._assembly.create_matrix(), self.fixed_dofs
+        A, self._fixed_in_matrix[narrow] = self._assembly.create_matrix(narrow), self.fixed_dofs
         x = self.u.duplicate()
         x.array[:] = self.blank.along(self.blank.coordinates().T).T.ravel()[: x.local_size]
         A.setNearNullSpace(PETSc.NullSpace().createRigidBody(x))
         return A
 
     @phase("assemble")
-    def tangent(self, A: PETSc.Mat, with_supports: bool = True) -> None:
-        """Make A the second derivative of the energy [N/mm], with unit rows and columns at the
-        supports."""
-        self._assembly.tangent(A, *((self.supports.bcs, self._free) if with_supports else ()))
+    def tangent(self, A: PETSc.Mat, with_supports: bool = True, narrow: bool = False) -> None:
+        """Make A the second derivative of the energy [N/mm], or the narrow one near it, with unit
+        rows and columns at the supports."""
+        bcs, free = (self.supports.bcs, self._free) if with_supports else ((), None)
+        self._assembly.tangent(A, bcs, free, narrow)
         if self.drag:
             A.shift(self.drag)
+
+    @phase("linear_solve")
+    def add_beyond(self, v: PETSc.Vec, f: PETSc.Vec) -> None:
+        """Add to f what the tangent gives along v beyond the narrow one that was made last."""
+        self._assembly.add_beyond(v, f, self._free)
 
     @phase("contact")
     def motion_to_gaps(self) -> np.ndarray:
@@ -215,10 +221,11 @@ class Scene:
         motion[self.fixed_dofs] = 0.0
         return motion
 
-    def places_changed(self) -> bool:
+    def places_changed(self, narrow: bool = False) -> bool:
         """True if `tangent` has other places than the matrix made last, on any rank; a matrix lacks
         those at supports."""
-        return self.fixed_dofs is not self._fixed_in_matrix or self._assembly.places_changed()
+        fixed = self._fixed_in_matrix.get(narrow)
+        return self.fixed_dofs is not fixed or self._assembly.places_changed(narrow)
 
     @phase("contact")
     def use_secant_stiffness(self) -> None:

@@ -69,6 +69,19 @@ def configure(ksp: PETSc.KSP, A: PETSc.Mat, name: str) -> None:
             database.delValue(key)
 
 
+def conjugate_gradients(A: PETSc.Mat, P: PETSc.Mat, reduction: float, most: int) -> PETSc.KSP:
+    """A solver of A by conjugate gradients, with the factors of P by `mumps-cholesky`, at `most` so
+    many; reduction: of the error in the energy norm."""
+    ksp = PETSc.KSP().create(P.comm)
+    ksp.setOptionsPrefix(PREFIX)
+    configure(ksp, P, "mumps-cholesky")
+    ksp.setType(PETSc.KSP.Type.CG)
+    ksp.setNormType(PETSc.KSP.NormType.NATURAL)
+    ksp.setTolerances(rtol=reduction, atol=0.0, max_it=most)
+    ksp.setOperators(A, P)
+    return ksp
+
+
 @functools.cache
 def _users_options():
     """Keys of `MUMPS` that the user gave to PETSc, found before they are set here."""

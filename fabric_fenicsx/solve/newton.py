@@ -9,6 +9,7 @@ from petsc4py import PETSc
 
 from ..scene.scene import Scene
 from .line_search import LineSearch, Objective
+from .narrow_tangent import NarrowTangent
 from .report import Report, SolveFailed, Termination
 from .saddles import Saddles
 from .tangent import Tangent
@@ -19,9 +20,10 @@ log = logging.getLogger(__name__)
 class Directions:
     """Solver of K d = -r.
 
-    Near a state for which a looser tolerance is enough, the last tangent's factors are used as long
-    as they reduce the residual fast. reused: whether they were, for the last correction; noise:
-    force that the rounding of displacements makes through the tangent [N].
+    Where a looser tolerance is enough, the narrow tangent is solved with if that pays, and near the
+    end the last factors are used as long as they reduce the residual fast. reused: whether they
+    were, for the last correction; noise: force that the rounding of displacements makes through the
+    tangent [N].
     """
 
     EPSILON = 2.0**-52  # rounding of displacements
@@ -34,6 +36,8 @@ class Directions:
 
     def __init__(self, scene: Scene, tangent: Tangent) -> None:
         self._scene, self._tangent = scene, tangent
+        self._narrow = NarrowTangent(scene, tangent)
+        self._last: Tangent | NarrowTangent = tangent
         self.noise, self.reused = 0.0, False
 
     def find(
@@ -43,15 +47,19 @@ class Directions:
         loosened: tolerance if that is looser than the solver's, else 0. Raises SolveFailed."""
         shifts = report.shifts
         self.reused = self._factors_will_do(report, loosened)
-        self.reused = self.reused and self._tangent.solve_with_last_factors(r, d)
+        self.reused = self.reused and self._last.solve_with_last_factors(r, d)
         if not self.reused:
             self._scene.set(x)
             if report.residuals[-1] > self.CLOSE * report.scale:
                 self._scene.use_secant_stiffness()
-            self._tangent.assemble()
-            largest = x.norm(PETSc.NormType.NORM_INFINITY)
-            self.noise = self.EPSILON * largest * self._tangent.stiffness_norm()
-            self._tangent.solve(r, d, report)
+            self._last = self._narrow if loosened and not report.shifts else self._tangent
+            if self._last is self._narrow and not self._narrow.solve(r, d, report):
+                self._last = self._tangent
+            if self._last is self._tangent:
+                self._tangent.assemble()
+                largest = x.norm(PETSc.NormType.NORM_INFINITY)
+                self.noise = self.EPSILON * largest * self._tangent.stiffness_norm()
+                self._tangent.solve(r, d, report)
         d.scale(-1)
         return report.shifts > shifts
 

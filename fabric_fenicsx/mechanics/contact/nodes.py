@@ -78,13 +78,18 @@ class Nodes:
 
     def shares_under(self, under: Where, borne: Where) -> np.ndarray:
         """Shares (count,) of the present areas at the nodes, by two functions of `shares_at`: of
-        what is `under` one, at `WITHIN` each triangle, and goes to the corners that are `borne`."""
+        what is `under` one, at `WITHIN` each triangle, and goes to the corners that are `borne`.
+        An `under` that tells what it is `over` whole triangles is not asked within them."""
         blank, triangles = self.blank, self.blank.triangles(self.part.cells).reshape(-1, 3)
         x = blank.coordinates() + blank.nodal_displacement()
         corners, held = x[triangles], shares_at(borne, x.T)[triangles][:, None] + BEYOND
-        places = np.einsum("kc,nci->ink", WITHIN, corners).reshape(3, -1)
-        weights = WITHIN * held / (WITHIN * held).sum(2, keepdims=True)
-        pressed = (shares_at(under, places).reshape(len(corners), len(WITHIN), 1) * weights).mean(1)
+        over = under.over(corners) if hasattr(under, "over") else np.full(len(corners), np.nan)
+        pressed = np.repeat(over[:, None] / 3, 3, 1)
+        split = np.isnan(over) | (over > 0) & (np.ptp(held, axis=(1, 2)) > 0)
+        places = np.einsum("kc,nci->ink", WITHIN, corners[split]).reshape(3, -1)
+        weights = WITHIN * held[split]
+        weights *= shares_at(under, places).reshape(-1, len(WITHIN), 1) / weights.sum(2)[..., None]
+        pressed[split] = weights.mean(1)
         sides = corners[:, 1:] - corners[:, :1]
         areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)[:, None]
         both = np.stack([areas * pressed, areas * np.full((1, 3), 1 / 3)], -1)

@@ -10,7 +10,7 @@ from ...runtime.compiled import compiled
 class Shape(NamedTuple):
     """Cells as they are deformed: base vectors (cells, 3, 2), normals (cells, 3), gradients of the
     corners' functions (cells, 3, 3), the normal curvature's derivative by each node's motion along
-    the normal (cells, 3, 12), and itself (cells, 3); or, in its place, what else the operator of
+    the normal (cells, 3, nodes), and itself (cells, 3); or, in its place, what else the operator of
     `shape` gives along the normal."""
 
     base: np.ndarray
@@ -29,13 +29,19 @@ def shape(
     columns: np.ndarray,
 ) -> Shape:
     """The shape of cells of `corners` (cells, 3, 3), with slopes (cells, 3, 2) of the corners'
-    functions, from the motion U (count, 3) of nodes, of which `columns` (cells, 12) are theirs.
+    functions, from the motion U (count, 3) of nodes, of which `columns` (cells, 12) are theirs, as
+    many as `operator` has.
 
     kappa = n . x,ab, of the twist 2 x,ab; along the motion of nodes it changes by n . (x,ab of the
     motion), less what n turns: n . motion's slope, along x,ab. x,ab is `own` (cells, 3, 3) plus
-    `operator` (cells, 3, 12) times the motion.
+    `operator` (cells, 3, nodes) times the motion.
     """
     return Shape(*_shape(corners, slopes, operator, own, U, columns))
+
+
+@compiled
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @compiled
@@ -50,12 +56,11 @@ def _shape(corners, slopes, operator, own, U, columns):
                 for k in range(2):
                     base[c, x, k] += (corners[c, i, x] + U[columns[c, i], x]) * slopes[c, i, k]
         a, b = base[c, :, 0], base[c, :, 1]
+        aa, ab, bb = _dot(a, a), _dot(a, b), _dot(b, b)
+        square = aa * bb - ab * ab
         for x in range(3):
             y, z = (x + 1) % 3, (x + 2) % 3
-            normal[c, x] = a[y] * b[z] - a[z] * b[y]
-        normal[c] /= np.sqrt((normal[c] ** 2).sum())
-        aa, ab, bb = (a * a).sum(), (a * b).sum(), (b * b).sum()
-        square = aa * bb - ab * ab
+            normal[c, x] = (a[y] * b[z] - a[z] * b[y]) / np.sqrt(square)
         for i in range(3):
             s, t = slopes[c, i]
             by_a, by_b = (bb * s - ab * t) / square, (aa * t - ab * s) / square
@@ -64,7 +69,7 @@ def _shape(corners, slopes, operator, own, U, columns):
         for k in range(3):
             for x in range(3):
                 curved[k, x] = own[c, k, x]
-            for i in range(12):
+            for i in range(operator.shape[2]):
                 for x in range(3):
                     curved[k, x] += operator[c, k, i] * U[columns[c, i], x]
             for x in range(3):
@@ -173,31 +178,80 @@ def add_bending(
 ) -> None:
     """Add to `values` what `stiffness` gives for cells whose energy has no strains of the
     mid-surface, with a `section` (cells, 3, 3) [N mm]: a third of the work."""
-    bend, by_node = np.empty((3, 12)), np.empty(12)
+    nodes = shape.bends.shape[2]
+    bend, by_node, squares = np.empty((3, nodes)), np.empty(nodes), np.empty((3, 3))
     for c in range(len(section)):
         n, g, B, M = shape.normal[c], shape.gradients[c], shape.bends[c], moments[c]
-        torque = (M * shape.curvature[c]).sum()
-        for i in range(12):
+        torque = _dot(M, shape.curvature[c])
+        for x in range(3):
+            for y in range(3):
+                squares[x, y] = n[x] * n[y]
+        for i in range(nodes):
             by_node[i] = M[0] * B[0, i] + M[1] * B[1, i] + M[2] * B[2, i]
         _times(section[c], B, bend)
-        for i in range(12):
-            for j in range(i, 12):
+        for i in range(nodes):
+            for j in range(i, nodes):
                 pair, mirrored = places[c, i, j], places[c, j, i]
                 if pair < 0:
                     continue
                 bent = B[0, i] * bend[0, j] + B[1, i] * bend[1, j] + B[2, i] * bend[2, j]
+                if i >= 3:
+                    for x in range(3):
+                        for y in range(3):
+                            values[pair, x, y] += bent * squares[x, y]
+                            if i != j:
+                                values[mirrored, x, y] += bent * squares[x, y]
+                    continue
+                by_i = by_node[i] if j < 3 else 0.0
+                at = j if j < 3 else 0
                 if j < 3:
-                    bent -= torque * (g[i] * g[j]).sum()
+                    bent -= torque * _dot(g[i], g[j])
                 for x in range(3):
                     for y in range(3):
-                        value = bent * n[x] * n[y]
-                        if j < 3:
-                            value -= by_node[i] * g[j, x] * n[y]
-                        if i < 3:
-                            value -= n[x] * by_node[j] * g[i, y]
+                        value = bent * squares[x, y]
+                        value -= by_i * g[at, x] * n[y] + n[x] * by_node[j] * g[i, y]
                         values[pair, x, y] += value
                         if i != j:
                             values[mirrored, y, x] += value
+
+
+@compiled
+def add_bending_along(
+    shape: Shape,
+    moments: np.ndarray,
+    section: np.ndarray,
+    columns: np.ndarray,
+    v: np.ndarray,
+    factor: float,
+    forces: np.ndarray,
+) -> None:
+    """Add to `forces` (count, 3) `factor` times what the stiffness of `add_bending` gives along the
+    motion v (count, 3)."""
+    nodes = shape.bends.shape[2]
+    by_node, turned, rest = np.empty(nodes), np.empty(3), np.empty(3)
+    bent, more = np.empty(3), np.empty(3)
+    for c in range(len(section)):
+        n, g, B, M = shape.normal[c], shape.gradients[c], shape.bends[c], moments[c]
+        turned[:], rest[:], bent[:] = 0.0, 0.0, 0.0
+        for i in range(nodes):
+            at = v[columns[c, i]]
+            along = _dot(at, n)
+            by_node[i] = M[0] * B[0, i] + M[1] * B[1, i] + M[2] * B[2, i]
+            for k in range(3):
+                bent[k] += B[k, i] * along
+                rest[k] += by_node[i] * at[k]
+                if i < 3:
+                    turned[k] += g[i, k] * along
+        torque = _dot(M, shape.curvature[c])
+        for k in range(3):
+            rest[k] += torque * turned[k]
+            more[k] = _dot(section[c, k], bent)
+        for i in range(nodes):
+            across = B[0, i] * more[0] + B[1, i] * more[1] + B[2, i] * more[2]
+            if i < 3:
+                across -= _dot(g[i], rest)
+            for x in range(3):
+                forces[columns[c, i], x] += factor * (across * n[x] - by_node[i] * turned[x])
 
 
 @compiled
@@ -214,7 +268,7 @@ def _stretch_along(base, slopes, along):
 @compiled
 def _times(section, B, product):
     for k in range(3):
-        for j in range(12):
+        for j in range(B.shape[1]):
             product[k, j] = section[k, 0] * B[0, j] + section[k, 1] * B[1, j]
             product[k, j] += section[k, 2] * B[2, j]
 

@@ -181,8 +181,10 @@ class MorleyCells:
         # unfold the neighbours into the cell's plane
         arm = opposite - self.middle
         along = (arm * self.tangent).sum(2, keepdims=True)
-        far = np.linalg.norm(arm - along * self.tangent, axis=2, keepdims=True)
-        there = self._plane(self.middle + along * self.tangent + far * self.outward)
+        self.far = np.linalg.norm(arm - along * self.tangent, axis=2)
+        there = self._plane(
+            self.middle + along * self.tangent + self.far[:, :, None] * self.outward
+        )
         here = self._plane(self.corners)
         # gradients of the corners' linear functions, (cells, 3, 2)
         slope = -self.out2 / self.height[:, :, None]
@@ -214,6 +216,15 @@ class MorleyCells:
             .reshape(-1, 6)
             .astype(np.int64)
         )
+
+    def hinges(self) -> tuple[np.ndarray, np.ndarray]:
+        """As `bends` and `own`, but of the plane cells on both sides of an edge (Oñate & Zárate's
+        BST): operator (cells, 3, 6) from the first six of the nodes, each edge's from its four."""
+        operator = _without_rounding(
+            self.jumps * ~self.free[:, :, None] / (2 * self.far[:, :, None])
+        )
+        x = np.concatenate([self.corners, self.opposite], 1)
+        return operator, operator @ x
 
     def curvature(self, stiffnesses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Operator (cells, 3, 12) from the 12 nodes' displacements to x,aa, x,bb, x,ab, and these

@@ -16,12 +16,15 @@ if TYPE_CHECKING:
 class Stencil:
     """The nodes that the 12 of each of this rank's cells are, mirror images counted apart.
 
-    operator, own: as `MorleyCells.curvature` gives them for the cells; columns: which of the nodes
-    each of a cell's 12 is, (cells, 12); count: how many there are; coupled: pairs of them that a
-    cell's energy couples; slopes (cells, 3, 2): of the corners' functions
+    operator, own: as `MorleyCells` gives them for the cells; apart: edges do not bend together;
+    columns: which of the nodes each of a cell's 12 is, (cells, 12); count: how many there are;
+    coupled: pairs of them that a cell's energy couples; slopes (cells, 3, 2): of the corners'
+    functions
     """
 
-    def __init__(self, cells: MorleyCells, operator: np.ndarray, own: np.ndarray) -> None:
+    def __init__(
+        self, cells: MorleyCells, operator: np.ndarray, own: np.ndarray, apart: bool = False
+    ) -> None:
         self._dim, self._mirrors = cells.corners.shape[2], cells.mirrors
         keys, columns = np.unique(
             cells.nodes * len(cells.mirrors) + cells.codes, return_inverse=True
@@ -33,16 +36,24 @@ class Stencil:
         self.count = len(keys)
         entries = np.ones(columns.size), (columns.ravel(), np.arange(columns.size))
         self._on_nodes = sparse.csr_matrix(entries, shape=(self.count, columns.size))
-        bends = (operator != 0).any(1)
-        bends[:, :3] = True
-        couples = bends[:, :, None] & bends[:, None]
-        self.coupled = CoupledNodes(self._nodes, self.columns, couples, self._dim)
+        bends = operator != 0 if apart else (operator != 0).any(1, keepdims=True)
+        bends[:, :, :3] = True
+        couples = (bends[:, :, :, None] & bends[:, :, None]).any(1)
+        of_cells = self.columns[:, : operator.shape[2]]
+        self.coupled = CoupledNodes(self._nodes, of_cells, couples, self._dim)
         self.slopes = np.ascontiguousarray(-cells.out2 / cells.height[:, :, None])
         self._undeformed = cells.corners, self.slopes, operator, own
 
     def displacement(self) -> np.ndarray:
         """Motion of nodes and mirror images along the frame's axes, (count, gdim) [mm]."""
-        U, at = self._gathered.displacement(), self._mirrored
+        return self._with_images(self._gathered.displacement())
+
+    def values(self, v: np.ndarray) -> np.ndarray:
+        """As `displacement`, of other values v (owned dofs,)."""
+        return self._with_images(self._gathered.values(v))
+
+    def _with_images(self, U):
+        at = self._mirrored
         U[at] = np.einsum("nij,nj->ni", self._mirrors[self._codes[at]], U[at])
         return U
 

@@ -386,6 +386,32 @@ def test_same_on_any_number_of_ranks_and_turned_in_space(by_position):
             assert np.abs(np.asarray(theirs) - mine).max() <= 1e-12 * np.abs(mine).max()
 
 
+@pytest.mark.mpi
+@pytest.mark.parametrize("in_plane", [0.0, 0.2])
+def test_the_narrow_tangent_and_what_is_beyond_it_are_the_tangent(in_plane):
+    sides = [edge(0, -5.0), edge(1, -4.0)]
+    fabric = ff.load("komeili").replace(bending_friction=ff.BendingFriction((2.0,), (0.01,)))
+    blank = sheet(10, 8, 5, 4, pattern="crossed")
+    terms = [ff.Membrane(fabric), ff.Bending(2.0, 1.0, 0.7, in_plane, sides, edge(1, 4.0))]
+    scene = ff.Scene(blank, terms, ())
+    matrices = [scene.create_matrix(narrow) for narrow in (False, True)]
+    v, rng = scene.u.duplicate(), np.random.default_rng(0)
+    for size in (1.0, 1.3):  # the second time elsewhere
+        displace(blank, lambda x: 0.3 * size * wavy(x))
+        for A, narrow in zip(matrices, (False, True)):
+            scene.tangent(A, narrow=narrow)
+        v.array[:] = rng.uniform(-1, 1, v.local_size)
+        whole, parts = v.duplicate(), v.duplicate()
+        for A, f in zip(matrices, (whole, parts)):
+            A.mult(v, f)
+        beyond = (whole - parts).norm()
+        assert (beyond > 1e-3 * whole.norm()) == (not in_plane)
+        scene.add_beyond(v, parts)
+        assert (whole - parts).norm() <= 1e-12 * whole.norm()
+    places = [A.getInfo(A.InfoType.GLOBAL_SUM)["nz_used"] for A in matrices]
+    assert (places[1] < 0.7 * places[0]) == (not in_plane)
+
+
 # -- bad input
 
 
