@@ -18,7 +18,7 @@ class NarrowTangent:
     be verified by A's own factors.
     """
 
-    UNKNOWNS = 4000  # of fewer, factors cost too little (double dome: nx 32 has 3600)
+    UNKNOWNS = 2000  # of fewer, factors cost too little (double dome: nx 24 has 2217)
     FEWER = 0.7  # share of A's places, from which on its factors do not pay
     REDUCTION = 1e-2  # of the error in the energy norm
     MOST = 12  # conjugate gradients, which cost as much as the factors that they spare

@@ -1,6 +1,5 @@
 """Bending: the yarns' resistance to being curved, out of the sheet and, if wanted, within it."""
 
-import functools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -167,7 +166,6 @@ class Bending(Term):
             )
         self._operator, self._own = operator, curved * is_curved  # but for rounding
         self._stencil = Stencil(cells, cells.bends, cells.own * is_curved)
-        self._cells, self._is_curved = cells, is_curved
         self._spread = TWIST[:, None] * cells.spread
         self._coupled = self._stencil.coupled
         weights = self._weights(scene, cells)
@@ -259,12 +257,6 @@ class Bending(Term):
             metal_cells.add_bending(shape, moments, section, self._coupled.places, blocks)
         return self._stencil.triplets(blocks)
 
-    @functools.cached_property
-    def _hinges(self):
-        """The stencil of `narrow_tangent`."""
-        operator, own = self._cells.hinges()
-        return Stencil(self._cells, operator, own * self._is_curved, apart=True)
-
     def narrow_tangent(self) -> Triplets:
         """See `Term`: each edge as a hinge of the two cells at it, by itself."""
         U, _, shape, moments, section, _ = self._state()
@@ -273,22 +265,16 @@ class Bending(Term):
             return self.tangent()
         from . import metal_cells
 
-        hinges, diagonal = self._hinges, section * np.eye(3)
-        bent = hinges.shape(U)._replace(curvature=shape.curvature)
-        self._linear = (shape, moments, section), (bent, moments, diagonal)
+        hinges, diagonal = self._stencil.hinges, section * np.eye(3)
+        bent, mixed = hinges.shape(U), np.zeros_like(section)
+        self._linear = (shape, moments, section, mixed), (bent, moments, diagonal, mixed)
         blocks = np.zeros((hinges.coupled.count, 3, 3))
         metal_cells.add_bending(bent, moments, diagonal, hinges.coupled.places, blocks)
         return hinges.triplets(blocks)
 
     def add_beyond(self, v: np.ndarray, f: np.ndarray) -> None:
         if self._linear:
-            from . import metal_cells
-
-            stencil = self._stencil
-            motion, forces = stencil.values(v), np.zeros((stencil.count, 3))
-            for given, factor in zip(self._linear, (1.0, -1.0)):
-                metal_cells.add_bending_along(*given, stencil.columns, motion, factor, forces)
-            stencil.add_forces(forces, f)
+            self._stencil.add_difference(*self._linear, v, f)
 
     def curvatures(self) -> np.ndarray:
         """Second derivatives x,aa, x,bb, x,ab in each owned cell along the frame's axes,

@@ -122,6 +122,7 @@ class SheetMetal(Term):
         operator, own = (a[here] for a in morley.curvature(plate))
         morley = morley.only(here)
         self._stencil = Stencil(morley, TWIST[:, None] * operator, TWIST[:, None] * own)
+        self._spread = TWIST[:, None] * morley.spread
         self._volumes = morley.area[:, None] * metal.thickness * self._weights
         undeformed = self._stencil.shape(np.zeros_like(self._stencil.displacement()))
         self._rest, shape = undeformed.curvature, self._volumes.shape
@@ -162,15 +163,33 @@ class SheetMetal(Term):
 
     def tangent(self) -> Triplets:
         """As in `Term`, of this rank's cells [N/mm]."""
-        state = self._state()
+        state, stencil = self._state(), self._stencil
+        given = state.shape, stencil.slopes, state.forces, state.moments, self._sections(state)
+        blocks = metal_cells.stiffness(*given, stencil.coupled.places, stencil.coupled.count)
+        return stencil.triplets(blocks)
+
+    def narrow_tangent(self) -> Triplets:
+        """See `Term`: each edge as a hinge of the two cells at it, by itself, and by itself from
+        stretching."""
+        state, stencil, hinges = self._state(), self._stencil, self._stencil.hinges
+        plane, mixed, bending = self._sections(state)
+        bent, none = hinges.shape(stencil.displacement()), np.zeros_like(mixed)
+        moments = np.einsum("cke,ck->ce", self._spread, state.moments)
+        diagonal = self._spread.swapaxes(1, 2) @ bending @ self._spread * np.eye(3)
+        self._linear = (state.shape, state.moments, bending, mixed), (bent, moments, diagonal, none)
+        given = bent, stencil.slopes, state.forces, moments, np.stack([plane, none, diagonal])
+        blocks = metal_cells.stiffness(*given, hinges.coupled.places, hinges.coupled.count)
+        return hinges.triplets(blocks)
+
+    def add_beyond(self, v: np.ndarray, f: np.ndarray) -> None:
+        self._stencil.add_difference(*self._linear, v, f)
+
+    def _sections(self, state):
+        """As `metal_cells.sections`."""
         strain, response = state.strain, state.response
         first = strain.first @ MEAN_AND_SHEARS
         second = MEAN_AND_SHEARS.T @ strain.second(2 * response.stress) @ MEAN_AND_SHEARS
-        sections = metal_cells.sections(first, 2 * response.tangent, second, self._volumes, self._z)
-        stencil = self._stencil
-        given = state.shape, stencil.slopes, state.forces, state.moments, sections
-        blocks = metal_cells.stiffness(*given, stencil.coupled.places, stencil.coupled.count)
-        return stencil.triplets(blocks)
+        return metal_cells.sections(first, 2 * response.tangent, second, self._volumes, self._z)
 
     def cell_memory(self) -> dict[str, np.ndarray]:
         """Elastic strains (cells, 3 points) and equivalent plastic ones (cells, points) when last

@@ -133,8 +133,9 @@ def stiffness(
     """Second derivatives of the energy for pairs of nodes (count, 3, 3) [N/mm]. places (cells, 12,
     12): which pair each pair of a cell's nodes is, -1 for those that do not count; across: as
     `sections` gives them; stretching, moments: as in `forces`."""
-    values, V = np.zeros((count, 3, 3)), np.empty((12, 12, 3))
-    along, bend, mixed = np.empty((3, 3, 3)), np.empty((3, 12)), np.empty((3, 12))
+    nodes = shape.bends.shape[2]
+    values, V = np.zeros((count, 3, 3)), np.empty((nodes, nodes, 3))
+    along, bend, mixed = np.empty((3, 3, 3)), np.empty((3, nodes)), np.empty((3, nodes))
     for c in range(len(slopes)):
         n, g, B, M, pairs = (
             shape.normal[c],
@@ -146,14 +147,14 @@ def stiffness(
         _stretch_along(shape.base[c], slopes[c], along)
         _times(across[2, c], B, bend)
         _times(across[1, c], B, mixed)
-        torque = (M * shape.curvature[c]).sum()
+        torque = _dot(M, shape.curvature[c])
         # of a node's motion with another's along the normal
-        for i in range(12):
+        for i in range(nodes):
             by_node = M[0] * B[0, i] + M[1] * B[1, i] + M[2] * B[2, i]
-            for j in range(12):
+            for j in range(nodes):
                 bent = B[0, i] * bend[0, j] + B[1, i] * bend[1, j] + B[2, i] * bend[2, j]
                 if i < 3 and j < 3:
-                    bent -= torque * (g[i] * g[j]).sum()
+                    bent -= torque * _dot(g[i], g[j])
                 for x in range(3):
                     V[i, j, x] = 0.5 * bent * n[x]
                     if i < 3:
@@ -161,8 +162,8 @@ def stiffness(
                             V[i, j, x] += along[k, i, x] * mixed[k, j]
                     if j < 3:
                         V[i, j, x] -= by_node * g[j, x]
-        for i in range(12):
-            for j in range(12):
+        for i in range(nodes):
+            for j in range(nodes):
                 if pairs[i, j] >= 0:
                     value = values[pairs[i, j]]
                     for x in range(3):
@@ -220,19 +221,24 @@ def add_bending_along(
     shape: Shape,
     moments: np.ndarray,
     section: np.ndarray,
+    mixed: np.ndarray,
+    slopes: np.ndarray,
     columns: np.ndarray,
     v: np.ndarray,
     factor: float,
     forces: np.ndarray,
 ) -> None:
     """Add to `forces` (count, 3) `factor` times what the stiffness of `add_bending` gives along the
-    motion v (count, 3)."""
+    motion v (count, 3), and that of the `mixed` section (cells, 3, 3), derivatives of `stretching`
+    in curvatures."""
     nodes = shape.bends.shape[2]
     by_node, turned, rest = np.empty(nodes), np.empty(3), np.empty(3)
-    bent, more = np.empty(3), np.empty(3)
+    bent, more, pull = np.empty(3), np.empty(3), np.empty(3)
+    strain, stretch = np.empty(3), np.empty((3, 3, 3))
     for c in range(len(section)):
         n, g, B, M = shape.normal[c], shape.gradients[c], shape.bends[c], moments[c]
-        turned[:], rest[:], bent[:] = 0.0, 0.0, 0.0
+        turned[:], rest[:], bent[:], strain[:] = 0.0, 0.0, 0.0, 0.0
+        _stretch_along(shape.base[c], slopes[c], stretch)
         for i in range(nodes):
             at = v[columns[c, i]]
             along = _dot(at, n)
@@ -242,16 +248,21 @@ def add_bending_along(
                 rest[k] += by_node[i] * at[k]
                 if i < 3:
                     turned[k] += g[i, k] * along
+                    strain[k] += _dot(stretch[k, i], at)
         torque = _dot(M, shape.curvature[c])
         for k in range(3):
             rest[k] += torque * turned[k]
-            more[k] = _dot(section[c, k], bent)
+            more[k] = _dot(section[c, k], bent) + _dot(mixed[c, :, k], strain)
+            pull[k] = _dot(mixed[c, k], bent)
         for i in range(nodes):
             across = B[0, i] * more[0] + B[1, i] * more[1] + B[2, i] * more[2]
             if i < 3:
                 across -= _dot(g[i], rest)
             for x in range(3):
-                forces[columns[c, i], x] += factor * (across * n[x] - by_node[i] * turned[x])
+                force = across * n[x] - by_node[i] * turned[x]
+                if i < 3:
+                    force += _dot(pull, stretch[:, i, x])
+                forces[columns[c, i], x] += factor * force
 
 
 @compiled

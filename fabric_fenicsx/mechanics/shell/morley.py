@@ -63,7 +63,9 @@ class MorleyCells:
 
     def only(self, cells: np.ndarray) -> Self:
         """Those `cells` (k,) of them, after `curvature`."""
-        some, names = copy(self), "area corners along_a out2 height nodes codes bends spread own"
+        some = copy(self)
+        names = "area corners opposite jumps far free along_a out2 height nodes codes"
+        names += " bends spread own"
         for name in names.split():
             setattr(some, name, getattr(self, name)[cells])
         return some

@@ -1,5 +1,7 @@
 """Nodes of `MorleyCells` beyond the rank: motions in, forces and stiffness out."""
 
+import functools
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,6 +45,13 @@ class Stencil:
         self.coupled = CoupledNodes(self._nodes, of_cells, couples, self._dim)
         self.slopes = np.ascontiguousarray(-cells.out2 / cells.height[:, :, None])
         self._undeformed = cells.corners, self.slopes, operator, own
+        self._cells = cells
+
+    @functools.cached_property
+    def hinges(self) -> "Stencil":
+        """The stencil of each edge as a hinge of the two cells at it, by itself."""
+        operator, own = self._cells.hinges()
+        return Stencil(self._cells, operator, own * self._undeformed[3].any(), apart=True)
 
     def displacement(self) -> np.ndarray:
         """Motion of nodes and mirror images along the frame's axes, (count, gdim) [mm]."""
@@ -73,6 +82,19 @@ class Stencil:
         from . import metal_cells  # imports numba, which a strip does without
 
         return metal_cells.shape(*self._undeformed, U, self.columns)
+
+    def add_difference(self, one: Sequence, other: Sequence, v: np.ndarray, f: np.ndarray) -> None:
+        """Add to f (owned dofs,) what `metal_cells.add_bending_along` gives along v (owned dofs,)
+        for one shape, moments, section and mixed section, less that for others."""
+        from . import metal_cells
+
+        motion, forces = self.values(v), np.zeros((self.count, 3))
+        for given, factor in ((one, 1.0), (other, -1.0)):
+            shape, moments, section, mixed = given
+            metal_cells.add_bending_along(
+                shape, moments, section, mixed, self.slopes, self.columns, motion, factor, forces
+            )
+        self.add_forces(forces, f)
 
     def triplets(self, blocks: np.ndarray) -> Triplets:
         """As `Term.tangent` gives them, from blocks (pairs, gdim, gdim) of the `coupled` [N/mm],
