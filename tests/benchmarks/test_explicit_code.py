@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench.explicit_code import bias_curve, check_angle, formed_places, punch_force, shear_angles
+from bench.explicit_code import bias_curve, formed_places, punch_force, shear_angles
 
 import fabric_fenicsx as ff
 
@@ -51,9 +51,3 @@ def test_the_formed_plies_that_are_kept(angle, shear):
     assert shear - 3 < shear_angles(triangles, places, angle).max() < shear + 0.01
     stroke, force = punch_force(FOLDER, angle)
     assert stroke[-1] == 59.5 and (np.diff(force[stroke > 10]) > 0).all()
-
-
-def test_an_angle_without_results():
-    assert check_angle(45.0) == 45
-    with pytest.raises(ff.InputError, match="`fibre_angle` is 30; allowed are 0 and 45"):
-        check_angle(30.0)

@@ -23,6 +23,7 @@ def test_a_size_that_the_fit_has_not_seen(launch):
     assert "30 deg: frames 0.0439 to 0.0990 N/mm (1 to 2.3)" in done.out
 
 
+@pytest.mark.long
 def test_the_plain_weave():
     """The angle in the middle, which is less than the usual formula says, and the force of 115 x
     230 mm."""

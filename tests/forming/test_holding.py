@@ -160,27 +160,6 @@ def own(terms):
     return type("Own", (), {"terms": terms})()
 
 
-def test_a_holder_of_ones_own():
-    """Any object that makes terms; it is told of its site."""
-
-    class Soft:
-        def terms(self, site):
-            self.site = site
-            plate = ff.Tool(ff.Plane((0, 0, -site.thickness), (0, 0, 1)), name=site.name)
-            return [ff.BlankHolderPressure(1.0, (0, 0, 1), site.on_flange(), tool=plate)]
-
-    mine = Soft()
-    ply = dome(**SIZES, holder=mine)
-    (term,) = (t for t in ply.pressing if isinstance(t, ff.BlankHolderPressure))
-    (usual,) = (
-        t
-        for t in dome(**SIZES, holder=ff.PressureHolder(1.0)).pressing
-        if isinstance(t, ff.BlankHolderPressure)
-    )
-    assert term.force() == pytest.approx(usual.force())
-    assert mine.site.die is ply.tools["die"] and mine.site.name == "blank holder"
-
-
 def test_pressures_of_ones_own_holders_have_their_names_and_balance_the_tools():
     def press(pressure):
         return own(lambda self, p: [ff.BlankHolderPressure(pressure, p.up, p.on_flange())])

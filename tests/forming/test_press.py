@@ -15,7 +15,6 @@ import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.mechanics.fingerprint import entries
 from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.postprocess.states import states
 from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.progress import Progress
 
@@ -63,24 +62,6 @@ def test_tools_touch_the_blank_at_first_and_move_towards_it(changes, radius, way
     assert punch.path(0)[2] == pytest.approx(-radius - half, rel=1e-9)
     assert punch.path(1)[2] - punch.path(0)[2] == pytest.approx(way)
     assert ring.path(0)[2] == ring.path(1)[2] == pytest.approx(half)
-
-
-def test_a_press_may_be_upside_down(tmp_path):
-    """A punch from above through a ring below: same forces, other signs."""
-    below = formed(hemisphere("blank.nx=4"), tmp_path / "below", steps=4)
-    over = changed(
-        tmp_path, ('side = "above"', 'side = "below"'), ("radius = 50", 'radius = 50\nside="above"')
-    )
-    above = formed(read(over, ["blank.nx=4"]), tmp_path / "above", steps=4)
-    force = below.number("force_N")
-    assert above.number("force_N") == pytest.approx(force, rel=1e-9)
-    names = "punch", "ring", "holder"
-    one, two = (
-        [r.summary["quantities"]["tool_forces_of_whole_blank_N"][n] for n in names]
-        for r in (below, above)
-    )
-    assert one == pytest.approx([-each for each in two], rel=1e-9)
-    assert sum(one) == pytest.approx(0, abs=1e-6 * abs(one[1]))
 
 
 def test_the_net_of_stiff_yarns_over_an_open_ring(tmp_path):
@@ -266,18 +247,6 @@ def test_examples_run_from_their_files(name, changes, force, tmp_path):
     result = formed(press, tmp_path, balance=None)
     assert result.number("force_N") == pytest.approx(force, rel=0.01)
     assert result.number("unbalanced_force_N") < 1e-6 * force
-
-
-@pytest.mark.mpi
-def test_a_press_on_two_ranks_is_that_on_one():
-    """Tools are placed, forces and ripples found, as on one rank."""
-    press = hemisphere("blank.nx=6", "stage.1.steps=6")
-    result = formed(press, None, balance=None)
-    assert press.tools["punch"].path(0)[2] == pytest.approx(-50 - press.thickness / 2, rel=1e-9)
-    assert result.number("force_N") == pytest.approx(28.826193, rel=1e-6)
-    waves = result.summary["quantities"]["wrinkles"]
-    # what filters take off short waves is divided out, and so are differences of 1e-6 mm
-    assert waves["ripples_mm"] == pytest.approx(0.04279, rel=1e-3)
 
 
 def test_a_ply_that_the_punch_leaves_slack_does_not_depend_on_steps():
@@ -509,32 +478,6 @@ MORE = [
     ff.Stage("hold", pressures={"holder": 0.04}, steps=1),
     ff.Stage("on", moves={"punch": 4}, steps=2),
 ]
-
-
-def staged(*stages, changes=()):
-    """The job of a press with these stages, and the problem that its study compares."""
-    press = hemisphere("blank.nx=4", *changes, stages=[FIRST, *stages])
-    return press.job(balance=None), press.fingerprint()
-
-
-@pytest.mark.mpi
-def test_a_stage_may_be_added_to_a_run(shared_path):
-    """It goes on from the end of the earlier ones, as a run of all stages does."""
-    jobs = [staged(), staged(*MORE), staged(*MORE)]
-    folders = [shared_path / name for name in ("some", "some", "whole")]
-    _, more, whole = (
-        job.run(folder, problem=problem, pictures=False, resume=k == 1)
-        for k, (folder, (job, problem)) in enumerate(zip(folders, jobs))
-    )
-    assert [row["load"] for row in more.rows] == pytest.approx([row["load"] for row in whole.rows])
-    for name in ("force_N", "draw_in.largest_mm", "shear_angle_max_deg"):
-        assert more.number(name) == pytest.approx(whole.number(name), rel=1e-5)
-    one, two = (each.rows[-1]["external_work_Nmm"] for each in (more, whole))
-    # a step's work is measured by its share of the run
-    assert one == pytest.approx(two, rel=5e-3)
-    if more.scene.comm.rank == 0:
-        loads = [[state.load for state in states(folder)] for folder in folders[1:]]
-        assert {*loads[0]} >= {0.5, 4 / 6, 1.0} and {*loads[1]} >= {0.5, 4 / 6, 1.0}
 
 
 @pytest.mark.parametrize(

@@ -105,17 +105,6 @@ def test_an_own_mesh_has_no_coarser_one(tmp_path):
         job.run()
 
 
-def test_a_job_of_ones_own_says_what_is_coarser():
-    def pull(nx):
-        ply = ff.Blank.rectangle(200, 50, nx=nx, element="P1")
-        supports = ff.clamped_ends(2.0)
-        scene = ff.Scene(ply, [ff.Membrane(ff.load("komeili"))], supports)
-        return ff.Job(scene, steps=2, coarser=lambda: pull(nx // 2), error=True)
-
-    result = pull(8).run()
-    assert 0 < result.summary["error"]["reaction_N"] < 0.1 * result.summary["reaction_N"]
-
-
 def test_a_coarser_run_that_fails_costs_the_errors_alone():
     def refused():
         raise ff.InputError("no such mesh; allowed is another")

@@ -155,13 +155,3 @@ def test_options_that_do_not_fit(launch, options, words):
     done = launch("bias_extension", "--quick", *options)
     assert done.status == 2 and all(word in done.err for word in words), done.err
     assert not (done.folder / "summary.json").exists()
-
-
-def test_a_weave_that_is_clamped_sheared(launch):
-    done = launch("bias_extension", "--quick", "--weave-angle", 80, "--no-pictures")
-    assert done.status == 0 and "at rest in its supports, before load" in done.out, done.err
-    q = done.summary["quantities"]
-    assert q["theory_shear_angle_deg"] == pytest.approx(26.526, abs=0.001)
-    assert q["clamped_zone_shear_angle_deg"] == pytest.approx(10, abs=0.1)
-    assert q["free_zone_shear_angle_deg"] == pytest.approx(26.526, rel=0.06)
-    assert done.summary["kernel_mismatch"] <= 1e-10 and done.summary["energy_imbalance"] < 0.04

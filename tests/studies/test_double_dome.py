@@ -73,23 +73,6 @@ def test_a_ply_is_formed(launch, angle):
     assert (done.folder / "paths.csv").read_text().count("\n") > 50
 
 
-def test_a_formed_ply_is_the_same_again(launch):
-    """At default tolerances, with yarns that do not follow the tools: on other ranks, and with a
-    length that differs by as much as rounding; every force on the way, too."""
-    found = []
-    for ranks, length in ((1, 470), (3, 470), (1, 470.0000000001)):
-        coarse = "--nx", 4, "--steps", 4, *to(24), "--max-imbalance", 0.2, "--balance", 1
-        more = "--fibre-angle", 30, "--set", f"blank.length={length}", "--no-pictures"
-        done = launch("double_dome", *coarse, *more, ranks=ranks)
-        assert done.status == 0, done.err
-        with open(done.folder / "history.csv", newline="") as file:
-            forces = [float(row["reaction_N"]) for row in csv.DictReader(file)]
-        q = done.summary["quantities"]
-        found.append([*forces, q["shear_angle_max_deg"], q["draw_in"]["largest_mm"]])
-    for again in found[1:]:
-        assert again == pytest.approx(found[0], rel=1e-6)
-
-
 def test_the_whole_ply_is_four_quarters(launch):
     same = "--ny", 5, "--steps", 3, *to(12), *EXACT, "--set", "contact.lag=1e-4"
     quarter = launch("double_dome", "--nx", 8, *same)
@@ -106,35 +89,6 @@ def test_the_whole_ply_is_four_quarters(launch):
         there = full_u[[at[tuple(place + 0.0)] for place in x * mirror]]
         assert abs(there * mirror - u).max() < 1e-6 * abs(u).max()
     assert whole.summary["reaction_N"] == pytest.approx(4 * quarter.summary["reaction_N"], rel=1e-6)
-
-
-def test_another_holder_in_place_of_the_pressure(launch):
-    """Others are formed in Python, see tests/forming/test_holding.py."""
-    coarse = "--nx", 4, "--steps", 4, "--balance", 9, "--no-pictures"
-    done = launch("double_dome", "--set", "holder.force=1e5", *to(10), *coarse)
-    assert done.status == 0, done.err
-    forces = done.summary["quantities"]["contact_forces_N"]
-    assert forces["blank holder"] == pytest.approx(25_000, rel=1e-6)  # of a quarter
-
-
-def test_a_punch_from_a_file(launch, tmp_path):
-    import meshio
-    from dome_triangles import double_dome
-
-    points, triangles = double_dome(size=8.0, turn=6.0)
-    meshio.write_points_cells(tmp_path / "punch.stl", points, [("triangle", triangles)])
-    part, of_it = double_dome(size=8.0, turn=6.0, quarter=True)
-    meshio.write_points_cells(tmp_path / "quarter.stl", part, [("triangle", of_it)])
-    options = "--nx", 6, *to(12), "--steps", 4, "--balance", 9, "--no-pictures"
-    forces = []
-    for punch in ((), ("--set", "tools.punch.file=punch.stl")):
-        done = launch("double_dome", *options, *punch)
-        assert done.status == 0, done.err
-        forces.append(done.summary["quantities"]["punch_force_N"])
-    assert forces[1] == pytest.approx(forces[0], rel=0.02)
-    done = launch("double_dome", "--nx", 4, "--set", "tools.punch.file=quarter.stl")
-    assert done.status == 2
-    assert "tools.punch is open at (0, " in done.err and "the blank of 470 mm" in done.err
 
 
 def test_plies_that_end_early_are_drawn_with_the_reason(launch, monkeypatch):

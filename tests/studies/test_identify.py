@@ -6,11 +6,9 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from fabric_fenicsx.identification import problem
-from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
 from fabric_fenicsx.material.presets import load
 
 DATA = Path(__file__).parents[2] / "studies" / "data"
@@ -52,35 +50,6 @@ def test_a_material_is_not_lost(launch, tmp_path):
     )
     assert done.status == 2
     assert "x.toml is there already; allowed is another file, or --overwrite" in done.err
-
-
-STRIP = "# test: uniaxial_a\n# lateral: free\n# noise: 1 % of maximum\neps_a [%],sigma_a [N/mm]\n"
-SHEET = 'name = "strip"\nthickness_mm = 0.5\nareal_weight_g_per_m2 = 300\nbalanced = true\n'
-
-
-def test_a_strip_with_free_sides_in_newtons_per_width(launch, tmp_path):
-    """Of Table 1's fabric, 0.5 mm thick."""
-    strain = np.linspace(0.001, 0.03, 30)
-    strains = np.stack([strain, lateral_strain(load("komeili"), 0, strain), 0 * strain], -1)
-    force = 0.5 * nominal(load("komeili"), strains)[:, 0]
-    folder = tmp_path / "data"
-    folder.mkdir()
-    (folder / "sheet.toml").write_text(SHEET + "[assumed]\np_min = 0.75\n")
-    rows = "".join(f"{100 * e},{f}\n" for e, f in zip(strain, force))
-    (folder / "strip.csv").write_text(STRIP + rows)
-    options = "--data", folder, "--out", tmp_path / "x.toml", "--no-pictures"
-    done = launch("identify", *options, out=False)
-    assert done.status == 0, done.err
-    fabric, text = load(tmp_path / "x.toml"), (tmp_path / "x.toml").read_text()
-    assert (fabric.thickness, fabric.density) == (0.5, 0.6)
-    assert fabric.warp.b == pytest.approx(667.5, rel=1e-6)
-    assert text.startswith("# density = areal weight 300 g/m2 / thickness 0.5 mm\n")
-    assert (
-        "# d = 0.65 MPa is assumed (Table 1" in text
-        and "# s1 = 0.02506 MPa is assumed (Table 1" in text
-    )
-    assert "density 0.6 g/cm3 = areal weight 300 g/m2 / thickness" in done.out
-    assert json.loads((tmp_path / "x.json").read_text())["areal_weight_g_per_m2"] == 300
 
 
 @pytest.mark.parametrize(

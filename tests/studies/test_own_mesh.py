@@ -129,11 +129,3 @@ def test_other_units_than_mm(study, capfd):
     (doubt,) = mine.output.warnings
     assert words in doubt
     assert capfd.readouterr().err.count(words) == (COMM.rank == 0)
-
-
-@pytest.mark.mpi
-def test_locking_is_said_once_and_kept(launch):
-    options = "--quick", "--element", "P1", "--pattern", "left", "--no-pictures"
-    done = launch("bias_extension", *options)
-    assert done.status == 0 and done.err.count("of the linear cells") == 1
-    assert any("lock" in text for text in said(done.summary))

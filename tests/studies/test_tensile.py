@@ -1,9 +1,6 @@
 """The tensile study as a user runs it, on the paper's specimen."""
 
 import csv
-import json
-import sys
-from functools import partial
 from pathlib import Path
 
 import meshio
@@ -14,18 +11,12 @@ from builders import said
 from mpi4py import MPI
 from scipy.optimize import brentq
 
-from fabric_fenicsx.command_line.study import Study
 from fabric_fenicsx.material import kernel
 from fabric_fenicsx.material.laws import LAWS
 from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.postprocess.states import read_state
-from fabric_fenicsx.solve import stepping
-from fabric_fenicsx.solve.progress import Progress
-from fabric_fenicsx.solve.viscosity import Viscosity
 
 COMM = MPI.COMM_WORLD
-sys.path.insert(0, str(Path(__file__).parents[2] / "studies"))
-import tensile  # noqa: E402
 
 MESH = "--element", "P1", "--nx", 100, "--ny", 25, "--pattern", "crossed"
 FULL = *MESH, "--steps", 20, "--path-tolerance", 1e-5, "--no-error"
@@ -41,7 +32,6 @@ def rows(folder):
         return [{k: float(v) for k, v in row.items() if v} for row in csv.DictReader(file)]
 
 
-# on one rank `test_a_curve_to_five_digits_is_cheap` has the same run
 @pytest.mark.mpi
 def test_the_papers_specimen(launch):
     done = launch("tensile", *FULL, "--verbose", "--path-tolerance", 1e-8)
@@ -75,18 +65,6 @@ def test_the_papers_specimen(launch):
         assert (done.folder / picture).stat().st_size > 10_000
 
 
-def test_a_curve_to_five_digits_is_cheap(launch):
-    def pulled(*options):
-        mesh = "--nx", 24, "--ny", 6, "--no-pictures"
-        s = launch("bias_extension", *FULL, *mesh, *options)
-        return s.summary, np.array([row["reaction_N"] for row in rows(s.folder)])
-
-    (exact, forces), (cheap, mine) = pulled("--path-tolerance", 1e-8), pulled()
-    assert mine == pytest.approx(forces, rel=1e-5, abs=1e-5)
-    assert cheap["reaction_N"] == pytest.approx(exact["reaction_N"], rel=1e-8)
-    assert cheap["newton_iterations"] <= 70 < exact["newton_iterations"]
-
-
 # of --tolerance 1e-11 on one rank on Debian 12 (DOLFINx 0.5.2); what runs on two, or on Debian 13
 # (0.9.0), must say the same
 SAME_EVERYWHERE = {
@@ -105,14 +83,6 @@ def test_numbers_are_the_same_on_every_debian(launch, study):
     assert (s["reaction_N"], s["energy"]["strain"]) == pytest.approx(
         SAME_EVERYWHERE[study], rel=1e-8
     )
-
-
-def test_energy_balance_is_better_than_chords_make_it(launch):
-    """Straight lines between the states are off by 8.5e-5 with 20 steps and a quarter of that with
-    40; parabolas by much less."""
-    options = ("--nx", 10, "--path-tolerance", 1e-5, "--no-pictures")
-    errors = [balance(launch("tensile", *options, "--steps", n).summary) for n in (20, 40)]
-    assert errors[0] < 1e-5 and errors[1] < errors[0]
 
 
 @pytest.mark.parametrize("options", [("--without", "biaxial"), ("--model", "fabric")])
@@ -203,40 +173,6 @@ def test_a_load_that_cannot_be_reached(launch):
     assert s["energy"]["viscous"] == pytest.approx(history[-1]["viscous_energy_Nmm"])
 
 
-def test_what_the_regularisation_takes_is_told(tmp_path, monkeypatch, capsys):
-    """With a drag of 0.3 N/mm on the nodes from the start; it fades at full load and leaves the
-    state as it is without."""
-    viscosity = Viscosity(0.3, stiffness=300.0, easy_steps_asked=100)
-    monkeypatch.setattr(stepping, "Progress", partial(Progress, viscosity=viscosity))
-    options = ["--quick", "--no-pictures", "--element", "P1"]
-    tensile.main(Study("tensile", tensile.options(), [*options, "--out", str(tmp_path)]))
-    summary, history = json.loads((tmp_path / "summary.json").read_text()), rows(tmp_path)
-    told = [row for row in history if row["viscous_energy_Nmm"] > 0.01 * row["strain_energy_Nmm"]]
-    lines = capsys.readouterr().err.splitlines()
-    (said,) = (line for line in lines if "the regularisation has taken" in line)
-    assert said.startswith(f"warning: at load {told[0]['load']:.6g} (step {told[0]['step']:.0f})")
-    assert summary["energy"]["viscous"] == pytest.approx(history[-1]["viscous_energy_Nmm"])
-    monkeypatch.undo()
-    tensile.main(Study("tensile", tensile.options(), [*options, "--out", str(tmp_path / "free")]))
-    free = json.loads((tmp_path / "free" / "summary.json").read_text())
-    assert summary["converged"] and free["energy"]["viscous"] == 0 < summary["energy"]["viscous"]
-    assert summary["reaction_N"] == pytest.approx(free["reaction_N"], rel=1e-7)
-
-
-def test_a_material_that_is_not_a_number_at_run_time(launch, shared_path):
-    material = PRESETS["komeili"].dumps().replace("a = 4130.0", "a = 1e308")
-    (shared_path / "m.toml").write_text(material)
-    COMM.barrier()
-    done = launch("tensile", "--quick", "--material", "m.toml")
-    assert done.status == 3, done.err
-    assert "the energy, its forces or its tangent are not a number" in done.err
-    assert not done.summary["converged"]
-    report = (done.folder / "report.html").read_text()
-    assert "gave up" in report and "Done" not in report
-    assert len(rows(done.folder)) == 1
-    assert pyvista.PVDReader(done.folder / "fields.pvd").time_values == [0.0]
-
-
 def test_more_ranks_than_cells(launch):
     few = "--nx", 1, "--ny", 1, "--element", "Q1", "--steps", 2, "--no-pictures"
     done = launch("tensile", *few, ranks=2)
@@ -252,58 +188,6 @@ def test_a_comparison_goes_on_where_it_was_killed(launch):
     again = launch("tensile", *options, "--resume")
     assert again.status == 0, again.err
     assert again.out == whole.out
-
-
-@pytest.mark.parametrize("study", ["tensile", "picture_frame"])
-def test_a_tabulated_material_runs_in_every_study(launch, tmp_path, study):
-    """Fine tables of the preset `fabric`'s curves give its reactions."""
-    from fabric_fenicsx.material.laws.base import stresses_of_energy
-
-    eps, gamma = np.r_[-0.5, -0.2, np.linspace(0, 0.06, 13)], np.linspace(0, 1.4, 29)
-    for name in ("warp", "weft"):
-        sigma = stresses_of_energy(PRESETS["fabric"], eps, 0, 0)[0]
-        text = "eps [%], sigma [MPa]\n" + "".join(
-            f"{float(100 * e)!r}, {float(s)!r}\n" for e, s in zip(eps, sigma)
-        )
-        (tmp_path / f"{name}.csv").write_text(text)
-    tau = stresses_of_energy(PRESETS["fabric"], 0, 0, gamma)[2]
-    text = "gamma [rad], tau [MPa]\n" + "".join(
-        f"{float(g)!r}, {float(t)!r}\n" for g, t in zip(gamma, tau)
-    )
-    (tmp_path / "shear.csv").write_text(text)
-    keys = 'model = "fabric"\nthickness_mm = 1.0\ndensity_g_per_cm3 = 0.75\n'
-    (tmp_path / "m.toml").write_text(
-        keys + "".join(f'{n} = "{n}.csv"\n' for n in ("warp", "weft", "shear"))
-    )
-    tables, preset = (
-        launch(study, "--quick", "--no-pictures", "--material", m).summary
-        for m in ("m.toml", "fabric")
-    )
-    assert tables["converged"]
-    assert tables["couplings"] == []
-    assert tables["kernel_mismatch"] <= 1e-10
-    interpolation = 2e-2
-    assert tables["reaction_N"] == pytest.approx(preset["reaction_N"], rel=interpolation)
-
-
-def test_what_is_said_first_holds_as_the_mesh_is_refined(launch):
-    """Strains at the middle and between which 98 % of the area lies; the extremes, at the clamps'
-    corners, grow."""
-    coarse, fine = (
-        launch("tensile", "--nx", nx, "--steps", 2, "--no-pictures", "--no-error")
-        for nx in (24, 96)
-    )
-    q, r = coarse.summary["quantities"], fine.summary["quantities"]
-    assert q["log_eps_22_middle"] == pytest.approx(r["log_eps_22_middle"], rel=1e-3)
-    assert q["log_eps_22_98_percent"][0] == pytest.approx(r["log_eps_22_98_percent"][0], rel=0.01)
-    assert q["shear_angle_98_percent_deg"] == pytest.approx(
-        r["shear_angle_98_percent_deg"], rel=0.03
-    )
-    assert r["shear_angle_max_deg"] > 1.5 * q["shear_angle_max_deg"]
-    assert f"along yarns b at the middle {100 * r['log_eps_22_middle']:.2f} %" in fine.out
-    for name in ("log_eps_11", "log_eps_22"):
-        (low, high), (least, most) = r[f"{name}_98_percent"], r[name]
-        assert least <= low < r.get(f"{name}_middle", high) <= high <= most
 
 
 def test_a_sheet_without_a_middle(launch, tmp_path):
