@@ -1,8 +1,6 @@
 """Hard cases of the solver: each must end in a true local minimum of the energy, or in a plain
 reason."""
 
-import textwrap
-
 from bench.hard_cases import CASES, Setting, run_case
 
 import fabric_fenicsx as ff
@@ -15,22 +13,6 @@ def options():
     p.group("test")
     p.option("--only", metavar="LETTERS", default="".join(CASES), help="cases to run")
     return p
-
-
-def draw(path, rows):
-    """A bar for each case, the first on top: its iterations, what they cost, green if it holds."""
-    from fabric_fenicsx.plot.pictures import figure
-
-    short = [textwrap.shorten(r["must_hold"].split(":")[0], 60, placeholder=" ...") for r in rows]
-    labels = [f"{row['case']}  {text}" for row, text in zip(rows, short)]
-    colours = ["#5aa469" if row["holds"] else "#b83a3a" for row in rows]
-    with figure(path, (8.0, 0.5 + 0.36 * len(rows))) as (_, ((ax,),)):
-        drawn = ax.barh(labels, [row["iterations"] for row in rows], color=colours)
-        costs = [f"{row['steps']} steps, {row['wall_s']:.0f} s" for row in rows]
-        ax.bar_label(drawn, costs, padding=3, fontsize="small")
-        ax.invert_yaxis()
-        ax.margins(x=0.35)
-        ax.set_xlabel("Newton iterations (green: holds)")
 
 
 def main(study):
@@ -50,8 +32,6 @@ def main(study):
     quantities = {row["case"]: row for row in rows}
     study.summarise(folder, converged=not failed, stroke_reached=1.0, quantities=quantities)
     study.write_table(folder / "cases.csv", rows)
-    if study.comm.rank == 0 and not args.no_pictures:
-        draw(folder / "cases.png", rows)
     if failed:
         raise ff.SolverFailure(f"cases {', '.join(failed)} do not hold; see {folder}/cases.csv")
 

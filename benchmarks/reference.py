@@ -47,23 +47,8 @@ def solved(study, name, mesh):
     }
 
 
-def convergence(name, quantity, members, series, colour):
-    """Errors of the reaction over unknowns, of a strip's series and checks, and its own bar."""
-    dofs = {mesh: member["dofs"] for mesh, member in members.items()}
-    off = {
-        mesh: abs(member["values"]["reaction_N"] / quantity["value"] - 1)
-        for mesh, member in members.items()
-    }
-    ends, bar = [min(dofs.values()), max(dofs.values())], quantity["error"] / quantity["value"]
-    found = {f"{name}, error bar": (ends, [bar, bar], f"C{colour}:")}
-    for label, style, shown in ((name, "o-", True), (f"{name}, checks", "x", False)):
-        if mine := [mesh for mesh in members if (mesh in series) == shown]:
-            found[label] = [dofs[m] for m in mine], [off[m] for m in mine], f"C{colour}{style}"
-    return found
-
-
 def main(study):
-    args, folder, found, drawn = study.args, study.folder(), {}, {}
+    args, folder, found = study.args, study.folder(), {}
     command = shlex.join([".venv/bin/python", "benchmarks/reference.py", *sys.argv[1:]])
     for name in args.scenes:
         strip, members = STRIPS[name], {}
@@ -82,13 +67,7 @@ def main(study):
             order = "finest mesh" if r["order"] is None else f"order {r['order']:.2g}"
             value = f"{r['value']:.6g} +- {r['error']:.2g} N"
             study.say(f"{folder}/{name}.json: reaction {value}, {order}")
-            drawn |= convergence(name, r, members, series, len(found) - 1)
     study.summarise(folder, converged=True, stroke_reached=1.0, quantities=found)
-    if drawn and not args.no_pictures:
-        from fabric_fenicsx.plot.pictures import curves
-
-        labels = "unknowns", "error of the reaction, relative", "log"
-        curves(folder / "convergence.png", drawn, *labels)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -59,17 +59,6 @@ def succeeded(rows: Iterable[Row]) -> list[Row]:
 def configuration(r: Row) -> Configuration:
     """The `Configuration` of a row."""
     return Configuration(**{each.name: r[each.name] for each in fields(Configuration)})
-
-
-def cheapest(strips: Sequence[Sequence[Row]], goal: float) -> list[Row]:
-    """Of the configurations whose curves are surely within `goal` in all of the strips, the rows of
-    the cheapest; none if there is none."""
-    good: dict[Configuration, list[Row]] = {}
-    for r in (r for rows in strips for r in succeeded(rows)):
-        if r["error_curve"] + r["error_bar"] <= goal:
-            good.setdefault(replace(configuration(r), scene=""), []).append(r)
-    complete = [mine for mine in good.values() if len(mine) == len(strips)]
-    return min(complete, key=lambda mine: sum(r["cost"] for r in mine), default=[])
 
 
 def draw_fronts(path: Path, strips: Mapping[str, Sequence[Row]], cost_of: str) -> None:

@@ -11,7 +11,8 @@ from bench.hard_cases import noise
     "cases",
     [
         pytest.param("a", marks=[pytest.mark.mpi, pytest.mark.versions]),
-        *("cm", "fi", "gln", "j", "k"),
+        *("cl", "h", "fk", "i"),
+        pytest.param("j", marks=pytest.mark.long),
     ],
 )
 def test_hard_cases(launch, cases):
