@@ -6,8 +6,6 @@ from mpi4py import MPI
 from scipy.spatial.transform import Rotation
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.mechanics.contact.faces import Face
-from fabric_fenicsx.mechanics.contact.nodes import Nodes
 from fabric_fenicsx.meshes.specimen import specimen
 from tests.builders import alone, run, sheet
 
@@ -48,22 +46,6 @@ def test_bending_is_that_of_the_linear_sheet(make):
     (energy, forces), (linear, others) = found
     assert energy == pytest.approx(linear, rel=1e-10)
     assert forces == pytest.approx(others, abs=1e-9 * abs(others).max())
-
-
-def test_areas_at_nodes_are_those_of_the_linear_sheet():
-    quadratic, linear = ([by_place(b, Nodes(b).areas[:, None])] for b in sheets())
-    assert np.array(quadratic) == pytest.approx(np.array(linear), rel=1e-12)
-
-
-def test_the_smooth_face_is_that_of_the_linear_sheet():
-    found = []
-    points = np.column_stack(
-        [*(np.random.default_rng(1).uniform(8, 22, (2, 50))), np.full(50, 3.0)]
-    )
-    for blank in sheets():
-        bend(blank)
-        found.append(Face(blank.whole, 1.0, []).project(points, np.full(50, -1), 10.0).gap)
-    assert found[0] == pytest.approx(found[1], abs=1e-10)
 
 
 # -- the whole element of forming: quadratic membrane, bending on flat triangles

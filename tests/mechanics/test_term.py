@@ -12,7 +12,7 @@ from mpi4py import MPI
 import fabric_fenicsx as ff
 from fabric_fenicsx.mechanics.contact.pressure_law import face_of
 from fabric_fenicsx.mechanics.materials import fabric_of
-from fabric_fenicsx.mechanics.output import largest, last, on_part, size_of
+from fabric_fenicsx.mechanics.output import last
 from fabric_fenicsx.mechanics.shell.bending import plate_stiffness
 from fabric_fenicsx.postprocess.states import read_state
 from fabric_fenicsx.results.history import COLUMNS
@@ -219,72 +219,3 @@ def test_terms_that_say_how_their_values_are_merged_may_share_a_name(method, rul
     terms[1].name = "other"
     scene = scene_with(*terms)
     assert np.all(getattr(reports, method)(scene)["hits"] == merged)
-
-
-@pytest.mark.mpi
-def test_rules_that_merge_fields():
-    blank = sheet(20.0, 10.0, 2, 1)
-    here = blank.whole.cells.size
-
-    def merged(*given):
-        terms = []
-        for values in given:
-            terms.append(Bedding(K))
-            terms[-1].cell_fields = lambda values=values: values
-        scene = ff.Scene(sheet(20.0, 10.0, 2, 1), [Elastic(), *terms], ff.clamped_ends(0.1))
-        return reports.cell_fields(scene)
-
-    one, two = np.tile([3.0, 4.0], (here, 1)), np.tile([0.0, -9.0], (here, 1))
-    both = {name: rule(one) for name, rule in (("sum", ff.total), ("larger", largest))}
-    fields = merged(
-        both | {"size": size_of("sum", "mm"), "scalar": largest(np.full(here, -3.0))},
-        {"sum": ff.total(two), "larger": largest(two), "size": size_of("sum", "mm")}
-        | {"scalar": largest(np.full(here, np.nan))},
-    )
-    assert fields["sum"] == pytest.approx(one + two) and fields["larger"] == pytest.approx(two)
-    assert fields["size"] == pytest.approx(np.full(here, np.hypot(3, 5)))
-    assert fields.units == {"size": "mm"} and fields["scalar"] == pytest.approx(-3.0)
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("order", [1, -1])
-def test_fields_of_parts_are_put_into_one(order):
-    blank = sheet(20.0, 10.0, 2, 1)
-    blank.divide({"left": lambda x: x[0] < 10}, rest="right")
-    left, right = (blank.part(name) for name in ("left", "right"))
-    given = [on_part(left, np.full(len(left.cells), 1.0)), on_part(right, 2.0 * right.cells)]
-    terms = [Bedding(K) for _ in given]
-    for term, value in zip(terms, given[::order]):
-        term.cell_fields = lambda value=value: {"f": value}
-    found = reports.cell_fields(ff.Scene(blank, [Elastic(), *terms], ff.clamped_ends(0.1)))["f"]
-    assert (found[left.cells] == 1).all() and (found[right.cells] == 2.0 * right.cells).all()
-
-
-def test_terms_of_the_package_may_be_twice_on_a_sheet():
-    blank = sheet(20.0, 10.0, 2, 1, spatial=True)
-    terms = [ff.Membrane(KOMEILI), ff.Membrane(KOMEILI.without("biaxial"))]
-    tools = [ff.Tool(ff.Sphere(8.0, (x, 5, -9)), name=f"ball {x}") for x in (5, 15)]
-    terms += [ff.Contact(tool) for tool in tools]
-    held = [ff.Support("all", everywhere, (0, 1, 2))]
-    scene = ff.Scene(blank, terms, held)
-    assert reports.summary(scene)["couplings"] == ["compression_shear", "tension_shear"]
-    assert "eps_a" in reports.cell_fields(scene)
-    nearest = blank.with_ghosts(np.minimum(*(term.gap() for term in terms[2:])))
-    assert reports.nodal_fields(scene)["contact_gap"] == pytest.approx(nearest)
-    blank = sheet(20.0, 10.0, 2, 1, spatial=True)
-    metal = ff.Scene(blank, [ff.SheetMetal(ff.load_metal("dc04")) for _ in "ab"], held)
-    assert reports.summary(metal)["metal"] == "dc04"
-    assert "metal_thickness" in reports.cell_fields(metal)
-
-
-def test_energies_of_one_kind_are_added_up():
-    """As `Term` and the page on own terms say."""
-
-    def energies(kind):
-        bedding = Bedding(K)
-        bedding.energy_kind = kind
-        return ff.Job(scene_with(bedding), steps=1).run().summary["energy"]
-
-    apart, together = energies("bedding"), energies("strain")
-    assert apart["bedding"] > 0 and "bedding" not in together
-    assert together["strain"] == pytest.approx(apart["strain"] + apart["bedding"], rel=1e-9)

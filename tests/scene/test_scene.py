@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import ufl
 from builders import march, sheet
-from mpi4py import MPI
 
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.contact.tool_contact import Contact
@@ -22,7 +21,6 @@ from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.tools.primitives import Plane, Sphere
 from fabric_fenicsx.tools.tool import Tool
 
-COMM = MPI.COMM_WORLD
 D = 8.33  # [N mm]
 
 
@@ -55,41 +53,6 @@ def test_tangent_is_the_derivative_of_the_residual(held):
     assert (difference - change).norm() <= 1e-7 * difference.norm()
     if held:
         assert A.getDiagonal().array[scene.fixed_dofs] == pytest.approx(1.0)
-
-
-def test_cantilever_by_steps():
-    """Peirce's: a strip clamped at one end sags by p L^4 / (8 D) under a pressure."""
-    length, width, sag = 100.0, 20.0, 2.0
-    blank = sheet(length, width, 20, 4, spatial=True)
-    pressure = 8 * D * sag / length**4
-
-    def clamp(x):
-        return x[0] < 1e-6
-
-    terms = [Membrane(load("komeili")), Bending(D, D_t=2 * D, clamped=clamp)]
-    terms += [DeadPressure(pressure, (0, 0, -1))]
-    scene = Scene(blank, terms, [Support("clamp", clamp, (0, 1, 2))])
-    states = []
-    outcome = march(Newton(scene), steps=4, on_accept=states.append)
-    assert not outcome.reason, outcome.reason
-    tip = blank.u.x.array.reshape(-1, 3)[blank.coordinates()[:, 0] > length - 1e-6, 2]
-    assert COMM.allreduce(tip.min(initial=0.0), MPI.MIN) == pytest.approx(-sag, rel=0.01)
-    energies = scene.energies()
-    assert sum(energies.values()) == pytest.approx(states[-1].external_work, rel=0.01)
-    assert energies["strain"] < 0.05 * energies["bending"]
-
-
-def test_yarns_stiff_in_their_plane_widen_the_zones_of_a_bias_test():
-    reactions = []
-    for fraction in (1e-4, 1e-2):
-        blank = sheet(100, 25, 20, 5, a=math.pi / 4)
-        scene = Scene(
-            blank, [Membrane(load("komeili")), Bending(D, in_plane=fraction)], clamped_ends(10.0)
-        )
-        outcome = march(Newton(scene), steps=5)
-        assert not outcome.reason
-        reactions.append(scene.reaction("moving grip")[0])
-    assert reactions[0] < reactions[1]
 
 
 @pytest.mark.mpi

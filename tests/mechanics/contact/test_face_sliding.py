@@ -6,8 +6,6 @@ from builders import COMM
 from builders import sheet as rectangle
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.mechanics.contact.face_sliding import FaceSliding
-from fabric_fenicsx.mechanics.contact.faces import Corners
 
 FABRIC = ff.load("komeili")
 T = FABRIC.thickness_under(0.0)
@@ -60,16 +58,3 @@ def test_forces_at_faces_have_neither_sum_nor_moment(pair):
     assert abs(total).max() < 1e-12 * size
     # flat triangles are not where the smooth face is
     assert abs(moment).max() < 0.02 * T * size
-
-
-def test_a_rank_without_points_has_no_sliding(pair):
-    start, n = pair.faces.accepted, pair.points.count
-    corners = tuple(
-        Corners(*(each if each is None else each[:0] for each in c)) for c in start.corners
-    )
-    nothing = start._replace(points=start.points[:0], normal=start.normal[:0], corners=corners)
-    none = FaceSliding(pair.points, nothing)
-    assert not none.slid().any() and not none.triplets(np.ones((n, 3, 3)))[2].any()
-    f = np.zeros(len(pair.blank.u.x.array))
-    none.add(np.ones((n, 3)), f)
-    assert not f.any()

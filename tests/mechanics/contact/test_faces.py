@@ -155,17 +155,6 @@ def test_nothing_lies_beyond_the_rim_or_further_off_than_asked():
     assert found.gap[[0, 2, 3]] == pytest.approx([0.9, -0.9, 0.0], abs=1e-12)
 
 
-def test_a_guess_finds_what_a_search_does():
-    """Also one that is wrong."""
-    face = Face(bent().whole, 1.0, [])
-    x = places()
-    points = np.column_stack([x, height(x) + 0.3])
-    found = over(face, points)
-    for guess in (found.triangle, np.roll(found.triangle, 1)):
-        again = face.project(points, guess, 5.0)
-        assert again.gap == pytest.approx(found.gap, abs=1e-12)
-
-
 def test_only_layers_that_face_the_points_are_met():
     """Of a sheet folded over at x = 10, whose end lies 0.5 mm above it with its back up."""
     blank = bent(12, 6, curve=lambda x: 0 * x[:, 0])

@@ -259,21 +259,6 @@ def test_run_that_is_resumed(shared_path, by_position):
     assert newton.memory()["negative_pivots_met"] and newton.memory()["shift"] > 0
 
 
-@pytest.mark.mpi
-def test_same_on_any_number_of_ranks():
-    """On one rank and on all; contact and friction together bear the force that pushes the ball."""
-    results = []
-    for comm in (MPI.COMM_SELF, COMM):
-        scene, contact = pushed_ball(comm)
-        last = run(scene, 8)[-1]
-        assert reports.tool_force(scene, contact.tool)[2] == pytest.approx(20, rel=1e-9)
-        assert scene.reaction("rim")[2] == pytest.approx(-20, rel=1e-7)
-        energies = last.external_work, *last.energies.values()
-        assert sum(energies[1:]) == pytest.approx(energies[0], rel=5e-3)
-        results.append([contact.tool.travel, *energies, *scene.reaction("rim")])
-    assert results[1] == pytest.approx(results[0], rel=1e-7)
-
-
 # -- what lags
 
 

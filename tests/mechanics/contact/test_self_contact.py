@@ -190,32 +190,6 @@ def test_forces_and_tangent_are_derivatives(fold, friction, degree):
     assert (contact.state().pressure > 0).any()
 
 
-@pytest.mark.mpi
-def test_a_run_goes_on_from_what_it_remembers(by_position):
-    scene, contact = scene_of(FOLDS["up"], -0.1, friction=0.3)
-    scene.blank.u.x.array.reshape(-1, 3)[:, 0] *= 1.002
-    scene.accept()
-    again, _ = scene_of({}, 0.0, friction=0.3)
-    lead(again.blank, folded(FOLDS["up"], -0.1))  # by places: other ranks may own its nodes
-    again.blank.u.x.array.reshape(-1, 3)[:, 0] *= 1.002
-    again.recall(scene.memory())
-    again.set_load(0.0)
-    again.accept()
-    other = again.terms[1]
-
-    def friction(term):
-        return COMM.allreduce(term.energies()["friction"])
-
-    def rows(term):
-        memory, cells = term.cell_memory(), term.blank.midpoints().T
-        return by_position(COMM, cells, *(memory[name] for name in sorted(memory)))
-
-    assert friction(other) == pytest.approx(friction(contact), rel=1e-9) != 0
-    assert other.largest_depth() == pytest.approx(contact.largest_depth())
-    for mine, theirs in zip(rows(contact), rows(other)):
-        assert theirs == pytest.approx(mine, abs=1e-9 * abs(mine).max(initial=1))
-
-
 # -- what bad input gets
 
 

@@ -349,44 +349,6 @@ def test_forces_and_stiffness_are_derivatives(in_plane):
 
 
 @pytest.mark.mpi
-def test_same_on_any_number_of_ranks_and_turned_in_space(by_position):
-    """The sheet on one rank, on all, and turned with its frame on all: energy, forces,
-    stiffness."""
-    a, b, R = np.array([1.0, 0.4, 0]), np.array([0.1, 1.0, 0]), rotation()
-    found = []
-    for comm, Q in ((MPI.COMM_SELF, None), (COMM, None), (COMM, R)):
-        options = (
-            {"a": a, "b": b} if Q is None else {"a": Q @ a, "b": Q @ b, "frame": Q.T, "up": Q[:, 2]}
-        )
-        blank = sheet(
-            20, 20, 7, 7, comm=comm, shape=(lambda x: x @ Q.T) if Q is not None else None, **options
-        )
-        turn = np.eye(3) if Q is None else Q
-        sides = [lambda x, k=k: np.abs((turn.T @ x)[k] + 10) < 1e-6 for k in (0, 1)]
-        clamp = [lambda x: np.abs((turn.T @ x)[1] - 10) < 1e-6]
-        bending = alone(blank, ff.Bending(2.0, 1.0, 0.7, 0.2, symmetric=sides, clamped=clamp))
-        displace(blank, lambda x: turn @ wavy(turn.T @ x))
-        bending.accept()
-        # further, so that forces are not those of the accepted state
-        displace(blank, lambda x: turn @ (wavy(turn.T @ x) * 1.1))
-        where = blank.along(blank.coordinates().T).T
-        f = nodal_forces(bending)
-        rows, columns, values = bending.tangent()
-        d = np.zeros(blank.V.dofmap.index_map.size_global * 3)
-        start = blank.V.dofmap.index_map.local_range[0] * 3
-        d[start : start + f.size] = np.sin(where[: len(f)] * [0.3, 0.5, 1.0] + 1).ravel()
-        d = comm.allreduce(d, MPI.SUM)
-        product = comm.allreduce(np.bincount(rows, values * d[columns], minlength=len(d)), MPI.SUM)
-        _, f, product = by_position(
-            comm, where[: len(f), :2], f, product[start : start + f.size].reshape(-1, 3)
-        )
-        found.append((energy(bending), f, product))
-    for other in found[1:]:
-        for mine, theirs in zip(found[0], other):
-            assert np.abs(np.asarray(theirs) - mine).max() <= 1e-12 * np.abs(mine).max()
-
-
-@pytest.mark.mpi
 @pytest.mark.parametrize("kind", ["bending", "bending in the plane", "metal"])
 @pytest.mark.parametrize("part", ["", "disc"])
 def test_the_narrow_tangent_and_what_is_beyond_it_are_the_tangent(kind, part):
@@ -417,7 +379,6 @@ def test_the_narrow_tangent_and_what_is_beyond_it_are_the_tangent(kind, part):
         assert (whole - parts).norm() <= 1e-12 * whole.norm()
     places = [A.getInfo(A.InfoType.GLOBAL_SUM)["nz_used"] for A in matrices]
     assert (places[1] < 0.8 * places[0]) == (not in_plane)
-
 
 # -- bad input
 

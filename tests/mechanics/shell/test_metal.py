@@ -408,13 +408,13 @@ def test_a_disc_blown_up_is_near_hills_special_solution():
         height = builders.displacement(blank)[:, 2].max(initial=0.0)
         found.append((4.4 * state.load, COMM.allreduce(height, MPI.MAX)))
 
-    assert not march(Newton(scene), 20, on_accept=note).reason
-    pressure, height = np.array(found[10:]).T
+    assert not march(Newton(scene), 12, on_accept=note).reason
+    pressure, height = np.array(found[6:]).T
     strain = 2 * np.log(1 + (height / a) ** 2)
     hill = 4 * height / (a**2 + height**2) * DC04.hardening.stress(strain) * 0.5 * np.exp(-strain)
     assert height[-1] > 0.4 * a
     assert pressure == pytest.approx(hill, rel=0.07)
-    assert pressure[-4:] == pytest.approx(hill[-4:], rel=0.02)
+    assert pressure[-3:] == pytest.approx(hill[-3:], rel=0.02)
 
 
 # -- bad input

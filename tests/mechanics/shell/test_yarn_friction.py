@@ -1,4 +1,4 @@
-"""Friction between yarns in sheets: loops, what stays of a shape, ranks and checkpoints."""
+"""Friction between yarns in sheets: loops and what stays of a shape."""
 
 import builders
 import numpy as np
@@ -6,7 +6,6 @@ import pytest
 from builders import COMM, everywhere, near, said, sheet
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.material import kernel
 
 FRICTION = ff.ShearFriction((0.2, 0.05), (0.002, 0.003))
 K, F = np.array(FRICTION.stiffness), np.array(FRICTION.strength)
@@ -52,26 +51,6 @@ def test_derivatives_after_an_accepted_state(unbalanced, cell, degree, options):
     assert scene.energies()["yarn_friction"] > 0
 
 
-def test_elements_and_kernel_have_the_same_energy():
-    _, scene = sheared()
-    sliding, before = np.zeros((1, 2)), 0.0
-    for gamma in (0.3, -0.1):
-        c, s = np.cos(gamma / 2), np.sin(gamma / 2)
-        given = {"gradient": [np.array([[c, s], [s, c]])]}
-        now, law = (
-            kernel.evaluate(FABRIC, sliding=sliding, **given),
-            kernel.evaluate(FABRIC, **given),
-        )
-        scene.blank.u.interpolate(
-            lambda x: ((c - 1) * x[0] + s * x[1], s * x[0] + (c - 1) * x[1])  # noqa: B023
-        )
-        step = (now.energy - law.energy)[0] * SIDE**2
-        assert scene.energies()["yarn_friction"] == pytest.approx(step + before, rel=1e-12)
-        scene.accept()
-        before += (F * abs(now.sliding - sliding)).sum() * SIDE**2
-        sliding = now.sliding
-
-
 @pytest.mark.mpi
 def test_a_loop_takes_what_its_sliding_dissipates():
     """There and back to the square, where the springs of the elements are still loaded."""
@@ -103,25 +82,6 @@ def test_a_square_keeps_the_angle_at_which_law_and_friction_balance(folder, s1, 
     again = ff.Job(sheared(fabric)[1], steps=4).run(folder, resume=True, pictures=False)
     other = ff.unloading(again).run()
     assert other.summary["energy"] == pytest.approx(unloaded.summary["energy"], rel=1e-9)
-
-
-@pytest.mark.mpi
-def test_same_on_any_number_of_ranks_and_resumed(folder):
-    """A bias test on one rank, on all, and on all from a checkpoint that one rank wrote half way,
-    as it went back."""
-
-    def pulled(comm):
-        blank = sheet(40, 20, 8, 4, comm=comm, degree=2, a=np.pi / 4)
-        pull = lambda x, load: np.outer([2 * min(load, 0.75 - load), 0], 1 + 0 * x[0])  # noqa: E731
-        ends = [ff.Support("fixed", near(0, 0.0), (0, 1))]
-        ends += [ff.Support("moving", near(0, 40.0), (0, 1), pull)]
-        return ff.Scene(blank, [ff.Membrane(FABRIC)], ends)
-
-    runs = builders.on_ranks_and_resumed(pulled, folder.with_suffix(".npz"))
-    energies = [scene.energies() for _, scene, _ in runs]
-    assert energies[0]["yarn_friction"] > 0.01
-    assert energies[1] == pytest.approx(energies[0], rel=1e-6)
-    assert energies[2] == pytest.approx(energies[0], rel=1e-6)
 
 
 @pytest.mark.mpi
