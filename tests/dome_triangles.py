@@ -8,17 +8,16 @@ from fabric_fenicsx.meshes.gmsh_cells import meshed, own_model
 from fabric_fenicsx.tools.double_dome import DoubleDome
 
 
-def double_dome(dome=None, size=10.0, turn=10.0, quarter=False):
+def double_dome(dome=None, size=10.0, turn=10.0):
     """Points (n, 3) [mm] on the surface and triangles (m, 3), seen from above anticlockwise, with a
     flange of 520 x 320 mm.
 
     size: of the edges where the surface is flat [mm]; turn: of the normal along an edge on
-    roundings and fillets [deg]; quarter: only x >= 0, y >= 0.
+    roundings and fillets [deg].
     """
     points, triangles = _quarter(dome or DoubleDome(), 260.0, 160.0, size, math.radians(turn))
-    if not quarter:
-        for axis in (0, 1):
-            points, triangles = _mirrored(points, triangles, axis)
+    for axis in (0, 1):
+        points, triangles = _mirrored(points, triangles, axis)
     return points, triangles
 
 

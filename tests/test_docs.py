@@ -34,7 +34,7 @@ PAGES = [README, *sorted(p for p in DOCS.rglob("*.md") if "generated" not in p.p
 EXAMPLES = sorted((DOCS / "examples").glob("*.py"))
 # of examples and pages; what takes more than 10 s is a study whose mechanisms have tests
 MARKS = {"ball": pytest.mark.versions} | dict.fromkeys(
-    ("public_bias", "stack", "sweeps"), pytest.mark.long
+    ("hemisphere", "public_bias", "stack", "studies", "sweeps", "wrinkles"), pytest.mark.long
 )
 ENVIRONMENT = os.environ | RANKS_ENVIRONMENT | {"PYTHONPATH": str(ROOT)}
 
@@ -223,7 +223,11 @@ def test_readmes_program_is_an_example():
 WITH_PROGRAMS = [p for p in PAGES[1:] if "```python" in p.read_text()]
 
 
-@pytest.mark.parametrize("page", WITH_PROGRAMS, ids=name)
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(p, marks=MARKS.get(p.stem, ())) for p in WITH_PROGRAMS],
+    ids=map(name, WITH_PROGRAMS),
+)
 def test_programs_print_what_their_page_says(run, tmp_path, page):
     write_files(page, tmp_path)
     if page.stem == "own_tool":

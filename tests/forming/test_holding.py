@@ -8,7 +8,6 @@ import pytest
 from builders import dome
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.forming import pictures
 from fabric_fenicsx.forming.holders import Region
 from fabric_fenicsx.scene import output as reports
 
@@ -16,10 +15,10 @@ SIZES = {"nx": 4, "stroke": 8.0}
 HALVES = [lambda x: x[0] < 140, lambda x: x[0] >= 140]
 
 
-def punch_force(tmp_path, holder, **fields):
+def punch_force(holder, **fields):
     """Force of the punch after 8 mm, and of all holders along z [N]."""
     ply = dome(**SIZES | fields, holder=holder)
-    result = ply.job(steps=4).run(tmp_path / "run", overwrite=True, pictures=False)
+    result = ply.job(steps=4).run()
     held = [t for t in ply.pressing if t.tool.name not in ply.tools]
     return [result.force("punch")[2], sum(result.force(term.tool)[2] for term in held)]
 
@@ -31,10 +30,10 @@ def punch_force(tmp_path, holder, **fields):
         (ff.GapHolder(0.95), [ff.GapHolder(0.95, where=half) for half in HALVES]),
     ],
 )
-def test_two_halves_do_what_one_holder_does(tmp_path, one, two):
+def test_two_halves_do_what_one_holder_does(one, two):
     """But for what lags: each segment counts its own areas and normal forces, and sticks by
     itself."""
-    forces = [punch_force(tmp_path, holder, lag=1e-9, slip=0.1) for holder in (one, two)]
+    forces = [punch_force(holder, lag=1e-9, slip=0.1) for holder in (one, two)]
     assert forces[1] == pytest.approx(forces[0], rel=1e-8) and all(forces[0])
 
 
@@ -112,11 +111,11 @@ def test_grippers_may_share_corners():
     assert held_whole(dict(zip("ab", ends))) == 0
 
 
-def test_plates_of_segments_bear_their_forces(tmp_path):
+def test_plates_of_segments_bear_their_forces():
     """A quarter of each, on the nodes of the flat blank that are theirs."""
     holders = [ff.ForceHolder(4000.0, HALVES[0]), ff.ForceHolder(8000.0, HALVES[1])]
     ply = dome(**SIZES, holder=holders)
-    result = ply.job(steps=4).run(tmp_path / "run", pictures=False)
+    result = ply.job(steps=4).run()
     found = [result.force(name)[2] for name in ("blank holder", "blank holder 2")]
     assert found == pytest.approx([1000.0, 2000.0], rel=1e-6)
 
@@ -192,32 +191,6 @@ def test_pressures_of_ones_own_holders_have_their_names_and_balance_the_tools():
 def test_what_holds_nothing_is_refused(make, words):
     with pytest.raises(ff.InputError, match=words):
         make()
-
-
-def test_the_picture_of_the_setup_shows_holders(monkeypatch, tmp_path):
-    """Each where it acts: a pressure and a plate on the flange, springs and grippers at edges."""
-    seen = {}
-    monkeypatch.setattr(
-        pictures.press_pictures,
-        "setup_picture",
-        lambda path, plies, bodies, moves: seen.update(bodies),
-    )
-    half = {"left": Region({"x": [-200, 0]}), "right": Region({"x": [0, 200]})}
-    holders = {
-        "pressed": ff.PressureHolder(0.02, half["left"]),
-        "plate": ff.ForceHolder(100.0, half["right"]),
-        "springs": ff.SpringHolder(0.5, preload=5, edges=["low x"], at=[[90, 90]]),
-        "pull": ff.Grippers(1.0, edges=["high x"]),
-    }
-    press = ff.Press.read("hemisphere", ["blank.nx=10", "blank.symmetry=none"])
-    pictures.draw_setup(press.replace(holders=holders).build(), tmp_path)
-    assert [*seen] == ["punch", "ring", "pressed", "plate", "springs", "pull"]
-    ends = {name: np.reshape(seen[name].bounds, (3, 2)) for name in [*seen][2:]}
-    assert ends["pressed"][0] == pytest.approx([-100, 0]) and ends["pressed"][2, 1] < -1
-    assert ends["plate"][0] == pytest.approx([0, 100])
-    assert seen["pressed"].area == pytest.approx(14000, rel=0.05)
-    assert ends["springs"][0] == pytest.approx([-130, 111], abs=2)
-    assert ends["pull"][0] == pytest.approx([100, 130], abs=2)
 
 
 @pytest.mark.mpi

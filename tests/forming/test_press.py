@@ -43,8 +43,8 @@ def changed(tmp_path, *pairs, file=HEMISPHERE):
     return path
 
 
-def formed(press, folder, **settings):
-    return press.job(**settings).run(folder, pictures=False)
+def formed(press, **settings):
+    return press.job(**settings).run()
 
 
 @pytest.mark.parametrize(
@@ -64,7 +64,7 @@ def test_tools_touch_the_blank_at_first_and_move_towards_it(changes, radius, way
     assert ring.path(0)[2] == ring.path(1)[2] == pytest.approx(half)
 
 
-def test_the_net_of_stiff_yarns_over_an_open_ring(tmp_path):
+def test_the_net_of_stiff_yarns_over_an_open_ring():
     """As exact as over the closed dome: within 0.25 deg r.m.s. on 6 quadratic cells a side."""
     from nets import spherical_net
 
@@ -75,7 +75,7 @@ def test_the_net_of_stiff_yarns_over_an_open_ring(tmp_path):
         ff.Press.read(HEMISPHERE, changes).sheets[0], fabric=stiff, bending_modulus=20.0
     )
     press = hemisphere(*changes, sheets=sheet)
-    grid = formed(press, tmp_path, steps=12, balance=None, path_tolerance=1e-3).grid
+    grid = formed(press, steps=8, balance=None, path_tolerance=1e-3).grid
     radius = 50 + press.thickness / 2
     u, v, _ = grid.cell_centers().points.T
     on = np.hypot(u, v) < 0.9 * radius
@@ -108,8 +108,8 @@ def test_a_ring_pushed_by_a_force_holds_as_its_pressure_does(tmp_path):
     held = "[holders.holder]\npressure = 0.02       # on what lies on the ring [MPa]\n"
     path = changed(tmp_path, (held, ring))
     changes = ["blank.nx=6", "stage.forming.moves.punch=15"]
-    by_force = formed(read(path, changes), None, steps=3, balance=None)
-    by_pressure = formed(hemisphere(*changes), None, steps=3, balance=None)
+    by_force = formed(read(path, changes), steps=3, balance=None)
+    by_pressure = formed(hemisphere(*changes), steps=3, balance=None)
     forces = by_force.summary["quantities"]["tool_forces_of_whole_blank_N"]
     assert forces["lower"] == pytest.approx(450, rel=1e-6)
     assert by_force.number("force_N") == pytest.approx(by_pressure.number("force_N"), rel=0.2)
@@ -224,12 +224,13 @@ def test_a_press_file_that_is_not_there_or_empty_is_named(tmp_path):
             ff.Press.read(path)
 
 
-def test_a_laminate_is_bent_and_springs_back(tmp_path):
+@pytest.mark.long
+def test_a_laminate_is_bent_and_springs_back():
     """By half of the stroke; twice the cells give 7.03 mm."""
     press = read(PRESSES / "springback.toml", ["blank.nx=8", "stage.bending.steps=10"])
     assert press.schedule.unloads
-    result = formed(press, tmp_path, balance=None)
-    unloaded = ff.unloading(result).run(tmp_path / "unloaded", pictures=False)
+    result = formed(press, balance=None)
+    unloaded = ff.unloading(result).run()
     upper = unloaded.summary["quantities"]["sheets"]["upper metal"]
     assert upper["springback_largest_mm"] == pytest.approx(7.00, abs=0.1)
 
@@ -242,20 +243,21 @@ def test_a_laminate_is_bent_and_springs_back(tmp_path):
         ("two_steps", ["blank.nx=13", "stage.1.steps=8", "stage.2.steps=8"], 30.81),
     ],
 )
-def test_examples_run_from_their_files(name, changes, force, tmp_path):
+def test_examples_run_from_their_files(name, changes, force):
     press = read(PRESSES / f"{name}.toml", changes)
-    result = formed(press, tmp_path, balance=None)
+    result = formed(press, balance=None)
     assert result.number("force_N") == pytest.approx(force, rel=0.01)
     assert result.number("unbalanced_force_N") < 1e-6 * force
 
 
+@pytest.mark.long
 def test_a_ply_that_the_punch_leaves_slack_does_not_depend_on_steps():
     """Friction keeps what shape it can, and the balance closes."""
     forward, back = (ff.Stage(moves={"punch": way}, steps=8) for way in (30, -30))
     energies, heights = [], []
     for steps in (8, 16):
         press = hemisphere("blank.nx=6", stages=[forward, dataclasses.replace(back, steps=steps)])
-        result = formed(press, None)
+        result = formed(press)
         assert result.number("force_N") == pytest.approx(0, abs=1e-6)
         assert result.summary["energy_imbalance"] < 0.02
         energies.append(result.summary["energy"]["friction"])
@@ -273,7 +275,7 @@ def test_a_plate_has_the_opening_of_its_die(kind, tmp_path):
         ("pressure = 0.02       # on what lies on the ring [MPa]", kind),
     )
     press = read(over, ["blank.nx=6", "stage.1.moves.punch=5"])
-    result = formed(press, None, steps=3, balance=None)
+    result = formed(press, steps=3, balance=None)
     forces = result.summary["quantities"]["tool_forces_of_whole_blank_N"]
     assert -100 < forces["punch"] < 0
 
@@ -391,12 +393,14 @@ def test_a_mesh_beside_the_tools_is_refused_or_centred(tmp_path):
 
 
 def test_a_picture_that_fails_loses_no_run(tmp_path, monkeypatch, caplog):
-    from fabric_fenicsx.plot import press_pictures
+    from fabric_fenicsx.plot import forming_pictures, press_pictures
 
     def fails(*_):
         raise ValueError("Empty meshes cannot be plotted")
 
     monkeypatch.setattr(press_pictures, "filmstrip", fails)
+    monkeypatch.setattr(press_pictures, "setup_picture", lambda *_: None)  # for time
+    monkeypatch.setattr(forming_pictures, "draw_plies", lambda *_: None)
     press = hemisphere("blank.nx=4", "stage.1.moves.punch=5")
     result = press.job(steps=2, balance=None).run(tmp_path)
     assert result.summary["converged"] and (tmp_path / "maps.png").exists()

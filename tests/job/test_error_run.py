@@ -6,7 +6,7 @@ import json
 import meshio
 import numpy as np
 import pytest
-from builders import COARSE, COMM, dome, said
+from builders import COARSE, COMM, said
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
@@ -130,37 +130,6 @@ def test_a_homogeneous_state_has_no_error():
     error, force = frame.summary["error"], frame.number("normalised_shear_force_N_per_mm")
     assert error["normalised_shear_force_N_per_mm"] <= 1e-8 * force
     assert error["shear_angle_rms_deg"] < 1e-6
-
-
-def test_a_formed_ply(tmp_path):
-    coarse = dome(nx=6, stroke=24.0, plies=[{"nx": 4}])
-    assert [sheet.nx for sheet in coarse.coarser().sheets] == [2]
-    limits = ff.Limits(imbalance=0.2)
-    result = dome(nx=4, stroke=4.0).job(steps=2, error=True, limits=limits, balance=9.0).run()
-    error = result.summary["error"]
-    assert {"punch_force_N", "shear_angle_max_deg", "draw_in.largest_mm"} < error.keys()
-    assert error["punch_force_N"] is None  # on 2 x 2 rectangles it is as large as the force
-
-
-def test_a_stack():
-    """Errors of fields are those of each sheet."""
-    fabric = ff.load("komeili")
-
-    def push(nx):
-        sheets, terms = [], []
-        for name, angle in {"lower": 45, "upper": 0}.items():
-            ply = ff.Blank.rectangle(100, 100, nx=nx, fibre_angle=angle, spatial=True)
-            sheets.append((ply, fabric.thickness, name))
-            terms += [ff.Membrane(fabric).on(name), ff.Bending(modulus=100.0).on(name)]
-        ball = ff.Tool(ff.Sphere(radius=30), lambda load: (50.0, 50.0, 2.0 * load - 30.5))
-        terms += [ff.Contact(ball), ff.SheetContact("lower", "upper")]
-        scene = ff.Scene(ff.Stack(sheets), terms, supports=ff.clamped_ends())
-        limits = ff.Limits(imbalance=0.5)
-        return ff.Job(scene, steps=2, limits=limits, coarser=lambda: push(nx // 2), error=True)
-
-    result = push(6).run()
-    assert result.fields["error_shear_angle"].max() > 0
-    assert np.isfinite(result.fields["error_shear_angle"]).all()
 
 
 @pytest.mark.parametrize("order", [1.0, 3.0])

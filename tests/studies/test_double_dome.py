@@ -91,6 +91,7 @@ def test_the_whole_ply_is_four_quarters(launch):
     assert whole.summary["reaction_N"] == pytest.approx(4 * quarter.summary["reaction_N"], rel=1e-6)
 
 
+@pytest.mark.long
 def test_plies_that_end_early_are_drawn_with_the_reason(launch, monkeypatch):
     """Without a floor of the biaxial coupling yarns have no stiffness left beside squeezed ones."""
     monkeypatch.setattr(FormingScene, "pictures", lambda *_: None)

@@ -138,7 +138,7 @@ def test_a_spoilt_checkpoint_is_refused(launch):
     arrays["u"][3] = np.nan
     np.savez(path, **arrays)
     before = everything(done.folder)
-    again = launch("tensile", *OPTIONS, "--steps", 3, "--resume", ranks=2)
+    again = launch("tensile", *OPTIONS, "--steps", 3, "--resume")
     assert again.status == 2 and again.err.count("studies/tensile.py: error: ") == 1, again.err
     assert "Traceback" not in again.err
     assert "checkpoint.npz is damaged: its content has another checksum" in again.err
@@ -182,7 +182,7 @@ def test_ranks_end_together_if_asked_and_one_goes_on(launch, tmp_path, whole, ha
 
 def test_a_finished_run_is_left_as_it_is(launch):
     done = launch("tensile", *OPTIONS, "--steps", 3)
-    again = launch("tensile", *OPTIONS, "--steps", 3, "--resume", ranks=2)
+    again = launch("tensile", *OPTIONS, "--steps", 3, "--resume")
     assert again.status == 0 and "nothing is left to do" in again.err
     assert again.summary == done.summary and again.out == done.out
 

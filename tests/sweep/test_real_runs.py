@@ -66,6 +66,7 @@ def test_more_pressure_of_the_holder_draws_in_less(swept):
     assert (folder / "maps.png").stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_a_job_array_on_ranks_has_the_results_of_a_sweep(swept, press, capfd):
     words = [press, *VARY, "--no-pictures"]
     passed = ["--", "--no-pictures"]
