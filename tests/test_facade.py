@@ -1,10 +1,8 @@
 """What `import fabric_fenicsx as ff` offers."""
 
 import ast
-import inspect
 import subprocess
 import sys
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -18,18 +16,6 @@ def test_each_name_is_there():
     assert {*ff.__all__} <= {*dir(ff)}
     elsewhere = [n for n in ff.__all__ if not getattr(ff, n).__module__.startswith(ff.__name__)]
     assert not elsewhere
-
-
-def test_signatures_are_short_enough_to_be_read():
-    """As `help` shows them: NumPy's ArrayLike alone would be six lines."""
-    long = []
-    for name in ff.__all__:
-        thing = getattr(ff, name)
-        members = inspect.getmembers(thing, callable) if inspect.isclass(thing) else []
-        for each in (thing, *(member for key, member in members if not key.startswith("_"))):
-            with suppress(TypeError, ValueError):  # of C, or no function
-                long += [each] if "_SupportsArray" in str(inspect.signature(each)) else []
-    assert not long
 
 
 def test_another_name_is_not():

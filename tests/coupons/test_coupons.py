@@ -48,11 +48,3 @@ def test_a_coupon_is_data(kind):
     assert built.data.build().data == built.data
     with pytest.raises(dataclasses.FrozenInstanceError):
         test.nx = 5
-
-
-@pytest.mark.parametrize("kind, nx", [(ff.Tensile, 32), (ff.BiasExtension, 40)])
-def test_defaults_are_those_of_the_scripts(kind, nx):
-    made = kind().build()
-    job = made.job()
-    assert (made.data.nx, made.data.element, job.steps) == (nx, "P2", 20)
-    assert (job.tolerance, job.path_tolerance, job.every) == (1e-8, 1e-4, 5)

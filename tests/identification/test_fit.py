@@ -256,19 +256,6 @@ def test_errors():
         identify(SHEET, [shear(0 * g, g)])
 
 
-@pytest.mark.parametrize(("name", "count"), [("komeili_paper", 7), ("komeili_all", 10)])
-def test_shipped_synthetic_data(name, count):
-    sheet, curves = data.read(SHIPPED / name)
-    result = identify(sheet, curves)
-    assert len(result.determined) == count and not result.warnings
-    _, made = synthesise(KOMEILI, name.removeprefix("komeili_"), 0.02, 1)
-    for one, two in zip(sorted(made, key=lambda c: c.file), curves, strict=True):
-        assert [r.values for r in two.responses] == [
-            pytest.approx(r.values, rel=1e-9) for r in one.responses
-        ]
-    assert all(0.01 < c["rms_error_of_peak"] < 0.03 for c in result.report()["curves"])
-
-
 @pytest.mark.versions
 @pytest.mark.parametrize(("size", "off"), [("115x230", 0.11), ("150x450", 0.23)])
 def test_shipped_measured_data(tmp_path, size, off):

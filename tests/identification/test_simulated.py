@@ -31,19 +31,6 @@ def specimen(fabric, curve, curved=0.1):
     return x - curved * x**2 / 10, by * (1 - curved * x[:, None] / 5)
 
 
-def test_the_specimen_counts_and_not_the_formula():
-    curve = raw(specimen(FABRIC, None)[0])
-    found = identify_simulated(SHEET, [curve], specimen)
-    assert [p.value for p in found.determined.values()] == pytest.approx(TRUE, rel=1e-3)
-    assert (
-        found.simulated.off["bias.csv"] < 1e-4 < 0.02 < found.simulated.off_homogeneous["bias.csv"]
-    )
-    assert not any("above 30 deg" in words for words in found.warnings)
-    start = identify(SHEET, [curve])
-    assert found.report()["simulated"]["homogeneous"]["s1"] == start.fabric.s1
-    assert any("above 30 deg" in words for words in start.warnings)
-
-
 @pytest.mark.parametrize("why", ["could not be simulated: no", "did not settle"])
 def test_a_specimen_that_tells_nothing_leaves_the_first_fit(why):
     count = iter(range(100))

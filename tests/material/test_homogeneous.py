@@ -38,15 +38,6 @@ def test_nominal_stresses_are_derivatives_of_the_energy(unbalanced):
         assert np.allclose(slope[:, 1 - k], stiffness[:, 2], rtol=1e-6, atol=1e-6)
 
 
-def test_free_tension_contracts_as_in_the_notes():
-    strain = np.array([0.005, 0.01, 0.02, 0.03])
-    across = lateral_strain(KOMEILI, 0, strain)
-    assert across == pytest.approx([-0.0346, -0.0666, -0.1074, -0.1345], abs=5e-5)
-    stress = nominal(KOMEILI, np.stack([strain, across, 0 * strain], -1))
-    assert stress[:, 0] == pytest.approx([6.01, 11.70, 24.36, 38.93], abs=5e-3)
-    assert np.abs(stress[:, 1]).max() < 1e-12
-
-
 @pytest.mark.parametrize("along", [0, 1])
 def test_free_tension_has_a_closed_root(unbalanced, along):
     """2 d_b eps_b + T_a(eps_a) (1 - p_min) c exp(c eps_b) = 0, by Lambert's function; from any

@@ -37,14 +37,6 @@ def test_slope_and_work_belong_to_the_stress(curve):
         assert curve.work(np.array([end]))[0] == pytest.approx(exact, rel=1e-8)
 
 
-def test_a_table_is_passed_through_and_goes_on_straight():
-    table = CURVES["table"]
-    assert table.stress(np.array(table.eps)) == pytest.approx(table.sigma, rel=1e-14)
-    beyond = table.stress(np.array([0.3, 0.4, 0.5]))
-    assert np.diff(beyond, 2) == pytest.approx(0, abs=1e-10)
-    assert beyond[1] - beyond[0] == pytest.approx(0.1 * table.slope(np.array([0.3]))[0])
-
-
 # -- strain
 
 

@@ -99,36 +99,6 @@ def test_smallest_eigenvalue_of_any_harmonics(kind):
     assert excess.min() > -1e-14 and excess.max() < 1e-6
 
 
-@pytest.mark.parametrize("name", ["unbalanced", "table"])
-def test_acoustic_tensor_is_the_second_difference_of_the_energy(fabrics, random_states, name):
-    """W(F + s m N) along the direction found, and along others no lower."""
-    fabric, (C, a, b) = fabrics[name], random_states(60, seed=3)
-    fibres, h = (a, b), 1e-4
-    F = np.linalg.cholesky(C).swapaxes(1, 2)
-    invariants = kernel.evaluate(fabric, gradient=F, fibres=fibres).invariants
-    clear = (np.abs(invariants[:, [0, 2]] - 1) > 0.01).all(1) & (
-        np.abs(invariants[:, 3]) > 0.01
-    )  # no kink within the difference
-    found = stability.evaluate(fabric, invariants)
-    across = np.stack([-a[:, 1], a[:, 0]], -1)
-    across *= np.sign((across * b).sum(1))[:, None]
-    N = np.cos(found.direction)[:, None] * a + np.sin(found.direction)[:, None] * across
-
-    def curvature(m):
-        W = [
-            kernel.evaluate(
-                fabric, gradient=F + s * h * m[:, :, None] * N[:, None], fibres=fibres
-            ).energy
-            for s in (-1, 0, 1)
-        ]
-        return (W[0] - 2 * W[1] + W[2]) / h**2
-
-    circle = [np.tile([np.cos(p), np.sin(p)], (len(F), 1)) for p in np.linspace(0, np.pi, 361)]
-    least = np.min([curvature(m) for m in circle], 0)
-    assert np.allclose(least[clear], found.acoustic[clear], rtol=2e-3, atol=0.3)
-    assert clear.sum() > 30
-
-
 @pytest.mark.parametrize("name", CASES)
 def test_convexity_against_differences_of_the_closed_form(fabrics, name):
     fabric, rng, h = fabrics[name], np.random.default_rng(4), 1e-6

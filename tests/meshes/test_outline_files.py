@@ -4,8 +4,6 @@ import ezdxf
 import meshio
 import numpy as np
 import pytest
-from scipy.interpolate import BSpline
-from shapely import Polygon
 
 from fabric_fenicsx.meshes.outline_files import read_outline
 from fabric_fenicsx.meshes.specimen import specimen
@@ -43,21 +41,6 @@ def drawing(tmp_path):
 
 def rectangle(space, **attributes):
     space.add_lwpolyline(CORNERS, close=True, dxfattribs=attributes)
-
-
-@pytest.mark.parametrize(
-    "text, area, holes",
-    [
-        (SHEET, 8000, 0),
-        ("# a ply\n0 0\n100 0\n100 80\n0 80\n", 8000, 0),
-        ("x;y\n0;0\n100,5;0\n100,5;80\n0;80\n\n20;20\n40;20\n40;40\n20;40\n", 7640, 1),
-        ("x,y\n20,20\n40,20\n20,40\n,\n0,0\n100,0\n100,80\n0,80\n", 7800, 1),
-        ("ring,y [cm],x [cm]\n1,0,0\n1,0,10\n1,8,10\n1,8,0\n2,2,2\n2,2,3\n2,3,3\n", 7950, 1),
-    ],
-)
-def test_rings_of_tables(table, text, area, holes):
-    sheet, told = table(text)
-    assert sheet.area == pytest.approx(area) and len(sheet.interiors) == holes and not told
 
 
 @pytest.mark.parametrize(
@@ -115,29 +98,6 @@ def test_the_unit_of_a_drawing_counts_and_is_told(drawing, unit, factor, words):
     assert words in told and told.endswith(
         f"so it is {' x '.join(rounded(side * factor, 4) for side in (100, 80))} mm"
     )
-
-
-@pytest.mark.parametrize("clamped, weights", [(False, None), (True, [1, 2, 1, 2, 1, 2, 1])])
-def test_a_spline_is_cut_between_the_knots_of_all_its_functions(drawing, clamped, weights):
-    x = [(20, 20), (80, 20), (80, 60), (20, 60), (20, 20), (80, 20), (80, 60)]
-    knots = [*range(11)]
-    if clamped:
-        x[4:] = [(30, 50), (20, 40), (20, 30)]
-        knots = [0, 0, 0, 0, 1, 2, 3, 4, 4, 4, 4]
-
-    def draw(space):
-        rectangle(space)
-        hole = space.add_spline()
-        hole.control_points, hole.knots = x, knots
-        if weights:
-            hole.weights = weights
-        if clamped:
-            space.add_line(x[-1], x[0])
-
-    w = np.array(weights or [1] * 7)[:, None]
-    curve = BSpline(knots, np.hstack([x * w, w]), 3)(np.linspace(knots[3], knots[7], 2001))
-    sheet, _ = drawing(draw)
-    assert sheet.area == pytest.approx(8000 - Polygon(curve[:, :2] / curve[:, 2:]).area, rel=1e-4)
 
 
 def test_layers_of_a_drawing(drawing):

@@ -111,15 +111,6 @@ def vtk_mesh():
 
 
 @pytest.mark.versions
-@pytest.mark.parametrize("name", ["strip.vtk", "strip.ply", "strip.VTP"])
-def test_what_pyvista_writes_is_read(tmp_path, name):
-    vtk_mesh().save(tmp_path / "strip.vtp")
-    vtk_mesh().save(tmp_path / name.lower())
-    (tmp_path / name.lower()).rename(tmp_path / name)
-    assert area(read(tmp_path / name)) == pytest.approx(200)
-
-
-@pytest.mark.versions
 def test_grids_blocks_and_strips_of_vtk_are_read(tmp_path):
     x, y = np.meshgrid([0.0, 5, 10, 20], [0.0, 10], indexing="ij")
     pyvista.StructuredGrid(x, y, 0 * x).save(tmp_path / "grid.vts")

@@ -54,22 +54,3 @@ def test_the_verdict_is_first_then_the_part_and_six_numbers(tmp_path):
     ]
     places = [text.index(words) for words in order]
     assert places == sorted(places) and "not believed: sheared" not in text
-
-
-def test_numbers_come_first_with_their_errors_and_maps_of_errors_last(tmp_path):
-    file = tmp_path / "summary.json"
-    found = {"draw_in": {"largest_mm": 30.0, "corner_mm": 8.0}}
-    errors = {"draw_in.largest_mm": 0.5}
-    file.write_text(json.dumps({"quantities": found, "error": errors, "wall_s": {}}))
-    pictures = [tmp_path / f"{name}.png" for name in ("error", "zebra", "curve", "maps")]
-    for picture in pictures:
-        picture.write_bytes(b"")
-    text = page("dome", {"": (file, pictures)}, "", "done")
-    shown = [
-        "<td>30 +- 0.5",
-        "Force over displacement",
-        "Logarithmic strains",
-        "Estimated errors of",
-    ]
-    places = [text.index(words) for words in shown]
-    assert places == sorted(places) and "<td>8</td>" in text

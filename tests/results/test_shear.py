@@ -107,15 +107,6 @@ def test_what_limits_ask_for_is_known_with_its_place():
     assert values["fibre_share"][0] == 1.2 and values["fibre_share"][1][0] > 195
 
 
-def test_shortening_is_told_of_as_what_hides_wrinkles():
-    (words, *_), _ = fabric_doubts(sheared(crumpled=0.12))
-    assert words.startswith(
-        "compression shortens yarns of blank by up to 12 %, as at (1.667, 5) mm of"
-    )
-    assert "by more than 2 % in 2.5 % of the area" in words
-    assert words.endswith("The law stores as shortening what a real ply folds into wrinkles")
-
-
 @pytest.mark.parametrize("options", [{"crumpled": 0.019}, {"crumpled": 0.12, "spatial": False}])
 def test_what_is_not_shortened_is_not_told_of(options):
     """Yarns that are hardly shortened, and a plane sheet, which can't fold."""

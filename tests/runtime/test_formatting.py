@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from fabric_fenicsx.runtime.formatting import coordinates, of_sheet, percent, rounded, with_error
+from fabric_fenicsx.runtime.formatting import coordinates, of_sheet, percent, rounded
 
 
 @pytest.mark.parametrize(
@@ -29,18 +29,6 @@ def test_numbers_are_told_without_an_exponent_that_is_not_needed(number, digits,
 )
 def test_shares_are_told_in_per_cent(share, text):
     assert percent(share) == text
-
-
-@pytest.mark.parametrize(
-    "number, error, text",
-    [
-        (2033.42, 0.2871, "2033.42 +- 0.29"),
-        (0.25021, 1.2e-14, "0.25021 +- 0"),
-        (2e9, 1e-2, "2000000000.0 +- 0.01"),
-    ],
-)
-def test_an_error_below_rounding_is_zero(number, error, text):
-    assert with_error(str(number), number, error) == text
 
 
 def test_places_have_no_negative_zero():

@@ -5,8 +5,6 @@ import dataclasses
 import pytest
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.command_line.study import parser
-from fabric_fenicsx.runtime.fields import declared
 from fabric_fenicsx.solve.settings import Settings
 
 
@@ -22,13 +20,6 @@ from fabric_fenicsx.solve.settings import Settings
 def test_a_value_that_is_refused_is_named(make, words):
     with pytest.raises(ff.InputError, match=words):
         make()
-
-
-@pytest.mark.parametrize("each", declared(Settings), ids=lambda each: each.name)
-def test_an_option_has_the_default_of_its_field(each):
-    args = parser(ff.Tensile, "").parse_args([])
-    expected = None if each.name in ff.Tensile.FULL else each.default
-    assert getattr(args, each.name) == expected
 
 
 def test_a_job_has_every_setting_and_the_coarser_run_takes_them_all():

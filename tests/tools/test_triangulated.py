@@ -378,18 +378,6 @@ def test_beyond_the_rim_there_is_no_body():
         assert die.evaluate(points).gap == pytest.approx([far, far, 5, 2])
 
 
-@pytest.mark.versions
-def test_a_file_holds_the_surface(tmp_path):
-    points, triangles = double_dome(size=20, turn=20, quarter=True)
-    pyvista.PolyData.from_regular_faces(points, triangles).save(tmp_path / "tool.stl")
-    read = TriangulatedSurface.read(tmp_path / "tool.stl")
-    made = TriangulatedSurface(points, triangles)
-    assert len(read.points) == len(made.points) and len(read.triangles) == len(made.triangles)
-    at = DOME.lift(*np.random.default_rng(0).uniform(0, 1, (2, 200)) * [[250], [150]]) + [0, 0, 2]
-    # single precision
-    assert abs(read.evaluate(at).gap - made.evaluate(at).gap).max() <= 1e-3
-
-
 def test_quadrilaterals_are_cut_and_solids_are_refused(tmp_path):
     points = np.array([[x, y, z] for z in (0.0, 1) for x, y in ((0, 0), (2, 0), (2, 2), (0, 2))])
     meshio.write(tmp_path / "quad.vtk", meshio.Mesh(points[4:], {"quad": [[0, 1, 2, 3]]}))

@@ -1,4 +1,4 @@
-"""The net on a sphere against its equation with 30 digits, and against a net made of pieces."""
+"""The net on a sphere against its equation with 30 digits, and against a published draping code."""
 
 import math
 
@@ -38,47 +38,6 @@ def test_the_net_is_that_of_a_published_draping_code():
     place = np.array([0.225, 0.375, 0.525, 0.675, 0.75])
     found = np.degrees(spherical_net.shear_angle(place, place, 1.0))
     assert found == pytest.approx([2.90, 8.05, 15.72, 25.81, 31.66], abs=0.02)
-
-
-def net_of_pieces(n, length):
-    """Nodes (n + 1, n + 1, 3) of a quarter of a net of great-circle pieces of `length` on the unit
-    sphere, as kinematic draping makes it: each node has its distance from two others."""
-    t = length * np.arange(n + 1)
-    x = np.zeros((n + 1, n + 1, 3))
-    x[:, 0] = np.column_stack([np.sin(t), 0 * t, np.cos(t)])
-    x[0] = np.column_stack([0 * t, np.sin(t), np.cos(t)])
-    for i in range(1, n + 1):
-        for j in range(1, n + 1):
-            p, q = x[i - 1, j], x[i, j - 1]
-            share = math.cos(length) / (1 + p @ q)
-            middle, across = share * (p + q), np.cross(p, q)
-            rest = math.sqrt(1 - middle @ middle) * across / np.linalg.norm(across)
-            # of the two such nodes the one that is not the first corner
-            x[i, j] = max(middle + rest, middle - rest, key=lambda k: -k @ x[i - 1, j - 1])
-    return x
-
-
-def test_a_net_of_ever_smaller_pieces_tends_to_it():
-    """At u = v = 0.7 R, halved pieces quarter the error."""
-    errors = []
-    for n in (10, 20, 40):
-        h = 0.7 / n
-        x = net_of_pieces(n + 1, h)
-        a, b = x[n + 1, n] - x[n - 1, n], x[n, n + 1] - x[n, n - 1]
-        found = math.pi / 2 - math.acos(a @ b / np.linalg.norm(a) / np.linalg.norm(b))
-        errors.append(found - spherical_net.shear_angle(0.7, 0.7, 1.0))
-    assert abs(errors[-1]) < 1e-4
-    assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
-    assert errors[1] / errors[2] == pytest.approx(4, rel=0.1)
-
-
-def test_the_circle_between_the_yarns():
-    """On it lie the net's nodes with u = v."""
-    t, shear = spherical_net.diagonal(math.radians(60))
-    n = 40
-    x = net_of_pieces(n, t / n)[n, n]
-    assert math.degrees(math.acos(x[2])) == pytest.approx(60, abs=0.01)
-    assert shear == pytest.approx(float(spherical_net.shear_angle(t, t, 1.0)), rel=1e-12)
 
 
 def test_no_angle_beyond_where_both_yarns_are_one_line():

@@ -1,4 +1,4 @@
-"""WovenFabric: values, switches, TOML files and what a wrong input says."""
+"""WovenFabric: which of its numbers are assumed."""
 
 import math
 
@@ -12,20 +12,6 @@ UNBALANCED = KOMEILI.replace(
     name='plain "2/2"\n\x7f µ',
     density=2 / 3,
 )
-
-
-def numbers(fabric):
-    yarns = [value for yarn in (fabric.warp, fabric.weft) for value in vars(yarn).values()]
-    return [*yarns, fabric.s1, fabric.s2, fabric.s3]
-
-
-def test_table_1():
-    yarn = [4130.0, 667.5, 0.65, 0.75, 23.67, 1467.6, 100.0]
-    assert numbers(KOMEILI) == [*yarn, *yarn, 0.02506, -0.18679, 0.56239]
-    assert (KOMEILI.thickness, KOMEILI.density, KOMEILI.name) == (1.0, 0.75, "komeili")
-    assert len(numbers(KOMEILI)) == 17
-    assert KOMEILI.is_balanced
-    assert not UNBALANCED.is_balanced
 
 
 def test_numbers_that_no_test_has_determined_are_told_where_they_act():

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from fabric_fenicsx.material import kernel
 from fabric_fenicsx.material.laws.base import stresses_of_energy
 from fabric_fenicsx.material.laws.tabulated import Curve, TabulatedFabric
-from fabric_fenicsx.material.presets import PRESETS, load
+from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.runtime.errors import InputError
 
 
@@ -63,27 +62,6 @@ def states(n=3000, seed=4):
     eps[:, :20] = 0  # on the kinks too
     gamma[10:30] = 0
     return eps[0], eps[1], gamma
-
-
-@pytest.mark.parametrize("material", ["komeili", "fabric", "unbalanced", "tabulated"])
-def test_kernel_has_the_stresses_of_the_closed_form(material, request):
-    fabric = PRESETS.get(material) or request.getfixturevalue(material)
-    ea, eb, g = states()
-    a = np.stack([(1 + ea) * np.cos(g / 2), (1 + ea) * np.sin(g / 2)], -1)
-    b = np.stack([(1 + eb) * np.sin(g / 2), (1 + eb) * np.cos(g / 2)], -1)
-    F = np.stack([a, b], -1)
-    state = kernel.evaluate(fabric, gradient=F, tangent=True)
-    P = F @ state.S
-    dF = 0.5 * np.stack([np.stack([-a[:, 1], a[:, 0]], -1), np.stack([b[:, 1], -b[:, 0]], -1)], -1)
-    found = [
-        (P[:, :, 0] * a).sum(1) / (1 + ea),
-        (P[:, :, 1] * b).sum(1) / (1 + eb),
-        (P * dF).sum((1, 2)),
-    ]
-    expected = stresses_of_energy(fabric, ea, eb, g)
-    scale = np.linalg.norm(expected, axis=0) + fabric.shear_stiffness
-    for mine, theirs in zip(found, expected):
-        assert (np.abs(mine - theirs) / scale).max() < 1e-11
 
 
 def test_tables_from_files(tmp_path, tabulated):
