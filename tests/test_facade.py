@@ -27,6 +27,7 @@ LIGHT = {  # program -> modules that it does not load, as they take a second or 
     "1": "dolfinx numpy",
     "import fabric_fenicsx.identification": "dolfinx mpi4py petsc4py ufl",
     "import fabric_fenicsx.results.quantities": "pyvista.plotting",  # 30 MB
+    "ff.Press.read('double_dome', ['blank.nx=4'])": "dolfinx mpi4py.MPI petsc4py",
     "ff.Tensile(nx=4), ff.BiasExtension(nx=4), ff.PictureFrame(nx=4)": "mpi4py.MPI petsc4py ufl",
     "from fabric_fenicsx.command_line.main import main; main(['sweep', 'press.toml'])": (
         "dolfinx mpi4py matplotlib scipy"

@@ -109,14 +109,6 @@ def test_quantities_of_the_stack_are_of_all_cells_of_its_plies(alone):
         assert share == pytest.approx(expected)
 
 
-def test_what_is_of_one_edge_is_left_to_the_ply(alone):
-    q = alone.summary["quantities"]
-    draw_in = [q["plies"][name]["draw_in"] for name in PLIES]
-    assert q["draw_in"] == {"largest_mm": max(each["largest_mm"] for each in draw_in)}
-    assert all("corner_mm" in each for each in draw_in)
-    assert q["wrinkles"]["height_mm"] == max(q["plies"][n]["wrinkles"]["height_mm"] for n in PLIES)
-
-
 @pytest.mark.filterwarnings("error")
 def test_fields_have_a_block_for_each_ply(alone):
     """Named, with the cells and the number of the ply alone, and fields that are known there."""
@@ -129,11 +121,3 @@ def test_fields_have_a_block_for_each_ply(alone):
         assert (np.asarray(grid.cell_data["part"]) == k).all()
         assert grid.n_cells == alone.scene.blank.part(PLIES[k]).cells.size
         assert ("sliding_mm" in grid.cell_data) == (PLIES[k] == "outer")
-
-
-def test_one_grid_of_all_plies_has_the_fields_of_each(alone):
-    """NaN where a ply has none; a ply's own grid is without."""
-    sliding = np.asarray(alone.grid.cell_data["sliding_size"])
-    outer = np.asarray(alone.grid.cell_data["part"]) == 1
-    assert np.array_equal(np.isfinite(sliding), outer)
-    assert ["sliding" in grid.cell_data for grid in alone.grids.values()] == [False, True]

@@ -132,22 +132,6 @@ def test_a_checkpoint_of_other_numbers_of_terms_is_refused(folder):
             loaded(**{name: value}).run(folder, resume=True, pictures=False)
 
 
-def test_a_picture_of_a_field_that_the_finished_run_did_not_keep(tmp_path):
-    class Marked(ff.Membrane):
-        def nodal_fields(self):
-            return {"mark": np.ones(len(self.part.nodes))}
-
-    def job(membrane):
-        ply = ff.Blank.rectangle(20, 10, nx=4)
-        return ff.Job(ff.Scene(ply, [membrane(ff.load("komeili"))], ff.clamped_ends(0.1)), steps=1)
-
-    job(ff.Membrane).run(tmp_path / "out", pictures=False)
-    later = job(Marked).run(tmp_path / "out", resume=True, pictures=False)
-    words = "there is no field mark to draw; allowed are the fields of the run I10, .*shear_angle"
-    with pytest.raises(ff.InputError, match=words):
-        later.plot("mark", tmp_path / "mark.png")
-
-
 def test_the_force_and_travel_of_a_moving_support_are_measured():
     measured = ff.Tensile(**COARSE).job(steps=2).run()
     plain = ff.Job(ff.Tensile(**COARSE).build().scene, steps=2).run()

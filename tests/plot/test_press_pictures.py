@@ -4,7 +4,6 @@ import builders
 import matplotlib.image
 import numpy as np
 import pytest
-import pyvista
 from matplotlib.colors import to_rgb
 from mpi4py import MPI
 
@@ -89,12 +88,6 @@ def test_tools_of_a_quarter_are_mirrored(run):
     assert scene.tools["lid"].n_open_edges == 4 * round(scene.tools["lid"].n_open_edges / 4)
 
 
-def test_tools_lie_on_the_sides_of_the_blank_where_they_start(run):
-    state = states(run)[0]
-    plies = {n: space.surface_of(grid) for n, grid in state.plies().items()}
-    assert press_pictures._scene(plies, state.tools()).above == {"ball": False, "lid": True}
-
-
 @pytest.mark.mpi
 def test_all_ranks_know_the_whole_blank():
     (grid,) = press_pictures.flat_grids(blank(comm=MPI.COMM_WORLD)).values()
@@ -115,12 +108,6 @@ def test_a_filmstrip_has_its_states_and_their_words(tmp_path, run, monkeypatch):
     assert matplotlib.image.imread(tmp_path / "filmstrip.png").shape[1] == 1600
     changed = (abs(images[0].astype(int) - images[2]).max(2) > 30).mean()
     assert 0.02 < changed < 0.9
-
-
-def test_a_surface_on_both_sides_of_a_mirror_is_cut_there():
-    plane = pyvista.Plane(i_size=30, j_size=10, i_resolution=3, j_resolution=3).triangulate()
-    plane = space.mirrored(plane.translate((5.0, 0, 0)), [0])
-    assert plane.bounds[:2] == pytest.approx((-20, 20)) and plane.area == pytest.approx(400)
 
 
 def test_pictures_of_formed_plies(run):

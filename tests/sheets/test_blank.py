@@ -215,13 +215,3 @@ def test_cells_of_a_sheet_turned_in_space_are_told_by_three_coordinates(turned, 
     size = np.ptp(np.pad(flat, ((0, 0), (0, 1))) @ turn.T, axis=0)[:places]
     assert blank.places().shape[1] == places
     assert np.ptp(blank.places(), axis=0) == pytest.approx(size)
-
-
-@pytest.mark.mpi
-def test_areas_at_nodes_add_up_to_that_of_the_cells_that_count():
-    blank = sheet(40, 20, 4, 2)
-    share = np.repeat(blank.areas()[:, None, None] / 3, 3, axis=1)
-    owned = blank.V.dofmap.index_map.size_local
-    assert COMM.allreduce(blank.summed(share)[:owned].sum()) == pytest.approx(area(blank))
-    none = blank.summed(share[:0], np.empty(0, int))
-    assert none.dtype == float and not none.any()

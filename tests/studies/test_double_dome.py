@@ -35,7 +35,6 @@ def placed(folder):
     return x[first], np.asarray(grid.point_data["u"])[first]
 
 
-# that ranks find the same is asked below of yarns that lie askew
 @pytest.mark.parametrize(
     "angle",
     [

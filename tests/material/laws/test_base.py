@@ -4,14 +4,12 @@ import math
 import re
 from dataclasses import dataclass
 
-import mpmath
 import numpy as np
 import pytest
 from builders import sheet
 
 from fabric_fenicsx.material.functions import exp, negative, positive, sqrt
 from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
-from fabric_fenicsx.material.hyperdual import HyperDual
 from fabric_fenicsx.material.laws import COUPLINGS, LAWS, Law, coupling_variants
 from fabric_fenicsx.material.laws.coupled import WovenFabric
 from fabric_fenicsx.material.laws.tabulated import Curve, TabulatedFabric
@@ -77,27 +75,6 @@ def test_closed_forms_are_the_derivatives_of_the_energy(fabrics, name):
     largest = np.abs(energy.second).max(1, keepdims=True)
     assert (np.abs(closed.second - energy.second) <= 1e-13 * largest).all()
     assert fabric.derivatives(*states(), second=False).second is None
-
-
-def test_hyper_dual_numbers_against_mpmath():
-    from fabric_fenicsx.material import functions
-
-    def f(lib, x, y, z):
-        root = lib.sqrt(1 + x * x) / (2 - lib.sin(z)) + 3 / (x + 4)
-        return (
-            root * lib.exp(-y) + lib.log(2 + z) * lib.tan(x) - lib.cos(y * z) + x**3 * lib.atan(y)
-        )
-
-    point = 0.3, -0.7, 0.4
-    found = f(functions, *HyperDual.variables(*point))
-    with mpmath.workdps(40):
-        exact = [
-            mpmath.diff(lambda *v: f(mpmath, *v), point, orders)
-            for orders in [(1, 0, 0), (0, 1, 0), (0, 0, 1)]
-            + [(2, 0, 0), (1, 1, 0), (0, 2, 0), (1, 0, 1), (0, 1, 1), (0, 0, 2)]
-        ]
-    assert found.value == pytest.approx(float(f(mpmath, *point)), rel=1e-14)
-    assert np.r_[found.first, found.second] == pytest.approx(np.array(exact, float), rel=1e-13)
 
 
 def test_every_law_answers_what_is_asked_of_it(fabrics):

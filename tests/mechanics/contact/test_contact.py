@@ -235,16 +235,6 @@ def test_two_balls_pushed_by_force():
     assert rates(states[-1].report) > 1.6
 
 
-def test_quadrilaterals_bear_a_pressure():
-    blank = sheet(20, 10, 4, 2, cell="quadrilateral")
-    table = ff.Contact(ff.Tool(ff.Plane((0, 0, -T / 2), (0, 0, 1)), name="table"), T, K)
-    under = lambda x: x[0] < 10 + 1e-6  # noqa: E731
-    press = ff.BlankHolderPressure(lambda load: 5 * load, (0, 0, -1), under, lag=1e-12)
-    run(ff.Scene(blank, [Elastic(), table, press], [ff.Support("all", everywhere, (0, 1))]), 2)
-    assert table.force()[2] == pytest.approx(5 * 100, rel=1e-6)
-    assert table.penetration() == pytest.approx(5 / K + SMOOTHING * PENETRATION * T / 2, rel=1e-6)
-
-
 @pytest.mark.parametrize("pattern, sheared", [("crossed", 0.0), ("left", 0.0), ("crossed", 0.5)])
 def test_a_ring_is_pressed_by_its_area(pattern, sheared):
     """Of 30 mm, three cells wide, also on a flange that is sheared [rad]."""
