@@ -60,18 +60,6 @@ def test_usual_runs_are_prepared(caplog, tmp_path, monkeypatch):
     assert not caplog.records and not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("argv", [[], ["--help"]])
-def test_help_names_commands_and_studies(argv, capsys):
-    with pytest.raises(SystemExit) as end:
-        main.main(argv)
-    out = capsys.readouterr().out
-    assert not end.value.code and out.startswith("usage: ")
-    groups = [out.index(f"\n{title}:\n") for title in ("run", "results", "set-up")]
-    names = [out.index(f"\n  {name} ") for name in ("sweep", "view", "info")]
-    assert out.index("bias_extension, ") < names[0] and groups == sorted(groups)
-    assert all(group < name for group, name in zip(groups, names))
-
-
 def test_help_of_a_study_begins_with_what_is_usual(capsys, monkeypatch):
     monkeypatch.setattr(status, "SILENCE", -1.0)  # as on a slow machine
     monkeypatch.setattr(status, "RENEWED", 0.001)

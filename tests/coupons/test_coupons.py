@@ -1,21 +1,10 @@
-"""Tests as dataclasses: their fields are checked, and scripts have the same ones."""
+"""Tests as dataclasses: their fields are checked."""
 
 import dataclasses
 
 import pytest
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.command_line.study import parser
-
-COUPONS = ff.Tensile, ff.BiasExtension, ff.PictureFrame
-
-
-@pytest.mark.parametrize("kind", COUPONS)
-def test_options_are_the_fields_with_their_defaults(kind):
-    options = vars(parser(kind, "").parse_args([]))
-    for each in dataclasses.fields(kind):
-        if "help" in each.metadata:
-            assert options[each.name] == each.default, each.name
 
 
 @pytest.mark.parametrize(

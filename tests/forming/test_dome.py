@@ -90,17 +90,6 @@ def test_a_punch_with_a_crack_beneath_the_ply_or_in_inches_is_refused():
         dome(surface=ff.TriangulatedSurface(points / 25.4, triangles), nx=4)
 
 
-def test_dimensions_of_the_dome_are_options():
-    made = dome(nx=4, changes=["tools.punch.depth=55"])
-    assert made.tools["punch"].surface == ff.DoubleDome(depth=55)
-    assert made.schedule.travel(1.0) == pytest.approx(55)
-
-
-def test_a_whole_ply_has_a_node_at_its_centre():
-    made = [dome(full=True, nx=n).sheets[0] for n in (12, 22)]
-    assert [(sheet.nx, sheet.ny) for sheet in made] == [(12, 6), (22, 12)]
-
-
 @pytest.mark.mpi
 @pytest.mark.parametrize("cells", [{"nx": 12}, {"nx": 11}, {"nx": 6, "pattern": "unstructured"}])
 def test_a_whole_ply_is_fixed_in_the_nodes_nearest_to_centre_and_end(cells):

@@ -134,16 +134,6 @@ def laid():
     return dome(plies=[metal, {"name": "a"}, {"name": "b"}], **COARSE)
 
 
-def test_terms_of_a_stack_with_metal(laid):
-    names = [term.name for term in laid.scene.terms]
-    assert [name for name in names if name.startswith(("membrane", "bending", "sheet metal"))] == [
-        *("membrane of a", "membrane of b", "bending of a", "bending of b"),
-        "sheet metal of sheet",
-    ]
-    # the rim beyond the metal meets the holder's face
-    assert "contact of a" in names and "contact of b" not in names
-
-
 def test_thickness_and_face_are_those_of_the_metal(laid):
     t = ff.load("komeili").thickness_under(0.0)
     assert laid.thickness == pytest.approx(0.8 + 2 * t)

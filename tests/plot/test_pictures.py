@@ -62,11 +62,3 @@ def test_maps_show_signed_values_and_their_extremes(tmp_path, monkeypatch):
         low, high = cells.get_clim()
         assert low == -high and cells.get_cmap().name == "coolwarm"
         assert np.asarray(cells.get_array()) == pytest.approx(gamma, abs=1e-4)
-
-
-@pytest.mark.parametrize(
-    "low, high, ends",
-    [(0, 10, "neither"), (1, 10, "min"), (0, 9, "max"), (1, 9, "both"), (0, 10 - 1e-9, "neither")],
-)
-def test_arrows_tell_of_values_beyond_the_colours(low, high, ends):
-    assert pictures.arrows(np.array([0.0, 3.0, 10.0]), low, high) == ends

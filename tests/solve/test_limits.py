@@ -1,26 +1,6 @@
 """What is believed, and how a run ends that is not."""
 
-import math
-
-import pytest
-
 import fabric_fenicsx as ff
-
-
-@pytest.mark.parametrize(
-    "name, value, words",
-    [
-        ("imbalance", 0.06, ["work", "6 %", "allowed is 5 %", "`Limits.imbalance`"]),
-        ("viscous", 0.2, ["regularisation", "20 %", "`Limits.viscous`"]),
-        ("penetration", 0.7, ["70 %", "thickness", "`Limits.penetration`"]),
-        ("imbalance", math.nan, ["nan"]),
-    ],
-)
-def test_what_is_beyond_a_limit_is_said(name, value, words):
-    (sentence,) = ff.Limits().exceeded(
-        {name: value, "imbalance" if name != "imbalance" else "viscous": 0.01}
-    )
-    assert all(word in sentence for word in words), sentence
 
 
 def test_a_value_just_beyond_its_limit_has_the_digits_that_tell():
