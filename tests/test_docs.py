@@ -32,10 +32,11 @@ DOCS = ROOT / "docs"
 README = ROOT / "README.md"
 PAGES = [README, *sorted(p for p in DOCS.rglob("*.md") if "generated" not in p.parts)]
 EXAMPLES = sorted((DOCS / "examples").glob("*.py"))
-# of examples and pages; what takes more than 10 s is a study whose mechanisms have tests
-MARKS = {"ball": pytest.mark.versions} | dict.fromkeys(
-    ("hemisphere", "public_bias", "stack", "studies", "sweeps", "wrinkles"), pytest.mark.long
+# of examples and pages: what takes more than 10 s, whose mechanisms have tests
+LONG = (
+    "hemisphere net_shape own_data own_holder public_bias stack studies sweeps unloading wrinkles"
 )
+MARKS = {"ball": pytest.mark.versions} | dict.fromkeys(LONG.split(), pytest.mark.long)
 ENVIRONMENT = os.environ | RANKS_ENVIRONMENT | {"PYTHONPATH": str(ROOT)}
 
 
