@@ -45,11 +45,11 @@ class Own(ff.Surface):
 
 def test_a_punch_of_ones_own_forms_part_of_the_way():
     """One of which nothing else is known, and one of triangles."""
-    coarse, found = {"nx": 4, "penalty": 680.0}, []
+    coarse, found = {"nx": 6, "penalty": 680.0}, []
     triangles = ff.TriangulatedSurface(*double_dome(size=16.0, turn=12.0))
     for punch in (ff.DoubleDome(), Own(ff.DoubleDome()), triangles):
-        made = dome(surface=punch, stroke=6.0, **coarse)
-        told = made.job(steps=2, balance=9).run().summary["quantities"]
+        made = dome(surface=punch, stroke=10.0, **coarse)
+        told = made.job(steps=4).run().summary["quantities"]
         found.append((told["punch_force_N"], told["draw_in"]["largest_mm"]))
     assert found[1] == pytest.approx(found[0], rel=1e-3)
     assert found[2] == pytest.approx(found[0], rel=0.02)
