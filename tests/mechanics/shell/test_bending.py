@@ -380,6 +380,7 @@ def test_the_narrow_tangent_and_what_is_beyond_it_are_the_tangent(kind, part):
     places = [A.getInfo(A.InfoType.GLOBAL_SUM)["nz_used"] for A in matrices]
     assert (places[1] < 0.8 * places[0]) == (not in_plane)
 
+
 # -- bad input
 
 
