@@ -101,7 +101,6 @@ class Contact(ToolInteraction):
         self.depth = np.zeros(self.nodes.count)
         self._press_on(self.nodes.areas, np.zeros(self.nodes.count))
         self._accepted_travel = self.tool.travel
-        self.undefined_at = ""  # where the tool's surface gave no number
         self.accept()
         self._start_friction()
 
@@ -267,6 +266,7 @@ class Contact(ToolInteraction):
     def accept(self) -> None:
         """Take the present place of the tool as the last accepted one."""
         now = self.state()
+        self.undefined_at = ""  # where the tool's surface gave no number since
         self._accepted_travel = self.tool.travel
         self._accepted_areas = self.areas, self.energy_correction
         self._accepted_gap = now.gap
