@@ -61,7 +61,7 @@ class Interface:
         None, POSITIVE, "elastic slip while a sheet sticks, by default of each pair [mm]"
     )
     lag: float = number(
-        0.002,
+        0.0005,
         POSITIVE,
         "share of normal forces, and of areas under the holder, that may lag behind the state",
     )
@@ -84,7 +84,7 @@ class Interface:
     def lag_of_faces(self) -> float:
         """Share of the forces between sheets by which those of their faces may differ: laminates
         do not settle with as little as friction allows."""
-        return 5 * self.lag
+        return 20 * self.lag
 
     def coulomb(self, coefficient: float | Field | Mapping[str, float | Field]) -> Coulomb:
         """Friction with this coefficient, or with one for each sheet {name: coefficient}."""

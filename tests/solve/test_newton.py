@@ -14,6 +14,7 @@ from petsc4py import PETSc
 import fabric_fenicsx as ff
 from fabric_fenicsx.solve import linear
 from fabric_fenicsx.solve.linear import LINEAR_SOLVERS, is_there
+from fabric_fenicsx.solve.narrow_tangent import NarrowTangent
 from fabric_fenicsx.solve.newton import Directions, Newton
 from fabric_fenicsx.solve.report import Report
 from fabric_fenicsx.solve.viscosity import Viscosity
@@ -413,3 +414,36 @@ class NoNumber(ff.Term):
 def test_a_stiffness_that_is_no_number_ends_with_words():
     outcome = march(Newton(strip(further=[NoNumber()])), steps=1)
     assert outcome.accepted == 0 and "number" in outcome.reason
+
+
+@pytest.mark.versions
+@pytest.mark.mpi
+def test_loose_solves_by_the_narrow_tangent_lead_to_the_same_state(monkeypatch):
+    solved = []
+
+    def solve(self, *given):
+        solved.append(narrow(self, *given))
+        return solved[-1]
+
+    narrow = NarrowTangent.solve
+    monkeypatch.setattr(NarrowTangent, "solve", solve)
+    forces = []
+    for unknowns in (np.inf, 0):
+        monkeypatch.setattr(NarrowTangent, "UNKNOWNS", unknowns)
+        solved.clear()
+        job = ff.Press.read("hemisphere", ["blank.nx=6"]).build().job(steps=3)
+        forces.append(job.run().number("reaction_N"))
+        assert (np.mean(solved) > 0.8) == (unknowns == 0)
+    assert forces[1] == pytest.approx(forces[0], rel=1e-5)
+
+
+def test_a_narrow_tangent_that_is_not_definite_is_left_to_the_tangent(monkeypatch):
+    monkeypatch.setattr(NarrowTangent, "UNKNOWNS", 0)
+    newton = Newton(ff.Press.read("hemisphere", ["blank.nx=6"]).build().job().scene)
+    narrow, scene = newton.directions._narrow, newton.scene
+    r, d = newton.x.duplicate(), newton.x.duplicate()
+    r.array[:] = 1.0
+    r.array[scene.fixed_dofs] = 0.0
+    assert narrow.solve(r, d, Report())
+    scene.drag, scene.origin = -1e3, newton.x  # softens all modes
+    assert not narrow.solve(r, d, Report())
