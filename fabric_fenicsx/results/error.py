@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..scene import output
+from ..scene.scene import Scene
 from ..sheets.blank import Part
 from . import measures
 from .quantities import crumples
@@ -23,6 +24,7 @@ from .result import Result
 OTHER_CELLS = 1.75  # times the difference to a run on cells of another kind
 ENERGY = 0.5  # of the difference to a run on larger cells of the same kind: p of 1.6
 MIN_SHARE = 1e-3  # of a number: smaller errors two runs can't know, unless they agree to
+OF_LAG = 2.0  # times the share by which contact lags: curves were off by 0.5 to 1.1 times as much
 ALIKE = 1e-6  # as in a homogeneous state
 MIN_FORCE = 0.05  # of the largest: smaller forces, as of tools that go back, tell no share
 MAX_SHARE = 0.5  # of a number: an error above that is not told
@@ -50,16 +52,18 @@ class Rule(NamedTuple):
         return error if error <= MAX_SHARE * abs(value) else None
 
 
-def rule(rows: Sequence[Row], others: Sequence[Row], *, of_other_kind: bool) -> Rule:
+def rule(
+    rows: Sequence[Row], others: Sequence[Row], *, of_other_kind: bool, lag: float = 0.0
+) -> Rule:
     """The rule for a run with these `rows` and another one with `others`, on cells `of_other_kind`
-    or on larger ones of the same."""
+    or on larger ones of the same; lag: share by which contact lags in both."""
     (load, force), (loads, forces) = _curve(rows), _curve(others)
     late = loads >= 0.5
     own = np.interp(loads[late], load, force)
     size = np.maximum(np.abs(own), max(MIN_FORCE * np.abs(force).max(), 1e-300))
     apart = np.abs(forces[late] - own) / size
     share = float(apart.max() if of_other_kind else np.sqrt(np.mean(apart**2)))
-    share = max(share, MIN_SHARE) if share > ALIKE else share
+    share = max(share, MIN_SHARE, OF_LAG * lag) if share > ALIKE else share
     factors = (OTHER_CELLS, OTHER_CELLS) if of_other_kind else (1.0, ENERGY)
     return Rule(*factors, share)
 
@@ -133,10 +137,9 @@ def estimate(
     of quantities, the curve (at most) and the FIELDS (root mean square over the area). The result's
     rows get the curve's as `error_N`, its fields those of the FIELDS as `error_...`. forces_only:
     tell those of forces and energies alone."""
-    by, errors = (
-        rule(result.rows, other.rows, of_other_kind=of_other_kind),
-        dict[str, float | None](),
-    )
+    lag = lag_of(result.scene)
+    by = rule(result.rows, other.rows, of_other_kind=of_other_kind, lag=lag)
+    errors = dict[str, float | None]()
     for name in ("reaction_N", "strain_energy_Nmm", *names):
         own, others = result.number(name), other.number(name)
         if own is not None and others is not None:
@@ -157,6 +160,13 @@ def estimate(
         forces = tuple(name for name in errors if name.endswith(("_N", "_Nmm")))
         errors |= dict.fromkeys(errors.keys() - forces)
     return errors
+
+
+def lag_of(scene: Scene) -> float:
+    """The largest share by which friction and pressed areas of a scene may lag; inf tells none."""
+    of_terms = [(term, getattr(term, "coulomb", None)) for term in scene.terms]
+    lags = [getattr(each, "lag", None) or 0.0 for pair in of_terms for each in pair]
+    return max((each for each in lags if np.isfinite(each)), default=0.0)
 
 
 def _root(result, values):

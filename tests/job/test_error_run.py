@@ -13,7 +13,15 @@ import fabric_fenicsx as ff
 from fabric_fenicsx.coupons.tensile import TensileSetup as Strip
 from fabric_fenicsx.job.error_run import FOLDER, coarsened
 from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.results.error import ENERGY, MIN_SHARE, OTHER_CELLS, Rule, curve_errors, rule
+from fabric_fenicsx.results.error import (
+    ENERGY,
+    MIN_SHARE,
+    OTHER_CELLS,
+    Rule,
+    curve_errors,
+    lag_of,
+    rule,
+)
 
 
 @pytest.mark.versions
@@ -169,6 +177,13 @@ def test_two_runs_know_no_error_below_a_thousandth():
     ]
     assert rule(runs[0], runs[1], of_other_kind=True).share == MIN_SHARE
     assert rule(runs[0], runs[2], of_other_kind=True).share == pytest.approx(1e-8)
+
+
+def test_no_error_is_below_that_of_lagging_contact():
+    press = ff.Press.read("hemisphere", ["blank.nx=4", "contact.lag=0.004"])
+    lag = lag_of(press.build().job().scene)
+    runs = [[{"load": x, "reaction_N": f * x} for x in (0, 0.5, 1)] for f in (10, 10.001)]
+    assert rule(*runs, of_other_kind=True, lag=lag).share == 2 * 0.004
 
 
 def test_a_tool_that_has_gone_back_tells_no_share():
