@@ -312,11 +312,10 @@ class Bending(Term):
             section = section.copy()
             moments[:, :2] += self._area[:, None] * friction.stress
             section[:, :2] += self._area[:, None] * friction.tangent
-        at_edges = np.einsum("cke,ck->ce", self._spread, moments)
-        by_edges = self._spread * slope[:, None]
-        section = np.einsum("cke,ck,ckf->cef", by_edges, section, by_edges, optimize=True)
-        section[:, range(3), range(3)] += growth * at_edges
-        return _State(state.U, energy, shape, slope * at_edges, section, friction)
+        from . import metal_cells
+
+        of_edges = metal_cells.at_edges(self._spread, slope, growth, moments, section)
+        return _State(state.U, energy, shape, *of_edges, friction)
 
     def _curvature(self, angles):
         """Curvatures (cells, 3), 11, 22, 2 12, from the angles (cells, 3) by which cells are bent

@@ -93,6 +93,32 @@ def forces(
 
 
 @compiled
+def at_edges(
+    spread: np.ndarray,
+    slope: np.ndarray,
+    growth: np.ndarray,
+    moments: np.ndarray,
+    section: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """What is conjugate to slopes at the edges (cells, 3) and its derivative (cells, 3, 3), of
+    `moments` (cells, 3) and the diagonal `section` (cells, 3) of curvatures that are `spread`
+    (cells, 3, 3) times angles, which have first and second derivatives `slope` and `growth`
+    (cells, 3) by the slopes."""
+    of_edges, sections = np.zeros((len(spread), 3)), np.zeros((len(spread), 3, 3))
+    for c in range(len(spread)):
+        for e in range(3):
+            for k in range(3):
+                of_edges[c, e] += spread[c, k, e] * moments[c, k]
+                for f in range(3):
+                    sections[c, e, f] += spread[c, k, e] * section[c, k] * spread[c, k, f]
+            for f in range(3):
+                sections[c, e, f] *= slope[c, e] * slope[c, f]
+            sections[c, e, e] += growth[c, e] * of_edges[c, e]
+            of_edges[c, e] *= slope[c, e]
+    return of_edges, sections
+
+
+@compiled
 def bending_forces(
     shape: Shape, moments: np.ndarray, columns: np.ndarray, count: int
 ) -> np.ndarray:
