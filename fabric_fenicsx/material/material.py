@@ -110,6 +110,10 @@ class Material(Parameters):
                     "is an interval around it"
                 )
 
+    def plausibility_warnings(self) -> list[str]:
+        """Sentences on values that such a sheet hardly has."""
+        return []
+
     @classmethod
     def numbers(cls) -> Mapping[str, Rule]:
         """The rules of the numbers that `changed` takes and that may scatter, by name."""

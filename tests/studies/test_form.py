@@ -81,6 +81,12 @@ def test_short_forms_are_of_all_plies(tmp_path):
     assert all(s.fabric == ff.load("komeili").without("biaxial") for s in sheets)
 
 
+def test_a_press_of_metal_alone_is_read(tmp_path):
+    words = ["hemisphere", "--set", "blank.metal=dc04", "--out", str(tmp_path)]
+    (sheet,) = PressStudy("form", press_parser(""), words).read().sheets
+    assert sheet.metal == ff.load_metal("dc04") and not sheet.fabric
+
+
 def test_a_change_replaces_what_it_excludes(tmp_path):
     meshio.write_points_cells(tmp_path / "p.stl", np.eye(3), [("triangle", [[0, 1, 2]])])
     file, outline = tmp_path / "p.stl", tmp_path / "ply.csv"
