@@ -25,7 +25,7 @@ class Flange:
     """
 
     def __init__(self, die: Tool, thickness: float, up: float, extent: ArrayLike) -> None:
-        self.die, self.thickness, self._up = die, thickness, up
+        self.die, self.thickness, self.up = die, thickness, up
         low, high = np.asarray(extent)[:, :2]
         self._axes = [
             np.arange(math.floor(start / SPACING) - BEYOND, math.ceil(end / SPACING) + BEYOND + 1)
@@ -84,5 +84,5 @@ class Flange:
         """The share (n,) of points (n, 2)."""
         t, at = self.thickness, np.column_stack([points, np.zeros(len(points))])
         gap, normal, _ = self.die.evaluate(at, reach=t)
-        off = np.fmax(abs(gap - t / 2) / t, 1 + self._up * normal[:, 2])
+        off = np.fmax(abs(gap - t / 2) / t, 1 + self.up * normal[:, 2])
         return np.clip((NOT_FLAT - off) / (NOT_FLAT - FLAT), 0, 1)

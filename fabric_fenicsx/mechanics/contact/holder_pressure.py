@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,10 +22,20 @@ from .interaction import ToolInteraction
 from .nodes import Nodes, shares_at
 from .sheet_contact import SheetContact
 from .thickness import PlyThickness
+from .tool_contact import Contact
 
 AT_FIRST, FIRST = 1e-3, 2  # share of `lag` that is enough for the first updates in a step
 MAX_UPDATES = 3  # of the pressed areas in a step, at most: at the flange's end they may alternate
 PRESSURE = "pressure of the blank holder [MPa]"
+
+
+class Ways(NamedTuple):
+    """How far each node has gone towards the die (n,) [mm], the gradient of that (n, 3), and its
+    Hessian (n, 3, 3) [1/mm]."""
+
+    travel: np.ndarray
+    direction: np.ndarray
+    turning: np.ndarray
 
 
 class BlankHolderPressure(ToolInteraction):
@@ -55,7 +66,9 @@ class BlankHolderPressure(ToolInteraction):
         plane.
     borne
         As `under`, by default the same: where the die bears the pressure. Corners of triangles
-        beyond it are not pressed, as nothing is below them; those that are bear all of it.
+        beyond it are not pressed, as nothing is below them; those that are bear all of it. If it is
+        a die's flange and neither side has friction, the pressure acts along the die's normals: it
+        would push nodes that slide over the edge, before the areas are updated, along the die.
 
     Raises
     ------
@@ -106,10 +119,23 @@ class BlankHolderPressure(ToolInteraction):
         for contact in self._against:
             bind(contact, scene)
         self.plies = PlyThickness(scene)
+        self._known: tuple[np.ndarray, np.ndarray, Ways] | None = None
+        self._face = self._contact_with_die(scene)
         self._accepted_areas = self._pressed()
         self.set_load(0.0)
         self.accept()
         self._start_friction()
+
+    def _contact_with_die(self, scene):
+        """The contact that bears the pressure, if it and the holder are without friction."""
+        die, up = (getattr(self._borne, name, None) for name in ("die", "up"))
+        if not die or self.coulomb or self.direction[2] * up <= 0:
+            return None
+        for term in scene.terms:
+            if isinstance(term, Contact) and term.tool is die and not term.coulomb:
+                bind(term, scene)
+                return term
+        return None
 
     # -- steps
 
@@ -122,7 +148,8 @@ class BlankHolderPressure(ToolInteraction):
 
     def accept(self) -> None:
         """Count `work` from the present state, and press what is under the holder now."""
-        self._from, self._before = self.nodes.displacement(), self.now
+        self._from, self._before = self._ways().travel.copy(), self.now
+        self._borne_areas = self.areas
         self._accepted_force = self.nodes.total(self._pressing_forces())
         self.areas = self._accepted_areas = self._pressed()
         super().accept()
@@ -142,22 +169,60 @@ class BlankHolderPressure(ToolInteraction):
 
     def work(self) -> float:
         """Done on this rank's nodes since the last accepted state, by trapezoids [N mm]."""
-        moved = (self.areas[:, None] * (self.nodes.displacement() - self._from)).sum(0)
-        pressed = float(0.5 * (self._before + self.now) * (moved @ self.direction))
-        return pressed + self._friction_work()
+        moved = self._ways().travel - self._from
+        pressed = 0.5 * (self._before + self.now) * float(self.areas @ moved)
+        return pressed + self._work_at_edge() + self._friction_work()
+
+    def _work_at_edge(self):
+        """Work where nodes have left the holder or come under it, beyond that of the present areas
+        [N mm]: the ply's face takes it as its pressure changes."""
+        if not (self._face and self.part.is_whole):
+            return 0.0
+        then, now = self.now * self._borne_areas, self.normal_forces()
+        (depth, energy), (depth_now, energy_now) = map(self._face.pressed_by, (then, now))
+        return float((energy_now - energy - now * (depth_now - depth)).sum())
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """Areas that were pressed in the last accepted state (nodes, 1) [mm^2], without
+        friction."""
+        return super().memory() | ({"areas": self._borne_areas[:, None]} if self._face else {})
+
+    def recall(self, memory: dict[str, np.ndarray]) -> None:
+        super().recall(memory)
+        if self._face:
+            self.areas = memory["areas"][:, 0]
 
     # -- state
 
     def energies(self) -> dict[str | None, float]:
         """See `Term`: minus the work of the pressure, and what friction took."""
-        pressed = float((self._pressing_forces() * self.nodes.displacement()).sum())
-        return {**super().energies(), None: -pressed}
+        return {**super().energies(), None: -float(self.normal_forces() @ self._ways().travel)}
 
     def normal_forces(self) -> np.ndarray:
         return self.now * self.areas
 
     def _pressing_forces(self):
-        return self.normal_forces()[:, None] * self.direction
+        return self.normal_forces()[:, None] * self._ways().direction
+
+    def _blocks(self):
+        rubbed = super()._blocks()
+        if not self._face:
+            return rubbed
+        turned = -self.normal_forces()[:, None, None] * self._ways().turning
+        return turned if rubbed is None else turned + rubbed
+
+    def _ways(self):
+        """`Ways` of this rank's nodes: along the direction, or the die's normals."""
+        u = self.nodes.view()
+        if not self._face:
+            return Ways(u @ self.direction, self._normals(), np.zeros((len(u), 3, 3)))
+        known = self._known
+        if not (known and known[0] is self.areas and np.array_equal(u, known[1])):
+            ways = Ways(
+                *(-each for each in self._face.nearest(self.nodes.places + u, self.areas > 0))
+            )
+            known = self._known = self.areas, u.copy(), ways
+        return known[2]
 
     def _normals(self):
         return np.tile(self.direction, (self.nodes.count, 1))

@@ -228,6 +228,24 @@ class Contact(ToolInteraction):
         [mm]."""
         return np.broadcast_to(self._law.depth(np.array(pressure)), self.nodes.count)
 
+    def pressed_by(self, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Depths of the tool in the sheet's face (nodes,) [mm] under forces on the nodes (nodes,)
+        [N], and energies (nodes,) [N mm]."""
+        depth = np.array(self._law.depth(forces / np.maximum(self.areas, 1e-300)))
+        return depth, self.areas * self._law(depth)[0]
+
+    def nearest(self, x: np.ndarray, exact: np.ndarray) -> Nearest:
+        """Of the tool at places x (nodes, 3) [mm]: as far off as it may be where `exact` (nodes,)
+        is true, and elsewhere where it is near."""
+        nearest = self._nearest(x)
+        far = np.flatnonzero(exact & (nearest.gap > 0.9 * self.thickness.max(initial=0.0)))
+        if not len(far):
+            return nearest
+        nearest = Nearest(*(each.copy() for each in nearest))
+        for value, there in zip(nearest, self.tool.evaluate(x[far])):
+            value[far] = there
+        return nearest
+
     # -- value and stiffness
 
     def energies(self) -> dict[str | None, float]:

@@ -260,6 +260,40 @@ def test_corners_beyond_the_die_are_not_pressed():
     assert total == pytest.approx(-70, rel=0.05) and abs(lifted) < 1e-2 * abs(total)
 
 
+def on(die, where):
+    """The mask `where` as the flange of a die below the sheet."""
+    where.die, where.up = die, -1
+    return where
+
+
+def test_a_pressure_without_friction_acts_along_the_normals_of_the_die():
+    """Near to it and far off."""
+    blank = sheet(10, 10, 5, 5, comm=MPI.COMM_SELF)
+    die = ff.Tool(SURFACES["sphere"], name="die")
+    holder = ff.BlankHolderPressure(0.5, (0, 0, -1), on(die, lambda x: x[0] < 100))
+    alone(blank, holder, ff.Contact(die, T, K))
+    depth = np.linspace(-5 * T, T, len(blank.coordinates()))
+    blank.u.x.array[:] = pressed_in(blank, die, depth, blank.coordinates())
+    assert off_differences(holder) < 1e-6
+    forces = holder.applied_forces().reshape(-1, 3)
+    normals = die.evaluate(holder.nodes.places + holder.nodes.displacement()).normal
+    assert (forces * normals).sum(1) == pytest.approx(-holder.normal_forces())
+    assert abs(np.cross(forces, normals)).max() < 1e-12 * abs(forces).max()
+
+
+def test_what_a_face_gives_back_as_it_leaves_the_holder_is_work():
+    """A sheet is pressed on a table and led out from under the holder, half of it."""
+    blank, die = sheet(20, 10, 8, 4), ff.Tool(ff.Plane((0, 0, -T / 2), (0, 0, 1)), name="table")
+    under = on(die, lambda x: x[0] < 20 + 1e-6)
+    holder = ff.BlankHolderPressure(5.0, (0, 0, -1), under, lag=1e-3)
+    led = [ff.Support("all", everywhere, (0, 1), (10.0, 0.0, 0.0))]
+    start, *_, end = run(ff.Scene(blank, [Elastic(), ff.Contact(die, T, K), holder], led), 5)
+    given_back = start.energies["contact"] - end.energies["contact"]
+    assert given_back == pytest.approx(start.energies["contact"] / 2, rel=0.1)
+    missing = end.external_work - sum(end.energies.values())
+    assert abs(missing) < 1e-2 * given_back
+
+
 # -- bad input
 
 PLANE = ff.Plane((0, 0, 0), (0, 0, 1))
