@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from .job import Job
 
 log = logging.getLogger("fabric_fenicsx")
+ENOUGH_REJECTED = 2  # steps in a row, after which the reason may be that the ply can't be formed
 LATER_STEPS = 1.5  # time of later steps over that of earlier ones, at most, if all goes well
 
 
@@ -81,6 +82,7 @@ class Run:
         self._reached = f"{self._stage(self._from)}: first step"
         self._load, self._size, self._last_seconds = self._from, 0.0, 0.0  # of the last step
         self._wrong_now: list[str] = []  # what is wrong with the last accepted state
+        self._rejected = 0  # steps since then
         self.stopped, self.wrong = "", ""
 
     def to_full_load(self) -> Result:
@@ -92,7 +94,7 @@ class Run:
             self._start,
             on_accept=self._accept,
             on_reject=self._reject,
-            stop=lambda: signals() or validity.not_believed(self._wrong_now),
+            stop=lambda: signals() or self._reason_to_stop(),
         )
         self._began = self._step_began = time.monotonic()
         first = self.scene.comm.rank == 0
@@ -112,10 +114,10 @@ class Run:
             output.say(
                 f"at rest in its supports, before load, the sheet has moved by up to {moved:.3g} mm"
             )
+        self._rejected = 0
         self._wrong_now = validity.beyond_limits_now(scene, self.job.limits)
         if self.job.stop_when_invalid:
-            now = Result({}, rows, scene_output.cell_fields(scene), None, scene)
-            self._wrong_now += validity.not_formed(now, self.job.limits)
+            self._wrong_now += self._not_formed()
         measured: tuple[float, float] = self.job.setup.measure(scene, accepted.load)
         with phase("output"):
             self.history.add(accepted, *measured, partial(self._further, measured[1]))
@@ -172,7 +174,21 @@ class Run:
         own = self.job.setup.columns(self.scene)
         return whole | scene_output.history(self.scene, taken) | own
 
+    def _not_formed(self):
+        """`validity.not_formed` of the last accepted state."""
+        fields = scene_output.cell_fields(self.scene)
+        now = Result({}, self.history.rows, fields, None, self.scene)
+        return validity.not_formed(now, self.job.limits)
+
+    def _reason_to_stop(self):
+        """Why the last accepted state is not to be believed: where even shorter steps fail, also
+        fabric that can't be formed; ""."""
+        if self._rejected == ENOUGH_REJECTED and not self._wrong_now:
+            self._wrong_now = self._not_formed()
+        return validity.not_believed(self._wrong_now)
+
     def _reject(self, load: float, report: Report) -> None:
+        self._rejected += 1
         if self.scene.comm.rank == 0:
             words = "step to load %.6g rejected after %d iterations: %s"
             log.warning(words, load, report.iterations, report.reason)

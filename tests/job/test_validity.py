@@ -10,6 +10,7 @@ from builders import said, sheet
 import fabric_fenicsx as ff
 from fabric_fenicsx.job import validity
 from fabric_fenicsx.job.validity import coarse_waves, ripples
+from fabric_fenicsx.solve import step_criteria
 
 
 def pressed(fabric, pattern="crossed", angle=0.0, stroke=-2.4):
@@ -81,6 +82,17 @@ def test_a_run_ends_at_the_step_where_a_ply_cannot_be_formed_if_asked_for():
     assert summary["stroke_reached"] == 0.5 and summary["verdict"] == "invalid"
     first = summary["reasons"][0]["text"]
     assert re.search(r"most is at \([\d.]+, [\d.]+\) mm of the flat sheet", first)
+
+
+def test_a_run_ends_where_steps_fail_as_a_ply_cannot_be_formed(monkeypatch):
+    """From 9 % of shortening on no step passes; the third would be a quarter of the first."""
+    criterion = step_criteria.negative_bending
+    fails = lambda energies: "too hard" if energies["strain"] > 4.5 else criterion(energies)  # noqa: E731
+    monkeypatch.setattr(step_criteria, "negative_bending", fails)
+    with pytest.raises(ff.SolverFailure, match="shortens yarns by more than 5 %") as failure:
+        pressed(ff.load("komeili"), stroke=-4.8).run()
+    summary = failure.value.result.summary
+    assert (summary["steps_accepted"], summary["steps_rejected"]) == (3, 2)
 
 
 @pytest.mark.parametrize(
