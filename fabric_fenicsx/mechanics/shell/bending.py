@@ -267,7 +267,10 @@ class Bending(Term):
 
         hinges, diagonal = self._stencil.hinges, section * np.eye(3)
         bent, mixed = hinges.shape(U), np.zeros_like(section)
-        self._linear = (shape, moments, section, mixed), (bent, moments, diagonal, mixed)
+        self._linear = (
+            metal_cells.Section(shape, moments, section, mixed),
+            metal_cells.Section(bent, moments, diagonal, mixed),
+        )
         blocks = np.zeros((hinges.coupled.count, 3, 3))
         metal_cells.add_bending(bent, moments, diagonal, hinges.coupled.places, blocks)
         return hinges.triplets(blocks)

@@ -176,7 +176,10 @@ class SheetMetal(Term):
         bent, none = hinges.shape(stencil.displacement()), np.zeros_like(mixed)
         moments = np.einsum("cke,ck->ce", self._spread, state.moments)
         diagonal = self._spread.swapaxes(1, 2) @ bending @ self._spread * np.eye(3)
-        self._linear = (state.shape, state.moments, bending, mixed), (bent, moments, diagonal, none)
+        self._linear = (
+            metal_cells.Section(state.shape, state.moments, bending, mixed),
+            metal_cells.Section(bent, moments, diagonal, none),
+        )
         given = bent, stencil.slopes, state.forces, moments, np.stack([plane, none, diagonal])
         blocks = metal_cells.stiffness(*given, hinges.coupled.places, hinges.coupled.count)
         return hinges.triplets(blocks)

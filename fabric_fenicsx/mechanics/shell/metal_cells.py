@@ -20,6 +20,16 @@ class Shape(NamedTuple):
     curvature: np.ndarray
 
 
+class Section(NamedTuple):
+    """What bending's stiffness depends on: the shape, what is conjugate to its curvature (cells, 3)
+    [N mm], its derivatives in curvatures (cells, 3, 3), and those of `stretching` in them."""
+
+    shape: Shape
+    moments: np.ndarray
+    bending: np.ndarray
+    mixed: np.ndarray
+
+
 def shape(
     corners: np.ndarray,
     slopes: np.ndarray,
@@ -244,24 +254,21 @@ def add_bending(
 
 @compiled
 def add_bending_along(
-    shape: Shape,
-    moments: np.ndarray,
-    section: np.ndarray,
-    mixed: np.ndarray,
+    section: Section,
     slopes: np.ndarray,
     columns: np.ndarray,
     v: np.ndarray,
     factor: float,
     forces: np.ndarray,
 ) -> None:
-    """Add to `forces` (count, 3) `factor` times what the stiffness of `add_bending` gives along the
-    motion v (count, 3), and that of the `mixed` section (cells, 3, 3), derivatives of `stretching`
-    in curvatures."""
+    """Add to `forces` (count, 3) `factor` times what the stiffness of `section`, but that of
+    stretching alone, gives along the motion v (count, 3)."""
+    shape, moments, bending, mixed = section
     nodes = shape.bends.shape[2]
     by_node, turned, rest = np.empty(nodes), np.empty(3), np.empty(3)
     bent, more, pull = np.empty(3), np.empty(3), np.empty(3)
     strain, stretch = np.empty(3), np.empty((3, 3, 3))
-    for c in range(len(section)):
+    for c in range(len(moments)):
         n, g, B, M = shape.normal[c], shape.gradients[c], shape.bends[c], moments[c]
         turned[:], rest[:], bent[:], strain[:] = 0.0, 0.0, 0.0, 0.0
         _stretch_along(shape.base[c], slopes[c], stretch)
@@ -278,7 +285,7 @@ def add_bending_along(
         torque = _dot(M, shape.curvature[c])
         for k in range(3):
             rest[k] += torque * turned[k]
-            more[k] = _dot(section[c, k], bent) + _dot(mixed[c, :, k], strain)
+            more[k] = _dot(bending[c, k], bent) + _dot(mixed[c, :, k], strain)
             pull[k] = _dot(mixed[c, k], bent)
         for i in range(nodes):
             across = B[0, i] * more[0] + B[1, i] * more[1] + B[2, i] * more[2]

@@ -1,7 +1,6 @@
 """Nodes of `MorleyCells` beyond the rank: motions in, forces and stiffness out."""
 
 import functools
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +11,7 @@ from ..term import Triplets
 from .morley import MorleyCells
 
 if TYPE_CHECKING:
-    from .metal_cells import Shape
+    from .metal_cells import Section, Shape
 
 
 class Stencil:
@@ -83,16 +82,17 @@ class Stencil:
 
         return metal_cells.shape(*self._undeformed, U, self.columns)
 
-    def add_difference(self, one: Sequence, other: Sequence, v: np.ndarray, f: np.ndarray) -> None:
+    def add_difference(
+        self, one: "Section", other: "Section", v: np.ndarray, f: np.ndarray
+    ) -> None:
         """Add to f (owned dofs,) what `metal_cells.add_bending_along` gives along v (owned dofs,)
-        for one shape, moments, section and mixed section, less that for others."""
+        for one section, less that for another."""
         from . import metal_cells
 
         motion, forces = self.values(v), np.zeros((self.count, 3))
-        for given, factor in ((one, 1.0), (other, -1.0)):
-            shape, moments, section, mixed = given
+        for section, factor in ((one, 1.0), (other, -1.0)):
             metal_cells.add_bending_along(
-                shape, moments, section, mixed, self.slopes, self.columns, motion, factor, forces
+                section, self.slopes, self.columns, motion, factor, forces
             )
         self.add_forces(forces, f)
 
