@@ -185,6 +185,7 @@ PRESSES: dict[str, Callable] = {
     "skewed": lambda folder: press(sheet(fibre_angle=20, yarn_angle=80)),
     "half": lambda folder: press(sheet(nx=4), symmetry="x"),
     "quarter": lambda folder: press(sheet(nx=4), symmetry="xy"),
+    "slippery": lambda folder: press(interface=ff.Interface(friction=0.0)),
     "gap": held(ff.GapHolder(1.2)),
     "force": held(ff.ForceHolder(50.0)),
     "tension": held(ff.Grippers(0.02, edges=["low x", "high x"])),

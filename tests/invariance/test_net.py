@@ -102,7 +102,7 @@ class Killed(Exception):
 
 
 STOPPED = ["gap", "by_force", "springs", "own_term", "stl", "back", "two_stages", "inner"]
-STOPPED += ["two_plies", "ply_and_metal", "self", "yarn_friction", "fields"]
+STOPPED += ["slippery", "two_plies", "ply_and_metal", "self", "yarn_friction", "fields"]
 
 
 @pytest.mark.parametrize("scene", STOPPED)

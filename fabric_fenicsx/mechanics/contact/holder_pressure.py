@@ -119,7 +119,6 @@ class BlankHolderPressure(ToolInteraction):
         for contact in self._against:
             bind(contact, scene)
         self.plies = PlyThickness(scene)
-        self._known: tuple[np.ndarray, np.ndarray, Ways] | None = None
         self._face = self._contact_with_die(scene)
         self._accepted_areas = self._pressed()
         self.set_load(0.0)
@@ -190,7 +189,7 @@ class BlankHolderPressure(ToolInteraction):
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         super().recall(memory)
         if self._face:
-            self.areas = memory["areas"][:, 0]
+            self.areas = self._borne_areas = memory["areas"][:, 0]
 
     # -- state
 
@@ -216,13 +215,8 @@ class BlankHolderPressure(ToolInteraction):
         u = self.nodes.view()
         if not self._face:
             return Ways(u @ self.direction, self._normals(), np.zeros((len(u), 3, 3)))
-        known = self._known
-        if not (known and known[0] is self.areas and np.array_equal(u, known[1])):
-            ways = Ways(
-                *(-each for each in self._face.nearest(self.nodes.places + u, self.areas > 0))
-            )
-            known = self._known = self.areas, u.copy(), ways
-        return known[2]
+        nearest = self._face.nearest(self.nodes.places + u, self.areas > 0)
+        return Ways(*(-each for each in nearest))
 
     def _normals(self):
         return np.tile(self.direction, (self.nodes.count, 1))
