@@ -317,7 +317,7 @@ class SheetContact(FaceContact):
     --------
     >>> contact = ff.SheetContact("lower", "upper", friction=0.3)
     >>> contact.name, contact.coulomb.lag
-    ('contact of lower and upper', 0.002)
+    ('contact of lower and upper', 0.0005)
     """
 
     def __init__(
