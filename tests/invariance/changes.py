@@ -212,7 +212,7 @@ CHANGES = {
 PROMISED = dict.fromkeys(("frame", "tension", "skewed", "inner"), 1e-5) | {"by_force": 1e-4}
 PROMISED |= dict.fromkeys(("gap", "springs", "edge_springs"), 1e-3)  # what little holds them
 PROMISED |= dict.fromkeys(("two_plies", "ply_and_metal"), 2e-2)  # faces of sheets lag by 1 %
-# what locates the sheet along other axes: until the first state holds it, or without friction always
+# what locates the sheet along other axes, until the first state holds it, without friction always
 PROMISED |= {"die_of": 2e-5, "slippery": 2e-5}
 # changes that are made together, so that a run tells of several; if it differs, each is made alone
 TOGETHER = [
