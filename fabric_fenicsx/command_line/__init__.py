@@ -6,6 +6,5 @@ import os
 
 # Open MPI starts a daemon for a process without mpirun, which takes 0.2 s and serves MPI_Comm_spawn
 os.environ.setdefault("OMPI_MCA_ess_singleton_isolated", "1")
-gc.set_threshold(
-    100_000
-)  # modules are no garbage, and looking for it takes a tenth of their import
+# modules are no garbage, and looking for it takes a tenth of their import
+gc.set_threshold(100_000)
