@@ -20,8 +20,9 @@ GROWTH, CUT = 1.5, 0.5
 MIN_STEP = 1e-5  # load step that is still halved
 HARD_STEP = 1 / 16  # of the largest step, from where on cutting alone does not help
 MAX_CHECKED_STEPS = 8  # make the largest step; of smaller ones no energy balance is asked
-# share of the energy that a rejected step missed: a shorter step that misses more is accepted, as
-# the sheet snapped there, and its energy is missing with any step
+# share of the energy that a step missed: if a shorter step misses more, or half of the same step
+# when its middle is measured, too, it is accepted, as the sheet snapped there, and its energy is
+# missing with any step
 SNAP = 0.75
 MAX_STEPS_AT_REST = 40  # at full load, at most, for the sheet to creep to where it needs no drag
 
@@ -178,13 +179,20 @@ class LoadStepping:
         matters = share(step_criteria.UNBALANCED, trial.size)
         if not self.progress.last_step:  # work along a straight line, which halving does not mend
             matters = min(balance or np.inf, matters / 2)
+        snapped = False
         for part in (1 / 2, 1 / 4, 3 / 4):  # of the step, at which its work is measured
-            doubted = missing > matters and trial.report.converged
-            if doubted and self._measure_on_the_way(trial, part):
+            allowed = min(balance or np.inf, matters) if part == 1 / 2 else matters
+            if missing <= allowed or not trial.report.converged:
+                break
+            missed = self._missed(trial)
+            if inner := self._measure_on_the_way(trial, part):
                 missing = self._missing_work(trial)
+                first, both = self._missed(inner), self._missed(trial)
+                snapped |= part == 1 / 2 and max(first, both - first) > SNAP * abs(missed)
         if not trial.report.converged:
             return
-        self._reject_imbalance(trial, missing)
+        if not snapped:
+            self._reject_imbalance(trial, missing)
         if balance:
             work = self.progress.work + trial.work
             reason = step_criteria.total_imbalance(work, trial.energy, trial.load)
@@ -193,10 +201,13 @@ class LoadStepping:
     def _reject_imbalance(self, trial, missing):
         """Reject the trial if this share of its work is missing, unless the sheet snapped."""
         reason = step_criteria.imbalance(missing, self.settings.balance)
-        energy = trial.work - (trial.energy - self.progress.stored)
-        if reason and energy <= SNAP * self.progress.missed:
-            self.progress.missed, self.progress.missed_at = abs(energy), trial.load
+        missed = self._missed(trial)
+        if reason and missed <= SNAP * self.progress.missed:
+            self.progress.missed, self.progress.missed_at = abs(missed), trial.load
             trial.report.reject(reason)
+
+    def _missed(self, trial):
+        return trial.work - (trial.energy - self.progress.stored)
 
     def _missing_work(self, trial):
         if trial.size <= 1.5 * self.largest / MAX_CHECKED_STEPS:
@@ -206,8 +217,8 @@ class LoadStepping:
         return step_criteria.missing_work(trial.work, rise, stored, contact)
 
     def _measure_on_the_way(self, trial, part):
-        """Measure the step's work anew with the state at this part of it; False if that is not
-        found."""
+        """Measure the step's work anew with the state at this part of it; the trial of that state,
+        None if it is not found."""
         solution, iterations = self.newton.x.copy(), trial.report.iterations
         load = self.progress.load + part * trial.size
         values = self.scene.supports.values(load)
@@ -221,7 +232,7 @@ class LoadStepping:
         trial.report.iterations = max(iterations, trial.report.iterations)
         if trial.report.converged:
             self._measure(trial)
-        return inner.report.converged and trial.report.converged
+        return inner if inner.report.converged and trial.report.converged else None
 
     def _measure(self, trial):
         """Set energies, forces and work of the trial's state, and reject it if they can't be."""

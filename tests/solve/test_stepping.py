@@ -9,7 +9,7 @@ import fabric_fenicsx as ff
 from fabric_fenicsx.solve import staggered, step_criteria
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.staggered import FIRST_TOLERANCE, LOOSE_TOLERANCE
-from fabric_fenicsx.solve.stepping import MAX_CHECKED_STEPS
+from fabric_fenicsx.solve.stepping import MAX_CHECKED_STEPS, LoadStepping
 
 
 def scene_of(terms, supports):
@@ -70,7 +70,14 @@ def test_steps_that_lose_work_are_halved_but_not_for_ever():
     assert steps[0] < 0.25 and 0.75 <= min(steps[:-1]) * MAX_CHECKED_STEPS / 0.25 <= 1.5
 
 
-def test_what_a_snap_loses_is_no_reason_to_halve_again():
+def test_what_a_snap_loses_is_no_reason_to_halve():
+    """Half of the step has it all, however finely its work is measured."""
+    assert stretched(0.2, 0.02, Snapping) == ([0, 0.25, 0.5, 0.75, 1], [])
+
+
+def test_what_a_snap_loses_is_no_reason_to_halve_again(monkeypatch):
+    """Where the state at the middle of the step is not found."""
+    monkeypatch.setattr(LoadStepping, "_measure_on_the_way", lambda self, trial, part: None)
     loads, reasons = stretched(0.2, 0.02, Snapping)
     assert len(reasons) == 1 and loads[:5] == [0, 0.25, 0.5, 0.625, 0.75]
 
