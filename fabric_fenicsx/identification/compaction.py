@@ -14,7 +14,7 @@ from ..material.compaction import Compaction, log_compaction
 from ..runtime.errors import InputError, SolverFailure
 from ..runtime.formatting import rounded
 from .curves import CompactionTest, Sheet
-from .problem import Assumed, Determined
+from .problem import Assumed, Determined, by_logarithm
 
 UNITS = {"exponent": "-", "onset": "MPa", "pressure": "MPa"}
 MARGIN = 1.1  # times the measured thicknesses, up to which they show the pressure of the sheet
@@ -75,7 +75,11 @@ def fit_compaction(sheet: Sheet) -> CompactionFit:
         all_three, fit = fit, _fit(p, h, sd, onset)
         for kept, of_all in ((fit.error, all_three.error), (fit.half, all_three.half)):
             kept.update({name: max(size, of_all[name]) for name, size in kept.items()})
-    determined = {name: _determined(name, fit) for name in fit.half}
+    held = not 1.001 * EXPONENTS[0] < fit.values["exponent"] < 0.999 * EXPONENTS[1]
+    determined = {
+        n: by_logarithm(fit.values[n], fit.error[n], half, UNITS[n], held and n == "exponent")
+        for n, half in fit.half.items()
+    }
     for name, half in fit.half.items():
         if half > math.log(MAX_FACTOR[name]):
             low, high = determined[name].interval
@@ -94,8 +98,7 @@ def fit_compaction(sheet: Sheet) -> CompactionFit:
 
 
 def _data(sheet):
-    """Pressures [MPa], thickness over the sheet's, and its standard deviations over it, up to a
-    common factor; (n,) each."""
+    """Pressures [MPa], thicknesses and their standard deviations over the sheet's; (n,) each."""
     tests = sheet.compaction
     if not tests:
         raise InputError("there is no test of compaction; allowed is one or more")
@@ -162,14 +165,6 @@ def _fit(p, h, sd, onset=None):
     values = {"onset": onset} | dict(zip(names, np.exp(x).tolist()))
     scatter = float(np.sqrt(np.sum((residual * sd) ** 2) / dof))
     return _Fit({name: values[name] for name in UNITS}, error, half, scatter)
-
-
-def _determined(name, fit):
-    value, half = fit.values[name], fit.half[name]
-    interval = value * math.exp(-half), value * math.exp(half)
-    at_bound = name == "exponent" and not 1.001 * EXPONENTS[0] < value < 0.999 * EXPONENTS[1]
-    weak = half > math.log(2)
-    return Determined(value, value * fit.error[name], interval, UNITS[name], value, weak, at_bound)
 
 
 def _warnings(measured, pressure, determined):

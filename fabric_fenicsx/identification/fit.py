@@ -160,8 +160,7 @@ def _check_yarns(sheet, names, reason, source):
 
 
 def _weighted_fit(problem, theta, fitted):
-    """Values fitted again while deviations depend on the fit, with the deviations (N,), and the
-    noise that was estimated as in `_weights`."""
+    """Values fitted again while deviations (N,) depend on the fit, these, and the noise."""
     sd, estimated = _weights(problem, theta)
     by_prediction = any(c.noise and c.noise[0] == "value" for c in problem.curves)
     for _ in range(3 if by_prediction or estimated is not None else 0):
@@ -246,8 +245,7 @@ def _origin_warnings(problem, fit, alone):
 
 
 def _moves(problem, theta, fit, sd, k):
-    """Changes {name: change} of the fitted parameters if the assumed one k is 10 % larger, those
-    beyond half the widths of their intervals."""
+    """Changes {name: change} of fitted parameters, beyond half intervals, by 10 % more of k."""
     free = fit.free
     if not free or not np.isfinite(problem.natural[k]):
         return {}
@@ -258,8 +256,7 @@ def _moves(problem, theta, fit, sd, k):
 
 
 def _fabric(value, sheet, compaction, assumed):
-    """The fabric of values {name: number} and of a fit of compaction, if there is one; assumed:
-    names of values that were not fitted."""
+    """The fabric of values {name: number}; assumed: names of those that were not fitted."""
     warp, weft = (Yarn(**yarn) for yarn in yarns_of(value))
     numbers: dict[str, Any] = {n: value[n] for n in SHEAR}
     numbers |= {n: getattr(sheet, n) for n in ("name", *SHEET, *FIBRES)}
@@ -268,8 +265,7 @@ def _fabric(value, sheet, compaction, assumed):
 
 
 def _physics(problem, fabric):
-    """Smallest tau' over the measured angles [MPa], and whether W(eps_a, eps_b) is convex over the
-    measured tension."""
+    """Smallest tau' over the measured angles [MPa]; whether W is convex in measured tension."""
     softest = convex = None
     if problem.angle:
         g = np.linspace(0, problem.angle, 1001)
@@ -370,8 +366,7 @@ def _free(problem, reason):
 
 
 def _start(problem, default, reason, source, free):
-    """Values that a fit begins with; higher terms that are not fitted are 0 beside a lower one that
-    is, as `source` then says."""
+    """Values that a fit begins with: 0, as `source` then says, for higher terms than are fitted."""
     names, theta = problem.names, default.copy()
     for k in reason:
         lower = names[k].replace(base(names[k]), HIGHER.get(base(names[k]), "-"))

@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 
 from ..material.friction import ShearFriction
 from .curves import Curve
-from .problem import NOISE, Determined
+from .problem import NOISE, Determined, by_logarithm
 
 
 @dataclass(frozen=True)
@@ -90,13 +90,10 @@ def _fit(count, turn, angle, width):
     stiffness, strength = np.exp(best.x).reshape(2, -1)
     order = np.argsort(strength / stiffness)
     friction = ShearFriction(*(tuple(each[order].tolist()) for each in (stiffness, strength)))
-    determined = {}
-    for k, name in enumerate(friction.rules):
-        for i, at in enumerate(order + k * count, 1):
-            value, w = float(np.exp(best.x[at])), float(wide[at])
-            interval = value * math.exp(-w), value * math.exp(w)
-            weak, error = w > math.log(2), float(value * spread[at])
-            number = Determined(value, error, interval, "MPa", value, weak, False)
-            determined[f"shear_friction.{name}_{i}"] = number
+    determined = {
+        f"shear_friction.{name}_{i}": by_logarithm(np.exp(best.x[at]), spread[at], wide[at], "MPa")
+        for k, name in enumerate(friction.rules)
+        for i, at in enumerate(order + k * count, 1)
+    }
     criterion = len(width) * math.log(variance) + 2 * count * math.log(len(width))
     return criterion, FrictionFit(friction, determined, math.sqrt(2 * best.cost / len(width)))

@@ -15,8 +15,7 @@ TRIALS = 61  # values of the slack that are tried, and tried again where it is l
 
 
 def with_origins(curves: Sequence[Curve], thickness: float) -> list[Curve]:
-    """The curves, those with unknown slack or zero counted from where they begin. Slack and zero
-    are taken as 0, with a remark, where nothing tells them."""
+    """The curves from where they begin, with a remark where nothing tells slack or zero."""
     is_rubbed = any(curve.back for curve in curves)
     return [
         _with_origin(curve, thickness, is_rubbed) if curve.unknown else curve for curve in curves

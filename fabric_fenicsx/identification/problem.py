@@ -70,6 +70,15 @@ class Determined:
     at_bound: bool
 
 
+def by_logarithm(
+    value: float, error: float, half: float, unit: str, at_bound: bool = False
+) -> Determined:
+    """A number that was fitted by its logarithm, of which are standard error and half interval."""
+    value, error, half = float(value), float(value * error), float(half)
+    interval = value * math.exp(-half), value * math.exp(half)
+    return Determined(value, error, interval, unit, value, half > math.log(2), at_bound)
+
+
 @dataclass(frozen=True)
 class Assumed:
     """A parameter that was not fitted: value in `unit`, where that is from, and why the data don't
@@ -195,8 +204,7 @@ class Problem:
         self.effect = effect
 
     def deviation(self, predicted: np.ndarray, common: Any = NOISE) -> np.ndarray:
-        """Standard deviations (N,): as stated by the curves, otherwise `common` times the peak of
-        each column."""
+        """Standard deviations (N,): as the curves state them, else `common` times the peaks."""
         sd = common * self.peak
         for (curve, _), s in self.parts:
             if curve.noise:
@@ -210,8 +218,7 @@ class Problem:
         return {"warp": (0,), "weft": (1,)}.get(name.rpartition(".")[0], (0, 1))
 
     def has_contraction(self, name: str) -> bool:
-        """True if a point shows the yarns of p_min `name` in tension under a negative strain
-        across."""
+        """True if the yarns of p_min `name` are seen in tension under a negative strain across."""
         e, is_stress = self.strains, self.component < 2
         prescribed = [(e[:, i] > 0) & (e[:, 1 - i] < 0) & is_stress for i in (0, 1)]
         return any(i in self.free or prescribed[i].any() for i in self._yarns(name))
@@ -258,8 +265,7 @@ class Problem:
         return near | shear & set(free) if near & shear else near
 
     def _shear(self, free):
-        """The shear parameters that are fitted through the stiffness tau' at points of [0,
-        angle]."""
+        """The shear parameters that are fitted through tau' at points of [0, angle]."""
         place = [self.names.index(n) for n in SHEAR]
         return place if place[0] in free and place[1] in free else []
 
@@ -307,8 +313,7 @@ class Problem:
         rows: Any = slice(None),
         most: int = 300,
     ) -> np.ndarray:
-        """theta with the parameters `free` fitted to the values `rows`; NotConverged after `most`
-        evaluations."""
+        """theta with `free` fitted to the values `rows`; NotConverged after `most` evaluations."""
         if not free:
             return theta
         x, low, high = self._to_x(theta, free)

@@ -70,8 +70,7 @@ class Identification:
 
     @property
     def all_determined(self) -> dict[str, Determined]:
-        """Fitted parameters of the law, of compaction (as compaction.exponent) and of friction, and
-        slack and zero of tests."""
+        """Fitted parameters of law, compaction and friction, and slack and zero of tests."""
         across = self.compaction.determined if self.compaction else {}
         numbers = self.determined | {f"compaction.{name}": p for name, p in across.items()}
         return numbers | (self.friction.determined if self.friction else {}) | self.origins

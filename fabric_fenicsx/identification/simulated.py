@@ -56,8 +56,7 @@ def _fitted(sheet, curves, simulate, start):
 
 
 def _linear(curve, fabric, forces):
-    """A raw bias test, its force linear about that of the simulated specimen; others as they
-    are."""
+    """A raw bias test, its force linear about that of the simulated specimen; others unchanged."""
     if not curve.is_raw:
         return curve
     force, slopes = forces[curve.file]

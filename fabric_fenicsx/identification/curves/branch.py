@@ -22,8 +22,7 @@ def _in_file(table, column, value):
 
 
 def from_zero(table: Table, column: str, sign: int) -> tuple[Table, list[str]]:
-    """The table without rows in which a column of this sign lies by `NOISE` on the other side of 0,
-    and a sentence on them."""
+    """The table without rows of a column that is by `NOISE` beyond 0, and words on these."""
     values = sign * table.columns[column]
     below = (values < 0) & (values >= -NOISE * values.max(initial=0.0))
     if not below.any():
@@ -59,8 +58,7 @@ def loading_branch(table: Table, column: str) -> tuple[Table, list[str]]:
 
 
 def way_back(table: Table, column: str, turn: int) -> Table:
-    """The rows of a table from the row `turn` of its file on, down to the next turn of the
-    column."""
+    """The rows from the row `turn` of the file on, down to the next turn of the column."""
     table = kept(table, np.flatnonzero(np.array(table.rows) >= turn))
     x = table.columns[column]
     up = x - np.minimum.accumulate(x) > NOISE * np.ptp(x)

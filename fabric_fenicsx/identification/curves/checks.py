@@ -90,8 +90,7 @@ def _check_reach(table, runs):
 
 
 def _check_response(name, table, column, undeformed):
-    """A measured column that is 0, of the wrong sign, not 0 in the rows without strain, or that
-    falls."""
+    """A measured column that is 0, of the wrong sign, not 0 without strain, or that falls."""
     test, values, rows = TESTS[name], table.columns[column], table.rows
     if "F" in table.columns and not column.startswith("eps"):  # whose zero is fitted
         values = values - values[0]
@@ -119,8 +118,7 @@ def _check_response(name, table, column, undeformed):
 
 
 def check_compaction(table: Table, column: str) -> None:
-    """InputError by row for values that a test of compaction, with this measured `column`, cannot
-    have."""
+    """InputError by row for values that a test of compaction, measured by `column`, cannot have."""
     columns, rows = table.columns, table.rows
     if len(columns) > 2:
         text = "both columns thickness and fibre_volume_fraction"
