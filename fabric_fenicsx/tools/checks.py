@@ -23,8 +23,7 @@ MAX_HOLE = 0.1  # size of an opening over the surface's, up to which it is no di
 
 
 def unit_doubt(size: float, sheet: float, least: float) -> str:
-    """Words on a tool of this size [mm] that is below a `least` share of a sheet's and would fit it
-    in another unit, else ""."""
+    """Words on a tool of this size [mm], below a `least` share of a sheet's, or ""."""
     fitting = [unit for unit, factor in UNITS.items() if 0.1 < size * factor / sheet < 10]
     if not fitting or size >= least * sheet:
         return ""
@@ -104,8 +103,7 @@ def radius_over(tool: Tool, length: float) -> float:
 
 
 def size_warning(tool: Tool, sheet: float) -> str:
-    """A sentence if a tool of triangles is as small beside a sheet of this length [mm] as if it
-    were in metres, inches or cm, else ""."""
+    """A sentence if a tool of triangles is as small as if it were in another unit, else ""."""
     surface = _triangles(tool)
     doubt = surface and unit_doubt(
         float(np.ptp(surface.points, axis=0).max()), sheet, MIN_SHARE_DOUBTED

@@ -128,8 +128,7 @@ def _put(region, foot, n, t, triangle, weights, square):
 
 @compiled
 def _foot(boxes, x, t):
-    """Squared distance from x (3,) of the closest point on triangle t, and its barycentric
-    coordinates."""
+    """Squared distance of x (3,) from triangle t, and barycentric coordinates of the foot."""
     corner, slope, least = boxes.corners, boxes.slopes, math.inf
     middle = (boxes.middles[t, 0], boxes.middles[t, 1], boxes.middles[t, 2])
     u, v, w = x[0] - middle[0], x[1] - middle[1], x[2] - middle[2]

@@ -78,16 +78,14 @@ class CurvedTriangles:
         return np.where(beyond, rim, np.copysign(1.0, row_dots(arm, normal)))
 
     def smooth_edges(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The triangles (k,) on both sides of each edge that is not sharp, and the points (2, k) at
-        its ends."""
+        """Triangles (k,) on both sides of each edge that is not sharp, and its ends (2, k)."""
         t, k = np.nonzero(~self.vertices.sharp)
         other = self.across.triangle[t, k]
         once = t < other
         return t[once], other[once], self._ends(t[once], k[once]).T
 
     def turns(self) -> tuple[np.ndarray, np.ndarray]:
-        """Edges that are not sharp (k, 2), by their ends, and the turn of facets there (k,)
-        [rad]."""
+        """Ends (k, 2) of edges that are not sharp, and the turn of facets there (k,) [rad]."""
         t, other, ends = self.smooth_edges()
         cosine = (self.facets[t] * self.facets[other]).sum(1)
         return ends.T, np.arccos(np.clip(cosine, -1, 1))

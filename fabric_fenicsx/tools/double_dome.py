@@ -232,8 +232,7 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
         return self._shape.d1, self._shape.d2
 
     def plan(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Signed distance (n,) [mm] to the outline, its gradient (2, n), curvature (n,) [1/mm] of
-        its level lines."""
+        """Signed distance (n,) [mm] to the outline, gradient (2, n), curvature (n,) [1/mm]."""
         rows = [_plan(self._shape, *at) for at in zip(*np.array([x, y], dtype=float).tolist())]
         d, dx, dy, bend = np.reshape(rows, (-1, 4)).T
         return d, np.array([dx, dy]), bend

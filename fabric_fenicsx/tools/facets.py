@@ -158,8 +158,7 @@ def _true_planes(points, triangles, across, region):
 
 
 def _turned_edges(across, region, plane, sure, crease):
-    """Sharp edges (m, 3): open ones, and those where facets turn by more than `crease`, or true
-    planes by more than `FLAT_MEET`."""
+    """Edges (m, 3) that are open, or turn by more than `crease`, of true planes `FLAT_MEET`."""
     other = np.maximum(across.triangle, 0)
     turn = np.einsum("mi,mki->mk", plane, plane[other])
     sharp = (across.triangle < 0) | (turn < math.cos(crease))
@@ -181,8 +180,7 @@ def _model_edges(across, given):
 
 
 def _smooth_vertices(across, sharp):
-    """Number of smooth vertices, and that of each corner (m, 3): one for all corners that
-    are joined across edges that are not sharp."""
+    """Number of smooth vertices, and which each corner (m, 3) is, joined across smooth edges."""
     t, edge = np.nonzero(~sharp)
     o, back = across.triangle[t, edge], across.edge[t, edge]
     one = np.concatenate([3 * t + NEXT[edge], 3 * t + LAST[edge]])
@@ -192,8 +190,7 @@ def _smooth_vertices(across, sharp):
 
 
 def _planes_at_vertices(name, count, region, region_area, sure):
-    """For each smooth vertex a triangle of the best plane there, and whether the vertex has that
-    plane's normal."""
+    """A triangle of the best plane at each smooth vertex; whether it has that plane's normal."""
     size = np.bincount(region, minlength=len(region))[region]
     score = np.where(sure, region_area.max(), 0.0) + np.where(size >= 2, region_area, 0.0)
     order = np.argsort(np.repeat(score, 3), kind="stable")

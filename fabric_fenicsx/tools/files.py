@@ -75,10 +75,9 @@ def _mesh_of_model(path, chord):
         raise ValueError("no face in it")
     low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
     most = np.linalg.norm(high - low) / 20
-    how: dict[str, float] = {"MeshSizeFromPoints": 0, "MeshSizeExtendFromBoundary": 0}
-    how["Algorithm"] = 6
-    how |= {"MeshSizeFromCurvature": 2 * np.pi / TURN, "MeshSizeMax": float(most)}
-    for name, value in how.items():
+    how = {"MeshSizeFromPoints": 0, "MeshSizeExtendFromBoundary": 0, "Algorithm": 6}
+    sizes = {"MeshSizeFromCurvature": 2 * np.pi / TURN, "MeshSizeMax": float(most)}
+    for name, value in (how | sizes).items():
         gmsh.option.setNumber(f"Mesh.{name}", value)
     gmsh.model.mesh.generate(2)
     size_at = _sizes_by_curvature(gmsh, faces, chord, most)

@@ -107,15 +107,11 @@ _EXPONENTS, _UV = np.array(_POWERS), ((-1.0, -1.0), (1.0, 0.0), (0.0, 1.0))
 _NAMES = [(4 - p - q, p, q) for p, q in _POWERS]
 
 
-def _derivative(by_u, by_v):
-    """Factor of each monomial's derivative, and which one it is."""
-    factors = [math.perm(p, by_u) * math.perm(q, by_v) for p, q in _POWERS]
-    which = [_POWERS.index((max(p - by_u, 0), max(q - by_v, 0))) for p, q in _POWERS]
-    return factors, which
-
-
 _ORDERS = (0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)
-_FACTORS, _WHICH = map(np.array, zip(*(_derivative(*order) for order in _ORDERS)))
+_FACTORS = np.array([[math.perm(p, u) * math.perm(q, v) for p, q in _POWERS] for u, v in _ORDERS])
+_WHICH = np.array(
+    [[_POWERS.index((max(p - u, 0), max(q - v, 0))) for p, q in _POWERS] for u, v in _ORDERS]
+)
 # monomials from control points: 4! / (i! j! k!) (1 - u - v)^i u^j v^k
 _MONOMIALS = np.zeros((15, 15))
 for _c, (_i, _j, _k) in enumerate(_NAMES):

@@ -189,8 +189,7 @@ def _cross(net, t, k, b):
 
 @compiled
 def _along_edge(net, t, k, b, at, here, sought):
-    """Go along edge k, from its next to its last corner, if that leads nearer; whether the nearest
-    point is found."""
+    """Go along edge k to its last corner, if that is nearer; whether the search is at its end."""
     du, dv = (-1.0, 0.0, 1.0)[k], (1.0, -1.0, 0.0)[k]  # changes of u = b[1], v = b[2]
     slope = du * here.pull[0] + dv * here.pull[1]
     first = du * at[1] + dv * at[2]

@@ -81,8 +81,7 @@ def _joined(x, cells, pairs):
 
 
 def _agreeing(triangles):
-    """The triangles, turned the same way round as the first of their connected part; and which
-    were (m,)."""
+    """The triangles, turned as the first of their connected part, and which were turned (m,)."""
     m = len(triangles)
     ends = np.stack([triangles[:, NEXT], triangles[:, LAST]], 2)
     across = topology(triangles)
