@@ -9,8 +9,7 @@ import numpy as np
 
 @contextmanager
 def own_model(gmsh: Any, **options: float) -> Iterator[None]:
-    """A new model of gmsh, which is the current one meanwhile, with these options of meshes; a
-    user's session stays as it was."""
+    """A new current model of gmsh with these options; a user's session stays as it was."""
     running = getattr(gmsh, "isInitialized", lambda: False)()
     if not running:
         gmsh.initialize(readConfigFiles=False)

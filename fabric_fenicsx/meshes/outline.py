@@ -74,8 +74,7 @@ def outline_mesh(
 
 
 def _simplified(sheet, size, centre):
-    """The sheet without details that cells of this size cannot have, and words on holes that are
-    left out."""
+    """The sheet without details below this size of cells, and words on holes left out."""
     notes, rings = [], []
     for ring in (sheet.exterior, *sheet.interiors):
         x = shapely.get_coordinates(ring)[:-1]

@@ -80,8 +80,7 @@ def read_trim_line(path: Path | str) -> tuple[list[np.ndarray], list[str]]:
 
 
 def _table(path, source, names=("x", "y")):
-    """The rings of a table, (n, 2) or, where it has a column z and that is one of the `names`, (n,
-    3)."""
+    """The rings of a table, (n, 2) or with z, if it has that and it is asked for, (n, 3)."""
     problems = Problems()
     try:
         lines = read_lines(path)
@@ -141,14 +140,17 @@ def _drawing(path, source, layer):
 def _curves(path, source, layer):
     """Lines (n, 3) of a drawing [mm], words on its unit if that is not mm, sentences on what is not
     read, and what to add to errors."""
-    from ezdxf import readfile
+    from ezdxf import readfile, recover
     from ezdxf.lldxf.const import DXFError
     from ezdxf.math import Matrix44
 
     try:
         # first bytes of a file
-        is_binary = path.read_bytes().startswith(b"AutoCAD Binary DXF")
-        drawing, repairs = (readfile(path), []) if is_binary else _recovered(path)
+        if path.read_bytes().startswith(b"AutoCAD Binary DXF"):
+            drawing, fixes = readfile(path), []
+        else:
+            drawing, auditor = recover.readfile(path)
+            fixes = [each.message for each in auditor.fixes]
     except (DXFError, OSError, ValueError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{source} cannot be read ({reason}); allowed is {READ}") from None
@@ -169,7 +171,7 @@ def _curves(path, source, layer):
     others = Counter(kind for kind in beside if kind not in TEXTS)
     unread = ", ".join(f"{count} {kind}" for kind, count in sorted(others.items()))
     notes = [f"{source} has {unread}, not read; allowed are {', '.join(CURVES)}"] if unread else []
-    notes += [f"{source} is damaged: {each}" for each in repairs]
+    notes += [f"{source} is damaged: {each}" for each in fixes if each.startswith("Removed")]
     if not curves:
         more = f", but {unread}" if unread else ""
         raise InputError(f"{source} has no lines{more}; allowed are {', '.join(CURVES)}, visible")
@@ -189,14 +191,6 @@ def _curves(path, source, layer):
     if layer is None and len(layers) > 1:
         hint += f"; of its layers {', '.join(layers)} some may be left out by `layer`"
     return lines, unit, notes, hint
-
-
-def _recovered(path):
-    """A drawing in text, and what ezdxf took out of it as it is damaged."""
-    from ezdxf import recover
-
-    drawing, auditor = recover.readfile(path)
-    return drawing, [each.message for each in auditor.fixes if each.message.startswith("Removed")]
 
 
 def _flattened(curve, chord):

@@ -78,8 +78,7 @@ def specimen(
 
 
 def can_be_graded(length: float, width: float) -> bool:
-    """True if lines at 45 deg from the corners at one end of a strip meet those from the other end
-    on its edges."""
+    """True if lines at 45 deg from corners at both ends of a strip meet on its edges."""
     return abs(length / width - round(length / width)) <= 1e-9
 
 
@@ -165,8 +164,7 @@ def _unstructured(
     segments = np.hstack([lines[:, 0], lines[:, 1] - lines[:, 0]]).tolist()
 
     def graded_size(_, __, x, y, *___):
-        """Size at a place, by its distance from the nearest line; plain floats, as gmsh asks for
-        tens of thousands."""
+        """Size at a place by the distance from lines, in plain floats: gmsh asks so often."""
         least = REACH * size
         for x0, y0, dx, dy in segments:
             along = ((x - x0) * dx + (y - y0) * dy) / (dx * dx + dy * dy)

@@ -42,7 +42,12 @@ def read_abaqus(path: Path) -> SurfaceMesh:
         elif keyword in ("END PART", "END INSTANCE"):
             part = own
         elif keyword == "NODE":
-            _add_nodes(part, options.get("SYSTEM", "R"), rows)
+            if (system := options.get("SYSTEM", "R")).upper() != "R":
+                allowed = "allowed are rectangular coordinates"
+                raise InputError(f"has *NODE, SYSTEM={system}; {allowed}")
+            for row in rows:
+                number, *place = _numbers([row], _length, "NODE")
+                part.nodes[int(number)] = [*place[:3], 0.0, 0.0, 0.0][:3]
         elif keyword == "ELEMENT":
             _add_elements(part, options.get("TYPE", "").upper(), rows)
     if part is not own:
@@ -96,14 +101,6 @@ def _numbers(rows, of, keyword):
 def _length(word):
     """A number, 0 if it is left out; Fortran has exponents with D."""
     return float(re.sub("[dD]", "e", word)) if word else 0.0
-
-
-def _add_nodes(part, system, rows):
-    if system.upper() != "R":
-        raise InputError(f"has *NODE, SYSTEM={system}; allowed are rectangular coordinates")
-    for row in rows:
-        number, *place = _numbers([row], _length, "NODE")
-        part.nodes[int(number)] = [*place[:3], 0.0, 0.0, 0.0][:3]
 
 
 def _add_elements(part, of, rows):

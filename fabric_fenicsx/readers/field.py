@@ -5,7 +5,6 @@ import os
 from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
@@ -56,8 +55,11 @@ class Field:
         self.label, self.rule, self.axes = "the field", FINITE, "xy"
         self._places, self._values = np.empty((2, 0))
         if not callable(source):
+            from scipy.spatial import cKDTree  # takes long to import
+
             self._places, self._values = _read(Path(source), name)
             self._between = _interpolated(self._places, self._values, f"{source}: its")
+            self._nearest = cKDTree(self._places)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Field):
@@ -85,8 +87,7 @@ class Field:
         return new
 
     def at(self, x: np.ndarray) -> np.ndarray:
-        """Values (n,) at places x (n, 3) [mm]. Raises InputError where the function gives none, and
-        far from all points."""
+        """Values (n,) at places x (n, 3) [mm]. Raises InputError where there are none."""
         if not callable(self.source):
             places = x[:, : self._places.shape[1]]
             values = self._between(places)
@@ -141,12 +142,6 @@ class Field:
         for k in [] if not len(values) else {int(np.argmin(values)), int(np.argmax(values))}:
             where = f"{self.label} at {coordinates(places[k])} mm"
             self.rule.check(where, float(values[k]))
-
-    @cached_property
-    def _nearest(self):
-        from scipy.spatial import cKDTree
-
-        return cKDTree(self._places)
 
 
 @dataclass(frozen=True)

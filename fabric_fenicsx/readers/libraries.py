@@ -96,8 +96,7 @@ def by_gmsh(path: Path) -> SurfaceMesh:
 
 
 def _merged_by_gmsh(path):
-    """Numbers and places of the nodes in a file, properties and nodes of each kind of elements, and
-    lines of warnings."""
+    """Numbers and places of nodes, properties and nodes of each kind of elements, warnings."""
     import gmsh
 
     gmsh.initialize(readConfigFiles=False)

@@ -6,7 +6,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
+from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
 from tempfile import TemporaryFile
 
@@ -76,7 +76,11 @@ def _attempt(reader: Reader, path: Path) -> tuple[SurfaceMesh | None, str]:
     """The mesh that a reader finds, and its reason to fail or to doubt, "" if there is none."""
     lines: list[str] = []
     try:
-        with _same_locale(), _printed(lines):
+        with ExitStack() as stack:
+            # VTK reads legacy files in C's locale and stays there, where Python takes all text for
+            # ASCII
+            stack.callback(locale.setlocale, locale.LC_ALL, locale.setlocale(locale.LC_ALL))
+            stack.enter_context(_printed(lines))
             mesh = reader(path)
     except InputError:
         raise
@@ -112,17 +116,6 @@ def _line(lines, path):
     text = "".join(letter if letter.isprintable() else "?" for letter in text)
     text = text.strip(" ;").removeprefix("Error: ")
     return text if len(text) <= MAX_REASON else text[:MAX_REASON].rsplit(" ", 1)[0] + " ..."
-
-
-@contextmanager
-def _same_locale() -> Iterator[None]:
-    """Undo what the block changes: VTK reads legacy files in C's and stays there, where Python
-    takes all text for ASCII."""
-    before = locale.setlocale(locale.LC_ALL)
-    try:
-        yield
-    finally:
-        locale.setlocale(locale.LC_ALL, before)
 
 
 @contextmanager

@@ -28,18 +28,16 @@ class SurfaceMesh(NamedTuple):
     def collected(
         cls, points: np.ndarray, blocks: Iterable[tuple[str, np.ndarray]], others: Mapping[str, int]
     ) -> Self:
-        """The mesh of points (n, 2 or 3) and blocks (kind, (m, k)), with each cell once, as gmsh
-        writes them for each group."""
+        """The mesh of points (n, 2 or 3) and blocks (kind, (m, k)), with each cell once."""
         x = np.asarray(points, dtype=float).reshape(len(points), -1 if len(points) else 3)
         parts: dict[str, list[np.ndarray]] = {}
         for kind, cells in blocks:
             if len(cells):
                 parts.setdefault(kind, []).append(np.asarray(cells, dtype=np.int64))
-        return cls(
-            np.pad(x, ((0, 0), (0, max(0, 3 - x.shape[1])))),
-            {kind: _once(np.concatenate(each)) for kind, each in parts.items()},
-            dict(others),
-        )
+        surface = {kind: np.concatenate(each) for kind, each in parts.items()}
+        for kind, cells in surface.items():
+            surface[kind] = cells[np.sort(np.unique(cells, axis=0, return_index=True)[1])]
+        return cls(np.pad(x, ((0, 0), (0, max(0, 3 - x.shape[1])))), surface, dict(others))
 
     @property
     def sound(self) -> bool:
@@ -48,7 +46,3 @@ class SurfaceMesh(NamedTuple):
         return bool(self.cells) and all(
             0 <= cells.min() and cells.max() <= last for cells in self.cells.values()
         )
-
-
-def _once(cells):
-    return cells[np.sort(np.unique(cells, axis=0, return_index=True)[1])]

@@ -59,7 +59,12 @@ def read_lines(path: str | os.PathLike[str], encoding: str | None = None) -> lis
     text, reason = "", ""
     try:
         data = Path(path).read_bytes()
-        text = _decoded(data, [encoding] if encoding else ENCODINGS)
+        try:
+            text = data.decode(encoding or ENCODINGS[0])
+        except UnicodeDecodeError:
+            if encoding:
+                raise
+            text = data.decode(ENCODINGS[1], errors="replace")
         if data.startswith(_WORKBOOKS):
             reason = "it is a workbook; save its sheet as CSV"
         elif "\0" in text or not text.strip():
@@ -69,15 +74,6 @@ def read_lines(path: str | os.PathLike[str], encoding: str | None = None) -> lis
     if reason:
         raise InputError(f"cannot be read as text ({reason}); allowed is a CSV file in UTF-8")
     return text.splitlines()
-
-
-def _decoded(data, encodings):
-    for encoding in encodings[:-1]:
-        try:
-            return data.decode(encoding)
-        except UnicodeDecodeError:
-            pass
-    return data.decode(encodings[-1], errors="strict" if len(encodings) == 1 else "replace")
 
 
 def table_of(
