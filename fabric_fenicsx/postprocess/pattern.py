@@ -91,8 +91,7 @@ def edge_distance(grid: Grid, trim: Sequence[np.ndarray]) -> tuple[float, float]
 
 
 def _pieces(sides, longest):
-    """Middles (m, d) and lengths (m,) of the equal pieces of `sides` (n, 2, d), up to the
-    `longest`."""
+    """Middles (m, d), lengths (m,) of equal pieces of `sides` (n, 2, d), up to the `longest`."""
     start, along = sides[:, 0], sides[:, 1] - sides[:, 0]
     length = np.linalg.norm(along, axis=1)
     count = np.maximum(1, np.ceil(length / longest)).astype(int)
@@ -216,8 +215,7 @@ def _shares(corners, points):
 
 
 def _inside(ply, net):
-    """The part of a ply inside its pattern: cells that the net cuts become triangles of their
-    pieces."""
+    """The part of a ply inside its pattern; cells that the net cuts become triangles of pieces."""
     shapes = shapely.polygons(ply.x[ply.triangles, :2])
     shapely.prepare(net)
     inner = shapely.covers(net, shapes)
@@ -254,7 +252,13 @@ def write_pattern(
     formed part with fields, `u` and places `flat` on the flat ply; returns their paths."""
     stem = Path(stem)
     files = [stem.with_name(stem.name + ending) for ending in (".dxf", ".csv", ".vtu")]
-    rings = [ring for part in shapely.get_parts(pattern.net) for ring in _rings(part)]
+    parts = shapely.get_parts(pattern.net)
+    rings = [
+        (layer, shapely.get_coordinates(ring)[:-1])  # without the first point again
+        for part in parts
+        for layer, own in ((OUTLINE, [part.exterior]), (HOLES, part.interiors))
+        for ring in own
+    ]
     replace_file(files[0], _drawing(rings))
     rows = [f"{x:.6f},{y:.6f},{k}\n" for k, (_, ring) in enumerate(rings) for x, y in ring]
     replace_file(files[1], "".join(["x [mm],y [mm],ring\n", *rows]))
@@ -264,13 +268,6 @@ def write_pattern(
     part.point_data["flat"] = ply.x
     save(files[2], part, {"u": "mm", "flat": "mm"} | (units or {}))
     return files
-
-
-def _rings(polygon):
-    """(layer, points (n, 2) without the first again) of each ring."""
-    layers = [OUTLINE] + [HOLES] * len(polygon.interiors)
-    rings = (polygon.exterior, *polygon.interiors)
-    return [(layer, shapely.get_coordinates(ring)[:-1]) for layer, ring in zip(layers, rings)]
 
 
 def _drawing(rings):

@@ -28,8 +28,7 @@ class Ply(NamedTuple):
         return self.x + self.u
 
     def at_nodes(self, values: np.ndarray) -> np.ndarray:
-        """Means (n,) of `values` (m,) over the cells that touch each node, by their areas on the
-        flat ply."""
+        """Means (n,) of `values` (m,) over the cells around each node, by areas on the flat ply."""
         area, n = plan_area(self.x, self.triangles), len(self.x)
         sums = (
             np.bincount(self.triangles.ravel(), np.repeat(v, 3), n) for v in (area * values, area)
@@ -46,8 +45,7 @@ def grid_of(points: np.ndarray, cells: np.ndarray, u: np.ndarray) -> Grid:
 
 
 def whole(ply: Ply) -> Ply:
-    """The ply with its images in the planes of symmetry: there vectors on cells are mirrored, and
-    numbers are those of the modelled part."""
+    """The ply with its mirror images; numbers of cells are those of the modelled part."""
     x, u, triangles, fields = ply.x, ply.u, ply.triangles, ply.fields
     for axis in ply.planes:
         mirror, off, images = image_of(x, triangles, axis)
@@ -85,8 +83,7 @@ def areas(corners: np.ndarray) -> np.ndarray:
 
 
 def edge_sides(triangles: np.ndarray) -> np.ndarray:
-    """Pairs of nodes (k, 2) of the sides that one of the `triangles` (m, 3) has alone, in its
-    order."""
+    """Nodes (k, 2) of the sides that one of the `triangles` (m, 3) has alone, in its order."""
     sides = np.stack([triangles, np.roll(triangles, -1, 1)], 2).reshape(-1, 2)
     _, first, count = np.unique(np.sort(sides, 1), axis=0, return_index=True, return_counts=True)
     return sides[first[count == 1]]

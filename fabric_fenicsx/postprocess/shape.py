@@ -50,7 +50,10 @@ def along_paths(
     at_nodes = [factor * ply.at_nodes(ply.fields[name]) for name, factor in factors.items()]
     of = [LinearTriInterpolator(plan, v, cell_at) for v in (*ply.formed.T, *at_nodes)]
     formed, values = of[:3], of[3:]
-    centre, paths = _centroid(ply), {}
+    middles, paths = ply.x[ply.triangles, :2].mean(1), {}
+    centre = np.average(middles, axis=0, weights=plan_area(ply.x, ply.triangles))
+    centre[ply.planes] = 0.0
+    centre = centre.round(9)
     for angle in angles_deg:
         direction = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
         direction *= 1 - 1e-9  # the edge is not outside, by rounding
@@ -80,14 +83,6 @@ def along_paths(
         of_points = {name: np.asarray(v(*places[:, k])) for name, v in zip(factors, values)}
         paths[angle] = Path(s[k], length[k], **of_points, places=line[k])
     return paths
-
-
-def _centroid(ply):
-    """Centroid (2,) of the whole flat ply, on its planes of symmetry [mm]."""
-    centres = ply.x[ply.triangles, :2].mean(1)
-    centre = np.average(centres, axis=0, weights=plan_area(ply.x, ply.triangles))
-    centre[ply.planes] = 0.0
-    return centre.round(9)
 
 
 def value_at(grid: Grid, place: ArrayLike, name: str) -> float:

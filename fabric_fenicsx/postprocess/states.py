@@ -129,8 +129,7 @@ def of_fabric(grids: Mapping[str, Grid]) -> dict[str, Grid]:
 
 
 def with_known_fields(grid: Grid) -> Grid:
-    """The grid without cell fields that are NaN all over it: of vectors VTK can't read back the
-    range that it writes."""
+    """The grid without cell fields that are NaN all over, whose range VTK can't read back."""
     for name, values in list(grid.cell_data.items()):
         if np.issubdtype(values.dtype, np.floating) and np.isnan(values).all():
             grid.cell_data.remove(name)

@@ -31,14 +31,6 @@ class FormedPly(NamedTuple):
     cells: np.ndarray
     fields: dict[str, np.ndarray]
 
-    def yarn_angles(self) -> np.ndarray:
-        """Angles from the side of the first two corners to yarns a and b, about the normal, (2, m)
-        [deg]."""
-        side = self.points[self.cells[:, 1]] - self.points[self.cells[:, 0]]
-        yarns = np.array([self.fields["yarn_a"], self.fields["yarn_b"]])
-        beside = np.cross(self.fields["normal"], side)
-        return np.degrees(np.arctan2((yarns * beside).sum(2), (yarns * side).sum(2)))
-
 
 def formed_ply(grid: Grid, modelled: bool = False) -> FormedPly:
     """The formed ply of a grid as `Result.grids` has it, with its images in the planes of symmetry,
@@ -193,12 +185,14 @@ def _rows(numbers, rows):
 
 
 def _layers(ply):
-    """Thickness and angle to the first side of each layer, (m,) [mm, deg]: yarns a, b, b, a; of a
-    sheet without yarns one layer."""
+    """Thickness [mm] and angle to the first side [deg] of layers a, b, b, a, or of one, (m,)."""
     whole = ply.fields["thickness"]
     if "yarn_a" not in ply.fields:
         return [(whole, 0 * whole)]
-    a, b = ply.yarn_angles()
+    side = ply.points[ply.cells[:, 1]] - ply.points[ply.cells[:, 0]]
+    yarns = np.array([ply.fields["yarn_a"], ply.fields["yarn_b"]])
+    beside = np.cross(ply.fields["normal"], side)
+    a, b = np.degrees(np.arctan2((yarns * beside).sum(2), (yarns * side).sum(2)))
     return [(whole / 4, angle) for angle in (a, b, b, a)]
 
 

@@ -225,8 +225,7 @@ def _passed(phase, sigma):
 
 
 def _alternates(bend, wave):
-    """Share of its height that a crest counts with: 0 where its curvature `bend` does not change
-    sign on both sides."""
+    """Share with which a crest counts: 0 where `bend` keeps its sign on one of its sides."""
     half = round(REACH * wave / 2)
     size = 2 * half + 1
     sides = [maximum_filter1d(bend, size, 0, mode="constant", origin=o) for o in (half, -half)]
