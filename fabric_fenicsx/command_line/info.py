@@ -38,8 +38,7 @@ def world() -> "MPI.Comm | None":
 
 
 def show(comm: "MPI.Comm | None") -> int:
-    """Print versions, presets and checks on rank 0; returns the exit status on all ranks: 0 if all
-    is well, else 1."""
+    """Print versions, presets and checks on rank 0; the exit status: 0 if all is well, else 1."""
     status = 0
     # compiled forms in an empty place, so that one is compiled
     with tempfile.TemporaryDirectory() as cache, patch.dict(os.environ, XDG_CACHE_HOME=cache):
@@ -151,8 +150,7 @@ def _pyvista():
 
 
 def draw_triangle() -> None:
-    """Draw a red triangle on white as the package's pictures are drawn; RuntimeError if none is
-    seen."""
+    """Draw a red triangle as the package's pictures are drawn; RuntimeError if none is seen."""
     import numpy as np
     import pyvista
 

@@ -30,8 +30,7 @@ def asks_for_help(words: Sequence[str]) -> bool:
 
 
 def exit_status(error: Exception) -> tuple[int, str]:
-    """Status and words with which a program leaves for an InputError (2), SolverFailure or
-    Interrupted (3)."""
+    """Status and words to leave with for an InputError (2), SolverFailure or Interrupted (3)."""
     if isinstance(error, InputError):
         return 2, f"error: {error}"
     words = str(error)
@@ -128,8 +127,7 @@ class Parser(argparse.ArgumentParser):
         vars(self._option_string_actions[name]).update(settings)
 
     def translated(self, text: str) -> str:
-        """A message of the library with its parameters, `resume=True`, as options, --resume; other
-        words in backquotes stay."""
+        """A message with its parameters, `resume=True`, as options, --resume; other words stay."""
 
         def option(match: re.Match[str]) -> str:
             name = ("max_" if match[1] else "") + match[2]

@@ -3,6 +3,7 @@
 import logging
 from contextlib import suppress
 from dataclasses import replace
+from typing import Any
 
 from ..coupons.coupon import BiasExtension, PictureFrame, Tensile
 from ..forming.press import Press
@@ -20,19 +21,15 @@ def prepare() -> None:
     log = logging.getLogger("fabric_fenicsx")
     level = log.level
     log.setLevel(logging.ERROR)  # so few cells are warned of
+    kinds = Tensile, BiasExtension, PictureFrame
+    tests: list[Any] = [kind(load("komeili"), nx=4) for kind in kinds]
+    stages = [Stage("forming", moves={"punch": 1.0})]
     try:
-        for data in _small():
+        for press in map(Press.read, PRESSES):
+            sheets = [replace(sheet, nx=4) for sheet in press.sheets]
+            tests.append(press.replace(sheets=sheets, stages=stages))
+        for data in tests:
             with suppress(SolverFailure):  # so few steps may fail
                 data.build().job(steps=2, balance=None).run()
     finally:
         log.setLevel(level)
-
-
-def _small():
-    """The tests and presses, on few cells."""
-    for test in (Tensile, BiasExtension, PictureFrame):
-        yield test(load("komeili"), nx=4)
-    for name in PRESSES:
-        press = Press.read(name)
-        sheets = [replace(sheet, nx=4) for sheet in press.sheets]
-        yield press.replace(sheets=sheets, stages=[Stage("forming", moves={"punch": 1.0})])

@@ -14,8 +14,7 @@ from .study import Study, add_material, add_output, add_solver, kind_of_option
 
 
 def press_parser(description: str | None, name: str = Press.NAME, press: str = "") -> Parser:
-    """The parser of a study `name` of the example `press`, by default of the press that the command
-    names."""
+    """The parser of a study of the example `press`, by default of the press that is named."""
     usage = f"%(prog)s {'' if press else 'press.toml '}[option ...]"
     p = Parser(prog=program(name), usage=usage, description=description)
     if press:

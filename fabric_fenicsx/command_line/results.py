@@ -17,8 +17,7 @@ PLANE = '"z=5" (what is above it), or "x,y,z,nx,ny,nz": a point [mm] and the nor
 
 
 def run(command: str, words: Sequence[str]) -> None:
-    """Run the command `export`, `pattern` or `view` with these words. Raises InputError for what is
-    not allowed, OSError for files that can't be read or written."""
+    """Run a command with these words. Raises InputError, and OSError for files."""
     how, description = COMMANDS[command]
     parser = Parser(prog=f"fabric {command}", description=description)
     parser.add_argument("folder", metavar="DIR", help="results of a run")

@@ -234,8 +234,7 @@ class Study:
         self.output.facts = facts | {"fabric": self.fabric.dumps()}
 
     def problem(self, fabric: Law) -> Mapping[str, Any]:
-        """Facts in which a checkpoint must agree to be gone on from: all options but the free ones,
-        and the fabric."""
+        """Facts in which a checkpoint must agree: the fabric, and all options but the free ones."""
         defining = {k: v for k, v in vars(self.args).items() if k not in self._free}
         name = self.output.name
         return {"study": name} | _in_words(defining) | {"material": fabric.dumps()}

@@ -122,7 +122,10 @@ def _sweep(args, passed, program, argv):
             answers, sweep.facts["scatter"] = scatter.told(runs, ranges, labels, below)
         elif below:
             refined = args.no_finer or "--refine" in passed  # cells as fine as each run needs
-            finer = None if refined else _finer(form.finer(values[0]), runner)
+            finer = None
+            if not refined and (changes := form.finer(values[0])):
+                again = lambda each: runner.all([{**own, **changes} for own in each])  # noqa: E731
+                finer = limits.Finer(varied.label(changes), again)
             answers = [limits.below(runs, *limit, finer) for limit in below]
         sweep.save()
         print(*answers, sep="\n", end="\n" * bool(answers))
@@ -149,8 +152,12 @@ def _planned(args, passed, program):
     else:
         lists = varied.lists(args.vary)
         values = [dict(zip(lists, each)) for each in itertools.product(*lists.values())]
-        if args.below:
-            _check_numbers(lists)
+        if args.below and len(lists) != 1:
+            raise InputError(f"--below needs one --vary, and {len(lists)} are given")
+        for key, texts in lists.items() if args.below else ():
+            if any(varied.number(text) is None for text in texts):
+                found = f"--below is given, but {key} is {texts[0]}"
+                raise InputError(f"{found}; allowed are numbers")
         form.check(values)
     if args.only and args.only > len(values):
         raise InputError(f"--only is {args.only}; allowed is 1 to {len(values)}")
@@ -173,15 +180,6 @@ def _check_together(args, ranges):
         raise InputError(f"--scatter is {args.scatter}; {allowed}")
 
 
-def _check_numbers(lists):
-    """InputError unless one number is varied."""
-    if len(lists) != 1:
-        raise InputError(f"--below needs one --vary, and {len(lists)} are given")
-    for key, values in lists.items():
-        if any(varied.number(value) is None for value in values):
-            raise InputError(f"--below is given, but {key} is {values[0]}; allowed are numbers")
-
-
 def _announce(values, runner):
     """Say what is to be done, and what is there already."""
     runs = [runner.folder.run(each) for each in values]
@@ -193,13 +191,3 @@ def _announce(values, runner):
     others = {shlex.join(run.options) for run in done} - {shlex.join(passed)}
     for each in sorted(others):
         print(f"warning: some were made with other options: {each or 'none'}", file=sys.stderr)
-
-
-def _finer(changes, runner):
-    """The `Finer` mesh that these changes of a press make, None without any."""
-    from ..sweep.limits import Finer
-
-    def evaluate(values):
-        return runner.all([{**each, **changes} for each in values])
-
-    return Finer(varied.label(changes), evaluate) if changes else None

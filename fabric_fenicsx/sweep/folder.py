@@ -85,8 +85,7 @@ class Run:
         return self.status == 0 or (self.status == 3 and ended)
 
     def numbers(self) -> dict[str, float]:
-        """Its quantities that are one number {name with dots: number}, force and time first; nan
-        for those without a value."""
+        """Its quantities that are one number {name with dots: number}, nan without a value."""
         if not (summary := self.summary()):
             return {}
         first = {name: summary.get(name) for name in ALWAYS}
@@ -102,12 +101,6 @@ class Run:
     def value(self, name: str) -> float:
         """The quantity `name`, nan where the run, or the quantity, is not believed."""
         return self.number(name) if self.is_believed() and not self.doubts(name) else math.nan
-
-
-def _read_run(file):
-    """The run of a run.json."""
-    with _readable(file):
-        return Run(folder=file.parent, **json.loads(file.read_text()))
 
 
 @contextmanager
@@ -176,11 +169,15 @@ class SweepFolder:
             raise InputError(f"--out {path} {flaw}; allowed is a folder that can be made") from None
         if not (shared or self._lock):
             raise InputError(f"--out {path} is in use by another sweep; allowed is another folder")
-        runs = [_read_run(file) for file in path.glob(f"*/{RUN}")]
-        self.runs = {run.folder.name: run for run in runs if not overwrite}
+        self.runs = dict[str, Run]()
+        for file in path.glob(f"*/{RUN}"):
+            with _readable(file):
+                run = Run(folder=file.parent, **json.loads(file.read_text()))
+            self.runs[run.folder.name] = run
         if overwrite:
-            for run in runs:
+            for run in self.runs.values():
                 shutil.rmtree(run.folder, ignore_errors=True)
+            self.runs.clear()
             for name in OWN:
                 (path / name).unlink(missing_ok=True)
         if overwrite or not state:
@@ -230,8 +227,7 @@ class SweepFolder:
 
 
 def _files_of(press, text):
-    """The files {name in the press file: checksum} that it names, as of tools and materials, beside
-    it or in the present folder."""
+    """Checksums {name: ..} of files that a press names, beside it or in the present folder."""
     checksums = {}
     for name in map("".join, re.findall(r"""'([^'\n]+)'|"([^"\n]+)\"""", text)):
         for file in (Path(name), press.parent / name):  # the latter counts

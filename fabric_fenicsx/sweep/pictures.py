@@ -112,8 +112,7 @@ def _draw_trend(ax, runs, name):
 
 
 def _sheet(folder):
-    """Polygons and fields {label: values} of the cells of a run's last state, the uppermost
-    last."""
+    """Polygons and fields {label: values} of the cells of the last state, the uppermost last."""
     from ..postprocess.states import read_state
 
     grid = read_state(folder)

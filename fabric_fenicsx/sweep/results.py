@@ -27,8 +27,7 @@ CAPTIONS = {
 def write(
     sweep: SweepFolder, title: str, answers: Sequence[str] = (), pictures: bool = True
 ) -> None:
-    """Write table, pictures and report of the runs of a sweep that have any result; answers:
-    sentences on top of the report."""
+    """Write table, pictures and report of the runs that have a result, `answers` on top of it."""
     runs = ordered(list(sweep.runs.values()))
     replace_file(sweep.path / "table.csv", _table(runs))
     shown = headlines(runs, sweep.facts.get("asked", ()))
@@ -51,8 +50,7 @@ def ordered(runs: Sequence[Run]) -> list[Run]:
 
 
 def _table(runs):
-    """table.csv: a row a run with its folder, values, verdict, whether it is believed, why not or
-    what is doubted, and all of its numbers."""
+    """table.csv: a row a run, with values, verdict, doubts and all of its numbers."""
     rows = []
     for run in runs:
         facts = {"run": run.folder.name, **run.values, "verdict": run.verdict()}
@@ -90,19 +88,16 @@ def _page(sweep, title, answers, runs, shown, files):
     )
 
 
-def _shown(number):
-    return "no value" if math.isnan(number) else rounded(number, 4)
-
-
 def _row(run, keys, names):
     """A run in the report's table."""
     numbers, reason = run.numbers(), run.reason.removeprefix(NOT_BELIEVED)
+    texts = {n: "no value" if math.isnan(v) else rounded(v, 4) for n, v in numbers.items()}
     if (reached := run.summary().get("stroke_reached", 1.0)) < 1:
         reason = f"ended at load {rounded(reached)}: {reason}"
     report = run.results / "report.html"
     return {
         "values": [run.values.get(key, "") for key in keys],
-        "numbers": [_shown(numbers[name]) if name in numbers else "-" for name in names],
+        "numbers": [texts.get(name, "-") for name in names],
         "believed": run.is_believed(),
         "verdict": run.verdict() or "not run",
         "reason": reason,

@@ -157,8 +157,7 @@ def _load(history):
 
 
 def _last_words(console):
-    """A run's sentence on how it ended, else the last line that it printed; libraries of MPI may
-    print after it."""
+    """A run's sentence on how it ended, else its last line; libraries of MPI may print after it."""
     lines = re.split(r"[\r\n]+", console.read_text(errors="replace").strip())
     own = [line for line in lines if line.startswith(ENDS)]
     return re.sub(rf"^{ENDS}(error: |stopped: )?", "", (own or lines)[-1]) or "no words"

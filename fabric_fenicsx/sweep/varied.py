@@ -21,8 +21,7 @@ class Range(NamedTuple):
     high: float
 
     def at(self, share: float) -> float:
-        """The number at a share, 0 to 1, of the range or of its logarithm, to six digits, so that
-        a folder's name can be read."""
+        """The number at a share, 0 to 1, of the range or its logarithm, to six digits."""
         low, high = self.low, self.high
         is_log = is_wide([low, high])
         value = low * (high / low) ** share if is_log else low + share * (high - low)
