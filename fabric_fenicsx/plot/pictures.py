@@ -59,8 +59,7 @@ def shown(name: str, unit: str = "") -> tuple[str, float, str]:
 
 
 def colour_scale(colours: str, low: float, high: float) -> tuple[str, float, float]:
-    """Colour map and its limits for values from `low` to `high`: those of `coolwarm` are the same
-    on both sides of 0."""
+    """Colour map and limits for values from `low` to `high`, with 0 in the middle of `coolwarm`."""
     if colours == "coolwarm":
         low, high = -max(-low, high), max(-low, high)
     if high - low < 1e-6 * max(1.0, abs(high)):
@@ -69,16 +68,14 @@ def colour_scale(colours: str, low: float, high: float) -> tuple[str, float, flo
 
 
 def arrows(values: np.ndarray, low: float, high: float) -> str:
-    """Ends of a colour bar from `low` to `high` at which arrows tell that `values` lie beyond:
-    Matplotlib's `extend`."""
+    """Ends of a colour bar beyond which `values` lie, as Matplotlib's `extend`."""
     little = 1e-6 * (high - low)
     below, above = values.min() < low - little, values.max() > high + little
     return ("neither", "min", "max", "both")[below + 2 * above]
 
 
 def cells_range(values: np.ndarray) -> str:
-    """The least and the largest of the `values` as text, with their signs, as summary.json has
-    them."""
+    """The least and the largest of the `values` with their signs, as summary.json has them."""
     # rounding is no strain
     low, high = (round(float(v), 6) + 0.0 for v in (values.min(), values.max()))
     return f"cells: {low:.4g} to {high:.4g}"

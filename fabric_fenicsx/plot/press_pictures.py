@@ -111,7 +111,7 @@ def _of_state(state):
 
 def _scene(plies, tools):
     """Plies {name: surface}, whole, and tools, mirrored as the plies were."""
-    low, high = np.array(_bounds(plies.values())).reshape(3, 2).T
+    low, high = space.extent_of(plies.values())
     # of a tool's surface around the blank, over the blank's size
     room = 0.25 * (high - low).max()
     planes = next(iter(plies.values())).field_data["planes"]
@@ -128,8 +128,7 @@ def _scene(plies, tools):
 
 
 def _bounds(surfaces):
-    ends = np.array([surface.bounds for surface in surfaces]).reshape(-1, 3, 2)
-    return tuple(np.column_stack([ends[:, :, 0].min(0), ends[:, :, 1].max(0)]).ravel())
+    return tuple(np.column_stack(space.extent_of(surfaces)).ravel())
 
 
 # -- in space
@@ -181,9 +180,8 @@ def _draw_state(plotter, scene, limit, spacing):
 
 def _middle(scene):
     """Middle (3,) of the whole plies in x and y [mm]."""
-    ends = np.reshape([ply.bounds for ply in scene.plies.values()], (-1, 3, 2))
-    middle = (ends[..., 0].min(0) + ends[..., 1].max(0)) / 2
-    return np.append(middle[:2].round(6), 0.0)
+    low, high = space.extent_of(scene.plies.values())
+    return np.append((low + high)[:2].round(6) / 2, 0.0)
 
 
 # -- around these images
@@ -201,8 +199,7 @@ def _legend(scene, motions):
 
 
 def _draw_section(ax, scene, axis, motions):
-    """Lines of the tools and the plies in the plane through the plies' middle that is perpendicular
-    to `axis`, with the motions."""
+    """Lines of tools and plies in the plane through their middle across `axis`, with motions."""
     along, normal, middle = 1 - axis, np.eye(3)[axis], _middle(scene)
     bodies = [("", surface, "k", 1.5) for surface in scene.plies.values()]
     for k, (name, surface) in enumerate(scene.tools.items()):

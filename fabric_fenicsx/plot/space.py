@@ -103,8 +103,7 @@ def surface_of(grid: Grid, full: bool = True, formed: bool = True) -> pyvista.Po
 
 
 def mirrored(surface: pyvista.PolyData, planes: Iterable[int]) -> pyvista.PolyData:
-    """The part of a surface in x >= 0 or y >= 0, where these are `planes` of symmetry, and its
-    images."""
+    """The part of a surface in x >= 0 or y >= 0, its `planes` of symmetry, and its images."""
     for axis in planes:
         normal = np.eye(3)[int(axis)]
         half = surface.clip(normal=normal, origin=(0, 0, 0), invert=False).triangulate()
@@ -117,8 +116,7 @@ def mirrored(surface: pyvista.PolyData, planes: Iterable[int]) -> pyvista.PolyDa
 
 
 def cut_away(surface: pyvista.PolyData, share: float, end: float = 1.0) -> pyvista.PolyData:
-    """A ply, as of `surface_of`, without that share of its length, seen from its lower end, and
-    without what is beyond the share `end`."""
+    """A ply, as of `surface_of`, between these shares of its length, from its lower end."""
     x = surface["place"][:, 0]
     surface["along"] = x
     for part, beyond in ((share, False), (end, True)):
@@ -156,10 +154,15 @@ def round_length(about: float) -> float:
     return min(SPACINGS, key=lambda length: abs(np.log(length / about)))
 
 
+def extent_of(surfaces: Iterable[pyvista.PolyData]) -> tuple[np.ndarray, np.ndarray]:
+    """The least and the largest corner (3,) of all surfaces [mm]."""
+    ends = np.array([surface.bounds for surface in surfaces]).reshape(-1, 3, 2)
+    return ends[:, :, 0].min(0), ends[:, :, 1].max(0)
+
+
 def draw_axes(plotter: pyvista.Plotter, surfaces: Sequence[pyvista.PolyData]) -> None:
     """Add arrows along x, y and z beside the lowest corner of plies, with their length."""
-    ends = np.array([surface.bounds for surface in surfaces]).reshape(-1, 3, 2)
-    low, high = ends[:, :, 0].min(0), ends[:, :, 1].max(0)
+    low, high = extent_of(surfaces)
     length = round_length(0.12 * (high - low).max())
     start = low - 0.5 * length * np.array([1.0, 1.0, 0.0])
     for along in np.eye(3):
@@ -177,8 +180,7 @@ def shear_limit(surfaces: Iterable[pyvista.PolyData]) -> float:
 
 
 def shear_bar(figure: Any, limit: float, label: str, sizes: tuple[int, int], **place: Any) -> None:
-    """Add the colour bar of shear angles up to `limit` [deg]; sizes: of letters in the label and at
-    the ticks."""
+    """Add the colour bar of shear angles up to `limit` [deg]; sizes: of label and ticks."""
     bar = figure.colorbar(ScalarMappable(Normalize(0, limit), COLOURS), **place)
     bar.set_label(label, fontsize=sizes[0])
     bar.ax.tick_params(labelsize=sizes[1])

@@ -60,8 +60,7 @@ def show(folder: Path | str, field: str | None = None) -> None:
 def _draw(
     plotter: pyvista.Plotter, folder: Path | str, state: State, field: str | None
 ) -> Callable[[State], None]:
-    """Add a state to a plotter; returns a function that shows another one in its place, in the same
-    colours."""
+    """Add a state to a plotter; the function that shows another one there in the same colours."""
     field = _known(field, state.plies())
     label, factor, colours = shown(field, units(folder).get(field, ""))
     surfaces, _ = _surfaces(state, field, factor)
