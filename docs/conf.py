@@ -1,6 +1,5 @@
 """Sphinx builds the documentation: `make docs` writes it to build/docs."""
 
-import dataclasses
 import re
 import sys
 from pathlib import Path
@@ -53,17 +52,9 @@ def short_types(app, what, name, obj, options, signature, returns):
     return signature, returns
 
 
-def fields_of(obj):
-    """What the fields of a test or press mean, in the words of its options, one line for each."""
-    known = dataclasses.fields(obj) if dataclasses.is_dataclass(obj) else ()
-    helps = [(each.name, each.metadata["help"]) for each in known if "help" in each.metadata]
-    return ["", *(f"- `{name}`: {text}" for name, text in helps)]
-
-
 def as_rst(app, what, name, obj, options, lines):
     """Turn docstrings, which are Markdown with formulas, into what autodoc reads."""
-    text = "\n".join([*lines, *(fields_of(obj) if what == "class" else [])])
-    kept = []
+    text, kept = "\n".join(lines), []
 
     def keep(words):
         kept.append(words)

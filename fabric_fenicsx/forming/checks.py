@@ -71,8 +71,7 @@ def _doubts(names, same_side, distance, schedule, pressed):
 
 
 def _least_distance(one, two, low, high, load):
-    """The least distance [mm] of two tools over the blank at a load factor, and its place; it is
-    infinite if the first has no point there."""
+    """The least distance [mm] of two tools over the blank, and its place; inf if there is none."""
     x, other = _points(one, low, high, load), np.asarray(two.path(load))
     if not len(x):
         return np.inf, np.zeros(3)

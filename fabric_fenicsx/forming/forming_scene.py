@@ -17,12 +17,12 @@ from ..mechanics.load import EdgeTension
 from ..mechanics.springs import Springs
 from ..mechanics.term import Term
 from ..readers.field import Field
+from ..results.measures import extremes
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from ..runtime.timing import phase
 from ..scene import output
 from ..scene.scene import Scene
-from ..sheets.sheet_mesh import bounds
 from ..solve.checkpoint import STAGES
 from ..tools.tool import Tool
 from .laying import Laid
@@ -74,16 +74,10 @@ class FormingScene(Setup):
             for name, (field, _, values) in term.fields.items():
                 if name.startswith("friction"):
                     found[f"{name} on {owner}"] = field, values
-        return {name: field.told(*self._ends(values)) for name, (field, values) in found.items()}
-
-    def _ends(self, values):
-        """Least and largest of values of all ranks."""
-        low, high = bounds(self.comm, values[None])
-        return float(low[0]), float(high[0])
+        return {n: field.told(*extremes(self.comm, values)) for n, (field, values) in found.items()}
 
     def leader(self, load: float = 1.0) -> Tool:
-        """The tool whose force the curve shows at a load factor: the one that moves furthest in the
-        stage there."""
+        """The tool whose force the curve shows: that which moves furthest in the stage there."""
         names = self.schedule.leaders()
         leaders = [name for name in names[: self.schedule.stage_at(load) + 1] if name]
         return self.tools[leaders[-1] if leaders else next(iter(self.tools))]
@@ -119,7 +113,6 @@ class FormingScene(Setup):
         return term.pull() if isinstance(term, Springs) else None
 
     def force_name(self) -> str:
-        """As in `Setup`."""
         names = dict.fromkeys(name for name in self.schedule.leaders() if name)
         of = " or ".join(names) or next(iter(self.tools))
         return f"force of {of}" + (
@@ -127,7 +120,6 @@ class FormingScene(Setup):
         )
 
     def modelled_share(self) -> float:
-        """As in `Setup`."""
         return self.data.share
 
     def of_whole(self, quantities: Mapping[str, Any]) -> str:
@@ -136,7 +128,6 @@ class FormingScene(Setup):
         return f", {rounded(whole, 5)} N on all of it" if self.data.planes else ""
 
     def title_and_text(self) -> tuple[str, str]:
-        """As in `Setup`."""
         count = len(self.sheets)
         plies = "a ply" if count == 1 else f"{count} plies"
         stages = ", then ".join(stage.name for stage in self.schedule.stages)
@@ -144,8 +135,7 @@ class FormingScene(Setup):
         return self.data.title or "A press", of
 
     def fingerprint(self) -> dict[str, Any]:
-        """As in `Setup`: the press as its file says it, without unloading, and the steps of its
-        stages."""
+        """As in `Setup`: the press as its file says it, without unloading, and its steps."""
         from .schema import document_of
 
         press = plain(document_of(self.data))
@@ -167,8 +157,7 @@ class FormingScene(Setup):
         return None if None in coarse else self.data.replace(sheets=coarse)
 
     def finer(self, times: float) -> Press:
-        """The press with `times` as many cells along each side of all sheets. Raises InputError for
-        a mesh from a file."""
+        """The press with `times` as many cells along each side; InputError for a mesh's file."""
         return self.data.replace(sheets=[sheet.finer(times) for sheet in self.sheets])
 
     def disturbed(self, aside: float) -> Press:
@@ -196,11 +185,9 @@ class FormingScene(Setup):
         return super().job(**usual | {"steps": changes.get("steps") or self.schedule.steps})
 
     def stage(self, load: float) -> str:
-        """As in `Setup`."""
         return self.schedule.stages[self.schedule.stage_at(load)].name
 
     def headlines(self) -> Sequence[str]:
-        """As in `Setup`."""
         return (*super().headlines(), f"{self.leader().name}_force_N")
 
     def quantities(self, result: Result) -> dict[str, Any]:

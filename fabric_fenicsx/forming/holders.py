@@ -11,7 +11,7 @@ import numpy as np
 
 from ..material.files import Interval
 from ..runtime.errors import InputError
-from ..runtime.fields import check_fields, number
+from ..runtime.fields import KnowsItsFields, check_fields, documented, number
 from ..runtime.formatting import coordinates
 from ..runtime.rules import FINITE, FROM_ZERO, POSITIVE, shown, unknown_key
 from ..tools.primitives import Plane
@@ -92,13 +92,10 @@ class Holder(Protocol):
         """The terms with which it acts on the blank, new ones in each call."""
 
 
-class Kind:
+class Kind(KnowsItsFields):
     """A kind of holder of the package: a dataclass whose first field is its key in a file."""
 
     presses: ClassVar[bool] = True  # the blank on a die; otherwise it pulls
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
     @classmethod
     def key(cls) -> str:
@@ -106,14 +103,14 @@ class Kind:
         return dataclasses.fields(cls)[0].name  # type: ignore[arg-type]
 
 
+@documented
 @dataclass(frozen=True)
 class PressureHolder(Kind):
-    """A pressure on what lies on the flat face of the die, a tool that does not move.
+    """A pressure on what lies on the flat face of the die, a tool that does not move: a number, or
+    a function of the load factor, 0 to 1 over the whole run.
 
     Parameters
     ----------
-    pressure
-        Number [MPa], or function of the load factor, 0 to 1 over the whole run.
     where
         Function of present positions (3, n) [mm] to a mask (n,): where a segment of a holder
         presses.
@@ -173,14 +170,13 @@ class PressureHolder(Kind):
         return [pressure.on(site.sheets[0]), *below]
 
 
+@documented
 @dataclass(frozen=True)
 class ForceHolder(Kind):
     """A plate that a force pushes towards the die, with the blank between them.
 
     Parameters
     ----------
-    force
-        On the whole blank [N].
     where
         Function of points (3, n) [mm] of the flat blank to a mask (n,): the nodes that a segment
         touches.
@@ -210,14 +206,13 @@ class ForceHolder(Kind):
         return [site.contact(tool, site.at_plate(self.where))]
 
 
+@documented
 @dataclass(frozen=True)
 class GapHolder(Kind):
     """A plate at a fixed distance from the die, on the other side of the blank.
 
     Parameters
     ----------
-    gap
-        Distance from the die [mm], by default 1.1 thicknesses.
     where, against
         As in `ForceHolder`.
 
@@ -250,14 +245,13 @@ class GapHolder(Kind):
         return [site.contact(tool, site.at_plate(self.where))]
 
 
+@documented
 @dataclass(frozen=True)
 class Grippers(Kind):
     """A pull at the edges of a rectangular blank, outwards and within its plane.
 
     Parameters
     ----------
-    tension
-        Pull per length of the edge [N/mm].
     where
         Function of points (3, n) [mm] of the flat blank to a mask (n,): parts of the edges.
     edges
@@ -303,16 +297,13 @@ class Grippers(Kind):
         return pulls
 
 
+@documented
 @dataclass(frozen=True)
 class SpringHolder(Kind):
     """Springs that pull the blank outwards to fixed anchors; the sheets of a stack share each.
 
     Parameters
     ----------
-    stiffness, preload
-        Of each spring [N/mm], and its pull at the start [N], both for the whole blank.
-    length
-        Of each spring at the start [mm].
     edges
         Edges with parallel springs, which together count as one spring; named as in `Grippers`.
     at
@@ -330,8 +321,8 @@ class SpringHolder(Kind):
     100.0
     """
 
-    stiffness: float = number(None, FROM_ZERO, "of each spring [N/mm]")
-    preload: float = number(0.0, FROM_ZERO, "pull of each at the start [N]")
+    stiffness: float = number(None, FROM_ZERO, "of each spring, for the whole blank [N/mm]")
+    preload: float = number(0.0, FROM_ZERO, "pull of each at the start, for the whole blank [N]")
     length: float = number(100.0, POSITIVE, "of each at the start [mm]")
     edges: Sequence[str] = ()
     at: Sequence[Sequence[float]] = ()
@@ -369,7 +360,7 @@ class SpringHolder(Kind):
                     f"{site.path}.at has the blank's centroid, {coordinates(x[:2])} mm, from which "
                     "springs pull away; allowed are other points"
                 )
-            share, near = 0.5 ** int((x[planes] == 0).sum()), site.nearest_nodes(x[:2])
+            share, near = 0.5 ** int((x[planes] == 0).sum()), site.laid.nearest_nodes(x[:2])
             springs.append(self._spring(site, f"point {k}", near, share, away / length))
         return springs
 

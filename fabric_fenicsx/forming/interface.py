@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ..readers.field import Field, of_place
-from ..runtime.fields import check_fields, number, switch
+from ..runtime.fields import KnowsItsFields, documented, number, switch
 from ..runtime.rules import FROM_ZERO, POSITIVE
 
 if TYPE_CHECKING:
@@ -20,25 +20,14 @@ if TYPE_CHECKING:
 BETWEEN_FABRICS, ON_METAL = 0.334, 0.25
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
-class Interface:
+class Interface(KnowsItsFields):
     """Contact of sheets with tools and with one another.
 
-    Parameters
-    ----------
-    friction, metal_friction
-        Coefficients of fabric and of metal on tools, or a `Field` of the place x, y, z where a tool
-        is touched, as it stands at first; of sheets on sheets see `Sheet.friction`.
-    slip
-        Elastic slip while a sheet sticks [mm], by default that of `Coulomb`.
-    lag
-        Share of normal forces, and of areas under a holder, by which these may lag behind the state
-        in a solve; forces between sheets five times as much.
-    penalty
-        Stiffness of contact [N/mm^3]. By default fabric is compacted; `penalty` makes its
-        faces rigid.
-    self
-        True: each sheet touches itself where a fold closes, see `SelfContact`.
+    Coefficients may be a `Field` of the place x, y, z where a tool is touched, as it stands at
+    first; of sheets on sheets see `Sheet.friction`. Forces between sheets may lag more. `penalty`
+    makes faces of fabric rigid.
 
     Raises
     ------
@@ -71,9 +60,6 @@ class Interface:
         "stiffness of contact with rigid faces (by default fabric is compacted) [N/mm^3]",
     )
     self: bool = switch("let each sheet touch itself where a fold closes")
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
     @property
     def is_rigid(self) -> bool:

@@ -102,8 +102,16 @@ def lay_blank(press: Press, comm: MPI.Comm, warnings: list[str]) -> Laid:
     low, high = blanks[first_fabric(sheets)].extent()
     # rounded, to be the same on any number of ranks
     sides = [float(f"{size:.9g}") for size in (high - low)[:2] / modelled(planes)]
-    blank = _piled(sheets, blanks) if sheets[1:] else blanks[0]
-    centre = _centroid(blank)
+    blank = blanks[0]
+    if sheets[1:]:
+        # the upper face of the last one, on which the die lies, is half of the whole thickness
+        # above z = 0
+        heights = [sheet.thickness_under(0.0) for sheet in sheets]
+        names = [sheet.name for sheet in sheets]
+        blank = Stack(list(zip(blanks, heights, names)), -sum(heights) / 2)
+    areas, places = blank.areas(), blank.midpoints()[:2]
+    *sums, area = comm.allreduce(np.append(places @ areas, areas.sum()), MPI.SUM)
+    centre = np.array(sums) / area
     centre[list(planes)] = 0.0
     return Laid(blank, sheets, sides, centre)
 
@@ -136,8 +144,7 @@ def _meshed(sheets, planes, comm):
 
 
 def _with_nx(sheet, nx, planes, element=None):
-    """The sheet with this `nx` and element, if it says nothing of its cells; with a node at the
-    middle of a side that no plane of symmetry halves."""
+    """The sheet with this `nx` and element, unless it says others, and a node at its middle."""
     usual = not (sheet.nx or sheet.size or sheet.mesh)
     sheet = dataclasses.replace(sheet, element=element) if usual and element else sheet
     sheet = sheet.with_defaults(nx + (nx % 2 if usual and 0 not in planes else 0))
@@ -158,21 +165,6 @@ def _laid(sheet, planes, comm):
         height=0.0,
         centred=sheet.centred if sheet.sheet_file else own,
     )
-
-
-def _piled(sheets, blanks):
-    """The sheets on one another without pressure. The upper face of the last one, on which the die
-    lies, is half of the whole thickness above z = 0."""
-    heights = [sheet.thickness_under(0.0) for sheet in sheets]
-    names = [sheet.name for sheet in sheets]
-    return Stack(list(zip(blanks, heights, names)), -sum(heights) / 2)
-
-
-def _centroid(blank):
-    """Centroid (2,) of the undeformed sheets [mm]."""
-    areas, places = blank.areas(), blank.midpoints()[:2]
-    *sums, area = blank.mesh.comm.allreduce(np.append(places @ areas, areas.sum()), MPI.SUM)
-    return np.array(sums) / area
 
 
 def _check_symmetric(blank, source, planes):

@@ -86,8 +86,7 @@ def draw(made: FormingScene, result: Result, folder: Path) -> None:
 
 
 def compare(made: FormingScene, results: Mapping[str, Result], folder: Path) -> None:
-    """Draw outlines and paths of runs {label: `Result`} into `folder`, side by side; of a laminate
-    also its middle ply."""
+    """Draw outlines and paths of runs {label: `Result`} side by side, and the middle ply."""
     grids = {
         " ".join(filter(None, (label, name))): grid
         for label, result in results.items()

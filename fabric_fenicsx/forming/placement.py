@@ -102,8 +102,7 @@ def _tool(press, name, surface, start, schedule):
 
 
 def check_clearance(path: str, clearance: float, pressed: float, surface: Surface) -> None:
-    """Raise InputError for a distance of tool and die [mm] that is less than the `pressed`
-    thickness, or not below the least concave radius of the tool."""
+    """InputError for a clearance below the `pressed` thickness or from the concave radius on."""
     radius = surface.radii[1]
     if clearance < pressed:
         raise InputError(
@@ -160,8 +159,7 @@ class Placement:
         return surface
 
     def _read(self, name, path, chord):
-        """The surface in a file; of a CAD model with a smaller `chord` if its facets are too
-        coarse."""
+        """The surface in a file; of a CAD model with a smaller `chord` if its facets are coarse."""
         is_model = ending(path) in CAD
         for finer in (1, 2, 5) if is_model else (1,):
             surface = TriangulatedSurface.read(path, chord / finer, comm=self._comm)
@@ -359,8 +357,7 @@ def face_of(surface: Any, towards: np.ndarray) -> Surface:
 
 
 def _triangles(surface: Surface) -> tuple[TriangulatedSurface | None, np.ndarray]:
-    """The triangles that a surface consists of, None for other surfaces, and the matrix (3, 3) that
-    turns them into their place."""
+    """The triangles of a surface, None for others, and what turns them into their place (3, 3)."""
     turn = np.eye(3)
     if isinstance(surface, Turned):
         turn, surface = surface.back(turn), surface.surface

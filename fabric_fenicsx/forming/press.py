@@ -123,7 +123,11 @@ class Press(KnowsItsFields):
         object.__setattr__(self, "stages", stages)
         for name, holder in self.holders.items():
             holders_of(name, holder)
-        self._check_sides()
+        if len({tool.side for tool in self.tools.values()}) == 1 and not self.holders:
+            raise InputError(
+                f"all tools stand {tool.side} the blank, and nothing resists them; allowed is a "
+                "tool on the other side, or a holder, as springs at the edges"
+            )
         for name, tool in self.tools.items():
             if isinstance(tool.surface, DieOf):
                 self._check_die(name, tool)
@@ -148,15 +152,6 @@ class Press(KnowsItsFields):
         """The path of each sheet's table in a file."""
         names = [sheet.name.removeprefix("ply ") for sheet in self.sheets]
         return [f"ply.{name or k}" for k, name in enumerate(names, 1)] if names[1:] else ["blank"]
-
-    def _check_sides(self):
-        """Raise InputError for tools that nothing resists."""
-        sides = {tool.side for tool in self.tools.values()}
-        if len(sides) == 1 and not self.holders:
-            raise InputError(
-                f"all tools stand {sides.pop()} the blank, and nothing resists them; allowed is a "
-                "tool on the other side, or a holder, as springs at the edges"
-            )
 
     def _check_die(self, name, tool):
         of = tool.surface.tool
@@ -238,8 +233,7 @@ class Press(KnowsItsFields):
         return sum(sheet.thickness_under(pressure) for sheet in ready)
 
     def build(self, comm: MPI.Comm | None = None) -> FormingScene:
-        """The scene of the press, with a mesh and with the tools in their places. Raises InputError
-        on all ranks for tools that can't stand or move as given."""
+        """The scene of the press. Raises InputError for tools that can't stand or move as given."""
         from .build import build
 
         return build(self, comm)

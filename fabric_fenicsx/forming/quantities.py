@@ -8,9 +8,10 @@ from ..job.job import Result
 from ..mechanics.contact.coulomb import MAX_SLIP
 from ..mechanics.springs import Springs
 from ..postprocess.ply import Grid
-from ..postprocess.wrinkles import height_map
+from ..postprocess.wrinkles import height_map, wrinkles
 from ..results import measures, quantities
 from ..results.history import energies_of, stretching
+from ..runtime.collective_errors import on_root
 from ..runtime.formatting import share
 from ..scene import output
 from ..sheets.blank import Part
@@ -81,13 +82,20 @@ def sheet_quantities(made: FormingScene, result: Result) -> dict[str, Any]:
         (metals if sheet.metal else fabrics).append(part)
         of_cells = quantities.metal_quantities if sheet.metal else quantities.fabric_quantities
         plies[name] = of_cells(result, [part])
-        plies[name] |= quantities.shape(result, part, made.wrinkle_heights.get(name))
+        heights = made.wrinkle_heights.get(name)
+        waves = on_root(made.comm, lambda: wrinkles(heights) if heights else None)
+        plies[name] |= {"draw_in": result.draw_in(part.name), "wrinkles": waves}
     whole = plies.get("")
     if not whole:
         if name := quantities.middle_of(made.sheets):
             plies[name] |= quantities.middle_quantities(result, name)
         whole = quantities.stack_quantities(result, plies, fabrics, metals) | {"plies": plies}
-    return whole | {"shortening_mean": _mean_shortening(made, result, fabrics)}
+    whole["shortening_mean"] = None
+    if fabrics:  # of yarns by compression, over the area of fabric
+        cells = np.concatenate([part.cells for part in fabrics])
+        short, areas = quantities.shortening(result.fields)[cells], made.blank.areas()[cells]
+        whole["shortening_mean"] = measures.mean(made.comm, short, areas)
+    return whole
 
 
 def wrinkle_heights(made: FormingScene, result: Result) -> dict[str, Grid]:
@@ -115,12 +123,3 @@ def wrinkle_heights(made: FormingScene, result: Result) -> dict[str, Grid]:
     over_tools = {n: distances(z, thickness.sum() - z) for n, z in zip(names, below)}
     plies = result.grids.items()
     return {name: height_map(grid, over_tools[name], shortest[name]) for name, grid in plies}
-
-
-def _mean_shortening(made, result, fabrics):
-    """Of yarns by compression, over the area of fabric; None without fabric."""
-    if not fabrics:
-        return None
-    cells = np.concatenate([part.cells for part in fabrics])
-    short, areas = quantities.shortening(result.fields)[cells], made.blank.areas()[cells]
-    return measures.mean(made.comm, short, areas)

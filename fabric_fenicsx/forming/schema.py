@@ -87,7 +87,7 @@ def fields_of(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         raise InputError(f'unit is {unit}; allowed is a line `unit = "mm"`, the unit of lengths')
     if not isinstance(document.get("title", ""), str):
         raise InputError(f"title is {shown(document['title'])}; allowed is a text")
-    tables = {name: _table(document.get(name, {}), name, f"[{name}]") for name in TABLES}
+    tables = {name: _table(document.get(name, {}), name) for name in TABLES}
     if "quarter" in tables["blank"]:
         raise InputError('blank.quarter is not known; allowed is symmetry = "xy" for a quarter')
     symmetry = tables["blank"].pop("symmetry", "none")
@@ -159,15 +159,14 @@ def _file(value, path, folder):
     """The path of a file: in the folder of the press file, or as it is given."""
     if not isinstance(value, (str, os.PathLike)):
         raise InputError(f"{path} is {shown(value)}; allowed is a file's name")
-    beside = folder / value
-    if not (beside.is_file() or os.path.isfile(value)):
-        raise InputError(f"{path} is {shown(value)}, no file; allowed is one beside the press file")
-    return str(beside if beside.is_file() else value)
+    if file := next(filter(os.path.isfile, (folder / value, value)), None):
+        return str(file)
+    raise InputError(f"{path} is {shown(value)}, no file; allowed is one beside the press file")
 
 
-def _table(value, name, label):
+def _table(value, name, allowed=""):
     if not isinstance(value, Mapping):
-        raise InputError(f"{name} is {shown(value)}; allowed is a table, {label}")
+        raise InputError(f"{name} is {shown(value)}; allowed is a table{allowed or f', [{name}]'}")
     return dict(value)
 
 
@@ -179,8 +178,7 @@ def _list(document, name):
 
 
 def _sheets(document, blank, folder):
-    """The sheets of the tables [[ply]], the lowest first, completed by [blank]; without such tables
-    the one sheet of [blank]."""
+    """The sheets of [[ply]], the lowest first, completed by [blank], or the one of [blank]."""
     if "ply" not in document:
         return [from_table(Sheet, blank, "blank", folder)]
     plies = _list(document, "ply")
@@ -203,7 +201,7 @@ def _sheets(document, blank, folder):
 
 def _tool(table, name, folder):
     path = f"tools.{name}"
-    table = _table(table, path, f"[{path}]")
+    table = _table(table, path)
     kinds = [key for key in SURFACES if key in table]
     if len(kinds) != 1:
         raise InputError(
@@ -245,17 +243,15 @@ def _shape(shape: str, table: Mapping[str, Any], path: str, own: Sequence[str]) 
 
 def _holder(table: Any, name: str, folder: Path) -> Holder:
     path, allowed = f"holders.{name}", f"one of {', '.join(HOLDERS)}"
-    if not isinstance(table, Mapping):
-        raise InputError(f"{path} is {shown(table)}; allowed is a table with {allowed}")
-    kinds = [key for key in HOLDERS if key in table]
+    given = _table(table, path, f" with {allowed}")
+    kinds = [key for key in HOLDERS if key in given]
     if len(kinds) != 1:
         raise InputError(
             f"{path} has {' and '.join(kinds) or 'nothing that holds'}; allowed is {allowed}"
         )
-    given = dict(table)
-    if "where" in table:
+    if "where" in given:
         with located(path, ("where",)):
-            given["where"] = Region(table["where"])
+            given["where"] = Region(given["where"])
     return from_table(HOLDERS[kinds[0]], given, path, folder)
 
 
@@ -269,7 +265,9 @@ def _change(document, change):
         raise InputError(
             f"change {shown(change)} is no KEY=VALUE; allowed is for example blank.nx=8"
         )
-    value = _toml_value(text.strip())
+    value: Any = text.strip()
+    with suppress(tomllib.TOMLDecodeError):  # a number, list or table; else a text
+        value = tomllib.loads(f"value = {value}")["value"]
     if len(names) == 1 and names[0] in OF_ALL_PLIES.values():
         _change_all_plies(document, names[0], value)
         return
@@ -336,8 +334,7 @@ def _change_all_plies(document, key, value):
 
 
 def short_forms(options: Mapping[str, Any]) -> list[str]:
-    """The changes that options {name: value} of `OF_ALL_PLIES` stand for; a material's file is one
-    in the present folder."""
+    """The changes that options of `OF_ALL_PLIES` stand for; material files are in this folder."""
     given = {OF_ALL_PLIES[n]: v for n, v in options.items() if n in OF_ALL_PLIES and v is not None}
     if os.path.isfile(given.get("fabric", "")):
         given["fabric"] = os.path.abspath(given["fabric"])
@@ -365,33 +362,25 @@ def _change_material(document, names, text):
         _change(document, f"{path}.{'.'.join(names)}={text}")
 
 
-def _toml_value(text):
-    """A number, list or table of TOML, or else the text itself."""
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        return text
-
-
 # -- writing
 
 
 def document_of(press: Any) -> dict[str, Any]:
     """The tables of a `Press`. What a file cannot hold, as functions and surfaces of a user's own,
     stays as it is."""
-    plies = [_entries(sheet, {}) for sheet in press.sheets]
+    plies = [_entries(sheet) for sheet in press.sheets]
     document: dict[str, Any] = {"unit": "mm"}
     document |= {"title": press.title} if press.title else {}
     blank: dict[str, Any] = {"symmetry": press.symmetry} if press.planes else {}
     document["blank"] = blank | (plies[0] if len(plies) == 1 else {})
-    document["contact"] = _entries(press.interface, {})
+    document["contact"] = _entries(press.interface)
     stops = {"stop_when_invalid": True} if press.stop_when_invalid else {}
-    document["limits"] = _entries(press.limits, {}) | stops
+    document["limits"] = _entries(press.limits) | stops
     if len(plies) > 1:
         document["ply"] = plies
     document["tools"] = {name: _tool_table(tool) for name, tool in press.tools.items()}
     document["holders"] = {name: _holder_table(each) for name, each in press.holders.items()}
-    document["stage"] = [_entries(stage, {}) for stage in press.stages]
+    document["stage"] = [_entries(stage) for stage in press.stages]
     return {key: value for key, value in document.items() if value not in ({}, [])}
 
 
@@ -429,10 +418,9 @@ def write(press: Any, path: str | os.PathLike[str]) -> None:
     write_whole(path, text)
 
 
-def _entries(owner, more):
-    """The fields of a dataclass object that differ from their defaults, {name: value}; None is as
-    good as left out."""
-    entries = dict(more)
+def _entries(owner):
+    """The fields of a dataclass object that differ from their defaults and from None."""
+    entries = {}
     for each in dataclasses.fields(owner):
         value, usual = getattr(owner, each.name), each.default
         if each.default_factory is not dataclasses.MISSING:
@@ -444,7 +432,7 @@ def _entries(owner, more):
 
 
 def _tool_table(tool):
-    entries = _entries(tool, {})
+    entries = _entries(tool)
     surface = entries.pop("surface")
     if isinstance(surface, DieOf):
         of = {"die_of": surface.tool, "side": tool.side}  # whose default is another in a file
@@ -472,7 +460,7 @@ def _holder_table(holder):
     kind = next((key for key, kind in HOLDERS.items() if type(holder) is kind), "")
     if not kind:
         return holder
-    entries = _entries(holder, {kind: getattr(holder, kind)})
+    entries = {kind: getattr(holder, kind)} | _entries(holder)
     if isinstance(entries.get("where"), Region):
         entries["where"] = dict(entries["where"].limits)
     return entries

@@ -14,7 +14,7 @@ from ..material.metal import Metal, load_metal
 from ..material.presets import checked_fabric, load
 from ..readers.field import Field, of_place
 from ..runtime.errors import InputError
-from ..runtime.fields import choice, number, switch
+from ..runtime.fields import choice, documented, number, switch
 from ..runtime.rules import COUNT, FINITE, FROM_ZERO, POSITIVE
 from ..sheets.layout import FULL_TURN
 from ..sheets.sheet_fields import ELEMENTS, SheetFields
@@ -30,9 +30,15 @@ OWN = {
 }
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class Sheet(SheetFields):
     """A sheet of fabric, or of metal: a blank, or one ply of a stack.
+
+    It is a rectangle of `length` and `width`, or has a `mesh` or an `outline`, which is flat, in a
+    plane z = const, and lies as in its file unless it is `centred`. A thickness, fibre angle,
+    friction and temperature, which is given, as no heat is conducted, may be a `Field` of x and y
+    of the flat sheet as it is laid. Stiffnesses in bending are those of `Bending`.
 
     Parameters
     ----------
@@ -40,26 +46,6 @@ class Sheet(SheetFields):
         What it is made of: one of them.
     name
         In results; by default "ply 1" and so on.
-    length, width
-        Of the whole sheet along x and y [mm]; or `mesh`, a file of the sheet; or `outline`, a file
-        of its edges (DXF, CSV, mesh), with the `size` of its cells [mm] and its `layer` in a
-        drawing. Either is flat, in a plane z = const, and lies as in its file or is `centred`.
-    thickness
-        In place of the material's [mm], or a `Field` of x and y of the flat sheet as it is laid.
-    nx, ny, pattern, element, integration
-        Its mesh: rectangles along the modelled part of length and width, how they become cells, the
-        element, and its integration points.
-    fibre_angle, yarn_angle, weave_angle
-        Angles from x to yarns a, which may be a `Field` of x and y of the flat sheet as it is laid,
-        from yarns a to yarns b, and from a to b where the weave is free of shear [deg].
-    temperature
-        Of the fabric, whose numbers are known at temperatures [deg C]; or a `Field` of x and y of
-        the flat sheet as it is laid. It is given: no heat is conducted.
-    bending_modulus, twist_modulus, in_plane_bending
-        See `Bending`.
-    friction
-        Coefficient of friction with the next sheet above, or a `Field` of x and y; by default
-        0.334, beside metal 0.25 (Table 2 of Schäfer et al.).
 
     Raises
     ------
@@ -109,7 +95,9 @@ class Sheet(SheetFields):
         0.0, FROM_ZERO, "stiffness of yarns against bending within the sheet, over that out of it"
     )
     friction: float | Field | None = number(
-        None, of_place(FROM_ZERO), "coefficient to the next sheet (0.334, beside metal 0.25)"
+        None,
+        of_place(FROM_ZERO),
+        "coefficient to the next sheet above (Table 2 of Schäfer et al.: 0.334, beside metal 0.25)",
     )
 
     def __post_init__(self) -> None:
@@ -138,8 +126,7 @@ class Sheet(SheetFields):
         return material.replace(thickness=self.thickness) if own else material
 
     def ready(self, name: str, interface: Interface) -> Self:
-        """The sheet with a name and its final material, as it is built. Raises InputError if it has
-        no material or no size."""
+        """The sheet as it is built, with name and material; InputError without material or size."""
         if not (self.metal or self.fabric):
             raise InputError("a sheet needs `fabric` or `metal`")
         if not (self.sheet_file or (self.length and self.width)):
@@ -150,15 +137,13 @@ class Sheet(SheetFields):
         return dataclasses.replace(self, **made, name=self.name or name)
 
     def coarser(self, sides: np.ndarray) -> Self | None:
-        """The sheet with cells twice as large, None if it can't have them; sides (2,): length and
-        width of the modelled part [mm]."""
+        """The sheet with cells twice as large, or None; sides (2,): of the modelled part [mm]."""
         size = self.size or (sides[0] / self.nx if self.nx else math.inf)
         few = 4 * size > min(sides) * (1 + 1e-9) if self.outline else self.nx in (None, 1)
         return None if few else self.on_coarser_mesh("length", "width")
 
     def finer(self, times: float) -> Self:
-        """The sheet, of a final mesh, with `times` as many cells along each side, an even number.
-        Raises InputError for a mesh from a file."""
+        """The sheet with `times` as many cells along each side; InputError for a mesh's file."""
         if self.mesh:
             raise InputError(
                 f"cells of {self.mesh} can't be made finer; allowed is a rectangle or an outline, "

@@ -145,7 +145,11 @@ class HolderSite:
     def warn_of_loose_ends(self, flange: Flange) -> None:
         """Warn of each end of the smallest sheet, on the axes through its centre, that lies over
         the die's opening, where no holder presses it."""
-        for axis, name, way, end in stack.ends_of_all(self.laid.blanks, self.planes):
+        low, high = (np.array(end) for end in zip(*(each.extent() for each in self.laid.blanks)))
+        ends = [(axis, 1, high[:, axis].min()) for axis in (0, 1)]
+        # there is no low end where a plane of symmetry is
+        ends += [(axis, -1, low[:, axis].max()) for axis in (0, 1) if axis not in self.planes]
+        for axis, way, end in ends:
             x = np.append(self.centre, 0.0)[:, None] + np.zeros(MAX_OPENING)
             x[axis] = end + way * np.arange(MAX_OPENING)
             pressed = np.flatnonzero(flange(x))
@@ -153,8 +157,9 @@ class HolderSite:
                 continue
             away = f"{pressed[0]} mm" if len(pressed) else f"more than {MAX_OPENING} mm"
             self.warn(
-                f"the smallest sheet ends over the die's opening at {name} = {rounded(end, 4)} mm, "
-                f"{away} from the flange: the blank holder does not press it there"
+                f"the smallest sheet ends over the die's opening at {'xy'[axis]} = "
+                f"{rounded(end, 4)} mm, {away} from the flange: the blank holder does not press it "
+                "there"
             )
 
     def on_flange(self) -> Flange:
@@ -162,8 +167,7 @@ class HolderSite:
         return Flange(self.die, self.thickness, self.up[2], self.blank.extent())
 
     def edges(self, names: Sequence[str]) -> list[tuple[str, np.ndarray, Where]]:
-        """Those of the edges of a rectangle that are modelled: name, direction outwards (3,), and
-        function of points (3, n) to a mask (n,)."""
+        """The modelled ones of the edges: name, direction outwards (3,), and mask of points."""
         extent, edges = self.blank.extent(), list[tuple[str, np.ndarray, Where]]()
         for name in names:
             axis, end = EDGES[name]
@@ -175,10 +179,6 @@ class HolderSite:
 
                 edges.append((name, (2 * end - 1) * np.eye(3)[axis], edge))
         return edges
-
-    def nearest_nodes(self, place: np.ndarray) -> Where:
-        """As in `Laid`."""
-        return self.laid.nearest_nodes(place)
 
     def checked(self, where: Where | None) -> Where | None:
         """`where` of a holder, if given, as a function that checks each mask. Raises InputError if
@@ -250,8 +250,7 @@ class HolderSite:
 def hold(
     press: Press, laid: Laid, placed: Placed, between: Sequence[Term], warnings: list[str]
 ) -> tuple[dict[str, list[Term]], Tool | None]:
-    """{name of a holder or segment: its terms}, and the last tool on which one presses the blank;
-    between: contacts of the sheets."""
+    """{name of a holder or segment: its terms}, and the last tool on which one presses."""
     held, claims, on_die = dict[str, list[Term]](), list[tuple[str, str, Where]](), None
     holder: Any
     for name, given in press.holders.items():

@@ -11,7 +11,6 @@ from ..mechanics.contact.sheet_contact import SheetContact
 from ..mechanics.contact.tool_contact import Contact
 from ..mechanics.shell.morley import Where
 from ..mechanics.term import Term
-from ..sheets.blank import Blank
 from ..sheets.stack import Stack
 from ..tools.tool import Tool
 from .interface import Interface
@@ -23,8 +22,7 @@ REACH_TOLERANCE = 1e-6  # mm by which a sheet reaches beyond another
 def between(
     stack: Stack, sheets: Sequence[Sheet], interface: Interface, planes: Sequence[Where]
 ) -> list[Term]:
-    """Contact with friction of each sheet with the next, and of two with a smaller one between
-    them. planes: of symmetry."""
+    """Contact of each sheet with the next, and of two around a smaller one. planes: of symmetry."""
     return [
         SheetContact(
             lower.name,
@@ -50,17 +48,6 @@ def rims(stack: Stack, sheets: Sequence[Sheet]) -> list[str]:
     below = np.maximum.accumulate(reach)
     beyond = (reach[1:] > below[:-1] + REACH_TOLERANCE).any(1)
     return [s.name for s, reaches in zip(sheets[1:], beyond) if reaches]
-
-
-def ends_of_all(
-    blanks: Sequence[Blank], planes: Sequence[int]
-) -> list[tuple[int, str, int, float]]:
-    """Ends up to which all sheets reach: axis, its name, 1 at the high and -1 at the low end, and
-    the coordinate [mm]; there is no low end where a plane of symmetry is."""
-    low, high = (np.array(each)[:, :2] for each in zip(*(blank.extent() for blank in blanks)))
-    ends = [(k, "xy"[k], 1, float(end)) for k, end in enumerate(high.min(0))]
-    ends += [(k, "xy"[k], -1, float(end)) for k, end in enumerate(low.max(0)) if k not in planes]
-    return ends
 
 
 def _reach(stack):

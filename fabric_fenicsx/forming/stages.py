@@ -7,13 +7,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..runtime.errors import InputError
-from ..runtime.fields import check_fields, number, switch
+from ..runtime.fields import KnowsItsFields, documented, number, switch
 from ..runtime.rules import COUNT, FINITE, FROM_ZERO, POSITIVE, shown, unknown_key
 from ..tools.values import checked_vector
 
 
+@documented
 @dataclass(frozen=True)
-class Stage:
+class Stage(KnowsItsFields):
     """What tools and holders do in one part of a run, all in proportion to the load.
 
     Parameters
@@ -23,19 +24,12 @@ class Stage:
     moves
         {name of a tool: distance towards the blank, or a vector (3,)} [mm]; a distance below 0 is
         away from it.
-    close
-        Distance between each tool and its die at the end of the stage, in thicknesses of the blank:
-        tools with a die move until they are so near.
     forces
         {name of a tool that a force moves: force on the whole blank at the end of the stage} [N].
     pressures
         {name of a holder with a pressure: pressure at the end of the stage} [MPa].
     leave
         Names of tools that go back to where they started.
-    steps
-        Load steps.
-    unload
-        True: all tools and holders are taken away; allowed only in the last stage.
 
     Raises
     ------
@@ -50,15 +44,17 @@ class Stage:
 
     name: str = ""
     moves: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
-    close: float | None = number(None, POSITIVE, "distance of tools and dies [thicknesses]")
+    close: float | None = number(
+        None, POSITIVE, "distance to which tools with a die close [thicknesses of the blank]"
+    )
     forces: Mapping[str, float] = field(default_factory=dict)
     pressures: Mapping[str, float] = field(default_factory=dict)
     leave: Sequence[str] = ()
     steps: int = number(20, COUNT, "load steps")
-    unload: bool = switch("take all tools and holders away")
+    unload: bool = switch("take all tools and holders away, allowed in the last stage")
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        super().__post_init__()
         for kind, rule in (("forces", POSITIVE), ("pressures", FROM_ZERO)):
             for name, value in _table(self, kind).items():
                 rule.check(f"`{kind}`.{name}", value)
@@ -227,8 +223,7 @@ class Schedule:
         return moved[0] if len(moved) else np.zeros(3)
 
     def shown(self) -> np.ndarray:
-        """Load factors of about six pictures: the ends of stages, and equally many within
-        each stage."""
+        """Load factors of about six pictures: ends of stages, and equally many within each."""
         each = max(1, round(5 / len(self.stages)))
         ends = np.arange(len(self.joints))
         return np.interp(np.arange(each * ends[-1] + 1) / each, ends, self.joints)

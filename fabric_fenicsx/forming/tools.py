@@ -7,7 +7,7 @@ import numpy as np
 
 from ..readers.field import Field, of_place
 from ..runtime.errors import InputError
-from ..runtime.fields import check_fields, choice, number
+from ..runtime.fields import KnowsItsFields, choice, documented, number
 from ..runtime.rules import FROM_ZERO, POSITIVE
 from ..tools.surfaces import Surface
 from ..tools.values import checked_vector, length_of
@@ -15,16 +15,15 @@ from ..tools.values import checked_vector, length_of
 SIDES = {"below": 1.0, "above": -1.0}  # of the blank -> the direction along z from there to it
 
 
+@documented
 @dataclass(frozen=True)
-class DieOf:
+class DieOf(KnowsItsFields):
     """The die of another tool, in place of a surface of its own.
 
     Parameters
     ----------
     tool
         Name of the other tool, which is on the other side of the blank.
-    clearance
-        Distance between the tool and the die [mm], by default 1.2 thicknesses of the blank.
 
     Raises
     ------
@@ -38,14 +37,14 @@ class DieOf:
     """
 
     tool: str
-    clearance: float | None = number(None, POSITIVE, "distance from the tool [mm]")
+    clearance: float | None = number(
+        None, POSITIVE, "distance from the tool (1.2 thicknesses of the blank) [mm]"
+    )
 
-    def __post_init__(self) -> None:
-        check_fields(self)
 
-
+@documented
 @dataclass(frozen=True)
-class PressTool:
+class PressTool(KnowsItsFields):
     """A tool of a press.
 
     Parameters
@@ -53,24 +52,12 @@ class PressTool:
     surface
         Its surface; or the name of a file with triangles or a CAD model [mm]; or `DieOf` another
         tool.
-    side
-        "below" or "above" the blank; towards the blank is then up or down.
     at
         Place of the origin of its surface, (x, y, z) or (x, y) [mm], by default (0, 0), of a die
         that of its tool. Without z the tool is moved along z until it touches the blank, and then
         back by the distance `off`.
-    off
-        Distance from the blank at the start [mm]; by default 0, for a tool with a die the clearance
-        minus the thickness of the blank: tools that close then touch it everywhere at once.
     turn
         Angles (3,) about x, then y, then z [deg], by which it is turned about its origin.
-    force
-        Force on the whole blank [N] that pushes the tool towards the blank from the start; by
-        default none: the stages say how it moves.
-    friction
-        Coefficient of friction with the blank, or a `Field`, by default that of the `Interface`.
-    chord
-        Largest distance of triangles from a CAD model [mm].
 
     Raises
     ------
@@ -84,18 +71,25 @@ class PressTool:
     """
 
     surface: Surface | str | DieOf
-    side: str = choice("below", tuple(SIDES), "of the blank, on which it stands")
+    side: str = choice("below", tuple(SIDES), "below or above the blank, which is then up or down")
     at: Sequence[float] | None = None
-    off: float | None = number(None, FROM_ZERO, "distance from the blank at the start [mm]")
+    off: float | None = number(
+        None,
+        FROM_ZERO,
+        "distance from the blank at the start (0; with a die the clearance minus the blank's "
+        "thickness, so that tools that close touch it everywhere at once) [mm]",
+    )
     turn: Sequence[float] = (0.0, 0.0, 0.0)
-    force: float | None = number(None, POSITIVE, "towards the whole blank [N]")
+    force: float | None = number(
+        None, POSITIVE, "towards the whole blank from the start (none: stages move the tool) [N]"
+    )
     friction: float | Field | None = number(
-        None, of_place(FROM_ZERO, "xyz"), "coefficient to the blank"
+        None, of_place(FROM_ZERO, "xyz"), "coefficient to the blank (that of the `Interface`)"
     )
     chord: float = number(0.1, POSITIVE, "largest distance of triangles from a CAD model [mm]")
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        super().__post_init__()
         checked_vector("`turn`", self.turn)
         if self.at is not None:
             checked_vector("`at`", self.at, size=2 if length_of(self.at) == 2 else 3)

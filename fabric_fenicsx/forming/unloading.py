@@ -24,6 +24,7 @@ from ..scene.isostatic import isostatic, planes_of_symmetry
 from ..scene.memory import OF_CELLS, memory_of
 from ..scene.scene import Scene
 from ..scene.supports import Support
+from ..sheets.blank import Part
 
 NAME = "unloaded"  # of the job, and usually of its folder
 # energies that are no longer in the sheets, or that they can't give back
@@ -92,17 +93,27 @@ def unloading(
     planes = list(planes_of_symmetry(blank, before.supports).values())
     kept = [s for s in before.supports if s in planes or s.name in keep]
     own = [term for term in before.terms if _stays(term, together)]
-    memory = _memory(own)
+    memory = memory_of(own)
+    for i, term in enumerate(own):
+        # when the pressure goes, the energy of elastic slip would be lost without being counted
+        if isinstance(term, FaceContact) and term.friction_state:
+            for name in ("slip", "energy"):
+                memory[f"{OF_CELLS}{i} {name}"] *= 0.0
     held = isostatic(blank, kept)
     blank.u.x.array[:] = 0.0  # as terms are made for a sheet that lies as it was laid
-    forces = _Release(_thinnest(before))
+    thicknesses = [material.thickness for material in materials_of(before, blank.whole)]
+    forces = _Release(min(thicknesses, default=1e-3 * float(np.ptp(blank.extent(), 0).max())))
     terms = [copy(term.unbound) for term in own]
     scene = Scene(blank, [*terms, forces], [*map(_where_it_was, kept), *held])
     blank.u.x.array[:] = formed
     scene.recall(scene.memory() | memory)
     scene.set_load(0.0)
     scene.accept()
-    forces.take(_from_outside(scene, kept))
+    scene.residual(scene.u.duplicate())
+    from_outside = scene.forces.array.copy()
+    for support in kept:  # which still bear theirs
+        from_outside[scene.supports.dofs_of[support.name][:, list(support.components)]] = 0.0
+    forces.take(from_outside)
     return Job(Unloading(scene, forces, held), **{"path_tolerance": 1e-6} | changes)
 
 
@@ -113,29 +124,40 @@ class _Release(ReleaseForces):
         super().set_up(scene)
         self._scene = scene
 
+    def largest(self, part: Part) -> float:
+        """The largest springback of a node of a part, of all ranks [mm]."""
+        size = np.linalg.norm(self.springback(), axis=1)[part.nodes]
+        return self.blank.mesh.comm.allreduce(float(size.max(initial=0.0)), MPI.MAX)
+
     def warnings(self) -> list[str]:
-        return _fabric_warnings(self._scene, self)
+        """Of each sheet of fabric that keeps no shape, as its shear has no friction."""
+        blank, warnings = self.blank, list[str]()
+        for part in blank.parts.values() or [blank.whole]:
+            if not (fabric := fabric_of(self._scene, part)) or fabric.shear_friction:
+                continue
+            heights, count = "", len(part.nodes)
+            if blank.mesh.geometry.dim == 3:
+                now = blank.coordinates()[:count] + blank.nodal_displacement()[:count]
+                formed = now - self.springback() @ blank.frame
+                before, after = (self._height(each[part.nodes]) for each in (formed, now))
+                heights = f", from {before} to {after} mm height over its mean plane,"
+            warnings.append(
+                f"{part.name or blank.name} springs back by up to "
+                f"{rounded(self.largest(part))} mm{heights} and keeps no shape: fabric is "
+                "elastic here and gives back all that it stored. Real fabric keeps most of its "
+                "shape; do not take this for its springback, but give its material a "
+                "`shear_friction`"
+            )
+        return warnings
+
+    def _height(self, places):
+        """Height over their mean plane of places (n, 3) of all ranks, as text."""
+        x = np.concatenate(self.blank.mesh.comm.allgather(places))
+        axes = np.linalg.svd(x - x.mean(0), full_matrices=False)[2]
+        return rounded(float(np.ptp(x @ axes[2])))
 
     def cell_fields(self) -> dict[str, Value]:
         return PlyThickness(self._scene).fields(0 * self.blank.areas())
-
-
-def _memory(terms):
-    """The memory of the sheets' terms. Friction between the sheets starts from zero: when the
-    pressure goes, the energy of its elastic slip would be lost without being counted."""
-    memory = memory_of(terms)
-    for i, term in enumerate(terms):
-        if isinstance(term, FaceContact) and term.friction_state:
-            for name in ("slip", "energy"):
-                memory[f"{OF_CELLS}{i} {name}"] *= 0.0
-    return memory
-
-
-def _thinnest(scene):
-    """Thickness of the thinnest sheet [mm]; a thousandth of the blank if none is known."""
-    thicknesses = [material.thickness for material in materials_of(scene, scene.blank.whole)]
-    low, high = scene.blank.extent()
-    return min(thicknesses, default=1e-3 * float((high - low).max()))
 
 
 def _stays(term, together):
@@ -159,66 +181,19 @@ def _where_it_was(support: Support) -> Support:
     return Support(support.name, support.where, support.components, at_end)
 
 
-def _from_outside(scene, kept):
-    """Forces on the nodes that hold the scene as it is (owned dofs,) [N], without those that the
-    `kept` supports still bear."""
-    scene.residual(scene.u.duplicate())
-    forces = scene.forces.array.copy()
-    for support in kept:
-        forces[scene.supports.dofs_of[support.name][:, list(support.components)]] = 0.0
-    return forces
-
-
-def _largest(scene, forces, part):
-    """The largest springback of a node of a part, of all ranks [mm]."""
-    size = np.linalg.norm(forces.springback(), axis=1)[part.nodes]
-    return scene.comm.allreduce(float(size.max(initial=0.0)), MPI.MAX)
-
-
-def _height(comm, places):
-    """Height over their mean plane of places (n, 3) of all ranks [mm]."""
-    x = np.concatenate(comm.allgather(places))
-    return float(np.ptp(x @ np.linalg.svd(x - x.mean(0), full_matrices=False)[2][2]))
-
-
-def _fabric_warnings(scene, forces):
-    """A warning of each sheet of fabric that keeps no shape, as its shear has no friction."""
-    blank, warnings = scene.blank, []
-    for part in blank.parts.values() or [blank.whole]:
-        if not (fabric := fabric_of(scene, part)) or fabric.shear_friction:
-            continue
-        heights, count = "", len(part.nodes)
-        if blank.mesh.geometry.dim == 3:
-            now = blank.coordinates()[:count] + blank.nodal_displacement()[:count]
-            formed = now - forces.springback() @ blank.frame
-            before, after = (_height(scene.comm, each[part.nodes]) for each in (formed, now))
-            heights = f", from {rounded(before)} to {rounded(after)} mm height over its mean plane,"
-        warnings.append(
-            f"{part.name or blank.name} springs back by up to "
-            f"{rounded(_largest(scene, forces, part))} mm{heights} and keeps no shape: fabric is "
-            "elastic here and gives back all that it stored. Real fabric keeps most of its shape; "
-            "do not take this for its springback, but give its material a `shear_friction`"
-        )
-    return warnings
-
-
 class Unloading(Setup):
     """A scene of formed sheets that are `held` at a few nodes, and the forces that go."""
 
-    def __init__(self, scene: Scene, forces: ReleaseForces, held: Sequence[Support]) -> None:
+    def __init__(self, scene: Scene, forces: _Release, held: Sequence[Support]) -> None:
         super().__init__(scene)
         self.name, self._forces, self._held = NAME, forces, held
         self._parts = list(scene.blank.parts.values()) or [scene.blank.whole]
 
-    def _largest(self, part):
-        return _largest(self.scene, self._forces, part)
-
     def measure(self, scene: Scene, load: float) -> tuple[float, float]:
         """The largest springback [mm], and the forces that are left [N]."""
-        return max(map(self._largest, self._parts)), self._forces.remaining()
+        return max(map(self._forces.largest, self._parts)), self._forces.remaining()
 
     def force_name(self) -> str:
-        """As in `Setup`."""
         return "forces that are left"
 
     def quantities(self, result: Result) -> dict[str, Any]:
@@ -228,14 +203,15 @@ class Unloading(Setup):
         dofs = [scene.supports.dofs_of[s.name][:, list(s.components)] for s in self._held]
         borne = sum(float(abs(scene.forces.array[each]).sum()) for each in dofs)
         own: dict[str, Any] = {
-            "springback_largest_mm": max(map(self._largest, self._parts)),
+            "springback_largest_mm": max(map(self._forces.largest, self._parts)),
             "energy_left_Nmm": sum(left.values()),
             "energy_released_Nmm": energy[RELEASED],
             "supports_bear_N": scene.comm.allreduce(borne, MPI.SUM),
         }
         if len(self._parts) > 1:
             own["sheets"] = {
-                part.name: {"springback_largest_mm": self._largest(part)} for part in self._parts
+                part.name: {"springback_largest_mm": self._forces.largest(part)}
+                for part in self._parts
             }
         return own
 

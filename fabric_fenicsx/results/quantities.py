@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -23,9 +23,6 @@ from ..sheets.blank import Part
 from . import measures
 from .result import Result
 from .verdict import Reason
-
-if TYPE_CHECKING:
-    from ..postprocess.ply import Grid
 
 SHARES = 0.01, SHORTENED, CRUMPLED  # shortening beyond which shares of the area are listed
 FIELDS = "shear_angle", "shortening_a", "shortening_b"  # of fabric
@@ -61,8 +58,7 @@ def _known(extreme, comm, values):
 
 
 def metal_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
-    """Plastic strain, thickness and von Mises' stress of all cells of the `parts`, one ply or
-    several of metal."""
+    """Plastic strain, thickness and von Mises' stress of all cells of the `parts`, of metal."""
     cells, fields = _cells(parts), result.fields
     extremes = partial(measures.extremes, result.scene.comm)
     thickness = fields["metal_thickness"][cells]
@@ -80,16 +76,7 @@ def _cells(parts):
     return np.concatenate([part.cells for part in parts])
 
 
-# -- shapes
-
-
-def shape(result: Result, part: Part, heights: Grid | None) -> dict[str, Any]:
-    """Draw-in and wrinkles of one ply, which is all of a sheet or a part of a stack. heights: its
-    `wrinkles.height_map`, on rank 0."""
-    from ..postprocess.wrinkles import wrinkles
-
-    waves = on_root(result.scene.comm, lambda: wrinkles(heights) if heights else None)
-    return {"draw_in": result.draw_in(part.name), "wrinkles": waves}
+# -- stacks
 
 
 def stack_quantities(
@@ -116,8 +103,7 @@ def stack_quantities(
 
 
 def middle_of(sheets: Sequence[Any]) -> str:
-    """Name of the middle sheet, if it is of fabric, not the only one, and metal is on both sides of
-    it; otherwise ""."""
+    """Name of the middle sheet, if it is of fabric with metal on both sides of it; otherwise ""."""
     count = len(sheets)
     middle = sheets[count // 2]
     metals = [k for k, sheet in enumerate(sheets) if sheet.metal]
@@ -126,8 +112,7 @@ def middle_of(sheets: Sequence[Any]) -> str:
 
 
 def middle_quantities(result: Result, name: str) -> dict[str, float]:
-    """Largest shear angle of ply `name` on the path at 45 deg, and contrast of its shear angle, as
-    of `shape.contrast` [deg]."""
+    """Shear angle of ply `name` at 45 deg at most, and its `shape.contrast` [deg]."""
     from ..postprocess import shape
 
     def on_middle():
@@ -207,8 +192,7 @@ def excess_length(result: Result, part: Part) -> float | None:
 
 
 def _of_fabric(result):
-    """Each part of fabric of a sheet in space, as a plane one can't fold, with its quantities of
-    shear and shortening."""
+    """Each part of fabric of a sheet in space, which can fold, with its shear and shortening."""
     blank, fields = result.scene.blank, result.fields
     if blank.mesh.geometry.dim == 2 or not set(FIELDS) <= set(fields):
         return

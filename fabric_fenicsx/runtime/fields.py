@@ -14,7 +14,7 @@ Kind = TypeVar("Kind", bound=type)
 
 
 class KnowsItsFields:
-    """Base of dataclasses that name the nearest field where a keyword is unknown."""
+    """Base of dataclasses that check their fields, and name the nearest where one is unknown."""
 
     def __new__(cls, *_: Any, **given: Any) -> Self:
         """A new object. Raises InputError for a keyword that is no field."""
@@ -23,6 +23,9 @@ class KnowsItsFields:
             if name not in known:
                 raise unknown_key(name, known, f"field `{name}` of {cls.__name__}")
         return super().__new__(cls)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 def declared(owner: Any) -> list[dataclasses.Field]:

@@ -35,8 +35,7 @@ def read_summary(path: Path) -> dict[str, Any]:
 
 
 def failure_reason(path: Path) -> str:
-    """Reason why the run of the summary in `path` did not end well, "" if it did or there is
-    none."""
+    """Why the run of the summary in `path` did not end well; "" if it did or there is none."""
     summary = read_summary(path)
     return "" if summary.get("converged", True) else str(summary.get("reason", "no reason given"))
 

@@ -37,8 +37,7 @@ def _count():
 
 
 def count_imports() -> None:
-    """Count the time since the package was imported, as far as it is in no phase, as that of
-    imports; the first time only."""
+    """Count the time since the package was imported, but for phases, as imports; once."""
     while _uncounted:
         seconds["imports"] += time.perf_counter() - _uncounted.pop() - sum(seconds.values())
 

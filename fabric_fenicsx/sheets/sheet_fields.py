@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Self
 from ..material.laws import Law
 from ..meshes.specimen import PATTERNS
 from ..runtime.errors import InputError
-from ..runtime.fields import KnowsItsFields, check_fields, choice, number, text
+from ..runtime.fields import KnowsItsFields, choice, number, text
 from ..runtime.rules import BELOW_180, COUNT, FINITE, POSITIVE
 from .layout import FULL_TURN
 
@@ -52,7 +52,7 @@ class SheetFields(KnowsItsFields):
     )
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        super().__post_init__()
         if self.outline and self.mesh:
             raise InputError("`outline` is given beside `mesh`; allowed is one of them")
         if self.outline and self.nx and self.size:
