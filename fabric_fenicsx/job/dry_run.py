@@ -80,8 +80,7 @@ def checked(
 
 @task("taking the first step")
 def _first_step(newton, job):
-    """Iterations to the first state under load, or as many as are enough; seconds of one; why the
-    step can't be taken, or ""."""
+    """Iterations up to the first state under load, seconds of one, and why it failed, or ""."""
 
     def is_enough():
         progress = stepping.progress

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..results.history import History
@@ -52,7 +51,10 @@ def estimated(
         how["forces_only"] = True
         output.warn(f"no errors but those of forces and energies can be told, as {reason}")
     errors = error.estimate(result, other, job.setup.headlines(), **how)
-    write_history(result, job.scene.comm)
+    part = result.folder / "history.csv.part"
+    History(part, job.scene.comm, result.rows).close()
+    if job.scene.comm.rank == 0:
+        part.replace(result.folder / "history.csv")
     facts = {"cells": _cells(made), "steps": other.summary["steps_accepted"]}
     facts["wall_s"] = round(time.perf_counter() - began, 4)
     return {"error": errors, "error_run": facts}
@@ -77,13 +79,3 @@ def _run(made, output, result, problem):
 def _cells(of):
     """Cells of a job or result."""
     return of.scene.blank.mesh.topology.index_map(2).size_global
-
-
-def write_history(result: Result, comm: Any) -> None:
-    """Write history.csv anew, with the curve's errors."""
-    assert result.folder
-    path = result.folder / "history.csv"
-    part = Path(f"{path}.part")
-    History(part, comm, result.rows).close()
-    if comm.rank == 0:
-        part.replace(path)

@@ -146,8 +146,7 @@ class Run:
             log.log(logging.DEBUG if is_seen else logging.INFO, self._reached + self._left(0.0))
 
     def _left(self, seconds):
-        """As of `time_left`, with the last step or, if it lasts longer, the one under way, since
-        `seconds`."""
+        """As of `time_left`, with the last step or the one under way, since `seconds`."""
         done, to_do = self._load - self._from, 1 - self._load
         if not (done > 0 and to_do > 0):
             return ""
@@ -167,8 +166,7 @@ class Run:
         return ", ".join(filter(None, [part, stage]))
 
     def _further(self, force, taken):
-        """Columns of the history beside those `taken`: of the terms, and the whole sheet's force
-        where symmetry leaves a share of it."""
+        """Columns of the history beside those `taken`, with the whole sheet's force."""
         share = self.job.setup.modelled_share()
         whole = {} if share == 1 else {"reaction_of_whole_N": force / share}
         own = self.job.setup.columns(self.scene)
@@ -194,8 +192,7 @@ class Run:
             log.warning(words, load, report.iterations, report.reason)
 
     def _is_written(self):
-        """True if the last accepted state is one of those written for ParaView; that at full load
-        is, as stages may be added to it."""
+        """True if the last state is written for ParaView: at full load, as stages may follow."""
         rows = self.history.rows
         kept = *self.job.milestones, 1.0
         return (len(rows) - 1) % self.job.every == 0 or rows[-1]["load"] in kept
@@ -207,7 +204,10 @@ class Run:
         if not self._is_written():
             self.series.write(outcome.reached, fields)
         result = Result({}, rows, fields, self.folder, scene)
-        energy = self._energy()
+        # of the last row, as terms have since taken anew what they held in its solve
+        kinds = {**dict.fromkeys(ENERGIES), **scene.energies()}
+        energy = {kind: rows[-1][f"{kind}_energy_Nmm"] for kind in kinds}
+        energy["external_work"] = rows[-1]["external_work_Nmm"]
         quantities = self.job.setup.quantities(result)
         wrong = validity.not_formed(result, self.job.limits)
         wrong += [each for each in self._wrong_now if each not in wrong]
@@ -236,11 +236,3 @@ class Run:
             quantities=quantities,
         )
         return result
-
-    def _energy(self):
-        """Energies of the last state by kind, and the work done [N mm]: those of its row, as terms
-        have since taken anew what they held in its solve."""
-        row = self.history.rows[-1]
-        kinds = {**dict.fromkeys(ENERGIES), **self.scene.energies()}
-        work = {"external_work": row["external_work_Nmm"]}
-        return {kind: row[f"{kind}_energy_Nmm"] for kind in kinds} | work

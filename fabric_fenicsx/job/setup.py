@@ -58,8 +58,7 @@ class Setup:
         return "reaction"
 
     def modelled_share(self) -> float:
-        """Share of the whole sheet that symmetry leaves; the history has the force on the whole
-        one, too."""
+        """Share of the whole sheet that symmetry leaves, by which forces are divided, too."""
         return 1.0
 
     def stage(self, load: float) -> str:
@@ -112,8 +111,7 @@ class Setup:
         return False
 
     def has_cheap_error(self) -> bool:
-        """True if a study estimates errors unasked: the coarser run then costs a tenth to a third
-        of the run."""
+        """True if a study estimates errors unasked, for a tenth to a third of the cost."""
         cells = self.scene.blank.mesh.topology.index_map(2).size_global
         return 0 < self.data.CHEAP_FROM <= cells and self.coarser() is not None
 

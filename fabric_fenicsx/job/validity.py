@@ -38,8 +38,7 @@ def not_believed(wrong: Sequence[str]) -> str:
 
 
 def beyond_limits_now(scene: Scene, limits: Limits) -> list[str]:
-    """Sentences on what no later state mends: tools too deep in the sheet, and yarns stretched too
-    far."""
+    """Sentences on what no later state mends: penetration of tools, and stretched yarns."""
     depth, where = scene_output.deepest(scene)
     wrong = limits.exceeded({"penetration": depth})
     if wrong:
@@ -54,8 +53,7 @@ def beyond_limits_now(scene: Scene, limits: Limits) -> list[str]:
 
 
 def not_formed(result: Result, limits: Limits) -> list[str]:
-    """Sentences on fabric that can't lie as it does in the present state: sheared, filled or
-    shortened too far."""
+    """Sentences on fabric that can't lie as it does: sheared, filled or shortened too far."""
     wrong = []
     for name, values in limited(result):
         for limit, (value, place) in values.items():
@@ -69,8 +67,7 @@ def not_formed(result: Result, limits: Limits) -> list[str]:
 def beyond_limits_at_end(
     scene: Scene, limits: Limits, rows: Sequence[Mapping[str, Any]], energy: Mapping[str, float]
 ) -> list[str]:
-    """Sentences on what is wrong with the run as a whole. rows: of its history; energy: as in
-    summary.json [N mm]."""
+    """Sentences on what is wrong with the run as a whole; energy: as in summary.json [N mm]."""
     shares = {
         "imbalance": energy_balance(rows, energy)["energy_imbalance"],
         "viscous": share(energy["viscous"], stretching(energy)),
@@ -94,8 +91,7 @@ def _cure(scene):
 
 
 def _passed_through(scene):
-    """A sentence for each sheet that has passed through itself, and for each plane of symmetry that
-    one has passed through."""
+    """Sentences on sheets that passed through themselves or through planes of symmetry."""
     blank = scene.blank
     crossings = {part: self_crossings(part) for part in blank.parts.values() or [blank.whole]}
     wrong = [
@@ -175,11 +171,15 @@ def doubts(
     return [each if isinstance(each, Reason) else Reason(each) for each in found]
 
 
-def coarsest_waves(quantities: Mapping[str, Any]) -> dict[str, float]:
-    """Wrinkles of the ply with the fewest cells a wave; {} if none has few. quantities: of the
-    summary."""
+def _wrinkles(quantities):
+    """Wrinkles of each ply that has some."""
     plies = quantities.get("plies", {"": quantities}).values()
-    waves = [ply["wrinkles"] for ply in plies if ply.get("wrinkles")]
+    return [ply["wrinkles"] for ply in plies if ply.get("wrinkles")]
+
+
+def coarsest_waves(quantities: Mapping[str, Any]) -> dict[str, float]:
+    """Wrinkles of the ply with the fewest cells a wave; {} if none has few."""
+    waves = _wrinkles(quantities)
     coarse = [each for each in waves if (each["cells_a_wave"] or MIN_CELLS) < MIN_CELLS]
     return min(coarse, key=lambda each: each["cells_a_wave"], default={})
 
@@ -201,9 +201,7 @@ def ripples(quantities: Mapping[str, Any]) -> str:
     """A sentence if a ply has waves that are no wrinkles. quantities: of the summary."""
     from ..postprocess.wrinkles import MIN_HEIGHT
 
-    plies = quantities.get("plies", {"": quantities}).values()
-    waves = [ply["wrinkles"] for ply in plies if ply.get("wrinkles")]
-    most = max(waves, key=lambda each: each["ripples_mm"], default=None)
+    most = max(_wrinkles(quantities), key=lambda each: each["ripples_mm"], default=None)
     if most is None or most["ripples_mm"] < MIN_HEIGHT:
         return ""
     return (

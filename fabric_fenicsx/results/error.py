@@ -121,8 +121,7 @@ def _centres(part: Part) -> np.ndarray:
 
 
 def mesh_decides(result: Result) -> str:
-    """Why strains and shapes of a formed sheet depend on its mesh, however fine; "" if nothing is
-    known that makes them."""
+    """Why strains and shapes depend on the mesh, however fine; "" if nothing is known to."""
     if crumples(result.summary["quantities"]):
         return "cells crumple"
     in_space = result.scene.blank.mesh.geometry.dim == 3

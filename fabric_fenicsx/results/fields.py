@@ -123,8 +123,7 @@ class FieldSeries:
         return f"fields/{number:04d}_{rank}" + (f"_{part}" if self.blank.parts else "") + ".vtu"
 
     def _at_vtk_nodes(self, values):
-        """Nodal values (nodes, k) at the nodes of VTK's cells, which are evenly spaced; those of
-        cubic elements are not."""
+        """Nodal values (nodes, k) at VTK's nodes, evenly spaced; cubic elements' are not."""
         degree, variants = self.blank.degree, basix.LagrangeVariant
         if degree < 3:
             return values

@@ -108,8 +108,7 @@ def energy_balance(
 
 
 def stretching(energy: Mapping[str, float]) -> float:
-    """What stretching stores, with kinds that only some terms have, as metal's [N mm]; energy: by
-    kind."""
+    """What stretching stores of energies by kind, with kinds of some terms, as metal's [N mm]."""
     return energy["strain"] + sum(
         value for kind, value in energy.items() if kind not in (*ENERGIES, "external_work")
     )

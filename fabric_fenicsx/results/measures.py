@@ -15,8 +15,7 @@ SAME = 1e-6  # mm within which places are the same
 
 
 def covers(blank: Blank, point: ArrayLike) -> bool:
-    """True if a cell of any rank has the `point` (2,) of a plane blank's frame [mm] in it, so that
-    it is not in a hole."""
+    """True if a cell of any rank has the `point` (2,) [mm] of a plane blank in it."""
     x = blank.corners()[:, :, :2]
     edge, offset = np.roll(x, -1, 1) - x, np.asarray(point, float) - x
     side = edge[:, :, 0] * offset[:, :, 1] - edge[:, :, 1] * offset[:, :, 0]
@@ -26,8 +25,7 @@ def covers(blank: Blank, point: ArrayLike) -> bool:
 
 
 def mean(comm: MPI.Comm, values: np.ndarray, weights: np.ndarray) -> float | None:
-    """Mean of the `values` (n,) of all ranks by their `weights` (n,); None where these are 0 in
-    sum."""
+    """Mean of `values` (n,) of all ranks by `weights` (n,); None where these are 0 in sum."""
     total, weight = comm.allreduce(
         np.array([values @ weights, weights.sum()], dtype=float), MPI.SUM
     )
@@ -85,8 +83,7 @@ def largest_in(
 
 
 def near(comm: MPI.Comm, places: np.ndarray, point: ArrayLike, radius: float) -> np.ndarray:
-    """Mask (n,) of this rank's `places` (2 or more, n) within `radius` [mm] of `point` (2,); of all
-    ranks the nearest one at least."""
+    """Mask (n,) of `places` (2 or more, n) within `radius` [mm] of `point`, one at least."""
     distance = np.linalg.norm(places[:2] - np.asarray(point, float)[:, None], axis=0)
     return distance <= max(radius, extremes(comm, distance)[0])
 

@@ -97,8 +97,7 @@ class Output:
             self.say(f"no test has determined these numbers of {name}: {', '.join(new)}")
 
     def warn(self, text: str) -> None:
-        """Print once, on rank 0, what the user should look at; the summary repeats it. An empty
-        text is nothing."""
+        """Print a text once, on rank 0, as `tell`; the summary repeats it."""
         text = self.tell(text)
         if text and text not in self.warnings:
             self.warnings.append(text)
@@ -179,8 +178,7 @@ class Output:
                 writer.writerows(rows)
 
     def summarise(self, folder: Path | None, **facts: Any) -> dict[str, Any]:
-        """`facts` with verdict, costs, warnings and versions, written to `folder`/summary.json if
-        given."""
+        """`facts` with verdict, costs, warnings and versions, written to summary.json."""
         total = time.perf_counter() - self._started
         wall = {name: round(seconds, 4) for name, seconds in timing.taken().items()}
         self._started = time.perf_counter()
@@ -221,8 +219,7 @@ class Output:
             replace_file(folder / "summary.json", text)
 
     def report(self, description: str, ending: str, title: str = "") -> None:
-        """Write report.html of all that this run wrote, on rank 0; ending: as of `report.page`,
-        title: by default the name."""
+        """Write report.html of all that was written; ending: as of `report.page`."""
         if self.comm.rank != 0 or not self.begun:
             return
         from . import report

@@ -160,8 +160,7 @@ def _headline(quantities, name):
 
 
 def _with_errors(values, errors, before=""):
-    """The `values` with their errors behind them, which have dots in names of nested ones, and
-    places as such."""
+    """The `values` with their errors, of nested ones by names with dots, and places as such."""
     shown = {}
     for name, value in values.items():
         if isinstance(value, dict):

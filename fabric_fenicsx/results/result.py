@@ -69,8 +69,7 @@ class Result:
 
     @property
     def grids(self) -> dict[str, Grid]:
-        """The last state of each sheet of a stack {name: grid}, or of the one {"": grid}, on rank 0
-        only."""
+        """The last state of each sheet of a stack {name: grid}, or {"": grid}, on rank 0 only."""
         from ..postprocess.states import sheets_of
 
         return sheets_of(self.grid, list(self.scene.blank.parts))
