@@ -149,26 +149,6 @@ def test_what_is_not_seen_is_not_cut(drawing, state, draw, holes):
     assert len(sheet.interiors) == holes and not told
 
 
-def test_blocks_in_blocks_of_uneven_scale(drawing):
-    def draw(space):
-        inner, outer = (space.doc.blocks.new(name) for name in ("INNER", "OUTER"))
-        inner.block.dxf.base_point = (1, 2)
-        inner.add_lwpolyline(CORNERS, close=True)
-        inner.add_circle((50, 40), 20)
-        outer.add_blockref("INNER", (5, 0), {"xscale": 2, "yscale": 0.5, "rotation": 30})
-        space.add_blockref("OUTER", (7, 9), {"yscale": 3, "rotation": -20})
-
-    def turned(degrees):
-        c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-        return np.array([[c, -s], [s, c]])
-
-    x = (np.array(CORNERS) - [1, 2]) * [2, 0.5] @ turned(30).T + [5, 0]
-    x = x * [1, 3] @ turned(-20).T + [7, 9]
-    sheet, _ = drawing(draw)
-    assert np.sort(np.array(sheet.exterior.coords)[:4], 0) == pytest.approx(np.sort(x, 0))
-    assert sheet.area == pytest.approx(3 * (8000 - 400 * np.pi), rel=1e-4)
-
-
 def test_an_array_of_a_block(drawing):
     def draw(space):
         rectangle(space)

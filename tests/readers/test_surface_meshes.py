@@ -14,13 +14,10 @@ from mpi4py import MPI
 
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.meshes.gmsh_cells import own_model
-from fabric_fenicsx.meshes.outline_files import read_outline
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.readers.read import read_surface_mesh
 from fabric_fenicsx.runtime.child import in_child
 from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.sheets.mesh_files import read_mesh
-from fabric_fenicsx.tools.files import read_triangles
 
 SQUARE = np.array([[0.0, 0, 0], [10, 0, 0], [10, 10, 0], [0, 10, 0]])
 POINTS, TRIANGLES, _ = specimen(20, 10, 4, 2, "right")
@@ -74,8 +71,6 @@ GMSH = {
         {"order": 2, "RecombineAll": 1, "SecondOrderIncomplete": 1},
     ),
     "UNV of order 2": ("strip.unv", {"order": 2}),
-    "Nastran": ("strip.bdf", {}),
-    "VTK in binary": ("strip.vtk", {"Binary": 1}),
 }
 
 
@@ -97,12 +92,6 @@ def test_a_cell_in_two_groups_is_one_cell(tmp_path):
         tmp_path / "s.msh", SQUARE, [("quad", [[0, 1, 2, 3]])] * 2, file_format="gmsh22"
     )
     assert read(tmp_path / "s.msh").cells["quad"].tolist() == [[0, 1, 2, 3]]
-
-
-def test_curves_alone_are_no_surface(tmp_path):
-    by_gmsh(tmp_path / "strip.msh", curves=True)
-    with pytest.raises(InputError, match=r"no surface cells, but \['line'\].*Mesh.SaveAll = 1"):
-        read(tmp_path / "strip.msh")
 
 
 def vtk_mesh():
@@ -193,7 +182,6 @@ GRIDS = "".join(f"GRID,{i},,{x},{y},{z}\n" for i, (x, y, z) in enumerate(SQUARE,
     "name, text",
     [
         ("s.bdf", f"CEND\nBEGIN BULK\n{GRIDS}CQUAD4,1,1,1,2,3,4,45.0\nENDDATA\n"),  # an angle
-        ("s.bdf", f"{GRIDS}CQUAD4,1,1,1,2,3,4\n"),
         ("s.fem", f"CEND\nBEGIN BULK\n{GRIDS}CQUAD4,1,1,1,2,3,4,7\n"),  # a coordinate system
     ],
 )
@@ -215,15 +203,6 @@ def test_nodes_in_a_coordinate_system_of_their_own_are_refused(tmp_path, card):
     text = f"BEGIN BULK\n{three}\n{card}\nCQUAD4,1,1,1,2,3,4\nENDDATA\n"
     with pytest.raises(InputError, match="has a GRID in coordinate system 5 .*; allowed are basic"):
         read(tmp_path / "square.bdf", text)
-
-
-@pytest.mark.parametrize("name, text", [("a.inp", "*NODE\n1, x\n"), ("a.bdf", "GRID,1,5\n")])
-def test_a_file_is_called_what_it_is(tmp_path, name, text):
-    (tmp_path / name).write_text(text)
-    with pytest.raises(InputError, match=f"^surface file .*{name} has "):
-        read_triangles(tmp_path / name, 0.1)
-    with pytest.raises(InputError, match=f"^outline .*{name} has "):
-        read_outline(tmp_path / name)
 
 
 @pytest.mark.versions
@@ -282,12 +261,6 @@ def test_what_is_cut_off_is_refused(tmp_path, name):
     path.write_bytes(cut[: cut.rindex(b",")] if path.suffix == ".inp" else cut)
     with pytest.raises(InputError, match=name):
         read(path)
-
-
-@pytest.mark.versions
-def test_nodes_without_cells_are_told(tmp_path):
-    meshio.write_points_cells(tmp_path / "s.vtu", SQUARE, [("triangle", [[0, 1, 2]])])
-    assert "has 1 of 4 nodes in no cell" in read_mesh(tmp_path / "s.vtu").warnings[0]
 
 
 def test_a_crash_of_a_library_does_not_take_the_run_along():

@@ -6,7 +6,7 @@ import meshio
 import numpy as np
 import pytest
 import ufl
-from builders import alone, rotation, sheet
+from builders import alone
 from dolfinx import fem
 from mpi4py import MPI
 
@@ -146,17 +146,6 @@ def test_fibres_from_angle_vector_and_function_agree():
         assert np.allclose(blank.b0.x.array.reshape(-1, 2), [-vector[1], vector[0]], atol=1e-15)
 
 
-def test_straight_and_orthogonal_yarns_are_known_as_such():
-    def blank(**options):
-        return Blank.from_arrays(COMM, *specimen(40, 40, 4, 4), **options)
-
-    straight = blank(a=0.3)
-    c, s = math.cos(0.3), math.sin(0.3)
-    assert np.allclose(straight.straight, [[c, s], [-s, c]], atol=1e-15) and straight.orthogonal
-    assert blank(a=lambda x: 0.01 * x[0]).straight is None
-    assert blank(a=lambda x: 0.01 * x[0]).orthogonal and not blank(a=0.3, b=1.8).orthogonal
-
-
 def test_one_energy_of_yarns_in_constants_and_in_fields():
     energies = []
     for turned in (0.0, 1e-9):  # too little to tell, but for the form
@@ -192,26 +181,8 @@ def test_fibres_that_are_refused(arrays, options, words):
         (lambda: specimen(pattern="foo"), "pattern is 'foo'; "),
         (lambda: specimen(210, 50, 48, 12, "graded"), "210 x 50 mm .* multiple of the width"),
         (lambda: specimen(pattern="along", cell="quadrilateral"), "cell quadrilateral; "),
-        (
-            lambda: alone(
-                Blank.from_arrays(COMM, *specimen(nx=4, ny=1, cell="quadrilateral"), degree=3),
-                Membrane(load("komeili")),
-            ),
-            "of degree 3 on quadrilaterals; ",
-        ),
     ],
 )
 def test_specimens_and_elements_that_there_are_not(make, words):
     with pytest.raises(InputError, match=words):
         make()
-
-
-@pytest.mark.parametrize("turned, places", [(False, 2), (True, 3)])
-def test_cells_of_a_sheet_turned_in_space_are_told_by_three_coordinates(turned, places):
-    turn = rotation() if turned else np.eye(3)
-    blank = sheet(20, 10, 4, 2, comm=MPI.COMM_SELF, spatial=True, turn=turn)
-    assert blank.is_flat() is not turned
-    flat = sheet(20, 10, 4, 2, comm=MPI.COMM_SELF, spatial=True).places()
-    size = np.ptp(np.pad(flat, ((0, 0), (0, 1))) @ turn.T, axis=0)[:places]
-    assert blank.places().shape[1] == places
-    assert np.ptp(blank.places(), axis=0) == pytest.approx(size)

@@ -5,6 +5,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from builders import slit_strip
 from mpi4py import MPI
 
 from fabric_fenicsx.meshes.specimen import PATTERNS, specimen
@@ -37,17 +38,6 @@ def hanging(off=0.0, cell="triangle"):
         whole, cut = {*low, *high}, [[low[0], n + 1, n, high[0]], [n + 1, low[1], high[1], n]]
     (below,) = [i for i, c in enumerate(cells) if set(c) == whole]
     return points, np.vstack([np.delete(cells, below, 0), cut]), kind
-
-
-def slit():
-    """Strip of 8 x 2 mm with a slit from (2, 1) to (6, 1), whose lips have nodes of their own."""
-    points, cells, kind = specimen(8, 2, 8, 2, "right")
-    lips = np.flatnonzero((points[:, 1] == 1) & (points[:, 0] > 2) & (points[:, 0] < 6))
-    own = np.arange(len(points))
-    own[lips] = len(points) + np.arange(len(lips))
-    above = points[cells, 1].mean(1) > 1
-    cells = np.where(above[:, None], own[cells], cells)
-    return np.vstack([points, points[lips]]), cells, kind
 
 
 def second_order(points, cells, kind):
@@ -185,7 +175,7 @@ def test_sound_meshes_pass(case):
 @pytest.mark.mpi
 @pytest.mark.parametrize("make", [lambda mesh: mesh, lambda mesh: second_order(*mesh)])
 def test_a_slit_is_doubted_on_all_ranks(make):
-    arrays = make(slit()) if COMM.rank == 0 else (None,) * 3
+    arrays = make(slit_strip()) if COMM.rank == 0 else (None,) * 3
     (doubt,) = Blank.from_arrays(COMM, *arrays, source="sheet.msh").warnings
     assert "sheet.msh has" in doubt
     assert "where another one lies" in doubt

@@ -71,13 +71,3 @@ def test_patches_that_are_not_allowed(patches, words):
     with pytest.raises(ff.InputError) as error:
         strip().divide(patches, "rest")
     assert words in str(error.value)
-
-
-@pytest.mark.parametrize("divided", [False, True])
-def test_a_term_on_a_part_that_is_not_there(divided):
-    blank = strip()
-    if divided:
-        blank.divide({"left": LEFT}, "rest")
-    allowed = "left, rest" if divided else "none, as it is one sheet"
-    with pytest.raises(ff.InputError, match=f"no part 'right'; allowed is one of {allowed}"):
-        ff.Scene(blank, [ff.Membrane(ff.load("komeili")).on("right")])
