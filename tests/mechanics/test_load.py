@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from builders import Elastic, Springs, alone, displacement, everywhere, march, rotation, run, sheet
+from builders import Elastic, Springs, displacement, everywhere, march, rotation, run, sheet
 from mpi4py import MPI
 from scipy.integrate import trapezoid
 from scipy.optimize import brentq
@@ -144,22 +144,6 @@ def test_a_strip_of_which_work_is_missing_is_not_believed(steps):
 
     with pytest.raises(ff.SolverFailure, match="not to be believed.* differs from the energies"):
         hung(steps, Helped(2e-3))
-
-
-@pytest.mark.parametrize(
-    "make, words",
-    [
-        (lambda b: ff.EdgeTension(1.0, (1, 0), end(b, 77.0)), "marks no side of blank; allowed is"),
-        (
-            lambda b: ff.EdgeTension(1.0, (0, 0, 1), end(b, 0.0)),
-            "are two finite .* or three on .*`spatial=True`",
-        ),
-    ],
-)
-def test_bad_input_is_refused(make, words):
-    with pytest.raises(ff.InputError, match=words):
-        blank = strip(False)
-        alone(blank, make(blank))
 
 
 @pytest.mark.mpi

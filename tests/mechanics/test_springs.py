@@ -96,18 +96,3 @@ def test_springs_on_one_sheet_of_a_stack():
     f = springs.applied_forces().reshape(-1, 3)
     assert springs.pull() == pytest.approx(2) and springs.name == "springs of upper"
     assert not f[stack.coordinates()[: len(f), 2] < 0.5].any()
-
-
-@pytest.mark.parametrize(
-    "given, options, words",
-    [
-        ((END, -1.0), {"arm": (1, 0)}, r"stiffness of springs \[N/mm\] is -1.0; allowed is"),
-        ((END, 1.0), {}, "springs need one of `anchor` and `arm`"),
-        ((END, 1.0), {"arm": (0, 0)}, r"arm of springs \[mm\] is \(0, 0\); allowed are two finite"),
-        ((END, 1.0), {"anchor": (LENGTH, 0)}, "an anchor at a node that they hold, so no direc"),
-        ((near(0, 77.0), 1.0), {"arm": (1, 0)}, "`where` of springs marks no node of blank; allow"),
-    ],
-)
-def test_bad_input_is_refused(given, options, words):
-    with pytest.raises(ff.InputError, match=words):
-        alone(strip(), ff.Springs(*given, **options))

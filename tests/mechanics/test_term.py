@@ -159,23 +159,6 @@ def test_an_own_energy_on_a_part_is_integrated_over_the_part():
         bound(True)
 
 
-@pytest.mark.parametrize("when", [0.0, 1.0])
-def test_a_column_of_history_that_comes_or_goes(when):
-    class Mine(Bedding):
-        load = 0.0
-
-        def set_load(self, load):
-            self.load = load
-
-        def history(self):
-            return {"late": 1.0} if self.load == when else {}
-
-    scene = scene_with(Mine(K))
-    words = f"at load 1 the terms {'now' if when else 'no longer'} give history.csv the column late"
-    with pytest.raises(ff.InputError, match=words):
-        ff.Job(scene, steps=1).run()
-
-
 TOLD = {
     "cell_fields": "field hits",
     "nodal_fields": "field hits",

@@ -294,61 +294,6 @@ def test_what_a_face_gives_back_as_it_leaves_the_holder_is_work():
     assert abs(missing) < 1e-2 * given_back
 
 
-# -- bad input
-
-PLANE = ff.Plane((0, 0, 0), (0, 0, 1))
-
-
-def contact(**options):
-    return ff.Contact(ff.Tool(PLANE, name="table"), **{"thickness": T, "penalty": K} | options)
-
-
-def square(**options):
-    return flat(10, 10, 2, 2, "left", **{"spatial": True} | options)
-
-
-def plies():
-    return ff.Stack([(square(), T, name) for name in ("lower", "upper")])
-
-
-def holder(**options):
-    return ff.BlankHolderPressure(1.0, (0, 0, 1), lambda x: x[0] > 0, **options)
-
-
-def pushed(force):
-    return lambda: ff.Tool(PLANE, force=force, name="press")
-
-
-TURNED = {"frame": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]}
-
-
-@pytest.mark.parametrize(
-    "make, words",
-    [
-        (lambda: contact(penalty=math.nan), "penalty of the contact with table is nan"),
-        (lambda: alone(square(degree=3), contact()), "other cells; allowed are P1, Q1, and P2"),
-        (lambda: alone(square(), contact(where=lambda x: x[0] > 1e3)), "where no node is"),
-        (lambda: alone(square(**TURNED), contact()), "along turned axes; allowed are x, y and z"),
-        (lambda: alone(square(spatial=False), contact()), "in a plane; allowed .* `spatial=True`"),
-        (lambda: ff.Scene(square(), [contact()] * 2), "in the scene twice"),
-        (lambda: alone(plies(), holder()), "blank holder of a stack needs `.on"),
-        (pushed((0, 0, 0)), "force of press at full load is .* not all 0"),
-        (pushed((0, 0)), "three finite numbers"),
-        (pushed(lambda load: (0, 0, 2 * load - 1)), "force of press at load 0 is"),
-        (pushed(lambda load: (1 - load, 0, load)), "at load 0 is .* along that at full load"),
-    ],
-)
-def test_bad_contact_is_refused(make, words):
-    with pytest.raises(ff.InputError, match=words):
-        make()
-
-
-def test_two_contacts_with_one_tool_are_refused():
-    table = ff.Tool(PLANE, name="table")
-    with pytest.raises(ff.InputError, match="2 contacts with table given; allowed is one"):
-        ff.Scene(square(), [ff.Contact(table, T, K), ff.Contact(table, T, K)])
-
-
 def test_pressed_areas_that_alternate_are_left_alone_in_the_end():
     """Three times in a step they are taken anew, and in the next step again."""
     shares = iter(np.repeat([0.0, 0.0] + 10 * [1.0, 0.5], 2))  # asked twice each time

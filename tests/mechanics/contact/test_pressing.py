@@ -1,17 +1,12 @@
-"""What presses, alone: points pressed by a law, a tool in balance, points that rub."""
-
-import math
+"""What presses, alone: points pressed by a law, a tool in balance."""
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.material.homogeneous import nominal
-from fabric_fenicsx.mechanics.contact.friction import FrictionState
 from fabric_fenicsx.mechanics.contact.pressing import press, with_secant_stiffness
 from fabric_fenicsx.mechanics.contact.pressure_law import (
-    HARD_PRESSURE,
     PENETRATION,
     SMOOTHING,
     ByPlace,
@@ -80,96 +75,10 @@ def test_a_tool_is_found_where_its_force_is_in_balance(start):
     assert not find_balance(1.0, lambda travel: nothing, 0.0, 0.25, 0.01)
 
 
-# -- friction at points
-
-
-LIMIT = 0.3 * AREAS
-
-
-class Slid:
-    """Points on a plane that slid by x [mm] along it."""
-
-    normals, x = UP, 0.0
-
-    def slid(self):
-        return along(self.x)
-
-
-def friction(**options):
-    """Points pressed by 1 N for each area."""
-    return FrictionState(ff.Coulomb(0.3, 0.1, **options), 0.3, AREAS, Slid(), MPI.COMM_SELF)
-
-
-def along(x):
-    return np.outer(np.ones(4), np.array([1.0, 0.0, 0.0]) * x)
-
-
-def at(state, x):
-    """The state of friction after sliding by x, or a vector x."""
-    state.sliding.x = x
-    return state
-
-
-def test_points_stick_then_slide_and_keep_what_is_elastic():
-    rubbing = friction()
-    assert at(rubbing, 0.05).forces()[:, 0] == pytest.approx(-LIMIT / 2)
-    assert at(rubbing, 0.5).forces()[:, 0] == pytest.approx(-LIMIT)
-    assert rubbing.energy() == pytest.approx(LIMIT.sum() * 0.45)
-    rubbing.accept(AREAS, along(0.5), Slid())
-    assert rubbing.energy() == pytest.approx(LIMIT.sum() * 0.45)
-    assert at(rubbing, -0.1).forces()[:, 0] == pytest.approx(0, abs=1e-12)
-
-
-def test_blocks_are_derivatives_of_the_forces():
-    rubbing, h, d = friction(), 1e-7, np.array([0.6, 0.5, 0.3])
-    for x in (0.03, 0.2):
-        rubbing.sliding.slid = lambda: along(x) + rubbing.sliding.x * d
-        change = at(rubbing, h).forces() - at(rubbing, -h).forces()
-        blocks = at(rubbing, 0.0).blocks()
-        assert -blocks @ d == pytest.approx(change / (2 * h), rel=1e-5, abs=1e-6)
-
-
-def test_normal_forces_are_taken_anew_beyond_the_lag_and_forgotten_by_begin():
-    rubbing = friction(lag=0.1)
-    assert not at(rubbing, 1.0).update(1.05 * AREAS, along(1.0), Slid)
-    assert rubbing.update(2 * AREAS, along(1.0), Slid)
-    assert rubbing.forces()[:, 0] == pytest.approx(-2 * LIMIT)
-    rubbing.begin()
-    assert at(rubbing, 0.05).forces()[:, 0] == pytest.approx(-LIMIT / 2)
-    behind = friction(lag=math.inf)
-    assert not behind.update(2 * AREAS, along(1.0), Slid)
-
-
-def test_sliding_that_is_not_linear_is_taken_anew():
-    rubbing = friction(lag=0.1)
-    assert not at(rubbing, 0.05).update(AREAS, along(0.0504), Slid)
-    assert rubbing.update(AREAS, along(0.08), Slid)
-    assert rubbing.forces()[:, 0] == pytest.approx(-0.8 * LIMIT)
-
-
-def test_friction_acts_along_the_face_of_the_end():
-    """Of a sticking and a sliding slip, on faces that turn by 0.3 rad meanwhile."""
-    rubbing, turned = friction(lag=0.01), Slid()
-    turned.normals = np.tile([np.sin(0.3), 0.0, np.cos(0.3)], (4, 1))
-    way = np.array([[np.cos(0.3), 0.0, -np.sin(0.3)]])
-    for length, share in ((0.05, 0.5), (2.0, 1.0)):
-        assert rubbing.update(AREAS, length * np.repeat(way, 4, 0), lambda: turned)
-        assert rubbing.forces() == pytest.approx(-share * LIMIT[:, None] * way)
-
-
 # -- fabric
 
 
 FABRIC = ff.load("komeili")
-
-
-def test_pressed_fabric_is_as_thick_as_its_compaction_says():
-    """On each face it loses half; under its own pressure it has its thickness."""
-    law = face_of(FABRIC, 10.0)
-    for p in (0.0, 1e-4, 1e-3, 0.1, 0.9 * HARD_PRESSURE):
-        lost = 2 * float(law.depth(np.array(p)))
-        assert FABRIC.thickness_under(0.0) - lost == pytest.approx(FABRIC.thickness_under(p))
-    assert FABRIC.thickness_under(FABRIC.compaction.pressure) == pytest.approx(FABRIC.thickness)
 
 
 def test_faces_of_two_fabrics_share_the_pressure():

@@ -221,56 +221,10 @@ def test_a_rigid_motion_of_the_scene(by_position):
     assert abs(turned - forces).max() < 1e-9 * abs(forces).max()
 
 
-@pytest.mark.mpi
-def test_the_sheet_of_smaller_cells_has_the_points():
-    """Whichever lies below."""
-    for fine in ABC[:2]:
-        stack = ff.Stack(
-            [
-                (rectangle(20, 10, *((6, 3) if n == fine else (4, 2)), spatial=True), T, n)
-                for n in "ab"
-            ]
-        )
-        pair = ff.SheetContact("a", "b", 50.0)
-        ff.Scene(stack, [*membranes("ab"), pair])
-        assert COMM.allreduce(pair.points.count) == 3 * 4 * 18
-
-
-# -- what bad input gets
-
-
 def laid(play=0.0, **options):
     return ff.Stack(
         [(rectangle(20, 10, 4, 2, spatial=True, **options), T, n) for n in "ab"], 0, play
     )
-
-
-def patches():
-    blank = rectangle(20, 10, 4, 2, spatial=True)
-    blank.divide({"a": lambda x: x[0] < 10}, "b")
-    return blank
-
-
-def between(make, penalty=9.0, membrane=None):
-    membrane = membrane or ff.Membrane(FABRIC)
-    return lambda: ff.Scene(make(), [membrane, ff.SheetContact("a", "b", penalty)])
-
-
-@pytest.mark.parametrize(
-    "make, words",
-    [
-        (lambda: ff.SheetContact("a", "b", 0.0), "penalty of the contact of a and b is 0.0"),
-        (lambda: ff.SheetContact("a", "b", points=2), "points in a cell of .* is 2; .* one of 1"),
-        (between(lambda: laid(-0.5 * T)), "sheets that overlap by 0.537 mm; allowed"),
-        (between(patches), "contact of a and b is asked of a, a patch; allowed are sheets of"),
-        (between(lambda: laid(cell="quadrilateral")), "on other cells; allowed are P1"),
-        (between(laid, None, Elastic()), "needs a penalty, a number above 0, as not both sheets"),
-        (between(lambda: rectangle(20, 10, 4, 2, spatial=True)), "blank has no part 'a'"),
-    ],
-)
-def test_sheets_between_which_there_is_no_contact(make, words):
-    with pytest.raises(ff.InputError, match=words):
-        make()
 
 
 # -- stacks without friction

@@ -233,25 +233,3 @@ def test_forces_and_tangent_are_derivatives(distance):
     assert 0 < (contact.normal_forces() > 0).sum() < contact.points.count
     u[on_b] += distance * SLIP * np.array([0.7, 0.4, 0.0]) * (0.5 + X[on_b, :1] / 20)
     assert off_differences(contact, 1e-3) < 1e-6
-
-
-# -- what bad input gets
-
-
-def between(friction):
-    return ff.SheetContact("a", "b", friction=friction)
-
-
-@pytest.mark.parametrize(
-    "make, words",
-    [
-        (lambda: ff.Coulomb({"a": 0.1, "b": -1}), "coefficient of friction is -1"),
-        (lambda: ff.Coulomb(MU, slip=0.0), "slip of friction is 0.0"),
-        (lambda: ff.Coulomb(MU, lag=0.0), "lag of friction is 0.0"),
-        (lambda: between(-1), "contact of a and b: coefficient of friction is -1"),
-        (lambda: between({"a": 0.1}), "friction of several sheets; allowed is one number from 0"),
-    ],
-)
-def test_friction_that_is_refused(make, words):
-    with pytest.raises(ff.InputError, match=words):
-        make()

@@ -379,24 +379,3 @@ def test_the_narrow_tangent_and_what_is_beyond_it_are_the_tangent(kind, part):
         assert (whole - parts).norm() <= 1e-12 * whole.norm()
     places = [A.getInfo(A.InfoType.GLOBAL_SUM)["nz_used"] for A in matrices]
     assert (places[1] < 0.8 * places[0]) == (not in_plane)
-
-
-# -- bad input
-
-
-@pytest.mark.parametrize(
-    "sheets, options, words",
-    [
-        ({}, {"clamped": edge(0, 77.0)}, "function 1 in `clamped` of .* marks no side"),
-        ({}, {"symmetric": lambda x: np.abs(x[:2]).max(0) > 4.999}, "sides in more than one plane"),
-        ({"spatial": False}, {}, "a blank made with `spatial=True`, or `in_plane`"),
-        ({"degree": 3}, {}, "allowed are P1, and P2 with straight sides"),
-        ({"cell": "quadrilateral"}, {}, "allowed are P1, and P2 with straight sides"),
-        ({}, {"modulus": 1.0}, "bending needs one of `D_a` and `modulus`"),
-    ],
-)
-def test_bad_input_is_refused(sheets, options, words):
-    centred = lambda x: x - [5, 5, 0]  # noqa: E731
-    blank = builders.sheet(10, 10, 4, 4, "left", **{"spatial": True, "shape": centred} | sheets)
-    with pytest.raises(ff.InputError, match=words):
-        alone(blank, ff.Bending(1.0, **options))

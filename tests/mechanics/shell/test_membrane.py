@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from builders import alone, compiled_as_it_stands, march, rotation, sheet
+from builders import compiled_as_it_stands, march, rotation, sheet
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
@@ -182,25 +182,6 @@ def test_spectrum_of_a_patch(cell, degree, integration, gamma):
     assert stiffness[3] > 0.05
     if gamma:
         assert stiffness[5] < 3 if degree > 1 else stiffness[4] > 100
-
-
-def test_options_that_are_refused():
-    for options, words in (
-        ({"degree": 1}, "degree 1 on triangles"),
-        ({"degree": 2, "cell": "quadrilateral"}, "degree 2 on quadrilaterals"),
-    ):
-        arrays = specimen(40.0, 40.0, 4, 4, "left", options.pop("cell", "triangle"))
-        with pytest.raises(ff.InputError, match=words):
-            alone(
-                ff.Blank.from_arrays(MPI.COMM_WORLD, *arrays, **options),
-                ff.Membrane(KOMEILI, integration="inner"),
-            )
-    for options, words in (
-        ({"integration": "selective"}, "full, inner"),
-        ({"weave_angle": 4}, "pi"),
-    ):
-        with pytest.raises(ff.InputError, match=words):
-            ff.Membrane(KOMEILI, **options)
 
 
 def test_inner_points_are_as_good_where_strains_are_even(unbalanced):

@@ -101,25 +101,6 @@ def test_locking_is_told_where_it_happens(pattern, cell, angle, strain, error):
         assert "pattern=" not in locking_warning(membrane)
 
 
-@pytest.mark.mpi
-def test_locking_on_any_number_of_ranks():
-    """On one and on all, in the plane and in space."""
-    found = []
-    for comm in (MPI.COMM_SELF, COMM):
-        membrane = pulled(45, 0.02, comm, pattern="left", nx=16, ny=4)
-        found.append((alternating_energy(membrane), locking_warning(membrane)))
-    assert found[1][0] == pytest.approx(found[0][0], rel=1e-5)
-    assert found[0][1] == found[1][1] != ""
-
-
-def test_quadratic_cells_are_told_where_yarns_cross_at_a_small_angle():
-    """Of yarns at 10 deg the force is 3 % too high on these cells."""
-    blank = ff.Blank.rectangle(200, 50, nx=16, yarn_angle=10, comm=MPI.COMM_SELF)
-    membrane = ff.Membrane(KOMEILI)
-    march(Newton(ff.Scene(blank, [membrane], ff.clamped_ends(6.0))), steps=6, path_tolerance=1e-2)
-    assert locking_warning(membrane).startswith("4.6 % of the strain energy")
-
-
 # element, angle, strain, pattern, nx, and how much too high the force is: against P3 on fine cells
 # with edges on the corners' yarns
 EXCESS = [
@@ -142,14 +123,6 @@ def test_what_locks_says_by_how_much(element, angle, strain, pattern, nx, excess
     march(Newton(ff.Scene(blank, [membrane], supports)), steps=4, path_tolerance=1e-2)
     told = re.search(r"about ([\d.]+) % too high", locking_warning(membrane))
     assert excess / 2 <= float(told[1]) / 100 <= 2 * excess
-
-
-def test_quadratic_cells_with_inner_points_are_told_where_they_are_coarse():
-    blank = ff.Blank.rectangle(200, 50, nx=12, fibre_angle=20)
-    membrane = ff.Membrane(KOMEILI, integration="inner")
-    march(Newton(ff.Scene(blank, [membrane], ff.clamped_ends(6.0))), steps=3, path_tolerance=1e-2)
-    words = locking_warning(membrane)
-    assert "take finer cells" in words and "integration" not in words
 
 
 @pytest.mark.parametrize("size, told", [(2e-5, False), (2e-2, True)])

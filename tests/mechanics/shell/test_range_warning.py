@@ -31,12 +31,6 @@ def test_share_of_the_area_and_the_furthest_strain_are_told():
     assert "it reaches 6 %; there the stress stays at the table's last" in words
 
 
-def test_compression_and_shear_beyond_the_tables_are_told():
-    squeezed, sheared = told(TABLE, lambda x: [-0.1 * x[0] - 0.7 * x[1], -0.29 * x[1]])
-    assert "in 100 % of blank eps_a" in squeezed and "ends at -5 %: it reaches -10 %" in squeezed
-    assert "gamma is beyond the table of shear, which ends at 34.38 deg" in sheared
-
-
 def test_yarns_of_law58_beyond_their_softening_are_told():
     fabric = Law58(100.0, 100.0, 2000.0, 0.0, 0.01, 0.1, 1.0, 0.7)
     (words,) = told(fabric, lambda x: [0.08 * x[0], 0.2 * x[1]])

@@ -113,16 +113,7 @@ LENGTH, CURVATURE = 20.0, 0.1
 
 def on_a_bar(D):
     """A strip that is laid on a bar, its sides in planes of symmetry, its wefts straight."""
-    step = LENGTH / 20
-
-    def on_bar(x, load):
-        half, k = step * load * CURVATURE / 2, np.arange(20)
-        s = np.round(x[0] / step).astype(int)
-        along, up = (
-            np.concatenate([[0], step * f((2 * k + 1) * half).cumsum()]) for f in (np.cos, np.sin)
-        )
-        return np.array([along[s] - x[0], 0 * x[0], up[s]])
-
+    on_bar = builders.on_bar(LENGTH, 20, lambda load: load * CURVATURE)
     blank = sheet(LENGTH, 4.0, 20, 2, "left", spatial=True)
     sides = [near(0, 0.0), near(1, 0.0), near(1, 4.0)]
     terms = [
