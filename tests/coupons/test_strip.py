@@ -3,13 +3,10 @@
 import json
 from pathlib import Path
 
-import meshio
 import numpy as np
 import pytest
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.coupons.measured import Measured
-from fabric_fenicsx.meshes.specimen import specimen
 
 SHIPPED = Path(__file__).parents[2] / "studies" / "data"
 SHEET = "thickness_mm = 1.0\ndensity_g_per_cm3 = 0.75\nbalanced = true\n"
@@ -61,17 +58,6 @@ def test_a_run_laid_over_itself(tmp_path, test):
     assert result.summary["converged"]
 
 
-def test_the_residual_is_of_what_both_cover():
-    measured = Measured("x.csv", "uniaxial_a", np.array([0.5, 1, 3]), np.array([5.0, 8, 90]))
-    rows = [{"displacement_mm": d, "reaction_N": f} for d, f in ((0, 0), (1, 10), (2, 20))]
-    found = measured.against(rows)
-    assert (found["from_mm"], found["to_mm"], found["points_covered"]) == (0.5, 1, 2)
-    assert (found["largest_N"], found["largest_of_peak"]) == pytest.approx((2, 0.25))
-    assert found["rms_N"] == pytest.approx(np.sqrt(2))
-    ended_early = measured.against(rows[:1])
-    assert ended_early["points_covered"] == 0 and ended_early["rms_N"] is None
-
-
 @pytest.mark.parametrize(
     "test, sizes, sheet, words",
     [
@@ -89,13 +75,6 @@ def test_what_still_can_be_compared_is_warned_of(tmp_path, test, sizes, sheet, w
     if test == "uniaxial_a":  # force per width at the same strain
         assert made.laid[0].displacement == pytest.approx(rows[:, 0] * 200 / sizes[0])
         assert force == pytest.approx(rows[:, 1])
-
-
-def test_held_sides_are_warned_of():
-    made = ff.Tensile(**SIZE, measured=str(SHIPPED / "komeili_paper")).build()
-    assert [each.file for each in made.laid] == ["uniaxial_a.csv"]
-    (warning,) = made.warnings
-    assert "uniaxial_a.csv is of held sides" in warning
 
 
 @pytest.mark.parametrize(
@@ -116,13 +95,6 @@ def test_what_cannot_be_compared_is_refused(kind, fields, file, words):
 def test_a_sheet_toml_stands_for_its_folder():
     made = ff.BiasExtension(**SIZE, measured=str(SHIPPED / "komeili_all" / "sheet.toml")).build()
     assert [each.file for each in made.laid] == ["shear.csv"]
-
-
-def test_a_strip_along_y_is_doubted(tmp_path):
-    points, cells, kind = specimen(50, 200, 4, 4)
-    meshio.write_points_cells(tmp_path / "strip.vtu", points, {kind: cells})
-    strip = ff.Tensile(mesh=str(tmp_path / "strip.vtu")).build()
-    assert any("turn it by 90 deg" in words for words in strip.warnings)
 
 
 @pytest.mark.parametrize(
@@ -147,14 +119,6 @@ def test_cells_do_not_change_with_an_angle_as_little_as_rounding(angle, pattern)
     for by in (-1e-10, 0.0, 1e-10):
         assert ff.BiasExtension(fibre_angle=angle + by).build().data.pattern == pattern
     assert ff.BiasExtension(fibre_angle=angle + 2).build().data.pattern == "yarns"
-
-
-def test_an_own_mesh_gets_inner_points_if_its_cells_do_not_follow_the_yarns(tmp_path):
-    points, cells, kind = specimen(200, 50, 16, 4, "left")
-    meshio.Mesh(points, [(kind, cells)]).write(tmp_path / "strip.vtu")
-    for angle, integration in ((0, "full"), (30, "inner")):
-        strip = ff.Tensile(mesh=str(tmp_path / "strip.vtu"), fibre_angle=angle)
-        assert strip.build().data.integration == integration
 
 
 # test, angle, strain, pattern, nx, and the force [N] of P3 on fine cells along the corners' yarns

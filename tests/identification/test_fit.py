@@ -228,7 +228,7 @@ def test_a_decoupled_fabric_has_no_coupling():
     assert result.fabric.warp.s_T == pytest.approx(0, abs=1e-2)
 
 
-@pytest.mark.parametrize(("stated", "seeds"), [(True, 20), (False, 10)])
+@pytest.mark.parametrize(("stated", "seeds"), [(True, 12), (False, 8)])
 def test_coverage(stated, seeds):
     """Of a 95 % interval. The threshold is missed by chance about once in 500 runs."""
     truth, inside = true_values(KOMEILI, True), Counter()
@@ -250,9 +250,7 @@ def test_errors():
     g = np.array([0.1, 0.2, 0.3])
     with pytest.raises(InputError, match="there are 3 measured values for 3 parameters"):
         identify(SHEET, [shear(g, g)])
-    with pytest.raises(
-        InputError, match="the curves, of the tests shear, determine no parameter; allowed are"
-    ):
+    with pytest.raises(InputError, match="of the tests shear, determine no parameter; allowed are"):
         identify(SHEET, [shear(0 * g, g)])
 
 
@@ -361,9 +359,7 @@ def test_strips_far_from_where_the_fit_starts(other):
 def test_a_direction_that_no_test_pulls_is_refused():
     sheet, curves = synthesise(KOMEILI, balanced=False)
     with pytest.raises(
-        InputError,
-        match=r"sheet.toml: balanced is false, but no test tells the weft's a and b; "
-        r"allowed is a test uniaxial_b or biaxial, values in \[assumed.weft\], or balanced = true",
+        InputError, match="balanced is false, but no test tells the weft's a and b; "
     ):
         identify(sheet, only(curves, "uniaxial_a", "shear"))
     assert identify(sheet, only(curves, "shear")).fabric.is_balanced  # nothing is said to differ

@@ -97,11 +97,3 @@ def test_what_tells_no_origin_is_said(tmp_path):
     )
     assert not stated.origins and not any("nothing tells" in w for w in stated.warnings)
     assert stated.fabric.s1 == pytest.approx(LAW[0], rel=1e-3)
-
-
-def test_a_zero_that_may_be_friction_is_doubted(tmp_path):
-    x = np.linspace(0.5, 50, 60)
-    words = "friction as yarns begin to turn looks the same"
-    assert any(words in w for w in fit(tmp_path, sheared("bias_extension", x, 0, 0.5)).warnings)
-    tared = fit(tmp_path, sheared("bias_extension", x, 0, -0.5)).warnings
-    assert not any(words in w for w in tared)

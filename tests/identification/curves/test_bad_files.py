@@ -12,16 +12,12 @@ NARROW = "allowed is at most 0, free sides narrow (is its sign turned?)"
 CASES = [
     (UNIAXIAL, "# test: uniaxial_a\n", "", "no line `# test: ...` states the test; allowed are"),
     (UNIAXIAL, "uniaxial_a", "uniaxal_a", "row 2: test 'uniaxal_a' is unknown (did you mean uniax"),
-    (UNIAXIAL, "# noise:", "# nosie:", "row 4: the key nosie is unknown (did you mean noise?)"),
     (UNIAXIAL, "sigma_a [MPa]", "eps_b [%]", "row 5: lateral: held says that eps_b is 0, but"),
-    (UNIAXIAL, ",sigma_a [MPa]", "", "row 5: the column sigma_a is missing, which the test"),
     (UNIAXIAL, "sigma_a [MPa]", "stress [MPa]", "row 5: column 'stress' is unknown; allowed are"),
     (UNIAXIAL, "sigma_a [MPa]", "sigma_a", "row 5: the column sigma_a has no unit; allowed is"),
     (UNIAXIAL, "1.5,22.8", "0.9,22.8", "row 9: eps_a is 0.009 after 0.01; allowed is to rise or"),
-    (UNIAXIAL, "1.5,22.8", "1,5,22,8", "row 9: there are 4 cells under 2 columns"),
     (UNIAXIAL, "2.5,41.1\n", "", "row 10: the file ends after 4 points; allowed is 5 or more"),
     (FREE, "sigma_a [MPa]", "F [N]", "row 5: the column F needs the strip's width; allowed is"),
-    (FREE, "sigma_a [MPa]", "sigma_a [N]", "row 5: unit [N] of column sigma_a is unknown"),
     (FREE, "41.1", "-410.1", "row 11: sigma_a is -410.1 MPa; allowed is at least 0, of the test"),
     (FREE, "41.1", "4.1", "row 11: sigma_a has fallen to 13 % of its value in row 10; allowed"),
     (PERCENT, "", "", "row 9: eps_a reaches 0.03 % only; allowed is 0.05 % or more (is the unit -"),
@@ -30,7 +26,6 @@ CASES = [
     (FREE, "sigma_a [MPa]", "displacement [mm]", "row 5: both columns eps_a and displacement"),
     (BIAS, "gamma [deg]", "exx [%]", "the column eyy is missing"),
     (BIAS, "gamma [deg]", "exx [%]", "the strain of exx is not stated; allowed is `# strain: gre"),
-    (BIAS, "11.5 cm", "11.5", "row 3: width is '11.5'; allowed is a number above 0 with one of"),
     (BIAS, "11.5 cm", "15 cm", "height is 230 mm and width 150 mm; allowed is a height of 2"),
 ]
 
@@ -52,8 +47,6 @@ BALANCED, WEIGHT = "balanced = true", "areal_weight_g_per_m2 = 700\nbalanced"
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
-        (BALANCED, "", "balanced is None; allowed is true (warp and weft are equal) or false"),
-        ("thickness_mm = 1.2", "", "missing thickness; allowed is thickness_mm = 1.2, for example"),
         ("balanced", WEIGHT, "density and areal_weight are both given; allowed is one"),
         (BALANCED, f"{BALANCED}\n[assumed]\np_min = 2", "assumed.p_min is 2; allowed is a number"),
         (BALANCED, f"{BALANCED}\n[assumed.warp]\np_min = 1", "assumed.warp is given for a"),

@@ -8,7 +8,6 @@ import pytest
 from curve_texts import BIAS, FREE, SHEET, folder
 
 from fabric_fenicsx.identification import curves as data
-from fabric_fenicsx.identification import identify
 from fabric_fenicsx.identification.curves.forces import response
 from fabric_fenicsx.runtime.errors import InputError
 
@@ -110,13 +109,6 @@ def test_the_sheet_says_how_numbers_are_written(tmp_path):
     assert read(tmp_path, text, sheet).responses[0].values[0] == 1.234
     with pytest.raises(InputError, match="csv.decimal is ';'; allowed is"):
         read(tmp_path, text, SHEET + '[csv]\ndecimal = ";"\n')
-
-
-def test_columns_that_are_not_needed_are_told(tmp_path):
-    text = KEYS + "Zeit [s];" + HEAD + "\n".join(f"09:41;{row}" for row in COMMA.split("\n"))
-    curve = read(tmp_path, text.encode())
-    assert curve.remarks == ("column 'Zeit' is not read",)
-    assert "bias.csv: column 'Zeit' is not read" in identify(*data.read(tmp_path)).warnings
 
 
 def test_the_sheet_says_what_columns_and_files_are(tmp_path):

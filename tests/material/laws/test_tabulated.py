@@ -103,10 +103,7 @@ def test_what_tables_lack_is_told_before_a_run(tabulated):
 GOOD = "eps [%], sigma [MPa]\n-1, -0.1\n0, 0\n1, 10\n2, 30\n"
 BAD = {
     "eps [%], sigma [bar]\n0, 0": "row 1 has the column",
-    "eps [%]\n0": "row 1 is no header",
     GOOD + "1.5, 40\n": "row 6 is (0.015, 40); allowed are rising strains",
-    GOOD + "3, much\n": "row 6: sigma is 'much'; allowed is a finite number",
-    "eps [%], sigma [MPa]\n0, 0\n1, 2\n": "2 points",
     "eps [%], sigma [MPa]\n"
     + "".join(f"{e}, {e}\n" for e in range(41)): "41 points; allowed are 3 to 40",
     "eps [%], sigma [MPa]\n0, 1\n1, 2\n2, 3\n": "(0, 0)",
