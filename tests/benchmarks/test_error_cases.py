@@ -3,7 +3,6 @@
 import csv
 
 import pytest
-from bench import error_cases
 from bench.error_cases import judge
 
 
@@ -21,14 +20,6 @@ def test_coverage_and_sharpness():
     assert every["unknown"] == pytest.approx(0.2) and unknown["covered"] is None
     assert (a["covered"], a["estimated_over_true"]) == (0.5, 1.25)
     assert (b["covered"], b["estimated_over_true"]) == (1.0, 4.0)
-
-
-def test_forty_cases_follow_from_the_seed():
-    cases = error_cases.cases(1)
-    assert cases == error_cases.cases(1) != error_cases.cases(2)
-    assert len(cases) == 40
-    assert {case.test for case in cases} == {"tensile", "bias", "dome"}
-    assert any("size" in case.options for case in cases)
 
 
 def test_the_study(launch):

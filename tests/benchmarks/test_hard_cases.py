@@ -2,9 +2,7 @@
 
 import csv
 
-import numpy as np
 import pytest
-from bench.hard_cases import noise
 
 
 @pytest.mark.parametrize(
@@ -24,18 +22,3 @@ def test_hard_cases(launch, cases):
     for row in rows:
         assert row["holds"] == "True"
         assert row["faults"] == "[]"
-
-
-def test_an_unknown_case_is_named(launch):
-    done = launch("hard_cases", "--only", "az")
-    assert done.status == 2, done.err
-    assert "names case z" in done.err
-
-
-def test_noise_depends_on_places_alone():
-    """The start of a hard case is random, but the same on any number of ranks."""
-    x = np.random.default_rng(2).uniform(-200, 200, (500, 3)).round(3)
-    found = noise(x)
-    assert np.abs(found).max() <= 0.5 and np.abs(found.mean(0)).max() < 0.05
-    assert np.abs(np.corrcoef(found.T)[0, 1]) < 0.1 and found.std(0).min() > 0.25
-    assert np.abs(noise(x[::-1] + 1e-13)[::-1] - found).max() < 1e-6

@@ -16,10 +16,3 @@ def test_a_coarse_ply_is_near_the_explicit_one(launch):
     assert abs(found["shear_angle_max_deg"] - found["shear_angle_max_openradioss_deg"]) < 5
     assert found["punch_force_apart_rms_relative"] < 0.1
     assert "nodes_apart_rms_mm" in done.out + done.err
-
-
-def test_only_angles_with_results_are_allowed(launch):
-    done = launch("openradioss", "--fibre-angle", 30)
-    assert done.status == 2
-    assert "--fibre-angle is 30; allowed are 0 and 45" in done.err
-    assert not done.folder.exists()

@@ -61,11 +61,6 @@ def test_cost_of_forming(launch):
     assert (done.folder / "forming_front.png").stat().st_size > 10_000
 
 
-def test_a_reference_of_another_fabric_is_refused(launch):
-    done = launch("speed_vs_error", "--quick", "--without", "biaxial")
-    assert done.status == 2 and "--material komeili is not that of tensile.json" in done.err
-
-
 @pytest.mark.versions
 def test_the_reference_is_made_again(launch):
     done = launch("reference", "--quick", "--scenes", "bias10")

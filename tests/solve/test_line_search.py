@@ -74,11 +74,6 @@ def test_within_rounding_half_the_residual_will_do_along_the_tangents_own_direct
     assert (x.array[0] == 1.0) == (not shifted) and (report.cuts > 0) == shifted
 
 
-def test_a_cell_turned_inside_out_ends_the_search_where_it_is_the_reason():
-    with pytest.raises(SolveFailed, match="inside out"):
-        searched(lambda x: Along.INVERTED if x > 0 else 0.0, lambda x: -1.0)
-
-
 @pytest.mark.parametrize("slope", [1.0, np.nan])
 def test_uphill_is_refused(slope):
     with pytest.raises(SolveFailed, match="no state of lower energy"):

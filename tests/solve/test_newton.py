@@ -394,28 +394,6 @@ def test_a_scene_that_was_solved_is_freed():
     assert known() is None
 
 
-class NoNumber(ff.Term):
-    """Has a stiffness that is no number."""
-
-    name = energy_kind = "no_number"
-
-    def stored(self):
-        return 0.0
-
-    def add_forces(self, f):
-        pass
-
-    def tangent(self):
-        first, end = self.blank.V.dofmap.index_map.local_range
-        places = np.arange(self.blank.mesh.geometry.dim * first, self.blank.mesh.geometry.dim * end)
-        return places, places, np.full(len(places), np.nan)
-
-
-def test_a_stiffness_that_is_no_number_ends_with_words():
-    outcome = march(Newton(strip(further=[NoNumber()])), steps=1)
-    assert outcome.accepted == 0 and "number" in outcome.reason
-
-
 @pytest.mark.versions
 @pytest.mark.mpi
 def test_loose_solves_by_the_narrow_tangent_lead_to_the_same_state(monkeypatch):

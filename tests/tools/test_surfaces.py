@@ -299,38 +299,15 @@ def test_a_drawn_block_lies_on_itself_with_its_normals(surface):
     [
         (lambda: Plane([0, 0], [0, 0, 1]), "point is [0, 0]; "),
         (lambda: Plane([0] * 3, [0] * 3), "normal is [0, 0, 0]; "),
-        (lambda: Torus([0] * 3, [0, 0, 1], 5, 6), "ring is 5; "),
-        (lambda: Plate(9, 4, 3), "corner is 3; "),
         (lambda: Plate(9, corner=3), "corner is 3, but a round opening has none"),
         (lambda: Block(60, 40, 10, 6), "radius is 6; "),
-        (lambda: DoubleDome(waist=70, saddle_depth=70), "waist is 70; "),
-        (
-            lambda: DoubleDome(top_radius=60),
-            "top_radius + entry_radius is 75; allowed is at most 72.6",
-        ),
-        (
-            lambda: DoubleDome(wall_angle=50),
-            "wall_angle is 50; allowed is below 42.5104, as the walls",
-        ),
-        (
-            lambda: DoubleDome(waist=40),
-            "top_radius is 40; allowed is below 35.0618, so that it leave",
-        ),
+        (lambda: DoubleDome(wall_angle=50), "wall_angle is 50; allowed is below 42.5104, as the"),
         (
             lambda: DoubleDome(30, 65, 63.25, wall_angle=0, top_radius=10, entry_radius=40),
             "waist is 63.25; allowed is larger, as the fillet's foot, 40 outside the outline",
         ),
-        (lambda: DoubleDome(length=4), "field `length` of DoubleDome is unknown (did you mean sad"),
         (lambda: Offset(Sphere(10), -10), "distance of the offset of surface Sphere is -10"),
-        (
-            lambda: Tool(Sphere(1), lambda load: load, name="punch"),
-            "path of punch at load 0 is 0.0; ",
-        ),
-        (
-            lambda: TriangulatedSurface(np.eye(3), [[0, 0, 1]]),
-            "the surface has no triangle with an ",
-        ),
-        (lambda: Tool(Sphere, name="ball"), "surface of ball is <class"),
+        (lambda: Tool(Sphere(1), lambda load: load, name="a"), "path of a at load 0 is 0.0; "),
         (
             lambda: TriangulatedSurface([*np.eye(3), [0, np.nan, 0]], [[0, 1, 2]]),
             "points of the surface: 1 of 4 are not finite, as number 3, [0.0, nan",

@@ -59,13 +59,10 @@ def _of_shear(shear):
     "shear, words",
     [
         (lambda g: 0.015 * g**2 + 0.006 * g, "the stress tau of law soft is 0.006 MPa in fabric"),
-        (
-            lambda g: 0.015 * g**2 - 0.1 * g**4,
-            "the energy is below that at rest by 1 of the largest",
-        ),
+        (lambda g: 0.015 * g**2 - 0.1 * g**4, "the energy is below that at rest by 1 of the larg"),
         (
             lambda g: 0.0148 * g**2 + 1e-4 * (log(1 - 2 * g) + 2 * g),
-            "soft: the energy is not a number at",
+            "the energy is not a number at",
         ),
     ],
 )
@@ -203,11 +200,3 @@ def test_terms_of_the_package_in_a_scene():
     ply = dome(KOMEILI, nx=6, holder=ff.ForceHolder())
     for term in ply.scene.terms:
         assert "agree" in ff.check_derivatives(term, ply.scene, load=0.02), term.name
-
-
-def test_what_cannot_be_checked():
-    for thing, at in ((Springs(), None), ("law", None)):
-        with pytest.raises(ff.InputError, match="allowed are a law, a surface with points, and a"):
-            ff.check_derivatives(thing, at)
-    with pytest.raises(ff.InputError, match="needs points near it"):
-        ff.check_derivatives(BALL)

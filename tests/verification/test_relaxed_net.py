@@ -8,7 +8,6 @@ from nets.relaxed_net import relaxed_net
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.coupons.pin_jointed import PinJointedStrip
-from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.runtime.rules import above_zero
 
 
@@ -54,9 +53,3 @@ def test_a_simulated_test_takes_it():
     assert run["quantities"]["centre_shear_angle_deg"] == pytest.approx(angle, abs=0.05)
     assert run["energy"]["strain"] == pytest.approx(net.energy, rel=2e-3)
     assert run["reaction_N"] == pytest.approx(net.force, rel=2e-3)
-
-
-@pytest.mark.parametrize("size", [(90, 50, 5), (200, 50, 63)])
-def test_a_strip_without_a_net_is_named(size):
-    with pytest.raises(InputError, match="has no net; allowed are two widths of length"):
-        relaxed_net(LAW, *size)
