@@ -4,7 +4,7 @@ import pytest
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.command_line.press_study import press_parser
-from fabric_fenicsx.command_line.study import Study, parser
+from fabric_fenicsx.command_line.study import parser
 
 pytestmark = pytest.mark.versions
 
@@ -45,24 +45,3 @@ def test_help_speaks_of_options():
     told = " ".join(press_parser("").format_help().split())
     assert "(its length over --nx)" in told and "`nx`" not in told and "--nx N " in told
     assert "for singular points (the press's, or 0.1)" in told
-
-
-def test_a_study_warns_and_sums_up_in_options(tmp_path):
-    study = Study("tensile", parser(ff.Tensile, ""), ["--out", str(tmp_path)])
-    study.warn("take smaller steps (`max_step`)")
-    summary = study.summarise(None, reason="allowed is 1 % (`Limits.strain`)")
-    assert summary["warnings"] == ["take smaller steps (--max-step)"]
-    assert summary["reason"] == "allowed is 1 % (--max-strain)"
-
-
-def test_the_library_speaks_of_parameters(tmp_path):
-    def job(**options):
-        return ff.Tensile(nx=4, element="P1", strain=0.01).job(steps=1, **options)
-
-    with pytest.raises(ff.InputError, match="`resume=True` finds no checkpoint in .*`out`"):
-        job().run(tmp_path / "none", resume=True)
-    with pytest.raises(ff.SolverFailure, match="`Limits.strain`") as failure:
-        job(limits=ff.Limits(strain=1e-4)).run(tmp_path / "out", pictures=False)
-    with pytest.raises(ff.InputError, match="`out` .* holds results .*`overwrite=True` to lose"):
-        job().run(tmp_path / "out")
-    assert "--" not in str(failure.value)

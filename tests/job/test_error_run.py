@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.coupons.tensile import TensileSetup as Strip
-from fabric_fenicsx.job.error_run import FOLDER, coarsened
+from fabric_fenicsx.job.error_run import FOLDER
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.results.error import (
     ENERGY,
@@ -123,16 +123,6 @@ def test_a_coarser_run_that_fails_costs_the_errors_alone():
     assert any("no error is known" in text and "no such mesh" in text for text in said(summary))
 
 
-def test_fewer_steps_and_looser_tolerances_go_with_a_coarser_mesh():
-    asked = {"max_step": 0.2, "path_tolerance": 1e-4, "balance": 0.02, "accuracy": 0.01}
-    job = ff.Tensile(**COARSE).job(steps=12, limits=ff.Limits(viscous=0.1), **asked)
-    made = coarsened(job, ff.Tensile(nx=4, element="P1").job())
-    assert (made.steps, made.max_step, made.balance, made.accuracy) == (3, 0.8, 0.04, 0.02)
-    assert made.limits.viscous == pytest.approx(0.4)
-    assert made.path_tolerance == pytest.approx(4e-4) and made.tolerance == job.tolerance
-    assert made.scene.blank.areas().size == 4 * 4
-
-
 def test_a_homogeneous_state_has_no_error():
     frame = ff.PictureFrame(nx=4, angle=20.0).job(steps=8, error=True).run()
     error, force = frame.summary["error"], frame.number("normalised_shear_force_N_per_mm")
@@ -220,21 +210,7 @@ def test_only_errors_of_forces_are_told_where_cells_crumple(monkeypatch):
     assert any("cells crumple" in text for text in said(result.summary))
 
 
-def test_told_with_the_error():
-    result = ff.Tensile(**COARSE).job(steps=2).run()
-    result.summary |= {"reaction_N": 2033.4213, "error": {"reaction_N": 0.0523}}
-    result.summary["quantities"]["draw_in"] = {"largest_mm": 3.0}
-    assert result.formatted("reaction_N") == "2033.42 +- 0.052"
-    result.summary["error"]["reaction_N"] = None
-    assert result.formatted("reaction_N") == "2033.42 +- unknown"
-    assert result.formatted("draw_in.largest_mm", ".1f") == "3.0"
-    assert result.formatted("draw_in.least_mm") == "-"
-
-
-@pytest.mark.parametrize(
-    "options, told",
-    [(("--nx", 32), True), (("--nx", 31), False), (("--nx", 32, "--no-error"), False)],
-)
+@pytest.mark.parametrize("options, told", [(("--nx", 32), True), (("--nx", 31), False)])
 def test_strips_of_1000_cells_tell_their_errors_unasked(launch, options, told):
     pictures = () if told else ("--no-pictures",)
     done = launch("tensile", *options, "--element", "P1", "--steps", 2, *pictures)

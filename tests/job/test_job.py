@@ -2,10 +2,8 @@
 
 import csv
 import json
-import logging
 import math
 import os
-import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -18,17 +16,10 @@ from dolfinx import fem
 
 import fabric_fenicsx as ff
 import fabric_fenicsx.job.job
-from fabric_fenicsx.job.run import time_left
 from fabric_fenicsx.plot import pictures
 from fabric_fenicsx.results.output import finite
-from fabric_fenicsx.runtime.logs import Console
 from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT, on_ranks
 from fabric_fenicsx.solve.limits import Limits
-
-
-def test_the_time_left_is_told_from_the_mean_of_the_steps_to_a_slow_last_one():
-    assert time_left(0.5, 60, 240) == ", 00:30 to 03:00 left"
-    assert time_left(0.5, 240, 60) == ", 00:30 to 03:00 left"
 
 
 @pytest.mark.mpi
@@ -235,18 +226,6 @@ def test_a_tool_that_never_touches_the_sheet_is_told_of(start):
             result.force(other)
 
 
-def test_warnings_of_a_scene_are_in_its_summary(monkeypatch):
-    """Of one in which nothing moves, that shapes hold, with friction in per cent."""
-    blank = ff.Blank.rectangle(40, 20, nx=6, ny=3, spatial=True)
-    ball = ff.Tool(ff.Sphere(2, (20, 10, -2.5)), name="ball")
-    terms = [ff.Membrane(ff.load("komeili")), ff.Contact(ball, friction=25.0)]
-    scene = ff.Scene(blank, terms, ff.clamped_ends())
-    monkeypatch.setattr(scene, "check_held", lambda: "held by shapes")
-    found = " ".join(said(ff.Job(scene, steps=1).run().summary))
-    words = "nothing moves or loads the sheet", "held by shapes", "coefficient of 25"
-    assert all(each in found for each in words)
-
-
 @pytest.mark.mpi
 def test_edges_and_fields_at_a_place_are_asked():
     result = ff.Tensile(**COARSE).job(steps=2).run()
@@ -261,15 +240,6 @@ def test_edges_and_fields_at_a_place_are_asked():
             result.at(place, name)
 
 
-def test_a_field_that_cannot_be_drawn(tmp_path):
-    result = ff.Tensile(**COARSE).job(steps=4).run()
-    result.plot("eps_a", tmp_path / "eps.png")
-    assert (tmp_path / "eps.png").stat().st_size > 1000
-    with pytest.raises(ff.InputError, match="no field contact_gap to draw; allowed .* shear_angle"):
-        result.plot("contact_gap", tmp_path / "gap.png")
-    assert not (tmp_path / "gap.png").exists()
-
-
 def test_a_field_of_nodes_is_drawn(tmp_path, monkeypatch):
     ply = ff.Blank.rectangle(20, 10, nx=4, spatial=True)
     floor = ff.Tool(ff.Plane((0, 0, -1), (0, 0, 1)), name="floor")
@@ -280,33 +250,8 @@ def test_a_field_of_nodes_is_drawn(tmp_path, monkeypatch):
     result.plot("contact_gap", tmp_path / "gap.png")
     assert (tmp_path / "gap.png").stat().st_size > 1000
     assert drawn == [("contact_gap, mean over each cell", "mm")]
-    with pytest.raises(
-        ff.InputError, match="field contact_gap is asked .*, shear_angle.*; .*nodes"
-    ):
+    with pytest.raises(ff.InputError, match="contact_gap is asked .*, shear_angle.*; .*nodes"):
         result.fields["contact_gap"]
-
-
-def test_a_warning_carries_its_level_once(folder, capsys):
-    """In log.txt and on the console it is a word; other programs' handlers write the level."""
-    log, records = logging.getLogger("fabric_fenicsx"), []
-    kept = logging.Handler()
-    kept.emit = records.append
-    handlers = kept, Console(logging.INFO)
-    try:
-        for handler in handlers:
-            log.addHandler(handler)
-        setup = ff.Setup(ff.Tensile(**COARSE).build().scene, warnings=["100 % odd"])
-        job = ff.Job(setup, steps=2)
-        job.run(folder, pictures=False)
-    finally:
-        for handler in handlers:
-            log.removeHandler(handler)
-    (record,) = [each for each in records if "odd" in each.getMessage()]
-    assert (record.levelname, record.getMessage()) == ("WARNING", "100 % odd")
-    assert "\nwarning: 100 % odd\n" in "\n" + capsys.readouterr().err
-    assert re.search(
-        r"^\d\d:\d\d:\d\d  warning: 100 % odd$", (folder / "log.txt").read_text(), re.M
-    )
 
 
 FAILS_ALONE = """

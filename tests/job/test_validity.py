@@ -8,8 +8,6 @@ import pytest
 from builders import said, sheet
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.job import validity
-from fabric_fenicsx.job.validity import coarse_waves, ripples
 from fabric_fenicsx.solve import step_criteria
 
 
@@ -34,22 +32,6 @@ def test_without_a_limit_shortened_yarns_are_the_first_warning():
     found = float(re.search(r"At 2 % no wave shorter than ([\d.]+) mm forms", first)[1])
     assert found == pytest.approx(length, rel=0.02)
     assert first.endswith("and no test has determined d")
-
-
-def test_waves_of_few_cells_are_told():
-    waves = {"height_mm": 1.5, "wavelength_mm": 40.0, "cells_a_wave": 3.5}
-    assert "take 7.5: `nx` 2.14 times as large" in coarse_waves({"wrinkles": waves})
-    fine, flat = waves | {"cells_a_wave": 7.0}, waves | {"cells_a_wave": None}
-    plies = {"a": {"wrinkles": fine}, "b": {"wrinkles": flat}, "c": {"wrinkles": None}}
-    assert not coarse_waves({"plies": plies}) and not coarse_waves({})
-    assert "3.5 cells" in coarse_waves({"plies": plies | {"d": {"wrinkles": waves}}})
-
-
-def test_ripples_of_the_mesh_are_told():
-    waves = {"ripples_mm": 0.6, "seen_mm": [112.0, 67.0]}
-    words = ripples({"plies": {"a": {"wrinkles": waves}, "b": {"wrinkles": None}}})
-    assert "0.6 mm high" in words and "no waves shorter than 112 mm" in words
-    assert not ripples({"wrinkles": waves | {"ripples_mm": 0.09}}) and not ripples({})
 
 
 @pytest.mark.mpi
@@ -93,23 +75,6 @@ def test_a_run_ends_where_steps_fail_as_a_ply_cannot_be_formed(monkeypatch):
         pressed(ff.load("komeili"), stroke=-4.8).run()
     summary = failure.value.result.summary
     assert (summary["steps_accepted"], summary["steps_rejected"]) == (3, 2)
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "words"),
-    [
-        ("shear", 85.5, "a cell is sheared by 85.5 deg; allowed is 85 deg (`Limits.shear`)"),
-        ("shear_99_percent", 75.1, "1 % of the area is sheared by more than 75.1 deg; allowed"),
-        ("fibre_share", 2.89, "fibres fill 289 % of the volume"),
-    ],
-)
-def test_fabric_that_no_press_can_lay_so_is_invalid(name, value, words, monkeypatch):
-    found = {"shear": 84.9, "shear_99_percent": 74.9, "fibre_share": 0.9} | {name: value}
-    values = {limit: (number, [1.0, 2.0]) for limit, number in found.items()}
-    monkeypatch.setattr(validity, "limited", lambda result: [("upper", values)])
-    (told,) = validity.not_formed(None, ff.Limits())
-    assert told.startswith(f"sheet upper: {words}") and "most is at (1, 2) mm of the flat" in told
-    assert not validity.not_formed(None, ff.Limits(**{name: 2 * value}))
 
 
 def test_what_yarns_contract_by_beside_stretched_ones_does_not_count():

@@ -1,7 +1,5 @@
 """What ParaView gets, read back with VTK, against the solution it is of."""
 
-import resource
-
 import builders
 import numpy as np
 import pytest
@@ -349,22 +347,6 @@ def test_a_new_run_takes_the_series_of_another_away(tmp_path):
         (tmp_path / file).touch()
     FieldSeries(tmp_path, scene)
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
-
-
-def test_a_full_disk_is_an_error_that_names_the_file(tmp_path):
-    scene = sheet()
-    series, fields = FieldSeries(tmp_path, scene), reports.cell_fields(scene)
-    series.write(0.0, fields)
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (3000, limits[1]))
-    try:
-        with pytest.raises(OSError, match="File too large") as caught:
-            series.write(1.0, fields)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    assert caught.value.filename == str(tmp_path / "fields/0001_0.vtu")
-    assert [path.name for path in (tmp_path / "fields").iterdir()] == ["0000_0.vtu"]
-    assert list(states(tmp_path / "fields.pvd")) == [0.0]
 
 
 @pytest.mark.mpi

@@ -2,24 +2,7 @@
 
 import json
 
-import pytest
-
-from fabric_fenicsx.results.report import label, page
-
-
-@pytest.mark.parametrize(
-    "name, words",
-    [
-        ("penalty_N_per_mm3", "penalty [N/mm^3]"),
-        ("punch_force_N", "punch force of what is modelled [N]"),
-        ("eps_b_98_percent", "nominal strain along yarns b, without 1 % of the area at either end"),
-        ("shear_angle_99_percent_deg", "shear angle, which 99 % of the area stay below [deg]"),
-        ("penetration_largest_mm", "penetration of tools, largest of the run [mm]"),
-        ("steps_accepted", "steps accepted"),
-    ],
-)
-def test_names_have_words_and_units(name, words):
-    assert label(name) == words
+from fabric_fenicsx.results.report import page
 
 
 def test_a_range_is_written_as_one(tmp_path):

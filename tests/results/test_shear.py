@@ -72,13 +72,6 @@ def test_of_several_plies_the_one_is_named():
     assert q["shortened_by_5_percent_share"] == pytest.approx(20 / 800)
 
 
-def test_a_sheet_that_is_not_shortened():
-    result = sheared()
-    result.fields["shortening_b"][:] = 0.0
-    q = found(result)
-    assert q["shortening_max"] == q["shortened_by_1_percent_share"] == q["excess_length_mm"] == 0
-
-
 def test_cells_that_crumple_are_told_of_wherever_they_are():
     """With the largest shear angle in one of them, and in another one."""
     result = sheared(crumpled=0.12)

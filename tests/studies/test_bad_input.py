@@ -28,9 +28,7 @@ TRIANGLES = "triangle", [[0, 1, 2], [0, 2, 3]]
 CASES = {
     "count below one": (("--nx", "-3"), None, ["--nx", "-3", "1 or more"]),
     "largest step above the load": (("--max-step", "2"), None, ["--max-step", "2", "up to 1"]),
-    "strain not a number": (("--strain", "nan"), None, ["--strain", "nan", "above 0"]),
     "unknown element": (("--element", "P4"), None, ["--element", "P4", "Q2"]),
-    "unknown coupling": (("--without", "friction"), None, ["friction", "biaxial", "tension_shear"]),
     "material not there": (("--material", "nowhere.toml"), None, ["nowhere.toml", "komeili"]),
     "negative thickness": (
         MATERIAL,
@@ -47,11 +45,6 @@ CASES = {
         (*MESH, "--element", "Q1"),
         mesh(SQUARE, TRIANGLES),
         ["--element Q1", "input.vtk"],
-    ),
-    "output is a file": (
-        ("--out", "taken"),
-        lambda path: (path / "taken").write_text("mine"),
-        ["--out taken", "File exists"],
     ),
     "output below a file": (
         ("--out", "taken/deep"),

@@ -138,20 +138,3 @@ def test_yarns_that_bend_in_the_ply_stiffen_it(launch):
         assert done.summary["terms"] == ["membrane", "bending"][: 1 + (stiffness > 0)]
         forces.append(done.summary["reaction_N"])
     assert forces[1] / forces[0] == pytest.approx(1.095, rel=0.01)
-
-
-@pytest.mark.parametrize(
-    "options, words",
-    [
-        (("--in-plane-bending", 0.1, "--element", "P3"), ["other cells", "allowed are P1, and P2"]),
-        (
-            ("--measured", ROOT / "studies/data/glass_pp_115x230", "--fibre-angle", 30),
-            ["--measured", "--fibre-angle 45"],
-        ),
-        (("--yarn-angle", 180), ["--yarn-angle", "below 180 deg"]),
-    ],
-)
-def test_options_that_do_not_fit(launch, options, words):
-    done = launch("bias_extension", "--quick", *options)
-    assert done.status == 2 and all(word in done.err for word in words), done.err
-    assert not (done.folder / "summary.json").exists()

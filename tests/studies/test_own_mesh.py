@@ -2,13 +2,11 @@
 not need is doubted."""
 
 import importlib.util
-import json
 from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
-from builders import said
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
@@ -65,24 +63,11 @@ def test_length_and_width_are_the_meshs_own(study, turned):
     assert (mine.args.length, mine.args.width, mine.output.warnings) == (120, 30, [])
 
 
-def test_the_summary_tells_them(study, shared_path):
-    words = "--quick", "--no-pictures", "--width", "30.00001", "--nx", "9"  # as good as its own
-    tensile.main(study(*TENSILE, specimen(120, 30, 12, 3), *words))
-    summary = json.loads((shared_path / "out" / "summary.json").read_text())
-    options = (summary["options"][name] for name in ("length", "width", "nx", "pattern"))
-    assert tuple(options) == (120, 30, None, None)
-    (doubt,) = said(summary)
-    assert doubt.startswith("--nx changes nothing, as --mesh")
-    assert doubt.endswith("has its own cells")
-
-
 @pytest.mark.parametrize("name, value", [("length", 120.5), ("width", 50)])
 def test_a_length_that_is_not_the_meshs_is_refused(study, name, value):
     mine = study(*TENSILE, specimen(120, 30, 12, 3), f"--{name}", str(value))
     own = {"length": 120, "width": 30}[name]
-    with pytest.raises(
-        InputError, match=f"`{name}` {value} does not fit `mesh` .*s.vtk, of {own} mm; allowed"
-    ):
+    with pytest.raises(InputError, match=f"`{name}` {value} does not fit `mesh` .*, of {own} mm"):
         mine.build(mine.describe(Tensile))
 
 
@@ -117,15 +102,3 @@ def test_a_quarter_is_half_as_long_as_its_ply(tmp_path):
 def test_a_mesh_that_is_no_quarter(tmp_path, shift, words):
     with pytest.raises(InputError, match=f"s.vtk reaches from {words}; allowed is "):
         quarter(tmp_path, shift)
-
-
-@pytest.mark.mpi
-def test_other_units_than_mm(study, capfd):
-    scale, words = 1 / 25.4, "inches times 25.4"
-    points, cells, kind = specimen(200, 50, 8, 2)
-    mine = study(*TENSILE, (scale * points, cells, kind))
-    for _ in range(2):  # said once
-        mine.build(mine.describe(Tensile))
-    (doubt,) = mine.output.warnings
-    assert words in doubt
-    assert capfd.readouterr().err.count(words) == (COMM.rank == 0)

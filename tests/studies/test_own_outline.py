@@ -39,23 +39,9 @@ def test_a_strip_has_cells_of_the_size(table, tmp_path):
     assert not strip.warnings and strip.coarser().size == 10
 
 
-def test_quick_cells_are_a_share_of_the_length(table, tmp_path):
-    words = ["--outline", table(120, 30), "--quick", "--ny", "7", "--out", str(tmp_path / "out")]
-    study = Study("tensile", tensile.options(), words)
-    strip = study.build(study.describe(Tensile))
-    assert (strip.data.nx, strip.data.ny, strip.data.size) == (20, None, None)
-    (doubt,) = strip.warnings
-    assert doubt.startswith("`ny` changes nothing, as `outline`")
-
-
 def test_errors_are_estimated_from_coarser_cells(table):
     result = Tensile(FABRIC, outline=table(120, 30), size=5).job(steps=2, error=True).run()
     assert 0 < result.summary["error"]["reaction_N"] < 0.2 * result.summary["reaction_N"]
-
-
-def test_coarse_cells_have_no_coarser_ones(table):
-    assert Tensile(FABRIC, outline=table(120, 30), size=8).build().coarser() is None
-    assert Tensile(FABRIC, outline=table(120, 30), size=7.5).build().coarser().size == 15
 
 
 @pytest.mark.parametrize(
@@ -63,9 +49,7 @@ def test_coarse_cells_have_no_coarser_ones(table):
     [
         ({"mesh": "a.msh"}, "`outline` is given beside `mesh`; allowed is one of them"),
         ({"nx": 9, "size": 8}, "`nx` is given beside `size`; allowed is one of them"),
-        ({"outline": None, "size": 8}, "`size` needs `outline`"),
         ({"length": 100}, "`length` 100 does not fit `outline` .*, of 120 mm"),
-        ({"pattern": "left"}, "`pattern` is 'left'; allowed for an outline are"),
     ],
 )
 def test_what_does_not_go_with_an_outline(table, fields, words):
@@ -100,17 +84,3 @@ def test_plies_of_a_stack_have_outlines(table):
     for sheet in forming.blank.sheets:
         assert np.ravel(sheet.blank.extent())[[0, 1, 3, 4]] == pytest.approx([-250, -150, 250, 150])
     assert forming.coarser().sheets[1].size == 100
-
-
-@pytest.mark.parametrize(
-    "changes, words",
-    [
-        (["blank.outline=ply.csv", "blank.layer=3"], "blank.layer is 3; allowed is a name"),
-        (["blank.outline=ply.csv", "blank.centred=yes"], "centred is 'yes'; allowed is true or"),
-        (["blank={outline='ply.csv', mesh='ply.csv'}"], "outline is given beside blank.mesh"),
-    ],
-)
-def test_what_is_wrong_with_an_outline_is_told(table, monkeypatch, changes, words):
-    monkeypatch.chdir(Path(table(500, 300)).parent)
-    with pytest.raises(ff.InputError, match=words):
-        ff.Press.read("double_dome", changes)

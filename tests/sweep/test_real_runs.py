@@ -3,9 +3,7 @@
 import csv
 import io
 import json
-import os
 import re
-import subprocess
 from contextlib import chdir, redirect_stdout
 from pathlib import Path
 
@@ -64,22 +62,6 @@ def test_more_pressure_of_the_holder_draws_in_less(swept):
     page = (folder / "report.html").read_text()
     assert page.count("data:image/png") == 3 and 'href="pressure%3D0.5/report.html"' in page
     assert (folder / "maps.png").stat().st_size > 10_000
-
-
-@pytest.mark.long
-def test_a_job_array_on_ranks_has_the_results_of_a_sweep(swept, press, capfd):
-    words = [press, *VARY, "--no-pictures"]
-    passed = ["--", "--no-pictures"]
-    assert sweep.main([*words, "--slurm", "array.sh", "--ranks", "2", *passed]) == 0
-    task = {"SLURM_ARRAY_TASK_ID": "1", "PYTHONPATH": str(Path(__file__).parents[2])}
-    subprocess.run(["bash", "array.sh"], check=True, env=os.environ | task)
-    words[2] = "holder.pressure=0.5"
-    assert sweep.main([*words, *passed]) == 0
-    assert "1 runs, 1 done before" in capfd.readouterr().out
-    (array,), local = table(Path("results/sweep_press")), table(swept[0])[2]
-    assert array.keys() <= local.keys() and array["run"] == local["run"]
-    for name in ("reaction_N", "shear_angle_max_deg", "draw_in.largest_mm"):
-        assert float(array[name]) == pytest.approx(float(local[name]), rel=1e-7)
 
 
 RECTANGLE = 'length = 200\nwidth = 200\nnx = 6\nsymmetry = "xy"'
