@@ -44,14 +44,3 @@ def test_the_flange_moves_with_the_die():
     flange(PLACES)
     die.at(1.0)
     assert np.array_equal(flange(PLACES), beneath(PLACES, (3, 0)))
-
-
-def test_places_that_are_no_numbers_are_not_beneath_it():
-    flange = Flange(over_opening((0, 0)), T, 1.0, EXTENT)
-    assert flange(np.array([[50.0, np.nan, np.inf, 1e300], [0.0] * 4, [0.0] * 4])).tolist() == [
-        1.0,
-        0.0,
-        0.0,
-        1.0,
-    ]
-    assert flange(np.empty((3, 0))).shape == (0,)

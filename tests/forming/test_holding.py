@@ -1,7 +1,6 @@
 """Blank holders: objects that make terms, several of them as segments."""
 
 import dataclasses
-import re
 
 import numpy as np
 import pytest
@@ -18,7 +17,7 @@ HALVES = [lambda x: x[0] < 140, lambda x: x[0] >= 140]
 def punch_force(holder, **fields):
     """Force of the punch after 8 mm, and of all holders along z [N]."""
     ply = dome(**SIZES | fields, holder=holder)
-    result = ply.job(steps=4).run()
+    result = ply.job(steps=2).run()
     held = [t for t in ply.pressing if t.tool.name not in ply.tools]
     return [result.force("punch")[2], sum(result.force(term.tool)[2] for term in held)]
 
@@ -35,19 +34,6 @@ def test_two_halves_do_what_one_holder_does(one, two):
     itself."""
     forces = [punch_force(holder, lag=1e-9, slip=0.1) for holder in (one, two)]
     assert forces[1] == pytest.approx(forces[0], rel=1e-8) and all(forces[0])
-
-
-@pytest.mark.mpi
-def test_segments_press_as_each_is_told():
-    """What is pressed by two segments adds up to what one presses, half by half."""
-
-    def held(holder):
-        ply = dome(**SIZES, holder=holder)
-        return [t.force()[2] for t in ply.scene.terms if isinstance(t, ff.BlankHolderPressure)]
-
-    (whole,) = held(ff.PressureHolder(2.0))
-    first, second = held([ff.PressureHolder(2.0, HALVES[0]), ff.PressureHolder(4.0, HALVES[1])])
-    assert first + second / 2 == pytest.approx(whole) and first > 0 and second > 0
 
 
 @pytest.mark.mpi
@@ -115,16 +101,14 @@ def test_plates_of_segments_bear_their_forces():
     """A quarter of each, on the nodes of the flat blank that are theirs."""
     holders = [ff.ForceHolder(4000.0, HALVES[0]), ff.ForceHolder(8000.0, HALVES[1])]
     ply = dome(**SIZES, holder=holders)
-    result = ply.job(steps=4).run()
+    result = ply.job(steps=2).run()
     found = [result.force(name)[2] for name in ("blank holder", "blank holder 2")]
     assert found == pytest.approx([1000.0, 2000.0], rel=1e-6)
 
 
-@pytest.mark.parametrize("where, edges", [(None, 2), (lambda x: x[0] > 234, 1)])
-def test_grippers_pull_at_the_edges_that_are_marked(where, edges):
-    ply = dome(**SIZES, holder=ff.Grippers(3.0, where=where))
-    pulls = [term for term in ply.scene.terms if isinstance(term, ff.EdgeTension)]
-    assert len(pulls) == edges
+def test_grippers_pull_at_the_edges_that_are_marked():
+    ply = dome(**SIZES, holder=ff.Grippers(3.0, where=lambda x: x[0] > 234))
+    assert sum(isinstance(term, ff.EdgeTension) for term in ply.scene.terms) == 1
 
 
 @pytest.mark.parametrize(
@@ -140,18 +124,10 @@ def test_a_checkpoint_knows_the_number_of_a_holder(one, other, name):
     assert {key.split(" of ")[0] for key in first if first[key] != second[key]} == {name}
 
 
-@pytest.mark.parametrize(
-    "holder, words",
-    [
-        (ff.Grippers(0), "holders.blank holder.tension is 0: it does not hold the rim"),
-        ("down", r"of blank holder is directed away from the die: towards it is \(0, 0, 1\)"),
-    ],
-)
-def test_what_hardly_holds_is_told_of(holder, words):
-    if holder == "down":
-        holder = own(lambda self, p: [ff.BlankHolderPressure(1.0, (0, 0, -1), p.on_flange())])
-    ply = dome(**SIZES, holder=holder)
-    (warning,) = (each for each in ply.warnings if re.search(words, each))
+def test_a_pressure_that_is_directed_away_from_the_die_is_told_of():
+    held = own(lambda self, p: [ff.BlankHolderPressure(1.0, (0, 0, -1), p.on_flange())])
+    told = "of blank holder is directed away from the die: towards it is (0, 0, 1)"
+    assert any(told in words for words in dome(**SIZES, holder=held).warnings)
 
 
 def own(terms):
@@ -171,26 +147,17 @@ def test_pressures_of_ones_own_holders_have_their_names_and_balance_the_tools():
 
 
 @pytest.mark.parametrize(
-    "make, words",
+    "holder, words",
     [
-        (
-            lambda: dome(**SIZES, holder=own(lambda self, p: p.contact(p.die))),
-            "holders.blank holder: `terms` returns Contact; allowed is a list of terms",
-        ),
-        (lambda: dome(**SIZES, holder="force"), "holder is 'force'; allowed is a holder"),
-        (
-            lambda: dome(**SIZES, holder=ff.Grippers(where=lambda x: x[0] > 1e3)),
-            "`where` of holders.blank holder marks no node; allowed is a mask that is true on some",
-        ),
-        (
-            lambda: dome(**SIZES, holder=ff.Grippers(where=lambda x: x[0] < 1)),
-            "`where` of holders.blank holder marks no edge",
-        ),
+        (own(lambda self, p: p.contact(p.die)), "`terms` returns Contact; allowed is a list of te"),
+        ("force", "holder is 'force'; allowed is a holder"),
+        (ff.Grippers(where=lambda x: x[0] > 1e3), "`where` of holders.blank holder marks no node"),
+        (ff.Grippers(where=lambda x: x[0] < 1), "`where` of holders.blank holder marks no edge"),
     ],
 )
-def test_what_holds_nothing_is_refused(make, words):
+def test_what_holds_nothing_is_refused(holder, words):
     with pytest.raises(ff.InputError, match=words):
-        make()
+        dome(**SIZES, holder=holder)
 
 
 @pytest.mark.mpi

@@ -93,18 +93,6 @@ def test_what_is_wrong_with_a_ply(plies_of, text, words):
         plies_of(f"[[ply]]\n{text}\n")
 
 
-@pytest.mark.parametrize(
-    "fields, words",
-    [
-        ({"element": "Q1"}, "on other cells; allowed are P1, and P2"),
-        ({"plies": [{"name": "ply 2"}, {}]}, "are named .'ply 2', 'ply 2'.; allowed are diff"),
-    ],
-)
-def test_what_no_stack_is_formed_of(fields, words):
-    with pytest.raises(ff.InputError, match=words):
-        dome(**({"plies": [{}, {}]} | COARSE | fields))
-
-
 # -- plies of metal
 
 

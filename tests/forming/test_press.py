@@ -7,7 +7,6 @@ import meshio
 import numpy as np
 import pytest
 import pyvista
-from scipy.spatial.transform import Rotation
 
 import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
@@ -136,31 +135,22 @@ def test_tools_that_cannot_stand_or_move_as_given(changes, words):
     "changes, words",
     [
         (["tools.punch.radios=3"], r"tools.punch.radios is unknown \(did you mean radius\?\)"),
-        (["tool.punch.radius=3"], r"tool of the file is unknown \(did you mean tools\?\)"),
-        (["tools.punch.side=up"], "tools.punch.side is 'up'; allowed is one of below, above"),
         (["tools.punch.shape=ball"], "shape ball is unknown; allowed are sphere, "),
         (["tools.punch.at=[0, 0, -60]", "tools.punch.off=1"], "punch.off is not allowed beside"),
         (["stage.1.moves.punch=-30"], "tools.punch only moves away from the blank"),
         (["stage.forming.moves.pnch=3"], r"tool pnch is unknown \(did you mean punch"),
-        (["stage.forming.moves={}"], "a stage needs stage.forming.moves other than 0, stage.form"),
-        (["stage.forming.steps=three"], "stage.forming.steps is 'three'; allowed is a whole"),
         (["stage.forming.forces={punch=3}"], "forming.forces.punch needs a `force` from the start"),
         (["stage.forming.leave=['punch']"], "stage.forming.leave names punch, which moves in this"),
-        (["stage.1.leave=3"], ".leave is 3; allowed is a list of names"),
         (["stage.1.close=1.2"], "close needs a tool with a die, as die_of"),
-        (["holder=3"], "is 3; allowed is a table with one of pressure, force, gap, tension, stiff"),
         (["holder={pressure=1, force=3}"], "has pressure and force; allowed is one of pressure, f"),
-        (["holder.pressure=-1"], "holders.holder.pressure is -1; allowed is a number from 0"),
         (["holder.where={z=[0, 1]}"], "holder.where.z is unknown; allowed are x, y, r, angle"),
         (["holder.where={x=[2, 1]}"], r"x is .*; allowed are two numbers, .lowest, highest"),
-        (["holder={stiffness=1, edges=3}"], "holder.edges is 3; allowed is a list"),
-        (["holder={stiffness=1, at=3}"], "holder.at is 3; allowed is a list"),
         (["blank.fabric=none.toml"], "material 'none.toml' is unknown"),
         (["blank.outline=none.dxf"], "no file; allowed is one beside the press file"),
         (["ply=[{}, {}]", "blank={fabric='komeili'}"], "ply.1.length and ply.1.width"),
-        (["unit=m"], "unit is 'm'; allowed is a line `unit = "),
-        (["contact.self=1"], "contact.self is 1; allowed is true or false"),
         (["holders={}", "tools.ring.side=below"], "stand below the blank, and nothing resists"),
+        (["blank.symmetry=z"], "blank.symmetry is 'z'; allowed .*xy"),
+        (["limits.stop_when_invalid=1"], "stop_when_invalid is 1; allowed is true or"),
         (["tools.punch"], "is no KEY=VALUE; allowed is for example blank.nx=8"),
     ],
 )
@@ -176,15 +166,10 @@ FABRIC = ff.load("komeili")
 @pytest.mark.parametrize(
     "kind, given, words",
     [
-        (ff.Sheet, {"fabric": FABRIC, "fibre_angle": 720}, "`fibre_angle` is 720; allowed is an a"),
         (ff.Sheet, {"fabric": FABRIC, "metal": ff.load_metal("dc04")}, "`fabric` is not allowed b"),
         (ff.Sheet, {"fabric": FABRIC, "holdr": 1}, "field `holdr` of Sheet is unknown"),
-        (ff.Sheet, {"fabric": FABRIC, "nx": 0}, "`nx` is 0; allowed is a whole number"),
         (dict, {"stage": ()}, "field `stage` of Press is unknown .did you mean stages"),
         (dict, {"tools": {"punch": ff.Sphere(5)}}, "tools.punch is .*; allowed is a `PressTool"),
-        (dict, {"stages": [{"moves": {"punch": 3}}]}, "`stages` holds .*; allowed are `Stage"),
-        (dict, {"holders": {"h": []}}, r"holders.h is \[\]; allowed is .* one or more"),
-        (dict, {"sheets": []}, "`sheets` is empty"),
         (dict, {"sheets": [0]}, "`sheets` holds 0; allowed are sheets"),
         (dict, {"sheets": ff.Sheet(FABRIC)}, "a sheet needs blank.length and"),
     ],
@@ -204,7 +189,6 @@ def test_what_is_no_part_of_a_press(kind, given, words):
         ("stage.1.moves.punch=[0, 3, 20]", "tools.punch is not its own mirror image in y = 0"),
         ("tools.other={shape='sphere', radius=20, at=[0, 0, -60]}", "real ones can't"),
         ("holder.pressure=20000", "holders.holder.pressure is 20000, which is much"),
-        ("holder.pressure=0", "holders.holder.pressure is 0: it does not hold the rim"),
         ("tools.ring.side=below", "punch and ring stand below the blank"),
         ("tools.punch.at=[0, 0]", ""),
     ],
@@ -212,14 +196,6 @@ def test_what_is_no_part_of_a_press(kind, given, words):
 def test_what_is_doubted_of_a_press(change, words):
     warnings = hemisphere("blank.nx=4", change).warnings
     assert any(words in each for each in warnings) if words else not warnings
-
-
-def test_a_press_file_that_is_not_there_or_empty_is_named(tmp_path):
-    empty = tmp_path / "empty.toml"
-    empty.touch()
-    for path, fault in ((tmp_path / "none.toml", "does not exist"), (empty, "is empty")):
-        with pytest.raises(ff.InputError, match=f"^press file {path} {fault}"):
-            ff.Press.read(path)
 
 
 @pytest.mark.long
@@ -267,13 +243,12 @@ def test_a_ply_that_the_punch_leaves_slack_does_not_depend_on_steps():
     assert heights[0] == pytest.approx(heights[1], rel=0.02) and heights[0] > 1
 
 
-@pytest.mark.parametrize("kind", ["force = 400", "gap = 1.2"])
-def test_a_plate_has_the_opening_of_its_die(kind, tmp_path):
+def test_a_plate_has_the_opening_of_its_die(tmp_path):
     """A ball that comes down through the ring meets no plate beneath it."""
     over = changed(
         tmp_path,
         ("radius = 50", 'radius = 50\nside = "above"'),
-        ("pressure = 0.02       # on what lies on the ring [MPa]", kind),
+        ("pressure = 0.02       # on what lies on the ring [MPa]", "force = 400"),
     )
     press = read(over, ["blank.nx=6", "stage.1.moves.punch=5"])
     result = formed(press, steps=3, balance=None)
@@ -283,7 +258,6 @@ def test_a_plate_has_the_opening_of_its_die(kind, tmp_path):
 
 @pytest.mark.parametrize("turn, upside_down", [([0, 0, 0], False), ([180, 0, 0], True)])
 def test_a_surface_that_faces_away_is_turned_round(tmp_path, turn, upside_down):
-    import pyvista
 
     ball = pyvista.Sphere(radius=50, theta_resolution=90, phi_resolution=90)
     cap = ball.clip(normal=(0, 0, 1), origin=(0, 0, 10), invert=upside_down)
@@ -349,48 +323,13 @@ def test_the_die_of_a_closed_model_is_that_of_its_face(tmp_path, turn):
     assert sum(apart)[:2] == pytest.approx([1.2 * 1.074] * 2, abs=0.01)
 
 
-def own_mesh(tmp_path, move=lambda x: x):
-    """The hemisphere's press with a blank of a file, whose points are moved."""
-    points, cells, kind = specimen(160, 160, 6, 6, "crossed")
-    points = move(points - [80, 80, 0])
-    meshio.write_points_cells(tmp_path / "blank.vtu", points, [(kind, cells)])
-    blank = 'mesh = "blank.vtu"'
-    text = HEMISPHERE.read_text()
-    old = text[text.index("length = ") : text.index("symmetry")]
-    path = changed(tmp_path, (old, f"{blank}\n"), ('symmetry = "xy"', 'symmetry = "none"'))
-    return ff.Press.read(path)
-
-
-@pytest.mark.parametrize("z", [-1.0, 0.3, 5.0])
-def test_a_flat_mesh_in_any_height_is_the_blank_in_zero(tmp_path, z):
-    """Its tools stand and press as on one that lies there."""
-    there, high = own_mesh(tmp_path).build(), own_mesh(tmp_path, lambda x: x + [0, 0, z]).build()
-    assert np.ravel(high.extent) == pytest.approx(np.ravel(there.extent), abs=1e-9)
-    for name, tool in there.tools.items():
-        assert high.tools[name].path(0) == pytest.approx(tool.path(0))
-    told = [words for words in high.warnings if "and was put in z = 0" in words]
-    assert len(told) == 1 and f"lies in z = {z:g} mm" in told[0]
-    assert not [words for words in there.warnings if "was put" in words]
-
-
 def test_a_mesh_that_is_not_flat_is_no_blank(tmp_path):
-    def tilted(x):
-        return x @ Rotation.from_euler("y", 30, degrees=True).as_matrix()
-
+    points, cells, kind = specimen(160, 160, 6, 6, "crossed")
+    points[:, 2] = points[:, 0] / 2 - 40
+    meshio.write_points_cells(tmp_path / "blank.vtu", points, [(kind, cells)])
+    changes = [f"blank.mesh={tmp_path / 'blank.vtu'}", "blank.symmetry=none"]
     with pytest.raises(ff.InputError, match="reaches from z = -40 to 40 mm; allowed is a flat"):
-        own_mesh(tmp_path, tilted).build()
-
-
-def test_a_mesh_beside_the_tools_is_refused_or_centred(tmp_path):
-    press = own_mesh(tmp_path, lambda x: x + [380, 80, 0])
-    with pytest.raises(ff.InputError, match=r"tools.punch does not meet the blank"):
-        press.build()
-    (sheet,) = press.sheets
-    centred = press.replace(sheets=[dataclasses.replace(sheet, centred=True)]).build()
-    centred.data.write(tmp_path / "press.toml")  # as beside the results of a run
-    assert ff.Press.read(tmp_path / "press.toml").sheets[0].mesh == sheet.mesh
-    assert np.ravel(centred.extent) == pytest.approx([-80, -80, 0, 80, 80, 0])
-    assert centred.blank.coordinates()[:, 0].max() == pytest.approx(80)
+        ff.Press.read("hemisphere", changes).build()
 
 
 def test_a_picture_that_fails_loses_no_run(tmp_path, monkeypatch, caplog):
@@ -423,20 +362,9 @@ def test_a_press_is_data_that_a_file_holds(name, tmp_path):
         press.symmetry = "none"
 
 
-@pytest.mark.parametrize("stops", [True, False])
-def test_a_press_tells_its_job_where_to_stop(stops):
-    job = ff.Press.read(
-        "hemisphere", ["blank.nx=2", f"limits.stop_when_invalid={str(stops).lower()}"]
-    ).job()
-    assert job.stop_when_invalid == stops
-    with pytest.raises(ff.InputError, match="limits.stop_when_invalid is 1; allowed is true or"):
-        ff.Press.read("hemisphere", ["limits.stop_when_invalid=1"])
-
-
-@pytest.mark.parametrize("change", ["blank.symmetry=z", "blank.quarter=true"])
-def test_what_is_no_symmetry_is_refused(change):
-    with pytest.raises(ff.InputError, match="blank..* is .*; allowed .*xy"):
-        ff.Press.read("hemisphere", [change])
+def test_a_press_tells_its_job_where_to_stop():
+    changes = ["blank.nx=2", "limits.stop_when_invalid=true"]
+    assert ff.Press.read("hemisphere", changes).job().stop_when_invalid
 
 
 def test_what_no_file_can_say_is_named(tmp_path):
@@ -474,28 +402,15 @@ MORE = [
 ]
 
 
-@pytest.mark.parametrize(
-    "stages, changes, words",
-    [
-        ([FIRST, *MORE], ["tools.punch.radius=49"], "press.tools.punch.radius = 50.* now it is 49"),
-        (
-            [dataclasses.replace(FIRST, moves={"punch": 7}), *MORE],
-            [],
-            "press.stage.1.moves.punch = 6, now it is 7",
-        ),
-    ],
-)
-def test_a_run_whose_earlier_stages_differ_is_not_gone_on_with(tmp_path, stages, changes, words):
-    before, now = (
-        hemisphere("blank.nx=4", *change, stages=each)
-        for each, change in (([FIRST], ()), (stages, changes))
-    )
+def test_a_run_whose_earlier_stages_differ_is_not_gone_on_with(tmp_path):
+    other = [dataclasses.replace(FIRST, moves={"punch": 7}), *MORE]
+    before, now = (hemisphere("blank.nx=4", stages=each) for each in ([FIRST], other))
     state = Progress(*(compat.petsc_vector(before.blank.u).copy() for _ in range(2)), step=0.1)
     problems = [
         entries(each.fingerprint()["press"], "press") | each.fingerprint() for each in (before, now)
     ]
     Checkpoint(tmp_path / "c.npz", before.blank, problems[0]).save(state, {})
-    with pytest.raises(ff.InputError, match=words):
+    with pytest.raises(ff.InputError, match="press.stage.1.moves.punch = 6, now it is 7"):
         Checkpoint(tmp_path / "c.npz", before.blank, problems[1]).load()
 
 
@@ -505,9 +420,10 @@ def test_unloading_may_be_added_to_a_run():
 
 
 def test_sheets_touch_themselves_if_asked():
-    made = ff.Press.read("laminate", ["blank.nx=4", "contact.self=true"]).build()
+    changes = ["blank.nx=4", "ply.2.metal=dc04", "contact.self=true"]
+    made = ff.Press.read("two_plies", changes).build()
     found = [each for each in made.scene.terms if isinstance(each, ff.SelfContact)]
-    assert [t.coulomb.coefficient for t in found] == [0.25, 0.334, 0.334, 0.334, 0.25]
+    assert [t.coulomb.coefficient for t in found] == [0.334, 0.25]
 
 
 def test_cells_beside_a_radius_may_be_limited():
@@ -518,12 +434,3 @@ def test_cells_beside_a_radius_may_be_limited():
         press.job(balance=None, limits=ff.Limits(imbalance=9, cell_size=3.0)).run()
     result = other.job(balance=None, limits=ff.Limits(imbalance=9, cell_size=3.2)).run()
     assert result.summary["verdict"] == "doubtful"
-
-
-def test_the_part_of_a_quarter_is_sent_to_its_planes(tmp_path):
-    file = tmp_path / "ball.stl"
-    pyvista.Sphere(radius=50, center=(500, 300, 0)).save(file)
-    quarter = ff.Press.read(HEMISPHERE)
-    tools = {**quarter.tools, "punch": ff.PressTool(str(file))}
-    with pytest.raises(ff.InputError, match=r"as with at = \[-500, -300\]"):
-        quarter.replace(tools=tools).build()
