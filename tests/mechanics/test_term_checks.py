@@ -40,10 +40,6 @@ def lists(self):
     return [list(part) for part in Springs.tangent(self)]
 
 
-def too_few(self):
-    return *Springs.tangent(self)[:2], np.ones(3)
-
-
 def that_depends(self):
     pushed = (self.u() > 0.0) & (COMM.rank == 0)
     return tuple(part[pushed] for part in Springs.tangent(self))

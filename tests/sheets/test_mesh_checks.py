@@ -19,7 +19,6 @@ BOTH_CELLS = [pattern for pattern in PATTERNS if pattern != "along"]
 
 
 STRIP = specimen(4, 2, 4, 2, "right")
-CORNER = STRIP[0][STRIP[1][0]]
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
 TWO = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [2, 1, 0], [2, 2, 0.0]])
 

@@ -10,7 +10,6 @@ import fabric_fenicsx as ff
 
 FABRIC = ff.load("komeili")
 T = FABRIC.thickness
-TURN = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
 SHEETS = "lower", "middle", "upper"
 
 

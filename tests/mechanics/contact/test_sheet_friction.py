@@ -68,7 +68,7 @@ def test_a_bent_pair_slides_where_its_mid_surfaces_keep_their_length(radius=20.0
     led = [ff.Support("led", everywhere, (0, 1, 2), bent)]
     scene = ff.Scene(stack, [Elastic(1e-6), pair], led)
     stack.u.x.array[:] = bent(stack.coordinates().T, 0.0).T.ravel()
-    result = ff.Job(scene, steps=10, balance=None, limits=ff.Limits(imbalance=1e9)).run()
+    result = ff.Job(scene, steps=5, balance=None, limits=ff.Limits(imbalance=1e9)).run()
     sizes = np.linalg.norm(pair.sliding(), axis=1)
     areas = np.where(np.isfinite(sizes), pair.points.areas, 0.0)
     total, area = COMM.allreduce(np.array([areas @ np.nan_to_num(sizes), areas.sum()]))
