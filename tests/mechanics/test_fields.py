@@ -180,6 +180,18 @@ def test_thickness_is_where_faces_touch():
     assert x.mean() == pytest.approx(share, rel=2e-3)
 
 
+def test_a_run_goes_on_with_the_same_field_alone(tmp_path):
+    def run(angle, **how):
+        strip = ff.Blank.rectangle(40, 20, nx=4, element="P1", fibre_angle=angle)
+        scene = ff.Scene(strip, [ff.Membrane(KOMEILI)], ff.clamped_ends(0.1))
+        ff.Job(scene, steps=1).run(tmp_path / "run", pictures=False, **how)
+
+    run(lambda x, y: 0.1 * x)
+    run(lambda x, y: x / 10, resume=True)
+    with pytest.raises(ff.InputError, match="directions of the yarns"):
+        run(lambda x, y: 0.1 * x + 0.01 * (y > 15), resume=True)
+
+
 def test_a_press_tells_what_ran(tmp_path):
     """And takes a file that has changed for another one."""
     (tmp_path / "T.csv").write_text("x,y,T\n-50,-40,20\n50,-40,120\n-50,40,20\n50,40,120\n")

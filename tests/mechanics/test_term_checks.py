@@ -102,6 +102,17 @@ def test_a_form_that_is_no_energy_of_the_displacement(energy, words):
         alone(sheet(20.0, 10.0, 2, 1), Mine())
 
 
+def test_a_tangent_whose_places_change():
+    asked = []
+
+    def tangent(self):
+        asked.append(1)
+        return tuple(part[: -1 if len(asked) > 2 else None] for part in Springs.tangent(self))
+
+    with pytest.raises(ff.InputError, match="other places than before; .* unless `pattern` counts"):
+        run(with_own("tangent", tangent))
+
+
 @pytest.mark.mpi
 def test_lists_and_texts_are_taken():
     mine = with_own("tangent", lists)

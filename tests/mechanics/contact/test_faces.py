@@ -34,6 +34,20 @@ def over(face, points, reach=5.0):
 
 
 @pytest.mark.mpi
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_gap_on_a_paraboloid(side):
+    """Where cells are regular it is 0 but for about h^4, as what lies below is sought along the
+    normal, not along the bulge."""
+    x, off = places(), []
+    for n in (1, 2):
+        face = Face(bent(16 * n, 8 * n).whole, side, [])
+        found = over(face, np.column_stack([x, height(x)]))
+        assert (found.triangle >= 0).all() and (found.normal[:, 2] * side > 0.9).all()
+        off.append(abs(found.gap).max())
+    assert off[0] < 1e-5 and off[1] < off[0] / 10
+
+
+@pytest.mark.mpi
 def test_points_load_all_nodes_by_their_areas():
     """Also beside free edges, but for a few per cent, and exactly further in."""
     blank = bent(curve=lambda x: 0 * x[:, 0])

@@ -167,6 +167,13 @@ def test_moment_over_curvature_and_springback_of_a_wide_strip():
     assert left == pytest.approx(up[-1] - elastic, rel=5e-3)
 
 
+def test_moments_converge_with_points():
+    curvatures = YIELDS * np.array([0, 1, 1.5, 2, 2.5, 3, 4])
+    exact = np.array([closed_form(k) for k in curvatures])[1:]
+    errors = [np.abs(bent(curvatures, n, IDEAL)[0][1:] / exact - 1).max() for n in (5, 9)]
+    assert errors[0] < 0.095 and errors[1] < 0.4 * errors[0]
+
+
 @pytest.mark.parametrize("points", [5, 15])
 def test_elastic_bending_is_exact_with_any_points(points):
     z, w = through_thickness(points)
