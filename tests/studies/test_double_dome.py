@@ -3,6 +3,7 @@
 import csv
 import json
 
+import numpy as np
 import pytest
 from builders import said
 
@@ -10,6 +11,28 @@ from fabric_fenicsx.forming.forming_scene import FormingScene
 from fabric_fenicsx.plot import pictures
 from fabric_fenicsx.postprocess.states import read_state
 from fabric_fenicsx.studies.lib import compression_parameters
+
+EXACT = "--tolerance", 1e-9, "--path-tolerance", 1e-8, "--viscosity", "off", "--no-pictures"
+
+
+def to(stroke):
+    """Options of a stroke [mm]."""
+    return "--set", f"stage.1.moves.punch={stroke}"
+
+
+def last_row(folder):
+    """Of history.csv."""
+    with open(folder / "history.csv", newline="") as file:
+        return list(csv.DictReader(file))[-1]
+
+
+def placed(folder):
+    """Undeformed places and displacements of the nodes [mm], once each and in an order of their
+    own."""
+    grid = read_state(folder)
+    x = np.round(np.asarray(grid.points), 6) + 0.0
+    _, first = np.unique(x, axis=0, return_index=True)
+    return x[first], np.asarray(grid.point_data["u"])[first]
 
 
 @pytest.mark.parametrize(
@@ -47,6 +70,24 @@ def test_a_ply_is_formed(launch, angle):
     grid = read_state(done.folder)
     assert grid.point_data["contact_pressure"].max() > 1.0
     assert (done.folder / "paths.csv").read_text().count("\n") > 50
+
+
+def test_the_whole_ply_is_four_quarters(launch):
+    same = "--ny", 5, "--steps", 3, *to(12), *EXACT, "--set", "contact.lag=1e-4"
+    quarter = launch("double_dome", "--nx", 8, *same)
+    x, u = placed(quarter.folder)
+    of_whole = float(last_row(quarter.folder)["reaction_of_whole_N"])
+    whole = launch("double_dome", "--set", "blank.symmetry=none", "--nx", 16, "--ny", 10, *same[2:])
+    assert quarter.status == whole.status == 0, whole.err
+    assert not any("keep the sheet in its place" in w for w in said(whole.summary))
+    reaction = float(last_row(whole.folder)["reaction_N"])
+    assert of_whole == pytest.approx(reaction, rel=1e-6)
+    full_x, full_u = placed(whole.folder)
+    at = {tuple(place): k for k, place in enumerate(full_x)}
+    for mirror in np.array([[1, 1, 1], [-1, 1, 1], [1, -1, 1], [-1, -1, 1]]):
+        there = full_u[[at[tuple(place + 0.0)] for place in x * mirror]]
+        assert abs(there * mirror - u).max() < 1e-6 * abs(u).max()
+    assert whole.summary["reaction_N"] == pytest.approx(4 * quarter.summary["reaction_N"], rel=1e-6)
 
 
 @pytest.mark.long
