@@ -188,7 +188,7 @@ class LoadStepping:
             if inner := self._measure_on_the_way(trial, part):
                 missing = self._missing_work(trial)
                 first, both = self._missed(inner), self._missed(trial)
-                snapped |= part == 1 / 2 and max(first, both - first) > SNAP * abs(missed)
+                snapped |= part == 1 / 2 and 0 < SNAP * missed < max(first, both - first)
         if not trial.report.converged:
             return
         if not snapped:
