@@ -100,15 +100,21 @@ class Newton:
         self.directions = Directions(scene, self.tangent)
         self.line_search = LineSearch(self.objective)
         self.saddles = Saddles(self.objective, self.tangent, self.smallest)
-        self.report, self._fall = Report(), 0.0  # of the solve under way, or of the last one
+        # of the solve under way, or of the last one
+        self.report, self._fall, self._most = Report(), 0.0, np.inf
 
     def solve(
-        self, x: PETSc.Vec, tolerance: float = 0.0, fall: float = 0.0, minimum: bool = True
+        self,
+        x: PETSc.Vec,
+        tolerance: float = 0.0,
+        fall: float = 0.0,
+        minimum: bool = True,
+        most: float = np.inf,
     ) -> Report:
         """Solve from x, at which supports have their values, and overwrite it by the solution.
         tolerance: counts if it is looser than the solver's; fall: share of the first residual that
-        is enough; minimum: leave saddles."""
-        self.report, self._fall = Report(), fall
+        is enough; minimum: leave saddles; most: iterations after which any state is enough."""
+        self.report, self._fall, self._most = Report(), fall, most
         try:
             end = self._iterate(x, max(self.tolerance, tolerance), minimum)
             self.report.converged, self.report.reason = True, end.value
@@ -148,7 +154,9 @@ class Newton:
         if norm <= self.directions.noise:
             return Termination.ROUNDING
         enough = max(tolerance * report.scale, self._fall * report.residuals[0])
-        return Termination.RESIDUAL if norm <= enough else None
+        if norm <= enough:
+            return Termination.RESIDUAL
+        return Termination.MOST if report.iterations >= self._most else None
 
     def _find_direction(self, x, tolerance):
         """Find the next correction d; termination if it is too small to count, else None."""

@@ -10,6 +10,7 @@ class Termination(Enum):
     RESIDUAL = "converged: residual below the tolerance"
     ROUNDING = "converged: what force is left is rounding"
     CORRECTION = "converged: the correction is below the rounding of positions"
+    MOST = "ended: as many iterations as were asked for"
     ITERATIONS = "no convergence within the allowed iterations"
     LINEAR_SOLVER = "the linear solver failed"
     LINE_SEARCH = "the line search found no state of lower energy"

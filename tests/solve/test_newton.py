@@ -383,6 +383,22 @@ def test_a_looser_path_ends_in_the_same_state():
     assert curves[1][-1] == pytest.approx(curves[0][-1], rel=1e-9)
 
 
+def test_a_solve_of_few_iterations_is_gone_on_with():
+    scene, whole = strip(stroke=1.0), strip(stroke=1.0)
+    x, energies = scene.u.copy(), []
+    newton = Newton(scene)
+    scene.set_load(1.0)
+    x.array[scene.fixed_dofs] = scene.supports.values(1.0)
+    report = newton.solve(x, minimum=False, most=2)
+    assert report.converged and report.iterations == 2
+    assert report.residuals[-1] > newton.tolerance * report.scale
+    energies.append(newton.objective(x))
+    assert newton.solve(x).residuals[-1] <= newton.tolerance * newton.report.scale
+    assert march(Newton(whole), steps=1).reached == 1
+    energies += [newton.objective(x), whole.energy()]
+    assert energies[0] > energies[1] == pytest.approx(energies[2], rel=1e-9)
+
+
 @pytest.mark.versions
 def test_a_scene_that_was_solved_is_freed():
     """Its communicators too, of which MPICH has 2048 a process."""

@@ -157,9 +157,9 @@ def asked(monkeypatch):
     """Tolerances of all solves, negative where a saddle will do."""
     tolerances, solve = [], Newton.solve
 
-    def noted(self, x, tolerance=0.0, *given, minimum=True):
+    def noted(self, x, tolerance=0.0, *given, minimum=True, **more):
         tolerances.append(tolerance if minimum else -tolerance)
-        return solve(self, x, tolerance, *given, minimum=minimum)
+        return solve(self, x, tolerance, *given, minimum=minimum, **more)
 
     monkeypatch.setattr(Newton, "solve", noted)
     return tolerances
