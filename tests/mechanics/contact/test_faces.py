@@ -80,26 +80,6 @@ def test_gap_is_that_along_the_normal():
     assert tilt < 0.05 and finer_tilt < tilt / 3
 
 
-def test_gradient_and_turning_of_the_normal():
-    """The gradient is that of the gap; its turning that of the normal, but for terms of h^2."""
-    blank = bent()
-    face, rng = Face(blank.whole, 1.0, []), np.random.default_rng(1)
-    x = places()
-    points = np.column_stack([x, height(x) + rng.uniform(-0.7, 0.7, len(x))])
-    found, h = over(face, points), 1e-5
-    for axis in range(3):
-        ahead, back = (
-            face.project(points + s * h * np.eye(3)[axis], found.triangle, 5.0) for s in (1, -1)
-        )
-        same = (ahead.triangle == found.triangle) & (back.triangle == found.triangle)
-        assert same.sum() > 150
-        slope = (ahead.gap - back.gap)[same] / (2 * h)
-        assert abs(slope - found.normal[same, axis]).max() < 1e-9
-        turn = (ahead.normal - back.normal)[same] / (2 * h)
-        assert abs(turn - found.curvature[same, axis]).max() < 0.3 * abs(CURVES).max()
-    assert np.array_equal(found.curvature, found.curvature.swapaxes(1, 2))
-
-
 @pytest.mark.mpi
 def test_nothing_jumps_across_edges():
     """A wavy face over cells that are not regular: gap and gradient's direction on both sides."""
@@ -153,19 +133,6 @@ def test_nothing_lies_beyond_the_rim_or_further_off_than_asked():
     found = over(face, np.array(points, float), 1.0)
     assert (found.triangle >= 0).tolist() == [True, False, True, True, False, False]
     assert found.gap[[0, 2, 3]] == pytest.approx([0.9, -0.9, 0.0], abs=1e-12)
-
-
-def test_only_layers_that_face_the_points_are_met():
-    """Of a sheet folded over at x = 10, whose end lies 0.5 mm above it with its back up."""
-    blank = bent(12, 6, curve=lambda x: 0 * x[:, 0])
-    X = blank.coordinates()
-    folded = np.where(X[:, :1] > 10, [20, 0, 0.5] + X * [-1, 1, 0], X)
-    blank.u.x.array[:] = (folded - X).ravel()
-    face, (x, y) = Face(blank.whole, 1.0, []), places(within=(2.0, 8.0)).T
-    points, guess = np.column_stack([x - 2, y, 0 * x + 0.6]), np.full(len(x), -1)
-    up = np.tile([0.0, 0.6, 0.8], (len(x), 1))
-    for ahead, gap in ((None, -0.1), (up, 0.6), (-up, -0.1)):
-        assert face.project(points, guess, 5.0, ahead).gap == pytest.approx(gap, abs=1e-9)
 
 
 @pytest.mark.mpi

@@ -207,10 +207,10 @@ def test_patch_between_plates_pressed_by_force():
     assert sum(states[-1].energies.values()) == pytest.approx(states[-1].external_work, rel=1e-4)
 
 
-def pushed_ball(comm=COMM):
+def pushed_ball():
     """A ball pushed by force and, slantwise, along a path into a clamped membrane, on which it
     rubs."""
-    blank = sheet(40, 20, 12, 6, comm)
+    blank = sheet(40, 20, 12, 6)
     ball = ff.Sphere(6.0, (18, 9, -6 - T / 2))
     ball = ff.Tool(ball, (2.0, 1.0, 0), force=(0, 0, 20.0), name="ball")
     contact = ff.Contact(ball, T, K, friction=ff.Coulomb(MU, SLIP))
@@ -220,9 +220,8 @@ def pushed_ball(comm=COMM):
 
 
 @pytest.mark.mpi
-def test_run_that_is_resumed(shared_path, by_position):
-    """It ends alike, and knows what its march cost, what its solver met and how deep nodes once
-    were, which no displacement tells."""
+def test_a_resumed_run_knows_what_no_displacement_tells(shared_path):
+    """What its march cost, what its solver met and how deep nodes once were."""
     ends, start = [], None
     for resumed in (False, True):
         scene, contact = pushed_ball()
@@ -243,16 +242,9 @@ def test_run_that_is_resumed(shared_path, by_position):
 
         outcome = march(newton, 8, on_accept=keep, milestones=[0.5], start=start)
         assert not outcome.reason
-        u = displacement(scene.blank)
-        places, u = by_position(COMM, scene.blank.coordinates()[: len(u)], u)
-        ends.append((outcome, contact.largest_penetration(), states[-1], contact.tool.travel))
-        ends[-1] += (contact.force(), places, u)
-    (first, deep, last, travel, force, x, u), (second, deeper, end, *others, y, v) = ends
-    assert np.abs(x - y).max() < 1e-9 and np.abs(u - v).max() < 1e-8
-    assert others[0] == pytest.approx(travel, rel=1e-8)
-    assert others[1] == pytest.approx(force, rel=1e-6, abs=1e-7)
+        ends.append((outcome, contact.largest_penetration(), states[-1]))
+    (first, deep, last), (second, deeper, end) = ends
     assert end.energies == pytest.approx(last.energies, rel=1e-7)
-    assert end.external_work == pytest.approx(last.external_work, rel=1e-7)
     assert 7 < deeper < 7 + deep
     assert (second.accepted, second.rejected) == (first.accepted, first.rejected)
     assert second.iterations >= before + sum(state.report.iterations for state in states)

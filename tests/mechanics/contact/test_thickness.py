@@ -66,20 +66,6 @@ def test_more_fibres_than_fit_side_by_side_are_invalid(gap, share):
     assert bool(ff.Limits().exceeded({"fibre_share": most})) == (share > 0.907)
 
 
-def test_a_sheared_ply_has_more_fibres_in_its_area():
-    """Yarns that turn by 40 deg without stretch leave cos 40 deg of the area."""
-    blank, angle = rectangle(), SHEAR
-    scene = ff.Scene(blank, [ff.Membrane(FABRIC), *plates(T)], [PLAIN])
-    x = blank.coordinates()
-    blank.u.x.array[:] = np.column_stack(
-        [math.sin(angle) * x[:, 1], (math.cos(angle) - 1) * x[:, 1], 0 * x[:, 2]]
-    ).ravel()
-    fields = reports.cell_fields(scene)
-    uniform(fields["shear_angle"], angle)
-    uniform(fields["thickness_under_pressure"], T)
-    uniform(fields["fibre_volume_fraction"], 0.3 / T / math.cos(angle))
-
-
 @pytest.mark.parametrize("metal_below", [False, True])
 def test_each_of_two_sheets_loses_its_own_share(metal_below):
     """Pressed by dead pressure, of other fabrics and cells, or on metal, which loses none."""

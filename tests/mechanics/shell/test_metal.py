@@ -4,7 +4,7 @@ import builders
 import numpy as np
 import pytest
 import ufl
-from builders import COMM, alone, march, near, off_differences, on_ranks_and_resumed, rotation, run
+from builders import COMM, alone, march, near, off_differences, rotation, run
 from dolfinx import fem
 from mpi4py import MPI
 from scipy.optimize import brentq
@@ -302,21 +302,6 @@ def pressed(comm=COMM, metal=DC04):
     held.append(ff.Support("punch", lambda x: x[:2].max(0) < 2, (2,), pushed))
     term = ff.SheetMetal(metal, symmetric=[near(0, 0.0), near(1, 0.0)], clamped=rim)
     return ff.Scene(blank, [term], held)
-
-
-@pytest.mark.versions
-@pytest.mark.mpi
-def test_same_on_any_number_of_ranks_and_resumed(tmp_path, by_position):
-    """On one rank, on all, and on all from a checkpoint that one rank wrote half way."""
-    ends = []
-    for comm, scene, state in on_ranks_and_resumed(pressed, COMM.bcast(tmp_path) / "c.npz"):
-        plastic = reports.cell_fields(scene)["equivalent_plastic_strain"]
-        _, plastic = by_position(comm, scene.blank.midpoints().T, plastic)
-        others = *scene.energies().values(), state.external_work, *scene.reaction("punch")
-        ends.append(np.array([*others, *plastic]))
-    assert ends[0].max() > 100 and ends[0][6:].max() > 0.01
-    for other in ends[1:]:
-        assert np.abs(other - ends[0]).max() < 1e-7 * np.abs(ends[0]).max()
 
 
 def test_a_job_balances_work_with_elastic_energy_and_dissipation():
