@@ -22,7 +22,6 @@ from fabric_fenicsx.identification import curves, identify, result_lines
 from fabric_fenicsx.identification.curves.model import COLUMNS, KEYS
 from fabric_fenicsx.identification.curves.model import units as units_of
 from fabric_fenicsx.material.laws.base import LAWS
-from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.readers.units import UNITS
 from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT
@@ -152,14 +151,6 @@ def test_links_lead_somewhere():
     assert not [(name(page), to) for page in PAGES for to in links(page) if not to.exists()]
 
 
-def test_the_material_file(tmp_path):
-    (tmp_path / "fabric.toml").write_text(material_file())
-    fabric = load(str(tmp_path / "fabric.toml"))
-    assert fabric.thickness == 0.4
-    assert fabric.density == 0.75
-    assert fabric.warp == fabric.weft == load("komeili").warp
-
-
 def test_the_data_set(tmp_path):
     text = (DOCS / "howto/own_data.md").read_text()
     found = identify(*curves.read(write_data_set(tmp_path)))
@@ -241,12 +232,6 @@ def test_programs_print_what_their_page_says(run, tmp_path, page):
             printed = run(program)
             if output:
                 compare(printed, output)
-
-
-def test_all_output_is_in_blocks():
-    """Where it is compared."""
-    for page in PAGES:
-        assert not re.search(r"\b(prints|gives|says) `[^`]*\d", page.read_text()), page
 
 
 START = ".venv/bin/python "
