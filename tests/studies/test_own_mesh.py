@@ -19,13 +19,13 @@ COMM = MPI.COMM_WORLD
 def study(shared_path):
     """Function of a coupon, the points and cells of its mesh, and words, to the `Study`."""
 
-    def make(kind, mesh, *words):
+    def make(coupon, mesh, *words):
         if COMM.rank == 0:
             points, cells, kind = mesh
             meshio.write_points_cells(shared_path / "s.vtk", points, [(kind, cells)])
         COMM.barrier()
         files = "--mesh", str(shared_path / "s.vtk"), "--out", str(shared_path / "out")
-        return Study("coupon", parser(kind, ""), [*files, *words])
+        return Study("coupon", parser(coupon, ""), [*files, *words])
 
     return make
 
