@@ -47,24 +47,6 @@ def test_gap_on_a_paraboloid(side):
     assert off[0] < 1e-5 and off[1] < off[0] / 10
 
 
-@pytest.mark.mpi
-def test_points_load_all_nodes_by_their_areas():
-    """Also beside free edges, but for a few per cent, and exactly further in."""
-    blank = bent(curve=lambda x: 0 * x[:, 0])
-    face = Face(blank.whole, 1.0, [])
-    places = np.full((1, 3), 1 / 3)
-    weights = face.own_weights(places)
-    points = face.flat(places)
-    area = SIZE[0] * SIZE[1] / COMM.allreduce(len(points))
-    loads = COMM.allreduce(area * np.asarray(weights.sum(0)).ravel())
-    corners = face.triangles[face.own_triangles].ravel()
-    flat = COMM.allreduce(area / 3 * np.bincount(corners, minlength=len(face.nodes)))
-    off = abs(loads / flat - 1)
-    assert off.max() < 0.06
-    middle = abs(face.places[:, :2]).max(1) < 1.0
-    assert middle.any() and off[middle].max() < 1e-12
-
-
 def test_gap_is_that_along_the_normal():
     """To second order of the cells' size; the paraboloid's own normal at that place is met."""
     x = places()

@@ -78,13 +78,12 @@ def test_derivatives(distance, pushed):
 # -- a patch on a plane
 
 
-def patch(place, stiff=True, tool_path=(0.0, 0.0, 0.0), lag=math.inf, gripped=True):
+def patch(place, tool_path=(0.0, 0.0, 0.0), gripped=True):
     """A patch of 200 mm^2, pressed onto a table by 2 MPa; place: function of the load to its
-    displacement along x, of all its nodes or, if it is not `stiff`, of those at its end, unless it
-    is not `gripped`."""
+    displacement along x, unless it is not `gripped`."""
     blank = sheet(20, 10, 4, 2)
     table = ff.Tool(ff.Plane((0, 0, -T / 2), (0, 0, 1)), tool_path, name="table")
-    table = ff.Contact(table, T, K, friction=ff.Coulomb(MU, SLIP, lag))
+    table = ff.Contact(table, T, K, friction=ff.Coulomb(MU, SLIP, math.inf))
     press = ff.BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: np.ones(x.shape[1]))
     # what presses it is there from the start, so contact is too
     blank.u.x.array[2::3] = -(PRESSURE / K + SMOOTHING / 2)
@@ -92,7 +91,7 @@ def patch(place, stiff=True, tool_path=(0.0, 0.0, 0.0), lag=math.inf, gripped=Tr
     def moved(x, load):
         return np.array([np.full(x.shape[1], place(load)), 0 * x[0], 0 * x[0]])
 
-    grip = ff.Support("grip", everywhere if stiff else near(0, 20.0), (0,), moved)
+    grip = ff.Support("grip", everywhere, (0,), moved)
     held = [*([grip] if gripped else []), ff.Support("y", everywhere, (1,))]
     return ff.Scene(blank, [Elastic(1e3), table, press], held), table
 
@@ -120,17 +119,6 @@ def test_stick_slip():
     assert taken[-1] == pytest.approx(limit * SLIP * (4 + 3 + 0.5), rel=1e-6)
     for state in states:
         assert sum(state.energies.values()) == pytest.approx(state.external_work, rel=1e-6)
-
-
-@pytest.mark.mpi
-def test_elastic_patch_is_pulled_off():
-    """Gripped at an end: it sticks until all of it slides, by mu p A of the stretched patch; work =
-    strain + friction."""
-    scene, table = patch(lambda load: 0.4 * load, stiff=False, lag=1e-6)
-    states = run(scene, 10)
-    stretched = table.nodes.total(table.nodes.areas_now())
-    assert scene.reaction("grip")[0] == pytest.approx(MU * PRESSURE * stretched, rel=1e-6)
-    assert sum(states[-1].energies.values()) == pytest.approx(states[-1].external_work, rel=2e-3)
 
 
 def test_table_drags_a_patch_along():

@@ -42,7 +42,7 @@ def uniform(values, expected, tolerance=1e-6):
 def test_a_ply_between_two_plates_is_as_thick_as_their_gap(cell):
     """So its fibres are that much denser, and the plates press as its compaction says."""
     gap, pair = 0.8, plates(0.8)
-    scene = ff.Scene(rectangle(cell=cell), [ff.Membrane(FABRIC), *pair], [PLAIN])
+    scene = ff.Scene(rectangle(cell=cell), [*pair, ff.Membrane(FABRIC)], [PLAIN])  # in any order
     run(scene, 2)
     fields = reports.cell_fields(scene)
     uniform(fields["thickness_under_pressure"], gap)

@@ -11,7 +11,6 @@ from scipy.optimize import brentq
 
 import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
-from fabric_fenicsx.mechanics.shell.metal import through_thickness
 from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.solve.newton import Newton
 
@@ -172,15 +171,6 @@ def test_moments_converge_with_points():
     exact = np.array([closed_form(k) for k in curvatures])[1:]
     errors = [np.abs(bent(curvatures, n, IDEAL)[0][1:] / exact - 1).max() for n in (5, 9)]
     assert errors[0] < 0.095 and errors[1] < 0.4 * errors[0]
-
-
-@pytest.mark.parametrize("points", [5, 15])
-def test_elastic_bending_is_exact_with_any_points(points):
-    z, w = through_thickness(points)
-    assert len(z) == points and z[0] == -0.5 and z[-1] == 0.5
-    for power in range(4):
-        exact = 0 if power % 2 else 2 * 0.5 ** (power + 1) / (power + 1)
-        assert z**power @ w == pytest.approx(exact, abs=1e-15)
 
 
 # -- derivatives and motions
