@@ -1,4 +1,4 @@
-"""Rules for the source: imports go one way, functions are short."""
+"""Rules for the source: imports go one way."""
 
 import ast
 import importlib.resources
@@ -39,7 +39,6 @@ FILES |= {p.relative_to(PACKAGE): p for p in PACKAGE.glob("*.py")}
 MODULES = {
     ".".join(p.with_suffix("").parts).removesuffix(".__init__"): path for p, path in FILES.items()
 }
-LONGEST = 60
 
 
 @cache
@@ -72,28 +71,6 @@ def imported(name, at_once=False):
         for alias in node.names:
             inside = ".".join((*home, alias.name))
             yield inside if inside in MODULES else ".".join(home) or "__init__"
-
-
-def functions(name):
-    """(name, node) of each function in a module, methods and inner functions too."""
-
-    def inside(node, path):
-        for child in ast.iter_child_nodes(node):
-            if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
-                own = f"{path}.{child.name}"
-                if not isinstance(child, ast.ClassDef):
-                    yield own, child
-                yield from inside(child, own)
-            else:
-                yield from inside(child, path)
-
-    return inside(trees()[name], name)
-
-
-def lines(node):
-    """Lines of a function's body without its docstring."""
-    body = node.body[ast.get_docstring(node) is not None :]
-    return body[-1].end_lineno - body[0].lineno + 1 if body else 0
 
 
 def test_the_list_of_rooms_leaves_out_none():
@@ -130,11 +107,6 @@ def test_no_module_leads_back_to_itself():
     """Data (a press, a coupon) import what builds them when they are built."""
     graph = {name: {*imported(name, at_once=True)} for name in MODULES}
     TopologicalSorter(graph).prepare()  # its CycleError names the circle
-
-
-def test_functions_are_short():
-    found = {own: lines(node) for name in MODULES for own, node in functions(name)}
-    assert not {own for own, count in found.items() if count > LONGEST}
 
 
 @pytest.mark.versions
