@@ -178,11 +178,13 @@ def test_the_format_of_data_names_every_test_column_key_and_unit():
         assert re.search(rf"(?<![\w/]){re.escape(unit)}(?![\w/])", table), unit
 
 
-@pytest.mark.parametrize(
-    "script",
-    [pytest.param(p, marks=MARKS.get(p.stem, ())) for p in EXAMPLES],
-    ids=[p.stem for p in EXAMPLES],
-)
+def each(argument, paths):
+    """One test for each of these files."""
+    params = [pytest.param(p, marks=MARKS.get(p.stem, ()), id=name(p)) for p in paths]
+    return pytest.mark.parametrize(argument, params)
+
+
+@each("script", EXAMPLES)
 def test_an_example_prints_what_its_page_says(run, tmp_path, script, caplog):
     """And ends without a warning that its work is not in the energies."""
     text = script.read_text()
@@ -212,14 +214,7 @@ def test_readmes_program_is_an_example():
     assert program == program_of((DOCS / "examples/ball.py").read_text())
 
 
-WITH_PROGRAMS = [p for p in PAGES[1:] if "```python" in p.read_text()]
-
-
-@pytest.mark.parametrize(
-    "page",
-    [pytest.param(p, marks=MARKS.get(p.stem, ())) for p in WITH_PROGRAMS],
-    ids=map(name, WITH_PROGRAMS),
-)
+@each("page", [p for p in PAGES[1:] if "```python" in p.read_text()])
 def test_programs_print_what_their_page_says(run, tmp_path, page):
     write_files(page, tmp_path)
     if page.stem == "own_tool":
@@ -261,14 +256,7 @@ def is_ours(line):
     return line.startswith(START) and not re.search(ELSEWHERE, line)
 
 
-WITH_COMMANDS = [p for p in PAGES if any(lines for lines, _ in commands(p.read_text()))]
-
-
-@pytest.mark.parametrize(
-    "page",
-    [pytest.param(p, marks=MARKS.get(p.stem, ())) for p in WITH_COMMANDS],
-    ids=map(name, WITH_COMMANDS),
-)
+@each("page", [p for p in PAGES if any(lines for lines, _ in commands(p.read_text()))])
 def test_commands_print_what_their_page_says(run_command, tmp_path, page):
     """A command whose output no page has is run quickly."""
     points, cells, kind = specimen(nx=20, ny=5)
