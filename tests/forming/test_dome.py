@@ -7,6 +7,7 @@ import pytest
 from builders import COMM, KOMEILI, dome, dome_press
 from dome_triangles import double_dome
 from mpi4py import MPI
+from scipy.spatial import Delaunay
 
 import fabric_fenicsx as ff
 
@@ -137,6 +138,18 @@ class Changed(Bump):
 def test_a_punch_of_ones_own_that_can_be_none(by):
     with pytest.raises(ff.InputError, match="tools.punch|tools.die|surface Changed"):
         dome(surface=Changed(by), length=300.0, width=200.0, nx=8)
+
+
+@pytest.mark.parametrize("at", [0, 20])
+def test_a_punch_that_is_not_its_own_mirror_image_is_warned_of(at):
+    """Of triangles."""
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(-200, 200, 41), np.linspace(-150, 150, 31)))
+    z = 25 * np.maximum(0, 1 - ((x - at) ** 2 + y**2) / 80**2) ** 3
+    triangles = Delaunay(np.column_stack([x, y])).simplices.astype(np.int64)
+    punch = ff.TriangulatedSurface(np.column_stack([x, y, z]), triangles)
+    made = dome(surface=punch, length=300.0, width=200.0, nx=8)
+    words = "tools.punch is not its own mirror image in x = 0: it is at ("
+    assert any(words in text for text in made.warnings) == (at > 0)
 
 
 def test_quadratic_cells_of_a_ply_are_twice_as_large_by_default():

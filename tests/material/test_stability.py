@@ -75,6 +75,25 @@ def test_ellipticity_against_ten_thousand_directions(fabrics, random_states, nam
     )
 
 
+@pytest.mark.parametrize("kind", ["any", "magnitudes", "diagonal", "isotropic"])
+def test_smallest_eigenvalue_of_any_harmonics(kind):
+    """Harder than a fabric: ten decades of magnitudes, double eigenvalues, wells that touch."""
+    rng = np.random.default_rng(5)
+    Q = rng.normal(size=(3, 3, 500))
+    if kind == "magnitudes":
+        Q *= 10.0 ** rng.uniform(-7, 3, Q.shape)
+    elif kind == "diagonal":
+        Q[2] = Q[:, 2] = 0
+    elif kind == "isotropic":
+        Q[:, 1:] = Q[1:] = 0
+    angles = np.linspace(0, 2 * np.pi, 20_001)
+    t, h, o = np.einsum("ijn,jk->ink", Q, [np.ones_like(angles), np.cos(angles), np.sin(angles)])
+    excess = ((t - np.hypot(h, o)).min(1) - stability.smallest_eigenvalue(Q)[0]) / np.abs(Q).sum(
+        (0, 1)
+    )
+    assert excess.min() > -1e-14 and excess.max() < 1e-6
+
+
 @pytest.mark.parametrize("name", CASES)
 def test_convexity_against_differences_of_the_closed_form(fabrics, name):
     fabric, rng, h = fabrics[name], np.random.default_rng(4), 1e-6

@@ -47,6 +47,24 @@ def test_gap_on_a_paraboloid(side):
     assert off[0] < 1e-5 and off[1] < off[0] / 10
 
 
+@pytest.mark.mpi
+def test_points_load_all_nodes_by_their_areas():
+    """Also beside free edges, but for a few per cent, and exactly further in."""
+    blank = bent(curve=lambda x: 0 * x[:, 0])
+    face = Face(blank.whole, 1.0, [])
+    places = np.full((1, 3), 1 / 3)
+    weights = face.own_weights(places)
+    points = face.flat(places)
+    area = SIZE[0] * SIZE[1] / COMM.allreduce(len(points))
+    loads = COMM.allreduce(area * np.asarray(weights.sum(0)).ravel())
+    corners = face.triangles[face.own_triangles].ravel()
+    flat = COMM.allreduce(area / 3 * np.bincount(corners, minlength=len(face.nodes)))
+    off = abs(loads / flat - 1)
+    assert off.max() < 0.06
+    middle = abs(face.places[:, :2]).max(1) < 1.0
+    assert middle.any() and off[middle].max() < 1e-12
+
+
 def test_gap_is_that_along_the_normal():
     """To second order of the cells' size; the paraboloid's own normal at that place is met."""
     x = places()
@@ -60,6 +78,26 @@ def test_gap_is_that_along_the_normal():
     (gap, tilt), (finer_gap, finer_tilt) = off
     assert gap < 0.01 and finer_gap < gap / 3.5
     assert tilt < 0.05 and finer_tilt < tilt / 3
+
+
+def test_gradient_and_turning_of_the_normal():
+    """The gradient is that of the gap; its turning that of the normal, but for terms of h^2."""
+    blank = bent()
+    face, rng = Face(blank.whole, 1.0, []), np.random.default_rng(1)
+    x = places()
+    points = np.column_stack([x, height(x) + rng.uniform(-0.7, 0.7, len(x))])
+    found, h = over(face, points), 1e-5
+    for axis in range(3):
+        ahead, back = (
+            face.project(points + s * h * np.eye(3)[axis], found.triangle, 5.0) for s in (1, -1)
+        )
+        same = (ahead.triangle == found.triangle) & (back.triangle == found.triangle)
+        assert same.sum() > 150
+        slope = (ahead.gap - back.gap)[same] / (2 * h)
+        assert abs(slope - found.normal[same, axis]).max() < 1e-9
+        turn = (ahead.normal - back.normal)[same] / (2 * h)
+        assert abs(turn - found.curvature[same, axis]).max() < 0.3 * abs(CURVES).max()
+    assert np.array_equal(found.curvature, found.curvature.swapaxes(1, 2))
 
 
 @pytest.mark.mpi

@@ -191,6 +191,9 @@ def test_patch_between_plates_pressed_by_force():
     states = run(scene, 20)
     assert scene.reaction("grip")[0] == pytest.approx(2 * MU * force, rel=1e-6)
     assert press.force()[2] == pytest.approx(-force, rel=1e-9)
+    depth = force / (AREA * K) + SMOOTHING / 2
+    assert table.penetration() == pytest.approx(depth, rel=1e-9)
+    assert press.tool.travel == pytest.approx(2 * depth, rel=1e-9)
     assert states[-1].energies["friction"] == pytest.approx(2 * MU * force * 15.5 * SLIP, rel=1e-6)
     assert sum(states[-1].energies.values()) == pytest.approx(states[-1].external_work, rel=1e-4)
 

@@ -75,6 +75,8 @@ def test_a_bent_pair_slides_where_its_mid_surfaces_keep_their_length(radius=20.0
     apart, s = 0.99 * T, LENGTH / 4
     slid = (radius + apart / 2) * (s / radius - s / (radius + apart))
     assert total / area == pytest.approx(slid, rel=0.03)
+    told = result.summary["sheet_contacts"]["a, b"]["sliding_largest_mm"]
+    assert told == pytest.approx(np.nanmax(sizes), rel=1e-9)
     energy = MU * pair.totals[3] * (slid - SLIP / 2)
     assert result.rows[-1]["friction_energy_Nmm"] == pytest.approx(energy, rel=0.2)
 
