@@ -311,6 +311,25 @@ def test_forces_that_pinch_a_sheet_are_no_measure_of_what_it_bears():
 # -- where steps begin
 
 
+def test_nodes_are_led_to_the_gaps_that_they_had():
+    """What was pressed is as deep as then, what comes in is put on the face; a tool moved by force
+    leads nothing."""
+    blank = sheet(20, 10, 4, 2)
+    table = ff.Tool(ff.Plane((0, 0, -T / 2), (0, 0, 1)), path=(0, 0, 0.1), name="table")
+    force = ff.Tool(ff.Plane((0, 0, T / 2), (0, 0, -1)), force=(0, 0, -1), name="press")
+    contact, pushed = ff.Contact(table, T, K), ff.Contact(force, T, K)
+    alone(blank, contact, pushed)
+    u, (x, _, _) = blank.u.x.array.reshape(-1, 3), blank.coordinates().T
+    depth = np.where(x < 9, 0.01, -0.05)
+    u[:, 2] = -depth
+    contact.accept()
+    contact.set_load(1.0)
+    motion = contact.motion_to_gaps().reshape(-1, 3)
+    expected = np.where(x < 9, 0.1, 0.05)[: len(motion)]
+    assert motion == pytest.approx(expected[:, None] * [0, 0, 1], abs=1e-12)
+    assert not pushed.motion_to_gaps().any()
+
+
 def test_a_step_that_begins_along_the_tools_takes_fewer_iterations(monkeypatch):
     found = []
     for leads in (True, False):

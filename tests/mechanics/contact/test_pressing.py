@@ -5,7 +5,7 @@ import pytest
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.material.homogeneous import nominal
-from fabric_fenicsx.mechanics.contact.pressing import press
+from fabric_fenicsx.mechanics.contact.pressing import press, with_secant_stiffness
 from fabric_fenicsx.mechanics.contact.pressure_law import (
     PENETRATION,
     SMOOTHING,
@@ -16,6 +16,7 @@ from fabric_fenicsx.mechanics.contact.pressure_law import (
     between_faces,
     face_of,
 )
+from fabric_fenicsx.mechanics.contact.tool_contact import Resistance, find_balance
 
 FACE, SOFT = Rigid(1000.0, 1e-3), Compacted(0.2, 16.0, 1e-3)
 BOTH = InSeries(SOFT, Compacted(0.1, 8.0, 2e-3))
@@ -45,6 +46,33 @@ def test_forces_and_blocks_are_derivatives_of_the_energy(law):
 def test_depths_are_those_of_the_pressures(law):
     for e in (0.0, 1e-5, 1e-3, 0.08):
         assert law.depth(law(np.full(4, e))[1]) == pytest.approx(np.full(4, e), rel=1e-9)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_point_that_others_pull_off_leaves_the_face_in_one_correction(law):
+    """With the law's own slope its depth would be about halved."""
+    depth = 0.5e-3
+    now = pressed(law, np.full(4, -depth))
+    secant = with_secant_stiffness(law, AREAS, now, -2 * now.pressure)
+    step = now.forces[:, 2] / secant.blocks[:, 2, 2]
+    assert step == pytest.approx(depth)
+    assert now.forces[:, 2] / now.blocks[:, 2, 2] == pytest.approx(depth / 2, rel=0.01)
+
+
+@pytest.mark.parametrize("start", [-3.0, 0.5, 4.0])
+def test_a_tool_is_found_where_its_force_is_in_balance(start):
+    """On a law that starts with slope 0, after a gap of 1 mm."""
+    seen = []
+
+    def look(travel):
+        seen.append(travel)
+        e = max(travel - 1.0, 0.0)
+        return Resistance(50 * e**2, 100 * e, max(1.0 - travel, 0.0))
+
+    assert find_balance(2.0, look, start, reach=0.25, soft=0.01)
+    assert seen[-1] == pytest.approx(1.2) and len(seen) < 40
+    nothing = Resistance(0.0, 0.0, 1.0)
+    assert not find_balance(1.0, lambda travel: nothing, 0.0, 0.25, 0.01)
 
 
 # -- fabric
