@@ -61,6 +61,18 @@ def test_a_kink_is_not_rounded():
     assert done(Work(), states) == pytest.approx(0.18, rel=1e-12)
 
 
+def test_work_does_not_depend_on_the_axes():
+    """Nor where a bend is bounded."""
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    forces = np.array([[0.0, 0, 0], [1, 2, 0], [1.2, 2.1, 0.1], [9, 1, -4], [9.5, 2, -4]])
+    places = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0.1, 0], [2.5, 1, 0.3], [4, 1, 2]])
+    found = [
+        done(Work(), [*zip(range(5), forces @ axes.T, places @ axes.T)])
+        for axes in (np.eye(3), turn)
+    ]
+    assert found[1] == pytest.approx(found[0], rel=1e-12)
+
+
 @pytest.mark.parametrize("power", [2, 3])
 def test_a_first_step_looked_at_on_the_way_has_its_exact_work(power):
     work = Work()
