@@ -18,7 +18,6 @@ from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.mechanics.term_checks import bind
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.sheets.blank import Blank
-from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.settings import Settings
 from fabric_fenicsx.solve.stepping import LoadStepping
@@ -241,26 +240,6 @@ def nodal_forces(term):
         term.add_forces(local.array)
     vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
     return vector.array.reshape(-1, term.blank.mesh.geometry.dim).copy()
-
-
-def on_ranks_and_resumed(make, path):
-    """Runs of make(comm) on one rank, on all, and on all from the checkpoint `path` that one rank
-    wrote half way: communicator, scene and last state."""
-    for comm, resumed in ((MPI.COMM_SELF, False), (COMM, False), (COMM, True)):
-        scene, start, states = make(comm), None, []
-        checkpoint = Checkpoint(path, scene.blank, {})
-
-        def keep(state):
-            states.append(state)
-            if comm is MPI.COMM_SELF and COMM.rank == 0 and abs(state.load - 0.5) < 1e-9:
-                checkpoint.save(state.progress, {})
-
-        if resumed:
-            COMM.barrier()
-            start, _ = checkpoint.load(scene.memory())
-            assert start.load == 0.5 and any(name.startswith("cells") for name in start.memory)
-        assert not march(Newton(scene), 8, max_step=0.125, on_accept=keep, start=start).reason
-        yield comm, scene, states[-1]
 
 
 def off_differences(term, by=0.0, h=2e-6):

@@ -22,7 +22,6 @@ from fabric_fenicsx.identification import curves, identify, result_lines
 from fabric_fenicsx.identification.curves.model import COLUMNS, KEYS
 from fabric_fenicsx.identification.curves.model import units as units_of
 from fabric_fenicsx.material.laws.base import LAWS
-from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.readers.units import UNITS
 from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT
@@ -152,14 +151,6 @@ def test_links_lead_somewhere():
     assert not [(name(page), to) for page in PAGES for to in links(page) if not to.exists()]
 
 
-def test_the_material_file(tmp_path):
-    (tmp_path / "fabric.toml").write_text(material_file())
-    fabric = load(str(tmp_path / "fabric.toml"))
-    assert fabric.thickness == 0.4
-    assert fabric.density == 0.75
-    assert fabric.warp == fabric.weft == load("komeili").warp
-
-
 def test_the_data_set(tmp_path):
     text = (DOCS / "howto/own_data.md").read_text()
     found = identify(*curves.read(write_data_set(tmp_path)))
@@ -187,11 +178,13 @@ def test_the_format_of_data_names_every_test_column_key_and_unit():
         assert re.search(rf"(?<![\w/]){re.escape(unit)}(?![\w/])", table), unit
 
 
-@pytest.mark.parametrize(
-    "script",
-    [pytest.param(p, marks=MARKS.get(p.stem, ())) for p in EXAMPLES],
-    ids=[p.stem for p in EXAMPLES],
-)
+def each(argument, paths):
+    """One test for each of these files."""
+    params = [pytest.param(p, marks=MARKS.get(p.stem, ()), id=name(p)) for p in paths]
+    return pytest.mark.parametrize(argument, params)
+
+
+@each("script", EXAMPLES)
 def test_an_example_prints_what_its_page_says(run, tmp_path, script, caplog):
     """And ends without a warning that its work is not in the energies."""
     text = script.read_text()
@@ -221,14 +214,7 @@ def test_readmes_program_is_an_example():
     assert program == program_of((DOCS / "examples/ball.py").read_text())
 
 
-WITH_PROGRAMS = [p for p in PAGES[1:] if "```python" in p.read_text()]
-
-
-@pytest.mark.parametrize(
-    "page",
-    [pytest.param(p, marks=MARKS.get(p.stem, ())) for p in WITH_PROGRAMS],
-    ids=map(name, WITH_PROGRAMS),
-)
+@each("page", [p for p in PAGES[1:] if "```python" in p.read_text()])
 def test_programs_print_what_their_page_says(run, tmp_path, page):
     write_files(page, tmp_path)
     if page.stem == "own_tool":
@@ -241,12 +227,6 @@ def test_programs_print_what_their_page_says(run, tmp_path, page):
             printed = run(program)
             if output:
                 compare(printed, output)
-
-
-def test_all_output_is_in_blocks():
-    """Where it is compared."""
-    for page in PAGES:
-        assert not re.search(r"\b(prints|gives|says) `[^`]*\d", page.read_text()), page
 
 
 START = ".venv/bin/python "
@@ -276,14 +256,7 @@ def is_ours(line):
     return line.startswith(START) and not re.search(ELSEWHERE, line)
 
 
-WITH_COMMANDS = [p for p in PAGES if any(lines for lines, _ in commands(p.read_text()))]
-
-
-@pytest.mark.parametrize(
-    "page",
-    [pytest.param(p, marks=MARKS.get(p.stem, ())) for p in WITH_COMMANDS],
-    ids=map(name, WITH_COMMANDS),
-)
+@each("page", [p for p in PAGES if any(lines for lines, _ in commands(p.read_text()))])
 def test_commands_print_what_their_page_says(run_command, tmp_path, page):
     """A command whose output no page has is run quickly."""
     points, cells, kind = specimen(nx=20, ny=5)

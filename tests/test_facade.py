@@ -33,6 +33,10 @@ LIGHT = {  # program -> modules that it does not load, as they take a second or 
         "dolfinx mpi4py matplotlib scipy"
     ),
     "import fabric_fenicsx.studies.form": "pyvista matplotlib gmsh scipy.ndimage",  # as for --help
+    # Numba itself can't be asked for: dolfinx 0.9 imports it where it is installed
+    "ff.BiasExtension(nx=4, element='P1', strain=0.01).job(steps=4).run(pictures=False)": (
+        "fabric_fenicsx.runtime.compiled"
+    ),
 }
 
 
@@ -44,7 +48,7 @@ def test_nothing_is_imported_before_it_is_used(program):
         f"{program}\nprint({{*{LIGHT[program].split()}}} & {{*sys.modules}} - before)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.stdout == "set()\n", done.stdout + done.stderr
+    assert done.stdout.endswith("set()\n"), done.stdout + done.stderr
 
 
 def test_a_run_without_pictures_loads_nothing_to_draw_with(tmp_path):
@@ -59,18 +63,6 @@ def test_a_run_without_pictures_loads_nothing_to_draw_with(tmp_path):
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout.endswith("set()\n"), done.stdout + done.stderr
-
-
-def test_a_strip_is_pulled_without_compiled_loops(tmp_path):
-    """Numba itself can't be asked for: dolfinx 0.9 imports it where it is installed."""
-    code = (
-        "import sys, fabric_fenicsx as ff\n"
-        "test = ff.BiasExtension(ff.load('komeili'), nx=4, element='P1', strain=0.01)\n"
-        f"test.job(steps=4).run({str(tmp_path / 'out')!r})\n"
-        "print('fabric_fenicsx.runtime.compiled' in sys.modules)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.stdout.endswith("False\n"), done.stdout + done.stderr
 
 
 def test_types_are_known_of_each_name():

@@ -1,4 +1,4 @@
-"""Rules for the source: imports go one way, functions are short, public ones have types."""
+"""Rules for the source: imports go one way."""
 
 import ast
 import importlib.resources
@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "fabric_fenicsx"
-MESHES = PACKAGE.parent / "meshes"
 # a room imports what stands before it, and itself
 ORDER = (
     "runtime",
@@ -40,9 +39,6 @@ FILES |= {p.relative_to(PACKAGE): p for p in PACKAGE.glob("*.py")}
 MODULES = {
     ".".join(p.with_suffix("").parts).removesuffix(".__init__"): path for p, path in FILES.items()
 }
-LONGEST, MOST_ARGUMENTS = 60, 8
-# private names with arguments of their own that whoever calls a class gives
-CALLED = "__init__", "__call__"
 
 
 @cache
@@ -75,35 +71,6 @@ def imported(name, at_once=False):
         for alias in node.names:
             inside = ".".join((*home, alias.name))
             yield inside if inside in MODULES else ".".join(home) or "__init__"
-
-
-def functions(name):
-    """(name, node) of each function in a module, methods and inner functions too."""
-
-    def inside(node, path):
-        for child in ast.iter_child_nodes(node):
-            if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
-                own = f"{path}.{child.name}"
-                if not isinstance(child, ast.ClassDef):
-                    yield own, child
-                yield from inside(child, own)
-            else:
-                yield from inside(child, path)
-
-    return inside(trees()[name], name)
-
-
-def lines(node):
-    """Lines of a function's body without its docstring."""
-    body = node.body[ast.get_docstring(node) is not None :]
-    return body[-1].end_lineno - body[0].lineno + 1 if body else 0
-
-
-def arguments(node):
-    """Names of a function's arguments without self."""
-    a = node.args
-    names = [*a.posonlyargs, *a.args, *a.kwonlyargs, *filter(None, (a.vararg, a.kwarg))]
-    return [each.arg for each in names if each.arg not in ("self", "cls")]
 
 
 def test_the_list_of_rooms_leaves_out_none():
@@ -140,41 +107,6 @@ def test_no_module_leads_back_to_itself():
     """Data (a press, a coupon) import what builds them when they are built."""
     graph = {name: {*imported(name, at_once=True)} for name in MODULES}
     TopologicalSorter(graph).prepare()  # its CycleError names the circle
-
-
-def test_functions_are_short():
-    found = {own: lines(node) for name in MODULES for own, node in functions(name)}
-    assert not {own for own, count in found.items() if count > LONGEST}
-
-
-def test_functions_have_few_arguments():
-    found = {own: len(arguments(node)) for name in MODULES for own, node in functions(name)}
-    assert not {own for own, count in found.items() if count > MOST_ARGUMENTS}
-
-
-def public(body, inside=""):
-    """(name, node, whether the first argument is self or cls) of each public function."""
-    for node in body:
-        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-            yield from public(node.body, f"{node.name}.")
-        if isinstance(node, ast.FunctionDef):
-            if not node.name.startswith("_") or node.name in CALLED:
-                static = any(ast.unparse(d) == "staticmethod" for d in node.decorator_list)
-                yield inside + node.name, node, bool(inside) and not static
-
-
-def test_public_names_are_annotated():
-    checked = {path.stem: ast.parse(path.read_text()) for path in MESHES.glob("*.py")}
-    checked |= {name: tree for name, tree in trees().items() if not name.startswith("studies.")}
-    untyped = []
-    for module, tree in checked.items():
-        for name, node, bound in public(tree.body):
-            a = node.args
-            each = [*a.posonlyargs, *a.args, *a.kwonlyargs, a.vararg, a.kwarg][bound:]
-            missing = [arg.arg for arg in each if arg and not arg.annotation]
-            missing += [] if node.returns else ["return"]
-            untyped += [f"{module}: {name} ({', '.join(missing)})"] if missing else []
-    assert not untyped
 
 
 @pytest.mark.versions

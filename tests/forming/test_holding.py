@@ -1,7 +1,5 @@
 """Blank holders: objects that make terms, several of them as segments."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from builders import dome
@@ -97,15 +95,6 @@ def test_grippers_may_share_corners():
     assert held_whole(dict(zip("ab", ends))) == 0
 
 
-def test_plates_of_segments_bear_their_forces():
-    """A quarter of each, on the nodes of the flat blank that are theirs."""
-    holders = [ff.ForceHolder(4000.0, HALVES[0]), ff.ForceHolder(8000.0, HALVES[1])]
-    ply = dome(**SIZES, holder=holders)
-    result = ply.job(steps=2).run()
-    found = [result.force(name)[2] for name in ("blank holder", "blank holder 2")]
-    assert found == pytest.approx([1000.0, 2000.0], rel=1e-6)
-
-
 def test_grippers_pull_at_the_edges_that_are_marked():
     ply = dome(**SIZES, holder=ff.Grippers(3.0, where=lambda x: x[0] > 234))
     assert sum(isinstance(term, ff.EdgeTension) for term in ply.scene.terms) == 1
@@ -179,14 +168,3 @@ def test_the_history_has_the_force_of_each_holder_on_the_whole_blank():
     assert tools[0] == pytest.approx(row["reaction_N"])
     held = [row[f"low{k}_force_of_whole_N"] / 4 for k in ("", "_2")]
     assert sum(tools) + sum(held) == pytest.approx(0, abs=1e-4 * abs(tools[1]))
-
-
-def test_forces_of_holders_are_told_by_their_names_whatever_sheets_are_called():
-    names, holders = ("top, 0/90", "low, 45"), {"rim, all": ff.PressureHolder(0.02)}
-    press = ff.Press.read("hemisphere")
-    plies = [dataclasses.replace(press.sheets[0], name=name, nx=4) for name in names]
-    made = press.replace(sheets=plies, holders=holders).build()
-    (column,) = [name for name in made.columns(made.scene) if name.endswith("_of_whole_N")]
-    force = made.holders["rim, all"][0].tool_force()[2]
-    assert column == "rim,_all_force_of_whole_N"
-    assert made.columns(made.scene)[column] == pytest.approx(4 * force) and force > 100

@@ -77,21 +77,6 @@ def test_round_trip_of_17_parameters(unbalanced):
     assert (result.fabric.weft.a, result.fabric.thickness) == (pytest.approx(2100.0), 0.8)
 
 
-@pytest.mark.parametrize("test", ["picture_frame", "bias_extension"])
-def test_raw_forces(test):
-    g = np.radians(np.arange(2, 51, 2.0))
-    keys = {
-        "picture_frame": {"frame_length": 200.0, "fabric_length": 150.0},
-        "bias_extension": {"height": 230.0, "width": 115.0},
-    }[test]
-    tau = [nominal(KOMEILI, np.outer(x, [0, 0, 1]))[:, 2] for x in (g, g / 2)]
-    blank = predicted("F", g, g, test, keys, 1.0)
-    force = blank.gain * tau[0] + (0 if blank.half is None else blank.half * tau[1])
-    result = identify(SHEET, [curve(test, g, "F", force, 2, **keys)])
-    assert list(result.determined) == ["s1", "s2", "s3"]
-    assert worst(result, true_values(KOMEILI, True)) < 1e-6
-
-
 @pytest.mark.parametrize(
     ("names", "determined"),
     [

@@ -1,9 +1,6 @@
 """The kernel against the UFL energy and against derivatives of eq. (30) written a third time, case
 by case."""
 
-import copy
-from functools import partial
-
 import dolfinx
 import mpmath
 import numpy as np
@@ -13,14 +10,11 @@ from mpi4py import MPI
 
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.material import kernel
-from fabric_fenicsx.material.laws import COUPLINGS, Law
-from fabric_fenicsx.material.laws.law58 import Law58
+from fabric_fenicsx.material.laws import COUPLINGS
 from fabric_fenicsx.material.laws.tabulated import Curve, TabulatedFabric
 from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.mechanics.membrane_energy import energy_density
 from fabric_fenicsx.runtime.errors import InputError
-
-LAW58 = Law58(1335.0, 900.0, 2e4, 0.0, 1e-3, 0.025, 0.6, 0.8)
 
 
 def relative(value, reference):
@@ -97,16 +91,6 @@ def test_agrees_with_ufl_on_many_states(unbalanced, random_states, off):
     state = agreed(unbalanced.without(*off), random_states(4_000))
     assert [(state.strain_state == k).sum() > 200 for k in (1, 2, 3, 4)] == [True] * 4
     assert np.degrees(np.abs(state.invariants[:, 3])).max() > 79
-
-
-@pytest.mark.parametrize("law", ["coupled", "law58"])
-def test_a_law_needs_no_closed_forms(unbalanced, random_states, law):
-    """UFL against hyper-dual numbers, both from the law's energy alone."""
-    fabric = LAW58
-    if law == "coupled":
-        fabric = copy.copy(unbalanced)
-        object.__setattr__(fabric, "derivatives", partial(Law.derivatives, fabric))
-    agreed(fabric, random_states(2_000))
 
 
 @pytest.mark.parametrize("extrapolation", ["constant", "linear"])

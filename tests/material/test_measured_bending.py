@@ -69,16 +69,23 @@ def test_faces_thresholds_and_loops_of_measured_curves(kind):
     assert found.energy[0, 0] == pytest.approx(work, rel=1e-7)
 
 
+def on_a_cylinder(fabric, kappa, angle=0.0):
+    """Scene of a strip that is laid on a cylinder of this curvature, and its bending."""
+    blank = ff.Blank.rectangle(60, 20, nx=24, ny=8, fibre_angle=angle, spatial=True)
+    bending = ff.Bending(modulus=1.0)
+    scene = ff.Scene(blank, [ff.Membrane(fabric), bending], ff.clamped_ends(0.1))
+    x = blank.coordinates()[:, 0]
+    bent = np.column_stack([np.sin(kappa * x) / kappa - x, 0 * x, (1 - np.cos(kappa * x)) / kappa])
+    blank.u.x.array[:] = bent.ravel()
+    return scene, bending
+
+
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_strip_is_bent_over_each_of_its_faces(sign):
     """It takes the energy of this face, and friction the threshold's."""
     measured = ff.MeasuredBending(curvature=(-0.1, 0, 0, 0.1), moment_a=(-0.85, -0.05, 0.05, 0.55))
-    blank = ff.Blank.rectangle(60, 20, nx=24, ny=8, spatial=True)
-    membrane = ff.Membrane(KOMEILI.replace(bending=measured))
-    scene = ff.Scene(blank, [membrane, ff.Bending(modulus=1.0)], ff.clamped_ends(0.1))
-    x, kappa = blank.coordinates()[:, 0], 0.03
-    bent = [np.sin(kappa * x) / kappa - x, 0 * x, sign * (1 - np.cos(kappa * x)) / kappa]
-    blank.u.x.array[:] = np.ravel(bent, order="F")
+    kappa = 0.03
+    scene, _ = on_a_cylinder(KOMEILI.replace(bending=measured), sign * kappa)
     energies, both = scene.energies(), np.array([[sign * kappa, 0.0], [-sign * kappa, 0.0]])
     here, other = 1200 * measured.respond(both, 0.75).energy[:, 0]
     assert energies["bending"] == pytest.approx(here, rel=0.1) and abs(here / other - 1) > 0.15
@@ -88,13 +95,9 @@ def test_a_strip_is_bent_over_each_of_its_faces(sign):
 @pytest.mark.parametrize("angle", [0, 90])
 def test_a_strip_bent_to_a_cylinder(angle):
     """It takes the energy of its curvature, and its forces are the energy's derivatives."""
-    fabric, kappa = KOMEILI.replace(bending=FALLING), 0.03
-    blank = ff.Blank.rectangle(60, 20, nx=24, ny=8, fibre_angle=angle, spatial=True)
-    bending = ff.Bending(modulus=1.0)
-    scene = ff.Scene(blank, [ff.Membrane(fabric), bending], ff.clamped_ends(0.1))
-    x = blank.coordinates()[:, 0]
-    bent = np.column_stack([np.sin(kappa * x) / kappa - x, 0 * x, (1 - np.cos(kappa * x)) / kappa])
-    blank.u.x.array[:] = bent.ravel()
+    kappa = 0.03
+    scene, bending = on_a_cylinder(KOMEILI.replace(bending=FALLING), kappa, angle)
+    blank = scene.blank
     both = FALLING.respond(np.array([[kappa, kappa]]), 0.75).energy[0]
     energy = scene.energies()["bending"]
     assert energy == pytest.approx(60 * 20 * both[angle // 90], rel=0.1)  # ends are free

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import quad, solve_ivp
+from scipy.integrate import quad
 
 from fabric_fenicsx.material.hardening import HardeningTable, Swift, Voce
 from fabric_fenicsx.material.hencky import hencky
@@ -111,37 +111,3 @@ def test_stress_and_tangent_are_derivatives_of_the_potential(curve):
         # but where the difference has a kink of yielding or of a table within it
         assert (error < 1e-6).mean() > 0.985
     assert found.tangent == pytest.approx(found.tangent.swapaxes(1, 2), rel=1e-12, abs=1e-9)
-
-
-def test_plane_strain_tension_converges_with_steps():
-    """With elastic compressibility the stress turns; against the rate equations."""
-    K1, K2 = DC04.E / (1 - DC04.nu), DC04.E / (1 + DC04.nu)
-    end, curve = 0.02, DC04.hardening
-
-    def rate(strain, y):
-        (m, d), p = y[:2], y[2]
-        limit = np.hypot(m, np.sqrt(3) * d)
-        normal = np.array([m, 3 * d]) / (2 * limit)
-        K, towards = np.array([K1, K2]), np.array([0.5, 0.5])
-        if limit < curve.stress(p) * (1 - 1e-9):
-            return [*(K * towards), 0.0]
-        growth = 2 * normal @ (K * towards) / (2 * normal @ (K * normal) + curve.slope(p))
-        return [*(K * (towards - growth * normal)), growth]
-
-    first = curve.stress(0.0) / np.hypot(K1 / 2, np.sqrt(3) * K2 / 2)
-    start = [K1 * first / 2, K2 * first / 2, 0.0]
-    exact = solve_ivp(rate, (first, end), start, rtol=1e-10, atol=1e-12, max_step=1e-4).y[:, -1]
-    errors = []
-    for steps in (50, 100, 200):
-        elastic, plastic = np.zeros((1, 3)), np.zeros(1)
-        for _ in range(steps):
-            after = respond(DC04, elastic + np.array([[0.5, 0.5, 0]]) * end / steps, plastic)
-            elastic, plastic = after.elastic, after.plastic
-        found = [*after.stress[0, :2], plastic[0]]
-        errors.append(np.abs(np.array(found) / exact - 1).max())
-    assert errors[0] < 2e-3
-    assert errors[1] < 0.7 * errors[0]
-    assert errors[2] < 0.7 * errors[1]
-
-
-# -- files

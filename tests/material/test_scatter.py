@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from fabrics import LAW58, TABLE
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.runtime.errors import InputError
@@ -36,19 +37,10 @@ def test_a_number_of_both_yarns_that_differ_has_no_interval(read):
 
 
 YARN = ff.Yarn(a=100.0, b=600.0, d=0.5, p_min=0.7, c=20.0)
-CURVE = {"x": (0.0, 0.2, 0.4), "y": (0.0, 1.0, 3.0)}
+COUPLED = ff.WovenFabric(YARN, YARN, s1=0.02, s2=-0.1, s3=0.3)
 
 
-def fabrics():
-    from fabric_fenicsx.material.laws.law58 import Law58
-    from fabric_fenicsx.material.laws.tabulated import Curve
-
-    yield ff.WovenFabric(YARN, YARN, s1=0.02, s2=-0.1, s3=0.3)
-    yield Law58(500.0, 600.0, 100.0, 0.0, 0.01, 0.02, 0.5, 0.6)
-    yield ff.TabulatedFabric(Curve(**CURVE), Curve(**CURVE), Curve(**CURVE))
-
-
-@pytest.mark.parametrize("fabric", list(fabrics()), ids=lambda fabric: fabric.law)
+@pytest.mark.parametrize("fabric", [COUPLED, LAW58, TABLE], ids=lambda fabric: fabric.law)
 def test_a_factor_multiplies_the_stresses_of_one_kind(fabric):
     """A factor is of numbers that are changed with it."""
     komeili = KOMEILI.changed({"shear_factor": 2.0, "s1": 0.03})

@@ -3,19 +3,14 @@ against states known by hand."""
 
 import numpy as np
 import pytest
+from fabrics import TABLE
 
 from fabric_fenicsx.material import kernel, stability
 from fabric_fenicsx.material.laws import COUPLINGS
 from fabric_fenicsx.material.laws.base import stresses_of_energy
-from fabric_fenicsx.material.laws.tabulated import Curve, TabulatedFabric
 from fabric_fenicsx.material.presets import PRESETS
 
 KOMEILI = PRESETS["komeili"]
-TABLE = TabulatedFabric(
-    warp=Curve((-0.2, 0.0, 0.01, 0.03, 0.06), (-0.3, 0.0, 9.0, 45.0, 130.0)),
-    weft=Curve((-0.1, 0.0, 0.02, 0.05), (-0.1, 0.0, 12.0, 60.0)),
-    shear=Curve((0.0, 0.3, 0.8), (0.0, 0.01, 0.09)),
-)
 
 
 @pytest.fixture(scope="module")

@@ -2,19 +2,16 @@
 
 import numpy as np
 import pytest
+from fabrics import LAW58
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.material.laws.base import numbers_of
-from fabric_fenicsx.material.laws.law58 import Law58
 from fabric_fenicsx.material.laws.tabulated import Curve
 
 KOMEILI = ff.load("komeili").replace(name="glass")
 YARN = Curve((-0.1, 0.0, 0.01, 0.03), (-0.1, 0.0, 9.0, 45.0))
-FABRICS = {
-    "coupled": KOMEILI,
-    "tabulated": ff.TabulatedFabric(YARN, YARN, Curve((0.0, 0.4, 0.8), (0.0, 0.01, 0.09))),
-    "law58": Law58(50.0, 60.0, 100.0, 0.0, 0.1, 0.02, 0.3, 0.9),
-}
+TABLE = ff.TabulatedFabric(YARN, YARN, Curve((0.0, 0.4, 0.8), (0.0, 0.01, 0.09)))
+FABRICS = {"coupled": KOMEILI, "tabulated": TABLE, "law58": LAW58}
 FACTORS = {
     20: {"shear_factor": 8.0, "yarn_factor": 1.2},
     200: dict.fromkeys(("shear_factor", "yarn_factor"), 1.0),

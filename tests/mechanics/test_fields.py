@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+import scenes
 from builders import compiled_as_it_stands
 
 import fabric_fenicsx as ff
@@ -15,21 +16,10 @@ WARM = KOMEILI.replace(
     )},
     shear_friction=ff.ShearFriction(0.05, 0.002),
 )  # fmt: skip
-OVER = (180.0, 0.0, 0.0)
 
 
-def press(*sheets, **interface):
-    tools = {
-        "ball": ff.PressTool(ff.Sphere(24)),
-        "ring": ff.PressTool(ff.Turned(ff.Plate(length=56, entry=5), OVER), side="above"),
-    }
-    return ff.Press(
-        sheets=sheets,
-        tools=tools,
-        interface=ff.Interface(**{"friction": 0.2} | interface),
-        holders={"holder": ff.PressureHolder(0.02)},
-        stages=ff.Stage("forming", moves={"ball": 6.0}),
-    )
+def press(*sheets, friction=0.2):
+    return scenes.press(*sheets, interface=ff.Interface(friction=friction))
 
 
 def sheet(**given):

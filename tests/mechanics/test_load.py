@@ -147,13 +147,15 @@ def test_a_strip_of_which_work_is_missing_is_not_believed(steps):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("name", ["edge tension", "dead pressure"])
+@pytest.mark.parametrize("name", ["edge tension", "dead pressure", "springs"])
 def test_a_load_on_one_sheet_of_a_stack(name):
     """The other one feels nothing."""
     stack = ff.Stack([(strip(True), 1.0, each) for each in ("lower", "upper")])
     term, total = ff.DeadPressure(TENSION, (1, 0, 0)), TENSION * WIDTH * LENGTH
     if name == "edge tension":
         term, total = ff.EdgeTension(TENSION, (1, 0, 0), lambda x: x[0] < 1e-6), TENSION * WIDTH
+    elif name == "springs":
+        term, total = ff.Springs(lambda x: x[0] < 1e-6, 3.0, 2.0, arm=(5, 0, 0)), 2.0
     held = [
         ff.Support("lower", lambda x: x[2] < 0.5, (0, 1, 2)),
         ff.Support("upper", lambda x: x[2] > 0.5, (0, 1, 2)),

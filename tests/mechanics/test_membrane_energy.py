@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from builders import compiled_as_it_stands, rotation, sheet
-from petsc4py import PETSc
 
 import fabric_fenicsx as ff
 
@@ -53,10 +52,3 @@ def test_variations_by_hand_are_those_of_ufl(unbalanced, cell, degree, options, 
     for mine, theirs in zip(by_hand, by_ufl):
         mine.axpy(-1, theirs)
         assert mine.norm() <= 1e-12 * theirs.norm()
-
-
-def test_residual_and_tangent_are_derivatives_of_the_energy(unbalanced):
-    scene = ff.Scene(deformed(), [ff.Membrane(unbalanced)])
-    assert "agree" in ff.check_derivatives(scene.terms[0], scene, size=1e-5)
-    A = residual_and_tangent(scene)[1]
-    assert A.isSymmetric(1e-9 * A.norm(PETSc.NormType.INFINITY))

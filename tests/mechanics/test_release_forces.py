@@ -39,30 +39,6 @@ def test_a_stretched_strip_gives_back_what_it_stored():
     assert back[:, 0] == pytest.approx(-0.01 * scene.blank.coordinates()[:, 0], abs=1e-9)
 
 
-def test_they_are_whole_at_the_start_and_gone_in_the_end():
-    scene, forces = pulled()
-    pull = scene.comm.allreduce(abs(forces.applied_forces()).sum())
-    assert forces.remaining() == pytest.approx(pull, rel=0.01)  # nearly all along the length
-    scene.residual(r := scene.u.duplicate())
-    assert r.norm() == 0
-    scene.set_load(0.9)
-    assert forces.remaining() == 0
-    assert scene.force_scale() > 1  # a residual stays small beside what formed the sheet
-
-
-def test_springs_fade_with_the_forces_and_begin_where_these_were_taken():
-    """All together are as stiff as the sum of the forces over the reach."""
-    scene, forces = pulled()
-    whole, count = forces.remaining(), scene.comm.allreduce(len(forces.tangent()[2]))
-    scene.set_load(0.45)
-    assert forces.tangent()[2] == pytest.approx(whole / (REACH * count / 2) / 2**6)
-    scene.blank.u.x.array[:] += 0.1
-    f = np.zeros_like(scene.blank.u.x.array)
-    forces.add_forces(f)
-    pushed = 0.1 * whole / (REACH * count / 2) - forces.applied_forces()
-    assert f[: len(pushed)] == pytest.approx(pushed / 2**6)
-
-
 @pytest.mark.mpi
 def test_forces_are_derivatives():
     scene, forces = pulled()

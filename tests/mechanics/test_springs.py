@@ -87,12 +87,3 @@ def test_forces_and_tangent_are_derivatives(options):
     assert "agree" in ff.check_derivatives(springs, scene, size=0.2)
     if blank.mesh.comm.size == 1:
         assert off_differences(springs, 2.0) < 1e-6  # some are slack
-
-
-@pytest.mark.mpi
-def test_springs_on_one_sheet_of_a_stack():
-    stack = ff.Stack([(strip(spatial=True), 1.0, each) for each in ("lower", "upper")])
-    springs = alone(stack, ff.Springs(END, 3.0, 2.0, arm=(5, 0, 0)).on("upper"))
-    f = springs.applied_forces().reshape(-1, 3)
-    assert springs.pull() == pytest.approx(2) and springs.name == "springs of upper"
-    assert not f[stack.coordinates()[: len(f), 2] < 0.5].any()

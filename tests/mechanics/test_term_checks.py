@@ -72,7 +72,6 @@ def test_answers_that_end_a_run(method, does, words):
 @pytest.mark.parametrize(
     "method, does, words",
     [
-        ("tangent", moved, "`tangent` of term springs gives other places than rows and columns"),
         ("tangent", that_depends, "springs gives other places where the sheet is else"),
         ("add_forces", in_place_of_others, "springs loses what other terms added; allowed is to"),
     ],

@@ -9,52 +9,38 @@ LOADS = 0.0, 0.2, 0.3, 0.7, 1.0  # steps of several sizes
 SPEED = np.array([1.0, -2.0, 0.5])
 
 
-def force(load):
-    return np.array([load**2, 3 * load - load**2, 1.0])
+def state(load):
+    """Load, force and place."""
+    return load, np.array([load**2, 3 * load - load**2, 1.0]), load * SPEED
 
 
-def done(work, loads):
-    """Work from the first of the loads to the last, a step at a time."""
+def done(work, states):
+    """Work from the first of the states to the last, a step at a time."""
     total = 0.0
-    for last, load in zip(loads, loads[1:]):
-        work.accept(last, force(last), last * SPEED)
-        total += work.since(load, force(load), load * SPEED)
+    for last, now in zip(states, states[1:]):
+        work.accept(*last)
+        total += work.since(*now)
     return total
 
 
 def exact(low, high):
-    integral = [
-        (high**3 - low**3) / 3,
-        1.5 * (high**2 - low**2) - (high**3 - low**3) / 3,
-        high - low,
-    ]
-    return np.array(integral) @ SPEED
+    squares, cubes = high**2 - low**2, high**3 - low**3
+    return np.array([cubes / 3, 1.5 * squares - cubes / 3, high - low]) @ SPEED
 
 
 def test_forces_of_second_degree_do_their_exact_work_from_the_second_step_on():
-    work = Work()
-    first = done(work, LOADS[:2])
-    assert first == pytest.approx(0.1 * (force(0.0) + force(0.2)) @ SPEED)
-    assert done(work, LOADS[1:]) == pytest.approx(exact(0.2, 1.0), rel=1e-12)
-
-
-def test_memory_goes_on():
-    whole, other = Work(), Work()
-    done(whole, LOADS[:4])
-    other.recall(whole.memory())
-    for work in (whole, other):
-        work.accept(0.7, force(0.7), 0.7 * SPEED)
-    assert other.since(1.0, force(1.0), SPEED) == whole.since(1.0, force(1.0), SPEED)
-    assert np.isfinite(Work().memory()).all()
+    work, states = Work(), [state(load) for load in LOADS]
+    first = done(work, states[:2])
+    assert first == pytest.approx(0.1 * (states[0][1] + states[1][1]) @ SPEED)
+    assert done(work, states[1:]) == pytest.approx(exact(0.2, 1.0), rel=1e-12)
 
 
 def test_a_state_accepted_twice_counts_once():
     once, twice = Work(), Work()
     for work, times in ((once, 1), (twice, 2)):
-        for load in LOADS[:3]:
-            for _ in range(times):
-                work.accept(load, force(load), load * SPEED)
-    assert twice.since(1.0, force(1.0), SPEED) == once.since(1.0, force(1.0), SPEED)
+        for load in np.repeat(LOADS[:3], times):
+            work.accept(*state(load))
+    assert twice.since(*state(1.0)) == once.since(*state(1.0))
 
 
 def test_forces_that_turn_with_what_they_move():
@@ -65,22 +51,14 @@ def test_forces_that_turn_with_what_they_move():
         angles = np.linspace(0, np.pi / 2, steps + 1)
         arms = np.column_stack([np.cos(angles), np.sin(angles)])
         tangents = np.column_stack([-np.sin(angles), np.cos(angles)])
-        work, total = Work(), 0.0
-        for k in range(steps):
-            work.accept(angles[k], tangents[k], arms[k])
-            total += work.since(angles[k + 1], tangents[k + 1], arms[k + 1])
-        errors.append(abs(total - np.pi / 2))
+        errors.append(abs(done(Work(), [*zip(angles, tangents, arms)]) - np.pi / 2))
     assert errors[1] < 3e-4 and errors[1] < errors[0] / 7
 
 
 def test_a_kink_is_not_rounded():
-    work, total = Work(), 0.0
     loads = 0.0, 0.2, 0.4, 0.7, 1.0
-    forces = [np.array([max(load - 0.4, 0.0)]) for load in loads]
-    for k in range(4):
-        work.accept(loads[k], forces[k], np.array([loads[k]]))
-        total += work.since(loads[k + 1], forces[k + 1], np.array([loads[k + 1]]))
-    assert total == pytest.approx(0.18, rel=1e-12)
+    states = [(load, np.array([max(load - 0.4, 0.0)]), np.array([load])) for load in loads]
+    assert done(Work(), states) == pytest.approx(0.18, rel=1e-12)
 
 
 def test_work_does_not_depend_on_the_axes():
@@ -88,13 +66,10 @@ def test_work_does_not_depend_on_the_axes():
     turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
     forces = np.array([[0.0, 0, 0], [1, 2, 0], [1.2, 2.1, 0.1], [9, 1, -4], [9.5, 2, -4]])
     places = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0.1, 0], [2.5, 1, 0.3], [4, 1, 2]])
-    found = []
-    for axes in (np.eye(3), turn):
-        work, total = Work(), 0.0
-        for k in range(len(forces) - 1):
-            work.accept(k, axes @ forces[k], axes @ places[k])
-            total += work.since(k + 1, axes @ forces[k + 1], axes @ places[k + 1])
-        found.append(total)
+    found = [
+        done(Work(), [*zip(range(5), forces @ axes.T, places @ axes.T)])
+        for axes in (np.eye(3), turn)
+    ]
     assert found[1] == pytest.approx(found[0], rel=1e-12)
 
 

@@ -1,50 +1,31 @@
 """Own meshes in the studies: their sizes are told, what contradicts them is refused, what they do
 not need is doubted."""
 
-import importlib.util
-from pathlib import Path
-
 import meshio
 import numpy as np
 import pytest
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.command_line.study import Study
+from fabric_fenicsx.command_line.study import Study, parser
 from fabric_fenicsx.coupons.coupon import PictureFrame, Tensile
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.runtime.errors import InputError
 
-
-def _module(name):
-    """The script of a study."""
-    path = Path(__file__).parents[2] / "studies" / f"{name}.py"
-    spec = importlib.util.spec_from_file_location(f"studies_{name}", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-picture_frame, tensile = map(_module, ("picture_frame", "tensile"))
 COMM = MPI.COMM_WORLD
-TENSILE = "tensile", tensile.options
 
 
 @pytest.fixture
 def study(shared_path):
-    """Function of a study's name and options, the points and cells of its mesh, and words, to the
-    `Study`."""
+    """Function of a coupon, the points and cells of its mesh, and words, to the `Study`."""
 
-    def make(name, options, mesh, *words):
+    def make(coupon, mesh, *words):
         if COMM.rank == 0:
             points, cells, kind = mesh
             meshio.write_points_cells(shared_path / "s.vtk", points, [(kind, cells)])
         COMM.barrier()
-        return Study(
-            name,
-            options(),
-            ["--mesh", str(shared_path / "s.vtk"), "--out", str(shared_path / "out"), *words],
-        )
+        files = "--mesh", str(shared_path / "s.vtk"), "--out", str(shared_path / "out")
+        return Study("coupon", parser(coupon, ""), [*files, *words])
 
     return make
 
@@ -55,7 +36,7 @@ def test_length_and_width_are_the_meshs_own(study, turned):
     points, cells, kind = specimen(120, 30, 12, 3)
     c, s = np.cos(turned), np.sin(turned)
     points[:, :2] = points[:, :2] @ [[c, s], [-s, c]] + 7
-    mine = study(*TENSILE, (points, cells, kind), "--turned", str(np.degrees(turned)))
+    mine = study(Tensile, (points, cells, kind), "--turned", str(np.degrees(turned)))
     mine.build(mine.describe(Tensile))
     assert (mine.args.length, mine.args.width) == (120, 30)
     assert (mine.args.nx, mine.args.ny, mine.args.pattern) == (None, None, None)
@@ -65,17 +46,17 @@ def test_length_and_width_are_the_meshs_own(study, turned):
 
 @pytest.mark.parametrize("name, value", [("length", 120.5), ("width", 50)])
 def test_a_length_that_is_not_the_meshs_is_refused(study, name, value):
-    mine = study(*TENSILE, specimen(120, 30, 12, 3), f"--{name}", str(value))
+    mine = study(Tensile, specimen(120, 30, 12, 3), f"--{name}", str(value))
     own = {"length": 120, "width": 30}[name]
     with pytest.raises(InputError, match=f"`{name}` {value} does not fit `mesh` .*, of {own} mm"):
         mine.build(mine.describe(Tensile))
 
 
 def test_a_frame_needs_a_square(study):
-    mine = study("picture_frame", picture_frame.options, specimen(120, 120, 6, 6))
+    mine = study(PictureFrame, specimen(120, 120, 6, 6))
     mine.build(mine.describe(PictureFrame))
     assert mine.args.side == 120
-    mine = study("picture_frame", picture_frame.options, specimen(120, 30, 12, 3))
+    mine = study(PictureFrame, specimen(120, 30, 12, 3))
     with pytest.raises(InputError, match="is 120 x 30 mm; allowed in this study is a square"):
         mine.build(mine.describe(PictureFrame))
 

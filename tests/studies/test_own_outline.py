@@ -1,18 +1,12 @@
 """Own outlines in the studies: what goes with them, what they are told of, and where they lie."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from builders import dome
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.command_line.study import Study
+from fabric_fenicsx.command_line.study import Study, parser
 from fabric_fenicsx.coupons.coupon import Tensile
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "studies"))
-import tensile  # noqa: E402
 
 FABRIC = ff.load("komeili")
 
@@ -31,7 +25,8 @@ def table(tmp_path):
 
 def test_a_strip_has_cells_of_the_size(table, tmp_path):
     out = "--out", str(tmp_path / "out")
-    study = Study("tensile", tensile.options(), ["--outline", table(120, 30), "--size", "5", *out])
+    words = ["--outline", table(120, 30), "--size", "5", *out]
+    study = Study("tensile", parser(Tensile, ""), words)
     strip = study.build(study.describe(Tensile))
     data = strip.data
     assert (data.length, data.width, data.nx, data.pattern) == (120, 30, None, "unstructured")

@@ -7,36 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from builders import sheet
+from fabrics import LAW58, TABLE
 
 from fabric_fenicsx.material.functions import exp, negative, positive, sqrt
 from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
 from fabric_fenicsx.material.laws import COUPLINGS, LAWS, Law, coupling_variants
 from fabric_fenicsx.material.laws.coupled import WovenFabric
-from fabric_fenicsx.material.laws.tabulated import Curve, TabulatedFabric
 from fabric_fenicsx.material.presets import PRESETS, load
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.runtime.rules import above_zero
 from fabric_fenicsx.scene.scene import Scene
-
-LAW58 = LAWS["law58"](
-    E_a=1335.0,
-    E_b=900.0,
-    B_a=4000.0,
-    B_b=0.0,
-    flex=1e-3,
-    G_0=0.025,
-    G_T=0.6,
-    gamma_T=0.8,
-    thickness=0.4,
-    name="law58",
-)
-TABLE = TabulatedFabric(
-    warp=Curve((-0.2, 0.0, 0.01, 0.03, 0.06), (-0.3, 0.0, 9.0, 45.0, 130.0)),
-    weft=Curve((-0.1, 0.0, 0.02, 0.05), (-0.1, 0.0, 12.0, 60.0)),
-    shear=Curve((0.0, 0.3, 0.8), (0.0, 0.01, 0.09)),
-    name="table",
-)
 
 
 @pytest.fixture(scope="module")

@@ -155,19 +155,6 @@ def test_nothing_lies_beyond_the_rim_or_further_off_than_asked():
     assert found.gap[[0, 2, 3]] == pytest.approx([0.9, -0.9, 0.0], abs=1e-12)
 
 
-def test_only_layers_that_face_the_points_are_met():
-    """Of a sheet folded over at x = 10, whose end lies 0.5 mm above it with its back up."""
-    blank = bent(12, 6, curve=lambda x: 0 * x[:, 0])
-    X = blank.coordinates()
-    folded = np.where(X[:, :1] > 10, [20, 0, 0.5] + X * [-1, 1, 0], X)
-    blank.u.x.array[:] = (folded - X).ravel()
-    face, (x, y) = Face(blank.whole, 1.0, []), places(within=(2.0, 8.0)).T
-    points, guess = np.column_stack([x - 2, y, 0 * x + 0.6]), np.full(len(x), -1)
-    up = np.tile([0.0, 0.6, 0.8], (len(x), 1))
-    for ahead, gap in ((None, -0.1), (up, 0.6), (-up, -0.1)):
-        assert face.project(points, guess, 5.0, ahead).gap == pytest.approx(gap, abs=1e-9)
-
-
 @pytest.mark.mpi
 def test_the_same_of_two_triangles_at_an_edge_is_found_on_any_ranks():
     """As over a sheet that one rank has alone, though numbers of nodes and cells differ."""

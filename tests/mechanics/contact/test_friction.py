@@ -78,13 +78,12 @@ def test_derivatives(distance, pushed):
 # -- a patch on a plane
 
 
-def patch(place, stiff=True, tool_path=(0.0, 0.0, 0.0), lag=math.inf, gripped=True):
+def patch(place, tool_path=(0.0, 0.0, 0.0), gripped=True):
     """A patch of 200 mm^2, pressed onto a table by 2 MPa; place: function of the load to its
-    displacement along x, of all its nodes or, if it is not `stiff`, of those at its end, unless it
-    is not `gripped`."""
+    displacement along x, unless it is not `gripped`."""
     blank = sheet(20, 10, 4, 2)
     table = ff.Tool(ff.Plane((0, 0, -T / 2), (0, 0, 1)), tool_path, name="table")
-    table = ff.Contact(table, T, K, friction=ff.Coulomb(MU, SLIP, lag))
+    table = ff.Contact(table, T, K, friction=ff.Coulomb(MU, SLIP, math.inf))
     press = ff.BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: np.ones(x.shape[1]))
     # what presses it is there from the start, so contact is too
     blank.u.x.array[2::3] = -(PRESSURE / K + SMOOTHING / 2)
@@ -92,7 +91,7 @@ def patch(place, stiff=True, tool_path=(0.0, 0.0, 0.0), lag=math.inf, gripped=Tr
     def moved(x, load):
         return np.array([np.full(x.shape[1], place(load)), 0 * x[0], 0 * x[0]])
 
-    grip = ff.Support("grip", everywhere if stiff else near(0, 20.0), (0,), moved)
+    grip = ff.Support("grip", everywhere, (0,), moved)
     held = [*([grip] if gripped else []), ff.Support("y", everywhere, (1,))]
     return ff.Scene(blank, [Elastic(1e3), table, press], held), table
 
@@ -120,17 +119,6 @@ def test_stick_slip():
     assert taken[-1] == pytest.approx(limit * SLIP * (4 + 3 + 0.5), rel=1e-6)
     for state in states:
         assert sum(state.energies.values()) == pytest.approx(state.external_work, rel=1e-6)
-
-
-@pytest.mark.mpi
-def test_elastic_patch_is_pulled_off():
-    """Gripped at an end: it sticks until all of it slides, by mu p A of the stretched patch; work =
-    strain + friction."""
-    scene, table = patch(lambda load: 0.4 * load, stiff=False, lag=1e-6)
-    states = run(scene, 10)
-    stretched = table.nodes.total(table.nodes.areas_now())
-    assert scene.reaction("grip")[0] == pytest.approx(MU * PRESSURE * stretched, rel=1e-6)
-    assert sum(states[-1].energies.values()) == pytest.approx(states[-1].external_work, rel=2e-3)
 
 
 def test_table_drags_a_patch_along():
@@ -203,14 +191,17 @@ def test_patch_between_plates_pressed_by_force():
     states = run(scene, 20)
     assert scene.reaction("grip")[0] == pytest.approx(2 * MU * force, rel=1e-6)
     assert press.force()[2] == pytest.approx(-force, rel=1e-9)
+    depth = force / (AREA * K) + SMOOTHING / 2
+    assert table.penetration() == pytest.approx(depth, rel=1e-9)
+    assert press.tool.travel == pytest.approx(2 * depth, rel=1e-9)
     assert states[-1].energies["friction"] == pytest.approx(2 * MU * force * 15.5 * SLIP, rel=1e-6)
     assert sum(states[-1].energies.values()) == pytest.approx(states[-1].external_work, rel=1e-4)
 
 
-def pushed_ball(comm=COMM):
+def pushed_ball():
     """A ball pushed by force and, slantwise, along a path into a clamped membrane, on which it
     rubs."""
-    blank = sheet(40, 20, 12, 6, comm)
+    blank = sheet(40, 20, 12, 6)
     ball = ff.Sphere(6.0, (18, 9, -6 - T / 2))
     ball = ff.Tool(ball, (2.0, 1.0, 0), force=(0, 0, 20.0), name="ball")
     contact = ff.Contact(ball, T, K, friction=ff.Coulomb(MU, SLIP))
@@ -220,9 +211,8 @@ def pushed_ball(comm=COMM):
 
 
 @pytest.mark.mpi
-def test_run_that_is_resumed(shared_path, by_position):
-    """It ends alike, and knows what its march cost, what its solver met and how deep nodes once
-    were, which no displacement tells."""
+def test_a_resumed_run_knows_what_no_displacement_tells(shared_path):
+    """What its march cost, what its solver met and how deep nodes once were."""
     ends, start = [], None
     for resumed in (False, True):
         scene, contact = pushed_ball()
@@ -243,16 +233,9 @@ def test_run_that_is_resumed(shared_path, by_position):
 
         outcome = march(newton, 8, on_accept=keep, milestones=[0.5], start=start)
         assert not outcome.reason
-        u = displacement(scene.blank)
-        places, u = by_position(COMM, scene.blank.coordinates()[: len(u)], u)
-        ends.append((outcome, contact.largest_penetration(), states[-1], contact.tool.travel))
-        ends[-1] += (contact.force(), places, u)
-    (first, deep, last, travel, force, x, u), (second, deeper, end, *others, y, v) = ends
-    assert np.abs(x - y).max() < 1e-9 and np.abs(u - v).max() < 1e-8
-    assert others[0] == pytest.approx(travel, rel=1e-8)
-    assert others[1] == pytest.approx(force, rel=1e-6, abs=1e-7)
+        ends.append((outcome, contact.largest_penetration(), states[-1]))
+    (first, deep, last), (second, deeper, end) = ends
     assert end.energies == pytest.approx(last.energies, rel=1e-7)
-    assert end.external_work == pytest.approx(last.external_work, rel=1e-7)
     assert 7 < deeper < 7 + deep
     assert (second.accepted, second.rejected) == (first.accepted, first.rejected)
     assert second.iterations >= before + sum(state.report.iterations for state in states)

@@ -1,18 +1,16 @@
 """Contact of sheets with each other."""
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
-from builders import COMM, Elastic, everywhere, near, nodal_forces, off_differences, rotation, run
+from builders import COMM, everywhere, nodal_forces, off_differences, rotation
 from builders import sheet as rectangle
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.mechanics.contact.pressure_law import PENETRATION, SMOOTHING, Rigid, face_of
 from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.scene import output as reports
 
 FABRIC = ff.load("komeili")
 T, PRESSURE, RADIUS = FABRIC.thickness_under(0.0), 2.0, 30.0
@@ -228,31 +226,6 @@ def laid(play=0.0, **options):
 
 
 # -- stacks without friction
-
-
-def push(layers, cells):
-    """Force of a ball that is pushed by 4 mm into a quarter of a drum of several skins."""
-    planes = [near(0, 0.0), near(1, 0.0)]
-    names = [f"skin {k}" for k in range(layers)]
-    stack = ff.Stack([(rectangle(30, 30, cells, cells, spatial=True), T, name) for name in names])
-    ball = ff.Tool(ff.Sphere(40, (0, 0, -40 - T / 2)), lambda load: (0, 0, 4 * load), name="ball")
-    contacts = [ff.SheetContact(*pair, 50.0, symmetric=planes) for pair in pairwise(names)]
-    supports = [
-        ff.Support("rim", lambda x: near(0, 30)(x) | near(1, 30)(x), (0, 1, 2)),
-        *(ff.Support(f"plane {k}", planes[k], (k,)) for k in (0, 1)),
-    ]
-    terms = [Elastic(1e3), ff.Contact(ball, T, 50.0).on(names[0]), *contacts]
-    scene = ff.Scene(stack, terms, supports)
-    run(scene, 4)
-    return reports.tool_force(scene, ball)[2]
-
-
-@pytest.mark.mpi
-def test_skins_of_a_drum_add_up():
-    """Without friction two skins bear twice the force of one, but for the larger radius of the
-    outer one, (40 + T) / 40."""
-    one, two = push(1, 8), push(2, 8)
-    assert two / one == pytest.approx(2.0, rel=0.02)
 
 
 # -- what a holder presses

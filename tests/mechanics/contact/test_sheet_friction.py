@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from builders import COMM, Elastic, everywhere, near, off_differences, run, said
+from builders import COMM, Elastic, everywhere, near, off_differences, said
 from builders import sheet as rectangle
 from scipy.optimize import brentq
 
@@ -75,6 +75,8 @@ def test_a_bent_pair_slides_where_its_mid_surfaces_keep_their_length(radius=20.0
     apart, s = 0.99 * T, LENGTH / 4
     slid = (radius + apart / 2) * (s / radius - s / (radius + apart))
     assert total / area == pytest.approx(slid, rel=0.03)
+    told = result.summary["sheet_contacts"]["a, b"]["sliding_largest_mm"]
+    assert told == pytest.approx(np.nanmax(sizes), rel=1e-9)
     energy = MU * pair.totals[3] * (slid - SLIP / 2)
     assert result.rows[-1]["friction_energy_Nmm"] == pytest.approx(energy, rel=0.2)
 
@@ -92,21 +94,6 @@ def test_pull_out():
     back = np.maximum(-1, 1 - (u[turn] - u[turn:]) / SLIP)
     assert force[turn:] == pytest.approx(limit * back, abs=5e-3 * limit)
     assert result.summary["energy_imbalance"] < 5e-3
-
-
-@pytest.mark.mpi
-def test_energy_taken_by_friction():
-    """In sliding one way: mu P (u - slip / 2) of each pair."""
-    result = pull_out(lambda load: 3 * SLIP * load, steps=6)
-    taken = 2 * MU * PRESSURE * LENGTH * WIDTH * 2.5 * SLIP
-    assert result.rows[-1]["friction_energy_Nmm"] == pytest.approx(taken, rel=5e-3)
-    for pair in (term for term in result.scene.terms if isinstance(term, ff.SheetContact)):
-        slid = np.linalg.norm(pair.sliding(), axis=1)
-        mean = COMM.allreduce(slid.sum()) / COMM.allreduce(len(slid))
-        assert mean == pytest.approx(3 * SLIP, rel=5e-3)
-        entry = result.summary["sheet_contacts"][", ".join(pair.sheets)]
-        # faces tilt at the rim
-        assert mean <= entry["sliding_largest_mm"] < 1.02 * mean
 
 
 def pulled_at_its_end(pull, stiffness):
@@ -140,52 +127,6 @@ def test_shear_lag(pull):
 
 
 # -- capstan
-
-
-@pytest.mark.mpi
-def test_two_layers_around_a_bar():
-    """Dead pulls at one end; at the other the outer layer is drawn: it is pulled e^(mu theta) times
-    as much, mu being that between the layers."""
-    radius, theta, tail, width, pull, slid = 100.0, math.pi / 2, 20.0, 20.0, 2.0, 0.5
-    length = radius * theta + 2 * tail
-    out = np.array([math.cos(theta / 2), 0, -math.sin(theta / 2)])  # at the drawn end
-
-    def around(x):
-        """Places of points (3, n) of the flat stack, without strain of either layer."""
-        r, s = radius + x[2], x[0] - length / 2
-        t = np.clip(s / r, -theta / 2, theta / 2)
-        beyond = s - t * r
-        return np.array(
-            [r * np.sin(t) + beyond * np.cos(t), x[1], r * np.cos(t) - beyond * np.sin(t)]
-        )
-
-    def end(name):
-        def moved(x, load):
-            way = slid * max(0.0, 2 * load - 1) if name == "b" else 0.0
-            return around(x) - x + np.outer(out, np.full(x.shape[1], way))
-
-        def where(x):
-            return near(0, length)(x) & ((x[2] > T / 2) == (name == "b"))
-
-        return ff.Support(f"end of {name}", where, (0, 1, 2), moved)
-
-    stack = ff.Stack([(rectangle(length, width, 72, 1, spatial=True), T, name) for name in "ab"])
-    bar = ff.Tool(ff.Cylinder((0, 0, 0), (0, 1, 0), radius - T / 2), name="bar")
-    contacts = [
-        ff.Contact(bar, T, PENALTY, friction=ff.Coulomb(MU, 1e-3)).on("a"),
-        ff.SheetContact("a", "b", PENALTY, friction=ff.Coulomb(MU / 2, 1e-3)),
-    ]
-    weights = [
-        ff.EdgeTension(lambda load: pull * min(1.0, 2 * load), out * (-1, 1, 1), near(0, 0.0)).on(n)
-        for n in "ab"
-    ]
-    supports = [end("a"), end("b"), ff.Support("side", near(1, 0.0), (1,))]
-    scene = ff.Scene(stack, [Elastic(1e4), *contacts, *weights], supports)
-    x = stack.coordinates().T
-    stack.u.x.array[:] = (around(x) - x).T.ravel()
-    run(scene, 20)
-    tension = scene.reaction("end of b") @ out / width
-    assert tension / pull == pytest.approx(math.exp(MU / 2 * theta), rel=0.01)
 
 
 # -- sticking

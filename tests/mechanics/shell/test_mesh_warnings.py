@@ -139,14 +139,6 @@ def test_quadratic_cells_at_45_deg_are_not_doubted():
     assert locking_warning(pulled(45, 0.02, pattern="crossed", nx=16, ny=4, degree=2)) == ""
 
 
-def test_a_state_at_rest_and_a_homogeneous_one_have_no_alternating_energy():
-    blank = sheet(40, 20, 8, 4, "left", angle=30)
-    membrane = alone(blank, ff.Membrane(KOMEILI))
-    assert alternating_energy(membrane) == 0
-    blank.u.interpolate(lambda x: [0.03 * x[0] + 0.2 * x[1], 0.01 * x[1]])
-    assert abs(alternating_energy(membrane)) < 1e-12
-
-
 @pytest.mark.mpi
 @pytest.mark.parametrize("share, words", [(0.0, ""), (0.25, "in 25 % of blank, as at (")])
 def test_where_the_law_allows_bands(share, words):

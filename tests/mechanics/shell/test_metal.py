@@ -4,14 +4,13 @@ import builders
 import numpy as np
 import pytest
 import ufl
-from builders import COMM, alone, march, near, off_differences, on_ranks_and_resumed, rotation, run
+from builders import COMM, alone, march, near, off_differences, rotation, run
 from dolfinx import fem
 from mpi4py import MPI
 from scipy.optimize import brentq
 
 import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
-from fabric_fenicsx.mechanics.shell.metal import through_thickness
 from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.solve.newton import Newton
 
@@ -174,15 +173,6 @@ def test_moments_converge_with_points():
     assert errors[0] < 0.095 and errors[1] < 0.4 * errors[0]
 
 
-@pytest.mark.parametrize("points", [5, 15])
-def test_elastic_bending_is_exact_with_any_points(points):
-    z, w = through_thickness(points)
-    assert len(z) == points and z[0] == -0.5 and z[-1] == 0.5
-    for power in range(4):
-        exact = 0 if power % 2 else 2 * 0.5 ** (power + 1) / (power + 1)
-        assert z**power @ w == pytest.approx(exact, abs=1e-15)
-
-
 # -- derivatives and motions
 
 
@@ -302,21 +292,6 @@ def pressed(comm=COMM, metal=DC04):
     held.append(ff.Support("punch", lambda x: x[:2].max(0) < 2, (2,), pushed))
     term = ff.SheetMetal(metal, symmetric=[near(0, 0.0), near(1, 0.0)], clamped=rim)
     return ff.Scene(blank, [term], held)
-
-
-@pytest.mark.versions
-@pytest.mark.mpi
-def test_same_on_any_number_of_ranks_and_resumed(tmp_path, by_position):
-    """On one rank, on all, and on all from a checkpoint that one rank wrote half way."""
-    ends = []
-    for comm, scene, state in on_ranks_and_resumed(pressed, COMM.bcast(tmp_path) / "c.npz"):
-        plastic = reports.cell_fields(scene)["equivalent_plastic_strain"]
-        _, plastic = by_position(comm, scene.blank.midpoints().T, plastic)
-        others = *scene.energies().values(), state.external_work, *scene.reaction("punch")
-        ends.append(np.array([*others, *plastic]))
-    assert ends[0].max() > 100 and ends[0][6:].max() > 0.01
-    for other in ends[1:]:
-        assert np.abs(other - ends[0]).max() < 1e-7 * np.abs(ends[0]).max()
 
 
 def test_a_job_balances_work_with_elastic_energy_and_dissipation():
