@@ -17,8 +17,8 @@ FIRST_TOLERANCE = 3e-2
 LOOSE_FALL = 0.1
 # iterations in which rounding may grow to what an update notices: a solution found in more of them
 # is made exact, so that ranks find the same (two plies, 12 cells: forces to 1e-4 with 15, 1e-7
-# with 8), if twice as many iterations do that: near the end of the laminate's stroke 58, 61 and 148
-# others changed nothing that counted
+# with 8), if twice as many iterations are enough: near the end of the laminate's stroke 58, 61 and
+# 148 of them changed nothing that counted
 MAX_ROUGH_ITERATIONS, MORE = 8, 2
 
 

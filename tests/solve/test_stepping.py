@@ -1,5 +1,7 @@
 """Steps whose work is missing from the energies."""
 
+import math
+
 import builders
 import pytest
 import ufl
@@ -177,6 +179,23 @@ def test_solves_are_rough_until_nothing_is_updated(asked, monkeypatch):
     scene = scene_of(terms, ff.clamped_ends(0.2))
     march(Newton(scene, 1e-8), steps=1)
     assert asked == [-FIRST_TOLERANCE, -1e-8] + 2 * [-LOOSE_TOLERANCE, -1e-8] + [1e-8]
+
+
+def test_a_rough_solution_is_made_exact_in_twice_its_iterations(monkeypatch):
+    monkeypatch.setattr(staggered, "MAX_ROUGH_ITERATIONS", -1)
+    allowed, taken, solve = [], [], Newton.solve
+
+    def noted(self, *given, most=math.inf, **more):
+        report = solve(self, *given, most=most, **more)
+        report.iterations += len(taken) + 1  # as if it were that hard
+        allowed.append(most)
+        taken.append(report.iterations)
+        return report
+
+    monkeypatch.setattr(Newton, "solve", noted)
+    march(Newton(scene_of([builders.Elastic(), Holding()], ff.clamped_ends(0.2)), 1e-8), steps=1)
+    assert allowed[-1] == math.inf
+    assert allowed[1:6:2] == [2 * each for each in taken[0:5:2]]
 
 
 @pytest.mark.mpi
