@@ -65,7 +65,7 @@ TEST_MPIRUN = $(MPIRUN) --timeout $(TEST_TIMEOUT)
 endif
 PYTHON := $(VENV)/bin/python
 
-.PHONY: help install install-lint install-docs study test test-all lint docs pictures debian13-root test-debian13 sid-root test-sid test-pip clean
+.PHONY: help install install-lint install-docs study test test-all mutants lint docs pictures debian13-root test-debian13 sid-root test-sid test-pip clean
 
 help:
 	@echo "make study          STUDY=$(STUDY) on RANKS=$(RANKS) ranks; options in ARGS=\"...\" (without any: --overwrite)"
@@ -73,6 +73,7 @@ help:
 	@echo "make test           the tests, but for those marked long: on one rank, those marked mpi on RANKS=$(RANKS)"
 	@echo "                    ONLY=MARKER: just the tests with this marker, here and in the four below"
 	@echo "make test-all       the whole suite"
+	@echo "make mutants        slips in the package that the tests must notice; ARGS=\"AREA ... --share N\": some of them"
 	@echo "make test-pip       the same suite on DOLFINx from pip, in a Python 3.12 or later; CI: ONLY=versions"
 	@echo "make test-debian13  the same suite in a Debian 13 root, made in DEBIAN13_ROOT=$(DEBIAN13_ROOT) (root or sudo); CI: ONLY=versions"
 	@echo "make test-sid       the same suite in a root of Debian unstable, made in SID_ROOT=$(SID_ROOT) (root or sudo)"
@@ -94,6 +95,9 @@ test: $(VENV)/installed
 
 test-all:
 	@$(MAKE) test SKIP=
+
+mutants: $(VENV)/installed
+	$(SCREEN) $(PYTHON) tests/mutants/run.py --jobs $$(env -u OMP_NUM_THREADS nproc) $(ARGS)
 
 install-lint install-docs: install-%: $(VENV)/installed-%
 
