@@ -8,6 +8,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..runtime.errors import InputError
+from ..runtime.files import plain
 from ..sheets.blank import Part
 from .term import Term, overrides
 
@@ -209,7 +210,7 @@ def _larger(before, now):
 
 
 def _same_on_ranks(term, method, given, noun):
-    texts = dict.fromkeys(term.blank.mesh.comm.allgather(json.dumps(given)))
+    texts = dict.fromkeys(term.blank.mesh.comm.allgather(json.dumps(plain(given))))
     if len(texts) > 1:
         raise InputError(
             f"`{method}` of term {term.name} gives {' and '.join(texts)} on different ranks; "

@@ -8,6 +8,7 @@ from typing import Any
 from mpi4py import MPI
 
 from ..runtime.errors import InputError
+from ..runtime.files import plain
 from ..runtime.formatting import percent, rounded, share
 from ..solve.progress import Accepted
 
@@ -66,7 +67,7 @@ class History:
             "wall_s": round(accepted.wall, 4),
         }
         row |= {f"{kind}_energy_Nmm": energy for kind, energy in accepted.energies.items()}
-        row |= further(row.keys() - {"min_stability"})  # which terms fill
+        row = plain(row | further(row.keys() - {"min_stability"}))  # which terms fill
         if self.rows and (other := row.keys() ^ self.rows[0].keys()):
             some = "no longer" if other & self.rows[0].keys() else "now"
             flaw = f"the terms {some} give history.csv the column {sorted(other)[0]}"

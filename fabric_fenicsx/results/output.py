@@ -21,7 +21,7 @@ from petsc4py import PETSc
 from ..runtime import timing
 from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
-from ..runtime.files import lock_folder, replace_file
+from ..runtime.files import lock_folder, plain, replace_file
 from ..runtime.formatting import rounded
 from ..runtime.logs import MARKED, LogFile, log
 from ..runtime.version import __version__
@@ -43,7 +43,7 @@ def finite(value: Any) -> Any:
     """The same, nested as it is, with None for numbers that JSON does not know."""
     if isinstance(value, Mapping):
         return {key: finite(each) for key, each in value.items()}
-    if isinstance(value, (list, tuple)):
+    if isinstance(value, list):
         return [finite(each) for each in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
@@ -186,7 +186,7 @@ class Output:
         if "reason" in facts:
             facts["reason"] = self.translated(facts["reason"])
         summary = {"study": self.name, "ranks": self.comm.size} | facts | self.facts
-        summary |= {
+        summary = plain(summary) | {
             **self._verdict(),
             "warnings": self.warnings,
             "wall_s": wall | {"total": round(total, 4)},
@@ -207,7 +207,7 @@ class Output:
         """`summary` with `facts` and what was warned of since it was written, written anew."""
         warnings = [*summary["warnings"], *self.warnings]
         verdict = self._verdict(summary.get("reasons", ()))
-        amended = {**summary, **facts, **verdict, "warnings": warnings}
+        amended = {**summary, **plain(facts), **verdict, "warnings": warnings}
         timing.taken()
         self._started, self.warnings, self.reasons = time.perf_counter(), [], []
         self._write_summary(folder, amended)

@@ -3,6 +3,7 @@
 import fcntl
 import json
 import os
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
@@ -23,6 +24,16 @@ def check_file(path: Path, what: str, allowed: str) -> None:
         raise InputError(f"{what} {path} does not exist or is not a file; allowed is {allowed}")
     if not path.stat().st_size:
         raise InputError(f"{what} {path} is empty; allowed is {allowed}")
+
+
+def plain(value: Any) -> Any:
+    """Nested data with Python's numbers and lists in place of NumPy's, which JSON does not know.
+    Whatever is written as JSON or to history.csv goes through here once."""
+    if isinstance(value, Mapping):
+        return {plain(key): plain(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(each) for each in value]
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
 def read_summary(path: Path) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from .. import dolfinx_compat as compat
 from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
-from ..runtime.files import replace_file
+from ..runtime.files import plain, replace_file
 from ..scene.memory import OF_CELLS, rescale_loads
 from ..sheets.blank import Blank
 from .progress import Progress
@@ -46,7 +46,7 @@ class Checkpoint:
     added behind its own: loads are then those of the problem now."""
 
     def __init__(self, path: Path, blank: Blank, problem: dict[str, Any]) -> None:
-        self.path, self.blank, self.problem = path, blank, json.loads(json.dumps(problem))
+        self.path, self.blank, self.problem = path, blank, json.loads(json.dumps(plain(problem)))
         self.comm, self._lasting_from = blank.mesh.comm, time.monotonic() + YOUNG
         self.owned = blank.V.dofmap.index_map.size_local
         self._centres = blank.midpoints().T
@@ -77,7 +77,7 @@ class Checkpoint:
         meta = {k: getattr(progress, k) for k in SCALARS}
         meta |= {"format": FORMAT, "problem": self.problem, "notes": notes}
         meta["viscosity"] = dataclasses.asdict(progress.viscosity)
-        arrays["meta"] = np.array(json.dumps(meta))
+        arrays["meta"] = np.array(json.dumps(plain(meta)))
         content = io.BytesIO()
         np.savez(content, checksum=np.array(_checksum(arrays)), **arrays)
         replace_file(self.path, content.getvalue(), time.monotonic() >= self._lasting_from)

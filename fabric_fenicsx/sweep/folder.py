@@ -14,7 +14,7 @@ from typing import Any
 
 from ..results.verdict import INVALID
 from ..runtime.errors import InputError
-from ..runtime.files import lock_folder, read_summary, replace_file
+from ..runtime.files import lock_folder, plain, read_summary, replace_file
 from ..runtime.rules import did_you_mean
 from .varied import Values, folder_name, label
 
@@ -54,7 +54,7 @@ class Run:
     def save(self) -> None:
         """Write run.json into its folder."""
         state = {key: value for key, value in vars(self).items() if key != "folder"}
-        replace_file(self.folder / RUN, json.dumps(state, indent=2) + "\n")
+        replace_file(self.folder / RUN, json.dumps(plain(state), indent=2) + "\n")
 
     def memory(self) -> float:
         """The most that it took on all of its ranks [MiB], 0 as long as that is not known."""
@@ -217,8 +217,8 @@ class SweepFolder:
 
     def save(self) -> None:
         """Write sweep.json."""
-        state = {"format": FORMAT, "keys": self.keys, **self.facts}
-        replace_file(self.path / STATE, json.dumps(state | {"press": self.press}, indent=2) + "\n")
+        state = {"format": FORMAT, "keys": self.keys, **self.facts, "press": self.press}
+        replace_file(self.path / STATE, json.dumps(plain(state), indent=2) + "\n")
 
     def close(self) -> None:
         """Let others use the folder."""

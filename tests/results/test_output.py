@@ -1,0 +1,81 @@
+"""NumPy's scalars and arrays become plain numbers where they enter a file."""
+
+import csv
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from builders import COMM, sheet
+from mpi4py import MPI
+
+from fabric_fenicsx import dolfinx_compat as compat
+from fabric_fenicsx.results.history import History
+from fabric_fenicsx.results.output import Output
+from fabric_fenicsx.solve.checkpoint import Checkpoint
+from fabric_fenicsx.solve.progress import Progress
+from fabric_fenicsx.sweep.folder import Run
+
+REAL = {f"float{bits}": np.dtype(f"float{bits}").type(0.5) for bits in (16, 32, 64)}
+WHOLE = {f"{u}int{b}": np.dtype(f"{u}int{b}").type(3) for u in ("", "u") for b in (8, 16, 32, 64)}
+GIVEN = REAL | WHOLE | {"bool": np.bool_(True), "text": np.str_("a")}
+GIVEN |= {"array": np.array([[1, 2], [3, 4]]), "nested": ({np.int64(7): [np.bool_(False)]},)}
+PLAIN = {name: 0.5 for name in REAL} | {name: 3 for name in WHOLE}
+PLAIN |= {"bool": True, "text": "a", "array": [[1, 2], [3, 4]]}
+PLAIN |= {"nested": [{"7": [False]}]}
+
+
+def summary(folder):
+    output = Output("a run", folder, COMM)
+    output.folder()
+    written = output.summarise(folder, **GIVEN)
+    json.dumps(output.amend(folder, written, amended=GIVEN))
+    output.close()
+    kept = json.loads((folder / "summary.json").read_text())
+    assert kept["amended"] == PLAIN
+    return {name: kept[name] for name in PLAIN}
+
+
+def row(folder):
+    """Of a history, as it is kept for a checkpoint; its file has the same numbers."""
+    history = History(folder / "history.csv", COMM)
+    report = SimpleNamespace(
+        **dict.fromkeys(
+            ("saddles", "iterations", "shifts", "cuts", "negative_pivots"), np.int32(1)
+        ),
+        residuals=[*np.array([2.0, 0.5], np.float32)],
+        scale=np.float32(1),
+    )
+    state = {"load": np.float32(0.5), "external_work": np.float64(1), "wall": 0.1, "cuts": 0}
+    accepted = SimpleNamespace(**state, energies={"strain": np.float32(2)}, report=report)
+    history.add(accepted, np.float32(0.25), np.int64(3), lambda _: GIVEN)
+    history.close()
+    with open(folder / "history.csv") as file:
+        (written,) = csv.DictReader(file)
+    assert float(written["float16"]) == 0.5 and written["strain_energy_Nmm"] == "2.0"
+    kept = json.loads(json.dumps(history.rows[0]))
+    assert kept["residual_N"] == 0.5 and kept["energy_imbalance"] == 0.5
+    return {name: kept[name] for name in PLAIN}
+
+
+def checkpoint(folder):
+    blank = sheet(2, 1, 2, 1, comm=MPI.COMM_SELF)
+    still = [compat.petsc_vector(blank.u).duplicate() for _ in range(2)]
+    state = Progress(*still, step=np.float32(0.5), load=np.float32(0.5))
+    problem = {"numbers": GIVEN}
+    Checkpoint(folder / "c.npz", blank, problem).save(state, {"notes": GIVEN})
+    read, notes = Checkpoint(folder / "c.npz", blank, {"numbers": PLAIN}).load()
+    assert read.load == 0.5
+    return notes["notes"]
+
+
+def variant(folder):
+    """Of a sweep."""
+    run = Run(GIVEN, folder)
+    run.save()
+    return json.loads((folder / "run.json").read_text())["values"]
+
+
+@pytest.mark.parametrize("write", [summary, row, checkpoint, variant])
+def test_what_is_kept_is_plain(tmp_path, write):
+    assert write(tmp_path) == PLAIN
