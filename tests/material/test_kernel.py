@@ -159,6 +159,20 @@ def test_measures_layouts_and_rotations_agree(unbalanced, random_states):
     assert np.array_equal(one.S[0], of["U"].S[0])
 
 
+def test_states_of_strain_and_signs():
+    """1 both in tension, 2 b compressed, 3 a, 4 both; no strain counts as compression."""
+    stretch = [np.diag(v) for v in ((1.01, 1.02), (1.01, 1.0), (0.99, 1.01), (1.0, 1.0))]
+    assert kernel.evaluate(PRESETS["komeili"], stretch=stretch).strain_state.tolist() == [
+        1,
+        2,
+        3,
+        4,
+    ]
+    gradient = [[[1.0, s * 0.3], [0.0, 1.0]] for s in (1, -1)]
+    gamma = kernel.evaluate(PRESETS["komeili"], gradient=gradient).invariants[:, 3]
+    assert gamma == pytest.approx([np.arctan(0.3), -np.arctan(0.3)])
+
+
 def test_stress_free_state():
     state = kernel.evaluate(PRESETS["komeili"], stretch=np.eye(2), tangent=True)
     assert state.energy[0] == 0 and np.all(state.S == 0)

@@ -102,3 +102,14 @@ def test_what_was_rejected_or_let_go_does_no_work():
     work.accept(0.0, np.ones(2), np.zeros(2))
     work.keep(np.array([True, False]))
     assert work.since(1.0, np.ones(1), np.full(1, 3.0)) == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("last, bend", [(0.85, 0.075), (2.7, 1.0), (10.7, 1.0), (0.5, 0.0)])
+def test_a_parabola_is_bent_at_most_ten_times_as_much_and_to_the_same_side(last, bend):
+    """Second divided differences: 0.1 of the forces before, (last - 0.7) / 2 of those with the
+    last one, which counts up to 1 and not below 0."""
+    work = Work()
+    for load, force in ((0.0, 0.0), (1.0, 0.1), (2.0, 0.4)):
+        work.accept(load, np.array([force]), np.array([load]))
+    found = work.since(3.0, np.array([last]), np.array([3.0]))
+    assert found == pytest.approx((0.4 + last) / 2 - bend / 6, rel=1e-12)

@@ -9,7 +9,7 @@ import fabric_fenicsx as ff
 
 FRICTION = ff.ShearFriction((0.2, 0.05), (0.002, 0.003))
 K, F = np.array(FRICTION.stiffness), np.array(FRICTION.strength)
-FABRIC = ff.load("komeili").replace(s1=0.03, s2=0.0, s3=0.0, shear_friction=FRICTION)
+FABRIC = ff.load("komeili").replace(s1=0.03, s2=0.0, s3=0.0, shear_friction=FRICTION, thickness=0.8)
 ANGLE, SIDE = 0.4, 20.0  # [rad], [mm]
 
 
@@ -57,7 +57,7 @@ def test_a_loop_takes_what_its_sliding_dissipates():
     _, scene = sheared(path=lambda load: 1 - abs(2 * load - 1), degree=2)
     result = ff.Job(scene, steps=40).run()
     energy, elastic = result.summary["energy"], F / K
-    exact = SIDE**2 * (F * (2 * ANGLE - 2.5 * elastic)).sum()
+    exact = 0.8 * SIDE**2 * (F * (2 * ANGLE - 2.5 * elastic)).sum()
     assert energy["strain"] < 1e-12
     assert energy["yarn_friction"] == pytest.approx(exact, rel=1e-9)
     assert energy["external_work"] == pytest.approx(exact, rel=2e-3)  # its kinks are between states
@@ -76,7 +76,9 @@ def test_a_square_keeps_the_angle_at_which_law_and_friction_balance(folder, s1, 
     unloaded = ff.unloading(formed).run()
     term = unloaded.scene.terms[0]
     assert shear_angles(term) == pytest.approx(np.full_like(shear_angles(term), left), rel=1e-5)
-    assert unloaded.summary["energy"]["strain"] == pytest.approx(s1 * left**2 / 2 * SIDE**2, 1e-4)
+    assert unloaded.summary["energy"]["strain"] == pytest.approx(
+        0.8 * s1 * left**2 / 2 * SIDE**2, 1e-4
+    )
     assert unloaded.summary["energy_imbalance"] < 2e-3
     assert not [each for each in said(unloaded.summary) if "keeps no shape" in each]
     again = ff.Job(sheared(fabric)[1], steps=4).run(folder, resume=True, pictures=False)
@@ -96,7 +98,17 @@ def test_plies_rub_each_by_its_own_friction():
         friction.respond(np.arctan(np.array([0.4])), np.zeros(1)).energy[0]
         for friction in (FRICTION, other.shear_friction)
     ]
-    assert scene.energies()["yarn_friction"] == pytest.approx(sum(exact) * SIDE**2, rel=1e-12)
+    assert scene.energies()["yarn_friction"] == pytest.approx(0.8 * sum(exact) * SIDE**2, rel=1e-12)
+
+
+def test_friction_counts_from_the_fabric_as_it_lies():
+    """Also where that is sheared against its weave, by 0.1 rad."""
+    blank = sheet(SIDE, SIDE, 2, 2, a=0.0, b=np.pi / 2 - 0.1)
+    scene = ff.Scene(blank, [ff.Membrane(FABRIC, weave_angle=np.pi / 2)])
+    assert scene.energies()["yarn_friction"] == pytest.approx(0, abs=1e-15)
+    blank.u.interpolate(lambda x: (0 * x[0], 1e-3 * x[0]))
+    exact = K.sum() * (1e-3 * np.cos(0.1) ** 2) ** 2 / 2 * 0.8 * SIDE**2
+    assert scene.energies()["yarn_friction"] == pytest.approx(exact, rel=1e-3)
 
 
 def test_a_picture_frame_meets_its_closed_form():
