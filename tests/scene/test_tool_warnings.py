@@ -18,22 +18,12 @@ from fabric_fenicsx.scene.tool_warnings import (
 )
 from fabric_fenicsx.tools.primitives import Sphere
 from fabric_fenicsx.tools.tool import Tool
-from fabric_fenicsx.tools.triangulated import TriangulatedSurface
 
 KOMEILI = load("komeili")
 
 
 def sheet():
     return builders.sheet(20, 20, 16, 16, "crossed", MPI.COMM_WORLD, spatial=True)
-
-
-def with_hole(width, unit=1.0):
-    """A plate of triangles of 2 mm with an opening in its middle; unit: a millimetre."""
-    side = np.arange(-30.0, 31, 2)
-    x = np.stack([*(each.ravel() for each in np.meshgrid(side, side)), np.zeros(31 * 31)], 1)
-    i = (31 * np.arange(30)[:, None] + np.arange(30)).ravel()
-    cells = np.vstack([np.stack([i, i + 1, i + 32], 1), np.stack([i, i + 32, i + 31], 1)])
-    return TriangulatedSurface(unit * x, cells[(abs(x[cells].mean(1)) > width / 2).any(1)])
 
 
 @pytest.mark.mpi
@@ -45,10 +35,6 @@ def with_hole(width, unit=1.0):
         (Sphere(30, (10, 10, -30.5)), 2.01, ["friction on tip has a coefficient of 2.01, which"]),
         (Sphere(0.81, (10, 10, -1.3)), 0.25, []),  # cells of 1.25 mm span 88 deg of it, or 92 deg
         (Sphere(0.78, (10, 10, -1.3)), 0.25, ["cells are 1.25 mm long where the tip has a radius"]),
-        (with_hole(0), 0.25, []),
-        (with_hole(4), 0.25, ["the surface of tip has a hole 4 mm wide at (0, 0, 0) mm in"]),
-        (with_hole(12), 0.25, []),  # as of a die
-        (with_hole(0, 0.06), 0.25, ["the surface of tip is 3.6 mm large beside a sheet of 20 mm"]),
     ],
 )
 def test_what_is_doubted_of_tools(surface, mu, words):

@@ -12,8 +12,8 @@ from fabrics import LAW58, TABLE
 import fabric_fenicsx as ff
 from fabric_fenicsx.material import functions
 from fabric_fenicsx.material.functions import exp, negative, positive, sqrt
-from fabric_fenicsx.material.hyperdual import HyperDual
 from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
+from fabric_fenicsx.material.hyperdual import HyperDual
 from fabric_fenicsx.material.laws import COUPLINGS, LAWS, Law, coupling_variants
 from fabric_fenicsx.material.laws.coupled import WovenFabric
 from fabric_fenicsx.material.presets import PRESETS, load

@@ -1,18 +1,16 @@
 """The membrane in a scene: rest, homogeneous states, rotations in space."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from builders import alone, compiled_as_it_stands, march, rotation, sheet
+from builders import alone, compiled_as_it_stands, march, sheet
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.material import kernel
 from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
-from fabric_fenicsx.material.laws import LAWS
 from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.scene import output as reports
@@ -60,24 +58,6 @@ def test_a_pre_sheared_sheet_has_the_kernels_stress(unbalanced, cell, degree):
     assert np.abs(P).max() > 0.01
 
 
-@pytest.mark.filterwarnings("error::RuntimeWarning")
-def test_a_law_without_shear_is_compared_with_its_kernel():
-    @dataclass(frozen=True)
-    class Slack(ff.Law):
-        law = "slack"
-
-        def energy(self, eps_a, eps_b, gamma):
-            return 500 * eps_a**2, 500 * eps_b**2, 0.0 * gamma
-
-        def derivatives(self, eps_a, eps_b, gamma, second=True):
-            found = super().derivatives(eps_a, eps_b, gamma, second)
-            return found._replace(first=found.first + [[0.0], [0.0], [1e-3]])
-
-    del LAWS["slack"]
-    scene = ff.Scene(sheet(10, 10, 2, 2), [ff.Membrane(Slack())])
-    assert reports.summary(scene)["kernel_mismatch"] == pytest.approx(1e-3, rel=0.1)
-
-
 @pytest.mark.versions
 @pytest.mark.mpi
 @pytest.mark.parametrize("element, turned", [*zip(ELEMENTS, (33, 0, 120, 33, 120))])
@@ -106,40 +86,6 @@ def test_homogeneous_uniaxial_tension(element, turned):
 
     assert march(Newton(scene), steps=6, on_accept=accept).reached == 1
     assert sorted(seen) == sorted(notes)
-
-
-def wavy(x):
-    """A displacement field that shears, stretches and compresses; of undeformed points (gdim,
-    n)."""
-    return np.stack([0.02 * x[0] + 0.3 * np.sin(x[1] / 7), -0.05 * x[1] + 2 * np.sin(x[0] / 40)])
-
-
-@pytest.mark.versions
-@pytest.mark.parametrize("cell, degree", ELEMENTS[1:4:2])
-def test_same_displacement_turned_in_space(unbalanced, by_position, cell, degree):
-    R = rotation()
-    yarns = [np.array([math.cos(t), math.sin(t), 0]) for t in (0.3, 1.7)]
-    states = []
-    for Q in (None, R):
-        turn = np.eye(3) if Q is None else Q
-        blank = strip(cell, degree, Q, a=turn @ yarns[0], b=turn @ yarns[1])
-        membrane = ff.Membrane(unbalanced)
-        scene = ff.Scene(blank, [membrane])
-        gdim = blank.mesh.geometry.dim
-        u = blank.u.x.array.reshape(-1, gdim)
-        u[:, :2] = wavy(blank.along(blank.coordinates().T)).T
-        scene.residual(r := scene.u.duplicate())
-        forces = r.array.reshape(-1, gdim)
-        state = membrane.state()[0]
-        cauchy = np.einsum("ki,cqkl,lj->cqij", turn, state.cauchy, turn)[..., :2, :2]
-        nodes = blank.along(blank.coordinates()[: len(forces)].T)[:2].T
-        places, forces = by_position(COMM, nodes, forces)
-        cells = by_position(COMM, blank.midpoints()[:2].T, cauchy, state.energy)
-        states.append((scene.energy(), places, forces[:, :2], *cells))
-        assert np.abs(forces[:, 2:]).max(initial=0) <= 1e-12 * np.abs(forces).max()
-    for k, (plane, turned) in enumerate(zip(*states)):
-        bound = 1e-9 if k in (1, 3) else 1e-12 * np.abs(plane).max()  # places and values
-        assert np.abs(turned - plane).max() <= bound
 
 
 @pytest.mark.parametrize("gamma", [0.0, 0.35])

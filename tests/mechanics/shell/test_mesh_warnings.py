@@ -1,12 +1,11 @@
 """What is doubted of a sheet, and what is not."""
 
 import math
-import re
 
 import builders
 import numpy as np
 import pytest
-from builders import alone, march
+from builders import alone
 from mpi4py import MPI
 from scipy.optimize import brentq
 
@@ -18,7 +17,6 @@ from fabric_fenicsx.mechanics.shell.membrane_warnings import (
 )
 from fabric_fenicsx.mechanics.shell.mesh_warnings import size_warning
 from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.solve.newton import Newton
 
 COMM = MPI.COMM_WORLD
 KOMEILI = ff.load("komeili")
@@ -77,48 +75,26 @@ def alternating(element, integration):
     """Membrane of cells of two sizes, and a function of the size of displacements to and fro [mm]
     and of a strain all over, which moves it so, to the share of the energy that goes when stretches
     are means at nodes, by area, and then of a cell's nodes, and to the energy."""
-    X = np.array([[x, y, 0] for y in (0.0, 10.0) for x in (0.0, 4.0, 20.0)])
-    cells = np.array([[0, 1, 3], [1, 4, 3], [1, 2, 4], [2, 5, 4]])
-    degree = int(element[1])
-    blank = ff.Blank.from_arrays(COMM, X, cells, "triangle", degree=degree, a=0.5)
+    corners = np.array([[x, y, 0] for y in (0.0, 10.0) for x in (0.0, 4.0, 20.0)])
+    cells, degree = np.array([[0, 1, 3], [1, 4, 3], [1, 2, 4], [2, 5, 4]]), int(element[1])
+    blank = ff.Blank.from_arrays(COMM, corners, cells, "triangle", degree=degree, a=0.5)
     membrane = alone(blank, ff.Membrane(LINEAR, integration=integration))
-    # each cell's nodes, in the middle of an edge by its ends
-    ends = [
-        c + [(c[i], c[j]) for i, j in ((0, 1), (1, 2), (2, 0))] * (degree > 1)
-        for c in cells.tolist()
-    ]
-    names = [[tuple(sorted(np.atleast_1d(n))) for n in each] for each in ends]
-    area = 20.0, 20.0, 80.0, 80.0
-    yarn = lambda e: (667.5 if e > 0 else 0.65) * e**2  # noqa: E731
-    u = np.array([[0, 0], [1, 0.3], [-0.4, 1], [0.2, -1], [-1, 0.5], [0.7, -0.2]])
+    X, nodes, areas = blank.coordinates()[:, :2], blank.cell_nodes, blank.areas()
+    T, ends = np.insert(X[nodes[:, :3]], 0, 1.0, axis=2), nodes[:, :3]
+    wild = np.column_stack([np.sin(9 * X[:, 0] + X[:, 1]), np.cos(7 * X[:, 0] - X[:, 1])])
     yarns = np.array([[np.cos(0.5), np.sin(0.5)], [-np.sin(0.5), np.cos(0.5)]])
 
     def made(size, strain=0.01):
-        x = (1 + strain) * X[:, :2] + size * u
-        places = {(k,): x[k] for k in range(6)}
-        if degree > 1:
-            places |= {n: x[list(n)].mean(0) for each in names for n in each}
-        flat = {n: X[list(n), :2].mean(0) for n in places}
-        for k, at in enumerate(blank.coordinates()[:, :2]):
-            n = min(flat, key=lambda n: np.linalg.norm(flat[n] - at))
-            blank.u.x.array[2 * k : 2 * k + 2] = places[n] - at
-        stretch, shear = [], []
-        for c in cells:
-            old, new = ((v[c[1:], :2] - v[c[0], :2]).T for v in (X, x))
-            fa, fb = (
-                new @ np.linalg.inv(old) @ yarns.T[:, 0],
-                new @ np.linalg.inv(old) @ yarns.T[:, 1],
-            )
-            stretch.append([np.linalg.norm(fa), np.linalg.norm(fb)])
-            shear.append(0.025 / 2 * np.arcsin(fa @ fb / np.prod(stretch[-1])) ** 2)
-        at_node = {}
-        for own, each, A in zip(names, stretch, area):
-            for n in own:
-                at_node.setdefault(n, []).append([A, *np.multiply(A, each)])
-        mean = {n: np.sum(v, 0)[1:] / np.sum(v, 0)[0] for n, v in at_node.items()}
-        smooth = [np.mean([mean[n] for n in own], 0) for own in names]
+        plane = np.linalg.solve(T, strain * X[ends] + size * wild[ends])  # linear in each cell
+        for each, c in zip(plane, nodes):
+            blank.u.x.array.reshape(-1, 2)[c] = np.insert(X[c], 0, 1.0, axis=1) @ each
+        f = yarns + np.einsum("cji,yj->cyi", plane[:, 1:], yarns)
+        stretch, sums = np.linalg.norm(f, axis=2), np.zeros((len(X), 3))
+        shear = 0.0125 * np.arcsin((f[:, 0] * f[:, 1]).sum(1) / stretch.prod(1)) ** 2
+        np.add.at(sums, nodes, (areas[:, None] * np.insert(stretch, 2, 1.0, axis=1))[:, None])
+        smooth = (sums[:, :2] / sums[:, 2:])[nodes].mean(1)
         whole, less = (
-            np.dot(area, [s + sum(yarn(l - 1) for l in two) for s, two in zip(shear, each)])
+            areas @ (shear + (np.where(each > 1, 667.5, 0.65) * (each - 1) ** 2).sum(1))
             for each in (stretch, smooth)
         )
         return 1 - less / whole, whole
@@ -130,15 +106,12 @@ def alternating(element, integration):
 def test_cells_that_stretch_yarns_to_and_fro_are_doubted(element, integration, least, excess):
     """From a share of the energy on, and by so much too high a force."""
     membrane, made = alternating(element, integration)
-    for share, told in ((0.98 * least, 0), (1.02 * least, 1), (2 * least, 1), (0.26, 1)):
-        size = brentq(lambda size: made(size)[0] - share, 0.0, 1.0)  # noqa: B023
-        made(size)
+    for share in (0.98 * least, 1.02 * least, 0.26, 2 * least):
+        made(brentq(lambda size: made(size)[0] - share, 0.0, 1.0))  # noqa: B023
         assert alternating_energy(membrane) == pytest.approx(share, rel=1e-6)
-        warning = locking_warning(membrane)
-        assert bool(warning) == told
-    assert "forces say nothing" in warning
-    made(brentq(lambda size: made(size)[0] - 2 * least, 0.0, 1.0))
-    assert f"about {200 * excess * least:.2g} % too high" in locking_warning(membrane)
+        told = locking_warning(membrane)
+        assert bool(told) == (share > least) and ("forces say nothing" in told) == (share == 0.26)
+    assert f"about {200 * excess * least:.2g} % too high" in told
 
 
 @pytest.mark.parametrize("strain, told", [(0.97e-4, False), (1.03e-4, True)])
@@ -150,24 +123,6 @@ def test_a_sheet_that_hardly_strains_is_not_doubted(strain, told):
     made(size, 0.0)
     assert alternating_energy(membrane) > 0.1
     assert bool(locking_warning(membrane)) == told
-
-
-# element, angle, strain, pattern, nx, and how much too high the force is: against P3 on fine cells
-# with edges on the corners' yarns
-EXCESS = [("P2", 45, 0.1, "left", 8, 0.46), ("Q2", 45, 0.1, "crossed", 16, 0.27)]
-
-
-@pytest.mark.parametrize("element, angle, strain, pattern, nx, excess", EXCESS)
-def test_what_locks_says_by_how_much(element, angle, strain, pattern, nx, excess):
-    """Within a factor of two, on any element and pattern."""
-    blank = ff.Blank.rectangle(
-        200, 50, nx=nx, ny=nx // 4, pattern=pattern, element=element, fibre_angle=angle
-    )
-    membrane = ff.Membrane(KOMEILI)
-    supports = ff.clamped_ends(strain * 200)
-    march(Newton(ff.Scene(blank, [membrane], supports)), steps=4, path_tolerance=1e-2)
-    told = re.search(r"about ([\d.]+) % too high", locking_warning(membrane))
-    assert excess / 2 <= float(told[1]) / 100 <= 2 * excess
 
 
 @pytest.mark.mpi

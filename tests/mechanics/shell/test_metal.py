@@ -334,34 +334,3 @@ def test_moment_over_curvature_and_springback_of_a_wide_strip():
     # where the moment vanishes, along the last two states
     left = back[-1] - moments[-1] * (back[-1] - back[-2]) / (moments[-1] - moments[-2])
     assert left == pytest.approx(up[-1] - elastic, rel=5e-3)
-
-
-def test_moments_converge_with_points():
-    curvatures = YIELDS * np.array([0, 1, 1.5, 2, 2.5, 3, 4])
-    exact = np.array([closed_form(k) for k in curvatures])[1:]
-    errors = [np.abs(bent(curvatures, n, IDEAL)[0][1:] / exact - 1).max() for n in (5, 9)]
-    assert errors[0] < 0.095 and errors[1] < 0.4 * errors[0]
-
-
-# -- runs
-
-
-def pressed(comm=COMM, metal=DC04):
-    """A quarter of a clamped sheet whose centre is pushed out by its own thickness and more."""
-
-    def pushed(x, load):
-        return np.array([0 * x[0], 0 * x[0], np.full(x.shape[1], 1.5 * load)])
-
-    blank = sheet(10, 10, 6, 6, "crossed", comm)
-    rim = lambda x: x[:2].max(0) > 10 - 1e-6  # noqa: E731
-    held = [ff.Support("rim", rim, (0, 1, 2))]
-    held += [ff.Support("x", near(0, 0.0), (0,)), ff.Support("y", near(1, 0.0), (1,))]
-    held.append(ff.Support("punch", lambda x: x[:2].max(0) < 2, (2,), pushed))
-    term = ff.SheetMetal(metal, symmetric=[near(0, 0.0), near(1, 0.0)], clamped=rim)
-    return ff.Scene(blank, [term], held)
-
-
-def test_a_job_balances_work_with_elastic_energy_and_dissipation():
-    energy = ff.Job(pressed(), steps=10).run().summary["energy"]
-    assert energy["plastic"] > 5 * energy["metal"] > 0
-    assert energy["metal"] + energy["plastic"] == pytest.approx(energy["external_work"], rel=0.02)

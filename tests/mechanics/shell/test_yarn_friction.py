@@ -120,40 +120,6 @@ def test_a_picture_frame_meets_its_closed_form():
 # -- bending
 
 BENT = ff.BendingFriction(4.0, 0.1)  # k [N mm], f [N mm/mm]
-LENGTH, CURVATURE = 20.0, 0.1
-
-
-def on_a_bar(D):
-    """A strip that is laid on a bar, its sides in planes of symmetry, its wefts straight."""
-    on_bar = builders.on_bar(LENGTH, 20, lambda load: load * CURVATURE)
-    blank = sheet(LENGTH, 4.0, 20, 2, "left", spatial=True)
-    sides = [near(0, 0.0), near(1, 0.0), near(1, 4.0)]
-    terms = [
-        ff.Membrane(builders.KOMEILI.replace(bending_friction=BENT)),
-        ff.Bending(D, symmetric=sides),
-    ]
-    held = [ff.Support("plane of symmetry", near(0, 0.0), (0,))]
-    held += [ff.Support("wide", everywhere, (1,)), ff.Support("bar", everywhere, (0, 2), on_bar)]
-    return ff.Job(ff.Scene(blank, terms, held), steps=8, viscosity="off")
-
-
-@pytest.mark.mpi
-def test_a_strip_keeps_the_curvature_at_which_bending_and_friction_balance(folder, D=8.0):
-    """As in shear: D kappa = f."""
-    formed = on_a_bar(D).run(folder, pictures=False)
-    area, elastic = LENGTH * 4.0, 0.1 / 4
-    exact = 0.1 * (CURVATURE - elastic / 2) * area
-    # but for cells at the free end, which have no moment
-    assert formed.summary["energy"]["yarn_friction"] == pytest.approx(exact, rel=0.03)
-    unloaded = ff.unloading(formed, keep=["wide"]).run()
-    blank, bending = unloaded.scene.blank, unloaded.scene.terms[1]
-    normal = bending.curvatures()[:, 0]
-    # near the plane the fading forces have bent it a little more on the way
-    inside = np.abs(blank.midpoints()[0] - LENGTH / 2) < LENGTH / 4
-    assert np.linalg.norm(normal[inside], axis=1) == pytest.approx(0.1 / D, rel=2e-3)
-    assert unloaded.summary["energy_imbalance"] < 2e-3
-    again = ff.unloading(on_a_bar(D).run(folder, resume=True, pictures=False), keep=["wide"]).run()
-    assert again.summary["energy"] == pytest.approx(unloaded.summary["energy"], rel=1e-6, abs=1e-9)
 
 
 def test_derivatives_of_bending_after_an_accepted_state():
