@@ -55,12 +55,6 @@ def test_forces_that_turn_with_what_they_move():
     assert errors[1] < 3e-4 and errors[1] < errors[0] / 7
 
 
-def test_a_kink_is_not_rounded():
-    loads = 0.0, 0.2, 0.4, 0.7, 1.0
-    states = [(load, np.array([max(load - 0.4, 0.0)]), np.array([load])) for load in loads]
-    assert done(Work(), states) == pytest.approx(0.18, rel=1e-12)
-
-
 def test_work_does_not_depend_on_the_axes():
     """Nor where a bend is bounded."""
     turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
