@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import quad, solve_bvp
+from scipy.integrate import quad
 
 import fabric_fenicsx as ff
 
@@ -25,20 +25,6 @@ def test_the_moment_is_the_energy_s_derivative_and_odd():
     assert (high.moment - low.moment) / (2 * h) == pytest.approx(found.slope, rel=1e-3)
 
 
-def test_a_cantilever_of_this_length_droops_by_41_5_deg():
-    """The line from the edge to the end of the strip, by the elastica under its own weight."""
-    L, weight = 200.0, 9.81e-6 * 0.75  # N/mm^2 of 0.75 kg/m^2
-    D = ff.MeasuredBending(cantilever_a=L, cantilever_b=L).stiffnesses(0.75)[0]
-
-    def slope(s, y):
-        return np.array([y[1], weight * (L - s) * np.cos(y[0]) / D, np.cos(y[0]), np.sin(y[0])])
-
-    s = np.linspace(0, L, 50)
-    start = np.array([0 * s, 0 * s, s, 0 * s])
-    end = solve_bvp(slope, lambda a, b: np.array([a[0], b[1], a[2], a[3]]), s, start).y[:, -1]
-    assert np.degrees(np.arctan2(abs(end[3]), end[2])) == pytest.approx(41.5, abs=1.0)
-
-
 def test_stiffness_of_cantilevers():
     """Weight times the cube of half the overhang, of each yarn: 9.81 m/s^2 of 375 g/m^2."""
     test = ff.MeasuredBending(cantilever_a=200.0, cantilever_b=160.0)
@@ -54,6 +40,8 @@ def test_a_loop_that_is_not_even():
     test = ff.MeasuredBending(curvature=(0, *k, *k[-2::-1], 0), moment_a=(0, *up, *down, -0.05))
     assert test.thresholds == pytest.approx((0.06, 0.06))
     assert test.stuck == pytest.approx(0.001)
+    two = ff.MeasuredBending(curvature=(-0.2, 0, 0, 0.1), moment_a=(-1.1, -0.04, 0.06, 0.9))
+    assert two.stuck == pytest.approx(0.004) and two.thresholds == pytest.approx((0.06, 0.06))
     elastic = [0.05, 0.1, 0.15, 0.156, 0.19]
     assert test.respond(np.stack([k, -k], 1), 1.0).moment[:, 0] == pytest.approx(elastic)
 

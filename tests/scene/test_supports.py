@@ -74,39 +74,29 @@ def test_reactions_and_forces_from_outside():
     assert sizes["element"] == "P1" and sizes["dofs"] == 2 * (9 * 3 + 16) and sizes["cells"] == 64
 
 
-@pytest.mark.parametrize("pinch, scale", [(0.0, 5.0), (3.0, np.hypot(5.0, 3e-3 * np.sqrt(2)))])
-def test_forces_that_cancel_in_a_node_count_a_thousandth(pinch, scale):
-    class Load(ff.Term):
-        energy_kind = None
-
-        def __init__(self, name, force):
-            self.name, self.force = name, force
-
-        def add_forces(self, f):
-            f[:1] -= self.force
-
-        def work(self):
-            return 0.0
-
-        def applied_forces(self):
-            f = np.zeros(len(self.blank.u.x.array))
-            f[0] = self.force
-            return f
-
-    loads = [Load("one", pinch), Load("other", -pinch), Load("third", 5.0)]
-    scene = ff.Scene(sheet(20, 10, 2, 2), [Elastic(), *loads], [])
-    scene.residual(scene.u.duplicate())
-    known = np.hypot(scale, 5e-3)
-    assert scene.force_scale() == pytest.approx(known, rel=1e-12)
-    u = scene.u.copy()
-    u.set(0.2)
-    scene.drag, scene.origin = 3.0, scene.u.duplicate()
-    scene.origin.set(0.0)
-    scene.set(u)
-    assert scene.drag_energy() == pytest.approx(0.5 * 3.0 * 0.04 * len(u.array))
+def test_forces_that_cancel_and_a_drag():
+    """Of tensions that cancel in their nodes a thousandth counts; a drag k takes k u^2 / 2 of what
+    is free."""
+    blank, q = sheet(20, 10, 2, 2), 10 * np.sqrt(2 / 16 + 1 / 4)
+    tensions = [ff.EdgeTension(each, (1, 0), near(0, 20.0)) for each in (3.0, -3.0, 5.0)]
+    held = ff.Support("grip", near(0, 0.0), (0,))
+    scene = ff.Scene(blank, [Elastic(), *tensions], [held])
+    r, A = scene.u.duplicate(), scene.create_matrix()
+    scene.residual(r)
+    assert scene.force_scale() == pytest.approx(q * np.sqrt(25 + 1e-6 * 43), rel=1e-12)
+    scene.tangent(A)
+    scene.drag, scene.origin, moved, stiffness = 3.0, scene.u.copy(), scene.u.copy(), A.copy()
+    moved.shift(0.2)
+    scene.set(moved)
+    without, free = r.copy(), len(moved.array) - 3
+    scene.residual(r)
+    scene.tangent(A)
+    assert scene.drag_energy() == pytest.approx(0.5 * 3.0 * 0.04 * free)
+    assert (r - without).norm() == pytest.approx(0.6 * np.sqrt(free))
+    assert A.getDiagonal().array - stiffness.getDiagonal().array == pytest.approx(3.0)
 
 
-def test_of_several_supports_that_locate_the_share():
+def test_supports_that_locate_bear_up_to_half_a_percent():
     blank = sheet(20, 10, 4, 2)
     corners = [
         ff.Support(name, near(0, x), (1,), locates=True) for name, x in (("a", 0.0), ("b", 20.0))
@@ -122,10 +112,13 @@ def test_nodes_beyond_planes_of_symmetry():
     """The farthest counts, on whichever side the plane bounds the sheet."""
     blank = sheet(20, 10, 4, 2, "left", shape=moved, spatial=True)
     held = [ff.Support("low", near(0, 3.0), (0,)), ff.Support("high", near(1, 8.0), (1,))]
-    assert {axis: s.name for axis, s in planes_of_symmetry(blank, held).items()} == {
-        0: "low",
-        1: "high",
-    }
+    others = [
+        ff.Support("moves", near(0, 3.0), (0,), (1.0, 0.0)),
+        ff.Support("locates", near(1, 8.0), (1,), locates=True),
+        ff.Support("two", near(0, 3.0), (0, 1)),
+        ff.Support("bent", lambda x: (x[0] < 4) | (x[1] > 7), (0,)),
+    ]
+    assert planes_of_symmetry(blank, [*held, *others]) == dict(enumerate(held))
     assert beyond_planes(blank, held) == {}
     x = blank.coordinates()
     u = blank.u.x.array.reshape(-1, 3)
