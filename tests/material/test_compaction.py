@@ -42,3 +42,4 @@ def test_thickness_under_pressure():
     fabric = KOMEILI.replace(compaction=ply, thickness=0.4)
     assert fabric.thickness_under(2e-3 * pressure[4]) == pytest.approx(0.4 * math.exp(-1.7 / 12))
     assert fabric.replace(compaction=None).thickness_under(9.0) == 0.4
+    assert KOMEILI.thickness_under(1.0) == pytest.approx(0.697, abs=5e-4)  # n = 16, p_0 = 1 kPa

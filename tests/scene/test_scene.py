@@ -78,13 +78,13 @@ LEFT = "left", lambda x: x[0] < 1e-6
     [
         (lambda: [], [], 0, r"\(none\) leave blank free to move along its \w+, which contact with"),
         (lambda: [], [Support(*LEFT, (0,))], 0, "free to move along its width, which contact w"),
-        (lambda: [], [Support(*LEFT, (1,))], 0, r"\(left\) leave blank free to (move along|turn)"),
+        (lambda: [], [Support(*LEFT, (1,))], 0.98, r"\(left\) leave blank free to (move|turn)"),
         (lambda: [Contact(PLATES[0], friction=0.0)], [], 0, "or friction, as `Contact"),
         (lambda: [], [Support(*LEFT, (0, 1))], 0, ""),
         (lambda: [Contact(PLATES[0], friction=0.2)], [], 0, ""),
         (lambda: [Contact(BALLS[1])], [], 0, "free to turn about its normal, which contact"),
         (lambda: [], [], 3, "free to turn about its normal, which contact"),
-        (lambda: [], [Support(*LEFT, (1,))], 3, ""),
+        (lambda: [], [Support(*LEFT, (1,))], 1.02, ""),
         (lambda: [Contact(ASIDE)], [], 3, ""),
     ],
 )
