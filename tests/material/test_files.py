@@ -180,6 +180,12 @@ REFUSED = [  # of a file, or behind a line of it
     (END, "[scatter]\ns1 = [0.02, 0.025]", "scatter.s1 is from 0.02 to 0.025, and s1 is 0.02506"),
     (CURVE, "", "hardening.law None is unknown"),
     ("K_MPa", "K", "hardening.K has no unit; allowed is K_MPa"),
+    ("nu = 0.3", "nu = 0.51", "nu is 0.51; allowed is a number from 0 to 0.5"),
+    (
+        END,
+        "[scatter]\ns1 = [0.02506, 0.02506]",
+        "scatter.s1 is [0.02506, 0.02506]; allowed are two",
+    ),
     (CURVE, '[hardening]\nlaw = "table"\neps = [0]\nsigma_MPa = [1]', "two lists of 2 or more"),
     (CURVE, '[hardening]\nlaw = "table"\neps = [0, 1]\nsigma_MPa = [2, 1]', "point 2 is (1.0, 1.0"),
 ]
