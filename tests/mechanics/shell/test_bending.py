@@ -1,6 +1,7 @@
 """Bending of strips, plates and sheets in space."""
 
 import math
+from functools import partial
 
 import builders
 import numpy as np
@@ -18,7 +19,7 @@ from fabric_fenicsx.mechanics.shell.bending import shortest_wave
 COMM = MPI.COMM_WORLD
 PATTERNS = ["crossed", "left", "unstructured"]
 D = 100 / 12  # that of the paper
-KOMEILI = ff.load("komeili")
+KOMEILI, DC04 = ff.load("komeili"), ff.load_metal("dc04")
 
 
 def sheet(length, width, nx, ny, pattern="unstructured", comm=COMM, shape=None, **options):
@@ -297,6 +298,22 @@ def test_curved_sheet_is_at_rest_undeformed():
         found.append(energy(bending) / scale)
     assert found[1] == pytest.approx(1, abs=0.06)  # ends are free: they keep no curvature to lose
     assert abs(found[1] - 1) < 0.7 * abs(found[0] - 1)
+
+
+@pytest.mark.parametrize(
+    "make", [lambda **held: ff.Bending(2, 1, 0.7, 0.3, **held), partial(ff.SheetMetal, DC04)]
+)
+def test_half_of_a_symmetric_sheet_has_half_of_its_energy(make):
+    found = []
+    for length in (20, 10):
+        blank = builders.sheet(length, 10, length * 2 // 5, 4, "crossed", spatial=True)
+        plane = {"symmetric": edge(0, 0.0)} if length == 10 else {}
+        term, middle = alone(blank, make(**plane)), 10.0 if length == 20 else 0.0
+        x, y = blank.coordinates()[:, 0] - middle, blank.coordinates()[:, 1]
+        u = 0.3 * np.sin(x / 4) * np.cos(y / 5), 0.2 * np.cos(x / 5) * np.sin(y / 3)
+        blank.u.x.array[:] = np.column_stack([*u, np.cos(x / 4) * np.cos(y / 7 + 0.2)]).ravel()
+        found.append(term.stored())
+    assert found[0] == pytest.approx(2 * found[1], rel=1e-10)
 
 
 @pytest.mark.versions

@@ -278,6 +278,25 @@ def test_a_sheet_curved_within_its_thickness_is_out_of_reach():
 
 # -- bending
 
+
+@pytest.mark.parametrize("pattern", ["crossed", "unstructured"])
+def test_elastic_plates_that_are_bent_and_twisted(pattern):
+    """Bent with free sides, E t^3 / 12 k^2 / 2 per area, and -nu k across; twisted, twice of
+    E t^3 / (12 (1 + nu)) k^2 / 2."""
+    k, beam = 1e-5, 186600 * 0.8**3 / 12
+    for height, stiffness, inside in (
+        (lambda x, y: x * x / 2 - 0.3 * y * y / 2, beam, lambda x: abs(x[0] - 15) < 7.6),
+        (lambda x, y: x * y, 2 * beam / 1.3, lambda x: abs(x[:2].T - (15, 10)).max(1) < 5.1),
+    ):
+        blank = sheet(30, 20, 12, 8, pattern)
+        blank.divide({"inside": inside}, "rest")
+        term = alone(blank, ff.SheetMetal(DC04.replace(thickness=0.8)).on("inside"))
+        x, y, _ = blank.coordinates().T
+        blank.u.x.array[2::3] = k * height(x - 15, y - 10)
+        area = blank.areas()[term.part.cells].sum()
+        assert term.stored() == pytest.approx(stiffness * k**2 / 2 * area, rel=1e-3)
+
+
 IDEAL = ff.Metal(186600.0, 0.5, ff.Swift(159.0, 1.0, 0.0), thickness=1.0)
 YIELDS = 2 / np.sqrt(3) * 159.0 / (186600.0 / 0.75) * 2  # curvature at which the faces do
 
