@@ -111,12 +111,6 @@ def test_friction_counts_from_the_fabric_as_it_lies():
     assert scene.energies()["yarn_friction"] == pytest.approx(exact, rel=1e-3)
 
 
-def test_a_picture_frame_meets_its_closed_form():
-    frame = ff.PictureFrame(FABRIC.replace(couplings=()), nx=2, angle=30).job(steps=6).run()
-    exact = frame.number("closed_form_N_per_mm")
-    assert frame.number("normalised_shear_force_N_per_mm") == pytest.approx(exact, rel=1e-9)
-
-
 # -- bending
 
 BENT = ff.BendingFriction(4.0, 0.1)  # k [N mm], f [N mm/mm]
