@@ -44,16 +44,27 @@ def test_the_worst_of_several_terms_and_the_force_of_a_tool():
     assert output.tool_force(scene(*pushes), "punch").tolist() == [1, 3, 2]
 
 
-def test_yarns_that_are_stretched_in_several_sheets():
-    """The largest share of the area, of all sheets."""
-    stack = ff.Stack([(sheet(20, 10, 2, 2, "left", spatial=True), 1.0, name) for name in "ab"])
-    terms = [ff.Membrane(ff.load("komeili")).on(name) for name in "ab"]
-    made = ff.Scene(stack, terms)
+@pytest.mark.parametrize("first", [0, 1])
+def test_the_worst_of_several_sheets(first):
+    """Of two fabrics and two metals, one of each stretched or shorter, whichever comes first."""
+    names = "abcd"
+    stack = ff.Stack([(sheet(20, 10, 2, 2, "left", spatial=True), 1.0, name) for name in names])
+    fabrics = [ff.Membrane(ff.load("komeili")).on(name) for name in names[:2]]
+    metals = [ff.SheetMetal(ff.load_metal("dc04")).on(name) for name in names[2:]]
+    made = ff.Scene(stack, [*fabrics, *metals])
     x = stack.coordinates()
-    stack.u.x.array[::3] = np.where(x[:, 2] < 0.5, 0.03 * x[:, 0], 0.03 * np.minimum(x[:, 0], 10))
-    assert [output.overstretched(made, strain) for strain in (0.029, 0.031)] == pytest.approx(
-        [1, 0]
-    )
+    moves = np.isin(np.round(x[:, 2]), (first, 2 + first))
+    stack.u.x.array[::3] = np.where(moves, 0.03 * x[:, 0], 0)
+    assert output.overstretched(made, 0.029) == pytest.approx(1)
+    assert output.overstretched(made, 0.031) == 0
+    row = output.history(made)
+    assert row["max_plastic_strain"] > 0.02 and row["min_metal_thickness_mm"] < 0.99
+    alone = fabrics[first].history()["min_stability"].value
+    assert row["min_stability"] == min(alone, fabrics[1 - first].history()["min_stability"].value)
+    stack.u.x.array[::3] = np.where(moves, -0.03 * x[:, 0], 0)
+    row = output.history(made)
+    assert row["shortening_max"] == pytest.approx(0.03)
+    assert row["shortened_by_2_percent_share"] == pytest.approx(1.0)
 
 
 def test_loads_of_a_memory_are_scaled_and_nothing_else():
