@@ -154,6 +154,10 @@ def test_units_of_more_tables(read):
     metal = read(METAL.replace(CURVE, "[hardening]\n" + table), ff.load_metal)
     assert (metal.E, metal.thickness, metal.density) == (186600.0, 1.0, 7.85)
     assert metal.hardening == ff.HardeningTable((0.0, 0.1), (159.0, 330.0))
+    by_area = FABRIC.replace(
+        "thickness = 1.0\ndensity = 0.75", "thickness = 0.4\nareal_weight_g_per_m2 = 300"
+    )
+    assert read(by_area).density == 0.75
 
 
 END, TOP = "s3 = 562.39e-3\n", "thickness = 1.0"
@@ -173,8 +177,15 @@ REFUSED = [  # of a file, or behind a line of it
     (END, "[bending]\ncantilever_a_mm = 200", "bending is incomplete, or told twice"),
     (END, "[bending]\ncurvature_1_per_m = [0, 1]\nmoment_a_N = [1, 1]", "one that rises "),
     (END, "[scatter]\ns1 = [0.03, 0.035]", "scatter.s1 is from 0.03 to 0.035, and s1 is 0.02506"),
+    (END, "[scatter]\ns1 = [0.02, 0.025]", "scatter.s1 is from 0.02 to 0.025, and s1 is 0.02506"),
     (CURVE, "", "hardening.law None is unknown"),
     ("K_MPa", "K", "hardening.K has no unit; allowed is K_MPa"),
+    ("nu = 0.3", "nu = 0.51", "nu is 0.51; allowed is a number from 0 to 0.5"),
+    (
+        END,
+        "[scatter]\ns1 = [0.02506, 0.02506]",
+        "scatter.s1 is [0.02506, 0.02506]; allowed are two",
+    ),
     (CURVE, '[hardening]\nlaw = "table"\neps = [0]\nsigma_MPa = [1]', "two lists of 2 or more"),
     (CURVE, '[hardening]\nlaw = "table"\neps = [0, 1]\nsigma_MPa = [2, 1]', "point 2 is (1.0, 1.0"),
 ]

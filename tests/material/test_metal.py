@@ -26,6 +26,30 @@ def metal(curve):
 # -- hardening
 
 
+def test_curves_by_their_formulas():
+    """K (eps0 + p)^n, Y0 + Q (1 - e^(-b p)); a table goes on at its last slope, PCHIP's of three
+    points: 3 (h1 + h2) / ((2 h2 + h1) / d1 + (h2 + 2 h1) / d2) and at the end (d2 (2 h2 + h1) - d1
+    h2) / (h1 + h2)."""
+    p = np.array([0.0, 0.05, 0.3])
+    assert Swift(500.0, 0.01, 0.5).stress(p) == pytest.approx(500 * np.sqrt(0.01 + p))
+    assert Voce(160.0, 180.0, 14.0).stress(p) == pytest.approx(160 + 180 * (1 - np.exp(-14 * p)))
+    table = HardeningTable((0.0, 0.1, 0.3), (160.0, 260.0, 330.0))
+    end = (350 * 0.5 - 1000 * 0.2) / 0.3  # below 0, where PCHIP takes 0
+    assert end < 0
+    assert table.stress(np.array([0.1, 0.3, 0.9])) == pytest.approx([260.0, 330.0, 330.0])
+    table = HardeningTable((0.0, 0.1, 0.3), (160.0, 260.0, 400.0))
+    end = (700 * 0.5 - 1000 * 0.2) / 0.3
+    assert table.stress(np.array([0.4, 0.8])) == pytest.approx([400 + 0.1 * end, 400 + 0.5 * end])
+
+
+def test_dc04_yields_as_the_paper_says():
+    """159 MPa at 0.05 % of plastic strain; 310 MPa of tensile strength K n^n e^(eps0 - n)."""
+    curve = DC04.hardening
+    assert (DC04.E, DC04.nu, DC04.thickness, DC04.density) == (186600.0, 0.3, 1.0, 7.85)
+    assert curve.stress(np.array([5e-4]))[0] == pytest.approx(159.0, rel=1e-9)
+    assert curve.K * 0.2**0.2 * np.exp(curve.eps0 - 0.2) == pytest.approx(310.0, rel=1e-9)
+
+
 @pytest.mark.parametrize("curve", CURVES)
 def test_slope_and_work_belong_to_the_stress(curve):
     curve, p, h = CURVES[curve], np.array([1e-4, 0.007, 0.013, 0.05, 0.2, 0.37, 1.0]), 1e-6

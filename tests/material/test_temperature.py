@@ -106,18 +106,3 @@ def test_a_temperature_is_given_where_it_is_of_use_and_nowhere_else():
     with pytest.raises(ff.InputError, match="s1 is changed, and material glass has its own"):
         fabric.changed({"s1": 0.05})
     assert fabric.changed({"b": 600.0}).at(200.0).warp.b == 600.0
-
-
-def test_a_coupon_is_of_its_temperature():
-    fabric = KOMEILI.replace(at_temperatures=FACTORS)
-    given = {"nx": 2, "angle": 20.0}
-    warm, plain = (
-        each.job(steps=2).run().summary["reaction_N"]
-        for each in (
-            ff.PictureFrame(fabric, temperature=110, **given),
-            ff.PictureFrame(fabric.at(110), **given),
-        )
-    )
-    assert warm == plain
-    with pytest.raises(ff.InputError, match="`temperature` is missing"):
-        ff.PictureFrame(fabric, **given)

@@ -6,7 +6,7 @@ from mpi4py import MPI
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.meshes.specimen import specimen
-from tests.builders import alone, sheet
+from tests.builders import alone
 
 
 def sheets(comm=MPI.COMM_SELF):
@@ -43,20 +43,3 @@ def test_bending_is_that_of_the_linear_sheet(make):
     (energy, forces), (linear, others) = found
     assert energy == pytest.approx(linear, rel=1e-10)
     assert forces == pytest.approx(others, abs=1e-9 * abs(others).max())
-
-
-def test_a_quadratic_sheet_rolled_up_is_stretched_by_the_square_of_its_cells():
-    """Onto a tube, which needs no stretch: strains of h^2, their energy of h^4."""
-    radius, found = 20.0, []
-
-    def onto_tube(x):
-        angle = x[0] / radius
-        return np.array([radius * np.sin(angle), x[1], radius * (1 - np.cos(angle))])
-
-    for n in (4, 8, 16):
-        blank = sheet(20, 20, n, n, "crossed", spatial=True, degree=2)
-        scene = ff.Scene(blank, [ff.Membrane(ff.load("komeili"))])
-        x = blank.coordinates().T
-        blank.u.x.array[:] = (onto_tube(x) - x).T.ravel()
-        found.append(scene.energies()["strain"])
-    assert np.log2(np.divide(found[:-1], found[1:])) == pytest.approx(4.0, abs=0.01)

@@ -2,19 +2,14 @@
 
 import numpy as np
 import pytest
-from builders import Elastic, Springs, displacement, everywhere, march, rotation, run, sheet
-from mpi4py import MPI
-from scipy.integrate import trapezoid
-from scipy.optimize import brentq
+from builders import Elastic, march, rotation, run, sheet
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.material.homogeneous import nominal
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.solve.newton import Newton
 
 LENGTH, WIDTH, TENSION = 40.0, 10.0, 8.0
-WEIGHT = 3e-3  # MPa
 FLAT = np.eye(3)
 
 
@@ -96,54 +91,6 @@ def test_dead_pressure_on_a_tilted_patch():
     assert given == pytest.approx([0, 0, total]) and reports.outer_forces(scene)[
         ""
     ] == pytest.approx(total)
-
-
-def hung(steps, *more):
-    """Sag [mm] of a strip between two grips, and the imbalance of its weight's work and energies;
-    more: terms."""
-    blank = sheet(200.0, 10.0, 40, 1, "left", spatial=True)
-    terms = [ff.Membrane(load("komeili")), ff.DeadPressure(WEIGHT, (0, 0, -1)), *more]
-    grips = ff.Support("grips", lambda x: np.abs(x[0] - 100) > 100 - 1e-6, (0, 1, 2))
-    scene = ff.Scene(blank, terms, [grips, ff.Support("side", everywhere, (1,))])
-    result = ff.Job(scene, steps=steps).run()
-    low = scene.comm.allreduce(displacement(blank)[:, 2].min(), MPI.MIN)
-    return -low, result.summary["energy_imbalance"]
-
-
-def exact_sag():
-    """Of a thread of the strip's law: its pull has one component along the span, everywhere the
-    same, and the other bears the weight from the middle on."""
-    fabric, s = load("komeili"), np.linspace(0, 100, 20001)
-    strain = np.linspace(0, 0.1, 20001)
-    zero = np.zeros_like(strain)
-    pull = fabric.thickness * nominal(fabric, np.column_stack([strain, zero, zero]))[:, 0]
-
-    def thread(along):
-        size = np.hypot(along, WEIGHT * s)
-        return (1 + np.interp(size, pull, strain)) / size
-
-    span = brentq(lambda h: trapezoid(h * thread(h), s) - 100, 1e-3, 1e3)
-    return trapezoid(WEIGHT * s * thread(span), s)
-
-
-@pytest.mark.parametrize("steps", [1, 5])
-def test_a_strip_that_hangs_is_believed_in_few_steps(steps):
-    """Its sag grows as the load's cube root, so a straight first step does twice the work."""
-    sag, imbalance = hung(steps)
-    assert sag == pytest.approx(exact_sag(), rel=5e-4)
-    assert imbalance < 0.025
-
-
-@pytest.mark.parametrize("steps", [1, 5])
-def test_a_strip_of_which_work_is_missing_is_not_believed(steps):
-    class Helped(Springs):
-        """Springs that a load bends, whose work is not told."""
-
-        def energies(self):
-            return {self.energy_kind: 2 * self.stored(), None: -self.stored()}
-
-    with pytest.raises(ff.SolverFailure, match="not to be believed.* differs from the energies"):
-        hung(steps, Helped(2e-3))
 
 
 @pytest.mark.mpi

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from builders import Elastic, alone, march, near, sheet
+from builders import Elastic, alone, march, near, rotation, sheet
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.mechanics.release_forces import ReleaseForces
@@ -57,3 +57,27 @@ def test_what_was_released_is_remembered_on_any_node():
     other.recall(kept)
     assert other.energies()["released"] == told
     assert np.array_equal(other.springback(), forces.springback())
+
+
+@pytest.mark.parametrize("load, share", [(0.0, 1.0), (0.45, 1 / 64), (0.81, 1e-6), (0.9, 0.0)])
+def test_forces_and_their_bed_fade(load, share):
+    """By the sixth power of what is left of the load up to 0.9; the bed is as stiff as if all
+    forces, at each of 27 nodes alike, were gone at a motion of `reach`."""
+    turn = rotation()
+    blank = sheet(LENGTH, WIDTH, 8, 2, "left", spatial=True, turn=turn, a=turn[:, 0])
+    forces = alone(blank, ReleaseForces(REACH))
+    given = np.zeros((27, 3))
+    given[3], given[7] = (3.0, 0, 4), (0, 0, -2)
+    forces.take(given.ravel())
+    forces.set_load(load)
+    blank.u.x.array[:] = np.tile([0.1, 0.0, -0.2], 27)
+    bed = 7 / (27 * REACH)
+    assert forces.remaining() == pytest.approx(7 * share)
+    f = np.zeros(81)
+    forces.add_forces(f)
+    moved = np.array([0.1, 0, -0.2])
+    assert f.reshape(-1, 3) == pytest.approx(-share * (given - bed * moved), abs=1e-15)
+    work = given[3] @ moved + given[7] @ moved - 27 * bed * moved @ moved / 2
+    assert forces.stored() == pytest.approx(-share * work)
+    back = forces.nodal_fields()["springback"].value
+    assert back == pytest.approx(np.tile(turn @ moved, (27, 1)))

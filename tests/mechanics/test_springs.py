@@ -52,16 +52,28 @@ def test_a_preload_pulls_from_the_start_and_a_slack_spring_does_nothing():
 
 
 def test_springs_to_a_point_pull_towards_it():
-    """Also where the blank's axes are turned."""
+    """Each of two nodes by half, 9 mm off and 12 mm up, though the blank's axes are turned; then
+    one is 5 mm further away, and the other is slack."""
     turn = rotation()
     blank = strip(spatial=True, turn=turn, a=turn[:, 0])
+    local = lambda x: turn.T @ x  # noqa: E731
+    corners = lambda x: (local(x)[0] > LENGTH - 1e-6) & (abs(local(x)[1] - 5) > 4.9)  # noqa: E731
     anchor = turn @ (LENGTH + 9, WIDTH / 2, 12)
-    springs = ff.Springs(
-        lambda x: (turn.T @ x)[:2].sum(0) > LENGTH + WIDTH - 1e-6, 0, 7, anchor=anchor
-    )
-    alone(blank, springs)
+    springs = alone(blank, ff.Springs(corners, 2.0, 7, anchor=anchor))
+    size, ways = np.sqrt(9**2 + 5**2 + 12**2), np.array([[9.0, 5, 12], [9, -5, 12]])
     assert springs.pull() == pytest.approx(7)
-    assert springs.force() == pytest.approx(7 * (turn @ (9, -WIDTH / 2, 12)) / 15.811388300841896)
+    assert springs.force() == pytest.approx(7 * (turn @ (9, 0, 12)) / size)
+    x = local(blank.coordinates().T).T
+    ends = [np.flatnonzero(np.linalg.norm(x - (LENGTH, y, 0), axis=1) < 1e-6)[0] for y in (0, 10)]
+    u = blank.u.x.array.reshape(-1, 3)
+    u[ends] = -5 / size * ways[0], 0.8 * ways[1]
+    assert springs.pull() == pytest.approx((7 + 2 * 5) / 2)
+    assert springs.force() == pytest.approx(8.5 * (turn @ ways[0]) / size)
+    told = springs.summary()["springs"].value["springs"]
+    assert told["pull_N"] == pytest.approx(8.5)
+    assert told["largest_elongation_mm"] == pytest.approx(5)
+    energy = (17**2 - 7**2) / (2 * 2) / 2 - 7**2 / (2 * 2) / 2
+    assert springs.stored() == pytest.approx(energy)
 
 
 @pytest.mark.mpi

@@ -55,12 +55,6 @@ def test_forces_that_turn_with_what_they_move():
     assert errors[1] < 3e-4 and errors[1] < errors[0] / 7
 
 
-def test_a_kink_is_not_rounded():
-    loads = 0.0, 0.2, 0.4, 0.7, 1.0
-    states = [(load, np.array([max(load - 0.4, 0.0)]), np.array([load])) for load in loads]
-    assert done(Work(), states) == pytest.approx(0.18, rel=1e-12)
-
-
 def test_work_does_not_depend_on_the_axes():
     """Nor where a bend is bounded."""
     turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
@@ -102,3 +96,14 @@ def test_what_was_rejected_or_let_go_does_no_work():
     work.accept(0.0, np.ones(2), np.zeros(2))
     work.keep(np.array([True, False]))
     assert work.since(1.0, np.ones(1), np.full(1, 3.0)) == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("last, bend", [(0.85, 0.075), (2.7, 1.0), (10.7, 1.0), (0.5, 0.0)])
+def test_a_parabola_is_bent_at_most_ten_times_as_much_and_to_the_same_side(last, bend):
+    """Second divided differences: 0.1 of the forces before, (last - 0.7) / 2 of those with the
+    last one, which counts up to 1 and not below 0."""
+    work = Work()
+    for load, force in ((0.0, 0.0), (1.0, 0.1), (2.0, 0.4)):
+        work.accept(load, np.array([force]), np.array([load]))
+    found = work.since(3.0, np.array([last]), np.array([3.0]))
+    assert found == pytest.approx((0.4 + last) / 2 - bend / 6, rel=1e-12)

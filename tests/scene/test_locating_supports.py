@@ -48,27 +48,6 @@ def test_friction_takes_over_from_supports():
     assert not any("keep the sheet in its place" in words for words in said(result.summary))
 
 
-@pytest.mark.mpi
-def test_a_run_that_goes_on_is_held_by_friction_too(folder):
-    whole = ff.Job(pressed(friction=0.3), steps=4).run()
-    with pytest.raises(ff.SolverFailure, match="not to be believed"):
-        limits = ff.Limits(strain=2e-3)
-        ff.Job(pressed(friction=0.3), steps=4, limits=limits).run(folder, pictures=False)
-    scene = pressed(friction=0.3)
-    rest = ff.Job(scene, steps=4).run(folder, resume=True, pictures=False)
-    assert 1 < len(rest.rows) == len(whole.rows)
-    ends = [run.rows[-1]["external_work_Nmm"] for run in (rest, whole)]
-    assert ends[0] == pytest.approx(ends[1], rel=1e-10) and not scene.supports.locates
-
-
-def test_without_friction_they_bear_what_is_not_symmetric():
-    scene = pressed(friction=0.0, nx=4)
-    words = r"supports that only locate the sheet bear \d+\.\d % .*`Limits.located`"
-    with pytest.raises(ff.SolverFailure, match=words):
-        ff.Job(scene, steps=4).run()
-    assert scene.reaction("centre")[0] == pytest.approx(-20 * PULL, rel=1e-6)
-
-
 @pytest.mark.parametrize("where, held", [(None, True), (at_the_middle, False)])
 def test_friction_near_one_place_does_not_hold_a_sheet_from_turning(where, held):
     """Of five nodes up to 0.9 mm from the middle."""

@@ -1,24 +1,25 @@
 """Bending of strips, plates and sheets in space."""
 
 import math
+from functools import partial
 
 import builders
 import numpy as np
 import pytest
-import ufl
-from builders import alone, nodal_forces, off_differences, rotation, run
+from builders import alone, nodal_forces, off_differences, rotation
 from mpi4py import MPI
 from scipy import sparse
-from scipy.integrate import solve_bvp
+from scipy.interpolate import PchipInterpolator
 from scipy.sparse.linalg import spsolve
 
 import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
-from fabric_fenicsx.mechanics.shell.bending import plate_stiffness
+from fabric_fenicsx.mechanics.shell.bending import shortest_wave
 
 COMM = MPI.COMM_WORLD
 PATTERNS = ["crossed", "left", "unstructured"]
-D = plate_stiffness(100.0, 1.0)  # that of the paper
+D = 100 / 12  # that of the paper
+KOMEILI, DC04 = ff.load("komeili"), ff.load_metal("dc04")
 
 
 def sheet(length, width, nx, ny, pattern="unstructured", comm=COMM, shape=None, **options):
@@ -88,39 +89,105 @@ def test_curvature_of_quadratic_fields_is_exact(pattern):
 @pytest.mark.mpi
 @pytest.mark.parametrize("pattern, angle", [*zip(PATTERNS, (45, 0, 90))])
 def test_strips_in_pure_bending(pattern, angle):
-    """Along a, b and the bias: energy D kappa^2 / 2, 1 / D being 1 / 4 D_a + 1 / 4 D_b + 1 / D_t at
-    45 deg, and no force but at the ends, where the moment acts: cells do no work on a constant
-    moment."""
-    D_a, D_b, D_t, kappa, length, width = 3.0, 1.7, 0.9, 1e-4, 60.0, 20.0
-    t = math.radians(angle)
-    blank = sheet(length, width, 18, 6, pattern, a=t)
-    bending = alone(blank, ff.Bending(D_a, D_b, D_t))
-    # moment M along the strip alone; curvatures (along, across, twist) from those along the yarns
-    compliance = np.diag(1 / np.array([D_a, D_b, D_t]))
-    c, s = math.cos(t), math.sin(t)
-    yarns = np.array(
-        [[c * c, s * s, 2 * c * s], [s * s, c * c, -2 * c * s], [-c * s, c * s, c * c - s * s]]
-    )
-    along = np.linalg.inv(yarns) @ compliance @ np.linalg.inv(yarns).T @ [1.0, 0, 0]
-    stiffness = 1 / along[0]
-    assert stiffness == pytest.approx(
-        {0: D_a, 90: D_b, 45: 1 / (0.25 / D_a + 0.25 / D_b + 1 / D_t)}[angle]
-    )
-    k = kappa * along / along[0]
-    w = lambda x: k[0] * x[0] ** 2 / 2 + k[1] * x[1] ** 2 / 2 + k[2] * x[0] * x[1]  # noqa: E731
+    """Along a, b and the bias: energy D kappa^2 / 2 of the middle, free at its sides, 1 / D being
+    1 / 4 D_a + 1 / 4 D_b + 1 / D_t at 45 deg, and no force within it: cells do no work on a
+    constant moment."""
+    D_a, D_b, D_t, kappa = 3.0, 1.7, 0.9, 1e-4
+    blank = sheet(60.0, 20.0, 18, 6, pattern, a=math.radians(angle))
+    blank.divide({"middle": lambda x: np.abs(x[0]) < 18.0}, "ends")
+    bending = alone(blank, ff.Bending(D_a, D_b, D_t).on("middle"))
+    stiffness = {0: D_a, 90: D_b, 45: 1 / (0.25 / D_a + 0.25 / D_b + 1 / D_t)}[angle]
+    across, twist = 0.0, 0.0  # by curvature along
+    if angle == 45:  # where the moment's parts conjugate to these curvatures are 1/2, 1/2 and -1
+        a, b, ab = (stiffness * c for c in (0.5 / D_a, 0.5 / D_b, -1 / D_t))
+        across, twist = (a + b) / 2 + ab, (a - b) / 2
+    w = lambda x: kappa * (x[0] ** 2 / 2 + across * x[1] ** 2 / 2 + twist * x[0] * x[1])  # noqa: E731
     displace(blank, lambda x: [0 * x[0], 0 * x[0], w(x)])
-    near = 3 * 3.4
-    middle = np.abs(blank.midpoints()[0]) < length / 2 - near
-    exact = yarns @ k
-    found = bending.curvatures()
-    assert np.abs(found[middle, :, 2] - exact).max(initial=0) < 1e-5 * kappa
-    f = nodal_forces(bending)[:, 2]
-    x = blank.coordinates()[: len(f), 0]
+    area = COMM.allreduce(blank.areas()[bending.part.cells].sum())
+    assert energy(bending) == pytest.approx(stiffness * kappa**2 / 2 * area, rel=1e-5)
+    f, x = nodal_forces(bending)[:, 2], blank.coordinates()[:, 0]
     assert COMM.allreduce(np.abs(f).max(initial=0), MPI.MAX) > 0.05 * stiffness * kappa
-    assert np.abs(f[np.abs(x) < length / 2 - near]).max(initial=0) < 1e-5 * stiffness * kappa
-    total = 0.5 * stiffness * kappa**2 * length * width
-    # cells at the ends take themselves for free
-    assert energy(bending) == pytest.approx(total, rel=0.15)
+    inside = np.abs(x[: len(f)]) < 18.0 - 3 * 3.4
+    assert np.abs(f[inside]).max(initial=0) < 1e-5 * stiffness * kappa
+
+
+def on_an_arc(kappa, bending, fabric=KOMEILI, angle=0.0, nx=8, **membrane):
+    """Energies of the cells of 1 mm that a strip of 2 nx mm has more than one of nx, both on an
+    arc by chords as long as the cells, sides in planes of symmetry, over their area [N/mm]."""
+    found = []
+    for n in (nx, 2 * nx):
+        blank = builders.sheet(n, 2.0, n, 2, "left", a=math.radians(angle), spatial=True)
+        term = ff.Bending(**bending, symmetric=[edge(1, 0.0), edge(1, 2.0)])
+        scene = ff.Scene(blank, [ff.Membrane(fabric, **membrane), term])
+        X, R = blank.coordinates(), 0.5 / np.sin(kappa / 2)
+        turn = kappa * X[:, 0]
+        arc = np.array([R * np.sin(turn), X[:, 1], R * (1 - np.cos(turn))])
+        blank.u.x.array[:] = (arc.T - X).ravel()
+        found.append(scene.energies())
+    return {kind: (found[1][kind] - found[0][kind]) / (2.0 * nx) for kind in found[0]}, term
+
+
+@pytest.mark.parametrize("angle, stiffness", [(0, 3.2), (90, 1.4), (30, 2.54375)])
+def test_an_arc_takes_the_energy_of_its_curvature(angle, stiffness):
+    """D k^2 / 2 per area; D = D_a c^4 + D_b s^4 + D_t c^2 s^2 of yarns whose curvatures are k c^2,
+    k s^2 and k c s. Cells turn by 11 deg; slopes in place of angles would take 1.3 % less."""
+    for kappa in (0.02, -0.2):
+        found, _ = on_an_arc(kappa, {"D_a": 3.2, "D_b": 1.4, "D_t": 3.5}, angle=angle)
+        assert found["bending"] == pytest.approx(stiffness * kappa**2 / 2, rel=1e-3)
+
+
+@pytest.mark.parametrize("angle, stiffness", [(0, 4.266667), (90, 4.266667), (45, 3.413333)])
+def test_stiffness_of_moduli(angle, stiffness):
+    """E t^3 / 12 along yarns and G t^3 / 3 of twist, of 100 and 30 MPa and 0.8 mm; within the sheet
+    a share of these, which normal curvature does not lose."""
+    moduli, thin = {"modulus": 100.0, "twist_modulus": 30.0}, KOMEILI.replace(thickness=0.8)
+    thick, field = KOMEILI.replace(thickness=1.6), {"thickness": lambda x, y: 0.8 + 0 * x}
+    for fabric, more, in_plane in ((thin, {}, 0.0), (thin, {}, 0.3), (thick, field, 0.0)):
+        given = moduli | {"in_plane": in_plane}
+        found, bending = on_an_arc(0.02, given, fabric, angle, **more)
+        assert found["bending"] == pytest.approx(stiffness * 0.02**2 / 2, rel=1e-3)
+        if fabric is thin:
+            assert bending.stiffnesses == pytest.approx([4.266667, 4.266667, 5.12])
+
+
+@pytest.mark.parametrize("angle, share, threshold", [(0, 1.0, 0.05), (90, 0.5, 0.02)])
+@pytest.mark.parametrize("in_plane", [0.0, 0.3])
+def test_measured_bending_of_each_face_and_yarn(angle, share, threshold, in_plane):
+    """Less thresholds, which friction takes beyond 2 % of the largest curvature, the fabric's
+    moment is a monotone cubic, of b half of a's; the share within the sheet is of its start."""
+    measured = ff.MeasuredBending(
+        curvature=(-0.1, 0, 0, 0.1),
+        moment_a=(-0.85, -0.05, 0.05, 0.55),
+        moment_b=(-0.42, -0.02, 0.02, 0.27),
+    )
+    curve = PchipInterpolator([-0.2, -0.1, 0, 0.1, 0.2], [-1.6, -0.8, 0, 0.5, 1.0])
+    start = float(curve.derivative()(0.0))
+    fabric, field = KOMEILI.replace(bending=measured), {"thickness": lambda x, y: 0.7 + 0 * x}
+    given = {"modulus": 1.0, "in_plane": in_plane}
+    for kappa in (0.03, -0.03):
+        found, bending = on_an_arc(kappa, given, fabric, angle, **field)
+        exact = (1 - in_plane) * curve.integrate(0, kappa) + in_plane * start * kappa**2 / 2
+        assert found["bending"] == pytest.approx(share * exact, rel=1e-3)
+        assert found["yarn_friction"] == pytest.approx(threshold * 0.029, rel=1e-3)
+    assert bending.stiffnesses[:2] == pytest.approx([start, start / 2])
+    cantilevers = ff.MeasuredBending(cantilever_a=200.0, cantilever_b=160.0)
+    _, bending = on_an_arc(0.01, given, KOMEILI.replace(bending=cantilevers, thickness=0.5))
+    assert bending.stiffnesses[:2] == pytest.approx([3.67875, 1.88352])
+
+
+def test_friction_of_both_yarns_that_are_bent():
+    """At 45 deg each by half of the curvature, 0.05 / mm: f (k - f / 2 k_f) beyond f / k_f."""
+    friction = ff.BendingFriction((4.0, 1.0), (0.1, 0.2))
+    found, _ = on_an_arc(0.1, {"D_a": 1.0}, KOMEILI.replace(bending_friction=friction), 45)
+    each = 0.1 * (0.05 - 0.0125) + 0.05**2 / 2
+    assert found["yarn_friction"] == pytest.approx(2 * each, rel=2e-3)
+
+
+def test_shortest_wave_of_a_yarn_that_buckles():
+    """2 pi sqrt(D / (2 d t eps)), d = 0.65 MPa: 159 mm with the paper's numbers."""
+    assert shortest_wave(KOMEILI, D, 0.01) == pytest.approx(159.1, abs=0.05)
+    thin = KOMEILI.replace(thickness=0.5)
+    assert shortest_wave(thin, 1.0, 0.02) == pytest.approx(55.11, abs=0.01)
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)
@@ -158,23 +225,6 @@ def test_only_linear_fields_are_free_of_energy(pattern, in_plane):
     assert stiffness[free] > 1e-3 * min(in_plane or 1, 1) * stiffness[-1]
 
 
-@pytest.mark.parametrize(
-    "stiffnesses", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.5), (1.0, 1.0, 1e-14), (0.0, 0.0, 0.0)]
-)
-def test_few_cells_and_stiffnesses_that_vanish(stiffnesses):
-    """One to three cells, all at free edges: energies stay those of the stiffnesses."""
-    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 0, 0]], float)
-    cells = np.array([[0, 1, 2], [1, 2, 3], [1, 4, 3]])
-    for count in (1, 2, 3):
-        mesh = compat.create_mesh(COMM, cells[:count], points[: count + 2], "triangle", 1)
-        blank = ff.Blank(mesh, a=0.0)
-        for clamped in ((), edge(1, 0.0)):
-            bending = alone(blank, ff.Bending(*stiffnesses, clamped=clamped))
-            displace(blank, lambda x: [0 * x[0], 0 * x[0], 0.1 * x[0] ** 2 + 0.1 * x[1] ** 2])
-            assert 0 <= energy(bending) <= 0.1 * max(stiffnesses)
-            assert np.abs(nodal_forces(bending)).max(initial=0) <= 10 * max(stiffnesses)
-
-
 # -- plates and strips under small loads
 
 
@@ -198,7 +248,7 @@ def test_square_plate(pattern, clamped):
     m, n = np.meshgrid(odd, odd)
     navier = (16 / np.pi**6 * (-1.0) ** ((m + n) // 2 - 1) / (m * n * (m**2 + n**2) ** 2)).sum()
     exact, errors = 0.00126532 if clamped else navier, []
-    for n in (8, 16, 32):
+    for n in (8, 32):
         blank = sheet(1, 1, n, n, pattern, MPI.COMM_SELF, a=0.3)
         rim = lambda x: (0.5 - np.abs(x[:2])).min(0) < 1e-9  # noqa: E731
         bending = alone(blank, ff.Bending(1.0, 1.0, 2.0, clamped=rim if clamped else ()))
@@ -211,75 +261,6 @@ def test_square_plate(pattern, clamped):
         errors.append(abs(centre / exact - 1))
     assert errors[-1] < (0.02 if clamped else 0.005)
     assert errors[-1] < 0.5 * errors[0]
-
-
-# -- large deflections
-
-
-class Yarns(ff.Term):
-    """Yarns that hardly stretch, and a stiffness in shear, so that bending is all that a strip
-    does."""
-
-    name, energy_kind = "yarns", "strain"
-
-    def set_up(self, scene):
-        blank, stiffness, shear = scene.blank, 120 * D, 3 * D
-        a, b = (f + ufl.dot(ufl.grad(blank.displacement), f) for f in (blank.a0, blank.b0))
-        stretch = ((ufl.dot(a, a) - 1) ** 2 + (ufl.dot(b, b) - 1) ** 2) / 8
-        density = stiffness * stretch + shear / 2 * ufl.dot(a, b) ** 2
-        self.energy = density * ufl.dx(blank.mesh, metadata={"quadrature_degree": 1})
-
-
-@pytest.mark.parametrize("pattern", ["left", "crossed"])
-def test_a_strip_round_an_arc_that_turns_much_from_cell_to_cell(pattern):
-    """Energy 1/2 D k^2 per area, of the cells that a longer strip has more; slopes in place of
-    angles would make it 1.3 and 0.3 % too low."""
-    turn, energies = 0.2, []
-    for nx in (10, 20):
-        blank = builders.sheet(float(nx), 1.0, nx, 1, pattern, spatial=True)
-        bending = ff.Bending(1.0, D_t=2.0)
-        ff.Scene(blank, [builders.Elastic(), bending])
-        X, R = blank.coordinates(), 0.5 / np.sin(turn / 2)
-        angle = turn * X[:, 0]
-        arc = np.array([R * np.sin(angle), X[:, 1], R * (1 - np.cos(angle))])
-        blank.u.x.array[:] = (arc.T - X).ravel()
-        energies.append(COMM.allreduce(bending.stored()))
-    assert energies[1] - energies[0] == pytest.approx(10 * turn**2 / 2, rel=2e-3)
-
-
-def elastica(load, stiffness, length):
-    """End (x, z) of a clamped strip under a dead `load` per length along z."""
-    s, y = np.linspace(0, length, 100), np.zeros((4, 100))
-    y[2] = s
-    for part in (0.25, 0.5, 1.0):
-
-        def slope(s, y):
-            force = part * load * (length - s)
-            return np.array([y[1], -force * np.cos(y[0]) / stiffness, np.cos(y[0]), np.sin(y[0])])
-
-        solution = solve_bvp(slope, lambda a, b: np.array([a[0], b[1], a[2], a[3]]), s, y, tol=1e-6)
-        assert solution.success
-        s, y = solution.x, solution.y
-    return y[2, -1], y[3, -1]
-
-
-@pytest.mark.parametrize(
-    "pattern, angle, meshes", [("left", 0, (12, 24)), ("unstructured", 45, (12, 24))]
-)
-def test_elastica_under_its_own_weight(pattern, angle, meshes):
-    """A clamped strip, of an isotropic plate, that sags by 64 % of its length."""
-    L, q, errors = 100.0, 8 * D / 100.0**3, []
-    x, z = elastica(q, D, L)
-    assert z > 0.6 * L
-    for nx in meshes:
-        blank = sheet(L, 25.0, nx, nx // 4, pattern, MPI.COMM_SELF, a=math.radians(angle))
-        clamp = edge(0, -L / 2)
-        terms = [Yarns(), ff.Bending(D, D, 2 * D, clamped=clamp), ff.DeadPressure(q, (0, 0, 1))]
-        run(ff.Scene(blank, terms, [ff.Support("clamp", clamp, (0, 1, 2))]), 5)
-        end = edge(0, L / 2)(blank.coordinates().T)
-        now = (blank.coordinates() + blank.nodal_displacement())[end].mean(0)
-        errors.append(math.hypot(now[0] + L / 2 - x, now[2] - z) / L)
-    assert errors[0] < 0.02 and errors[1] < 0.6 * errors[0]
 
 
 # -- objectivity, symmetry, ranks
@@ -302,6 +283,9 @@ def test_curved_sheet_is_at_rest_undeformed():
         scale = 0.5 * D * kappa**2 * area
         assert energy(bending) < 1e-20 * scale
         assert np.abs(nodal_forces(bending)).max(initial=0) < 1e-10 * scale
+        inside = np.abs(blank.midpoints()[1]) < 2
+        own = np.linalg.norm(bending.curvatures()[inside, 0], axis=1)
+        assert np.median(own) == pytest.approx(kappa, rel=0.01)
         Q = rotation(2)
         displace(blank, lambda x: (Q - np.eye(3)) @ x + 4)
         bending.accept()
@@ -314,6 +298,22 @@ def test_curved_sheet_is_at_rest_undeformed():
         found.append(energy(bending) / scale)
     assert found[1] == pytest.approx(1, abs=0.06)  # ends are free: they keep no curvature to lose
     assert abs(found[1] - 1) < 0.7 * abs(found[0] - 1)
+
+
+@pytest.mark.parametrize(
+    "make", [lambda **held: ff.Bending(2, 1, 0.7, 0.3, **held), partial(ff.SheetMetal, DC04)]
+)
+def test_half_of_a_symmetric_sheet_has_half_of_its_energy(make):
+    found = []
+    for length in (20, 10):
+        blank = builders.sheet(length, 10, length * 2 // 5, 4, "crossed", spatial=True)
+        plane = {"symmetric": edge(0, 0.0)} if length == 10 else {}
+        term, middle = alone(blank, make(**plane)), 10.0 if length == 20 else 0.0
+        x, y = blank.coordinates()[:, 0] - middle, blank.coordinates()[:, 1]
+        u = 0.3 * np.sin(x / 4) * np.cos(y / 5), 0.2 * np.cos(x / 5) * np.sin(y / 3)
+        blank.u.x.array[:] = np.column_stack([*u, np.cos(x / 4) * np.cos(y / 7 + 0.2)]).ravel()
+        found.append(term.stored())
+    assert found[0] == pytest.approx(2 * found[1], rel=1e-10)
 
 
 @pytest.mark.versions
