@@ -2,6 +2,7 @@
 by case."""
 
 import dolfinx
+import mpmath
 import numpy as np
 import pytest
 import ufl
@@ -116,6 +117,23 @@ def test_energy_and_stress_are_those_of_the_cases(unbalanced, random_states, wea
     # arccos loses digits towards 0 and 180 deg: so 1e-11 and not 1e-12
     assert relative(state.energy, energy).max() <= 1e-11
     assert relative(gradient, voigt(state.S)).max() <= 1e-11
+
+
+@pytest.mark.versions
+def test_tangents_agree_with_mpmath(unbalanced, random_states):
+    C, a0, b0 = random_states(20, seed=3)
+    state = kernel.evaluate(unbalanced, cauchy_green=C, fibres=(a0, b0), tangent=True)
+    assert len({*state.strain_state}) == 4
+    half, orders = np.array([1.0, 1.0, 0.5]), np.eye(3, dtype=int)
+    with mpmath.workdps(40):
+        for Cn, a, b, exact in zip(voigt(C), a0, b0, state.tangent):
+            place = tuple(mpmath.mpf(float(v)) for v in Cn)
+            a, b = ([mpmath.mpf(float(v)) for v in d] for d in (a, b))
+            for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
+                order = (orders[i] + orders[j]).tolist()
+                W = mpmath.diff(lambda *c: cases(unbalanced, c, a, b, mpmath), place, order)
+                error = 4 * float(W) * half[i] * half[j] - exact[i, j]
+                assert abs(error) < 1e-12 * np.linalg.norm(exact)
 
 
 def test_measures_layouts_and_rotations_agree(unbalanced, random_states):

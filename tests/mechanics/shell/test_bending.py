@@ -6,9 +6,10 @@ from functools import partial
 import builders
 import numpy as np
 import pytest
-from builders import alone, nodal_forces, off_differences, rotation
+from builders import alone, nodal_forces, off_differences, rotation, run
 from mpi4py import MPI
 from scipy import sparse
+from scipy.integrate import solve_bvp
 from scipy.interpolate import PchipInterpolator
 from scipy.sparse.linalg import spsolve
 
@@ -261,6 +262,39 @@ def test_square_plate(pattern, clamped):
         errors.append(abs(centre / exact - 1))
     assert errors[-1] < (0.02 if clamped else 0.005)
     assert errors[-1] < 0.5 * errors[0]
+
+
+def elastica(load, stiffness, length):
+    """End (x, z) of a clamped strip under a dead `load` per length along z."""
+    s, y = np.linspace(0, length, 100), np.zeros((4, 100))
+    y[2] = s
+    for part in (0.25, 0.5, 1.0):
+
+        def slope(s, y):
+            force = part * load * (length - s)
+            return np.array([y[1], -force * np.cos(y[0]) / stiffness, np.cos(y[0]), np.sin(y[0])])
+
+        solution = solve_bvp(slope, lambda a, b: np.array([a[0], b[1], a[2], a[3]]), s, y, tol=1e-6)
+        assert solution.success
+        s, y = solution.x, solution.y
+    return y[2, -1], y[3, -1]
+
+
+def test_elastica_under_its_own_weight():
+    """A clamped strip, of an isotropic plate, that sags by 64 % of its length."""
+    L, q, errors = 100.0, 8 * D / 100.0**3, []
+    x, z = elastica(q, D, L)
+    assert z > 0.6 * L
+    for nx in (12, 24):
+        blank = sheet(L, 25.0, nx, nx // 4, comm=MPI.COMM_SELF, a=math.pi / 4)
+        clamp = edge(0, -L / 2)
+        plate = builders.Elastic(120 * D), ff.Bending(D, D, 2 * D, clamped=clamp)
+        load = ff.DeadPressure(q, (0, 0, 1))
+        run(ff.Scene(blank, [*plate, load], [ff.Support("clamp", clamp, (0, 1, 2))]), 5)
+        end = edge(0, L / 2)(blank.coordinates().T)
+        now = (blank.coordinates() + blank.nodal_displacement())[end].mean(0)
+        errors.append(math.hypot(now[0] + L / 2 - x, now[2] - z) / L)
+    assert errors[0] < 0.02 and errors[1] < 0.6 * errors[0]
 
 
 # -- objectivity, symmetry, ranks
