@@ -5,6 +5,7 @@ import pytest
 import shapely
 from shapely import affinity
 
+from fabric_fenicsx.meshes import outline
 from fabric_fenicsx.meshes.outline import PATTERNS, outline_mesh
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.sheets.mesh_checks import checked_mesh
@@ -15,6 +16,7 @@ HOLE = shapely.get_coordinates(shapely.Point(60, 90).buffer(15, quad_segs=200))
 # with a neck of 0.5 mm between slots, a small hole and a spline's close points
 WILD = [(0, 0), (100, 0), (100, 38), (60, 38), (60, 40), (100, 40), (100, 80), (0, 80), (0, 42)]
 WILD += [(58, 42), (58, 40.5), (0, 40)]
+BOX = shapely.box(0, 0, 100, 100)
 SHEETS = {
     "notch and hole": shapely.Polygon(NOTCHED, [HOLE]),
     "slots": shapely.Polygon(WILD, [shapely.Point(30, 20).buffer(1.5, 50).exterior]),
@@ -85,12 +87,72 @@ def test_cells_are_of_the_size():
     assert len(cells) == pytest.approx(sheet.area / (np.sqrt(3) / 4 * 64), rel=0.05)
 
 
-def test_small_holes_are_left_out_and_narrow_places_told():
-    sheet = shapely.box(0, 0, 100, 80) - shapely.box(50, 0.4, 60, 20)
-    sheet -= shapely.Point(20, 40).buffer(0.2)
-    *_, told = outline_mesh(sheet, 8.0)
-    assert told[0].startswith("a hole of 0.4 mm at (20.2, 40")
-    assert told[1].startswith("the outline is 0.4") and len(told) == 2
+@pytest.mark.parametrize("side, count", [(108, 8), (112, 10)])
+def test_squares_are_half_of_their_size_off_the_outline(side, count):
+    """They are of 10 mm about the middle, each of four triangles."""
+    box = shapely.box(0, 0, side, side)
+    points, cells, *_ = outline_mesh(box, 10.0, "along", (0, np.pi / 2))
+    x = points[cells][:, :, :2]
+    sides = np.sort(np.linalg.norm(np.roll(x, -1, 1) - x, axis=2), 1)
+    assert (abs(sides - [50**0.5, 50**0.5, 10]) < 1e-5).all(1).sum() == 4 * count**2
+
+
+def test_sizes_at_short_edges_narrow_places_and_curves():
+    """They grow by 0.4 of the distance: from 1 to 8 mm over 17.5 mm; 4 mm have two cells across;
+    nodes are within 0.02 of the size of a curve."""
+    chamfered = shapely.Polygon([(0, 0), (99.4, 0), (100, 0.8), (100, 80), (0, 80)])
+    points = outline_mesh(chamfered, 8.0)[0]
+    count = (abs(points[:, 1]) < 1e-9).sum() - 1
+    assert count == pytest.approx(np.log(8) / 0.4 + (99.4 - 17.5) / 8, abs=1)
+    points = outline_mesh(shapely.box(0, 0, 100, 80) - shapely.box(30, 4, 70, 70), 8.0)[0]
+    low = np.sort(points[(abs(points[:, 1]) < 1e-9) & (abs(points[:, 0] - 50) < 15), 0])
+    assert np.diff(low).mean() == pytest.approx(2 + 0.4 * 2, rel=0.12)
+    r = np.hypot(*outline_mesh(shapely.Point(0, 0).buffer(50, 1000), 8.0)[0].T[:2])
+    assert r[r > 49].min() > 50 - 0.17
+
+
+def holed(side):
+    return shapely.box(0, 0, 100, 80) - shapely.box(50, 40, 50 + side, 40 + side)
+
+
+def narrow(width):
+    return shapely.box(0, 0, 100, 80) - shapely.box(40, width, 60, 20)
+
+
+class Meshed(Exception):
+    """What was asked for is allowed."""
+
+
+LIMITS = [  # a sheet, size and pattern with what is told of it, and one without
+    ((holed(0.79), 8.0), "a hole of 0.79 mm", (holed(0.81), 8.0)),
+    ((narrow(0.75), 8.0), "the outline is 0.75", (narrow(0.82), 8.0)),
+    ((narrow(0.0079), 8.0), "comes within 0.0079 mm of itself", (narrow(0.0081), 8.0)),
+    ((SHEETS["ellipse"], 30.1), "allowed is up to half of it", (SHEETS["ellipse"], 29.9)),
+    ((BOX, 0.1519), "makes about 1e6 cells", (BOX, 0.152)),
+    ((BOX, 0.1999, "along"), "makes about 1e6 cells", (BOX, 0.2001, "along")),
+]
+
+
+@pytest.mark.parametrize("beyond, words, within", LIMITS)
+def test_outlines_just_within_and_just_beyond_a_limit(beyond, words, within, monkeypatch):
+    told = []
+
+    def divided(*_):
+        raise Meshed
+
+    places = outline._fine_places
+
+    def noted(sheet, size, notes, centre):
+        told.append(notes)
+        return places(sheet, size, notes, centre)
+
+    monkeypatch.setattr(outline, "_divided", divided)
+    monkeypatch.setattr(outline, "_fine_places", noted)
+    for given, is_told in ((beyond, True), (within, False)):
+        told.clear()
+        with pytest.raises((InputError, Meshed)) as error:
+            outline_mesh(*given)
+        assert (words in f"{error.value}{told}") == is_told
 
 
 SLIT = shapely.box(0, 0, 100, 80) - shapely.box(50, 0.001, 60, 20)
@@ -100,7 +162,6 @@ SLIT = shapely.box(0, 0, 100, 80) - shapely.box(50, 0.001, 60, 20)
     "options, words",
     [
         ({"size": 90}, "`size` is 90, but the outline is 200 x 150 mm; "),
-        ({"size": 0.1}, "`size` 0.1 makes about 6.6"),
         ({"pattern": "left"}, "`pattern` is 'left'; allowed for an outline are"),
         ({"sheet": SLIT}, r"comes within 0.001 mm of itself; .* 0.001 mm wide at \(5\d"),
     ],

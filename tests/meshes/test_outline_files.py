@@ -88,7 +88,11 @@ def test_curves_of_a_drawing_are_joined(drawing):
         (1, 25.4, "inches"),
         (6, 1000, "met"),
         (8, 2.54e-5, "microinches"),
+        (9, 0.0254, "mils"),
         (21, 304.800610, "survey"),
+        (22, 25.4000508, "survey"),
+        (23, 914.401829, "survey"),
+        (24, 1609347.22, "survey"),
         (0, 1, "no unit"),
     ],
 )
@@ -98,6 +102,25 @@ def test_the_unit_of_a_drawing_counts_and_is_told(drawing, unit, factor, words):
     assert words in told and told.endswith(
         f"so it is {' x '.join(rounded(side * factor, 4) for side in (100, 80))} mm"
     )
+
+
+@pytest.mark.parametrize("unit, mm", [(4, 1.0), (1, 25.4)])
+def test_chords_of_a_circle_are_within_a_hundredth_of_a_millimetre(drawing, unit, mm):
+    def draw(space):
+        block = space.doc.blocks.new("round")
+        block.add_circle((0, 0), 50 / mm)
+        space.add_blockref("round", (0, 0), dxfattribs={"xscale": 2, "yscale": 2})
+
+    points = np.array(drawing(draw, unit)[0].exterior.coords)
+    off = 100 - np.hypot(*(points[1:] + points[:-1]).T / 2)
+    assert 0.002 < off.max() < 0.0101 and np.hypot(*points.T) == pytest.approx(
+        100 + 0 * points[:, 0]
+    )
+
+
+def test_columns_are_in_their_units(table):
+    sheet, told = table("x [cm],y [m],ring\n0,0,1\n10,0,1\n10,0.08,1\n")
+    assert sheet.bounds == (0, 0, 100, 80) and not told
 
 
 def test_layers_of_a_drawing(drawing):

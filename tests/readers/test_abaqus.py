@@ -55,13 +55,15 @@ def test_instances_are_where_the_assembly_has_them(tmp_path):
         f"*Part, name=Ply\n{NODES}*Element, type=S4R\n1, 1, 2, 3, 4\n*End Part\n"
         "*Assembly, name=Assembly\n*Instance, name=a, part=Ply\n*End Instance\n"
         "*Instance, name=c, part=Ply\n, , 5.\n*End Instance\n"
-        "*Instance, name=b, part=PLY\n0., 0., 5.\n0., 0., 5., 0., 0., 6., 90.\n*End Instance\n"
+        "*Instance, name=b, part=PLY\n0., 0., 5.\n10., 0., 5., 10., 2., 5., 30.\n*End Instance\n"
         "*Node\n1, 50., 50., 50.\n*End Assembly\n",
     )
     first, shifted, second = mesh.points[mesh.cells["quad"]]
     assert shifted[0].tolist() == [0, 0, 5]  # numbers may be left out
     assert first[2].tolist() == [10, 10, 0]
-    np.testing.assert_allclose(second[2], [-10, 10, 5], atol=1e-12)
+    # turned by 30 deg about a line along y through (10, 0, 5)
+    turned = 10 - 5 * np.sqrt(3), 0, 5 + 5
+    np.testing.assert_allclose(second[[0, 2]], [turned, (10, 10, 5)], atol=1e-12)
 
 
 def test_files_that_are_named_are_read_too(tmp_path):

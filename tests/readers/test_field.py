@@ -37,6 +37,12 @@ def test_a_file_is_its_function_between_the_points_and_its_nearest_point_beyond(
         assert beyond == pytest.approx([linear(20, 10), linear(0, 0)])
         with pytest.raises(ff.InputError, match=r"no point within 80.6 mm of \(90, 50\)"):
             field.at(np.array([[0.0, 0.0, 0.0], [90.0, 50.0, 0.0]]))
+        assert field.at(np.array([[59.9, 10.0, 0]])) == pytest.approx(linear(20, 10))
+        with pytest.raises(ff.InputError, match="no point within 40.1 mm"):  # as far as they reach
+            field.at(np.array([[60.1, 10.0, 0]]))
+    twice = tmp_path / "twice.csv"
+    twice.write_text("x,y,v\n0,0,1\n0,0,1.0000000005\n1,0,3\n0,1,2\n")
+    assert ff.Field(twice).at(np.zeros((1, 3))) == pytest.approx(1)
     two = mesh(tmp_path / "two.vtu", v=linear(*GRID.T), w=0 * GRID[:, 0])
     assert ff.Field(two, "v") == ff.Field(files[0]) != ff.Field(two, "w")
 
@@ -59,6 +65,8 @@ def test_in_space(tmp_path):
     [
         ("x,y,v\n0,0,1\n1,1,2\n2,2,3\n", "its 3 points span no area"),
         ("x,y,v\n0,0,1\n0,0,2\n1,0,3\n", r"at \(0, 0\) mm there are the values 1 and 2"),
+        ("x,y,v\n0,0,1\n0,0,1.000000002\n1,0,3\n0,1,2\n", "there are the values 1 and 1"),
+        ("x,y,v\n0,0,1\n1,0,2\n0,1,-1\n", r"`mu` at \(0, 1\) mm is -1.0; allowed is a number"),
         ("x,y\n1,2\n2,3\n", "has no values; allowed is one column"),
         ("x,y,v,w\n0,0,1,1\n1,1,2,2\n", "has 2 columns of values, v, w; allowed is one"),
         ("x,y,v [rad]\n0,0,1\n1,0,1\n0,1,3\n", "column v is in rad; allowed is one of deg"),

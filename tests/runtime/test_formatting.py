@@ -4,7 +4,14 @@ import math
 
 import pytest
 
-from fabric_fenicsx.runtime.formatting import coordinates, of_sheet, percent, rounded
+from fabric_fenicsx.runtime.formatting import (
+    coordinates,
+    of_sheet,
+    percent,
+    rounded,
+    share,
+    with_error,
+)
 
 
 @pytest.mark.parametrize(
@@ -12,6 +19,7 @@ from fabric_fenicsx.runtime.formatting import coordinates, of_sheet, percent, ro
     [
         (1234.5, 3, "1230"),
         (12345.6, 4, "12350"),
+        (123456.0, 3, "123000"),
         (999999.0, 3, "1e6"),
         (1.2e-7, 3, "1.2e-7"),
         (0.00012, 3, "0.00012"),
@@ -25,10 +33,19 @@ def test_numbers_are_told_without_an_exponent_that_is_not_needed(number, digits,
 
 @pytest.mark.parametrize(
     "share, text",
-    [(0.996, "100 %"), (0.123, "12 %"), (0.00003, "0.003 %"), (6900.0, "more than 1000 %")],
+    [(0.123, "12 %"), (0.00003, "0.003 %"), (9.9, "990 %"), (10.1, "more than 1000 %")],
 )
 def test_shares_are_told_in_per_cent(share, text):
     assert percent(share) == text
+
+
+def test_errors_and_shares():
+    """An error is rounding up to 1e-12 of the number, at least of 1."""
+    assert with_error("5", 5.0, 4e-12) == with_error("5", 0.5, 0.9e-12) == "5 +- 0"
+    assert with_error("5", 0.5, 1.1e-12) == "5 +- 1.1e-12"
+    told = with_error("5", 5.0, 6e-12), with_error("x", 2.0, 0.123), with_error("x", 2.0, None)
+    assert told == ("5 +- 6e-12", "x +- 0.12", "x +- unknown")
+    assert (share(3, -2), share(0, 0)) == (1.5, 0) and share(1, 0) > 1e99
 
 
 def test_places_have_no_negative_zero():

@@ -11,28 +11,6 @@ from fabric_fenicsx.runtime.jit_cache import compiled
 
 pytestmark = pytest.mark.versions
 
-SAID = "JIT compilation timed out, probably. Try cleaning cache (e.g. remove {}) or increase it."
-
-
-@pytest.fixture
-def unfinished(tmp_path):
-    """A file that another process began, and a function that waits for it as FFCx does."""
-    file = tmp_path / "libffcx_forms_1f.c"
-    file.touch()
-
-    def make():
-        if not file.exists():
-            return "compiled"
-        raise TimeoutError(SAID.format(file))
-
-    return file, make
-
-
-def test_a_file_of_a_process_that_was_killed(unfinished):
-    file, make = unfinished
-    assert compiled(MPI.COMM_SELF, make) == "compiled"
-    assert not file.exists()
-
 
 def test_a_form_whose_compilation_was_killed(tmp_path):
     """FFCx's own words and files."""

@@ -8,10 +8,14 @@ import pytest
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.runtime.rules import (
     ABOVE_ZERO_OR_INF,
+    BELOW_180,
     COUNT,
     FINITE,
+    FROM_ZERO,
     POSITIVE,
+    SHARE,
     did_you_mean,
+    fraction,
     unknown_key,
 )
 
@@ -37,10 +41,27 @@ def test_a_rule_takes_numbers_of_numpy_and_gives_those_of_python():
 def test_a_rule_tells_what_it_allows():
     with pytest.raises(InputError, match="^nx is 2.5; allowed is a whole number of 1 or more$"):
         COUNT.check("nx", 2.5)
-    for wrong in (0, -1):
-        with pytest.raises(InputError, match=f"size is {wrong}; allowed is a number above 0"):
-            POSITIVE.check("size", wrong)
-    assert ABOVE_ZERO_OR_INF.check("lag", math.inf) == math.inf
+    with pytest.raises(InputError, match="size is 0; allowed is a number above 0"):
+        POSITIVE.check("size", 0)
+
+
+@pytest.mark.parametrize(
+    "rule, least, most, beyond",
+    [
+        (POSITIVE, 1e-9, 1e300, (0, -1)),
+        (ABOVE_ZERO_OR_INF, 1e-9, math.inf, (0, -math.inf)),
+        (FROM_ZERO, 0, 1e300, (-1e-9,)),
+        (COUNT, 1, 10**9, (0, 1.5)),
+        (SHARE, 1e-9, 1, (0, 1 + 1e-9)),
+        (fraction(), 0, 1, (-1e-9, 1 + 1e-9)),
+        (BELOW_180, 1e-9, 180 - 1e-9, (0, 180)),
+    ],
+)
+def test_a_rule_allows_its_ends_and_nothing_beyond(rule, least, most, beyond):
+    assert (rule.check("x", least), rule.check("x", most)) == (least, most)
+    for wrong in beyond:
+        with pytest.raises(InputError):
+            rule.check("x", wrong)
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,6 @@ def unread(words, hang):
 @pytest.mark.parametrize(
     "words",
     [
-        ["-c", IMPORTED + "help(ff.Job); help(ff)"],
         ["-c", IMPORTED + "[print(n, flush=True) for n in range(10**6)]"],
         ["-m", "fabric_fenicsx", "info"],
     ],

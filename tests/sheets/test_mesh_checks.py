@@ -180,3 +180,32 @@ def test_a_slit_is_doubted_on_all_ranks(make):
     assert "where another one lies" in doubt
     assert "1.0, 0.0] mm" in doubt
     assert f"{3 if len(arrays[0]) < 40 else 7} nodes" in doubt if COMM.rank == 0 else True
+
+
+def lips(apart):
+    points, cells, kind = slit_strip()
+    points[-3:, 1] += apart
+    return points, cells, kind
+
+
+LIMITS = {  # over an edge of 1 mm, of a curved cell of 0.5; over the extent of 4 mm
+    "a hanging node": (hanging, (0.9e-3, 1.1e-3), "hanging node"),
+    "one of curved cells": (lambda off: second_order(*hanging(off)), (0.028, 0.032), "hanging"),
+    "a slit": (lips, (0.9e-6, 1.1e-6), "where another one lies"),
+    "a plane sheet": (lambda off: (STRIP[0] + off * AT_ONE, *STRIP[1:]), (3.9e-7, 4.1e-7), "plane"),
+}
+AT_ONE = np.eye(len(STRIP[0]))[:, [7]] * [0, 0, 1]
+
+
+@pytest.mark.parametrize("case", LIMITS)
+def test_meshes_just_within_and_just_beyond_a_tolerance(case):
+    make, offs, words = LIMITS[case]
+
+    def said(off):
+        try:
+            mesh = checked_mesh(*make(off), "it")
+        except InputError as error:
+            return str(error)
+        return " ".join(mesh.warnings) or {2: "plane", 3: ""}[mesh.points.shape[1]]
+
+    assert [words in said(off) for off in offs] == [True, False]

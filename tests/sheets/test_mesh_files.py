@@ -33,8 +33,18 @@ def high_order(p, bulge=0.0):
 def test_straight_cells_of_a_higher_order_are_their_corners(p):
     cells, kind = straight_cells(*high_order(p), "s.msh")
     assert kind == "triangle" and cells.tolist() == [[0, 1, 2]]
+    within, beyond = (share * 1e-6 * np.hypot(10, 10) for share in (0.9, 1.1))
+    straight_cells(*high_order(p, bulge=within), "s.msh")
     with pytest.raises(InputError, match=f"curved cells of order {p}, the first number 0"):
-        straight_cells(*high_order(p, bulge=0.1), "s.msh")
+        straight_cells(*high_order(p, bulge=beyond), "s.msh")
+
+
+@pytest.mark.parametrize("unused, told", [(2, 0), (3, 1)])
+def test_a_mesh_with_more_than_2_percent_of_its_nodes_in_no_cell_is_doubted(tmp_path, unused, told):
+    points, cells, kind = specimen(48, 1, 48, 1, "right")
+    points = np.vstack([points, points[:unused] + [0, 9, 0]])
+    mesh = read_mesh(written(tmp_path / "s.vtu", points, (kind, cells)))
+    assert len(mesh.warnings) == told
 
 
 def test_quadrilaterals_of_8_nodes_keep_their_shape(tmp_path):

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import os
 import signal
 import sys
 import time
@@ -10,16 +11,12 @@ from pathlib import Path
 p = argparse.ArgumentParser()
 p.add_argument("--set", action="append", default=[])
 p.add_argument("--out", type=Path)
-p.add_argument("--resume", action="store_true")
-p.add_argument("--overwrite", action="store_true")
-p.add_argument("--refine", action="store_true")
+for switch in ("--resume", "--overwrite", "--refine"):
+    p.add_argument(switch, action="store_true")
 p.add_argument("--slow", type=float, default=0.0)
 given = p.parse_args()
-values = dict(word.split("=", 1) for word in given.set)
-pressure = float(values.get("ring.pressure", 0.3))
-cells = 0.5 if "blank.nx" in values else 1.0  # what finer cells leave of the shortening
-factor = float(values.get("fabric.factor", 1.0))
-friction = float(values.get("tools.punch.friction", 0.2))
+values = {k: float(v) for k, v in (word.split("=", 1) for word in given.set)}
+pressure = values["ring.pressure"]
 if pressure < 0:
     print("a first line\nfabric form: error: ring.pressure is -1; allowed is a number from 0")
     print("a library of MPI ends")
@@ -29,6 +26,8 @@ signal.signal(signal.SIGTERM, lambda *_: stopped.append("stopped by SIGTERM"))
 with open(given.out / "starts.txt", "a") as starts:
     starts.write("resume\n" if given.resume else "begin\n")
 (given.out / "checkpoint.npz").touch()
+if pressure == 0.25 and not given.resume:
+    os.kill(os.getpid(), signal.SIGKILL)
 until = time.monotonic() + (0 if given.resume else given.slow)
 while time.monotonic() < until and not stopped:
     time.sleep(0.01)
@@ -36,33 +35,23 @@ reached = 0.5 if stopped or pressure > 1 else 1.0
 reason = stopped[0] if stopped else "no step is small enough" if pressure > 1 else "full load"
 rows = [f"{load},{10 * load},{1000 * pressure * load}" for load in (0.0, 0.5, 1.0)]
 (given.out / "history.csv").write_text("load,displacement_mm,reaction_N\n" + "\n".join(rows))
-shortening = cells * (0.02 * pressure**-0.5 + friction * pressure**2 - 0.04)
-rough = {"verdict": "doubtful", "text": "heights of wrinkles are rough", "of": "wrinkles"}
-doubts = [rough] if 0.39 < pressure <= 1 else []
+doubts = [{"verdict": "doubtful", "text": "wrinkles are rough", "of": "wrinkles"}]
+doubts *= 0.39 < pressure <= 1
+shortening = 0.02 * pressure**-0.5 + values.get("tools.punch.friction", 0.2) * pressure**2 - 0.04
 summary = {
     "converged": reached == 1,
     "verdict": "invalid" if reached < 1 else "doubtful" if doubts else "ok",
     "reasons": doubts,
     "stroke_reached": reached,
     "reason": reason,
-    "reaction_N": 1000 * pressure * factor,
+    "reaction_N": 1000 * pressure * values.get("fabric.factor", 1.0),
     "reaction_is": "punch force",
     "wall_s": {"total": 0.1},
-    "quantities": {
-        "shortening_mean": shortening,
-        "wrinkles": {
-            "count": int(pressure < 0.05),
-            "at_mm": [1.0, 2.0],
-            "wavelength_mm": 16 - 40 * (pressure - 0.1) if pressure < 0.2 else None,
-        },
-        "shear_angle_max_deg": 40 + pressure,
+    "quantities": {  # finer cells leave half of the shortening
+        "shortening_mean": shortening * (0.5 if "blank.nx" in values or given.refine else 1.0),
+        "wrinkles": {"count": int(pressure < 0.05), "at_mm": [1.0, 2.0]},
     },
 }
 (given.out / "summary.json").write_text(json.dumps(summary))
-if given.refine and doubts:  # on cells that are fine enough
-    summary["quantities"]["shortening_mean"] *= 0.5
-    (given.out / "finer").mkdir()
-    fine = json.dumps(summary | {"verdict": "ok", "reasons": []})
-    (given.out / "finer" / "summary.json").write_text(fine)
 print(f"fabric form: stopped: {reason}" if reached < 1 else "done", file=sys.stderr)
 sys.exit(3 if reached < 1 else 0)

@@ -1,0 +1,241 @@
+"""What a sweep tells of runs, of made ones with known numbers."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista
+
+from fabric_fenicsx.postprocess import states
+from fabric_fenicsx.runtime.errors import SolverFailure
+from fabric_fenicsx.sweep import pictures, results, runner, scatter
+from fabric_fenicsx.sweep.folder import Run
+from fabric_fenicsx.sweep.form import Form
+from fabric_fenicsx.sweep.limits import Finer, below
+from fabric_fenicsx.sweep.runner import Runner
+from fabric_fenicsx.sweep.varied import Range
+
+
+@pytest.fixture
+def made(tmp_path):
+    """Function that makes a run with these values and this summary."""
+
+    def make(values, status=0, options=(), **summary):
+        folder = tmp_path / f"{len([*tmp_path.iterdir()])}"
+        folder.mkdir()
+        usual = {"verdict": "ok", "stroke_reached": 1.0, "reasons": []}
+        (folder / "summary.json").write_text(json.dumps(usual | summary))
+        return Run({k: str(v) for k, v in values.items()}, folder, status, [*options])
+
+    return make
+
+
+@pytest.fixture
+def line(made):
+    """Function of numbers and of a quantity q there to the runs of such a sweep over p."""
+
+    def make(p, q, **summary):
+        return [made({"a.p": x}, quantities={"q": y}, **summary) for x, y in zip(p, q)]
+
+    return make
+
+
+def test_scatter_of_four_runs(made):
+    """10 + 8 (a - 1/2) + 4 (b - 1/2) + 1/2 where both are on one side, else - 1/2."""
+    ranges = Range("m.b", 1.0, 1e4), Range("m.a", 0.0, 4.0)  # b counts by its logarithm
+    places = {(1, 10): 7.5, (3, 10): 10.5, (1, 1000): 8.5, (3, 1000): 13.5}
+    runs = [made({"m.b": b, "m.a": a}, quantities={"q": q}) for (a, b), q in places.items()]
+    found = scatter.spread(runs, ranges, "q")
+    assert (found["runs"], found["mean"]) == (4, pytest.approx(10))
+    assert found["deviation"] == pytest.approx(math.sqrt(4 * (4 + 1 + 0.25) / 3))
+    assert found["bounds"] == pytest.approx([7.65, 13.05])  # 15 % off the ends of three intervals
+    keys = "low", "high", "change", "error", "share"
+    numbers = [[each[key] for key in keys] for each in found["effects"]]
+    whole = 64 / 12 + 16 / 12 + 1  # one degree of freedom is left
+    assert [each["name"] for each in found["effects"]] == ["a", "b"]
+    assert numbers[0] == pytest.approx([0, 4, 8, 2, 64 / 12 / whole])
+    assert numbers[1] == pytest.approx([1, 1e4, 4, 2, 16 / 12 / whole])
+    assert found["left"] == pytest.approx(1 / whole)
+    lost = made({"m.b": 10, "m.a": 2}, status=3, quantities={"q": 99})
+    labels, limits = {"q": "length [mm]"}, [("q", 8.5), ("q", 8.6)]
+    told, spreads = scatter.told([*runs, lost], ranges[1:], labels, limits)
+    assert [*spreads] == ["q"] and told[0].splitlines() == [
+        "length [mm]: mean 10, standard deviation 2.65, 90 % of 4 runs between 7.65 and 13.05",
+        "  a from 0 to 4: +8 +- 3, 68 % of the variance",
+        "  not by straight lines: 32 %",
+    ]
+    assert told[1:3] == ["q below 8.5: in 1 of 4 runs", "q below 8.6: in 2 of 4 runs"]
+    assert told[3].startswith("1 of 5 runs are not believed and left out")
+    with pytest.raises(SolverFailure, match="4 of 5 runs are believed, too few"):
+        scatter.told([*runs, lost], ranges, labels)
+
+
+def test_a_design_fills_its_ranges():
+    """Each number is once in each of as many equal intervals, of logarithms from tenfold on."""
+    ranges = Range("a", 2.0, 10.0), Range("b", 1.0, 9.9), Range("c", 1.0, 10.0)
+    values = scatter.design(ranges, 16)
+    a, b, c = (np.array([float(each[key]) for each in values]) for key in "abc")
+    for share in (a - 2) / 8, (b - 1) / 8.9, np.log10(c):
+        assert sorted((16 * share).astype(int)) == [*range(16)]
+    assert scatter.design(ranges, 8) == values[:8]
+    assert [r.share(4.0) for r in ranges] == pytest.approx([0.25, 3 / 8.9, math.log10(4)])
+
+
+@pytest.mark.parametrize(
+    "p, q, limit, told",
+    [
+        ((1, 2, 6), (4, 3, 1), 2.5, "from p = 3 on (between runs, interpolated)"),
+        ((1, 10, 1000), (4, 3, 1), 2.5, "from p = 31.62 on (between runs, interpolated)"),
+        ((1, 2, 9.9), (4, 3, 1), 2.5, "from p = 3.975 on (between runs, interpolated)"),
+        ((6, 1, 2), (5, 1, 1), 2, "up to p = 3 (between runs, interpolated)"),
+        ((1, 2, 4, 6), (5, 1, 1, 2), 1.5, "from p = 1.875 on and up to p = 5 (between"),
+        ((1, 2), (4, 3), 4.5, "in all runs, from p = 1 on"),
+        ((1, 2), (4, 3), 3, "in no run; the least is 3 at p = 2"),
+    ],
+)
+def test_where_a_quantity_is_below_a_limit(line, p, q, limit, told):
+    words = below(line(p, q), "q", limit)
+    assert words.startswith(f"q below {limit}: {told}")
+    is_both = {*np.sign(np.diff(np.array(q)[np.argsort(p)]))} >= {-1, 1}
+    assert ("it neither falls nor rises throughout" in words) == is_both
+
+
+def test_runs_without_a_value_are_left_out_with_the_reason(line):
+    rough = [{"text": "rough", "of": "q"}, {"text": "at the rim", "of": ""}]
+    runs = line((1, 3), (4, 2)) + line((2,), (0,), reasons=rough) + line((5,), (None,))
+    runs += line((4,), (0,), verdict="invalid")
+    assert below(runs, "q", 3).split("; ")[:4] == [
+        "q below 3: from p = 2 on (between runs, interpolated)",
+        "left out, as doubted, see the table: p = 2",
+        "left out, as not believed: p = 4",
+        "left out, as without a value: p = 5",
+    ]
+    assert "no run is believed and has a value; left" in below(runs[2:], "q", 3)
+
+
+def test_the_error_of_the_cells_is_told(line):
+    runs = line((1,), (4,), error={"q": 0.01}) + line((2, 3), (3, 2), error={"q": -0.3})
+    assert below(runs, "q", 3.5).endswith("the cells' estimated error is up to 0.3")
+    assert "`-- --error` tells how far" in below(line((1, 2), (4, 3)), "q", 3.5)
+
+
+def test_a_crossing_is_found_again_on_finer_cells(line):
+    """There q is smaller by 2 at the low end and by 1 at the high one, and crosses elsewhere."""
+    p, q, finer = (1, 2, 3, 4, 5, 6), (8, 6, 4, 4, 6, 8), (6, 4, 3, 3, 5, 7)
+    asked = []
+
+    def evaluate(values):
+        asked.extend(float(each["a.p"]) for each in values)
+        new = [int(x) for x in asked[-len(values) :]]
+        return line(new, [finer[x - 1] for x in new])
+
+    words = below(line(p, q), "q", 5, Finer("nx=36", evaluate))
+    assert "from p = 2.5 on and up to p = 4.5 (" in words
+    assert "on finer cells (nx=36) from p = 1.5 on and up to p = 5 (" in words
+    assert words.endswith("a difference of 1, about the error that is left")
+    assert sorted(asked) == [1, 2, 3, 4, 5]
+    asked.clear()
+    assert "so the cells decide" in below(line(p, q), "q", 3.5, Finer("nx=36", evaluate))
+    assert sorted(asked) == [2, 3, 4, 5]  # the run next to the limit, and those beside what crosses
+
+
+def test_numbers_and_verdict_of_a_run(made):
+    told = {"reaction_N": 12.5, "reaction_is": "punch force", "wall_s": {"total": 8, "compile": 3}}
+    quantities = {"a": {"b": 2, "none": None, "at_mm": [1, 2], "is": True}, "c": 0.5}
+    run = made({"x.k": 2}, **told, quantities=quantities, peak_memory_mib=1500, ranks=2)
+    wanted = {"reaction_N": 12.5, "stroke_reached": 1, "wall_s": 8, "a.b": 2, "c": 0.5}
+    assert run.numbers() == pytest.approx(wanted | {"a.none": math.nan}, nan_ok=True)
+    assert run.memory() == 3000 and results.headlines([run], ["c"]) == {
+        "c": "c", "reaction_N": "punch force [N]"
+    }  # fmt: skip
+    states_of = {
+        (status, verdict, load): (run.verdict(), run.is_believed(), run.is_at_full_load())
+        for status, verdict, load in ((0, "ok", 1.0), (3, "ok", 1.0), (0, "doubtful", 0.99))
+        for run in [made({}, status, verdict=verdict, stroke_reached=load)]
+    }
+    assert [*states_of.values()] == [
+        ("ok", True, True), ("invalid", False, True), ("doubtful", True, False)
+    ]  # fmt: skip
+    other = made({}, 3, options=["--nx=4"], stroke_reached=0.99)  # is tried again with others
+    assert other.is_done(["--nx=4"]) and not other.is_done([]) and made({}, 3).is_done(["--nx=4"])
+    assert not made({}, None).is_done([])
+
+
+def test_results_are_those_of_the_finest_cells(made):
+    for finest in ("finer", "finest"):
+        run = made({}, options=["--refine"], quantities={"q": 1})
+        for name, q in (("finer", 2), ("finest", 3)):
+            (run.folder / name).mkdir()
+            text = json.dumps({"quantities": {"q": q}})
+            (run.folder / name / "summary.json").write_text(text)
+            if name == finest:
+                break
+        assert run.number("q") == {"finer": 2, "finest": 3}[finest]
+        run.options = []
+        assert run.number("q") == 1
+
+
+def test_cores_and_memory_are_for_so_many_runs(made, monkeypatch):
+    """Those of a rank of 2 GiB before a run has ended, then of the most that one took."""
+    monkeypatch.setattr(runner.os, "sched_getaffinity", lambda _: range(16))
+    monkeypatch.setattr(runner, "free_memory", lambda: 20 * 1024)
+    ended = [made({}, peak_memory_mib=mib, ranks=2) for mib in (100, 1500)]
+    room = {
+        (ranks, jobs): Runner(None, Form(Path("press.toml"), ranks=ranks), jobs).room
+        for ranks, jobs in ((1, None), (2, None), (32, None), (1, 9))
+    }
+    assert [each([made({})]) for each in room.values()] == [10, 5, 1, 9]
+    assert [each(ended) for each in room.values()] == [6, 6, 1, 9]
+
+
+def test_the_memory_that_is_free_is_read_in_mib(monkeypatch):
+    monkeypatch.setattr(Path, "read_text", lambda _: "MemTotal: 9 kB\nMemAvailable: 2048000 kB\n")
+    assert runner.free_memory() == 2000
+
+
+def history(run, rows):
+    text = "load,displacement_mm,reaction_N\n" + "".join("{},{},{}\n".format(*r) for r in rows)
+    (run.folder / "history.csv").write_text(text)
+
+
+def test_curves_of_a_scatter_are_mean_and_quantiles_at_each_displacement(made, monkeypatch):
+    """Forces 0 to 20 N at 10 mm, the last of a run with rows elsewhere: 5 % are below 1 N."""
+    runs = [made({"k.x": k}) for k in range(5)]
+    for k, run in enumerate(runs):
+        half = [(0.4, 4, 2 * k)] if k == 4 else [(0.5, 5, 2.5 * k)]
+        history(run, [(0, 0, 0), *half, (1, 10, 5 * k)])
+    lost = made({"k.x": 9}, status=3)
+    history(lost, [(0, 0, 0), (1, 10, 1000)])
+    drawn = []
+    monkeypatch.setattr(pictures, "curves", lambda path, series, x, y: drawn.append(series))
+    monkeypatch.setattr(pictures, "_draw_points", lambda *_: None)
+    pictures.draw({name: Path("x.png") for name in ("curves", "trends")}, [*runs, lost], {}, True)
+    forces = {name: np.array(series[1]) for name, series in drawn[0].items()}
+    assert [*forces] == ["mean", "5 % of runs below", "95 % of runs below"]
+    wanted = np.array([[0, 5, 10], [0, 0.5, 1], [0, 9.5, 19]])
+    assert np.array([*forces.values()]) == pytest.approx(wanted)
+
+
+def test_maps_show_degrees_and_the_larger_shortening_of_the_upper_cells_last(made, monkeypatch):
+    points = np.array([[x, y, 0] for x in (0, 1, 2) for y in (0, 1)], float)
+    grid = pyvista.UnstructuredGrid({9: np.array([[0, 2, 3, 1], [2, 4, 5, 3]])}, points)
+    grid.point_data["u"] = np.outer([3, 3, 2, 2, 0, 0], [0, 0, 1.0])  # the first cell is above
+    for name, of in {"shear_angle": (0.1, -0.2), "shortening_a": (0.01, 0.03)}.items():
+        grid.cell_data[name] = np.array(of)
+    grid.cell_data["shortening_b"] = np.array([0.02, 0.0])
+    monkeypatch.setattr(states, "read_state", lambda _: grid)
+    run, drawn = made({"k.x": 1}), []
+    (run.folder / "fields.pvd").touch()
+    draw = pictures.draw_cells
+
+    def spy(ax, polygons, values, colours, limits):
+        drawn.append((polygons[:, :, 0].min(1).tolist(), values))
+        return draw(ax, polygons, values, colours, limits)
+
+    monkeypatch.setattr(pictures, "draw_cells", spy)
+    pictures._draw_maps(run.folder / "maps.png", [run])
+    assert [left for left, _ in drawn] == [[1, 0]] * 2
+    assert drawn[0][1] == pytest.approx([math.degrees(0.2), math.degrees(0.1)])
+    assert drawn[1][1] == pytest.approx([3, 2])
