@@ -35,7 +35,7 @@ LIGHT = {  # program -> modules that it does not load, as they take a second or 
     "import fabric_fenicsx.studies.form": "pyvista matplotlib gmsh scipy.ndimage",  # as for --help
     # Numba itself can't be asked for: dolfinx 0.9 imports it where it is installed
     "ff.BiasExtension(nx=4, element='P1', strain=0.01).job(steps=4).run(pictures=False)": (
-        "fabric_fenicsx.runtime.compiled matplotlib gmsh scipy.signal scipy.stats"
+        "fabric_fenicsx.runtime.compiled matplotlib gmsh scipy.signal"
     ),
 }
 

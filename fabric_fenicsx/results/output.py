@@ -43,7 +43,7 @@ def finite(value: Any) -> Any:
     """The same, nested as it is, with None for numbers that JSON does not know."""
     if isinstance(value, Mapping):
         return {key: finite(each) for key, each in value.items()}
-    if isinstance(value, list):
+    if isinstance(value, (list, tuple)):
         return [finite(each) for each in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 

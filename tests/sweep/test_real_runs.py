@@ -13,7 +13,7 @@ from fabric_fenicsx.sweep.form import Form
 
 EXAMPLE = Path(__file__).parents[2] / "studies/presses/hemisphere.toml"
 PRESS = re.sub(" *#.*", "", EXAMPLE.read_text()).replace("nx = 16", "nx = 4")
-PRESS = PRESS.replace("steps = 20", "steps = 1").replace("punch = 40", "punch = 2")
+PRESS = PRESS.replace("steps = 20", "steps = 2").replace("punch = 40", "punch = 4")
 
 
 @pytest.fixture
