@@ -16,11 +16,6 @@ eps_a [%],sigma_a [MPa]
 2.5,41.1
 """
 FREE = UNIAXIAL.replace("held", "free")
-# values that are fractions, and radians
-PERCENT = "# test: uniaxial_a\n# lateral: free\neps_a [%],sigma_a [MPa]\n" + "".join(
-    f"{i / 200},{i}\n" for i in (1, 2, 3, 4, 6)
-)
-PERCENT = PERCENT.replace("0.005,1\n", "0.002,0.5\n0.005,1\n")
 WIDENED = "# test: uniaxial_b\n# lateral: free\neps_b [%],sigma_b [MPa],eps_a [%]\n" + "".join(
     f"{i},{i},{i * 2}\n" for i in range(1, 6)
 )

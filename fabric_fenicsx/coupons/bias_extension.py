@@ -89,7 +89,7 @@ class BiasSetup(StripSetup):
             reaction = [row["reaction_N"] for row in rows]
             force = bias_normalised(theory, reaction, strip.length, strip.width)
             found["normalised_shear_force_N_per_mm"] = float(force[-1])
-        centre = measures.mean(self.comm, gamma, 1.0 * self.near_centre())
+        centre = measures.mean(self.comm, gamma, self.near_centre() * self.blank.areas())
         at_centre = math.degrees(centre) if self.has_centre and centre is not None else None
         found |= self.against_curves(result)
         found["centre_shear_angle_deg"] = at_centre
@@ -110,7 +110,8 @@ class BiasSetup(StripSetup):
         found: dict[str, Any] = {}
         for name, zone in zones.items():
             inside = zone & (distance > width / 10)
-            if (mean := measures.mean(self.comm, gamma, 1.0 * inside)) is not None:
+            area = inside * self.blank.areas()
+            if (mean := measures.mean(self.comm, gamma, area)) is not None:
                 found[f"{name}_zone_shear_angle_deg"] = math.degrees(mean)
         return found
 

@@ -2,9 +2,12 @@
 
 import dataclasses
 
+import meshio
 import pytest
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.coupons.laying import modelled
+from fabric_fenicsx.meshes.specimen import specimen
 
 
 @pytest.mark.parametrize(
@@ -12,7 +15,7 @@ import fabric_fenicsx as ff
     [
         (ff.Tensile, {"nx": 0}, "`nx` is 0; allowed is a whole number of 1 or more"),
         (ff.Tensile, {"fiber_angle": 1}, "(did you mean fibre_angle?); allowed are fabric, mesh"),
-        (ff.BiasExtension, {"length": 80}, "allowed is a length of 2 widths or more"),
+        (ff.BiasExtension, {"length": 99}, "allowed is a length of 2 widths or more"),
         (ff.PictureFrame, {"fibre_angle": 30}, "allowed is 0 and 90, along its arms"),
     ],
 )
@@ -33,3 +36,17 @@ def test_a_coupon_is_data(kind):
     assert built.data.build().data == built.data
     with pytest.raises(dataclasses.FrozenInstanceError):
         test.nx = 5
+
+
+def test_sizes_of_an_own_mesh(tmp_path):
+    """Known to a thousandth; a plane of symmetry leaves half of a side to model."""
+    points, cells, kind = specimen(100.0, 50.0, 4, 2)
+    meshio.write_points_cells(tmp_path / "m.msh", points, [(kind, cells)])
+    for length, fits in ((99.91, True), (100.09, True), (99.89, False), (100.11, False)):
+        strip = ff.BiasExtension(mesh=str(tmp_path / "m.msh"), length=length)
+        if fits:
+            assert strip.build().data.length == 100
+        else:
+            with pytest.raises(ff.InputError, match="does not fit .* of 100 mm"):
+                strip.build()
+    assert [modelled(planes).tolist() for planes in ([], [0], [1])] == [[1, 1], [0.5, 1], [1, 0.5]]

@@ -88,10 +88,3 @@ def test_yarns_from_clamp_to_clamp_lock(degrees, yarns):
     strip = at_angle(degrees)
     assert strip.locked.startswith(yarns) and bool(strip.locked) == bool(yarns)
     assert math.isnan(strip.shear_angle(1e-3)) == bool(yarns)
-
-
-def test_zones():
-    strip = at_angle(45)
-    held, distance = strip.held([5, 25, 25, 100], [25, 5, 45, 25])
-    assert held.tolist() == [[True, False, True, False], [True, True, False, False]]
-    assert distance == pytest.approx(np.array([20, 20, 20, 75]) / math.sqrt(2))

@@ -1,18 +1,14 @@
-"""Forces of simulated bias tests, their derivatives, and what a fit makes of them."""
-
-import dataclasses
+"""Forces of simulated bias tests and their derivatives."""
 
 import numpy as np
 import pytest
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.coupons.simulated import simulated_bias
-from fabric_fenicsx.identification import identify, identify_simulated
-from fabric_fenicsx.identification.curves import Curve, Sheet, bias_displacement
+from fabric_fenicsx.identification.curves import Curve, bias_displacement
 from fabric_fenicsx.identification.curves.forces import response
 
 FABRIC = ff.load("komeili").replace(s1=0.05, s2=-0.11, s3=0.13, thickness=1.2)
-SHEET = Sheet("glass", 1.2, 0.619, True)
 GAMMA = np.radians(np.arange(10.0, 46, 5))
 
 
@@ -41,24 +37,3 @@ def test_derivatives_of_the_force():
 def test_few_cells_are_enough(height, width, finer):
     force, _ = simulated_bias(FABRIC, raw(0 * GAMMA, height, width))
     assert force[-1] == pytest.approx(finer, rel=0.01)
-
-
-def test_a_fit_to_a_simulated_specimen_gives_its_fabric_back():
-    curve = raw(0 * GAMMA, 300.0, 100.0)
-    force, _ = simulated_bias(FABRIC, curve)
-    curve = dataclasses.replace(curve, responses=raw(force, 300.0, 100.0).responses)
-    truth = [FABRIC.s1, FABRIC.s2, FABRIC.s3]
-    start, found = identify(SHEET, [curve]), identify_simulated(SHEET, [curve], simulated_bias)
-    values = [[p.value for p in each.determined.values()] for each in (start, found)]
-    assert values[1] == pytest.approx(truth, rel=5e-3)
-    assert np.abs(np.divide(values[0], truth) - 1).max() > 0.05
-    assert found.simulated.off["bias.csv"] < 1e-3
-
-
-def test_the_normalised_shear_force_of_a_run_is_the_law_s():
-    """Its half angle is that of earlier states, not half of the last force."""
-    strip = ff.BiasExtension(FABRIC, length=450, width=150, strain=0.105, nx=12, pattern="graded")
-    found = strip.job(steps=15).run().summary["quantities"]
-    g = np.radians(found["theory_shear_angle_deg"])
-    law = (FABRIC.s1 + (FABRIC.s2 + FABRIC.s3 * g) * g) * g * FABRIC.thickness / np.cos(g)
-    assert found["normalised_shear_force_N_per_mm"] == pytest.approx(law, rel=0.02)

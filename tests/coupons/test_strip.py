@@ -1,7 +1,7 @@
 """Measured curves laid over the simulated ones of strips."""
 
-import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -30,32 +30,35 @@ def written(folder, test, rows, sizes=(200, 50), sheet=SHEET):
     return str(folder / f"{test}.csv")
 
 
-def history(result):
-    return np.array([[row["displacement_mm"], row["reaction_N"]] for row in result.rows])
-
-
 @pytest.mark.parametrize("test", TESTS)
-def test_a_run_laid_over_itself(tmp_path, test):
-    """Forces 3 % higher than the run's own, beyond its end too, in the units of the test."""
-    kind, turned = TESTS[test][0], {"fibre_angle": 90} if test == "uniaxial_b" else {}
-    fields = {**SIZE, **turned, "strain": 0.04}
-    rows = history(kind(**fields).job(steps=6).run(pictures=False))[1:] * [1, 1.03]
-    rows[-1] *= 1.001  # beyond the run's end
+def test_a_measured_curve_in_the_units_of_its_test(tmp_path, test):
+    turned = {"fibre_angle": 90} if test == "uniaxial_b" else {}
+    rows = np.column_stack([np.arange(1.0, 7), np.arange(1.0, 7) ** 2])
     file = written(tmp_path, test, rows)
-    made = kind(**fields, measured=file).build()
+    made = TESTS[test][0](**SIZE, **turned, strain=0.0275, measured=file).build()
     assert not made.warnings
-    result = made.job(steps=6).run(tmp_path / "out")
-    (found,) = json.loads((tmp_path / "out" / "summary.json").read_text())["quantities"]["measured"]
-    assert (found["file"], found["test"]) == (f"{test}.csv", test)
-    assert (found["points"], found["points_covered"]) == (6, 5)
-    assert (found["from_mm"], found["to_mm"]) == pytest.approx((rows[0, 0], rows[4, 0]), rel=1e-6)
-    assert found["largest_of_peak"] == pytest.approx(0.03 / 1.03, rel=2e-3)
-    off = rows[:5, 1] * 0.03 / 1.03
-    assert found["rms_N"] == pytest.approx(np.sqrt(np.mean(off**2)), rel=2e-3)
-    assert found["rms_of_peak"] == pytest.approx(found["rms_N"] / rows[4, 1], rel=1e-6)
     (curve,) = made.reference_curves().values()
     assert np.array(curve).T == pytest.approx(rows, rel=1e-6)
-    assert result.summary["converged"]
+    run = [{"displacement_mm": d, "reaction_N": f} for d, f in [(0, 0), (5.5, 5.5 * 4)]]
+    (found,) = made.against_curves(SimpleNamespace(rows=run))["measured"]
+    assert (found["file"], found["test"]) == (f"{test}.csv", test)
+    assert (found["points"], found["points_covered"]) == (6, 5)
+    assert (found["from_mm"], found["to_mm"]) == pytest.approx((1, 5), rel=1e-6)
+    assert found["largest_N"] == pytest.approx(5, rel=1e-6)  # 20 for 25
+
+
+def test_a_measured_shear_stress_is_a_force_by_the_work_it_does(tmp_path):
+    degrees = np.arange(1, 31)
+    g, tau = np.radians(degrees), 0.05 * np.radians(degrees)
+    text = "".join(f"{a}, {b:.9g}\n" for a, b in zip(degrees, tau))
+    (tmp_path / "sheet.toml").write_text(SHEET.replace("1.0", "0.8"))
+    (tmp_path / "t.csv").write_text(f"# test: shear\ngamma [deg], tau [MPa]\n{text}")
+    made = ff.BiasExtension(**SIZE, strain=0.2, measured=str(tmp_path / "t.csv")).build()
+    (curve,) = made.laid
+    assert curve.displacement == pytest.approx(150 * (np.cos(g / 2) + np.sin(g / 2) - 1))
+    zones = 0.8 * (tau * 50 * (400 - 150) / 2 + tau / 2 * 50**2 / 2)
+    force = zones / (150 / 2 * (np.cos(g / 2) - np.sin(g / 2)))
+    assert curve.force == pytest.approx(force, rel=2e-3)
 
 
 @pytest.mark.parametrize(
@@ -64,13 +67,16 @@ def test_a_run_laid_over_itself(tmp_path, test):
         ("uniaxial_a", (300, 50), SHEET, "length 300 mm and width 50 mm, the run of one of 200 x"),
         ("bias_extension", (200, 60), SHEET, "height 200 mm and width 60 mm, the run of one of"),
         ("uniaxial_a", (200, 50), SHEET.replace("1.0", "0.8"), "sheet of 0.8 mm, the material of"),
+        ("uniaxial_a", (202.1, 50), SHEET, "length 202.1 mm and width 50 mm, the run of"),
+        ("uniaxial_a", (200, 50), SHEET.replace("1.0", "0.989"), "of 0.989 mm, the material"),
+        ("uniaxial_a", (201.9, 50), SHEET.replace("1.0", "0.991"), ""),
     ],
 )
 def test_what_still_can_be_compared_is_warned_of(tmp_path, test, sizes, sheet, words):
+    """From 1 % of a size on."""
     rows = np.outer(range(1, 7), [1, 10])
     made = TESTS[test][0](**SIZE, measured=written(tmp_path, test, rows, sizes, sheet)).build()
-    (warning,) = made.warnings
-    assert words in warning
+    assert len(made.warnings) == bool(words) and words in "".join(made.warnings)
     force = made.laid[0].force
     if test == "uniaxial_a":  # force per width at the same strain
         assert made.laid[0].displacement == pytest.approx(rows[:, 0] * 200 / sizes[0])
@@ -90,6 +96,14 @@ def test_what_cannot_be_compared_is_refused(kind, fields, file, words):
     with pytest.raises(ff.InputError) as error:
         kind(**SIZE, **fields, measured=str(SHIPPED / file)).build()
     assert words in str(error.value)
+
+
+def test_a_run_that_ends_before_the_first_measured_force_is_refused(tmp_path):
+    rows = [(1, 0), (3, 0), (5, 0), (7, 1), (9, 2), (11, 3)]
+    file = written(tmp_path, "uniaxial_a", rows)
+    ff.Tensile(**SIZE, strain=0.036, measured=file).build()
+    with pytest.raises(ff.InputError, match="begins at 7 mm, and the run ends at 6.8 mm"):
+        ff.Tensile(**SIZE, strain=0.034, measured=file).build()
 
 
 def test_a_sheet_toml_stands_for_its_folder():
@@ -114,11 +128,34 @@ def test_points_are_inner_where_quadratic_cells_do_not_follow_the_yarns(kind, fi
     assert kind(nx=16, **fields).build().data.integration == integration
 
 
-@pytest.mark.parametrize("angle, pattern", [(0, "crossed"), (45, "graded"), (-45, "graded")])
-def test_cells_do_not_change_with_an_angle_as_little_as_rounding(angle, pattern):
-    for by in (-1e-10, 0.0, 1e-10):
-        assert ff.BiasExtension(fibre_angle=angle + by).build().data.pattern == pattern
-    assert ff.BiasExtension(fibre_angle=angle + 2).build().data.pattern == "yarns"
+@pytest.mark.parametrize(
+    "fields, pattern",
+    [
+        *(
+            ({"fibre_angle": angle + by}, pattern)
+            for by in (-1e-10, 0.0, 1e-10)
+            for angle, pattern in ((0, "crossed"), (45, "graded"), (-45, "graded"))
+        ),
+        ({"fibre_angle": 0.9}, "crossed"),
+        ({"fibre_angle": 1.1}, "yarns"),
+        ({"fibre_angle": 47}, "yarns"),
+        ({"strain": 0.199}, "graded"),
+        ({"strain": 0.201}, "crossed"),
+    ],
+)
+def test_cells_by_angle_and_strain(fields, pattern):
+    assert ff.BiasExtension(nx=24, **fields).build().data.pattern == pattern
+
+
+@pytest.mark.parametrize("element, nx", [("P1", 8), ("P2", 16)])
+def test_cells_of_an_estimate_off_axis(element, nx):
+    """Quadratic ones along the yarns, 4 and 2 times as large as linear and quadratic ones."""
+    fields = {"fibre_angle": 30, "pattern": "crossed", "integration": None}
+    built = ff.BiasExtension(nx=32, ny=8, element=element, **fields).build()
+    coarse = built.coarser()
+    assert built.coarser_is_other_kind()
+    assert (coarse.nx, coarse.pattern, coarse.element) == (nx, "yarns", "P2")
+    assert coarse.integration is None
 
 
 # test, angle, strain, pattern, nx, and the force [N] of P3 on fine cells along the corners' yarns
@@ -126,6 +163,7 @@ OFF_AXIS = [
     (ff.BiasExtension, 30, 0.1, "left", 36, 1.990),
     (ff.Tensile, 45, 0.03, "unstructured", 34, 0.10895),
     (ff.Tensile, 30, 0.03, "left", 36, 0.14236),
+    (ff.Tensile, 10, 0.005, "crossed", 26, 95.96),
 ]
 
 
@@ -133,7 +171,7 @@ def test_estimated_errors_off_axis_cover_the_true_one(tmp_path):
     strip = ff.BiasExtension(fibre_angle=30, pattern="unstructured", nx=32)
     result = strip.job(steps=8, error=True).run(tmp_path / "out", pictures=False)
     true = abs(result.summary["reaction_N"] - 1.990)
-    assert 0.02 < true <= result.summary["error"]["reaction_N"] < 20 * true
+    assert 0.02 < true <= result.summary["error"]["reaction_N"] < 1.2 * true
 
 
 @pytest.mark.parametrize("kind, angle, strain, pattern, nx, force", OFF_AXIS)
@@ -142,10 +180,3 @@ def test_forces_off_axis_with_3000_unknowns(kind, angle, strain, pattern, nx, fo
     result = strip.job(steps=4, limits=ff.Limits()).run(pictures=False)
     assert result.summary["dofs"] <= 3000
     assert result.rows[-1]["reaction_N"] == pytest.approx(force, rel=0.06)
-
-
-def test_yarns_at_10_deg_to_the_load():
-    """A small strain: at 3 % a few cells stretch by more than 10 % and turn over on any mesh."""
-    strip = ff.Tensile(fibre_angle=10, strain=0.005, pattern="crossed", nx=26, ny=6)
-    result = strip.job(steps=4).run(pictures=False)
-    assert result.rows[-1]["reaction_N"] == pytest.approx(95.96, rel=0.06)

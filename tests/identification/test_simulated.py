@@ -47,6 +47,19 @@ def test_a_specimen_that_tells_nothing_leaves_the_first_fit(why):
     assert why in found.warnings[-1] and "homogeneous shear" in found.warnings[-1]
 
 
+def test_specimens_give_their_fabric_back():
+    noisy = specimen(FABRIC, None)[0] * (1 + 0.01 * np.random.default_rng(0).normal(size=9))
+    for force, rel in ((specimen(FABRIC, None)[0], 1e-3), (noisy, 0.2)):
+        found = identify_simulated(SHEET, [raw(force)], specimen)
+        start, fit = identify(SHEET, [raw(force)]), found.simulated
+        values = [getattr(found.fabric, name) for name in ("s1", "s2", "s3")]
+        assert values == pytest.approx(TRUE, rel=rel)
+        assert fit.homogeneous == {name: getattr(start.fabric, name) for name in ("s1", "s2", "s3")}
+        for told, fabric in ((fit.off_homogeneous, start.fabric), (fit.off, found.fabric)):
+            off = np.sqrt(np.mean((specimen(fabric, None)[0] - force) ** 2)) / force.max()
+            assert told == {"bias.csv": pytest.approx(off, rel=1e-6)}
+
+
 def test_nothing_raw_nothing_simulated():
     g = np.linspace(0.05, 0.8, 10)
     shear = response("tau", 0.05 * g, g, "shear", {}, 1.2)

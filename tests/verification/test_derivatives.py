@@ -107,6 +107,34 @@ def test_a_wrong_surface(wrong, words):
         ff.check_derivatives(Ball(**wrong), NEAR)
 
 
+@pytest.mark.parametrize("by, agrees", [(4e-5, True), (7e-5, False)])
+def test_a_gap_may_be_1e_4_off(by, agrees):
+    """The foot of a gap that is too large by a share is below the surface by twice that share."""
+    ball = Ball(1 + by, 1 + by, 1 + by)
+    if agrees:
+        assert "agree" in ff.check_derivatives(ball, NEAR)
+    else:
+        with pytest.raises(ff.InputError, match="gaps and distances along the normal"):
+            ff.check_derivatives(ball, NEAR)
+
+
+@pytest.mark.parametrize("count, agrees", [(4, True), (5, False)])
+def test_2_percent_of_the_places_may_be_kinks(count, agrees):
+    limit = np.sort(NEAR[:, 0])[-count]
+
+    class Kinked(Ball):
+        def nearest(self, points, reach):
+            found = super().nearest(points, reach)
+            found.normal[points[:, 0] > limit - 1e-3] *= -1
+            return found
+
+    if agrees:
+        assert "agree" in ff.check_derivatives(Kinked(), NEAR)
+    else:
+        with pytest.raises(ff.InputError, match="normals and differences of gaps differ"):
+            ff.check_derivatives(Kinked(), NEAR)
+
+
 def test_a_surface_with_corners_sharper_than_it_says():
     ball = Ball()
     ball.radii = 40.0, np.inf
@@ -162,6 +190,8 @@ class Hardening(Springs):
         ({}, ""),
         ({"force": 1.2}, "springs: forces and differences of energies differ by 0.17 of"),
         ({"stiffness": 0.9}, "springs: tangent and differences of forces differ by 0.1 of"),
+        ({"stiffness": 1 - 1.2e-4}, "tangent and differences of forces differ by 0.00012 of"),
+        ({"stiffness": 1 - 0.8e-4}, ""),
     ],
 )
 def test_terms(wrong, words):
@@ -174,6 +204,8 @@ def test_terms(wrong, words):
             ff.check_derivatives(springs, scene, size=0.1)
     else:
         assert "agree" in ff.check_derivatives(springs, scene, size=0.1)
+        about = 1e-3 * (20 * 10 / 72) ** 0.5  # of a cell
+        assert f"about {about:.3g} mm, the `size`" in ff.check_derivatives(springs, scene)
     assert np.array_equal(scene.u.array, before)
 
 

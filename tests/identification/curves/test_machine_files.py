@@ -161,6 +161,32 @@ def test_of_a_loop_the_first_loading_branch_is_fitted(tmp_path):
     assert curve.remarks == (words + ", rows 5 to 9",)
 
 
+@pytest.mark.parametrize(
+    "back, last", [([7, 6, 5, 4], 4), ([7, 6, 5], None), ([7, 5, 3, 1, 2, 3], 1)]
+)
+def test_of_a_loop_in_shear_five_points_back_tell_friction(tmp_path, back, last):
+    """Down to the next turn, from a stated slack on."""
+    rows = "".join(f"{g},{g / 10}\n" for g in [1, 2, 3, 4, 5, 6, 7, 8, *back])
+    text = f"# test: shear\n# slack: 0.5 deg\ngamma [deg],tau [MPa]\n{rows}"
+    (curve,) = data.read(folder(tmp_path, loop=text))[1]
+    assert np.degrees(curve.strains[:, 2]) == pytest.approx(np.arange(1, 9) - 0.5)
+    assert (curve.back is None) == (last is None)
+    if last:
+        assert np.degrees(curve.back[0][[0, -1]]) == pytest.approx([7.5, last - 0.5])
+
+
+@pytest.mark.parametrize("degrees, told", [(29.8, False), (30.2, True)])
+def test_angles_by_the_displacement_are_doubted_from_30_deg_on(tmp_path, degrees, told):
+    x = (
+        115
+        * (np.sqrt(2) * np.cos(np.pi / 4 - np.radians(degrees) / 2) - 1)
+        * np.linspace(0.2, 1, 5)
+    )
+    rows = "".join(f"{a:.6f};{a:.6f}\n" for a in x)
+    (words,) = [*data.curve_warnings([read(tmp_path, (KEYS + HEAD + rows).encode())])] or [""]
+    assert ("shear angles are above 30 deg" in words) == told
+
+
 def strip(force, moved, more=""):
     head = f"# test: uniaxial_a\n# lateral: free\n# length: 200 mm\n# width: 50 mm\n{more}"
     return head + "displacement [mm],F [N]\n" + "".join(f"{x},{f}\n" for x, f in zip(moved, force))
