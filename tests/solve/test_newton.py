@@ -138,24 +138,6 @@ def test_one_negative_pivot_is_a_saddle():
     assert not here(newton.x, Report(negative_pivots=None))
 
 
-@pytest.mark.mpi
-def test_a_start_on_a_saddle_is_left_or_refused():
-    scene = strip(fabric=NO_MINIMUM, clamped=False)
-    # does not tell inertia, so stays on the homogeneous branch
-    blind = Newton(scene, linear_solver="mumps-lu")
-    assert march(blind, steps=10).reached == 1
-    x, energy = scene.u.copy(), scene.energy()
-    newton = Newton(scene)
-    assert negative_pivots(newton) > 0
-    report = newton.solve(x, minimum=False)
-    assert report.converged and negative_pivots(newton) > 0
-    report = newton.solve(x)
-    if report.converged:
-        assert negative_pivots(newton) == 0 and scene.energy() < energy
-    else:
-        assert any(word in report.reason for word in ("saddle", "no convergence", "line search"))
-
-
 def test_a_start_inside_out_is_named():
     scene = strip()
     x = scene.u.duplicate()
@@ -177,74 +159,6 @@ def test_inverted_cells_are_never_accepted():
     outcome = march(newton, steps=10, on_accept=accept)
     assert min(turned) > 0
     assert outcome.reached == 1 or (outcome.reason and outcome.rejected > 0)
-
-
-class Stubborn(Newton):
-    """Fails every step that is larger than a limit."""
-
-    limit, done = 0.06, 0.0
-
-    def solve(self, x, *given, **named):
-        report = super().solve(x, *given, **named)
-        load = x.array[self.scene.fixed_dofs].max(initial=0.0) / 6.0
-        step = COMM.allreduce(load, MPI.MAX) - self.done
-        if step > self.limit:
-            report.reject("too large for me")
-        else:
-            self.done += step
-        return report
-
-
-@pytest.mark.mpi
-def test_steps_are_cut_and_grow_again():
-    newton, loads, rejected = Stubborn(strip()), [], []
-    outcome = march(
-        newton,
-        steps=5,
-        on_accept=lambda a: loads.append(a.load),
-        on_reject=lambda load, report: rejected.append(report.reason),
-    )
-    assert outcome.reached == loads[-1] == 1 and outcome.rejected == len(rejected) > 0
-    assert set(rejected) == {"too large for me"}
-    steps = np.diff(loads)
-    assert 1.4 * steps.min() < steps.max() <= 0.06
-    newton = Stubborn(strip())
-    newton.limit = 0.0
-    outcome = march(newton, steps=5)
-    assert outcome.reached == 0 and "gave up at load factor 0: too large for me" in outcome.reason
-
-
-@pytest.mark.versions
-@pytest.mark.mpi
-@pytest.mark.parametrize(
-    "kept, gdim, words",
-    [
-        ((), 2, r"\(none\) leave .* free to"),
-        (((0,), (0,)), 2, "free to move along its width"),
-        (((1,), (1,)), 2, "free to move along its length"),
-        (((0, 1), ()), 2, None),
-        (((0, 1, 2), ()), 3, "free to turn about its width"),
-        (((0, 1, 2), (2,)), 3, None),
-    ],
-)
-def test_free_rigid_motion_is_named_before_solving(kept, gdim, words):
-    # out of any plane z = const: a manifold
-    tilt = np.array([[1, 0, 0], [0, 0.6, -0.8], [0, 0.8, 0.6]])
-    blank = sheet(200.0, 50.0, 8, 2, turn=tilt if gdim == 3 else None)
-    ends = [lambda x: blank.along(x)[0] < 1e-6, lambda x: blank.along(x)[0] > 200 - 1e-6]
-    supports = [
-        ff.Support(f"end {i}", ends[i], components)
-        for i, components in enumerate(kept)
-        if components
-    ]
-    scene = ff.Scene(blank, [ff.Membrane(KOMEILI)], supports)
-    if words is None:
-        scene.check_held()
-        return
-    newton = Newton(scene)
-    newton.solve = lambda *_: pytest.fail("solved")
-    with pytest.raises(ff.InputError, match=words):
-        march(newton)
 
 
 class Brittle(Newton):
@@ -367,7 +281,7 @@ def test_loose_solves_by_the_narrow_tangent_lead_to_the_same_state(monkeypatch):
     for unknowns in (np.inf, 0):
         monkeypatch.setattr(NarrowTangent, "UNKNOWNS", unknowns)
         solved.clear()
-        job = ff.Press.read("hemisphere", ["blank.nx=6"]).build().job(steps=3)
+        job = ff.Press.read("hemisphere", ["blank.nx=4"]).build().job(steps=2)
         forces.append(job.run().number("reaction_N"))
         assert (np.mean(solved) > 0.8) == (unknowns == 0)
     assert forces[1] == pytest.approx(forces[0], rel=1e-5)
@@ -375,7 +289,7 @@ def test_loose_solves_by_the_narrow_tangent_lead_to_the_same_state(monkeypatch):
 
 def test_a_narrow_tangent_that_is_not_definite_is_left_to_the_tangent(monkeypatch):
     monkeypatch.setattr(NarrowTangent, "UNKNOWNS", 0)
-    newton = Newton(ff.Press.read("hemisphere", ["blank.nx=6"]).build().job().scene)
+    newton = Newton(ff.Press.read("hemisphere", ["blank.nx=4"]).build().job().scene)
     narrow, scene = newton.directions._narrow, newton.scene
     r, d = newton.x.duplicate(), newton.x.duplicate()
     r.array[:] = 1.0

@@ -226,6 +226,20 @@ def test_solves_are_rough_until_nothing_is_updated(asked, monkeypatch):
     assert asked == [-3e-2, -1e-8] + 2 * [-1e-3, -1e-8] + [1e-8]
 
 
+def test_what_does_not_settle_in_30_solutions_fails_the_step(monkeypatch):
+    """As many solutions after the first, each rough one followed by an update."""
+    solved, solve = [], Newton.solve
+    monkeypatch.setattr(Newton, "solve", lambda *a, **k: solved.append(1) or solve(*a, **k))
+    for updates, settled in ((28, True), (31, False)):
+        holding = Holding()
+        holding.set_load = lambda load, n=updates: setattr(holding, "left", n)
+        newton = Newton(scene_of([builders.Elastic(), holding], ff.clamped_ends(0.2)))
+        holding.left = updates
+        report, _ = staggered.solve_staggered(newton, newton.x, 0.0)
+        assert report.converged == settled
+    assert report.reason == "contact did not settle in 30 solutions"
+
+
 def test_a_rough_solution_is_made_exact_in_twice_its_iterations(monkeypatch):
     monkeypatch.setattr(staggered, "MAX_ROUGH_ITERATIONS", -1)
     allowed, taken, solve = [], [], Newton.solve
