@@ -239,6 +239,16 @@ def test_the_command_exports_the_whole_part(tmp_path, capsys, plies):
     assert "mirrored" not in capsys.readouterr().out
 
 
+def test_sheets_of_a_stack_have_what_is_their_own():
+    """And no field that is unknown all over them."""
+    grid = formed_plies.halves(part=[1, 0], number=[7.0, 8.0], own=[np.nan, 2.0])
+    grid.field_data[states.SYMMETRIC] = [1]
+    sheets = states.sheets_of(grid, ["low", "high"])
+    assert {k: each["number"].tolist() for k, each in sheets.items()} == {"low": [8], "high": [7]}
+    assert [("own" in each.cell_data) for each in sheets.values()] == [True, False]
+    assert all(list(each.field_data[states.SYMMETRIC]) == [1] for each in sheets.values())
+
+
 def test_labels_are_legal_in_abaqus_and_no_two_alike():
     names = ["+45", "-45", "0/90", "", "top ply", "top-ply", "TOP_PLY", "Äußere", "上", "下", "_"]
     names += ["a" * 99, "a" * 98, "skin-2", "3", "p45", "warp +30", "45", "ply"]
