@@ -128,6 +128,8 @@ def test_ripples_are_no_wrinkles():
     law = wrinkles(height_map(formed(on(flat, 30.0), **size), nowhere, 36.0))
     cells = wrinkles(height_map(formed(zigzag, **size), nowhere))
     assert law["height_mm"] < 0.05 and law["ripples_mm"] == pytest.approx(1, rel=0.05)
+    # four times the mean edge of the cells, halves of diagonals of squares of 3.75 mm
+    assert cells["seen_mm"][0] == pytest.approx(4 * 3.75 * (1 + np.sqrt(2)) / 3)
     assert law["seen_mm"] == pytest.approx([36.0, 40.0])
     assert cells["height_mm"] < 0.05 and cells["ripples_mm"] > 0.5
 
