@@ -63,3 +63,14 @@ def on_dome(x, y):
 
 
 SHEARED = plane((1.02, 0.3), (0, 0.9))
+
+HALVES = np.array([[0, 0, 0], [4, 0, 0], [4, 3, 0], [0, 1, 0.0]])  # of 6 and 2 mm2
+
+
+def halves(u=0.0, **fields):
+    """Two triangles along the diagonal of four corners."""
+    triangles = {pyvista.CellType.TRIANGLE: np.array([[0, 1, 2], [0, 2, 3]])}
+    grid = pyvista.UnstructuredGrid(triangles, HALVES)
+    grid.point_data["u"] = u + 0 * HALVES
+    grid.cell_data.update(fields)
+    return grid

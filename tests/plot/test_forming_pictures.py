@@ -2,11 +2,13 @@
 
 import matplotlib.image
 import numpy as np
+import pytest
 import pyvista
 from dome_triangles import double_dome
 from formed_plies import formed, on_dome
 
 from fabric_fenicsx.plot import forming_pictures, space
+from fabric_fenicsx.postprocess.shape import Path
 
 
 def is_picture(path, pixels=None):
@@ -14,14 +16,33 @@ def is_picture(path, pixels=None):
     return image[..., :3].std() > 0.05 and (pixels is None or image.shape[1::-1] == pixels)
 
 
-def test_pictures_of_a_formed_ply(tmp_path, capfd):
+def test_pictures_of_a_formed_ply(tmp_path, capfd, monkeypatch):
     tool = pyvista.PolyData.from_regular_faces(*double_dome())
     grid = formed(on_dome, angle=np.radians(45), ranks=2)
     forming_pictures.outline_picture(tmp_path / "outline.png", {"": grid})
     forming_pictures.state_map(tmp_path / "states.png", grid, formed=True)
     assert is_picture(tmp_path / "outline.png") and is_picture(tmp_path / "states.png")
-    for with_tool in (tool, None):
-        path = tmp_path / "formed.png"
-        space.formed_picture(path, [grid], with_tool)
-        assert is_picture(path, (1600, 1000))
+    bar, labels = space.shear_bar, []
+    monkeypatch.setattr(
+        space, "shear_bar", lambda *given, **more: labels.append(given[1:3]) or bar(*given, **more)
+    )
+    grid["shear_angle"][7] = -0.9
+    space.formed_picture(tmp_path / "formed.png", [grid], tool)
+    assert is_picture(tmp_path / "formed.png", (1600, 1000))
+    assert "largest of a cell: 51.57)" in labels[0][1]
     assert capfd.readouterr().err == ""
+
+
+def test_paths_are_drawn_in_per_cent_and_degrees_with_marks_that_lie_on_them(tmp_path, monkeypatch):
+    figures = []
+    monkeypatch.setattr("matplotlib.pyplot.close", lambda figure: figures.append(figure.axes))
+    distance = np.array([0.0, 10, 20])
+    path = Path(distance, 2 * distance, 0.01 * distance, -0.001 * distance, distance / 2, None)
+    marks = {"edge": [15.0, 25.0], "none": np.nan}
+    forming_pictures.paths_picture(tmp_path / "p.png", {"run": {0: path, 90: path}}, marks)
+    for axes, mark in ((figures[0][:3], [15.0]), (figures[0][3:], [])):
+        for ax, values in zip(axes, ([0, 10, 20], [0, -1, -2], [0, 5, 10])):
+            drawn, *vertical, zero = ax.lines
+            assert list(drawn.get_xdata()) == [0, 10, 20]
+            assert list(drawn.get_ydata()) == pytest.approx(values)
+            assert [line.get_xdata()[0] for line in vertical] == mark

@@ -1,5 +1,7 @@
 """Pictures of a press: what can be seen in them."""
 
+from types import SimpleNamespace
+
 import builders
 import matplotlib.image
 import numpy as np
@@ -47,7 +49,7 @@ def run(tmp_path_factory):
         scene = Scene(sheet, [Membrane(load("komeili")), *map(Contact, bodies)], QUARTER)
     series, x = FieldSeries(folder, scene), sheet.coordinates()
     rows = ["load,displacement_mm,reaction_N,reaction_of_whole_N"]
-    for at in (0.0, 0.2, 0.6, 1.0):
+    for at in (0.0, 0.16, 0.48, 0.8):
         u = np.zeros_like(x)
         u[:, 2] = 10 * at * np.exp(-(x[:, 0] ** 2 + x[:, 1] ** 2) / 400)
         sheet.u.x.array[:] = u.ravel()
@@ -84,8 +86,14 @@ def test_tools_of_a_quarter_are_mirrored(run):
     scene = press_pictures._scene(plies, state.tools())
     assert scene.plies[""].bounds[:4] == pytest.approx((-60, 60, -40, 40))
     low, high = np.reshape(scene.tools["ball"].bounds, (3, 2)).T
-    assert low[:2] == pytest.approx(-high[:2]) and high[2] == pytest.approx(9, abs=0.1)
+    assert low[:2] == pytest.approx(-high[:2]) and high[2] == pytest.approx(7, abs=0.1)
     assert scene.tools["lid"].n_open_edges == 4 * round(scene.tools["lid"].n_open_edges / 4)
+
+
+def test_the_legend_tells_how_far_a_tool_moves():
+    scene = SimpleNamespace(tools={"lid": None, "die": None}, above={"lid": True, "die": False})
+    handles = press_pictures._legend(scene, {"lid": np.array([3.0, 0, -4])})
+    assert [each.get_label() for each in handles] == ["blank", "lid, moves 5 mm", "die"]
 
 
 @pytest.mark.mpi
@@ -101,7 +109,7 @@ def test_a_filmstrip_has_its_states_and_their_words(tmp_path, run, monkeypatch):
     )
     press_pictures.filmstrip(tmp_path / "filmstrip.png", run, loads=(0, 0.5, 1))
     ((images, words),) = seen
-    assert words == ["stroke 0 mm, 0 N", "stroke 6 mm, 296 N", "stroke 10 mm, 494 N"]
+    assert words == ["stroke 0 mm, 0 N", "stroke 4.8 mm, 237 N", "stroke 8 mm, 395 N"]
     assert len({image.shape for image in images}) == 1
     monkeypatch.undo()
     press_pictures._strip(tmp_path / "filmstrip.png", images, words, None)

@@ -29,7 +29,7 @@ def quarter(height):
     grid.clear_data()
     grid.field_data[SYMMETRIC] = [0, 1]
     grid.point_data["u"] = np.outer(grid.points[:, 0] ** 2 / 400, [0, 0, height])
-    grid.cell_data["shear_angle"] = np.linspace(-0.1, 0.1 * height, grid.n_cells)
+    grid.cell_data["shear_angle"] = np.linspace(-0.1 * height, 0.05, grid.n_cells)
     grid.cell_data["thickness_under_pressure"] = np.full(grid.n_cells, 0.3)
     return grid
 

@@ -1,6 +1,7 @@
 """The flat pattern of trimmed plies whose flat shapes are known."""
 
 import ezdxf
+import made_results
 import numpy as np
 import pytest
 import pyvista
@@ -182,6 +183,30 @@ def test_the_command_writes_files_and_tells_sizes(run, capsys):
     out = capsys.readouterr().out
     assert "pattern.dxf, .csv, .vtu: area 5146" in out and "perimeter 288." in out
     assert {"pattern.dxf", "pattern.csv", "pattern.vtu"} <= {each.name for each in run.iterdir()}
+
+
+def test_distances_of_the_edge_are_both_ways_and_by_length():
+    """A ply 100.5 x 10 mm with 50 short cells at its low end, 0.5 mm beside a line there; then the
+    line has a spur of 5 mm in space."""
+    grid = made_results.strip([0.01] * 50 + [100])
+    x = grid.coordinates()
+    cells = grid.triangles(grid.whole.cells).reshape(-1, 3)
+    ply = pyvista.UnstructuredGrid({pyvista.CellType.TRIANGLE: cells}, x)
+    ply.point_data["u"] = 0 * x
+    ring = np.array([(0.5, 0, 0), (100.5, 0, 0), (100.5, 10, 0), (0.5, 10, 0), (0.5, 0, 0)])
+    mean = (10 * 0.5 + 2 * 0.5 * 0.25) / 221
+    assert edge_distance(ply, [ring]) == pytest.approx((0.5, mean), rel=0.01)
+    spur = np.array([(100.5, 4, 0), (100.5, 4, 5.0)])
+    assert edge_distance(ply, [ring, spur]) == pytest.approx((5.0, mean), rel=0.01)
+    assert edge_distance(ply, [ring[:, :2]]) == pytest.approx((0.5, mean), rel=0.01)
+
+
+def test_a_line_counts_up_to_its_reach():
+    flat_pattern(ply(), [SQUARE + [0, 0, 0.49]], 0.5)
+    with pytest.raises(InputError, match="0.51 mm away from the ply .* allowed is up to 0.5 mm"):
+        flat_pattern(ply(), [SQUARE + [0, 0, 0.51]], 0.5)
+    with pytest.raises(InputError, match="which lies from -3 to -3 mm before it"):
+        flat_pattern(ply(), Plane((0, 0, 3), (0, 0, 2)), 0.5)
 
 
 def test_the_edge_is_compared_with_the_trim_line_in_space_and_in_plan(run, tmp_path, capsys):

@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-import pyvista
-from formed_plies import SHEARED, formed, plane
+from formed_plies import HALVES, SHEARED, formed, halves, plane
 
-from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.postprocess import shape
-from fabric_fenicsx.postprocess.ply import SYMMETRIC
+from fabric_fenicsx.postprocess.ply import areas, grid_of, plan_area, ply_of, whole
 from fabric_fenicsx.runtime.errors import InputError
 
 
@@ -48,13 +46,61 @@ def test_a_path_over_a_cylinder_is_its_arc():
     assert paths[90].formed == pytest.approx(paths[90].distance, rel=1e-8)
 
 
+def test_values_at_nodes_are_means_by_area():
+    """(6 1 + 2 5) / 8 = 2 on the diagonal; cells are 2/3 and 2 off the means about them."""
+    ply = ply_of(halves(known=[1.0, 5.0]))
+    at = {tuple(x[:2]): value for x, value in zip(ply.x, ply.at_nodes(ply.fields["known"]))}
+    assert at == pytest.approx({(0, 0): 2.0, (4, 0): 1.0, (4, 3): 2.0, (0, 1): 5.0})
+    assert shape.contrast(halves(known=[1.0, 5.0]), "known") == pytest.approx(
+        np.sqrt((4 / 9 + 4) / 2)
+    )
+    assert shape.value_at(halves(known=[1.0, 5.0]), (3.9, 0.1), "known") == 1.0
+    assert areas(HALVES[None]) == pytest.approx(8.0)  # of a quadrilateral
+
+
+def test_paths_begin_at_the_centroid_of_the_area():
+    """At (6 (8/3, 1) + 2 (4/3, 4/3)) / 8; to the edge at x = 4 mm, and y = 1 + x / 2."""
+    fields = {"log_eps_11": [0.1, 0.1], "log_eps_22": [0.0, 0.0], "shear_angle": [0.2, 0.2]}
+    paths = shape.along_paths(halves(**fields), (0, 90), spacing=1.0)
+    x, y = 7 / 3, 13 / 12
+    assert paths[0].distance == pytest.approx([0, 1, 4 - x], abs=1e-6)
+    assert paths[90].distance[-1] == pytest.approx(1 + x / 2 - y, abs=1e-6)
+    assert list(paths[0].places[0]) == pytest.approx([x, y, 0])
+    assert paths[0].shear_angle == pytest.approx([np.degrees(0.2)] * 3)
+
+
+def test_the_table_of_paths(tmp_path):
+    columns = np.arange(12.0).reshape(2, 6, 1) + 0.25
+    paths = {angle: shape.Path(*values) for angle, values in zip((0, 45), columns)}
+    shape.write_paths(tmp_path / "paths.csv", paths)
+    head, *rows = (tmp_path / "paths.csv").read_text().splitlines()
+    names = "path_deg,distance_mm,formed_distance_mm,log_eps_11,log_eps_22,shear_angle_deg"
+    assert head == names and rows == ["0,0.25,1.25,2.25,3.25,4.25", "45,6.25,7.25,8.25,9.25,10.25"]
+
+
+def test_the_image_of_a_ply():
+    """Vectors lose their sign across the plane, cells stay anticlockwise, nodes on it are one."""
+    ply = ply_of(halves([0.1, 0.2, 0.3], vector=[[1, 2, 3], [4, 5, 6.0]], number=[7, 8.0]))
+    full = whole(ply._replace(planes=[0]))
+    assert len(full.x) == 6 and full.x[4:, 0] == pytest.approx([-4, -4])
+    assert full.u[4:] == pytest.approx(np.tile([-0.1, 0.2, 0.3], (2, 1)))
+    assert full.fields["vector"].tolist()[2:] == [[-1, 2, 3], [-4, 5, 6]]
+    assert full.fields["number"].tolist() == [7, 8, 7, 8]
+    assert plan_area(full.x, full.triangles) == pytest.approx([6, 2, 6, 2])
+
+
+def test_quadrilaterals_are_halved_along_their_shorter_diagonal():
+    x = np.array([[0, 0, 0], [4, 0, 0], [5, 1, 0], [1, 1, 0.0]])
+    grid = grid_of(x, np.array([[0, 1, 2, 3]]), 0 * x)
+    grid.cell_data["number"] = [3.0]
+    ply = ply_of(grid)
+    ends = {frozenset(map(tuple, ply.x[side, :2])) for side in ply.triangles}
+    assert frozenset({(4, 0), (5, 1), (1, 1)}) in ends and ply.fields["number"].tolist() == [3, 3]
+
+
 def test_a_path_needs_the_centroid():
-    grid = formed(SHEARED)
-    grid.points[:, :2] += [2300.0, -400.0]  # whole, so the middle of its extent
-    path = shape.along_paths(grid)[0]
-    assert path.distance[-1] == pytest.approx(235 / 2)
-    middle = grid.points.mean(0)
-    ring = np.linalg.norm(grid.cell_centers().points - middle, axis=1) > 40
+    grid = formed(SHEARED, full=True)
+    ring = np.linalg.norm(grid.cell_centers().points, axis=1) > 40
     with pytest.raises(InputError, match="does not cover its centroid"):
         shape.along_paths(grid.extract_cells(ring))
 
@@ -96,10 +142,18 @@ def test_draw_in(full):
         }
     )
     grid.point_data["u"][:, 0] += full
-    found = shape.draw_in(grid)
-    assert not full or found["middle_at_low_x_mm"] - found["middle_at_high_x_mm"] == pytest.approx(
-        2
-    )
+    found = shape.draw_in(grid)  # 1 mm along x: the mean of both sides stays
+    if full:
+        ends = found["middle_at_low_x_mm"], found["middle_at_high_x_mm"]
+        assert ends == pytest.approx((short + 1, short - 1))
+        assert found["middle_of_short_side_mm"] == pytest.approx(short)
+
+
+def test_what_goes_outwards_is_no_draw_in():
+    """Most goes inwards in the middle of the long sides, at the low one first."""
+    found = shape.draw_in(formed(plane((1.05, 0), (0, 0.99)), full=True))
+    assert (found["largest_mm"], found["middle_of_short_side_mm"]) == pytest.approx((0.675, -5.875))
+    assert found["largest_at_mm"][1] == -67.5
 
 
 @pytest.mark.parametrize("rounding", [-1e-12, 1e-12])
@@ -109,11 +163,3 @@ def test_the_long_side_of_a_square_ply_does_not_depend_on_rounding(rounding):
     grid.points[:, 0] *= 1 + rounding
     assert shape.draw_in(grid)["corner_mm"] == pytest.approx(4.8 / np.sqrt(2))
     assert shape.draw_in(grid)["middle_of_long_side_mm"] == pytest.approx(4.0)
-
-
-def test_quadrilaterals_are_cut():
-    x, cells, _ = specimen(235.0, 135.0, 47, 27, cell="quadrilateral")
-    grid = pyvista.UnstructuredGrid({pyvista.CellType.QUAD: cells}, x)
-    grid.point_data["u"] = SHEARED(*x[:, :2].T) - x
-    grid.field_data[SYMMETRIC] = [0, 1]
-    assert shape.draw_in(grid)["middle_of_long_side_mm"] == pytest.approx(13.5)

@@ -188,10 +188,10 @@ def symmetric(x, y):
     return np.column_stack([x * (1 - 1e-4 * y**2), y * (1 + 2e-4 * x**2), height])
 
 
-@pytest.mark.parametrize("angle", [45.0, 30.0])
-def test_a_quarter_is_mirrored_with_its_yarns(angle, tmp_path):
+@pytest.mark.parametrize("angle, image", [(45, 45), (30, 60), (10, -10)])
+def test_a_quarter_is_mirrored_with_its_yarns(angle, image):
     """To what the whole ply has, if its yarns are their own mirror images; yarns at 30 and 120 deg
-    are continued by those at 60 and 150 deg."""
+    are continued by those at 60 and 150 deg, at 10 and 100 deg by those at -10 and 80 deg."""
     size = {"nx": 6, "ny": 4, "angle": np.radians(angle)}
     quarter = formed_plies.formed(symmetric, length=30, width=20, **size)
     size |= {"nx": 12, "ny": 8}
@@ -203,17 +203,20 @@ def test_a_quarter_is_mirrored_with_its_yarns(angle, tmp_path):
     assert len(ply.points) == len(expected.points) and len(ply.cells) == len(expected.cells)
     p, q, r = (ply.points[ply.cells[:, k]] for k in (0, 1, -1))
     assert (np.cross(q - p, r - p) * ply.fields["normal"]).sum(1).min() > 0
-    upright = np.cross(ply.fields["yarn_a"], ply.fields["yarn_b"])
-    assert (upright * ply.fields["normal"]).sum(1).min() > 0
+    a, b = ply.fields["yarn_a"], ply.fields["yarn_b"]
+    assert (np.cross(a, b) * ply.fields["normal"]).sum(1).min() > 0
+    shear = np.arcsin((a * b).sum(1))  # 90 deg without the angle between them
+    assert (shear.min() < -0.02) == (angle == 10)  # as over a plane its sign changes
+    np.testing.assert_allclose(ply.fields["shear_angle"], shear, atol=1e-9)
     tree = cKDTree(expected.points[expected.cells].mean(1))
     apart, at = tree.query(ply.points[ply.cells].mean(1))
     assert apart.max() < 1e-9 and len(set(at)) == len(at)
-    same = angle != 30
+    same = angle == 45
     for name in ("yarn_a", "yarn_b", "normal", "shear_angle", "thickness", "area_ratio"):
         if same or name in ("normal", "thickness", "area_ratio"):
             np.testing.assert_allclose(ply.fields[name], expected.fields[name][at], atol=1e-9)
     low = np.degrees(np.arctan2(*ply.fields["yarn_a"][:, [1, 0]].T))[[0, len(p) // 4]]
-    assert same or low == pytest.approx([30, 60], abs=3)
+    assert same or low == pytest.approx([angle, image], abs=3)
 
 
 @pytest.mark.parametrize("plies", [(), ("lower", "upper")])
@@ -234,6 +237,16 @@ def test_the_command_exports_the_whole_part(tmp_path, capsys, plies):
     folder = formed(tmp_path / "clamped", plies=plies, supports=held)
     assert main.main(["export", str(folder), str(tmp_path / "strip.inp")]) == 0
     assert "mirrored" not in capsys.readouterr().out
+
+
+def test_sheets_of_a_stack_have_what_is_their_own():
+    """And no field that is unknown all over them."""
+    grid = formed_plies.halves(part=[1, 0], number=[7.0, 8.0], own=[np.nan, 2.0])
+    grid.field_data[states.SYMMETRIC] = [1]
+    sheets = states.sheets_of(grid, ["low", "high"])
+    assert {k: each["number"].tolist() for k, each in sheets.items()} == {"low": [8], "high": [7]}
+    assert [("own" in each.cell_data) for each in sheets.values()] == [True, False]
+    assert all(list(each.field_data[states.SYMMETRIC]) == [1] for each in sheets.values())
 
 
 def test_labels_are_legal_in_abaqus_and_no_two_alike():

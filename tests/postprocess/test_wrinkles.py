@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from formed_plies import formed
+from formed_plies import formed, halves
 
-from fabric_fenicsx.postprocess.wrinkles import HEIGHT, height_map, wrinkles
+from fabric_fenicsx.postprocess.wrinkles import HEIGHT, LENGTH, RIPPLE, SEEN, height_map, wrinkles
 from fabric_fenicsx.tools.double_dome import DoubleDome
 from fabric_fenicsx.tools.primitives import Cylinder, Plane
 
@@ -124,11 +124,13 @@ def test_ripples_are_no_wrinkles():
     def zigzag(x, y):
         return np.column_stack([x, y, np.cos(2 * np.pi * x / 7.5)])
 
-    size = {"nx": 48, "ny": 48, "length": 180.0, "width": 180.0, "full": True}
-    law = wrinkles(height_map(formed(on(flat, 30.0), **size), nowhere, 45.0))
+    size = {"nx": 32, "ny": 32, "length": 120.0, "width": 120.0, "full": True}
+    law = wrinkles(height_map(formed(on(flat, 30.0), **size), nowhere, 36.0))
     cells = wrinkles(height_map(formed(zigzag, **size), nowhere))
     assert law["height_mm"] < 0.05 and law["ripples_mm"] == pytest.approx(1, rel=0.05)
-    assert law["seen_mm"] == pytest.approx([45.0, 60.0])
+    # four times the mean edge of the cells, halves of diagonals of squares of 3.75 mm
+    assert cells["seen_mm"][0] == pytest.approx(4 * 3.75 * (1 + np.sqrt(2)) / 3)
+    assert law["seen_mm"] == pytest.approx([36.0, 40.0])
     assert cells["height_mm"] < 0.05 and cells["ripples_mm"] > 0.5
 
 
@@ -146,6 +148,32 @@ def test_waves_of_a_quarter_are_those_of_the_whole():
         assert quarter[name] == pytest.approx(whole[name], rel=0.02)
 
 
+def test_numbers_of_heights_that_are_known():
+    """Of two triangles of 6 and 2 mm2: nodes have 8/3, 2, 8/3 and 2/3 mm2."""
+    heights = halves(np.outer([0, 0.31, 0, 0.301], [0, 0, 1]))
+    w, length = np.array([1, -2, 0, 0.5]), [10.0, 20, 30, 40]
+    heights.point_data.update({HEIGHT: w, LENGTH: length, RIPPLE: [0.1, -0.7, 0, 0.2]})
+    heights.field_data[SEEN] = [8.0, 50.0]
+    mean = (8 / 3 * 10 + 8 * 20 + 1 / 6 * 40) / (8 / 3 + 8 + 1 / 6)
+    found = wrinkles(heights)
+    assert found.pop("seen_mm") == [8.0, 50.0] and found == pytest.approx(
+        {
+            "height_mm": 2.0,
+            "height_rms_mm": np.sqrt((8 / 3 + 8 + 1 / 6) / 8),
+            "wavelength_mm": mean,
+            "cells_a_wave": mean / ((3 + 4 + 5 + 5 + 1 + np.sqrt(20)) / 6),
+            "ripples_mm": 0.7,
+            "rim_mm": 0.31,
+            "folds": 2,
+        }
+    )
+    for height, known in ((0.101, True), (0.099, False)):
+        heights.point_data[HEIGHT] = height / 2 * w
+        assert (wrinkles(heights)["wavelength_mm"] is not None) == known
+    heights.point_data["u"] *= 0.96
+    assert wrinkles(heights)["folds"] == 0  # of less than 0.3 mm
+
+
 def test_what_lies_on_a_tool_or_between_tools_is_no_wrinkle():
     """Though the ply is bent about a small radius; between plates a wave is as high as they let."""
 
@@ -155,7 +183,7 @@ def test_what_lies_on_a_tool_or_between_tools_is_no_wrinkle():
         along, down = np.cos(1.5), np.sin(1.5)
         return np.column_stack([r * np.sin(angle) + along * far, y, r * np.cos(angle) - down * far])
 
-    grid = formed(wrapped, nx=96, ny=24, **SIZE)
+    grid = formed(wrapped, nx=48, ny=12, **SIZE)
     bar = over(Cylinder((0, 0, 0), (0, 1, 0), 10.0), thickness=1.0)
     on_bar = height_map(grid, bar)
     wound = on_bar.points[:, 0] < 14
@@ -174,7 +202,7 @@ def ring(lobes):
         share = 1 - 3 * (1 - np.exp(-((r / 20) ** 2))) / np.maximum(r, 1e-9)  # drawn in by 3 mm
         return np.column_stack([share * x, share * y, z])
 
-    return height_map(formed(place, nx=60, ny=60, length=240.0, width=240.0), nowhere)
+    return height_map(formed(place, nx=20, ny=20, length=120.0, width=120.0), nowhere)
 
 
 def test_what_bridges_two_tools_all_round_is_shape():
@@ -183,17 +211,9 @@ def test_what_bridges_two_tools_all_round_is_shape():
     assert 0.8 < wrinkles(ring(1.0))["height_mm"] < 1.4
 
 
-@pytest.mark.xfail(reason="0.52 of 0.84 mm: waves along a small circle are not straight")
-def test_waves_around_a_ring_are_as_high_on_a_plane_of_symmetry():
-    heights = ring(1.0)
-    in_plane = abs(heights.points[:, 0]) < 1e-6
-    largest = abs(heights[HEIGHT]).max()
-    assert abs(heights[HEIGHT][in_plane]).max() == pytest.approx(largest, rel=0.2)
-
-
 def test_a_ply_over_a_double_dome_has_no_wrinkles():
     dome = DoubleDome()
-    grid = formed(dome.lift, 94, 54)
+    grid = formed(dome.lift, 47, 27)
     found = wrinkles(height_map(grid, over(dome)))
     assert found["height_mm"] < 1e-9 and found["wavelength_mm"] is None
 
@@ -208,7 +228,7 @@ def test_folds_of_the_rim(full):
         z = 3 * np.cos(8 * angle) - 0.2 * np.exp(-((angle / 0.03) ** 2))
         return np.column_stack([x, y, z * np.minimum(np.hypot(x, y) / 100, 1)])
 
-    n = 80 if full else 40
+    n = 40 if full else 20
     grid = formed(lobes, nx=n, ny=n, length=240.0, width=240.0, full=full)
     found = wrinkles(height_map(grid, nowhere))
     assert found["folds"] == 8

@@ -111,21 +111,6 @@ def test_series_read_back(tmp_path, element, spatial):
     assert read_state(folder).n_cells == grid.n_cells
 
 
-@pytest.mark.parametrize("element", ["P2", "Q1"])
-def test_fibres_are_as_long_as_their_strain_says(tmp_path, element):
-    scene = sheet(element, spatial=True)
-    x = scene.blank.coordinates()
-    scene.blank.u.x.array[:] = (x @ [[0.03, 0.01, 0], [0.05, -0.02, 0.1], [0, 0, 0]]).ravel()
-    FieldSeries(tmp_path, scene).write(0.0, reports.cell_fields(scene))
-    grid = read_state(tmp_path)
-    for name in "ab":
-        np.testing.assert_allclose(
-            np.linalg.norm(grid[name], axis=1), 1 + grid[f"eps_{name}"], rtol=1e-12
-        )
-    cosine = (grid["a"] * grid["b"]).sum(1) / (1 + grid["eps_a"]) / (1 + grid["eps_b"])
-    np.testing.assert_allclose(np.arcsin(cosine), grid["shear_angle"], atol=1e-12)
-
-
 @pytest.mark.versions
 def test_angles_are_in_degrees_in_files_and_as_before_when_read(tmp_path):
     """Of terms of one's own, too, which may have angles in degrees by themselves."""
@@ -187,24 +172,6 @@ def test_yarn_coordinates_of_curved_yarns(by_position, element, spatial):
         smooth = np.polynomial.Polynomial.fit(exact, values, 5)
         assert abs(values - smooth(exact)).max() < allowed
         assert (smooth.deriv()(exact) > 0.3).all()
-
-
-def test_yarn_coordinates_of_a_sheet_that_is_not_flat():
-    """Rolled around an axis: arc lengths."""
-
-    def roll(x):
-        return np.column_stack([60 * np.sin(x[:, 0] / 60), x[:, 1], 60 * np.cos(x[:, 0] / 60)])
-
-    blank = bare(nx=24, shape=roll, a=lambda x: np.array([x[2], 0 * x[0], -x[0]]))
-    x = blank.coordinates()
-    found = yarn_coordinates(blank)
-    arc = 60 * np.arctan2(x[:, 0], x[:, 2])
-    np.testing.assert_allclose(
-        abs(found[:, 0] - found[:, 0].mean()), abs(x[:, 1] - x[:, 1].mean()), atol=2e-3
-    )
-    np.testing.assert_allclose(
-        abs(found[:, 1] - found[:, 1].mean()), abs(arc - arc.mean()), atol=0.03
-    )
 
 
 # -- tools
@@ -311,15 +278,6 @@ def test_contact_fields_and_tools_at_each_state(tmp_path):
     pressures = np.linalg.norm(traction, axis=2)
     np.testing.assert_allclose(grid["contact_pressure"], pressures.max(1), atol=1e-12)
     assert traction.any()
-
-
-def test_a_ply_pressed_from_both_sides_has_a_pressure():
-    plates = [Tool(Plane((0, 0, at), (0, 0, -10 * at)), name=f"{at}") for at in (0.1, -0.1)]
-    fields = reports.nodal_fields(
-        sheet(spatial=True, terms=[Contact(p, 0.4, 100.0) for p in plates])
-    )
-    np.testing.assert_allclose(fields["contact_traction"], 0, atol=1e-12)
-    assert fields["contact_pressure"].min() > 1
 
 
 # -- what may happen to a series

@@ -28,23 +28,29 @@ def test_a_hole_is_seen(pattern, cell):
     whole, holed = sheet(pattern, cell), sheet(pattern, cell, hole=9.0)
     assert measures.covers(whole, (100, 25)) and not measures.covers(holed, (100, 25))
     for blank in (whole, holed):  # nodes, edges, corners of the sheet, and what lies beside it
-        assert all(measures.covers(blank, p) for p in ((0, 0), (200, 50), (50, 25), (37.1, 12.7)))
+        places = (0, 0), (200, 50), (50, 25), *np.random.default_rng(0).uniform(1, 15, (20, 2))
+        assert all(measures.covers(blank, p) for p in places)
         assert not any(measures.covers(blank, p) for p in ((-0.1, 25), (200.1, 25), (100, 50.1)))
 
 
 @pytest.mark.mpi
-def test_means_and_quantiles_are_those_of_the_area():
-    values = {}
-    for pattern, nx in (("crossed", 48), ("graded", 48), ("unstructured", 60)):
-        blank = sheet(pattern, nx=nx)
-        x, area = blank.midpoints()[0], blank.areas()
-        assert measures.mean(COMM, x, area) == pytest.approx(
-            100, rel=1e-9 if pattern != "unstructured" else 1e-3
-        )
-        values[pattern] = measures.quantiles(COMM, x, area, (0.1, 0.5, 0.9))
-        assert values[pattern] == pytest.approx([20, 100, 180], abs=2.5)
-        assert measures.bulk(COMM, x, area) == pytest.approx([2, 198], abs=1.5)
-    assert measures.mean(COMM, x, 0 * area) is None
+def test_means_and_quantiles_are_by_weight():
+    """Each value in the middle of its weight: at 1, 3, 5.5 and 7.5 of 8; an exact linear sample."""
+    mine = np.arange(COMM.rank, 4, COMM.size)
+    values, weights = np.array([[3.0, 1, 7, 2], [3, 2, 1, 2]])[:, mine]
+    assert measures.mean(COMM, values, weights) == 22 / 8
+    assert measures.mean(COMM, values, 0 * weights) is None
+    found = measures.quantiles(COMM, values, weights, (0.1, 0.25, 0.5, 0.75, 0.99))
+    assert found == pytest.approx([1, 1.5, 2.4, 4, 7])
+    assert measures.extremes(COMM, values) == (1, 7)
+    sample = np.arange(COMM.rank, 100, COMM.size) + 0.5
+    assert measures.bulk(COMM, sample, 0 * sample + 2) == pytest.approx([1, 99])
+
+
+def test_places_near_a_point_are_within_the_radius_or_the_nearest():
+    places = np.array([[3.0, 0, 0, -5.1], [0, 4.9, 5.1, 0], [9, 9, 9, 9]])
+    assert measures.near(COMM, places, (0, 0), 5.0).tolist() == [True, True, False, False]
+    assert measures.near(COMM, places, (0, 20), 5.0).tolist() == [False, False, True, False]
 
 
 @pytest.mark.mpi
@@ -55,4 +61,6 @@ def test_of_values_that_differ_by_rounding_the_first_row_is_told():
     rows = np.array([[0.0, 1], [2, 0], [2, 1], [1, 1]])[mine]
     largest, row = measures.where_largest(COMM, values, rows)
     assert largest == 7.0 * (1 + 1e-9) and row == [2, 0]
+    values[mine == 1] = 7.0 * (1 - 2e-6)  # no rounding
+    assert measures.where_largest(COMM, values, rows)[1] == [2, 1]
     assert measures.where_largest(COMM, -values, rows) == (-5, [0, 1])

@@ -164,6 +164,20 @@ def test_a_checkpoint_of_another_problem_is_refused(shared_path):
             Checkpoint(path, blank, {"a": 2}).load(memory)
 
 
+def test_a_run_with_more_stages_goes_on_at_its_share_of_the_load(shared_path):
+    """6 of 16 steps; work and energies stay."""
+    blank, stages = slit(COMM, 1), "steps of stages"
+    path, first = shared_path / "c.npz", {"1": 2, "2": 4}
+    notes = {"rows": [{"load": 0.25, "step": 1}], "states": [[0.25, [0]]]}
+    Checkpoint(path, blank, {stages: first}).save(progress(blank), notes)
+    loaded, notes = Checkpoint(path, blank, {stages: first | {"3": 10}}).load()
+    at = loaded.load, loaded.step, loaded.last_step, loaded.work, loaded.stored
+    assert at == pytest.approx((0.25 * 0.375, 0.0375, 0.0375, 2.5, 2.0))
+    assert notes == {"rows": [{"load": 0.09375, "step": 1}], "states": [(0.09375, [0])]}
+    with pytest.raises(ff.InputError, match="made with steps of stages = "):
+        Checkpoint(path, blank, {stages: {"1": 3, "2": 4, "3": 10}}).load()
+
+
 @pytest.mark.mpi
 @pytest.mark.parametrize("degree, spatial", [(2, False), (1, True)])
 def test_a_checkpoint_of_another_mesh_is_refused(shared_path, degree, spatial):
@@ -172,6 +186,9 @@ def test_a_checkpoint_of_another_mesh_is_refused(shared_path, degree, spatial):
     COMM.barrier()
     with pytest.raises(ff.InputError, match="is of another mesh, with 30 nodes; now there are"):
         Checkpoint(path, slit(COMM, degree, spatial), {}).load()
+    blank.mesh.geometry.x[:] *= 1 + 1e-8
+    with pytest.raises(ff.InputError, match="with 30 nodes; now there are 30, or they lie elsewh"):
+        Checkpoint(path, blank, {}).load()
 
 
 @pytest.mark.mpi

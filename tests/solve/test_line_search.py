@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from petsc4py import PETSc
 
-from fabric_fenicsx.solve.line_search import MAX_SLOPE_LEFT, LineSearch
+from fabric_fenicsx.solve.line_search import LineSearch
 from fabric_fenicsx.solve.report import Report, SolveFailed
 
 
@@ -42,7 +42,13 @@ def test_a_kink_is_found_though_the_step_is_a_thousand_times_too_long():
         return x - 1 + 1e4 * max(0.0, x - kink)
 
     x, report = searched(lambda x: x**2 / 2 - x + 5e3 * max(0.0, x - kink) ** 2, slope)
-    assert abs(slope(x)) <= MAX_SLOPE_LEFT and report.cuts > 0
+    assert abs(slope(x)) <= 0.7 and report.cuts > 0
+
+
+def test_where_the_energy_is_higher_no_flat_slope_is_an_end():
+    """At 1 it is 0.5 and flat; it is below 0 up to 0.36, and least at 1/6."""
+    x, _ = searched(lambda x: -x + 3.5 * x**2 - 2 * x**3, lambda x: -1 + 7 * x - 6 * x**2)
+    assert 0 < x < 0.36
 
 
 def test_a_step_that_is_too_short_is_doubled_up_to_eight_times():

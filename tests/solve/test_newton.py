@@ -15,7 +15,7 @@ import fabric_fenicsx as ff
 from fabric_fenicsx.solve import linear
 from fabric_fenicsx.solve.linear import LINEAR_SOLVERS, is_there
 from fabric_fenicsx.solve.narrow_tangent import NarrowTangent
-from fabric_fenicsx.solve.newton import Directions, Newton
+from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.report import Report
 from fabric_fenicsx.solve.viscosity import Viscosity
 
@@ -70,28 +70,6 @@ def test_strips_with_yarns_at_every_angle(angle):
     assert negative_pivots(newton) == 0
 
 
-@pytest.mark.mpi
-def test_the_last_corrections_take_no_tangent_of_their_own(monkeypatch):
-    """The same states, to the tolerance, for fewer tangents; without that, Newton's method is
-    quadratic."""
-    found, tangents = [], []
-    tangent = ff.Scene.tangent
-    monkeypatch.setattr(
-        ff.Scene, "tangent", lambda *args, **kw: (tangents.append(1), tangent(*args, **kw))
-    )
-    for near in (Directions.NEAR, 0.0):
-        monkeypatch.setattr(Directions, "NEAR", near)
-        tangents.clear()
-        scene = strip(nx=32)
-        newton = Newton(scene, tolerance=1e-9)
-        assert march(newton, 5, path_tolerance=1e-5).reached == 1
-        found.append((scene.energy(), scene.reaction("moving grip")[0], len(tangents)))
-    assert found[0][:2] == pytest.approx(found[1][:2], rel=1e-8)
-    assert found[0][2] < found[1][2]
-    r = np.log(newton.report.residuals)
-    assert (r[-1] - r[-2]) / (r[-2] - r[-3]) > 1.5
-
-
 @pytest.mark.versions
 @pytest.mark.parametrize(
     "solver",
@@ -130,12 +108,6 @@ def test_solvers_that_are_not_there(monkeypatch):
         Newton(scene, linear_solver="cg-hypre")
 
 
-def test_a_tolerance_below_rounding_ends_at_rounding():
-    newton = Newton(strip(), 1e-15)
-    assert march(newton, steps=4).reached == 1
-    assert newton.report.residuals[-1] <= 1e-11 * newton.report.scale
-
-
 @pytest.mark.versions
 @pytest.mark.mpi
 def test_no_saddle_is_accepted():
@@ -147,32 +119,23 @@ def test_no_saddle_is_accepted():
     assert outcome.reached == 1 or outcome.reason
 
 
-def test_the_last_tangent_is_believed_on_the_way_if_it_had_no_negative_pivots():
-    newton = Newton(strip(fabric=NO_MINIMUM, clamped=False))
-    blind = Newton(newton.scene, linear_solver="mumps-lu")
-    assert march(blind, steps=10).reached == 1
-    x, none = newton.scene.u.copy(), Report(iterations=9, negative_pivots=0)
-    assert not newton.saddles.is_here(x, none, on_the_way=True)
-    assert newton.saddles.is_here(x, none)
-    assert newton.saddles.is_here(x, Report(negative_pivots=None), on_the_way=True)
-
-
-@pytest.mark.mpi
-def test_a_start_on_a_saddle_is_left_or_refused():
-    scene = strip(fabric=NO_MINIMUM, clamped=False)
-    # does not tell inertia, so stays on the homogeneous branch
-    blind = Newton(scene, linear_solver="mumps-lu")
-    assert march(blind, steps=10).reached == 1
-    x, energy = scene.u.copy(), scene.energy()
-    newton = Newton(scene)
-    assert negative_pivots(newton) > 0
-    report = newton.solve(x, minimum=False)
-    assert report.converged and negative_pivots(newton) > 0
-    report = newton.solve(x)
-    if report.converged:
-        assert negative_pivots(newton) == 0 and scene.energy() < energy
-    else:
-        assert any(word in report.reason for word in ("saddle", "no convergence", "line search"))
+def test_one_negative_pivot_is_a_saddle():
+    """That of the last tangent is believed on the way, and after five iterations without a cut,
+    if none was met before."""
+    newton = Newton(strip(nx=4))
+    tangent, here = newton.tangent, newton.saddles.is_here
+    tangent.negative_pivots_met, tangent.negative_pivots = True, lambda: 0
+    assert not here(newton.x, Report(negative_pivots=1))
+    tangent.negative_pivots = lambda: 1
+    assert here(newton.x, Report(negative_pivots=0))
+    assert not here(newton.x, none := Report(negative_pivots=0), on_the_way=True)
+    assert here(newton.x, Report(negative_pivots=None), on_the_way=True)
+    tangent.negative_pivots_met = False
+    assert not here(newton.x, none) and not here(newton.x, Report(iterations=5, negative_pivots=0))
+    assert here(newton.x, Report(iterations=6, negative_pivots=0))
+    assert here(newton.x, Report(cuts=1, negative_pivots=0))
+    tangent.counts_pivots = False
+    assert not here(newton.x, Report(negative_pivots=None))
 
 
 def test_a_start_inside_out_is_named():
@@ -196,83 +159,6 @@ def test_inverted_cells_are_never_accepted():
     outcome = march(newton, steps=10, on_accept=accept)
     assert min(turned) > 0
     assert outcome.reached == 1 or (outcome.reason and outcome.rejected > 0)
-
-
-def test_one_huge_step_arrives_where_small_steps_do():
-    ends = []
-    for steps in (1, 12):
-        scene = strip()
-        assert march(Newton(scene, 1e-10), steps=steps).reached == 1
-        ends.append((scene.energy(), scene.reaction("moving grip")[0]))
-    assert ends[0] == pytest.approx(ends[1], rel=1e-9)
-
-
-class Stubborn(Newton):
-    """Fails every step that is larger than a limit."""
-
-    limit, done = 0.06, 0.0
-
-    def solve(self, x, *given, **named):
-        report = super().solve(x, *given, **named)
-        load = x.array[self.scene.fixed_dofs].max(initial=0.0) / 6.0
-        step = COMM.allreduce(load, MPI.MAX) - self.done
-        if step > self.limit:
-            report.reject("too large for me")
-        else:
-            self.done += step
-        return report
-
-
-@pytest.mark.mpi
-def test_steps_are_cut_and_grow_again():
-    newton, loads, rejected = Stubborn(strip()), [], []
-    outcome = march(
-        newton,
-        steps=5,
-        on_accept=lambda a: loads.append(a.load),
-        on_reject=lambda load, report: rejected.append(report.reason),
-    )
-    assert outcome.reached == loads[-1] == 1 and outcome.rejected == len(rejected) > 0
-    assert set(rejected) == {"too large for me"}
-    steps = np.diff(loads)
-    assert 1.4 * steps.min() < steps.max() <= 0.06
-    newton = Stubborn(strip())
-    newton.limit = 0.0
-    outcome = march(newton, steps=5)
-    assert outcome.reached == 0 and "gave up at load factor 0: too large for me" in outcome.reason
-
-
-@pytest.mark.versions
-@pytest.mark.mpi
-@pytest.mark.parametrize(
-    "kept, gdim, words",
-    [
-        ((), 2, r"\(none\) leave .* free to"),
-        (((0,), (0,)), 2, "free to move along its width"),
-        (((1,), (1,)), 2, "free to move along its length"),
-        (((0, 1), ()), 2, None),
-        (((0, 1, 2), ()), 3, "free to turn about its width"),
-        (((0, 1, 2), (2,)), 3, None),
-    ],
-)
-def test_free_rigid_motion_is_named_before_solving(kept, gdim, words):
-    # out of any plane z = const: a manifold
-    tilt = np.array([[1, 0, 0], [0, 0.6, -0.8], [0, 0.8, 0.6]])
-    blank = sheet(200.0, 50.0, 8, 2, turn=tilt if gdim == 3 else None)
-    ends = [lambda x: blank.along(x)[0] < 1e-6, lambda x: blank.along(x)[0] > 200 - 1e-6]
-    supports = [
-        ff.Support(f"end {i}", ends[i], components)
-        for i, components in enumerate(kept)
-        if components
-    ]
-    scene = ff.Scene(blank, [ff.Membrane(KOMEILI)], supports)
-    if words is None:
-        scene.check_held()
-        return
-    newton = Newton(scene)
-    newton.solve = lambda *_: pytest.fail("solved")
-    with pytest.raises(ff.InputError, match=words):
-        march(newton)
 
 
 class Brittle(Newton):
@@ -331,18 +217,6 @@ def test_a_march_goes_on_from_a_state_under_drag():
     assert outcome.reached == 1 and "still creeps after 40 steps at rest" in outcome.reason
 
 
-def test_accuracy_limits_steps():
-    steps, energies = [], []
-    for accuracy in (None, 1e-3):
-        scene = strip(45, stroke=20.0)
-        outcome = march(Newton(scene, 1e-10), steps=5, accuracy=accuracy)
-        assert outcome.reached == 1
-        steps.append(outcome.accepted)
-        energies.append(scene.energy())
-    assert steps[1] > 1.5 * steps[0]
-    assert energies[1] == pytest.approx(energies[0], rel=1e-9)
-
-
 class Torn(ff.Term):
     """No energy up to a displacement of 3 mm, not a number beyond."""
 
@@ -363,24 +237,6 @@ def test_a_material_that_is_not_a_number_ends_at_the_last_sound_state():
     assert 0.4 < outcome.reached < 0.51 and "not a number" in outcome.reason
     assert kept[-1][0] == outcome.reached and (scene.u - kept[-1][1]).norm() == 0
     assert np.isfinite(scene.energy())
-
-
-def test_a_looser_path_ends_in_the_same_state():
-    curves, iterations = [], []
-    for path_tolerance in (None, 1e-5):
-        scene, forces = strip(), []
-        outcome = march(
-            Newton(scene, 1e-10),
-            steps=10,
-            path_tolerance=path_tolerance,
-            on_accept=lambda a: forces.append(scene.reaction("moving grip")[0]),
-        )
-        assert outcome.reached == 1
-        curves.append(np.array(forces))
-        iterations.append(outcome.iterations)
-    assert iterations[1] < 0.8 * iterations[0]
-    assert np.abs(curves[1] - curves[0]).max() <= 1e-4 * curves[0].max()
-    assert curves[1][-1] == pytest.approx(curves[0][-1], rel=1e-9)
 
 
 def test_a_solve_of_few_iterations_is_gone_on_with():
@@ -425,7 +281,7 @@ def test_loose_solves_by_the_narrow_tangent_lead_to_the_same_state(monkeypatch):
     for unknowns in (np.inf, 0):
         monkeypatch.setattr(NarrowTangent, "UNKNOWNS", unknowns)
         solved.clear()
-        job = ff.Press.read("hemisphere", ["blank.nx=6"]).build().job(steps=3)
+        job = ff.Press.read("hemisphere", ["blank.nx=4"]).build().job(steps=2)
         forces.append(job.run().number("reaction_N"))
         assert (np.mean(solved) > 0.8) == (unknowns == 0)
     assert forces[1] == pytest.approx(forces[0], rel=1e-5)
@@ -433,7 +289,7 @@ def test_loose_solves_by_the_narrow_tangent_lead_to_the_same_state(monkeypatch):
 
 def test_a_narrow_tangent_that_is_not_definite_is_left_to_the_tangent(monkeypatch):
     monkeypatch.setattr(NarrowTangent, "UNKNOWNS", 0)
-    newton = Newton(ff.Press.read("hemisphere", ["blank.nx=6"]).build().job().scene)
+    newton = Newton(ff.Press.read("hemisphere", ["blank.nx=4"]).build().job().scene)
     narrow, scene = newton.directions._narrow, newton.scene
     r, d = newton.x.duplicate(), newton.x.duplicate()
     r.array[:] = 1.0

@@ -10,8 +10,9 @@ from builders import march
 import fabric_fenicsx as ff
 from fabric_fenicsx.solve import staggered, step_criteria
 from fabric_fenicsx.solve.newton import Newton
-from fabric_fenicsx.solve.staggered import FIRST_TOLERANCE, LOOSE_TOLERANCE
-from fabric_fenicsx.solve.stepping import MAX_CHECKED_STEPS, LoadStepping
+from fabric_fenicsx.solve.settings import Settings
+from fabric_fenicsx.solve.stepping import LoadStepping, TrialStep
+from fabric_fenicsx.solve.viscosity import Viscosity
 
 
 def scene_of(terms, supports):
@@ -69,7 +70,7 @@ def test_steps_that_lose_work_are_halved_but_not_for_ever():
     assert loads[-1] == 1
     assert reasons and all("of the step's work is not in the energies" in r for r in reasons)
     # the first step must meet it, too, and the finest ones need not
-    assert steps[0] < 0.25 and 0.75 <= min(steps[:-1]) * MAX_CHECKED_STEPS / 0.25 <= 1.5
+    assert steps[0] < 0.25 and 0.75 <= min(steps[:-1]) * 8 / 0.25 <= 1.5
 
 
 def test_what_a_snap_loses_is_no_reason_to_halve():
@@ -89,6 +90,50 @@ def test_a_run_that_loses_more_than_a_tenth_of_its_work_gives_up():
     loads, reasons = stretched(2.0, 0.02)
     assert 0.1 < loads[-1] < 0.3
     assert "49.6 % of all work is not in the energies" in reasons[-1]
+
+
+def test_milestones_are_hit_and_no_sliver_is_left_before_them():
+    found, wound = [], builders.Springs(0.0)
+    wound.stored = lambda: 3.0  # from the start on, which counts as work
+    scene = scene_of([builders.Elastic(), wound], ff.clamped_ends(0.2))
+    march(Newton(scene), 4, milestones=(0.3, 0.5501), on_accept=found.append)
+    loads = [accepted.load for accepted in found]
+    assert loads == pytest.approx([0, 0.25, 0.3, 0.5501, 0.8001, 1], abs=1e-9)
+    assert found[0].external_work == 3.0
+    stored = sum(found[-1].energies.values())
+    assert found[-1].external_work == pytest.approx(stored, rel=1e-3) and stored > 4
+
+
+@pytest.mark.parametrize(
+    "deviation, step", [(0.02, 0.1 / 2**0.5), (0.01, 0.1), (0.001, 0.15), (1.0, 0.05)]
+)
+def test_a_step_is_as_long_as_its_accuracy_asks(deviation, step):
+    """What it is off by goes with its square; it is halved or grows by half at most."""
+    scene = scene_of([builders.Elastic()], ff.clamped_ends(0.2))
+    stepping = LoadStepping(Newton(scene), Settings(steps=4, accuracy=0.01))
+    trial = TrialStep(0.5, 0.1, 0.0, None, deviation=deviation)
+    assert stepping._next_step_size(trial) == pytest.approx(step)
+
+
+def test_drag_grows_tenfold_and_fades_by_a_quarter():
+    """From 1e-7 to 1e-1 of the stiffness; each failure doubles the easy steps that are asked."""
+    drag = Viscosity(stiffness=2.0)
+    stages = [drag.drag for _ in range(9) if drag.strengthen()]
+    assert stages == pytest.approx([2.0 * 10.0**k for k in range(-7, 0)])
+    assert drag.easy_steps_asked == 16
+    drag.easy_steps_asked = 2
+    for uncut, at_rest, left in (
+        (1, 0, 1.0),
+        (0, 0, 1.0),
+        (1, 0, 1.0),
+        (1, 0, 0.25),
+        (0, 1, 1 / 16),
+    ):
+        drag.note_accepted(uncut=bool(uncut), at_rest=bool(at_rest))
+        assert drag.drag == pytest.approx(0.2 * left)
+    drag.drag = 2e-7
+    drag.note_accepted(uncut=True, at_rest=True)
+    assert drag.drag == 0.0
 
 
 class Hardening(ff.Term):
@@ -171,14 +216,28 @@ def test_solves_are_rough_until_nothing_is_updated(asked, monkeypatch):
     terms = [builders.Elastic(), Holding()]
     scene = scene_of(terms, ff.clamped_ends(0.2))
     march(Newton(scene, 1e-8), steps=1)
-    assert asked == [-FIRST_TOLERANCE, -LOOSE_TOLERANCE, -LOOSE_TOLERANCE, 1e-8]
+    assert asked == [-3e-2, -1e-3, -1e-3, 1e-8]
     # a long one is exact before something is updated, as rounding, by which ranks differ, grows
     monkeypatch.setattr(staggered, "MAX_ROUGH_ITERATIONS", -1)
     asked.clear()
     terms = [builders.Elastic(), Holding()]
     scene = scene_of(terms, ff.clamped_ends(0.2))
     march(Newton(scene, 1e-8), steps=1)
-    assert asked == [-FIRST_TOLERANCE, -1e-8] + 2 * [-LOOSE_TOLERANCE, -1e-8] + [1e-8]
+    assert asked == [-3e-2, -1e-8] + 2 * [-1e-3, -1e-8] + [1e-8]
+
+
+def test_what_does_not_settle_in_30_solutions_fails_the_step(monkeypatch):
+    """As many solutions after the first, each rough one followed by an update."""
+    solved, solve = [], Newton.solve
+    monkeypatch.setattr(Newton, "solve", lambda *a, **k: solved.append(1) or solve(*a, **k))
+    for updates, settled in ((28, True), (31, False)):
+        holding = Holding()
+        holding.set_load = lambda load, n=updates: setattr(holding, "left", n)
+        newton = Newton(scene_of([builders.Elastic(), holding], ff.clamped_ends(0.2)))
+        holding.left = updates
+        report, _ = staggered.solve_staggered(newton, newton.x, 0.0)
+        assert report.converged == settled
+    assert report.reason == "contact did not settle in 30 solutions"
 
 
 def test_a_rough_solution_is_made_exact_in_twice_its_iterations(monkeypatch):
