@@ -52,6 +52,7 @@ def test_a_ply_between_two_plates_is_as_thick_as_their_gap(cell):
     for plate in pair:
         pressure = np.linalg.norm(plate.force()) / 200
         assert FABRIC.thickness_under(pressure) == pytest.approx(gap)
+        assert plate.penetration() == 0.0 < plate.largest_depth()  # of what is not rigid
 
 
 @pytest.mark.parametrize("gap, share", [(0.8, 0.375), (0.25, 1.2)])
