@@ -1,6 +1,7 @@
 """Work of tools and supports, summed over accepted states."""
 
 import numpy as np
+from mpi4py import MPI
 
 STATES = 3  # that are remembered
 
@@ -18,13 +19,14 @@ class Work:
     on the way before, they are polynomials through all of these: so the work of a step that is
     doubted is found anew. `reject` forgets these.
 
+    comm: of the ranks that share the forces, and ask together; by default each knows them all.
     follows: whether places follow from the forces, as those of a dead load. They are no polynomials
     in the load, as a flat sheet sags by its cube root. So lines are straight, and polynomials are
     in load and travel together, each over its change in the step.
     """
 
-    def __init__(self, follows: bool = False) -> None:
-        self._follows, self._most = follows, 1 if follows else STATES
+    def __init__(self, follows: bool = False, comm: MPI.Comm = MPI.COMM_SELF) -> None:
+        self._follows, self._most, self._comm = follows, 1 if follows else STATES, comm
         # loads, forces and places: the last accepted, and those asked of since
         self._states: list[tuple[float, np.ndarray]] = []
         self._asked: dict[float, np.ndarray] = {}
@@ -49,9 +51,21 @@ class Work:
         rise, moved = now[1] - start[1]
         work = (start[1][0] + now[1][0]) @ moved / 2
         if load > start[0]:
-            bend, turn = (load - start[0]) ** 2 * _curvature(*zip(*self._states, now))
+            bend, turn = (load - start[0]) ** 2 * self._curvature(*zip(*self._states, now))
             work += (turn @ rise - bend @ moved) / 6
         return float(work)
+
+    def _curvature(self, loads, states):
+        """Second divided differences of the last states, bounded by those before them."""
+        slopes = [(b - a) / (y - x) for a, b, x, y in zip(states, states[1:], loads, loads[1:])]
+        bends = [(b - a) / (y - x) for a, b, x, y in zip(slopes, slopes[1:], loads, loads[2:])]
+        if not bends:
+            return np.zeros_like(states[0])
+        before, now = bends[0], bends[-1]  # the same after two steps
+        products = [(a * b).sum(1) for a, b in ((before, before), (now, now), (before, now))]
+        bound, size, along = self._comm.allreduce(np.array(products))[..., None]
+        most = 10 * np.sqrt(bound / np.maximum(size, 1e-300))
+        return now * np.where(along > 0, np.minimum(1.0, most), 0.0)
 
     def keep(self, points: np.ndarray) -> None:
         """Go on with these `points` (n,) of bool alone."""
@@ -83,15 +97,3 @@ def _polynomial_work(known, follows):
     # the integral of s^i d(s^j) over 0 to 1
     shares = powers / np.maximum(powers[:, None] + powers, 1)
     return float((shares * (forces @ places.T)).sum())
-
-
-def _curvature(loads, states):
-    """Second divided differences of the last states, bounded by those before them."""
-    slopes = [(b - a) / (y - x) for a, b, x, y in zip(states, states[1:], loads, loads[1:])]
-    bends = [(b - a) / (y - x) for a, b, x, y in zip(slopes, slopes[1:], loads, loads[2:])]
-    if not bends:
-        return np.zeros_like(states[0])
-    before, now = bends[0], bends[-1]  # the same after two steps
-    bound, size = (np.linalg.norm(bend, axis=1, keepdims=True) for bend in (10 * before, now))
-    along = (before * now).sum(1, keepdims=True) > 0
-    return now * np.where(along, np.minimum(1.0, bound / np.maximum(size, 1e-300)), 0.0)

@@ -31,7 +31,8 @@ class FixedDofs:
     """
 
     def __init__(self, blank: Blank, supports: Iterable[Support]) -> None:
-        self.blank, self._supports, self.work = blank, list(supports), Work()
+        self.blank, self._supports = blank, list(supports)
+        self.work = Work(comm=blank.mesh.comm)
         self._gdim, x = blank.mesh.geometry.dim, blank.coordinates()
         self._owned = blank.V.dofmap.index_map.size_local
         self.dofs_of: dict[str, np.ndarray] = {}

@@ -50,9 +50,10 @@ def test_segments_of_a_stack_press_its_sheets_together_as_one_does():
     assert {"blank holder", "blank holder 2"} <= {*names}
 
 
-def held_whole(holders):
-    """Force of the pressures on the whole blank of the hemisphere at the start [N]."""
-    press = ff.Press.read("hemisphere", ["blank.nx=10", "blank.symmetry=none"])
+def held_whole(holders, symmetry="xy"):
+    """Force of the pressures on what is modelled of the hemisphere's blank at the start [N]."""
+    nx = 5 if symmetry == "xy" else 10
+    press = ff.Press.read("hemisphere", [f"blank.nx={nx}", f"blank.symmetry={symmetry}"])
     built = press.replace(holders=holders).build()
     return sum(t.force()[2] for t in built.pressing if isinstance(t, ff.BlankHolderPressure))
 
@@ -76,7 +77,7 @@ def test_segments_with_a_common_limit_press_each_node_once(limit):
         (
             ff.PressureHolder(0.02, Region({"x": [-100, 40]})),
             ff.ForceHolder(100, Region({"x": [0, 100]})),
-            "3600 mm2 of the blank",
+            "7200 mm2 of the blank",
         ),
         (
             ff.Grippers(1.0, edges=["low x", "low y"]),
@@ -87,12 +88,33 @@ def test_segments_with_a_common_limit_press_each_node_once(limit):
 )
 def test_segments_that_overlap_are_refused_with_their_area(one, other, words):
     with pytest.raises(ff.InputError, match=f"holders.a and holders.b overlap on ({words})"):
-        held_whole({"a": one, "b": other})
+        held_whole({"a": one, "b": other}, "none" if "nodes" in words else "xy")
 
 
 def test_grippers_may_share_corners():
     ends = [ff.Grippers(1.0, edges=[f"{end} {axis}" for axis in "xy"]) for end in ("low", "high")]
-    assert held_whole(dict(zip("ab", ends))) == 0
+    assert held_whole(dict(zip("ab", ends)), "none") == 0
+
+
+@pytest.mark.parametrize("gap, meant", [(None, 1.1 * 1.07427), (0.54, 0.54)])
+def test_a_plate_stands_at_its_gap_from_the_die(gap, meant):
+    press = ff.Press.read("hemisphere", ["blank.nx=4"])
+    made = press.replace(holders={"plate": ff.GapHolder(gap)}).build()
+    (plate,) = made.holders["plate"]
+    face = made.tools["ring"].path(0)[2]
+    assert plate.tool.evaluate([[90, 90, face]]).gap == pytest.approx([meant], rel=1e-5)
+
+
+def test_springs_pull_at_a_quarter_as_at_the_whole_blank():
+    """Half of one on a plane of symmetry, and of the parallel ones of an edge across it."""
+    springs = ff.SpringHolder(0.5, preload=8.0, edges=["high x"], at=[(100, 0), (60, 80)])
+    press = ff.Press.read("hemisphere", ["blank.nx=5"])
+    made = press.replace(holders={"springs": springs}).build()
+    forces = [term.force() for term in made.holders["springs"]]
+    assert np.array(forces) == pytest.approx(np.array([[4, 0, 0], [4, 0, 0], [4.8, 6.4, 0]]))
+    made.blank.u.x.array[::3] = -2.0  # by which those along x are longer
+    pulls = [term.pull() for term in made.holders["springs"]]
+    assert pulls[:2] == pytest.approx([4.5, 4.5]) and pulls[2] == pytest.approx(8.6, abs=0.01)
 
 
 def test_grippers_pull_at_the_edges_that_are_marked():
@@ -156,10 +178,22 @@ def test_the_history_has_the_force_of_each_holder_on_the_whole_blank():
     holders = {
         "low": [ff.ForceHolder(300.0, left), ff.PressureHolder(0.02, right)],
         "pull": ff.Grippers(2.0),
+        "springs": ff.SpringHolder(0.5, preload=80.0, edges=["high y"]),
     }
-    press = ff.Press.read("hemisphere", ["blank.nx=6", "stage.1.moves.punch=3"])
-    built = press.replace(holders=holders).build()
-    row = built.job(steps=1, balance=None).run().rows[-1]
+    rigid = ["blank.nx=6", "stage.1.moves.punch=3", "contact.penalty=300"]
+    built = ff.Press.read("hemisphere", rigid).replace(holders=holders).build()
+    result = built.job(steps=1, balance=None).run()
+    row, q = result.rows[-1], result.summary["quantities"]
+    assert row["springs_force_of_whole_N"] == pytest.approx(2 * 80, rel=0.05)
+    assert q["force_of_whole_blank_N"] == pytest.approx(4 * row["reaction_N"])
+    assert q["unbalanced_force_N"] < 1e-4 * q["force_N"]
+    for term in built.pressing:
+        forces = term.nodes.total(term._pressing_forces())
+        told = q["contact_forces_N"][term.tool.name]
+        assert told == pytest.approx(np.sqrt((forces**2).sum()), rel=1e-6)
+    depths = [-term.gap()[term.nodes.own] for term in built.contacts]
+    most = max(built.comm.allgather(max(each.max(initial=0) for each in depths)))
+    assert q["penetration_mm"] == pytest.approx(most) and most > 0
     assert row["low_force_of_whole_N"] == pytest.approx(300, rel=1e-6)
     assert row["low_2_force_of_whole_N"] == pytest.approx(4 * built.pressing[-1].force()[2])
     assert row["pull_force_of_whole_N"] == pytest.approx(2.0 * 4 * 200)
@@ -167,4 +201,5 @@ def test_the_history_has_the_force_of_each_holder_on_the_whole_blank():
     tools = [row[f"{name}_force_N"] for name in ("punch", "ring")]
     assert tools[0] == pytest.approx(row["reaction_N"])
     held = [row[f"low{k}_force_of_whole_N"] / 4 for k in ("", "_2")]
-    assert sum(tools) + sum(held) == pytest.approx(0, abs=1e-4 * abs(tools[1]))
+    sprung = sum(term.force()[2] for term in built.holders["springs"])
+    assert sum(tools) + sum(held) + sprung == pytest.approx(0, abs=1e-4 * abs(tools[1]))

@@ -1,12 +1,14 @@
 """Sheets of a stack, in Python and from a file."""
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from builders import KOMEILI, dome
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.forming import quantities
 from fabric_fenicsx.forming.press import EXAMPLES
 
 COARSE = {"nx": 4, "stroke": 5}
@@ -49,12 +51,6 @@ thickness = 0.3
     assert (inner.fabric, inner.length, inner.width, outer.nx) == (KOMEILI, 470, 270, 4)
     assert (outer.name, outer.fabric.name, outer.friction_to(inner)) == ("ply 2", "own", 0.334)
     assert (outer.length, outer.width, outer.thickness) == (400.0, 200.5, 0.3)
-
-
-def test_faces_of_sheets_follow_a_tighter_lag():
-    made = dome(plies=TWO, lag=1e-4, **COARSE)
-    (between,) = (t for t in made.scene.terms if isinstance(t, ff.SheetContact))
-    assert (between.coulomb.lag, between.faces.lag) == pytest.approx((1e-4, 2e-3))
 
 
 def test_rigid_contact_makes_each_fabric_keep_its_thickness():
@@ -125,6 +121,8 @@ def laid():
 def test_thickness_and_face_are_those_of_the_metal(laid):
     t = ff.load("komeili").thickness_under(0.0)
     assert laid.thickness == pytest.approx(0.8 + 2 * t)
+    heights = np.unique(laid.blank.coordinates()[:, 2].round(6))
+    assert heights == pytest.approx([-t, -t / 2 + 0.4, t / 2 + 0.4], abs=2e-6)
     die = next(term for term in laid.contacts if term.tool is laid.tools["die"])
     part = laid.blank.part("sheet").nodes
     assert np.allclose(die.thickness[part], 0.8) and np.allclose(die.thickness[~part], t)
@@ -145,3 +143,14 @@ def test_friction_of_tools_is_that_of_the_sheet_they_touch(laid):
     for term in laid.pressing:
         mu = term.friction_state.coefficient
         assert np.allclose(mu[part], 0.1) and np.allclose(mu[~part], 0.25)
+
+
+def test_heights_are_those_off_the_faces_of_the_stack(laid, monkeypatch):
+    """The holder's plate touches the stack from below, the die its flange from above, as seen from
+    each mid-surface: what lies below and above it is between."""
+    monkeypatch.setattr(quantities, "height_map", lambda grid, over, wave: over)
+    result = SimpleNamespace(scene=laid.scene, grids=dict.fromkeys(("sheet", "a", "b")))
+    over, t = quantities.wrinkle_heights(laid, result), ff.load("komeili").thickness_under(0.0)
+    for name, z in zip(over, (-t, -t / 2 + 0.4, t / 2 + 0.4)):
+        heights = over[name](np.array([[152.0, 0, z + 0.1], [230, 130, z + 0.1]]))
+        assert heights == pytest.approx([0.1, -0.1], abs=1e-6)

@@ -61,6 +61,16 @@ def test_tools_touch_the_blank_at_first_and_move_towards_it(changes, radius, way
     assert ring.path(0)[2] == ring.path(1)[2] == pytest.approx(half)
 
 
+def test_tools_stand_off_and_may_be_in_the_face_by_a_twentieth_of_the_thickness():
+    """On either side; where a ball of 50 mm touches it stands at z = -50.5371."""
+    off = "blank.nx=4", "tools.punch.off=3", "tools.ring.off=2"
+    springs = {"springs": ff.SpringHolder(0.5, edges=["high x"])}
+    punch, ring = hemisphere(*off, holders=springs).tools.values()
+    assert [punch.path(0)[2], ring.path(0)[2]] == pytest.approx([-53.5371, 2.5371], abs=1e-4)
+    punch, _ = hemisphere("blank.nx=4", "tools.punch.at=[0, 0, -50.488]").tools.values()
+    assert punch.path(0)[2] == -50.488
+
+
 def test_the_net_of_stiff_yarns_over_an_open_ring():
     """As exact as over the closed dome: within 0.25 deg r.m.s. on 6 quadratic cells a side."""
     from nets import spherical_net
@@ -72,7 +82,7 @@ def test_the_net_of_stiff_yarns_over_an_open_ring():
         ff.Press.read(HEMISPHERE, changes).sheets[0], fabric=stiff, bending_modulus=20.0
     )
     press = hemisphere(*changes, sheets=sheet)
-    grid = formed(press, steps=8, balance=None, path_tolerance=1e-3).grid
+    grid = formed(press, steps=5, balance=None, path_tolerance=1e-3).grid
     radius = 50 + press.thickness / 2
     u, v, _ = grid.cell_centers().points.T
     on = np.hypot(u, v) < 0.9 * radius
@@ -82,34 +92,13 @@ def test_the_net_of_stiff_yarns_over_an_open_ring():
     assert np.sqrt((off**2).mean()) < 0.25
 
 
-def test_a_tool_comes_holds_and_leaves():
-    stages = [
-        ff.Stage("up", moves={"punch": 10}, steps=2),
-        ff.Stage("hold", pressures={"holder": 0.1}, steps=1),
-        ff.Stage("back", leave=["punch"], steps=1),
-    ]
-    press = hemisphere("blank.nx=4", stages=stages)
-    path, z = press.tools["punch"].path, press.tools["punch"].path(0)[2]
-    heights = [path(load)[2] - z for load in (0, 0.25, 0.5, 0.75, 1)]
-    assert heights == pytest.approx([0, 5, 10, 10, 0])
-    assert [press.schedule.pressure("holder")(k) for k in (0, 0.5, 0.75, 1)] == pytest.approx(
-        [0.02, 0.02, 0.1, 0.1]
-    )
-    assert press.job().milestones == (0.5, 0.75)
-    assert [press.schedule.travel(load) for load in (0.5, 0.75, 1)] == pytest.approx([10, 10, 20])
-
-
-def test_a_ring_pushed_by_a_force_holds_as_its_pressure_does(tmp_path):
-    """The force of a tool is that on the whole blank."""
+def test_the_force_of_a_tool_is_that_on_the_whole_blank(tmp_path):
+    """A quarter of it pushes the quarter that is modelled, towards it."""
     ring = '[tools.lower]\nshape = "plate"\nlength = 108\nentry = 8\nforce = 450\n'
     held = "[holders.holder]\npressure = 0.02       # on what lies on the ring [MPa]\n"
-    path = changed(tmp_path, (held, ring))
-    changes = ["blank.nx=6", "stage.forming.moves.punch=15"]
-    by_force = formed(read(path, changes), steps=3, balance=None)
-    by_pressure = formed(hemisphere(*changes), steps=3, balance=None)
-    forces = by_force.summary["quantities"]["tool_forces_of_whole_blank_N"]
-    assert forces["lower"] == pytest.approx(450, rel=1e-6)
-    assert by_force.number("force_N") == pytest.approx(by_pressure.number("force_N"), rel=0.2)
+    tool = read(changed(tmp_path, (held, ring)), ["blank.nx=4"]).tools["lower"]
+    tool.at(1.0)
+    assert tool.push == 112.5 and tool.direction.tolist() == [0, 0, 1]
 
 
 @pytest.mark.parametrize(
@@ -117,13 +106,16 @@ def test_a_ring_pushed_by_a_force_holds_as_its_pressure_does(tmp_path):
     [
         (["tools.punch.at=[300, 0]"], "tools.punch does not meet the blank .*, 200 mm beside it"),
         (
-            ["tools.punch.at=[0, 0, -40]"],
-            r"cuts into the blank by 10.54 mm .*allowed is z of `at` up to -50.5371",
+            ["tools.punch.at=[0, 0, -50.478]"],
+            r"cuts into the blank by 0.05913 mm .*allowed is z of `at` up to -50.5371",
         ),
         (["tools.ring.turn=[180, 0, 0]"], r"body between its face .*or turn = \[180, 0, 0\]"),
         (["tools.ring.length=60"], "punch and ring go 13.* mm through one another at the end of f"),
         (["holder.against=punch"], "holder.against is punch, which moves; allowed is a tool"),
-        (["holder.gap=0.2"], "holders.holder.gap is 0.2, which crushes the blank; allowed is from"),
+        (
+            ["holder.gap=0.53"],
+            "holders.holder.gap is 0.53, which crushes the blank; allowed is from",
+        ),
     ],
 )
 def test_tools_that_cannot_stand_or_move_as_given(changes, words):
@@ -185,12 +177,13 @@ def test_what_is_no_part_of_a_press(kind, given, words):
 @pytest.mark.parametrize(
     "change, words",
     [
-        ("tools.punch.at=[5, 0]", "tools.punch is not its own mirror image in x = 0"),
+        # by 0.32 mm, more than a quarter of the thickness
+        ("tools.punch.at=[0.16, 0]", "tools.punch is not its own mirror image in x = 0"),
         ("stage.1.moves.punch=[0, 3, 20]", "tools.punch is not its own mirror image in y = 0"),
         ("tools.other={shape='sphere', radius=20, at=[0, 0, -60]}", "real ones can't"),
         ("holder.pressure=20000", "holders.holder.pressure is 20000, which is much"),
         ("tools.ring.side=below", "punch and ring stand below the blank"),
-        ("tools.punch.at=[0, 0]", ""),
+        ("tools.punch.at=[0.12, 0]", ""),
     ],
 )
 def test_what_is_doubted_of_a_press(change, words):
@@ -198,33 +191,15 @@ def test_what_is_doubted_of_a_press(change, words):
     assert any(words in each for each in warnings) if words else not warnings
 
 
-@pytest.mark.long
-def test_a_laminate_is_bent_and_springs_back():
-    """By half of the stroke; twice the cells give 7.03 mm."""
-    press = read(PRESSES / "springback.toml", ["blank.nx=8", "stage.bending.steps=10"])
-    assert press.schedule.unloads
+@pytest.mark.parametrize("name, nx", [("hemisphere", 4), ("box", 4)])
+def test_examples_run_from_their_files(name, nx):
+    """The beginning of their first stage: tools and holders are in balance."""
+    base = ff.Press.read(name, [f"blank.nx={nx}"])
+    moves = {tool: 0.1 * way for tool, way in base.stages[0].moves.items()}
+    press = base.replace(stages=ff.Stage(moves=moves, steps=2)).build()
     result = formed(press, balance=None)
-    unloaded = ff.unloading(result).run()
-    upper = unloaded.summary["quantities"]["sheets"]["upper metal"]
-    assert upper["springback_largest_mm"] == pytest.approx(7.00, abs=0.1)
-
-
-@pytest.mark.parametrize(
-    "name, changes, force",
-    [
-        ("hemisphere", ["blank.nx=8", "stage.1.steps=10"], 26.61),
-        ("box", ["blank.nx=8", "stage.1.steps=10"], 143.9),
-        pytest.param(
-            *("two_steps", ["blank.nx=13", "stage.1.steps=8", "stage.2.steps=8"], 30.81),
-            marks=pytest.mark.long,
-        ),
-    ],
-)
-def test_examples_run_from_their_files(name, changes, force):
-    press = read(PRESSES / f"{name}.toml", changes)
-    result = formed(press, balance=None)
-    assert result.number("force_N") == pytest.approx(force, rel=0.01)
-    assert result.number("unbalanced_force_N") < 1e-6 * force
+    assert result.number("force_N") > 0
+    assert result.number("unbalanced_force_N") < 1e-6 * result.number("force_N")
 
 
 @pytest.mark.long
@@ -254,6 +229,8 @@ def test_a_plate_has_the_opening_of_its_die(tmp_path):
     result = formed(press, steps=3, balance=None)
     forces = result.summary["quantities"]["tool_forces_of_whole_blank_N"]
     assert -100 < forces["punch"] < 0
+    # towards the blank, of the modelled quarter
+    assert 4 * result.number("force_N") == pytest.approx(-forces["punch"])
 
 
 @pytest.mark.parametrize("turn, upside_down", [([0, 0, 0], False), ([180, 0, 0], True)])
@@ -360,6 +337,29 @@ def test_a_press_is_data_that_a_file_holds(name, tmp_path):
     assert press == again == press.replace() != press.replace(title="another")
     with pytest.raises(dataclasses.FrozenInstanceError):
         press.symmetry = "none"
+
+
+def test_a_press_is_disturbed_along_no_axis():
+    """By 2 mm at 30 deg, of the whole blank with as large cells."""
+    other = hemisphere("blank.nx=4").disturbed(2.0)
+    assert other.tools["punch"].at[:2] == pytest.approx((np.sqrt(3), 1.0))
+    assert (other.symmetry, other.sheets[0].nx) == ("none", 8)
+
+
+def test_a_blank_has_its_centroid_by_area_from_which_springs_pull(tmp_path):
+    """Of two columns of cells, 90 and 210 mm wide."""
+    x, y = (each.ravel() for each in np.meshgrid([0.0, 90, 300], [0.0, 200]))
+    cells = [(0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4)]
+    meshio.write_points_cells(
+        tmp_path / "ply.vtu", np.column_stack([x, y, 0 * x]), [("triangle", cells)]
+    )
+    changes = [f"blank.mesh={tmp_path / 'ply.vtu'}", "blank.symmetry=none"]
+    changes += [f"tools.{name}.at=[150, 100]" for name in ("punch", "ring")]
+    springs = ff.SpringHolder(stiffness=0.5, preload=8.0, at=[(300, 200)])
+    made = ff.Press.read("hemisphere", changes).replace(holders={"s": springs}).build()
+    assert made.laid.centre == pytest.approx([150, 100])
+    (term,) = made.holders["s"]
+    assert term.force() == pytest.approx(8 * np.array([150, 100, 0]) / np.hypot(150, 100))
 
 
 def test_a_press_tells_its_job_where_to_stop():

@@ -104,6 +104,10 @@ def test_quantities_of_the_stack_are_of_all_cells_of_its_plies(alone):
     lost = "cells_that_lost_ellipticity"
     assert q[lost] == sum(ply[lost] for ply in plies)
     areas = blank.areas()
+    mean = areas @ np.maximum(fields["shortening_a"], fields["shortening_b"]) / areas.sum()
+    assert q["shortening_mean"] == pytest.approx(mean) and mean > 0
+    pressure = fields["sheet_pressure"]
+    assert q["sheet_pressure_largest_MPa"] == pytest.approx(np.nanmax(pressure))
     for number, share in enumerate(q["share_of_state_1_to_4"], 1):
         expected = areas[fields["strain_state"] == number].sum() / areas.sum()
         assert share == pytest.approx(expected)

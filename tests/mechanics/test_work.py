@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 
 from fabric_fenicsx.mechanics.work import Work
 
@@ -55,7 +56,14 @@ def test_forces_that_turn_with_what_they_move():
     assert errors[1] < 3e-4 and errors[1] < errors[0] / 7
 
 
-def test_work_does_not_depend_on_the_axes():
+def test_a_kink_is_not_rounded():
+    loads = 0.0, 0.2, 0.4, 0.7, 1.0
+    states = [(load, np.array([max(load - 0.4, 0.0)]), np.array([load])) for load in loads]
+    assert done(Work(), states) == pytest.approx(0.18, rel=1e-12)
+
+
+@pytest.mark.mpi
+def test_work_depends_neither_on_axes_nor_on_the_ranks_that_share_the_forces():
     """Nor where a bend is bounded."""
     turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
     forces = np.array([[0.0, 0, 0], [1, 2, 0], [1.2, 2.1, 0.1], [9, 1, -4], [9.5, 2, -4]])
@@ -64,7 +72,10 @@ def test_work_does_not_depend_on_the_axes():
         done(Work(), [*zip(range(5), forces @ axes.T, places @ axes.T)])
         for axes in (np.eye(3), turn)
     ]
-    assert found[1] == pytest.approx(found[0], rel=1e-12)
+    mine = slice(MPI.COMM_WORLD.rank, None, MPI.COMM_WORLD.size)
+    shared = Work(comm=MPI.COMM_WORLD)
+    part = done(shared, [*zip(range(5), forces[:, mine], places[:, mine])])
+    assert [found[1], MPI.COMM_WORLD.allreduce(part)] == pytest.approx([found[0]] * 2, rel=1e-12)
 
 
 @pytest.mark.parametrize("power", [2, 3])

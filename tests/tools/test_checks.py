@@ -9,7 +9,13 @@ from dome_triangles import double_dome
 from mpi4py import MPI
 
 from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.tools.checks import check_start, check_triangles
+from fabric_fenicsx.tools.checks import (
+    check_start,
+    check_triangles,
+    hole_warning,
+    size_warning,
+    unit_doubt,
+)
 from fabric_fenicsx.tools.primitives import Plane, Sphere
 from fabric_fenicsx.tools.tool import Tool
 from fabric_fenicsx.tools.triangulated import TriangulatedSurface
@@ -35,11 +41,7 @@ def fork():
 
 
 @pytest.mark.parametrize(
-    "surface, words",
-    [
-        (fork, "punch.stl has 1 edges with more than two triangles, one at ("),
-        (lambda: double_dome(size=40, turn=44), "punch.stl has facets that are"),
-    ],
+    "surface, words", [(fork, "punch.stl has 1 edges with more than two triangles, one at (")]
 )
 def test_flaws(surface, words):
     with pytest.raises(InputError) as error:
@@ -47,16 +49,80 @@ def test_flaws(surface, words):
     assert str(error.value).startswith(words) and "allowed" in str(error.value)
 
 
-def test_doubts():
-    warnings = checked(*double_dome(size=20, turn=28), thickness=2.0)
-    assert len(warnings) == 1 and warnings[0].startswith("punch.stl is coarse: its facets turn by ")
-    assert checked(*punch()) == []
+def arc(turn, count=4, radius=10.0):
+    """Points and triangles of a strip along an arc, whose facets turn by so much [deg]."""
+    a = np.radians(turn) * (np.arange(count + 1) - count / 2)
+    x, z = radius * np.sin(a), radius * np.cos(a)
+    points = np.vstack([np.column_stack([x, 0 * x + y, z]) for y in (0.0, 5.0)])
+    k = np.arange(count)
+    low = np.column_stack([k, k + 1, k + count + 2])
+    return points, np.vstack([low, np.column_stack([k, k + count + 2, k + count + 1])])
+
+
+@pytest.mark.parametrize("turn, coarse", [(19.0, False), (21.0, True)])
+def test_facets_that_turn_by_more_than_20_deg_are_doubted(turn, coarse):
+    warnings = checked(*arc(turn))
+    assert [w.startswith("punch.stl is coarse: its facets turn by 21 d") for w in warnings] == (
+        [True] if coarse else []
+    )
+
+
+@pytest.mark.parametrize("turn, sharp", [(33.0, 0), (37.0, 3)])
+def test_edges_are_sharp_from_35_deg_on(turn, sharp):
+    assert len(TriangulatedSurface(*arc(turn)).sharp) == sharp
+
+
+def test_facets_off_their_arc_by_a_thickness_are_refused():
+    """By 10 (1 - cos 10 deg) mm, 0.152, or by up to half as much again."""
+    assert not checked(*arc(20.0 - 1e-6), thickness=0.23)
+    with pytest.raises(InputError, match="punch.stl has facets that are 0.2"):
+        checked(*arc(20.0), thickness=0.151)
+
+
+def grid(angle, n=8):
+    """Two planes of squares at an angle [deg]."""
+    x, y = (each.ravel() for each in np.meshgrid(np.arange(-n, n + 1.0), np.arange(n + 1.0)))
+    k = (np.arange(2 * n) + (2 * n + 1) * np.arange(n)[:, None]).ravel()
+    up = k + 2 * n + 1
+    cells = [np.column_stack([k, k + 1, up + 1]), np.column_stack([k, up + 1, up])]
+    z = np.maximum(x, 0) * np.tan(np.radians(angle))
+    return TriangulatedSurface(np.column_stack([x, y, z]), np.vstack(cells))
+
+
+@pytest.mark.parametrize("angle, sharp", [(0.5, 0), (1.5, 8)])
+def test_planes_that_meet_at_more_than_1_deg_have_a_sharp_edge(angle, sharp):
+    assert len(grid(angle).sharp) == sharp
+
+
+def flat(size, hole=0.0):
+    """A square plate of triangles, of this size, with a square hole."""
+    out, inner = (
+        np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * each / 2 for each in (size, hole)
+    )
+    k, n = np.arange(4), (np.arange(4) + 1) % 4
+    points = np.column_stack([np.vstack([out, inner]), np.zeros(8)])
+    cells = np.vstack([np.column_stack([k, n, n + 4]), np.column_stack([k, n + 4, k + 4])])
+    return Tool(TriangulatedSurface(points, cells), name="plate")
+
+
+def test_a_tool_in_another_unit_is_doubted():
+    """Below a fifth of the sheet, if it would be from a tenth to ten times as large in a unit."""
+    assert not size_warning(flat(21.0), 100.0)
+    assert "as if it were in inches or cm;" in size_warning(flat(19.0), 100.0)
+    assert "as if it were in metres or inches;" in size_warning(flat(0.5), 100.0)
+    assert "as if it were in metres;" in size_warning(flat(0.3), 100.0)
+    assert not unit_doubt(2.1, 100.0, 0.02) and unit_doubt(1.9, 100.0, 0.02)
+
+
+def test_a_hole_below_a_tenth_of_the_tool_is_told_of():
+    assert "has a hole 9 mm wide at (0, 0, 0) mm" in hole_warning(flat(100.0, 9.0))
+    assert not hole_warning(flat(100.0, 11.0))
 
 
 @pytest.mark.parametrize(
     "surface, deep, place",
     [
-        (Sphere(10, (3, 4, -9.5)), 0.7, "(3, 4, 0)"),
+        (Sphere(10, (3, 4, -9.99)), 0.21, "(3, 4, 0)"),
         (Plane((0, 0, 5), (0, 0, 1)), 5.2, "(0, 0, 0)"),  # the sheet is on its wrong side
     ],
 )

@@ -85,6 +85,9 @@ def test_gap_and_normal_of_closed_forms(surface, point, gap, normal):
 def test_radii_of_closed_forms():
     radii = [each.radii for each in (RING, Plate(40, entry=6), Plate(60, 40, 12), BLOCKS[1])]
     assert radii == [(6, 14), (6, 20), (math.inf, 12), (6, math.inf)]
+    assert Offset(RING, 2).radii == (8, 12) and Reversed(RING).radii == (14, 6)
+    # of a dome whose saddle flattens nothing: its rounding and its fillet
+    assert DOMES["straight"].radii == pytest.approx((40, 15), rel=1e-9)
 
 
 @pytest.mark.parametrize("surface", [Sphere(5, [1, 2, 3]), Cylinder([1, 0, -1], [1, 2, 3], 4)])
@@ -330,6 +333,9 @@ def test_tool_moves():
     tool = Tool(Sphere(10, [0, 0, 0]), path=lambda load: (load**2, 0, 0), name="die")
     tool.at(3)
     assert np.array_equal(tool.displacement, [9, 0, 0]) and tool.evaluate([[20, 0, 0]]).gap == [1]
+    tool = Tool(Sphere(10), force=lambda load: (0, 0, -60 * load**2), name="press")
+    tool.at(0.5)
+    assert tool.push == 15 and np.array_equal(tool.direction, [0, 0, -1])
 
 
 def test_curvature_is_a_number_at_a_centre_of_curvature():

@@ -251,7 +251,7 @@ class SelfContact(FaceContact):
         pressure, field = self._pressures()
         lost = np.zeros(len(self.blank.areas()))
         lost[self.points.part.cells] = self.points.means(
-            self._depths(self.face_laws[0], pressure)
+            self._depths(self.face_laws[0], pressure, 0)
         ).sum(1)
         return {"sheet_pressure": field} | self.plies.fields(lost)
 

@@ -236,7 +236,7 @@ class FaceContact(Interaction):
     def accept(self) -> None:
         """Take the faces as they are, and let friction follow."""
         before = self.faces.now
-        if self.points.pairs() is not before:
+        if self.points.pairs() is not self.faces.accepted:
             self.totals = self._totals()
         self.faces.accept()
         self._follow_areas(before)
@@ -271,9 +271,10 @@ class FaceContact(Interaction):
         pressure = points.of_all(self.faces.now, self.state().pressure)
         return pressure, largest(points.part.spread(points.means(pressure).max(1)), "MPa")
 
-    def _depths(self, law, pressure):
-        """Thickness that a face of this law loses at all points, (count,) [mm]."""
-        growth = self.points.of_all(self.faces.now, self.faces.now.growth, 1.0)
+    def _depths(self, law, pressure, sheet):
+        """Thickness that a face of this law loses at all points, (count,) [mm]; sheet: 0 for the
+        one with the points, 1 for the other."""
+        growth = self.points.of_all(self.faces.now, self.faces.now.growths[sheet], 1.0)
         return growth * (0.0 if isinstance(law, Rigid) else law.depth(pressure))
 
 
@@ -382,7 +383,7 @@ class SheetContact(FaceContact):
         """Thickness that both sheets lose on these faces, (owned cells,) [mm]."""
         points = self.points
         laws = self.face_laws[::-1] if points.side > 0 else self.face_laws
-        above, below = (self._depths(law, pressure) for law in laws)
+        above, below = (self._depths(law, pressure, k) for k, law in enumerate(laws))
         lost = self.blank.cell_means(points.below(self.faces.now, below))
         lost[points.part.cells] += points.means(above)[:, 0]
         return lost

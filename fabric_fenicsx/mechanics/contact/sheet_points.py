@@ -22,7 +22,8 @@ class ContactPairs(NamedTuple):
     - points (n,): their numbers among all points; areas (n,): that they stand for [mm^2], as the
       sheet has stretched and sheared
     - gap (n,) between the faces [mm], its gradient `normal` (n, 3), its Hessian `curvature`
-      (n, 3, 3) [1/mm]; growth (n,): how many times as thick both sheets are as at the start
+      (n, 3, 3) [1/mm]; growth (n,): how many times as thick both sheets are together as at the
+      start, and growths (2, n): each of them, of the one with the points first
     - motion: what the points move with, on flat triangles, so that few nodes are coupled; relative
       (n, 3): their displacement relative to the other sheet in that shape [mm]
     - corners: the flat triangles of both sheets, of the one with the points first
@@ -31,6 +32,7 @@ class ContactPairs(NamedTuple):
     points: np.ndarray
     areas: np.ndarray
     growth: np.ndarray
+    growths: np.ndarray
     gap: np.ndarray
     normal: np.ndarray
     curvature: np.ndarray
@@ -136,11 +138,13 @@ class SheetPoints:
         corners = self._corners(below, at)
         motion = RelativeMotion(self.blank, corners)
         areas = self.areas[at] * self.blank.area_ratios()[self.part.cells[at // self.per_cell]]
-        growth = self._growth(below, at)
+        growths = self._growths(below, at)
+        growth = self._share * growths[0] + (1 - self._share) * growths[1]
         return ContactPairs(
             at,
             areas,
             growth,
+            growths,
             below.gap[at] - self._distance * growth,
             below.normal[at],
             below.curvature[at],
@@ -159,16 +163,16 @@ class SheetPoints:
         self._below = below.triangle
         return below
 
-    def _growth(self, below, at):
-        """`growth` of the `ContactPairs` of the points `at`."""
+    def _growths(self, below, at):
+        """`growths` of the `ContactPairs` of the points `at`."""
         if not self._thickens:
-            return np.ones(len(at))
+            return np.ones((2, len(at)))
         areas = self.nodes.areas
         ratios = np.where(areas > 0, self.nodes.areas_now() / np.maximum(areas, 1e-300), 1.0)
         thicker = (self._shares * ratios**-self._powers)[:, None]
         mine = self._own.flat(self._places, self._own.gathered(thicker))[at, 0]
         others = self._face.gathered(thicker)[self._face.triangles[below.triangle[at]], 0]
-        return self._share * mine + (1 - self._share) * (below.weights[at] * others).sum(1)
+        return np.stack([mine, (below.weights[at] * others).sum(1)])
 
     def _corners(self, below, at):
         """`corners` of the `ContactPairs` of the points `at`."""

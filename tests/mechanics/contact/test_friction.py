@@ -19,6 +19,7 @@ from builders import sheet as flat
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.mechanics.contact.friction import FrictionState
 from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.newton import Newton
@@ -242,7 +243,109 @@ def test_a_resumed_run_knows_what_no_displacement_tells(shared_path):
     assert newton.memory()["negative_pivots_met"] and newton.memory()["shift"] > 0
 
 
+# -- the law and what is told of it
+
+
+def test_elastic_slip():
+    """By default what sticks is as stiff as told, from 0.1 micrometres to 0.1 mm."""
+    limit = np.array([1e-3, 0.02, 5.0, 50.0])
+    slips = ff.Coulomb(MU).slips(limit, 100.0)
+    assert slips == pytest.approx([1e-4, 2e-4, 0.05, 0.1])
+    z = np.array([[0.03, 0.04, 0.0]]) * [[0.5], [1], [2]]
+    energy, force = ff.Coulomb(MU, 0.05).potential(z, np.full(3, 2.0))
+    assert energy == pytest.approx([2 * 0.025**2 / 0.1, 0.05, 0.05 + 2 * 0.05])
+    assert force == pytest.approx(np.array([[-0.6, -0.8, 0]]) * [[1], [2], [2]])
+    assert ff.Coulomb(MU, 0.05).elastic(z, np.full(3, 2.0)) == pytest.approx(z * [[1], [1], [0.5]])
+    assert ff.Coulomb({"a": 0.1, "b": 0.3}).largest == 0.3
+    assert ff.Coulomb(ff.Field(lambda x, y, z: 0.1 + 0 * x)).largest > 0
+
+
+def test_a_stuck_sheet_is_as_stiff_as_a_twentieth_of_its_triangles():
+    """Of E t / (1 - nu) each; in series with the sheet that it lies on."""
+    stiff = lambda t: 186600.0 * t / 0.7  # noqa: E731
+    metal = ff.Metal(186600.0, 0.3, ff.Swift(500.0, 0.0005, 0.2), thickness=0.5)
+    shares = []
+    table = ff.Tool(ff.Plane((0, 0, -0.25), (0, 0, 1)), name="table")
+    contact = ff.Contact(table, friction=MU)
+    blank = sheet(20, 10, 4, 2)
+    ff.Scene(blank, [contact, ff.SheetMetal(metal)], [])
+    shares.append((contact, 16 * stiff(0.5)))
+    stack = ff.Stack([(sheet(20, 10, 2, 1), 0.5, "a"), (sheet(20, 10, 4, 2), 1.5, "b")])
+    pair = ff.SheetContact("a", "b", friction=MU)
+    metals = [ff.SheetMetal(metal.replace(thickness=t)).on(k) for t, k in ((0.5, "a"), (1.5, "b"))]
+    ff.Scene(stack, [*metals, pair], [])
+    shares.append((pair, 16 / (1 / stiff(0.5) + 1 / stiff(1.5))))
+    for term, whole in shares:
+        each = np.broadcast_to(term.friction_state._stiffness, len(term.normal_forces()))
+        assert COMM.allreduce(each.sum()) == pytest.approx(0.05 * whole, rel=1e-6)
+
+
+def test_the_share_of_friction_that_is_used():
+    """By what points can bear; the largest of all states, 1 where a point slid."""
+    blank = sheet(20.0, 10.0, 4, 2)
+    table = ff.Tool(ff.Plane((0, 0, -T / 2), (0, 0, 1)), name="table")
+    contact = alone(blank, ff.Contact(table, T, K, friction=ff.Coulomb(MU, SLIP)))
+    u, (x, _, _) = blank.u.x.array.reshape(-1, 3), blank.coordinates().T
+    left = x < 9.0  # three eighths of the area, which bear 1 / (1 + 5 / 3 * 4) of it
+    u[:, 2] = np.where(left, -1.5, -4.5) * SMOOTHING
+    contact.accept()
+    for way, used in ((0.5, 0.5), (0.0, 0.5), (2.0, None)):
+        u[:, 0] = np.where(left, 0.25, 1.0) * way * SLIP
+        contact.accept()
+        if used:
+            told = np.where(left, 0.25, 1.0) * used
+            assert contact.friction_state.used == pytest.approx(told)
+    share = 1 / (1 + 5 / 3 * 4)
+    assert contact.friction_used() == pytest.approx((0.5 * share + 1 - share, 1 - share), rel=1e-6)
+
+
+class Moved:
+    """A point that slides on a face across a normal."""
+
+    def __init__(self, normal, way=(0.0, 0.0, 0.0)):
+        self.normals, self.way = np.array([normal]), np.array([way])
+
+    def slid(self):
+        return self.way
+
+
+def test_elastic_slip_turns_with_the_face():
+    """As long as it was, where the face turns by 60 deg."""
+    c, s, force, here = 0.5, math.sqrt(0.75), np.array([10.0]), Moved((0, 0, 1.0))
+    state = FrictionState(ff.Coulomb(0.3, 0.1), 0.3, force, here, MPI.COMM_SELF)
+    here.way = np.array([[0.05, 0, 0.7]])
+    state.accept(force, here.way, Moved((s, 0, c)))
+    assert state.memory()["slip"] == pytest.approx(0.05 * np.array([[c, 0, -s]]))
+
+
+def test_a_friction_that_is_a_field_is_that_of_the_place_on_the_tool():
+    """As it stood at first: a table that goes on by 3 mm takes its coefficients along."""
+    field = ff.Field(lambda x, y, z: 0.3 + 0.01 * x + 0.1 * z)
+    table = ff.Tool(ff.Plane((0, 0, -T / 2), (0, 0, 1)), (3.0, 0, 0), name="table")
+    blank = sheet(20, 10, 4, 2)
+    contact = alone(blank, ff.Contact(table, T, K, friction=field))
+    x = contact.nodes.places[:, 0]
+    for load in (0.0, 1.0):
+        contact.set_load(load)
+        contact.accept()
+        mu = 0.3 + 0.01 * (x - 3.0 * load) - 0.1 * T / 2
+        assert contact.friction_state.coefficient == pytest.approx(mu)
+
+
 # -- what lags
+
+
+@pytest.mark.parametrize("growth, taken", [(1.09, False), (1.13, True)])
+def test_friction_is_taken_anew_where_it_changes_by_more_than_the_lag(growth, taken):
+    """Of a tenth: from P to 1.09 P it changes by 8.3 % of that, to 1.13 P by 11.5 %."""
+    blank = sheet(20.0, 10.0, 4, 2)
+    table = ff.Tool(ff.Plane((0, 0, -T / 2), (0, 0, 1)), name="table")
+    contact = alone(blank, ff.Contact(table, T, K, friction=ff.Coulomb(MU, SLIP, lag=0.1)))
+    u = blank.u.x.array.reshape(-1, 3)
+    u[:] = [0, 0, -2.5 * SMOOTHING]
+    contact.accept()
+    u[:] = [2 * SLIP, 0, -(2 * growth + 0.5) * SMOOTHING]
+    assert contact.update_lagged() == taken
 
 
 @pytest.mark.parametrize("lag, followed", [(0.01, True), (math.inf, False)])
@@ -260,6 +363,9 @@ def test_normal_forces_follow_within_a_step(lag, followed):
     assert normal == pytest.approx(K * 1.5 * SMOOTHING * AREA)
     drag = on_nodes(contact).sum(0)[0]
     assert drag == pytest.approx(-MU * normal if followed else 0.0, abs=1e-12)
+    # on the way there friction could bear half of that
+    taken = MU * normal / 2 * 4.5 * SLIP if followed else 0.0
+    assert COMM.allreduce(contact.energies()["friction"]) == pytest.approx(taken)
     contact.set_load(1.0)  # a step that failed forgets
     assert abs(on_nodes(contact)[:, :2]).max() == 0
 

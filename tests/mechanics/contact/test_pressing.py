@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.material.homogeneous import nominal
 from fabric_fenicsx.mechanics.contact.pressing import press, with_secant_stiffness
 from fabric_fenicsx.mechanics.contact.pressure_law import (
-    PENETRATION,
-    SMOOTHING,
     ByPlace,
     Compacted,
+    Grown,
     InSeries,
     Rigid,
     between_faces,
@@ -21,6 +21,7 @@ from fabric_fenicsx.mechanics.contact.tool_contact import Resistance, find_balan
 FACE, SOFT = Rigid(1000.0, 1e-3), Compacted(0.2, 16.0, 1e-3)
 BOTH = InSeries(SOFT, Compacted(0.1, 8.0, 2e-3))
 LAWS = FACE, SOFT, BOTH, ByPlace([FACE, SOFT], np.array([0, 1, 1, 0]))
+LAWS += (Grown(SOFT, np.array([1.0, 1.3, 0.8, 1.1])),)
 AREAS = np.array([1.0, 2.0, 3.0, 4.0])
 UP = np.tile([0.0, 0.0, 1.0], (4, 1))
 FLAT = np.zeros((4, 3, 3))
@@ -88,6 +89,20 @@ def test_faces_of_two_fabrics_share_the_pressure():
     assert between_faces(SOFT, SOFT)(2 * e)[1] == pytest.approx(SOFT(e)[1])
 
 
+def test_compaction_is_straight_from_10_mpa_on():
+    """Before it is p_0 (e^y - 1 - y) at the depth L (1 - e^(-y / n)), also of a grown face."""
+    L, n, p_0 = SOFT
+    y = brentq(lambda y: p_0 * (np.exp(y) - 1 - y) - 10.0, 1, 20)
+    hard, slope = L * (1 - np.exp(-y / n)), p_0 * n / L * np.exp(y / n) * (np.exp(y) - 1)
+    below = L * (1 - np.exp(-(y - 0.01) / n))
+    places = np.array([below, hard + 1e-3])
+    right = [p_0 * (np.exp(y - 0.01) - 1 - y + 0.01), 10.0 + 1e-3 * slope]
+    assert SOFT(places)[1] == pytest.approx(right, rel=1e-9)
+    grown = Grown(SOFT, np.array([2.0, 2.0]))
+    assert grown(2 * places)[1] == pytest.approx(right, rel=1e-9)
+    assert face_of(FABRIC, 10.0).length == pytest.approx(1.07427 / 2, rel=1e-5)
+
+
 def test_rigid_faces():
     """Metal yields nothing to a fabric; nor does a fabric that keeps its thickness."""
     metal, rigid = face_of(ff.load_metal("dc04"), 10.0), FABRIC.replace(compaction=None)
@@ -99,10 +114,15 @@ def test_rigid_faces():
     assert face_of(FABRIC, 10.0, penalty=700.0).penalty == 700.0
 
 
-def test_default_penalty():
-    """A ply stretched by 2 % over a ball presses into it by 1.25 % of its thickness, and by half of
-    what the law is smoothed over."""
-    tension = nominal(FABRIC, np.array([[0.02, 0.02, 0.0]]))[0].sum() * FABRIC.thickness / 1.02
-    law = face_of(FABRIC.replace(compaction=None), 10.0)
-    depth = float(law.depth(np.array(tension / 10.0)))
-    assert depth == pytest.approx((1 + SMOOTHING / 2) * PENETRATION * FABRIC.thickness, rel=1e-3)
+@pytest.mark.parametrize("radius, counted", [(8.0, 8.0), (np.inf, 5.0)])
+def test_default_penalty(radius, counted):
+    """A sheet stretched by 2 % along both directions over a ball presses into it by 1.25 % of its
+    thickness, less what the law is smoothed over, 30 % of that; a flat tool counts as 10
+    thicknesses."""
+    metal = ff.Metal(186600.0, 0.3, ff.Swift(500.0, 0.0005, 0.2), thickness=0.5)
+    fabric = FABRIC.replace(compaction=None, thickness=0.5)
+    pulls = 2 * 500.0 * 0.0405**0.2, nominal(FABRIC, np.array([[0.02, 0.02, 0.0]]))[0].sum() / 1.02
+    for material, pull in zip((metal, fabric), pulls):
+        law = face_of(material, radius)
+        assert law.penalty == pytest.approx(pull / counted / 0.0125, rel=1e-6)
+        assert law.smoothing == pytest.approx(0.3 * 0.0125 * 0.5)

@@ -33,10 +33,23 @@ def roll(growth):
     return places
 
 
-def test_an_edge_through_a_triangle():
-    places = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, -1], [0.2, 0.3, 1], [3, 3, 1]])
-    found = crossings(places.astype(float), np.array([[0, 1, 2], [3, 4, 5]]))
-    assert np.linalg.norm(found - [0.2, 0.25, 0.0], axis=1).min() < 1e-12
+def test_edges_through_a_triangle():
+    """In each of its corners, near to each of their ends; not beside it nor before its plane."""
+    for x, y, low, high, through in [
+        (0.05, 0.05, -0.1, 2, True),
+        (0.9, 0.05, -2, 0.1, True),
+        (0.05, 0.9, -1, 1, True),
+        (0.6, 0.6, -1, 1, False),
+        (-0.05, 0.5, -1, 1, False),
+        (0.5, -0.05, -1, 1, False),
+        (0.2, 0.2, 0.1, 1, False),
+        (0.2, 0.2, -1, -0.1, False),
+    ]:
+        needle = [[x, y, low], [x, y, high], [x - 1e-3, y, 2 * high]]  # two edges go through
+        places = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], *needle], float)
+        found = crossings(places, np.array([[0, 1, 2], [3, 4, 5]]))
+        at_it = np.linalg.norm(found - [x, y, 0], axis=1) < 1e-12
+        assert at_it.sum() == through and len(found) == 2 * through
 
 
 @pytest.mark.mpi

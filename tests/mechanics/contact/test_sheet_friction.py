@@ -86,14 +86,15 @@ def test_pull_out():
     """Force 2 mu p A u / slip where the sheets stick, 2 mu p A where they slide, the same back;
     work of the grip is what friction takes."""
     limit = 2 * MU * PRESSURE * LENGTH * WIDTH
-    result = pull_out(lambda load: 4 * SLIP * (1 - abs(2 * load - 1)), steps=14)
+    # steps of half the slip, so that work along lines is exact
+    result = pull_out(lambda load: SLIP * float(np.interp(load, [0, 0.4, 1], [0, 2, -1])), steps=10)
     u, force = np.array([(row["displacement_mm"], row["reaction_N"]) for row in result.rows]).T
     turn = np.argmax(u)
     there = limit * np.minimum(1, u[: turn + 1] / SLIP)
     assert force[: turn + 1] == pytest.approx(there, rel=5e-3, abs=1e-6 * limit)
     back = np.maximum(-1, 1 - (u[turn] - u[turn:]) / SLIP)
     assert force[turn:] == pytest.approx(limit * back, abs=5e-3 * limit)
-    assert result.summary["energy_imbalance"] < 5e-3
+    assert result.summary["energy_imbalance"] < 2e-3
 
 
 def pulled_at_its_end(pull, stiffness):

@@ -52,6 +52,7 @@ def test_a_ply_between_two_plates_is_as_thick_as_their_gap(cell):
     for plate in pair:
         pressure = np.linalg.norm(plate.force()) / 200
         assert FABRIC.thickness_under(pressure) == pytest.approx(gap)
+        assert plate.penetration() == 0.0 < plate.largest_depth()  # of what is not rigid
 
 
 @pytest.mark.parametrize("gap, share", [(0.8, 0.375), (0.25, 1.2)])
@@ -152,9 +153,24 @@ def test_two_sheets_that_thicken_press_each_other_over_it():
     pair = ff.SheetContact("a", "b", points=6)
     membranes = [ff.Membrane(FABRIC).on("a"), ff.Membrane(grown).on("b")]
     terms = [*membranes, ff.Contact(bottom), ff.Contact(top), pair]
-    run(ff.Scene(stack, terms, [SHEARING]), 10)
+    scene = ff.Scene(stack, terms, [SHEARING])
+    run(scene, 10)
     pressure = pair.force()[2] / (200 * share)
     assert FABRIC.thickness_under(pressure) == pytest.approx(gap, rel=1e-3)
+    thickness = reports.cell_fields(scene)["thickness_under_pressure"]
+    middle = (abs(stack.midpoints()[:2] - [[10], [5]]) < [[5], [2.5]]).all(0)
+    for name, thick in (("a", gap), ("b", gap * share**-0.5)):
+        cells = stack.part(name).cells
+        uniform(thickness[cells[middle[cells]]], thick, 5e-3)
+
+
+def test_a_thinner_part_of_a_ply_has_fewer_fibres():
+    """So that their share is the same all over one that is half as thick at an end."""
+    ply = ff.Membrane(FABRIC, thickness=ff.Field(lambda x, y: 0.5 + 0.025 * x))
+    fields = reports.cell_fields(ff.Scene(rectangle(), [ply, *plates(T)], [PLAIN]))
+    thick = T * (0.5 + 0.025 * rectangle().midpoints()[0])
+    assert fields["thickness_under_pressure"] == pytest.approx(thick)
+    uniform(fields["fibre_volume_fraction"], 0.3 / T)
 
 
 def test_what_is_not_known_is_not_told():
