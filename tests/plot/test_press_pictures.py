@@ -107,9 +107,9 @@ def test_a_filmstrip_has_its_states_and_their_words(tmp_path, run, monkeypatch):
     monkeypatch.setattr(
         press_pictures, "_strip", lambda path, images, words, limit: seen.append((images, words))
     )
-    press_pictures.filmstrip(tmp_path / "filmstrip.png", run, loads=(0, 0.5, 1))
+    press_pictures.filmstrip(tmp_path / "filmstrip.png", run, loads=(0, 0.35, 1))
     ((images, words),) = seen
-    assert words == ["stroke 0 mm, 0 N", "stroke 4.8 mm, 237 N", "stroke 8 mm, 395 N"]
+    assert words == ["stroke 0 mm, 0 N", "stroke 1.6 mm, 79 N", "stroke 8 mm, 395 N"]
     assert len({image.shape for image in images}) == 1
     monkeypatch.undo()
     press_pictures._strip(tmp_path / "filmstrip.png", images, words, None)
