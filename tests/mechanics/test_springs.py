@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from builders import Elastic, alone, near, off_differences, rotation, run, sheet
+from builders import Elastic, alone, everywhere, near, off_differences, rotation, run, sheet
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.scene import output as reports
@@ -11,15 +11,11 @@ LENGTH, WIDTH = 40.0, 10.0
 END = near(0, LENGTH)
 
 
-def strip(**options):
-    return sheet(LENGTH, WIDTH, 8, 2, "left", **options)
-
-
 def held(blank, stroke=0.0):
     """Two ends of a strip along its length, of which the low one is drawn by `stroke` [mm]."""
-    grip = ff.Support("grip", near(0, 0.0), tuple(range(blank.mesh.geometry.dim)), (-stroke, 0, 0))
-    rest = range(1, blank.mesh.geometry.dim)
-    return [grip, ff.Support("rest", lambda x: np.full(x.shape[1], True), tuple(rest))]
+    axes = tuple(range(blank.mesh.geometry.dim))
+    grip = ff.Support("grip", near(0, 0.0), axes, (-stroke, 0, 0))
+    return [grip, ff.Support("rest", everywhere, axes[1:])]
 
 
 @pytest.mark.parametrize("nx, degree", [(9, 1), (5, 2)])
@@ -38,7 +34,7 @@ def test_parallel_springs_and_the_strip_share_the_stroke(nx, degree):
 
 
 def test_a_preload_pulls_from_the_start_and_a_slack_spring_does_nothing():
-    blank = strip()
+    blank = sheet(LENGTH, WIDTH, 8, 2, "left")
     springs = ff.Springs(END, 5.0, 20.0, arm=(30.0, 0), name="clamp 1")
     scene = ff.Scene(blank, [Elastic(1e6), springs], held(blank, -10.0))
     history = [reports.history(scene)["clamp_1_pull_N"]]
@@ -55,7 +51,7 @@ def test_springs_to_a_point_pull_towards_it():
     """Each of two nodes by half, 9 mm off and 12 mm up, though the blank's axes are turned; then
     one is 5 mm further away, and the other is slack."""
     turn = rotation()
-    blank = strip(spatial=True, turn=turn, a=turn[:, 0])
+    blank = sheet(LENGTH, WIDTH, 8, 2, "left", spatial=True, turn=turn, a=turn[:, 0])
     local = lambda x: turn.T @ x  # noqa: E731
     corners = lambda x: (local(x)[0] > LENGTH - 1e-6) & (abs(local(x)[1] - 5) > 4.9)  # noqa: E731
     anchor = turn @ (LENGTH + 9, WIDTH / 2, 12)
@@ -80,9 +76,8 @@ def test_springs_to_a_point_pull_towards_it():
 @pytest.mark.parametrize("degree", [1, 2])
 def test_an_edge_counts_by_its_length(degree):
     """Of cells that differ in size: the resultant is in the middle of the edge."""
-    options = {"spatial": True, "degree": degree}
-    uneven = {"shape": lambda x: x * (1, 1, 0) * (x / WIDTH) ** (0, 1, 0)}
-    blank = sheet(LENGTH, WIDTH, 4, 6, "right", **uneven, **options)
+    uneven = lambda x: x * (1, 1, 0) * (x / WIDTH) ** (0, 1, 0)  # noqa: E731
+    blank = sheet(LENGTH, WIDTH, 4, 6, "right", shape=uneven, spatial=True, degree=degree)
     springs = alone(blank, ff.Springs(END, 1.0, 12.0, arm=(0, 0, 8.0)))
     f = springs.applied_forces().reshape(-1, 3)
     y = blank.coordinates()[: len(f), 1]
@@ -93,7 +88,7 @@ def test_an_edge_counts_by_its_length(degree):
 @pytest.mark.mpi
 @pytest.mark.parametrize("options", [{"arm": (3, 1.0, 8)}, {"anchor": (LENGTH + 2, 3, -4)}])
 def test_forces_and_tangent_are_derivatives(options):
-    blank = strip(spatial=True)
+    blank = sheet(LENGTH, WIDTH, 8, 2, "left", spatial=True)
     springs = ff.Springs(lambda x: x[0] > LENGTH / 2, 3.0, 2.0, **options)
     scene = ff.Scene(blank, [Elastic(), springs], held(blank))
     assert "agree" in ff.check_derivatives(springs, scene, size=0.2)
