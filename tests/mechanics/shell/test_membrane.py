@@ -4,11 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from builders import alone, compiled_as_it_stands, march, sheet
+from builders import alone, march, sheet
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
-from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.material import kernel
 from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
 from fabric_fenicsx.material.presets import PRESETS
@@ -16,27 +15,19 @@ from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.solve.newton import Newton
 
-COMM = MPI.COMM_WORLD
 KOMEILI = PRESETS["komeili"]
-ELEMENTS = [
-    ("triangle", 1),
-    ("triangle", 2),
-    ("triangle", 3),
-    ("quadrilateral", 1),
-    ("quadrilateral", 2),
-]
+ELEMENTS = [*(("triangle", k) for k in (1, 2, 3)), ("quadrilateral", 1), ("quadrilateral", 2)]
 
 
-def strip(cell="triangle", degree=1, turn=None, pattern="crossed", **options):
+def strip(cell="triangle", degree=1, pattern="crossed", **options):
     """200 x 50 mm."""
-    return sheet(200.0, 50.0, 8, 2, pattern, cell=cell, degree=degree, turn=turn, **options)
+    return sheet(200.0, 50.0, 8, 2, pattern, cell=cell, degree=degree, **options)
 
 
-@pytest.mark.parametrize("cell, degree", ELEMENTS[1:4:2])
-def test_a_pre_sheared_sheet_has_the_kernels_stress(unbalanced, cell, degree):
+def test_a_pre_sheared_sheet_has_the_kernels_stress(unbalanced):
     """Homogeneous, at rest and deformed, with yarns that are not orthogonal; the forces are the
     energy's derivative."""
-    blank = strip(cell, degree, a=0.2, b=0.2 + 1.3)
+    blank = strip("triangle", 2, a=0.2, b=0.2 + 1.3)
     membrane = ff.Membrane(unbalanced, weave_angle=1.1)
     scene = ff.Scene(blank, [membrane])
     r = scene.u.duplicate()
@@ -47,14 +38,14 @@ def test_a_pre_sheared_sheet_has_the_kernels_stress(unbalanced, cell, degree):
         state = kernel.evaluate(unbalanced, gradient=[F], fibres=yarns, weave_angle=1.1)
         scene.residual(r)
         P = F @ state.S[0]
-        np.testing.assert_allclose(reports.virial(scene) / volume, P, atol=1e-10 * np.abs(P).max())
+        exact = pytest.approx(P, abs=1e-10 * np.abs(P).max())
+        assert reports.virial(scene) / volume == exact
         assert scene.energy() / volume == pytest.approx(state.energy[0], rel=1e-11)
         fields = reports.cell_fields(scene)
         assert reports.summary(scene)["kernel_mismatch"] <= 1e-10
         assert fields["shear_angle"] == pytest.approx(state.invariants[0, 3], abs=1e-11)
-        assert reports.history(scene)["min_stability"] == pytest.approx(
-            COMM.allreduce(fields["stability_ellipticity"].min(initial=np.inf), MPI.MIN), rel=1e-6
-        )
+        least = fields["stability_ellipticity"].min()
+        assert reports.history(scene)["min_stability"] == pytest.approx(least, rel=1e-6)
     assert np.abs(P).max() > 0.01
 
 
@@ -63,8 +54,8 @@ def test_a_pre_sheared_sheet_has_the_kernels_stress(unbalanced, cell, degree):
 @pytest.mark.parametrize("element, turned", [*zip(ELEMENTS, (33, 0, 120, 33, 120))])
 def test_homogeneous_uniaxial_tension(element, turned):
     """With the strains across and stresses [N/mm] of the notes, at four strains."""
-    notes = {0.03: (-0.1345, 38.93), 0.02: (-0.1074, 24.36)}
-    notes |= {0.01: (-0.0666, 11.70), 0.005: (-0.0346, 6.01)}
+    strains = {0.03: (-0.1345, 38.93), 0.02: (-0.1074, 24.36), 0.01: (-0.0666, 11.70)}
+    notes = strains | {0.005: (-0.0346, 6.01)}
     c, s = math.cos(math.radians(turned)), math.sin(math.radians(turned))
     turn, along = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]), math.radians(turned)
     membrane, seen = ff.Membrane(KOMEILI), []
@@ -103,7 +94,6 @@ def test_spectrum_of_a_patch(cell, degree, integration, gamma):
     scene = ff.Scene(blank, [ff.Membrane(KOMEILI, integration=integration)])
     x, A = scene.u.duplicate(), scene.create_matrix()
     yarns = np.array([[math.cos(0.5), math.sin(0.5)], [-math.sin(0.5), math.cos(0.5)]])
-    # both keep their lengths
     F = yarns.T @ np.array([[1, math.sin(gamma)], [0, math.cos(gamma)]]) @ yarns
     F *= 1 + 1e-6 * (gamma > 0)  # on the stiff side of the kink, not on either by rounding
     x.array[:] = (blank.coordinates()[:, :2] @ (F - np.eye(2)).T).ravel()
@@ -219,38 +209,8 @@ def test_stability_of_a_cell_is_that_of_its_worst_point():
     """Yarns a are compressed at some points of each cell: the Hessian is there d, elsewhere b."""
     blank = sheet(10, 10, 1, 1, "left", degree=2)
     membrane = alone(blank, ff.Membrane(LINEAR))
-    blank.u.interpolate(lambda x: [0.002 * x[0] ** 2 - 0.01 * x[0], 0.01 * x[1]])
-    fields = {name: each.value for name, each in membrane.cell_fields().items()}
-    assert fields["stability_convexity"] == pytest.approx([1.0, 1.0])  # d_a is the least
-    blank.u.interpolate(lambda x: [0.01 * x[0], 0.01 * x[1]])
-    fields = {name: each.value for name, each in membrane.cell_fields().items()}
-    assert fields["stability_convexity"] == pytest.approx([150.0, 150.0])  # b_b over d_a
+    for along, least in ((lambda x: 0.002 * x**2 - 0.01 * x, 1.0), (lambda x: 0.01 * x, 150.0)):
+        blank.u.interpolate(lambda x: [along(x[0]), 0.01 * x[1]])  # noqa: B023
+        fields = {name: each.value for name, each in membrane.cell_fields().items()}
+        assert fields["stability_convexity"] == pytest.approx([least, least])  # over d_a
     assert (fields["stability_ellipticity"] > 0).all()
-
-
-def test_inner_points_are_as_good_where_strains_are_even(unbalanced):
-    """Energy and state."""
-    blank = strip("triangle", 2, a=0.4, b=1.5)
-    full, inner = ff.Membrane(unbalanced), ff.Membrane(unbalanced, integration="inner")
-    with compiled_as_it_stands():  # studies compile it with the optimiser
-        scenes = ff.Scene(blank, [full]), ff.Scene(blank, [inner])
-    x = scenes[0].u.duplicate()
-    x.array[:] = (blank.along(blank.coordinates().T).T @ [[0.02, 0.1], [0.05, -0.03]]).ravel()
-    for scene in scenes:
-        scene.set(x)
-    assert scenes[1].energy() == pytest.approx(scenes[0].energy(), rel=1e-12)
-    assert inner.state()[0].cauchy[:, 0] == pytest.approx(full.state()[0].cauchy[:, 0], rel=1e-9)
-
-
-def test_sheets_that_differ_in_numbers_share_compiled_forms(unbalanced, tmp_path, monkeypatch):
-    jit = compat.jit
-    monkeypatch.setattr(compat, "C_FLAGS", ["-O0"])
-    monkeypatch.setattr(compat, "jit", lambda **more: jit(cache_dir=tmp_path, **more))
-    found = []
-    for fabric, turn in ((unbalanced, 0.3), (KOMEILI, 1.1)):
-        frame = [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
-        blank = sheet(10, 5, 2, 1, a=turn, b=turn + 1.4, frame=frame)
-        scene = ff.Scene(blank, [ff.Membrane(fabric)])
-        scene.terms[0].at_points()
-        found.append({file.name for file in tmp_path.iterdir()})
-    assert found[0] and found[1] == found[0]

@@ -3,7 +3,7 @@
 import builders
 import numpy as np
 import pytest
-from builders import COMM, alone, near, off_differences, rotation, run
+from builders import COMM, alone, near, nodal_forces, off_differences, rotation, run
 from mpi4py import MPI
 from scipy.optimize import brentq
 
@@ -186,9 +186,7 @@ def wavy(x, size):
 def displaced(term, u):
     """Energy and forces on one rank, at displacements u."""
     term.blank.u.x.array[:] = u.ravel()
-    f = np.zeros(u.size)
-    term.add_forces(f)
-    return term.stored(), f
+    return term.stored(), nodal_forces(term)
 
 
 @pytest.mark.versions
@@ -215,8 +213,11 @@ def test_rigid_motions_change_nothing_but_directions():
         for u in (wavy(x, 1.0), (x + wavy(x, 1.0)) @ Q.T + [1, 2, 3] - x):
             displaced(term, u)
             term.accept()
+        before = term.stored()
+        term.accept()  # though places through the thickness follow the sheet as it gets thinner
+        assert term.stored() == pytest.approx(before, rel=1e-14)
         energy, f = displaced(term, (x + wavy(x, 1.1)) @ Q.T + [1, 2, 3] - x)
-        results.append((energy, f.reshape(-1, 3) @ Q))
+        results.append((energy, f @ Q))
     (energy, f), (turned_energy, turned_f) = results
     assert turned_energy == pytest.approx(energy, rel=1e-11)
     assert np.abs(turned_f - f).max() < 1e-8 * np.abs(f).max()
@@ -224,8 +225,7 @@ def test_rigid_motions_change_nothing_but_directions():
 
 @pytest.mark.mpi
 def test_ranks_without_cells():
-    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
-    cells = np.array([[0, 1, 2]])
+    points, cells = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]]), np.array([[0, 1, 2]])
     given = (cells, points) if COMM.rank == 0 else (cells[:0], points[:0])
     blank = ff.Blank(compat.create_mesh(COMM, *given, "triangle", 1))
     term = alone(blank, ff.SheetMetal(DC04))
@@ -233,14 +233,11 @@ def test_ranks_without_cells():
     energy = term.energies()
     term.tangent()
     term.accept()
-    row = term.history()
     memory = term.cell_memory()
     assert all(values.shape[1] in (11, 33) for values in memory.values())
     term.recall(memory)
-    again = term.energies()
-    assert COMM.allreduce(energy["plastic"]) > 0
-    assert [again[kind] for kind in energy] == pytest.approx(list(energy.values()), rel=1e-12)
-    assert row["max_plastic_strain"].value > 0.01
+    assert term.energies() == pytest.approx(energy, rel=1e-12)
+    assert term.history()["max_plastic_strain"].value > 0.01
 
 
 def test_a_sheet_that_lies_curved_is_free_of_stress():
@@ -253,16 +250,6 @@ def test_a_sheet_that_lies_curved_is_free_of_stress():
     for u in (0 * x, x @ R.T + [1, 2, 3] - x):
         energy, f = displaced(term, u)
         assert energy < 1e-20 and np.abs(f).max() < 1e-8
-
-
-def test_accepted_states_keep_their_energy():
-    """Though places through the thickness follow the sheet as it gets thinner."""
-    blank = sheet(nx=5, ny=4, comm=MPI.COMM_SELF)
-    term = alone(blank, ff.SheetMetal(DC04))
-    before = displaced(term, wavy(blank.coordinates(), 1.0))[0]
-    for _ in range(2):
-        term.accept()
-        assert term.stored() == pytest.approx(before, rel=1e-14)
 
 
 def test_a_sheet_curved_within_its_thickness_is_out_of_reach():
@@ -279,8 +266,7 @@ def test_a_sheet_curved_within_its_thickness_is_out_of_reach():
 # -- bending
 
 
-@pytest.mark.parametrize("pattern", ["crossed", "unstructured"])
-def test_elastic_plates_that_are_bent_and_twisted(pattern):
+def test_elastic_plates_that_are_bent_and_twisted():
     """Bent with free sides, E t^3 / 12 k^2 / 2 per area, and -nu k across; twisted, twice of
     E t^3 / (12 (1 + nu)) k^2 / 2."""
     k, beam = 1e-5, 186600 * 0.8**3 / 12
@@ -288,7 +274,7 @@ def test_elastic_plates_that_are_bent_and_twisted(pattern):
         (lambda x, y: x * x / 2 - 0.3 * y * y / 2, beam, lambda x: abs(x[0] - 15) < 7.6),
         (lambda x, y: x * y, 2 * beam / 1.3, lambda x: abs(x[:2].T - (15, 10)).max(1) < 5.1),
     ):
-        blank = sheet(30, 20, 12, 8, pattern)
+        blank = sheet(30, 20, 12, 8)
         blank.divide({"inside": inside}, "rest")
         term = alone(blank, ff.SheetMetal(DC04.replace(thickness=0.8)).on("inside"))
         x, y, _ = blank.coordinates().T
@@ -322,10 +308,10 @@ def moment(points, kappa, before=None):
     return (ends[2] - ends[3] - ends[0] + ends[1]) / (2 * h * 16.0)
 
 
-MOMENTS = [(5, 0.5, 1e-4), (5, 0.98, 1e-4), (5, 2, 0.095), (9, 2, 0.038), (11, 2, 0.01)]
+MOMENTS = [(5, 0.98, 1e-4), (5, 2, 0.095), (11, 2, 0.01), (5, 9, 5e-3), (11, 16, 2e-3)]
 
 
-@pytest.mark.parametrize("points, share, rel", [*MOMENTS, (5, 9, 5e-3), (11, 16, 2e-3)])
+@pytest.mark.parametrize("points, share, rel", MOMENTS)
 def test_moment_over_curvature_of_a_wide_strip(points, share, rel):
     """As the docstring says: of 11 points within 1 % at any curvature, of 5 within 9 %, and within
     0.5 % from 9 times the curvature at which it yields."""

@@ -22,15 +22,8 @@ def sheared(fabric=FABRIC, path=lambda load: load, comm=COMM, **options):
         return (moved - x)[: blank.mesh.geometry.dim]
 
     blank = sheet(SIDE, SIDE, 2, 2, comm=comm, **options)
-    components = tuple(range(blank.mesh.geometry.dim))
-    membrane = ff.Membrane(fabric)
-    return membrane, ff.Scene(
-        blank, [membrane], [ff.Support("all", everywhere, components, follow)]
-    )
-
-
-def shear_angles(membrane):
-    return membrane.invariants_at_points()[..., 3]
+    held = ff.Support("all", everywhere, tuple(range(blank.mesh.geometry.dim)), follow)
+    return ff.Scene(blank, [ff.Membrane(fabric)], [held])
 
 
 @pytest.mark.versions
@@ -54,7 +47,7 @@ def test_derivatives_after_an_accepted_state(unbalanced, cell, degree, options):
 @pytest.mark.mpi
 def test_a_loop_takes_what_its_sliding_dissipates():
     """There and back to the square, where the springs of the elements are still loaded."""
-    _, scene = sheared(path=lambda load: 1 - abs(2 * load - 1), degree=2)
+    scene = sheared(path=lambda load: 1 - abs(2 * load - 1), degree=2)
     result = ff.Job(scene, steps=40).run()
     energy, elastic = result.summary["energy"], F / K
     exact = 0.8 * SIDE**2 * (F * (2 * ANGLE - 2.5 * elastic)).sum()
@@ -72,16 +65,15 @@ def test_a_square_keeps_the_angle_at_which_law_and_friction_balance(folder, s1, 
     friction at its full strength holds it: s1 g = sum f. And so it is in a run that went on."""
     fabric = FABRIC.replace(s1=s1, shear_friction=friction)
     left = 0.2 * (ANGLE - 0.01) / (s1 + 0.2) if s1 < 0.01 else F.sum() / s1
-    formed = ff.Job(sheared(fabric)[1], steps=4).run(folder, pictures=False)
+    formed = ff.Job(sheared(fabric), steps=4).run(folder, pictures=False)
     unloaded = ff.unloading(formed).run()
-    term = unloaded.scene.terms[0]
-    assert shear_angles(term) == pytest.approx(np.full_like(shear_angles(term), left), rel=1e-5)
-    assert unloaded.summary["energy"]["strain"] == pytest.approx(
-        0.8 * s1 * left**2 / 2 * SIDE**2, 1e-4
-    )
+    angles = unloaded.scene.terms[0].invariants_at_points()[..., 3]
+    assert angles == pytest.approx(np.full_like(angles, left), rel=1e-5)
+    stored = 0.8 * s1 * left**2 / 2 * SIDE**2
+    assert unloaded.summary["energy"]["strain"] == pytest.approx(stored, 1e-4)
     assert unloaded.summary["energy_imbalance"] < 2e-3
     assert not [each for each in said(unloaded.summary) if "keeps no shape" in each]
-    again = ff.Job(sheared(fabric)[1], steps=4).run(folder, resume=True, pictures=False)
+    again = ff.Job(sheared(fabric), steps=4).run(folder, resume=True, pictures=False)
     other = ff.unloading(again).run()
     assert other.summary["energy"] == pytest.approx(unloaded.summary["energy"], rel=1e-9)
 
@@ -94,10 +86,8 @@ def test_plies_rub_each_by_its_own_friction():
     terms = [ff.Membrane(FABRIC).on("one"), ff.Membrane(other).on("two")]
     scene = ff.Scene(stack, terms)
     stack.u.interpolate(lambda x: (0 * x[0], 0.4 * x[0], 0 * x[0]))
-    exact = [
-        friction.respond(np.arctan(np.array([0.4])), np.zeros(1)).energy[0]
-        for friction in (FRICTION, other.shear_friction)
-    ]
+    gamma, known = np.arctan(np.array([0.4])), (FRICTION, other.shear_friction)
+    exact = [friction.respond(gamma, np.zeros(1)).energy[0] for friction in known]
     assert scene.energies()["yarn_friction"] == pytest.approx(0.8 * sum(exact) * SIDE**2, rel=1e-12)
 
 
