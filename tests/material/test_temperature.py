@@ -12,10 +12,8 @@ KOMEILI = ff.load("komeili").replace(name="glass")
 YARN = Curve((-0.1, 0.0, 0.01, 0.03), (-0.1, 0.0, 9.0, 45.0))
 TABLE = ff.TabulatedFabric(YARN, YARN, Curve((0.0, 0.4, 0.8), (0.0, 0.01, 0.09)))
 FABRICS = {"coupled": KOMEILI, "tabulated": TABLE, "law58": LAW58}
-FACTORS = {
-    20: {"shear_factor": 8.0, "yarn_factor": 1.2},
-    200: dict.fromkeys(("shear_factor", "yarn_factor"), 1.0),
-}
+NAMES = "shear_factor", "yarn_factor"
+FACTORS = {20: dict(zip(NAMES, (8.0, 1.2))), 200: dict(zip(NAMES, (1.0, 1.0)))}
 STATES = np.array([[0.01, -0.02, 0.0], [0.02, 0.0, 0.005], [0.0, 0.3, -0.6]])
 
 
@@ -24,12 +22,10 @@ def test_numbers_are_linear_between_temperatures(name):
     plain = FABRICS[name]
     fabric = plain.replace(at_temperatures=FACTORS)
     warm = fabric.at(110.0)
-    shear, yarn = 4.5, 1.1
-    parts = plain.derivatives(*STATES).parts
     if name != "coupled":  # without couplings the parts scale alone
-        told = warm.derivatives(*STATES).parts
-        assert told == pytest.approx(parts * [yarn, yarn, shear], rel=1e-12)
-    assert warm.shear_stiffness == pytest.approx(shear * plain.shear_stiffness, rel=1e-12)
+        parts = plain.derivatives(*STATES).parts * [1.1, 1.1, 4.5]
+        assert warm.derivatives(*STATES).parts == pytest.approx(parts, rel=1e-12)
+    assert warm.shear_stiffness == pytest.approx(4.5 * plain.shear_stiffness, rel=1e-12)
     assert fabric.at(200.0).replace(name=plain.name) == plain
     temperatures = np.array([20.0, 110.0, 200.0])
     numbers = fabric.numbers_at(temperatures)
@@ -42,31 +38,8 @@ def test_numbers_are_linear_between_temperatures(name):
         assert found.second[:, k] == pytest.approx(alone.second[:, 0], rel=1e-12, abs=1e-15)
 
 
-FILE = """
-name = "glass"
-thickness_mm = 1.0
-density_kg_per_m3 = 750
-[units]
-stress = "MPa"
-[yarns]
-a = 4130.0
-b = 667.5
-d = 0.65
-p_min = 0.75
-c = 23.67
-s_T = 1467.6
-s_C = 100.0
-[shear]
-s1 = 25.06e-3
-s2 = 0
-s3 = 0
-[[at]]
-temperature = 200
-s1_kPa = 10
-[[at]]
-temperature = 20
-s1 = 0.08
-"""
+AT = "[[at]]\ntemperature = 200\ns1_kPa = 10\n[[at]]\ntemperature = 20\ns1 = 0.08\n"
+FILE = f"{KOMEILI.dumps()}\n{AT}"
 
 
 def test_a_file_has_tables_at_temperatures(tmp_path):
@@ -74,15 +47,13 @@ def test_a_file_has_tables_at_temperatures(tmp_path):
     fabric = ff.load(tmp_path / "f.toml")
     assert fabric.at(65.0).s1 == pytest.approx(0.0625)
     fabric.to_toml(tmp_path / "again.toml")
-    again = ff.load(tmp_path / "again.toml")
-    assert again == fabric != fabric.replace(at_temperatures={20: {"s1": 0.1}, 200: {"s1": 0.01}})
+    assert ff.load(tmp_path / "again.toml") == fabric
 
 
 @pytest.mark.parametrize(
     "before, after, said",
     [
-        ("s1 = 0.08", "", "missing at temperature 200: s1|missing at temperature 20: s1"),
-        ("s1 = 0.08", "thickness = 1", "at.2.thickness is unknown"),
+        ("s1 = 0.08", "", "missing at temperature 20: s1"),
         ("temperature = 20\n", "temperature = 200\n", "at.2.temperature is 200 again"),
         ("[[at]]\ntemperature = 20\ns1 = 0.08", "", "the temperature 200 alone; allowed are 2"),
     ],
@@ -100,9 +71,8 @@ def test_a_temperature_is_given_where_it_is_of_use_and_nowhere_else():
         ff.Membrane(fabric)
     with pytest.raises(ff.InputError, match="`temperature` is 250; allowed is from 20 to 200"):
         ff.Membrane(fabric, temperature=250)
-    for wrong in (100.0, lambda x, y: 100.0 + x):
-        with pytest.raises(ff.InputError, match="has no numbers at temperatures"):
-            ff.Membrane(KOMEILI, temperature=wrong)
+    with pytest.raises(ff.InputError, match="has no numbers at temperatures"):
+        ff.Membrane(KOMEILI, temperature=100.0)
     with pytest.raises(ff.InputError, match="s1 is changed, and material glass has its own"):
         fabric.changed({"s1": 0.05})
     assert fabric.changed({"b": 600.0}).at(200.0).warp.b == 600.0
