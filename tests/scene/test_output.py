@@ -12,10 +12,6 @@ from fabric_fenicsx.scene import output
 from fabric_fenicsx.scene.memory import rescale_loads
 
 
-def scene(*terms):
-    return SimpleNamespace(terms=terms)
-
-
 def test_what_is_merged_of_several_terms():
     """The largest by size, of vectors by their length, and whatever its sign; NaN has none."""
     numbers = values.largest(np.array([1.0, -3.0, np.nan]))
@@ -36,12 +32,12 @@ def test_the_worst_of_several_terms_and_the_force_of_a_tool():
         SimpleNamespace(penetration_of_thickness=lambda d=d: d, where_deepest=lambda n=n: n)
         for d, n in deep
     ]
-    assert output.deepest(scene(*terms)) == (0.4, "b")
+    assert output.deepest(SimpleNamespace(terms=terms)) == (0.4, "b")
     pushes = [
         SimpleNamespace(tool=tool, tool_force=lambda f=f: np.array(f))
         for tool, f in (("punch", (1, 2, 3)), ("die", (9, 9, 9)), ("punch", (0, 1, -1)))
     ]
-    assert output.tool_force(scene(*pushes), "punch").tolist() == [1, 3, 2]
+    assert output.tool_force(SimpleNamespace(terms=pushes), "punch").tolist() == [1, 3, 2]
 
 
 @pytest.mark.parametrize("first", [0, 1])
@@ -69,20 +65,17 @@ def test_the_worst_of_several_sheets(first):
 
 def test_loads_of_a_memory_are_scaled_and_nothing_else():
     """Of each state 1 if it is known, load, force and place."""
-    rows = np.arange(24.0).reshape(1, 24)  # of a node with two components, three states each
-    work = np.arange(14.0).reshape(1, 14) if False else np.arange(12.0).reshape(1, 12)
-    memory = {"supports": rows.copy(), "3 work": work.copy(), "3 slip": work.copy()}
+    rows = np.arange(24.0)  # of a node with two components, three states each
+    memory = {"supports": rows[None].copy(), "3 work": rows[None, :12].copy(), "slip": rows.copy()}
     rescale_loads(memory, 0.5)
-    loads = np.arange(24) % 4 == 1
-    assert memory["supports"][0] == pytest.approx(np.where(loads, 0.5, 1) * rows[0])
-    assert memory["3 work"][0] == pytest.approx(np.where(np.arange(12) % 4 == 1, 0.5, 1) * work[0])
-    assert np.array_equal(memory["3 slip"], work)
+    halved = np.where(np.arange(24) % 4 == 1, 0.5, 1) * rows
+    assert memory["supports"][0] == pytest.approx(halved)
+    assert memory["3 work"][0] == pytest.approx(halved[:12])
+    assert np.array_equal(memory["slip"], rows)
 
 
 def test_numbers_that_a_checkpoint_compares():
     """To 12 digits."""
-    term = Elastic(1e3 / 3)
-    made = ff.Scene(sheet(20, 10, 2, 2), [term], ff.clamped_ends(0.1))
-    facts = made.fingerprint()
+    facts = ff.Scene(sheet(20, 10, 2, 2), [Elastic(1e3 / 3)], ff.clamped_ends(0.1)).fingerprint()
     assert facts["stiffness of term 1, elastic"] == 333.333333333
     assert facts["largest displacement of supports [mm]"] == 0.1

@@ -18,9 +18,8 @@ def moved(x):
 
 def test_displacements_at_a_load():
     """In proportion to it; those of a frame from its low corner on, wherever that lies."""
-    assert ff.Support("s", None, (0,), (2.0, -4.0)).at(np.zeros((3, 2)), 0.25) == pytest.approx(
-        np.array([[0.5, 0.5], [-1.0, -1.0], [0, 0]])
-    )
+    found = ff.Support("s", None, (0,), (2.0, -4.0)).at(np.zeros((3, 2)), 0.25)
+    assert found == pytest.approx(np.array([[0.5, 0.5], [-1.0, -1.0], [0, 0]]))
     blank = sheet(20, 10, 2, 2, shape=moved)
     (frame,) = ff.frame(lambda load: np.array([[1 + load, 0.1], [0.0, 1.0]]))(blank)
     found = frame.at(np.array([[3.0, 23.0, 3.0], [-2.0, -2.0, 8.0], [0, 0, 0]]), 0.5)
@@ -28,21 +27,14 @@ def test_displacements_at_a_load():
     fixed, moving, corner = ff.rolling_ends(2.0)(blank)
     assert [s.components for s in (fixed, moving, corner)] == [(0,), (0,), (1,)]
     at = np.array([[3.0, 23.0, 23.0], [-2.0, -2.0, 8.0], [0, 0, 0]])
-    assert [s.where(at).tolist() for s in (fixed, moving, corner)] == [
-        [True, False, False],
-        [False, True, True],
-        [True, False, False],
-    ]
+    found = [s.where(at).tolist() for s in (fixed, moving, corner)]
+    assert found == [[True, False, False], [False, True, True], [True, False, False]]
 
 
 @pytest.mark.parametrize("width, gripped", [(5.1, True), (4.9, False)])
 def test_an_end_is_gripped_over_half_the_width(width, gripped):
-    def shape(x):
-        return x * np.column_stack(
-            [1 + 0 * x[:, 0], 1 - (1 - width / 10) * x[:, 0] / 20, 1 + 0 * x[:, 0]]
-        )
-
-    blank = sheet(20, 10, 4, 4, shape=shape)
+    narrow = lambda x: x * (1 - (1 - width / 10) * x[:, :1] / 20) ** (0, 1, 0)  # noqa: E731
+    blank = sheet(20, 10, 4, 4, shape=narrow)
     if gripped:
         assert len(ff.clamped_ends(1.0)(blank)) == 2
     else:
@@ -64,9 +56,8 @@ def test_reactions_and_forces_from_outside():
     scene.residual(scene.u.duplicate())
     pull = 1e3 * 0.01005 * 1.01 * 10
     assert scene.reaction("ends") == pytest.approx([0, 0], abs=1e-9)
-    assert output.outer_forces(scene) == pytest.approx(
-        {"ends": 2 * pull, "side": 0, "": 0}, abs=1e-9
-    )
+    outer = {"ends": 2 * pull, "side": 0, "": 0}
+    assert output.outer_forces(scene) == pytest.approx(outer, abs=1e-9)
     # over their nodes: 1/4, 1/2 and 1/4 of the pull
     assert scene.force_scale() == pytest.approx(pull * np.sqrt(2 * (2 / 16 + 1 / 4)))
     assert output.virial(scene) == pytest.approx(np.diag([pull * 40, 0]), abs=1e-8)
@@ -98,10 +89,8 @@ def test_forces_that_cancel_and_a_drag():
 
 def test_supports_that_locate_bear_up_to_half_a_percent():
     blank = sheet(20, 10, 4, 2)
-    corners = [
-        ff.Support(name, near(0, x), (1,), locates=True) for name, x in (("a", 0.0), ("b", 20.0))
-    ]
-    scene = ff.Scene(blank, [Elastic()], [*corners, ff.Support("end", near(0, 0.0), (0,))])
+    held = [ff.Support(k, near(0, x), (1,), locates=True) for k, x in (("a", 0.0), ("b", 20.0))]
+    scene = ff.Scene(blank, [Elastic()], [*held, ff.Support("end", near(0, 0.0), (0,))])
     for each, told in ((0.26, True), (0.24, False)):
         sizes = {"a": each, "b": 0.3, "end": 19.7 - each, "": 30.0}
         assert scene.supports.located_share(sizes) == pytest.approx((each + 0.3) / 50)
@@ -124,10 +113,8 @@ def test_nodes_beyond_planes_of_symmetry():
     u = blank.u.x.array.reshape(-1, 3)
     u[(x[:, 0] > 3.1) & (x[:, 0] < 9.0), 0] = -5.2  # of 8 mm to 2.8 mm: 3 nodes
     u[np.abs(x[:, 1] - 3) < 0.1, 1] = [5.0, 5.1, 5.4, 5.2, 4.9]
-    assert beyond_planes(blank, held) == {
-        "low": (3, pytest.approx(0.2)),
-        "high": (3, pytest.approx(0.4)),
-    }
+    found = {"low": (3, pytest.approx(0.2)), "high": (3, pytest.approx(0.4))}
+    assert beyond_planes(blank, held) == found
 
 
 def test_isostatic_supports_hold_at_far_corners():
@@ -140,9 +127,7 @@ def test_isostatic_supports_hold_at_far_corners():
     assert len(np.unique(held, axis=0)) == 3
     area = np.linalg.norm(np.cross(held[1] - held[0], held[2] - held[0])) / 2
     assert area == pytest.approx(50.0)  # the middle and two corners, of 200 mm^2
-    rows = []
-    for place, s in zip(held - held.mean(0), supports):
-        for axis in s.components:
-            e = np.eye(3)[axis]
-            rows.append([*e, *np.cross(place / 20, e)])
+    places = zip(held - held.mean(0), supports)
+    known = [(place, np.eye(3)[axis]) for place, s in places for axis in s.components]
+    rows = [[*e, *np.cross(place / 20, e)] for place, e in known]
     assert np.linalg.svd(np.array(rows))[1].min() > 0.1
