@@ -7,7 +7,6 @@ from scipy.special import lambertw
 from fabric_fenicsx.material.homogeneous import conjugate, gradient, lateral_strain, nominal_tangent
 from fabric_fenicsx.material.kernel import evaluate
 from fabric_fenicsx.material.presets import PRESETS
-from fabric_fenicsx.runtime.errors import SolverFailure
 
 KOMEILI = PRESETS["komeili"]
 
@@ -57,9 +56,4 @@ def test_free_tension_has_a_closed_root(unbalanced, along):
 
 
 def test_a_contraction_stays_within_its_bounds():
-    strain = np.array([0.03])
-    soft = KOMEILI.replace(c=0.5, d=1e-3)
-    assert lateral_strain(soft, 0, strain) == -0.99
-    vars(soft.warp).update(c=np.nan)
-    with pytest.raises(SolverFailure, match="across a free tension is not a number"):
-        lateral_strain(soft, 0, strain)
+    assert lateral_strain(KOMEILI.replace(c=0.5, d=1e-3), 0, np.array([0.03])) == -0.99

@@ -6,22 +6,6 @@ from scipy.integrate import quad
 
 import fabric_fenicsx as ff
 
-FALLING = ff.MeasuredBending(
-    curvature=(0, 0.005, 0.02, 0.1), moment_a=(0, 0.04, 0.1, 0.2), moment_b=(0, 0.02, 0.05, 0.1)
-)
-
-
-def test_the_moment_is_the_energy_s_derivative_and_odd():
-    k = np.linspace(-0.15, 0.15, 31)
-    both = np.stack([k, k], axis=1)
-    found = FALLING.respond(both, 1.0)
-    for yarn, moment in enumerate(found.moment.T):
-        assert moment == pytest.approx(-moment[::-1])
-        work = quad(lambda c: FALLING.respond(np.array([[c, c]]), 1.0).moment[0, yarn], 0, 0.15)[0]
-        assert found.energy[-1, yarn] == pytest.approx(work, rel=1e-7)
-    high, low = (FALLING.respond(both + h, 1.0).moment for h in (1e-7, -1e-7))
-    assert (high - low) / 2e-7 == pytest.approx(found.slope, rel=1e-3)
-
 
 def test_stiffness_of_cantilevers():
     """Weight times the cube of half the overhang, of each yarn: 9.81 m/s^2 of 375 g/m^2."""
@@ -67,9 +51,11 @@ def test_faces_thresholds_and_loops_of_measured_curves(kind):
     moment = stiffness * curvature + 0.05 * way + 0.01 * (kind == "a loop of two faces")
     test = ff.MeasuredBending(curvature=tuple(curvature), moment_a=tuple(moment))
     assert test.thresholds == pytest.approx((0.05, 0.05))
-    at = np.array([-0.2, -0.1, 0.0, 0.1, 0.2])
+    at = np.array([-0.3, -0.1, 0.0, 0.1, 0.3])
     below = 8.0 if min(curvature) < 0 else 5.0
     found = test.respond(np.stack([at, at], 1), 1.0)
     assert found.moment[:, 0] == pytest.approx(np.where(at < 0, below, 5.0) * at)
-    work = quad(lambda c: test.respond(np.array([[c, c]]), 1.0).moment[0, 0], 0, -0.2)[0]
+    work = quad(lambda c: test.respond(np.array([[c, c]]), 1.0).moment[0, 0], 0, -0.3)[0]
     assert found.energy[0, 0] == pytest.approx(work, rel=1e-7)
+    high, low = (test.respond(np.array([[k, k]]), 1.0).moment for k in (0.1501, 0.1499))
+    assert test.respond(np.full((1, 2), 0.15), 1.0).slope == pytest.approx((high - low) / 2e-4)

@@ -23,9 +23,6 @@ def metal(curve):
     return DC04.replace(hardening=CURVES[curve])
 
 
-# -- hardening
-
-
 def test_curves_by_their_formulas():
     """K (eps0 + p)^n, Y0 + Q (1 - e^(-b p)); a table goes on at its last slope, PCHIP's of three
     points: 3 (h1 + h2) / ((2 h2 + h1) / d1 + (h2 + 2 h1) / d2) and at the end (d2 (2 h2 + h1) - d1
@@ -61,9 +58,6 @@ def test_slope_and_work_belong_to_the_stress(curve):
         assert curve.work(np.array([end]))[0] == pytest.approx(exact, rel=1e-8)
 
 
-# -- strain
-
-
 def test_logarithmic_strain_is_that_of_the_spectral_form():
     """From C = 1 on to stretches of 3, with both derivatives."""
     rng = np.random.default_rng(1)
@@ -85,9 +79,6 @@ def test_logarithmic_strain_is_that_of_the_spectral_form():
         change = np.einsum("ni,nij->nj", weights, more.first - less.first) / (2 * h)
         second = found.second(weights)
         assert np.abs(change - second[:, k]).max() < 1e-6 * np.abs(second).max()
-
-
-# -- plasticity
 
 
 def states(n=400, seed=0):

@@ -98,14 +98,3 @@ def test_state_at_rest_and_sides_of_the_kink():
     e = np.linspace(-0.2, 0.08, 15)  # the decoupled baseline is convex everywhere
     least = stability.convexity(KOMEILI.decoupled(), e[:, None], e, np.radians(40)).min()
     assert least == pytest.approx(1.3, rel=1e-12)
-
-
-def test_slight_compression_ends_ellipticity():
-    """N along a compressed yarn, m across it: s1 / la^2 + W_a / la = 0 where 2 d |eps| (1 + eps) =
-    s1, without k_SC."""
-    fabric = KOMEILI.without("compression_shear")
-    eps = (-1 + np.sqrt(1 - 2 * fabric.s1 / 0.65)) / 2
-    found = stability.evaluate(fabric, stability.invariants(eps + np.array([1e-6, -1e-6]), 0.0))
-    assert (found.ellipticity < 0).tolist() == [False, True]
-    assert np.abs(np.cos(found.direction)) == pytest.approx(1)
-    assert found.out_of_plane == pytest.approx(2 * 0.65 * eps / (1 + eps), rel=1e-3)

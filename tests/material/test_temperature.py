@@ -51,16 +51,14 @@ def test_a_file_has_tables_at_temperatures(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "before, after, said",
+    "before, said",
     [
-        ("s1 = 0.08", "", "missing at temperature 20: s1"),
-        ("temperature = 20\n", "temperature = 200\n", "at.2.temperature is 200 again"),
-        ("[[at]]\ntemperature = 20\ns1 = 0.08", "", "the temperature 200 alone; allowed are 2"),
+        ("s1 = 0.08", "missing at temperature 20: s1"),
+        ("[[at]]\ntemperature = 20\ns1 = 0.08", "the temperature 200 alone; allowed are 2"),
     ],
 )
-def test_a_bad_table_is_told(tmp_path, before, after, said):
-    assert before in FILE
-    (tmp_path / "f.toml").write_text(FILE.replace(before, after))
+def test_a_bad_table_is_told(tmp_path, before, said):
+    (tmp_path / "f.toml").write_text(FILE.replace(before, ""))
     with pytest.raises(ff.InputError, match=said):
         ff.load(tmp_path / "f.toml")
 

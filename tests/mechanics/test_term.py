@@ -1,12 +1,11 @@
 """A term of one's own, and what a scene tells its terms."""
 
 import csv
-import json
 
 import numpy as np
 import pytest
 import ufl
-from builders import Elastic, Springs, alone, displacement, sheet
+from builders import Elastic, Springs, displacement, sheet
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
@@ -45,6 +44,7 @@ class Bedding(ff.Term):
 
 def scene_with(*terms):
     blank = sheet(20.0, 10.0, 2, 1)
+    blank.divide({"left": lambda x: x[0] < 10}, rest="right")
     return ff.Scene(blank, [ff.Membrane(KOMEILI), *terms], ff.clamped_ends(0.1))
 
 
@@ -55,15 +55,13 @@ def test_an_own_term_is_in_history_summary_fields_and_energy_balance(folder):
     result = ff.Job(scene, steps=5, every=1).run(folder, pictures=False)
     assert result.summary["terms"] == ["membrane", "bedding"]
     assert result.summary["energy_imbalance"] < 0.01
-    stored = result.summary["energy"]["bedding"]
-    assert stored > 0.1 * result.summary["energy"]["strain"]
     if COMM.rank != 0:
         return
     with open(folder / "history.csv") as file:
         rows = list(csv.DictReader(file))
     assert list(rows[0]) == [*COLUMNS, "bedding_energy_Nmm", "bedding_traction_MPa"]
-    written = json.loads((folder / "summary.json").read_text())["energy"]["bedding"]
-    assert float(rows[-1]["bedding_energy_Nmm"]) == written == stored
+    stored = result.summary["energy"]["bedding"]
+    assert float(rows[-1]["bedding_energy_Nmm"]) == stored > 0
     assert float(rows[-1]["bedding_traction_MPa"]) == pytest.approx(K * stroke)
     grid = read_state(folder)
     assert grid["bedding_traction"] == pytest.approx(-K * grid["u"][:, :2], abs=1e-12)
@@ -80,33 +78,10 @@ def test_terms_that_a_scene_refuses():
         ([type("Stored", (Springs,), {"energy_kind": None})()], "needs an `energy_kind`"),
         ([spring], "term spring needs `self.energy`"),
         ([Springs], "a term of the scene is .*; allowed are objects of"),
+        ([Bedding(K).on("left")], "bedding of left is on a part, .* `self.part.dx"),  # not `ufl.dx`
     ):
         with pytest.raises(ff.InputError, match=words):
             scene_with(*terms)
-
-
-@pytest.mark.mpi
-def test_an_own_energy_on_a_part_is_integrated_over_the_part():
-    """`ufl.dx` would take the whole sheet."""
-
-    class Spring(ff.Term):
-        name = energy_kind = "spring"
-
-        def __init__(self, whole):
-            self.whole = whole
-
-        def set_up(self, scene):
-            dx = ufl.dx if self.whole else self.part.dx(2)
-            self.energy = K * ufl.inner(self.blank.u, self.blank.u) / 2 * dx
-
-    def bound(whole):
-        blank = sheet(10, 10, 4, 2)
-        blank.divide({"left": lambda x: x[0] < 5}, rest="right")
-        return alone(blank, Spring(whole).on("left"))
-
-    bound(False)
-    with pytest.raises(ff.InputError, match="spring of left is on a part, .* `self.part.dx"):
-        bound(True)
 
 
 def telling(method, rule=lambda value: value):
@@ -133,7 +108,7 @@ def test_a_field_or_an_entry_that_two_terms_give():
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("method", ["cell_fields", "nodal_fields", "summary", "history"])
+@pytest.mark.parametrize("method", ["cell_fields", "history"])
 @pytest.mark.parametrize("rule, merged", [(ff.least, -2), (ff.total, 0), (last, 1)])
 def test_terms_that_say_how_their_values_are_merged_may_share_a_name(method, rule, merged):
     terms = [telling(method, rule)(K) for _ in range(3)]

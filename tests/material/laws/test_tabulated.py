@@ -2,24 +2,17 @@
 
 import numpy as np
 import pytest
+from fabrics import TABLE
 from scipy.integrate import quad
 
-from fabric_fenicsx.material.laws.tabulated import Curve, TabulatedFabric
+from fabric_fenicsx.material.laws.tabulated import Curve
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.runtime.errors import InputError
 
 
-@pytest.fixture
-def tabulated():
+def test_curve_keeps_points_monotony_and_a_twice_continuous_energy():
     e = np.array([-0.2, -0.05, 0.0, 0.004, 0.01, 0.02, 0.03])
-    yarn = Curve(tuple(e), tuple(np.where(e > 0, 12390 * e**2 + 1335 * e, 1.3 * e)))
-    g = np.radians([0, 5, 10, 20, 30, 45, 60])
-    shear = Curve(tuple(g), tuple(0.02 * g + 0.3 * g**3))
-    return TabulatedFabric(yarn, yarn, shear, name="table")
-
-
-def test_curve_keeps_points_monotony_and_a_twice_continuous_energy(tabulated):
-    curve = Curve(tabulated.warp.x, tabulated.warp.y, "linear")
+    curve = Curve(tuple(e), tuple(np.where(e > 0, 12390 * e**2 + 1335 * e, 1.3 * e)), "linear")
     assert curve(curve.x) == pytest.approx(curve.y, abs=1e-12)
     e = np.linspace(-0.3, 0.05, 5001)
     energy, stress, tangent = curve.derivatives(e)
@@ -47,11 +40,10 @@ def test_tables_of_tension_alone_and_of_stresses_that_fall():
     assert falling(np.array([1.0, 1.2, 3.0])) == pytest.approx(0.004)
 
 
-def test_what_tables_lack_is_told_before_a_run(tabulated):
-    assert tabulated.plausibility_warnings() == []
+def test_what_tables_lack_is_told_before_a_run():
     falling = Curve((0.0, 0.5, 1.0), (0.0, 0.022, 0.004))
-    pulled = Curve(tabulated.weft.x[2:], tabulated.weft.y[2:])
-    lacks, falls = tabulated.replace(shear=falling, weft=pulled).plausibility_warnings()
+    pulled = Curve(TABLE.weft.x[1:], TABLE.weft.y[1:])
+    lacks, falls = TABLE.replace(shear=falling, weft=pulled).plausibility_warnings()
     assert "the table of weft of material table begins at 0, so the yarns have no stress" in lacks
     assert "the table of shear of material table falls from 28.65 deg on" in falls
 

@@ -58,9 +58,6 @@ def wavy(x):
     )
 
 
-# -- curvature of fields one can work out by hand
-
-
 @pytest.mark.versions
 @pytest.mark.mpi
 @pytest.mark.parametrize("pattern", PATTERNS)
@@ -197,9 +194,6 @@ def test_bending_of_yarns_in_the_sheet(pattern):
     assert errors[0] < 0.03 and errors[1] < 0.6 * errors[0] and errors[2] < 0.6 * errors[1]
 
 
-# -- stability
-
-
 @pytest.mark.parametrize("pattern, in_plane", [*zip(PATTERNS, (0, 0.3, 1))])
 def test_only_linear_fields_are_free_of_energy(pattern, in_plane):
     blank = sheet(4, 4, 4, 4, pattern, MPI.COMM_SELF, a=0.3)
@@ -214,28 +208,20 @@ def test_only_linear_fields_are_free_of_energy(pattern, in_plane):
     assert stiffness[free] > 1e-3 * min(in_plane or 1, 1) * stiffness[-1]
 
 
-# -- plates and strips under small loads
-
-
 def deflection(blank, bending, held):
     """Of the nodes of a flat blank under a unit pressure, zero where `held` (nodes,)."""
     K, free = matrix(bending)[2::3, 2::3], np.flatnonzero(~held)
-    x = blank.mesh.geometry.x[compat.geometry_dofmap(blank.mesh)]
-    areas = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1) / 2
-    load = np.bincount(compat.dofmap(blank.V).ravel(), np.repeat(areas / 3, 3))
+    load = np.bincount(compat.dofmap(blank.V).ravel(), np.repeat(blank.areas() / 3, 3))
     w = np.zeros(len(held))
     w[free] = spsolve(K[free][:, free].tocsc(), load[free])
     return w
 
 
-@pytest.mark.parametrize(
-    "pattern, clamped", [("left", False), *((each, True) for each in PATTERNS)]
-)
+@pytest.mark.parametrize("pattern, clamped", [("left", 0), *((each, 1) for each in PATTERNS)])
 def test_square_plate(pattern, clamped):
     """Deflection at the centre of an isotropic plate, simply supported (Navier) and clamped
     (0.00126532 q L^4 / D)."""
-    odd = np.arange(1, 60, 2)
-    m, n = np.meshgrid(odd, odd)
+    m, n = np.meshgrid(np.arange(1, 60, 2), np.arange(1, 60, 2))
     navier = (16 / np.pi**6 * (-1.0) ** ((m + n) // 2 - 1) / (m * n * (m**2 + n**2) ** 2)).sum()
     exact, errors = 0.00126532 if clamped else navier, []
     for n in (8, 32):
@@ -249,30 +235,18 @@ def test_square_plate(pattern, clamped):
         r = np.linalg.norm(x[near], axis=1)
         centre = np.linalg.lstsq(np.column_stack([np.ones(8), r**2]), w[near], rcond=None)[0][0]
         errors.append(abs(centre / exact - 1))
-    assert errors[-1] < (0.02 if clamped else 0.005)
-    assert errors[-1] < 0.5 * errors[0]
-
-
-def elastica(load, stiffness, length):
-    """End (x, z) of a clamped strip under a dead `load` per length along z."""
-    s, y = np.linspace(0, length, 100), np.zeros((4, 100))
-    y[2] = s
-    for part in (0.25, 0.5, 1.0):
-
-        def slope(s, y):
-            force = part * load * (length - s)
-            return np.array([y[1], -force * np.cos(y[0]) / stiffness, np.cos(y[0]), np.sin(y[0])])
-
-        solution = solve_bvp(slope, lambda a, b: np.array([a[0], b[1], a[2], a[3]]), s, y, tol=1e-6)
-        assert solution.success
-        s, y = solution.x, solution.y
-    return y[2, -1], y[3, -1]
+    assert errors[1] < min(0.02 if clamped else 0.005, 0.5 * errors[0])
 
 
 def test_elastica_under_its_own_weight():
     """A clamped strip, of an isotropic plate, that sags by 64 % of its length."""
     L, q, errors = 100.0, 8 * D / 100.0**3, []
-    x, z = elastica(q, D, L)
+
+    def slope(s, y):  # of its angle, curvature and place
+        return y[1], -q * (L - s) * np.cos(y[0]) / D, np.cos(y[0]), np.sin(y[0])
+
+    s, ends = np.linspace(0, L, 100), lambda a, b: np.array([a[0], b[1], a[2], a[3]])
+    x, z = solve_bvp(slope, ends, s, [0 * s, 0 * s, s, 0 * s], tol=1e-6).y[2:, -1]
     assert z > 0.6 * L
     for nx in (12, 24):
         blank = sheet(L, 25.0, nx, nx // 4, comm=MPI.COMM_SELF, a=math.pi / 4)
@@ -284,9 +258,6 @@ def test_elastica_under_its_own_weight():
         now = (blank.coordinates() + blank.nodal_displacement())[end].mean(0)
         errors.append(math.hypot(now[0] + L / 2 - x, now[2] - z) / L)
     assert errors[0] < 0.02 and errors[1] < 0.6 * errors[0]
-
-
-# -- objectivity, symmetry, ranks
 
 
 def test_curved_sheet_is_at_rest_undeformed():
@@ -336,36 +307,3 @@ def test_forces_and_stiffness_are_derivatives(in_plane):
     bending = alone(blank, ff.Bending(2.0, 1.0, 0.7, in_plane, **held))
     displace(blank, wavy)
     assert off_differences(bending, h=1e-5) < 1e-8
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize(
-    "make, in_plane",
-    [
-        (partial(ff.Bending, 2.0, 1.0, 0.7, 0.0), 0.0),
-        (partial(ff.Bending, 2.0, 1.0, 0.7, 0.2), 0.2),
-        (partial(ff.SheetMetal, DC04), 0.0),
-    ],
-)
-def test_the_narrow_tangent_and_what_is_beyond_it_are_the_tangent(make, in_plane):
-    fabric = KOMEILI.replace(bending_friction=ff.BendingFriction((2.0,), (0.01,)))
-    held = {"symmetric": [near(0, -5.0), near(1, -4.0)], "clamped": near(1, 4.0)}
-    blank = sheet(10, 8, 10, 8, pattern="crossed")
-    blank.divide({"disc": lambda x: np.hypot(x[0], x[1]) < 5}, "rest")
-    scene = ff.Scene(blank, [ff.Membrane(fabric), make(**held).on("disc")], ())
-    matrices = [scene.create_matrix(narrow) for narrow in (False, True)]
-    v, rng = scene.u.duplicate(), np.random.default_rng(0)
-    for size in (1.0, 1.3):  # the second time elsewhere
-        displace(blank, lambda x: 0.03 * size * wavy(x))
-        for A, narrow in zip(matrices, (False, True)):
-            scene.tangent(A, narrow=narrow)
-        v.array[:] = rng.uniform(-1, 1, v.local_size)
-        whole, parts = v.duplicate(), v.duplicate()
-        for A, f in zip(matrices, (whole, parts)):
-            A.mult(v, f)
-        beyond = (whole - parts).norm()
-        assert (beyond > 1e-3 * whole.norm()) == (not in_plane)
-        scene.add_beyond(v, parts)
-        assert (whole - parts).norm() <= 1e-12 * whole.norm()
-    places = [A.getInfo(A.InfoType.GLOBAL_SUM)["nz_used"] for A in matrices]
-    assert (places[1] < 0.8 * places[0]) == (not in_plane)

@@ -78,19 +78,6 @@ def test_a_square_keeps_the_angle_at_which_law_and_friction_balance(folder, s1, 
     assert other.summary["energy"] == pytest.approx(unloaded.summary["energy"], rel=1e-9)
 
 
-@pytest.mark.mpi
-def test_plies_rub_each_by_its_own_friction():
-    plies = [sheet(SIDE, SIDE, 2, 2, spatial=True) for _ in range(2)]
-    stack = ff.Stack([(plies[0], 1.0, "one"), (plies[1], 1.0, "two")])
-    other = FABRIC.replace(shear_friction=ff.ShearFriction(0.1, 0.01))
-    terms = [ff.Membrane(FABRIC).on("one"), ff.Membrane(other).on("two")]
-    scene = ff.Scene(stack, terms)
-    stack.u.interpolate(lambda x: (0 * x[0], 0.4 * x[0], 0 * x[0]))
-    gamma, known = np.arctan(np.array([0.4])), (FRICTION, other.shear_friction)
-    exact = [friction.respond(gamma, np.zeros(1)).energy[0] for friction in known]
-    assert scene.energies()["yarn_friction"] == pytest.approx(0.8 * sum(exact) * SIDE**2, rel=1e-12)
-
-
 def test_friction_counts_from_the_fabric_as_it_lies():
     """Also where that is sheared against its weave, by 0.1 rad."""
     blank = sheet(SIDE, SIDE, 2, 2, a=0.0, b=np.pi / 2 - 0.1)
@@ -100,8 +87,6 @@ def test_friction_counts_from_the_fabric_as_it_lies():
     exact = K.sum() * (1e-3 * np.cos(0.1) ** 2) ** 2 / 2 * 0.8 * SIDE**2
     assert scene.energies()["yarn_friction"] == pytest.approx(exact, rel=1e-3)
 
-
-# -- bending
 
 BENT = ff.BendingFriction(4.0, 0.1)  # k [N mm], f [N mm/mm]
 
