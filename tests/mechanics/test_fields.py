@@ -8,12 +8,9 @@ from builders import compiled_as_it_stands
 import fabric_fenicsx as ff
 
 KOMEILI = ff.load("komeili")
-WARM = KOMEILI.replace(
-    at_temperatures={20.0: {"shear_factor": 8.0, "yarn_factor": 1.1}, 200.0: dict.fromkeys(
-        ("shear_factor", "yarn_factor"), 1.0
-    )},
-    shear_friction=ff.ShearFriction(0.05, 0.002),
-)  # fmt: skip
+COLD = {"shear_factor": 8.0, "yarn_factor": 1.1}
+FACTORS = {20.0: COLD, 200.0: dict.fromkeys(COLD, 1.0)}
+WARM = KOMEILI.replace(at_temperatures=FACTORS, shear_friction=ff.ShearFriction(0.05, 0.002))
 
 
 def press(*sheets, friction=0.2):

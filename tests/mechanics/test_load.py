@@ -5,7 +5,6 @@ import pytest
 from builders import Elastic, everywhere, march, near, rotation, run, sheet
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.solve.newton import Newton
 
@@ -31,7 +30,7 @@ def test_edge_tension_is_the_stress_of_a_strip(kind):
     spatial = kind == "turned"
     turn, cell = rotation() if spatial else FLAT, "quadrilateral" if kind == "Q1" else "triangle"
     blank = strip(spatial, turn, cell, degree=2 if kind == "P2" else 1)
-    fabric = load("komeili").without("biaxial")
+    fabric = ff.load("komeili").without("biaxial")
     membrane = ff.Membrane(fabric)
     gdim = blank.mesh.geometry.dim
     pulls = [
@@ -59,7 +58,7 @@ def test_dead_pressure_on_a_tilted_patch():
     """Held at all its nodes: reaction p A, whatever the tilt, no energy."""
     Q = rotation()
     load_, held = ff.DeadPressure(0.1, Q[:, 2]), ff.Support("all", everywhere, (0, 1, 2))
-    scene = ff.Scene(strip(True, Q), [ff.Membrane(load("komeili")), load_], [held])
+    scene = ff.Scene(strip(True, Q), [ff.Membrane(ff.load("komeili")), load_], [held])
     scene.set_load(0.5)
     scene.residual(scene.u.duplicate())
     total = 0.05 * LENGTH * WIDTH

@@ -7,17 +7,15 @@ import pytest
 from builders import sheet
 from fabrics import LAW58, TABLE
 
+from fabric_fenicsx import InputError, Membrane, Scene, load
 from fabric_fenicsx.material import functions
 from fabric_fenicsx.material.functions import exp, negative, positive, sqrt
 from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
 from fabric_fenicsx.material.hyperdual import HyperDual
 from fabric_fenicsx.material.laws import COUPLINGS, LAWS, Law, coupling_variants
 from fabric_fenicsx.material.laws.coupled import WovenFabric
-from fabric_fenicsx.material.presets import PRESETS, load
-from fabric_fenicsx.mechanics.shell.membrane import Membrane
-from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.runtime.rules import above_zero
-from fabric_fenicsx.scene.scene import Scene
 
 
 @pytest.fixture(scope="module")

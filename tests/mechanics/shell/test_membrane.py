@@ -10,12 +10,11 @@ from mpi4py import MPI
 import fabric_fenicsx as ff
 from fabric_fenicsx.material import kernel
 from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
-from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.solve.newton import Newton
 
-KOMEILI = PRESETS["komeili"]
+KOMEILI = ff.load("komeili")
 ELEMENTS = [*(("triangle", k) for k in (1, 2, 3)), ("quadrilateral", 1), ("quadrilateral", 2)]
 
 
