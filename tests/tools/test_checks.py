@@ -9,6 +9,7 @@ from dome_triangles import double_dome
 from mpi4py import MPI
 
 from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.tools import radii
 from fabric_fenicsx.tools.checks import (
     check_start,
     check_triangles,
@@ -117,6 +118,16 @@ def test_a_tool_in_another_unit_is_doubted():
 def test_a_hole_below_a_tenth_of_the_tool_is_told_of():
     assert "has a hole 9 mm wide at (0, 0, 0) mm" in hole_warning(flat(100.0, 9.0))
     assert not hole_warning(flat(100.0, 11.0))
+
+
+def test_the_least_radius_takes_more_than_a_hundredth_of_the_turning(monkeypatch):
+    """One of 256 equal triangles has 9 % of the sum of A / R^2, or 0.9 %."""
+    surface = grid(0.0).curved
+    bends = np.tile([[1 / 40], [-1 / 30]], len(surface.areas))
+    for bend, radius in ((1 / 8, 8), (1.5 / 40, 40)):
+        bends[0, 0] = bend
+        monkeypatch.setattr(radii, "curvatures", lambda patches: bends)
+        assert radii.least_radii(surface) == pytest.approx((radius, 30))
 
 
 @pytest.mark.parametrize(
