@@ -13,8 +13,6 @@ from fabric_fenicsx.meshes.specimen import specimen
 @pytest.mark.parametrize(
     "kind, fields, words",
     [
-        (ff.Tensile, {"nx": 0}, "`nx` is 0; allowed is a whole number of 1 or more"),
-        (ff.Tensile, {"fiber_angle": 1}, "(did you mean fibre_angle?); allowed are fabric, mesh"),
         (ff.BiasExtension, {"length": 99}, "allowed is a length of 2 widths or more"),
         (ff.PictureFrame, {"fibre_angle": 30}, "allowed is 0 and 90, along its arms"),
     ],

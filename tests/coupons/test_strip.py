@@ -65,8 +65,6 @@ def test_a_measured_shear_stress_is_a_force_by_the_work_it_does(tmp_path):
     "test, sizes, sheet, words",
     [
         ("uniaxial_a", (300, 50), SHEET, "length 300 mm and width 50 mm, the run of one of 200 x"),
-        ("bias_extension", (200, 60), SHEET, "height 200 mm and width 60 mm, the run of one of"),
-        ("uniaxial_a", (200, 50), SHEET.replace("1.0", "0.8"), "sheet of 0.8 mm, the material of"),
         ("uniaxial_a", (202.1, 50), SHEET, "length 202.1 mm and width 50 mm, the run of"),
         ("uniaxial_a", (200, 50), SHEET.replace("1.0", "0.989"), "of 0.989 mm, the material"),
         ("uniaxial_a", (201.9, 50), SHEET.replace("1.0", "0.991"), ""),
@@ -88,7 +86,6 @@ def test_what_still_can_be_compared_is_warned_of(tmp_path, test, sizes, sheet, w
     [
         (ff.Tensile, {}, "komeili_all/uniaxial_b.csv", "but uniaxial_b; allowed is a tension test"),
         (ff.Tensile, {"fibre_angle": 30}, "komeili_all", "allowed is `fibre_angle` 0 or 90"),
-        (ff.BiasExtension, {}, "komeili_all/shear_tension_a.csv", "allowed is bias_extension"),
         (ff.BiasExtension, {"strain": 0.01}, "glass_pp_115x230", "allowed is a `strain` above 0.0"),
     ],
 )
@@ -115,12 +112,10 @@ def test_a_sheet_toml_stands_for_its_folder():
     "kind, fields, integration",
     [
         (ff.Tensile, {"pattern": "unstructured"}, "full"),  # yarns along the load
-        (ff.Tensile, {"fibre_angle": 20}, "full"),  # cells along the yarns
         (ff.Tensile, {"fibre_angle": 20, "pattern": "crossed", "turned": 30}, "inner"),
         (ff.Tensile, {"fibre_angle": 20, "element": "P1"}, "full"),
         (ff.BiasExtension, {}, "full"),
         (ff.BiasExtension, {"pattern": "left"}, "inner"),
-        (ff.BiasExtension, {"fibre_angle": 30}, "full"),
         (ff.BiasExtension, {"fibre_angle": 30, "pattern": "crossed"}, "inner"),
     ],
 )
@@ -131,11 +126,7 @@ def test_points_are_inner_where_quadratic_cells_do_not_follow_the_yarns(kind, fi
 @pytest.mark.parametrize(
     "fields, pattern",
     [
-        *(
-            ({"fibre_angle": angle + by}, pattern)
-            for by in (-1e-10, 0.0, 1e-10)
-            for angle, pattern in ((0, "crossed"), (45, "graded"), (-45, "graded"))
-        ),
+        *(({"fibre_angle": 45 + by}, "graded") for by in (-90.0, -1e-10, 1e-10)),
         ({"fibre_angle": 0.9}, "crossed"),
         ({"fibre_angle": 1.1}, "yarns"),
         ({"fibre_angle": 47}, "yarns"),

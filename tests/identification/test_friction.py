@@ -54,9 +54,8 @@ def test_a_loop_gives_friction_and_law_apart(tmp_path, friction, test):
     assert fitted.stiffness == pytest.approx(friction.stiffness, rel=0.05)
     assert fitted.strength == pytest.approx(friction.strength, rel=0.02)
     angles = np.array([0.2, 0.4, 0.6])
-    fit, true = (
-        law.derivatives(0 * angles, 0 * angles, angles).first[2] for law in (found.fabric, KOMEILI)
-    )
+    laws = found.fabric, KOMEILI
+    fit, true = (law.derivatives(0 * angles, 0 * angles, angles).first[2] for law in laws)
     assert fit == pytest.approx(true, abs=1e-3 * true.max())
     assert not [each for each in found.warnings if "toe" in each]
     assert any(line.startswith("shear_friction.stiffness_1 was fitted") for line in found.remarks())

@@ -16,7 +16,6 @@ FABRIC = load("komeili").replace(**dict(zip(("s1", "s2", "s3"), TRUE)))
 
 
 def raw(force, file="bias.csv"):
-    """A bias test of 300 x 100 mm."""
     keys, strains = {"height": 300.0, "width": 100.0}, np.outer(GAMMA, [0, 0, 1])
     responses = (response("F", force, GAMMA, "bias_extension", keys, SHEET.thickness),)
     d = bias_displacement(GAMMA, 300.0, 100.0)

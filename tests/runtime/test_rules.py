@@ -38,13 +38,6 @@ def test_a_rule_takes_numbers_of_numpy_and_gives_those_of_python():
     assert math.copysign(1, FINITE.check("size", -0.0)) == 1
 
 
-def test_a_rule_tells_what_it_allows():
-    with pytest.raises(InputError, match="^nx is 2.5; allowed is a whole number of 1 or more$"):
-        COUNT.check("nx", 2.5)
-    with pytest.raises(InputError, match="size is 0; allowed is a number above 0"):
-        POSITIVE.check("size", 0)
-
-
 @pytest.mark.parametrize(
     "rule, least, most, beyond",
     [
@@ -68,12 +61,9 @@ def test_a_rule_allows_its_ends_and_nothing_beyond(rule, least, most, beyond):
     "word, allowed, hint",
     [
         ("thiknes", ("thickness", "width"), " (did you mean thickness?)"),
-        ("Thickness", ("thickness", "width"), " (did you mean thickness?)"),
         ("mpa", ("MPa", "kPa"), " (did you mean MPa?)"),
         ("material", ("fabric", "metal"), " (did you mean fabric?)"),
-        ("Materials", ("fabric", "metal"), " (did you mean fabric?)"),
         ("material", ("warp", "weft"), ""),
-        ("xyz", ("warp", "weft"), ""),
         (3, ("warp", "weft"), ""),
     ],
 )

@@ -58,7 +58,6 @@ def test_quadrilaterals_of_8_nodes_keep_their_shape(tmp_path):
     "name, blocks, words",
     [
         ("s.vtu", [("triangle", [[0, 1, 2]]), ("quad", [[0, 1, 2, 3]])], r"\['quad', 'triangle'\]"),
-        ("s.vtu", [("polygon", [[0, 1, 2, 3, 4]])], "holds cells polygon5; allowed is one kind"),
         ("s.vtu", [("triangle", [[0, 1, 2]]), ("tetra", [[0, 1, 2, 4]])], r"solid cells \['tetra'"),
         ("s.step", [], "geometry without a mesh; .* `gmsh -2 s.step -o s.msh`"),
     ],
@@ -87,9 +86,7 @@ def test_one_of_two_surfaces_that_is_turned_over_is_turned(cell):
     mesh = checked_mesh(points, turned, kind, "sheet.msh")
     np.testing.assert_array_equal(mesh.cells, cells)
     (words,) = mesh.warnings
-    assert (
-        f"sheet.msh has {over.sum()} of {len(cells)} cells turned over, the first number" in words
-    )
+    assert f"has {over.sum()} of {len(cells)} cells turned over, the first number" in words
 
 
 def test_a_sheet_out_of_plane_by_rounding_is_plane():

@@ -120,11 +120,6 @@ def bent():
     "change, words",
     [
         (lambda s: [s[0], (*s[1][:2], "lower")], "['lower', 'lower']; allowed are different names"),
-        (
-            lambda s: [(ff.Blank.rectangle(20, 10, nx=4), 1.0, "a")],
-            "a of the stack lies in a plane",
-        ),
-        (lambda s: [(sheet(element="P3"), 1.0, "a")], "has other cells; allowed are"),
         (lambda s: [(bent(), 1.0, "a")], "sheet a of the stack is 0.4 mm high; allowed is a flat"),
         (lambda s: [s[0], (sheet(element="Q1"), 1.0, "q")], "['quadrilateral', 'triangle']s; all"),
     ],
