@@ -55,12 +55,7 @@ def test_packages_that_are_missing_are_told(monkeypatch, capsys):
     assert "mpi4py" in checks(out)[1]["MPI"]
 
 
-@pytest.mark.parametrize(
-    "program, words",
-    [("import os; os.kill(os.getpid(), 11)", "SIGSEGV"), ("while True: pass", "within 1 s")],
-)
-def test_drawing_that_fails_is_told_and_takes_nothing_down(monkeypatch, program, words, hang):
-    monkeypatch.setattr(info, "DRAWING_SECONDS", 1 if "while" in program else hang)
-    monkeypatch.setattr(info, "draw_triangle", partial(exec, program))
-    with pytest.raises(RuntimeError, match=words):
+def test_drawing_that_fails_is_told_and_takes_nothing_down(monkeypatch):
+    monkeypatch.setattr(info, "draw_triangle", partial(exec, "import os; os.abort()"))
+    with pytest.raises(RuntimeError, match="SIGABRT"):
         info.CHECKS["pyvista"]()

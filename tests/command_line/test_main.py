@@ -1,6 +1,5 @@
 """`fabric` runs studies from any folder and finds their example data."""
 
-import re
 import shlex
 import subprocess
 import sys
@@ -11,7 +10,6 @@ import pytest
 from fabric_fenicsx import __version__
 from fabric_fenicsx.command_line import main, prepare
 from fabric_fenicsx.command_line.options import STUDIES
-from fabric_fenicsx.runtime import status
 
 ROOT = Path(__file__).parents[2]
 
@@ -58,18 +56,6 @@ def test_usual_runs_are_prepared(caplog, tmp_path, monkeypatch):
     monkeypatch.setattr(prepare, "PRESSES", ("hemisphere",))
     assert main.main(["prepare"]) == 0
     assert not caplog.records and not list(tmp_path.iterdir())
-
-
-def test_help_of_a_study_begins_with_what_is_usual(capsys, monkeypatch):
-    monkeypatch.setattr(status, "SILENCE", -1.0)  # as on a slow machine
-    monkeypatch.setattr(status, "RENEWED", 0.001)
-    monkeypatch.setattr(sys, "argv", ["fabric"])
-    with pytest.raises(SystemExit) as end:
-        main.main(["tensile", "--help"])
-    out, err = capsys.readouterr()
-    assert not end.value.code and out.startswith("usage: ") and not err
-    options = re.findall(r"^  (--\w+)", out, re.M)
-    assert options[:6] == ["--material", "--length", "--width", "--strain", "--nx", "--steps"]
 
 
 def test_the_version_is_told(capsys):

@@ -3,7 +3,6 @@
 import pytest
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.command_line.press_study import press_parser
 from fabric_fenicsx.command_line.study import parser
 
 pytestmark = pytest.mark.versions
@@ -34,9 +33,3 @@ def test_bad_options_are_told_in_the_form_of_all_messages(words, told):
     with pytest.raises(ff.InputError) as error:
         parser(ff.Tensile, "").parse_args(words.split())
     assert str(error.value).startswith(told)
-
-
-def test_help_speaks_of_options():
-    told = " ".join(press_parser("").format_help().split())
-    assert "(its length over --nx)" in told and "`nx`" not in told and "--nx N " in told
-    assert "for singular points (the press's, or 0.1)" in told

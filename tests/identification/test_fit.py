@@ -77,16 +77,6 @@ def test_what_tests_determine(names, determined):
     assert worst(result, true_values(KOMEILI, True)) < 1e-6
 
 
-def test_directions_without_data_are_assumed():
-    sheet, curves = synthesise(KOMEILI, balanced=False)
-    known = dataclasses.replace(sheet, assumed={"weft.a": 4e3, "weft.b": 300.0})
-    result = identify(known, only(curves, "uniaxial_a", "compression_a", "shear"))
-    assert list(result.determined) == ["warp.a", "warp.b", "warp.d", "s1", "s2", "s3"]
-    b, c = result.assumed["weft.b"], result.assumed["weft.c"]
-    assert (b.value, b.source, result.fabric.weft.b) == (300.0, "sheet.toml", 300.0)
-    assert (c.source, c.reason) == ("Table 1 of Schäfer et al.", "no test depends on it")
-
-
 def test_what_the_data_cannot_separate_is_assumed():
     """A narrow range of angles shows a slope and no curvature; held tension with one strain across
     no rate c."""
@@ -212,9 +202,6 @@ def test_shear_stiffness_stays_positive():
     assert 0 < result.shear_stiffness_min < 1e-3
     assert all(p.at_bound for p in result.determined.values())
     assert any("s1, s2, s3 lie where the shear stiffness is just" in w for w in result.warnings)
-    linear = identify(SHEET, [shear(g, 0.2 * g - 0.05 * g**2)])  # concave: on the bound s3 = 0
-    assert linear.fabric.s3 == pytest.approx(0, abs=1e-9)
-    assert linear.fabric.s2 == pytest.approx(-0.05, rel=1e-4)
     concave = identify(SHEET, [shear(g, 0.2 * g - 0.02 * g**2 - 0.06 * g**3)])
     assert concave.fabric.s3 == 0 and concave.shear_stiffness_min > 0
 
@@ -270,7 +257,7 @@ def strip(curve):
     return dataclasses.replace(curve, responses=curve.responses[:1])
 
 
-@pytest.mark.parametrize("p_min, noise", [(0.3, 0.02), (0.75, 0.0), (1.0, 0.005)])
+@pytest.mark.parametrize("p_min, noise", [(0.3, 0.02), (0.75, 0.0)])
 def test_strips_with_free_sides_and_no_width_are_taken_as_uncoupled(p_min, noise):
     """So a held strip comes out as stiff as the free one was: never stiffer than the fabric's."""
     fabric = KOMEILI.replace(p_min=p_min)
@@ -284,10 +271,6 @@ def test_strips_with_free_sides_and_no_width_are_taken_as_uncoupled(p_min, noise
     held, true = (nominal(f, stretched)[:, 0] for f in (result.fabric, fabric))
     assert np.all(held < (1.02 + noise) * true)
     assert held[-1] == pytest.approx(given[0].responses[0].values[-1], rel=0.02 + 2 * noise)
-    if p_min == 1:
-        for name in "ab":
-            low, high = result.determined[name].interval
-            assert low - 1e-3 <= getattr(KOMEILI.warp, name) <= high + 1e-3
 
 
 def test_intervals_hold_where_coupling_is_weak(p_min=0.95, seed=4):

@@ -123,11 +123,3 @@ def test_numbers_are_told_within_a_factor_of_three(times):
     assert (found is None) == (times > 1)
     found = fit_friction([turned(r * times * math.log(2) / half)[0]])
     assert any(p.weak for p in found.determined.values()) == (times > 1)
-
-
-def test_without_a_way_back_there_is_no_friction(tmp_path):
-    loop(tmp_path, ONE)
-    file = tmp_path / "loop.csv"
-    file.write_text("\n".join(file.read_text().splitlines()[:42]))
-    found = identify(*data.read(tmp_path))
-    assert found.friction is None and found.fabric.shear_friction is None

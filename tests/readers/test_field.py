@@ -77,14 +77,10 @@ def test_a_bad_file_is_told(tmp_path, text, said):
         of_place(FROM_ZERO).check("`mu`", str(path))
 
 
-@pytest.mark.parametrize(
-    "function, said",
-    [
+def test_a_bad_function_is_told():
+    for function, said in (
         (lambda x: x, r"`mu` as a function of x, y fails \(TypeError"),
         (lambda x, y: 0.1 * x, r"`mu` at \(-13, 9, 5\) mm is -1.3; allowed is a number from 0"),
-    ],
-)
-def test_a_bad_function_is_told(function, said):
-    field = of_place(FROM_ZERO).check("`mu`", function)
-    with pytest.raises(ff.InputError, match=said):
-        field.at(INSIDE)
+    ):
+        with pytest.raises(ff.InputError, match=said):
+            of_place(FROM_ZERO).check("`mu`", function).at(INSIDE)

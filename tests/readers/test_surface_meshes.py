@@ -199,17 +199,6 @@ def test_files_that_no_reader_can_know(tmp_path, monkeypatch, name, text, words)
     assert not (tmp_path / "ran").exists()
 
 
-@pytest.mark.versions
-def test_the_reasons_of_all_readers_are_kept_on_one_line(tmp_path, capfd):
-    text = "CEND\nBEGIN BULK\nGRID,1,,x,0.,0.\nENDDATA\n"
-    with pytest.raises(InputError) as error:
-        read(tmp_path / "square.bdf", text)
-    words = str(error.value)
-    assert "cannot be read as .bdf (meshio: " in words and "; gmsh: " in words
-    assert "\n" not in words and "(1)" not in words and words.count(str(tmp_path)) == 1
-    assert capfd.readouterr() == ("", "")
-
-
 WHOLE = {
     "strip.bdf": 0.97,
     "strip.vtk": 0.9,

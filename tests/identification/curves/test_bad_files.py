@@ -64,29 +64,15 @@ def test_just_below_and_above_a_limit(tmp_path, kind):
         data.read(folder(tmp_path, t=limit(*text(refused))))
 
 
-BALANCED, WEIGHT = "balanced = true", "areal_weight_g_per_m2 = 700\nbalanced"
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "sentence"),
-    [
-        ("balanced", WEIGHT, "density and areal_weight are both given; allowed is one"),
-        (BALANCED, f"{BALANCED}\n[assumed]\np_min = 2", "assumed.p_min is 2; allowed is a number"),
-    ],
-)
-def test_bad_sheets(tmp_path, old, new, sentence):
-    path = folder(tmp_path, SHEET.replace(old, new, 1), warp=UNIAXIAL) / "sheet.toml"
-    with pytest.raises(InputError, match=re.escape(f"{path}: ") + ".*" + re.escape(sentence)):
-        data.read(tmp_path)
-
-
-def test_a_copy_is_no_second_test(tmp_path):
-    with pytest.raises(InputError, match="warp2.csv has the values of warp.csv, row by row"):
-        data.read(folder(tmp_path, warp=UNIAXIAL, warp2=UNIAXIAL))
-
-
-def test_bad_folders(tmp_path):
-    with pytest.raises(InputError, match=r"sheet.toml: cannot be read \(No such file"):
-        data.read(tmp_path)
-    with pytest.raises(InputError, match=r"has no \*.csv"):
-        data.read(folder(tmp_path))
+def test_bad_sheets_and_folders(tmp_path):
+    for words, more in (
+        (r"sheet.toml: cannot be read \(No such file", None),
+        (r"has no \*.csv", {}),
+        ("warp2.csv has the values of warp.csv", {"warp": UNIAXIAL, "warp2": UNIAXIAL}),
+        ("are both given", {"sheet": f"areal_weight_g_per_m2 = 700\n{SHEET}"}),
+        ("assumed.p_min is 2; allowed is a", {"sheet": f"{SHEET}[assumed]\np_min = 2"}),
+    ):
+        if more is not None:
+            folder(tmp_path, **more)
+        with pytest.raises(InputError, match=words):
+            data.read(tmp_path)
