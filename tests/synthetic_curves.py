@@ -72,6 +72,15 @@ def synthesise(fabric, plan="all", noise=0.0, seed=1, points=30, balanced=None):
     return sheet, tuple(curves)
 
 
+def bias_test(force, gamma, height, width, noise):
+    """A raw bias test of a fabric of 1.2 mm; noise: a share of each value."""
+    keys, strains = {"height": height, "width": width}, np.outer(gamma, [0, 0, 1])
+    responses = (data.forces.response("F", force, gamma, "bias_extension", keys, 1.2),)
+    more = {"displacement": data.bias_displacement(gamma, height, width), "keys": keys}
+    rows, stated = np.arange(len(gamma)), ("value", noise)
+    return Curve("bias.csv", "bias_extension", strains, responses, rows, 2, noise=stated, **more)
+
+
 def synthesise_compaction(sheet, compaction, noise=0.0, seed=1, points=30):
     """The thickness of one ply that plates press with 0.5 kPa to 1 MPa."""
     p = np.geomspace(5e-4, 1.0, points)

@@ -45,16 +45,6 @@ def test_all_works(capsys):
     assert "area of a unit square 1" in out and re.search(r"(1[6-9]|[2-9]\d) cells in a sq", out)
 
 
-def test_packages_that_are_missing_are_told(monkeypatch, capsys):
-    for name in ("mpi4py", "mpi4py.MPI"):
-        monkeypatch.setitem(sys.modules, name, None)
-    monkeypatch.setattr(info, "CHECKS", {"MPI": info.CHECKS["MPI"]})
-    assert info.show(info.world()) == 1
-    out = capsys.readouterr().out
-    assert re.search("^mpi4py +fails ModuleNotFoundError: .*mpi4py", out, re.M)
-    assert "mpi4py" in checks(out)[1]["MPI"]
-
-
 def test_drawing_that_fails_is_told_and_takes_nothing_down(monkeypatch):
     monkeypatch.setattr(info, "draw_triangle", partial(exec, "import os; os.abort()"))
     with pytest.raises(RuntimeError, match="SIGABRT"):

@@ -64,15 +64,11 @@ def test_the_version_is_told(capsys):
     assert not end.value.code and capsys.readouterr().out.strip() == __version__
 
 
-WRONG = {
-    "tensil": "fabric: error: command tensil is unknown (did you mean tensile?); allowed are",
-    "info more": "fabric: error: behind info is more; allowed is nothing",
-    "sweep press.toml": "fabric sweep: error: nothing is varied; allowed is",
-}
-
-
-@pytest.mark.parametrize("words", WRONG)
-def test_another_command_is_not_allowed(words, capsys):
-    assert main.main(words.split()) == 2
-    out, err = capsys.readouterr()
-    assert not out and err.startswith(WRONG[words]) and err.count("\n") == 1
+def test_another_command_is_not_allowed(capsys):
+    for words, told in (
+        ("tensil", "fabric: error: command tensil is unknown (did you mean tensile?); allowed are"),
+        ("sweep press.toml", "fabric sweep: error: nothing is varied; allowed is"),
+    ):
+        assert main.main(words.split()) == 2
+        out, err = capsys.readouterr()
+        assert not out and err.startswith(told) and err.count("\n") == 1

@@ -49,7 +49,6 @@ def test_slack_and_zero_are_fitted(tmp_path, kind, end, slack, zero):
         assert number.interval[0] <= true <= number.interval[1]
     assert loose.value == pytest.approx(slack, abs=1.0) and tare.value == pytest.approx(zero, abs=1)
     assert loose.unit == ("mm" if kind == "bias_extension" else "deg") and tare.unit == "N"
-    assert "zero of t.csv was fitted, 95 % interval" in "\n".join(found.remarks())
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from synthetic_curves import bias_test
 
 from fabric_fenicsx.identification import identify, identify_simulated
-from fabric_fenicsx.identification.curves import Curve, Sheet, bias_displacement
+from fabric_fenicsx.identification.curves import Curve, Sheet
 from fabric_fenicsx.identification.curves.forces import response
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.runtime.errors import SolverFailure
@@ -15,12 +16,8 @@ TRUE = [0.06, -0.12, 0.18]
 FABRIC = load("komeili").replace(**dict(zip(("s1", "s2", "s3"), TRUE)))
 
 
-def raw(force, file="bias.csv"):
-    keys, strains = {"height": 300.0, "width": 100.0}, np.outer(GAMMA, [0, 0, 1])
-    responses = (response("F", force, GAMMA, "bias_extension", keys, SHEET.thickness),)
-    d = bias_displacement(GAMMA, 300.0, 100.0)
-    more = {"noise": ("value", 0.01), "keys": keys, "displacement": d}
-    return Curve(file, "bias_extension", strains, responses, np.arange(9), 2, **more)
+def raw(force):
+    return bias_test(force, GAMMA, 300.0, 100.0, 0.01)
 
 
 def specimen(fabric, curve, curved=0.1):

@@ -46,21 +46,15 @@ def test_a_rule_allows_its_ends_and_nothing_beyond(rule, least, most, beyond):
             rule.check("x", wrong)
 
 
-@pytest.mark.parametrize(
-    "word, allowed, hint",
-    [
+def test_a_name_is_told_by_spelling_or_by_what_others_call_it():
+    for word, allowed, hint in (
         ("thiknes", ("thickness", "width"), " (did you mean thickness?)"),
         ("mpa", ("MPa", "kPa"), " (did you mean MPa?)"),
         ("material", ("fabric", "metal"), " (did you mean fabric?)"),
         ("material", ("warp", "weft"), ""),
         (3, ("warp", "weft"), ""),
-    ],
-)
-def test_a_name_is_told_by_spelling_or_by_what_others_call_it(word, allowed, hint):
-    assert rules.did_you_mean(word, allowed) == hint
-
-
-def test_an_unknown_key_is_told_with_those_allowed():
+    ):
+        assert rules.did_you_mean(word, allowed) == hint
     assert str(rules.unknown_key("heigth", ("width", "height"), "key heigth")) == (
         "key heigth is unknown (did you mean height?); allowed are width, height"
     )

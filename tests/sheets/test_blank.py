@@ -88,9 +88,9 @@ def test_curved_cells(tmp_path, kind):
     assert area(blank) == pytest.approx(100 * math.pi, rel=1e-3)
 
 
-def cylinder(n=24, m=6, cell="triangle"):
+def cylinder(cell="triangle"):
     """Quarter of a cylinder of radius 50 about the y axis, 40 long."""
-    points, cells, kind = specimen(math.pi / 2, 40, n, m, cell=cell)
+    points, cells, kind = specimen(math.pi / 2, 40, 24, 6, cell=cell)
     t = points[:, 0]
     return np.column_stack([50 * np.sin(t), points[:, 1], 50 * np.cos(t)]), cells, kind
 
@@ -98,7 +98,7 @@ def cylinder(n=24, m=6, cell="triangle"):
 @pytest.mark.versions
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_fibres_on_a_curved_blank(cell):
-    arrays = cylinder(cell=cell) if COMM.rank == 0 else (None,) * 3
+    arrays = cylinder(cell) if COMM.rank == 0 else (None,) * 3
     blank = Blank.from_arrays(COMM, *arrays, a=(1.0, 0.0, -1.0), up=(1.0, 0.0, 1.0))
     a, b = (f.x.array.reshape(-1, 3) for f in (blank.a0, blank.b0))
     x = blank.mesh.geometry.x[compat.geometry_dofmap(blank.mesh)].mean(1)
@@ -121,16 +121,13 @@ def test_fibres_from_angle_vector_and_function_agree():
         assert np.allclose(blank.b0.x.array.reshape(-1, 2), [-vector[1], vector[0]], atol=1e-15)
 
 
-FLAT, CURVED = specimen(nx=4, ny=2), cylinder()
-REFUSED = [
-    (FLAT, {"a": (0.0, 0.0)}, "a is zero or not finite"),
-    (FLAT, {"frame": [[1, 0], [1, 1]]}, "frame of the blank"),
-    (CURVED, {"a": (0.0, 0.0, 1.0)}, "a is normal to the sheet in the cell at"),
-]
-
-
 @pytest.mark.mpi
-@pytest.mark.parametrize("arrays, options, words", REFUSED[::-1])
-def test_fibres_that_are_refused(arrays, options, words):
-    with pytest.raises(InputError, match=words):
-        Blank.from_arrays(COMM, *(arrays if COMM.rank == 0 else (None,) * 3), **options)
+def test_fibres_that_are_refused():
+    flat = specimen(nx=4, ny=2)
+    for arrays, options, words in (
+        (cylinder(), {"a": (0.0, 0.0, 1.0)}, "a is normal to the sheet in the cell at"),
+        (flat, {"frame": [[1, 0], [1, 1]]}, "frame of the blank"),
+        (flat, {"a": (0.0, 0.0)}, "a is zero or not finite"),
+    ):
+        with pytest.raises(InputError, match=words):
+            Blank.from_arrays(COMM, *(arrays if COMM.rank == 0 else (None,) * 3), **options)

@@ -22,13 +22,10 @@ def press(tmp_path, monkeypatch):
     return "press.toml"
 
 
-VARY = ["--vary", "holder.pressure=0.5,0.05"]
-
-
 @pytest.mark.versions
 def test_more_pressure_of_the_holder_draws_in_less(press, capsys):
     """Numbers in the table are those of the runs; the page has their pictures."""
-    assert sweep.main([press, *VARY, "--", "--no-pictures"]) == 0
+    assert sweep.main([press, "--vary", "holder.pressure=0.5,0.05", "--", "--no-pictures"]) == 0
     folder = Path("results/sweep_press")
     with open(folder / "table.csv", newline="") as file:
         weak, strong = csv.DictReader(file)
@@ -52,9 +49,3 @@ def test_cells_of_the_finer_mesh(press):
     form.check([{"holder.pressure": "0.1", **cells}])
     known = form.quantities({"holder.pressure": "0.1"})
     assert any(name.endswith("wavelength_mm") for name in known)  # which a flat ply has no value of
-
-
-def test_values_that_a_press_cannot_have_are_told_before_any_run(press, capfd):
-    assert sweep.main([press, "--vary", "fabric.p_min=0.1,2"]) == 2
-    words = "run p_min=2: press.toml: blank.fabric: Yarn.p_min is 2; allowed"
-    assert words in capfd.readouterr().err and not Path("results").exists()

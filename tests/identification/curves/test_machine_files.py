@@ -31,8 +31,7 @@ FILES = {
     "tabs": (KEYS + HEAD + POINT).replace(";", "\t"),
     "exponents": KEYS + HEAD + rows("+.6E", decimal=","),
     "a row of units": KEYS + "displacement;F\nmm;N\n" + COMMA,
-    "a row of units in brackets": KEYS + "displacement;F\n(mm);(N)\n" + COMMA,
-    "lines above": "Probe;A 1\nDatum;12.03.2024 09:41\nv;2;mm/min\n\n"
+    "lines above": "Prüfer;Müller\nDatum;12.03.2024 09:41\nv;2;mm/min\n\n"
     + KEYS
     + "Standardweg;Standardkraft\nmm;N\n"
     + COMMA,
@@ -55,12 +54,8 @@ def check(curve, remarks=0):
 
 @pytest.mark.parametrize("text", FILES.values(), ids=FILES.keys())
 def test_a_file_is_read_as_it_was_written(tmp_path, text):
-    check(read(tmp_path, text.encode()))
-
-
-@pytest.mark.parametrize("encoding", ["utf-8-sig", "cp1252"])
-def test_a_file_is_read_in_both_encodings(tmp_path, encoding):
-    check(read(tmp_path, ("# Prüfer: Müller\r\n" + KEYS + HEAD + COMMA).encode(encoding)))
+    for encoding in ("utf-8-sig", "cp1252"):
+        check(read(tmp_path, text.encode(encoding)))
 
 
 MACHINE = KEYS + HEAD
@@ -118,11 +113,9 @@ def test_of_columns_of_one_name_the_sheet_says_which_counts(tmp_path):
     assert curve.responses[0].values.tolist() == [row[1] for row in ROWS]
 
 
-LOOP = [(2, 1), (4, 2), (6, 3), (8, 4), (10, 5)]
-
-
 def test_of_a_loop_the_first_loading_branch_is_fitted(tmp_path):
-    text = KEYS + HEAD + "".join(f"{x};{f}\n" for x, f in LOOP + [(5, 2), (0, 0)] + LOOP)
+    up = [(2, 1), (4, 2), (6, 3), (8, 4), (10, 5)]
+    text = KEYS + HEAD + "".join(f"{x};{f}\n" for x, f in up + [(5, 2), (0, 0)] + up)
     curve = read(tmp_path, text.encode())
     assert curve.responses[0].values.tolist() == [1, 2, 3, 4, 5]
     words = "displacement turns back behind row 9: of the loop the loading branch is fitted"

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from curve_texts import FREE, SHEAR, SHEET, UNIAXIAL, folder, scaled
+from curve_texts import FREE, SHEAR, SHEET, UNIAXIAL, folder
 
 from fabric_fenicsx.identification import curves as data
 from fabric_fenicsx.identification.curves.forces import bias_angle
@@ -33,24 +33,17 @@ def test_areal_weight_is_a_density_and_values_may_be_assumed(tmp_path):
     assert sheet.assumed == {"d": 0.9, "weft.d": 2.0}
 
 
-@pytest.mark.parametrize(
-    ("text", "column", "unit", "factor"),
-    [
-        (FREE, "sigma_a", "N/mm", 1.2),
-        (SHEAR.replace("F_sh [N/mm]", "tau [MPa]"), "tau", "N/m", 1200.0),
-    ],
-)
-def test_forces_per_width_are_divided_by_the_thickness(tmp_path, text, column, unit, factor):
-    text = text.replace("2 % of maximum", "0.3 MPa")
-    first, second = (folder(tmp_path) / name for name in ("first.csv", "second.csv"))
-    first.write_text(text)
-    per_width = scaled(text, factor).replace(f"{column} [MPa]", f"{column} [{unit}]")
-    second.write_text(per_width.replace("0.3 MPa", f"{0.3 * factor} {unit}"))
-    (one,), (two,) = (data.read(path)[1] for path in (first, second))
-    assert two.responses[0].values == pytest.approx(one.responses[0].values, rel=1e-5)
-    assert two.responses[0].unit == "MPa"
-    assert (one.noise is None) == (two.noise is None)
-    assert one.noise is None or two.noise[1] == pytest.approx(one.noise[1])
+def test_forces_per_width_are_divided_by_the_thickness(tmp_path):
+    shear = SHEAR.replace("F_sh [N/mm]", "tau [MPa]")
+    for text, unit, factor in ((FREE, "N/mm", 1.2), (shear, "N/m", 1200.0)):
+        text = text.replace("2 % of maximum", "0.3 MPa")
+        scaled = re.sub(r",([\d.]+)$", lambda m: f",{float(m[1]) * factor:.6g}", text, flags=re.M)
+        scaled = scaled.replace("[MPa]", f"[{unit}]").replace("0.3 MPa", f"{0.3 * factor} {unit}")
+        folder(tmp_path, first=text, second=scaled)
+        (one,), (two,) = (data.read(tmp_path / f"{k}.csv")[1] for k in ("first", "second"))
+        assert two.responses[0].values == pytest.approx(one.responses[0].values, rel=1e-5)
+        assert two.responses[0].unit == "MPa"
+        assert one.noise is None or two.noise == ("absolute", pytest.approx(0.3))
 
 
 def test_what_a_machine_writes_is_strain_stress_and_shear_angle(tmp_path):
