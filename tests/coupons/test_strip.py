@@ -62,7 +62,7 @@ def test_a_measured_shear_stress_is_a_force_by_the_work_it_does(tmp_path):
 @pytest.mark.parametrize(
     "sizes, thickness, words",
     [
-        ((300, 50), "1.0", "length 300 mm and width 50 mm, the run of one of 200 x"),
+        ((300, 40), "1.0", "length 300 mm and width 40 mm, the run of one of 200 x"),
         ((202.1, 50), "1.0", "length 202.1 mm and width 50 mm, the run of"),
         ((200, 50), "0.989", "of 0.989 mm, the material"),
         ((201.9, 50), "0.991", ""),
@@ -75,7 +75,7 @@ def test_what_still_can_be_compared_is_warned_of(tmp_path, sizes, thickness, wor
     made = ff.Tensile(**SIZE, measured=file).build()
     assert len(made.warnings) == bool(words) and words in "".join(made.warnings)
     assert made.laid[0].displacement == pytest.approx(rows[:, 0] * 200 / sizes[0])
-    assert made.laid[0].force == pytest.approx(rows[:, 1])
+    assert made.laid[0].force == pytest.approx(rows[:, 1] * 50 / sizes[1])
 
 
 def test_what_cannot_be_compared_is_refused():
@@ -148,6 +148,13 @@ OFF_AXIS = [
     (ff.Tensile, 45, 0.03, "unstructured", 34, 0.10895),
     (ff.Tensile, 10, 0.005, "crossed", 26, 95.96),
 ]
+
+
+def test_estimated_errors_off_axis_cover_the_true_one(tmp_path):
+    strip = ff.BiasExtension(fibre_angle=30, pattern="unstructured", nx=32)
+    result = strip.job(steps=8, error=True).run(tmp_path / "out", pictures=False)
+    true = abs(result.summary["reaction_N"] - 1.990)
+    assert 0.02 < true <= result.summary["error"]["reaction_N"] < 1.2 * true
 
 
 @pytest.mark.parametrize("kind, angle, strain, pattern, nx, force", OFF_AXIS)

@@ -1,5 +1,4 @@
-"""Identification: round trips, what the data determine, intervals, bounds from physics, and the
-shipped data."""
+"""Identification: round trips, what data determine, intervals, bounds, and the shipped data."""
 
 import dataclasses
 import math
@@ -78,8 +77,7 @@ def test_what_tests_determine(names, determined):
 
 
 def test_what_the_data_cannot_separate_is_assumed():
-    """A narrow range of angles shows a slope and no curvature; held tension with one strain across
-    no rate c."""
+    """A narrow range of angles shows no curvature; held tension with one strain across no c."""
     g = np.linspace(0.5, 0.6, 8)
     result = identify(SHEET, [shear(g, 0.3 * g)])
     assert "data leave it at" in result.assumed["s3"].reason

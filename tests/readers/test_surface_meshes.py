@@ -1,5 +1,4 @@
-"""Meshes of other programs are read with their points and cells, and a file that no reader reads is
-refused with each reader's reason."""
+"""Meshes of other programs are read; a file that no reader reads is refused with the reason."""
 
 import locale
 import math

@@ -27,8 +27,7 @@ def test_shear_force_is_the_part_of_the_traction_along_the_yarn():
 
 
 def test_forces_do_the_work_that_the_fabric_stores():
-    """The integral of the crosshead force over its way is the energy of all zones of the
-    specimen."""
+    """The integral of the crosshead force over its way is the energy of all zones."""
     g = np.linspace(0, math.radians(50), 20001)
     t, W, H, frame, fabric = 1.2, 115.0, 230.0, 200.0, 140.0
 
@@ -50,8 +49,7 @@ def test_forces_do_the_work_that_the_fabric_stores():
 
 
 def test_normalisation_of_a_bias_test():
-    """The formula of Cao et al. gives back F_sh = tau t / cos(gamma) from the force that the law
-    predicts."""
+    """The formula of Cao et al. gives F_sh = tau t / cos(gamma) of the force of the law."""
     g = np.linspace(0.01, math.radians(50), 400)
     tau = lambda g: (0.02506 - 0.18679 * g + 0.56239 * g**2) * g  # noqa: E731
     for H, W in ((230.0, 115.0), (450.0, 150.0)):

@@ -1,5 +1,4 @@
-"""Files as testing machines write them: what is read all the same, and what is refused in one
-sentence."""
+"""Files as testing machines write them: what is read all the same, and what is refused."""
 
 import re
 
