@@ -1,7 +1,5 @@
 """Texts of test curves as a user writes them, and a folder of them."""
 
-import re
-
 SHEET = 'name = "x"\nthickness_mm = 1.2\ndensity_g_per_cm3 = 0.6\nbalanced = true\n'
 UNIAXIAL = """# any remark: is ignored
 # test: uniaxial_a
@@ -31,7 +29,3 @@ def folder(tmp_path, sheet=SHEET, **files):
     for name, text in files.items():
         (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
     return tmp_path
-
-
-def scaled(text, factor):
-    return re.sub(r",([\d.]+)$", lambda m: f",{float(m[1]) * factor:.6g}", text, flags=re.M)

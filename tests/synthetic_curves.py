@@ -7,14 +7,11 @@ import numpy as np
 from fabric_fenicsx.identification import curves as data
 from fabric_fenicsx.identification.curves import CompactionTest, Curve, Response, Sheet
 from fabric_fenicsx.identification.curves.model import unit_inside
-from fabric_fenicsx.material.compaction import Compaction
 from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
-from fabric_fenicsx.material.laws.coupled import WovenFabric
 
 # strains of synthetic tests at their end: eps_a, eps_b [-], gamma [deg]; the first and last are
 # reached from 0 together
-_Plan = dict[str, tuple[str, tuple[float | None, float | None, float | None]]]
-_PAPER: _Plan = {
+_PAPER = {
     "uniaxial_a": ("uniaxial_a", (0.03, 0, 0)),
     "uniaxial_b": ("uniaxial_b", (0, 0.03, 0)),
     "biaxial_1_1": ("biaxial", (0.02, 0.02, 0)),
@@ -24,7 +21,7 @@ _PAPER: _Plan = {
     "shear_tension_a": ("shear", (0.005, 0, 45)),
     "shear_tension_b": ("shear", (0, 0.005, 45)),
 }
-_MORE: _Plan = {
+_MORE = {
     "free_a": ("uniaxial_a", (0.03, None, 0)),
     "free_b": ("uniaxial_b", (None, 0.03, 0)),
     "tension_compression_a": ("biaxial", (0.03, -0.06, 0)),
@@ -37,21 +34,11 @@ _MORE: _Plan = {
 PLANS = {"paper": _PAPER, "all": _PAPER | _MORE}
 
 
-def synthesise(
-    fabric: WovenFabric,
-    plan: str = "all",
-    noise: float = 0.0,
-    seed: int = 1,
-    points: int = 30,
-    balanced: bool | None = None,
-) -> tuple[Sheet, tuple[Curve, ...]]:
-    """Sheet and curves that the law predicts for the tests of a plan: "paper" (held uniaxial,
-    biaxial, pure and pre-tensioned shear) or "all" (also free tension, tension-compression,
-    compression, sheared compression, and compaction unless the fabric keeps its thickness).
+def synthesise(fabric, plan="all", noise=0.0, seed=1, points=30, balanced=None):
+    """Sheet and curves that the law predicts for the tests of a plan, with compaction in "all".
 
     noise: standard deviation, normal, of each column's largest value; stated in the curves if above
-    0. points: of each curve; balanced: what the sheet says, by default what the fabric is. Raises
-    KeyError for another plan.
+    0. balanced: what the sheet says, by default what the fabric is.
     """
     random = np.random.default_rng(seed)
     stated = ("maximum", noise) if noise else None
@@ -85,11 +72,17 @@ def synthesise(
     return sheet, tuple(curves)
 
 
-def synthesise_compaction(
-    sheet: Sheet, compaction: Compaction, noise: float = 0.0, seed: int = 1, points: int = 30
-) -> CompactionTest:
-    """The thickness of one ply that plates press with 0.5 kPa to 1 MPa; noise, seed and points as
-    in `synthesise`."""
+def bias_test(force, gamma, height, width, noise):
+    """A raw bias test of a fabric of 1.2 mm; noise: a share of each value."""
+    keys, strains = {"height": height, "width": width}, np.outer(gamma, [0, 0, 1])
+    responses = (data.forces.response("F", force, gamma, "bias_extension", keys, 1.2),)
+    more = {"displacement": data.bias_displacement(gamma, height, width), "keys": keys}
+    rows, stated = np.arange(len(gamma)), ("value", noise)
+    return Curve("bias.csv", "bias_extension", strains, responses, rows, 2, noise=stated, **more)
+
+
+def synthesise_compaction(sheet, compaction, noise=0.0, seed=1, points=30):
+    """The thickness of one ply that plates press with 0.5 kPa to 1 MPa."""
     p = np.geomspace(5e-4, 1.0, points)
     h = sheet.thickness * compaction.thickness(p)
     h = h + noise * h.max() * np.random.default_rng(seed).standard_normal(points)

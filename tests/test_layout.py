@@ -91,18 +91,6 @@ def test_imports_go_down():
     assert not wrong
 
 
-def test_no_private_name_crosses_modules():
-    wrong = [
-        (name, alias.name)
-        for name, tree in trees().items()
-        for node in ast.walk(tree)
-        if isinstance(node, ast.ImportFrom) and node.level
-        for alias in node.names
-        if alias.name.startswith("_") and not alias.name.startswith("__")
-    ]
-    assert not wrong
-
-
 def test_no_module_leads_back_to_itself():
     """Data (a press, a coupon) import what builds them when they are built."""
     graph = {name: {*imported(name, at_once=True)} for name in MODULES}

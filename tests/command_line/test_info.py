@@ -45,23 +45,7 @@ def test_all_works(capsys):
     assert "area of a unit square 1" in out and re.search(r"(1[6-9]|[2-9]\d) cells in a sq", out)
 
 
-@pytest.mark.parametrize("module, check", [("gmsh", "gmsh"), ("mpi4py", "MPI")])
-def test_packages_that_are_missing_are_told(monkeypatch, capsys, module, check):
-    for name in (module, f"{module}.MPI"):
-        monkeypatch.setitem(sys.modules, name, None)
-    monkeypatch.setattr(info, "CHECKS", {check: info.CHECKS[check]})
-    assert info.show(info.world()) == 1
-    out = capsys.readouterr().out
-    assert re.search(rf"^{module} +fails ModuleNotFoundError: .*{module}", out, re.M)
-    assert module in checks(out)[1][check]
-
-
-@pytest.mark.parametrize(
-    "program, words",
-    [("import os; os.kill(os.getpid(), 11)", "SIGSEGV"), ("while True: pass", "within 1 s")],
-)
-def test_drawing_that_fails_is_told_and_takes_nothing_down(monkeypatch, program, words, hang):
-    monkeypatch.setattr(info, "DRAWING_SECONDS", 1 if "while" in program else hang)
-    monkeypatch.setattr(info, "draw_triangle", partial(exec, program))
-    with pytest.raises(RuntimeError, match=words):
+def test_drawing_that_fails_is_told_and_takes_nothing_down(monkeypatch):
+    monkeypatch.setattr(info, "draw_triangle", partial(exec, "import os; os.abort()"))
+    with pytest.raises(RuntimeError, match="SIGABRT"):
         info.CHECKS["pyvista"]()

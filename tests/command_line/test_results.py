@@ -99,14 +99,11 @@ def test_the_model_fabric_has_no_coupling():
     assert found == pytest.approx([tau, tau + added], rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    "error, ended",
-    [
+def test_the_exit_status_of_an_error():
+    for error, ended in (
         (ff.InputError("x"), (2, "error: x")),
         (ff.SolverFailure("x"), (3, "stopped: x")),
         (ff.SolverFailure(f"{DOUBT}x"), (3, f"{DOUBT}x")),
         (ff.Interrupted("x"), (3, "x")),
-    ],
-)
-def test_the_exit_status_of_an_error(error, ended):
-    assert exit_status(error) == ended
+    ):
+        assert exit_status(error) == ended

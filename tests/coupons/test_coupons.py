@@ -10,19 +10,11 @@ from fabric_fenicsx.coupons.laying import modelled
 from fabric_fenicsx.meshes.specimen import specimen
 
 
-@pytest.mark.parametrize(
-    "kind, fields, words",
-    [
-        (ff.Tensile, {"nx": 0}, "`nx` is 0; allowed is a whole number of 1 or more"),
-        (ff.Tensile, {"fiber_angle": 1}, "(did you mean fibre_angle?); allowed are fabric, mesh"),
-        (ff.BiasExtension, {"length": 99}, "allowed is a length of 2 widths or more"),
-        (ff.PictureFrame, {"fibre_angle": 30}, "allowed is 0 and 90, along its arms"),
-    ],
-)
-def test_a_field_that_is_not_allowed(kind, fields, words):
-    with pytest.raises(ff.InputError) as error:
-        kind(**fields).build()
-    assert words in str(error.value)
+def test_a_field_that_is_not_allowed():
+    with pytest.raises(ff.InputError, match="allowed is a length of 2 widths or more"):
+        ff.BiasExtension(length=99).build()
+    with pytest.raises(ff.InputError, match="allowed is 0 and 90, along its arms"):
+        ff.PictureFrame(fibre_angle=30).build()
 
 
 @pytest.mark.parametrize("kind", [ff.Tensile, ff.BiasExtension, ff.PictureFrame])

@@ -48,10 +48,8 @@ def test_shear_and_98_percent_of_the_area():
     assert area.max() > 3 * area.min()
     gamma = 0.3 - area / area.max()  # on small cells larger
     q = setup.quantities(result([(0, 0), (10, 3)], shear_angle=gamma, eps_a=gamma))
-    for name, values in (
-        ("shear_angle_98_percent_deg", np.degrees(gamma)),
-        ("eps_a_98_percent", gamma),
-    ):
+    all_values = {"shear_angle_98_percent_deg": np.degrees(gamma), "eps_a_98_percent": gamma}
+    for name, values in all_values.items():
         for bound, share in zip(q[name], (0.01, 0.99)):
             below = area[values < bound].sum() / area.sum()
             assert below == pytest.approx(share, abs=area.max() / area.sum())

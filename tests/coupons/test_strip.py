@@ -42,8 +42,6 @@ def test_a_measured_curve_in_the_units_of_its_test(tmp_path, test):
     run = [{"displacement_mm": d, "reaction_N": f} for d, f in [(0, 0), (5.5, 5.5 * 4)]]
     (found,) = made.against_curves(SimpleNamespace(rows=run))["measured"]
     assert (found["file"], found["test"]) == (f"{test}.csv", test)
-    assert (found["points"], found["points_covered"]) == (6, 5)
-    assert (found["from_mm"], found["to_mm"]) == pytest.approx((1, 5), rel=1e-6)
     assert found["largest_N"] == pytest.approx(5, rel=1e-6)  # 20 for 25
 
 
@@ -62,40 +60,32 @@ def test_a_measured_shear_stress_is_a_force_by_the_work_it_does(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "test, sizes, sheet, words",
+    "sizes, thickness, words",
     [
-        ("uniaxial_a", (300, 50), SHEET, "length 300 mm and width 50 mm, the run of one of 200 x"),
-        ("bias_extension", (200, 60), SHEET, "height 200 mm and width 60 mm, the run of one of"),
-        ("uniaxial_a", (200, 50), SHEET.replace("1.0", "0.8"), "sheet of 0.8 mm, the material of"),
-        ("uniaxial_a", (202.1, 50), SHEET, "length 202.1 mm and width 50 mm, the run of"),
-        ("uniaxial_a", (200, 50), SHEET.replace("1.0", "0.989"), "of 0.989 mm, the material"),
-        ("uniaxial_a", (201.9, 50), SHEET.replace("1.0", "0.991"), ""),
+        ((300, 40), "1.0", "length 300 mm and width 40 mm, the run of one of 200 x"),
+        ((202.1, 50), "1.0", "length 202.1 mm and width 50 mm, the run of"),
+        ((200, 50), "0.989", "of 0.989 mm, the material"),
+        ((201.9, 50), "0.991", ""),
     ],
 )
-def test_what_still_can_be_compared_is_warned_of(tmp_path, test, sizes, sheet, words):
-    """From 1 % of a size on."""
-    rows = np.outer(range(1, 7), [1, 10])
-    made = TESTS[test][0](**SIZE, measured=written(tmp_path, test, rows, sizes, sheet)).build()
+def test_what_still_can_be_compared_is_warned_of(tmp_path, sizes, thickness, words):
+    """From 1 % of a size on; as force per width at the same strain."""
+    rows, sheet = np.outer(range(1, 7), [1, 10]), SHEET.replace("1.0", thickness)
+    file = written(tmp_path, "uniaxial_a", rows, sizes, sheet)
+    made = ff.Tensile(**SIZE, measured=file).build()
     assert len(made.warnings) == bool(words) and words in "".join(made.warnings)
-    force = made.laid[0].force
-    if test == "uniaxial_a":  # force per width at the same strain
-        assert made.laid[0].displacement == pytest.approx(rows[:, 0] * 200 / sizes[0])
-        assert force == pytest.approx(rows[:, 1])
+    assert made.laid[0].displacement == pytest.approx(rows[:, 0] * 200 / sizes[0])
+    assert made.laid[0].force == pytest.approx(rows[:, 1] * 50 / sizes[1])
 
 
-@pytest.mark.parametrize(
-    "kind, fields, file, words",
-    [
+def test_what_cannot_be_compared_is_refused():
+    for kind, fields, file, words in (
         (ff.Tensile, {}, "komeili_all/uniaxial_b.csv", "but uniaxial_b; allowed is a tension test"),
         (ff.Tensile, {"fibre_angle": 30}, "komeili_all", "allowed is `fibre_angle` 0 or 90"),
-        (ff.BiasExtension, {}, "komeili_all/shear_tension_a.csv", "allowed is bias_extension"),
         (ff.BiasExtension, {"strain": 0.01}, "glass_pp_115x230", "allowed is a `strain` above 0.0"),
-    ],
-)
-def test_what_cannot_be_compared_is_refused(kind, fields, file, words):
-    with pytest.raises(ff.InputError) as error:
-        kind(**SIZE, **fields, measured=str(SHIPPED / file)).build()
-    assert words in str(error.value)
+    ):
+        with pytest.raises(ff.InputError, match=words):
+            kind(**SIZE, **fields, measured=str(SHIPPED / file)).build()
 
 
 def test_a_run_that_ends_before_the_first_measured_force_is_refused(tmp_path):
@@ -115,12 +105,10 @@ def test_a_sheet_toml_stands_for_its_folder():
     "kind, fields, integration",
     [
         (ff.Tensile, {"pattern": "unstructured"}, "full"),  # yarns along the load
-        (ff.Tensile, {"fibre_angle": 20}, "full"),  # cells along the yarns
         (ff.Tensile, {"fibre_angle": 20, "pattern": "crossed", "turned": 30}, "inner"),
         (ff.Tensile, {"fibre_angle": 20, "element": "P1"}, "full"),
         (ff.BiasExtension, {}, "full"),
         (ff.BiasExtension, {"pattern": "left"}, "inner"),
-        (ff.BiasExtension, {"fibre_angle": 30}, "full"),
         (ff.BiasExtension, {"fibre_angle": 30, "pattern": "crossed"}, "inner"),
     ],
 )
@@ -131,11 +119,7 @@ def test_points_are_inner_where_quadratic_cells_do_not_follow_the_yarns(kind, fi
 @pytest.mark.parametrize(
     "fields, pattern",
     [
-        *(
-            ({"fibre_angle": angle + by}, pattern)
-            for by in (-1e-10, 0.0, 1e-10)
-            for angle, pattern in ((0, "crossed"), (45, "graded"), (-45, "graded"))
-        ),
+        *(({"fibre_angle": 45 + by}, "graded") for by in (-90.0, -1e-10, 1e-10)),
         ({"fibre_angle": 0.9}, "crossed"),
         ({"fibre_angle": 1.1}, "yarns"),
         ({"fibre_angle": 47}, "yarns"),
@@ -162,7 +146,6 @@ def test_cells_of_an_estimate_off_axis(element, nx):
 OFF_AXIS = [
     (ff.BiasExtension, 30, 0.1, "left", 36, 1.990),
     (ff.Tensile, 45, 0.03, "unstructured", 34, 0.10895),
-    (ff.Tensile, 30, 0.03, "left", 36, 0.14236),
     (ff.Tensile, 10, 0.005, "crossed", 26, 95.96),
 ]
 

@@ -54,9 +54,8 @@ def test_a_loop_gives_friction_and_law_apart(tmp_path, friction, test):
     assert fitted.stiffness == pytest.approx(friction.stiffness, rel=0.05)
     assert fitted.strength == pytest.approx(friction.strength, rel=0.02)
     angles = np.array([0.2, 0.4, 0.6])
-    fit, true = (
-        law.derivatives(0 * angles, 0 * angles, angles).first[2] for law in (found.fabric, KOMEILI)
-    )
+    laws = found.fabric, KOMEILI
+    fit, true = (law.derivatives(0 * angles, 0 * angles, angles).first[2] for law in laws)
     assert fit == pytest.approx(true, abs=1e-3 * true.max())
     assert not [each for each in found.warnings if "toe" in each]
     assert any(line.startswith("shear_friction.stiffness_1 was fitted") for line in found.remarks())
@@ -124,11 +123,3 @@ def test_numbers_are_told_within_a_factor_of_three(times):
     assert (found is None) == (times > 1)
     found = fit_friction([turned(r * times * math.log(2) / half)[0]])
     assert any(p.weak for p in found.determined.values()) == (times > 1)
-
-
-def test_without_a_way_back_there_is_no_friction(tmp_path):
-    loop(tmp_path, ONE)
-    file = tmp_path / "loop.csv"
-    file.write_text("\n".join(file.read_text().splitlines()[:42]))
-    found = identify(*data.read(tmp_path))
-    assert found.friction is None and found.fabric.shear_friction is None

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from synthetic_curves import bias_test
 
 from fabric_fenicsx.identification import identify, identify_simulated
-from fabric_fenicsx.identification.curves import Curve, Sheet, bias_displacement
-from fabric_fenicsx.identification.curves.forces import bias_angle, response
+from fabric_fenicsx.identification.curves import Curve, Sheet
+from fabric_fenicsx.identification.curves.forces import response
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.runtime.errors import SolverFailure
 
@@ -15,13 +16,8 @@ TRUE = [0.06, -0.12, 0.18]
 FABRIC = load("komeili").replace(**dict(zip(("s1", "s2", "s3"), TRUE)))
 
 
-def raw(force, file="bias.csv"):
-    """A bias test of 300 x 100 mm."""
-    keys, strains = {"height": 300.0, "width": 100.0}, np.outer(GAMMA, [0, 0, 1])
-    responses = (response("F", force, GAMMA, "bias_extension", keys, SHEET.thickness),)
-    d = bias_displacement(GAMMA, 300.0, 100.0)
-    more = {"noise": ("value", 0.01), "keys": keys, "displacement": d}
-    return Curve(file, "bias_extension", strains, responses, np.arange(9), 2, **more)
+def raw(force):
+    return bias_test(force, GAMMA, 300.0, 100.0, 0.01)
 
 
 def specimen(fabric, curve, curved=0.1):
@@ -65,17 +61,3 @@ def test_nothing_raw_nothing_simulated():
     shear = response("tau", 0.05 * g, g, "shear", {}, 1.2)
     curve = Curve("shear.csv", "shear", np.outer(g, [0, 0, 1]), (shear,), np.arange(10), 2)
     assert identify_simulated(SHEET, [curve], None).simulated is None
-
-
-def test_a_test_far_beyond_where_shear_is_homogeneous():
-    """To 65 deg by the crosshead (Cao et al., Fig. 38, INSA-NU 115 x 230), where the formula's fit
-    falls to no stiffness at the last angle: it ends all the same."""
-    d = np.arange(10.0, 47, 4)
-    force = np.array([1.28, 1.58, 1.95, 2.39, 3.05, 4.02, 5.53, 7.83, 11.11, 16.57])
-    gamma, keys = bias_angle(d, 230.0, 115.0), {"height": 230.0, "width": 115.0}
-    responses = (response("F", force, gamma, "bias_extension", keys, SHEET.thickness),)
-    more = {"noise": ("value", 0.05), "keys": keys, "displacement": d}
-    strains = np.outer(gamma, [0, 0, 1])
-    curve = Curve("bias.csv", "bias_extension", strains, responses, np.arange(10), 2, **more)
-    found = identify(SHEET, [curve])
-    assert found.fabric.s1 > 0.02 and found.shear_stiffness_min > 0

@@ -43,43 +43,15 @@ def rectangle(space, **attributes):
     space.add_lwpolyline(CORNERS, close=True, dxfattribs=attributes)
 
 
-@pytest.mark.parametrize(
-    "text, words",
-    [
-        ("x,y\n0,0\n100,80\n100,0\n0,80\n", "bounds no sheet: self-intersection at (50, 40) mm"),
-        ("x,y\n0,0\n100,80\n", "has a ring of 2 points or less at (0, 0) mm; "),
-        (SHEET + "\n200,0\n210,0\n210,10\n", "hole lies outside shell at (200, 0) mm"),
-        (SHEET + "\n10,10\n50,10\n50,50\n\n20,5\n30,5\n30,30\n", "self-intersection at (22, 10)"),
+def test_what_is_wrong_in_a_table_is_told(table):
+    for text, words in (
+        ("x,y\n0,0\n100,80\n100,0\n0,80\n", r"bounds no sheet: self-intersection at \(50, 40\) mm"),
+        (SHEET + "\n200,0\n210,0\n210,10\n", r"hole lies outside shell at \(200, 0\) mm"),
         ("x,y\n0,0\n100,a\n100,80\n", "row 3: y is 'a'; "),
-        ("x,z\n0,0\n100,0\n100,80\n", "row 1: there are 0 columns y; allowed is one"),
         ("x [ft],y\n0,0\n1,0\n1,1\n", "row 1: unit of x is ft; allowed is "),
-        ("", "is empty; allowed is a drawing"),
-    ],
-)
-def test_what_is_wrong_in_a_table_is_told(table, text, words):
-    with pytest.raises(InputError) as error:
-        table(text)
-    assert str(error.value).startswith("outline ") and words in str(error.value)
-
-
-def test_curves_of_a_drawing_are_joined(drawing):
-    def draw(space):
-        space.add_line((0, 0), (100.003, 0))  # ends that nearly meet
-        space.add_line((0, 80), (100, 80))  # the other way round
-        space.add_line((0, 80), (100, 80))  # twice
-        space.add_arc((0, 40), 40, 90, 270)
-        space.add_spline(fit_points=[(100, 0), (110, 40), (100, 80)])
-        space.add_ellipse((50, 40), (20, 0), 0.5)
-        space.add_lwpolyline([(60, 70, 1), (70, 70, 1)], format="xyb", close=True)
-        space.add_text("ply 1")
-        block = space.doc.blocks.new("hole")
-        block.add_circle((0, 0), 5)
-        space.add_blockref("hole", (20, 60))
-
-    sheet, told = drawing(draw)
-    assert sorted(round(float(hole.bounds[0]), 2) for hole in sheet.interiors) == [15, 30, 60]
-    areas = 8000 + 800 * np.pi + 500 - np.pi * (200 + 25 + 25)  # 500: a natural spline's
-    assert not told and sheet.area == pytest.approx(areas, rel=1e-4)
+    ):
+        with pytest.raises(InputError, match=f"^outline .*{words}"):
+            table(text)
 
 
 @pytest.mark.parametrize(
@@ -90,8 +62,6 @@ def test_curves_of_a_drawing_are_joined(drawing):
         (8, 2.54e-5, "microinches"),
         (9, 0.0254, "mils"),
         (21, 304.800610, "survey"),
-        (22, 25.4000508, "survey"),
-        (23, 914.401829, "survey"),
         (24, 1609347.22, "survey"),
         (0, 1, "no unit"),
     ],
@@ -99,9 +69,8 @@ def test_curves_of_a_drawing_are_joined(drawing):
 def test_the_unit_of_a_drawing_counts_and_is_told(drawing, unit, factor, words):
     sheet, (told,) = drawing(rectangle, unit)
     assert sheet.bounds == pytest.approx((0, 0, 100 * factor, 80 * factor))
-    assert words in told and told.endswith(
-        f"so it is {' x '.join(rounded(side * factor, 4) for side in (100, 80))} mm"
-    )
+    sides = " x ".join(rounded(side * factor, 4) for side in (100, 80))
+    assert words in told and told.endswith(f"so it is {sides} mm")
 
 
 @pytest.mark.parametrize("unit, mm", [(4, 1.0), (1, 25.4)])
@@ -113,9 +82,8 @@ def test_chords_of_a_circle_are_within_a_hundredth_of_a_millimetre(drawing, unit
 
     points = np.array(drawing(draw, unit)[0].exterior.coords)
     off = 100 - np.hypot(*(points[1:] + points[:-1]).T / 2)
-    assert 0.002 < off.max() < 0.0101 and np.hypot(*points.T) == pytest.approx(
-        100 + 0 * points[:, 0]
-    )
+    assert 0.002 < off.max() < 0.0101
+    assert np.hypot(*points.T) == pytest.approx(np.full(len(points), 100))
 
 
 def test_columns_are_in_their_units(table):
@@ -128,15 +96,11 @@ def test_layers_of_a_drawing(drawing):
         rectangle(space, layer="CUT")
         space.add_circle((50, 40), 10, dxfattribs={"layer": "HOLE"})
         space.add_line((0, -5), (10, -5), dxfattribs={"layer": "NOTE"})
-        space.doc.layers.add("HIDDEN").off()
-        space.add_line((0, -9), (10, -9), dxfattribs={"layer": "HIDDEN"})
 
     with pytest.raises(InputError, match=r"is open .* of its layers CUT, HOLE, NOTE some may be"):
         drawing(draw)
     assert drawing(draw, layer="cut")[0].area == pytest.approx(8000)
     assert len(drawing(draw, layer="CUT, HOLE")[0].interiors) == 1
-    with pytest.raises(InputError, match="`layer` x of .* allowed is one of CUT, HOLE, NOTE"):
-        drawing(draw, layer="x")
 
 
 def in_block(space, layer="0", inside="0", **how):
@@ -151,12 +115,9 @@ def in_block(space, layer="0", inside="0", **how):
     [
         ("freeze", lambda space: space.add_circle((50, 40), 10, {"layer": "OLD"}), 0),
         ("thaw", lambda space: space.add_circle((50, 40), 10, {"invisible": 1}), 0),
-        ("off", lambda space: in_block(space, "OLD"), 0),
         # what is in a frozen block goes with it, not with one whose layer is off
         ("freeze", lambda space: in_block(space, "OLD", "CUT"), 0),
         ("off", lambda space: in_block(space, "OLD", "CUT"), 1),
-        ("freeze", lambda space: in_block(space, "CUT", "OLD"), 0),
-        ("thaw", lambda space: in_block(space, "OLD"), 1),
         # layer 0 of a block is that of its insert
         ("freeze", lambda space: in_block(space, "CUT"), 1),
     ],
@@ -186,65 +147,29 @@ def test_what_is_not_read_is_named(drawing):
     def draw(space):
         rectangle(space)
         space.add_hatch().paths.add_polyline_path([(10, 10), (20, 10), (20, 20)])
-        space.add_solid([(30, 10), (40, 10), (30, 20)])
-        space.add_mline([(10, 30), (20, 30)])
         space.add_polyface().append_face([(1, 1, 0), (2, 1, 0), (2, 2, 0)])
         space.doc.blocks.new("elsewhere").block.dxf.flags = 4  # in another file
         space.add_blockref("elsewhere", (0, 0))
-        space.add_text("ply 1")
 
     sheet, (told,) = drawing(draw)
     assert sheet.area == pytest.approx(8000)
-    assert "has 1 HATCH, 1 INSERT, 1 MLINE, 1 POLYLINE, 1 SOLID, not read; allowed are L" in told
+    assert "has 1 HATCH, 1 INSERT, 1 POLYLINE, not read; allowed are L" in told
     with pytest.raises(InputError, match="has no lines, but 1 HATCH; allowed are LINE, "):
         drawing(lambda space: space.add_hatch())
 
 
-def test_a_spline_of_r12_goes_through_its_own_points(tmp_path):
-    made = ezdxf.new("R12")
-    frame = made.modelspace().add_polyline2d(CORNERS, close=True, dxfattribs={"flags": 5})
-    for corner in frame.vertices:
-        corner.dxf.flags = 16
-    angles = np.radians(np.arange(0, 360, 5))
-    on_it = np.column_stack([50 + 40 * np.cos(angles), 40 + 40 * np.sin(angles)])
-    frame.append_formatted_vertices(on_it.tolist(), "xy", dxfattribs={"flags": 8})
-    made.saveas(tmp_path / "ply.dxf")
-    sheet, _ = read_outline(tmp_path / "ply.dxf")
-    assert sheet.area == pytest.approx(1600 * 36 * np.sin(np.radians(5)))
+def test_what_is_wrong_in_a_drawing_is_told(drawing, table):
+    def gap(space):
+        for start, end in zip(CORNERS, [*CORNERS[1:], (0, 1.5)]):
+            space.add_line(start, end)
 
+    def steep(space):
+        space.add_polyline3d([(0, 0, 0), (100, 0, 0), (100, 80, 50)], close=True)
 
-def gap(space):
-    for start, end in zip(CORNERS, [*CORNERS[1:], (0, 1.5)]):
-        space.add_line(start, end)
-
-
-def tail(space):
-    rectangle(space)
-    space.add_line((0, 0), (50, 50))
-
-
-def steep(space):
-    space.add_polyline3d([(0, 0, 0), (100, 0, 0), (100, 80, 50)], close=True)
-
-
-@pytest.mark.parametrize(
-    "draw, words",
-    [
-        (gap, "is open at (0, 0) mm: the nearest other end is 1.5 mm away, at (0, 1.5); allowed"),
-        (tail, "is open at (0, 0) mm: the nearest other end is 70.7 mm away"),
-        (steep, "reaches over 50 mm in z"),
-        (lambda space: space.add_text("ply"), "has no lines; allowed are LINE, ARC"),
-    ],
-)
-def test_what_is_wrong_in_a_drawing_is_told(drawing, draw, words):
-    with pytest.raises(InputError) as error:
-        drawing(draw)
-    assert words in str(error.value)
-
-
-def test_a_layer_is_of_a_drawing_alone_and_nonsense_is_none(table):
-    with pytest.raises(InputError, match=r"`layer` is allowed only for a .dxf, not for .*ply.csv"):
-        table(SHEET, layer="cut")
+    with pytest.raises(InputError, match=r"is open at \(0, 0\) mm: .* 1.5 mm away, at \(0, 1.5\)"):
+        drawing(gap)
+    with pytest.raises(InputError, match="reaches over 50 mm in z"):
+        drawing(steep)
     with pytest.raises(InputError, match="cannot be read .* allowed is a drawing"):
         table("hello\nworld\n", "ply.dxf")
 

@@ -53,8 +53,7 @@ def test_half_of_a_sheet_that_is_its_own_mirror_image(sheet, half):
         with pytest.raises(InputError, match="is not its own mirror image in x = 0: .* mm2 differ"):
             mirrored_half(sheet, 0, "it")
     else:
-        assert mirrored_half(sheet, 0, "it").bounds == pytest.approx(
-            (half, -50, sheet.bounds[2], 50)
-        )
+        bounds = mirrored_half(sheet, 0, "it").bounds
+        assert bounds == pytest.approx((half, -50, sheet.bounds[2], 50))
         turned = shapely.transform(sheet, lambda x: x[:, ::-1])
         assert mirrored_half(turned, 1, "it").bounds[1] == pytest.approx(half)

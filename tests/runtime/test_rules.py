@@ -5,19 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from fabric_fenicsx.runtime import rules
 from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.runtime.rules import (
-    ABOVE_ZERO_OR_INF,
-    BELOW_180,
-    COUNT,
-    FINITE,
-    FROM_ZERO,
-    POSITIVE,
-    SHARE,
-    did_you_mean,
-    fraction,
-    unknown_key,
-)
 
 
 @pytest.mark.parametrize(
@@ -26,35 +15,28 @@ from fabric_fenicsx.runtime.rules import (
     ids=repr,
 )
 def test_a_rule_refuses_what_is_no_finite_number(wrong):
-    for rule in (FINITE, POSITIVE, COUNT):
+    for rule in (rules.FINITE, rules.POSITIVE, rules.COUNT):
         with pytest.raises(InputError, match=r"^`size` is .*; allowed is "):
             rule.check("`size`", wrong)
 
 
 def test_a_rule_takes_numbers_of_numpy_and_gives_those_of_python():
     for given in (2, 2.0, np.float64(2), np.float32(2), np.int64(2), np.array(2.0)):
-        assert type(FINITE.check("size", given)) is float
-        assert type(COUNT.check("nx", given)) is int
-    assert math.copysign(1, FINITE.check("size", -0.0)) == 1
-
-
-def test_a_rule_tells_what_it_allows():
-    with pytest.raises(InputError, match="^nx is 2.5; allowed is a whole number of 1 or more$"):
-        COUNT.check("nx", 2.5)
-    with pytest.raises(InputError, match="size is 0; allowed is a number above 0"):
-        POSITIVE.check("size", 0)
+        assert type(rules.FINITE.check("size", given)) is float
+        assert type(rules.COUNT.check("nx", given)) is int
+    assert math.copysign(1, rules.FINITE.check("size", -0.0)) == 1
 
 
 @pytest.mark.parametrize(
     "rule, least, most, beyond",
     [
-        (POSITIVE, 1e-9, 1e300, (0, -1)),
-        (ABOVE_ZERO_OR_INF, 1e-9, math.inf, (0, -math.inf)),
-        (FROM_ZERO, 0, 1e300, (-1e-9,)),
-        (COUNT, 1, 10**9, (0, 1.5)),
-        (SHARE, 1e-9, 1, (0, 1 + 1e-9)),
-        (fraction(), 0, 1, (-1e-9, 1 + 1e-9)),
-        (BELOW_180, 1e-9, 180 - 1e-9, (0, 180)),
+        (rules.POSITIVE, 1e-9, 1e300, (0, -1)),
+        (rules.ABOVE_ZERO_OR_INF, 1e-9, math.inf, (0, -math.inf)),
+        (rules.FROM_ZERO, 0, 1e300, (-1e-9,)),
+        (rules.COUNT, 1, 10**9, (0, 1.5)),
+        (rules.SHARE, 1e-9, 1, (0, 1 + 1e-9)),
+        (rules.fraction(), 0, 1, (-1e-9, 1 + 1e-9)),
+        (rules.BELOW_180, 1e-9, 180 - 1e-9, (0, 180)),
     ],
 )
 def test_a_rule_allows_its_ends_and_nothing_beyond(rule, least, most, beyond):
@@ -64,24 +46,15 @@ def test_a_rule_allows_its_ends_and_nothing_beyond(rule, least, most, beyond):
             rule.check("x", wrong)
 
 
-@pytest.mark.parametrize(
-    "word, allowed, hint",
-    [
+def test_a_name_is_told_by_spelling_or_by_what_others_call_it():
+    for word, allowed, hint in (
         ("thiknes", ("thickness", "width"), " (did you mean thickness?)"),
-        ("Thickness", ("thickness", "width"), " (did you mean thickness?)"),
         ("mpa", ("MPa", "kPa"), " (did you mean MPa?)"),
         ("material", ("fabric", "metal"), " (did you mean fabric?)"),
-        ("Materials", ("fabric", "metal"), " (did you mean fabric?)"),
         ("material", ("warp", "weft"), ""),
-        ("xyz", ("warp", "weft"), ""),
         (3, ("warp", "weft"), ""),
-    ],
-)
-def test_a_name_is_told_by_spelling_or_by_what_others_call_it(word, allowed, hint):
-    assert did_you_mean(word, allowed) == hint
-
-
-def test_an_unknown_key_is_told_with_those_allowed():
-    assert str(unknown_key("heigth", ("width", "height"), "key heigth")) == (
+    ):
+        assert rules.did_you_mean(word, allowed) == hint
+    assert str(rules.unknown_key("heigth", ("width", "height"), "key heigth")) == (
         "key heigth is unknown (did you mean height?); allowed are width, height"
     )

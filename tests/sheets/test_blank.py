@@ -2,7 +2,6 @@
 
 import math
 
-import meshio
 import numpy as np
 import pytest
 import ufl
@@ -22,35 +21,7 @@ def area(blank):
     return COMM.allreduce(fem.assemble_scalar(compat.form(1.0 * ufl.dx(blank.mesh))))
 
 
-@pytest.mark.versions
-def test_a_mesh_file_is_a_blank(tmp_path):
-    points, cells, kind = specimen(120, 30, 6, 2)
-    meshio.write_points_cells(tmp_path / "s.msh", points, [(kind, cells)])
-    blank = Blank.read(tmp_path / "s.msh")
-    assert blank.mesh.geometry.dim == 2 and area(blank) == pytest.approx(3600, rel=1e-12)
-    assert blank.mesh.topology.index_map(2).size_global == len(cells)
-    assert np.allclose(blank.extent(), [[0, 0], [120, 30]], atol=1e-12)
-
-
-@pytest.mark.parametrize("angle", [0, 17, 90, 163])
-def test_cells_run_along_the_yarns_but_at_the_edges(angle):
-    yarns = math.radians(angle)
-    points, cells, _ = specimen(235, 135, 24, 14, "along", yarns=yarns)
-    x = points[cells][:, :, :2]
-    sides = np.roll(x, -1, 1) - x
-    area = (sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]) / 2
-    assert abs(area).sum() == pytest.approx(235 * 135, rel=1e-12)
-    assert (4 * math.sqrt(3) * abs(area) / (sides**2).sum((1, 2))).min() > 0.3  # 1 if equilateral
-    turned = np.arctan2(sides[..., 1], sides[..., 0]) - yarns
-    eighths = turned / (math.pi / 4)  # yarns, and diagonals of their squares
-    follow = (abs(eighths - eighths.round()) < 1e-6).all(1)
-    centres = x.mean(1)
-    inner = (np.minimum(centres, [235, 135] - centres) > 2 * 235 / 24).all(1)
-    assert follow[inner].all()
-    assert follow.mean() > 0.8
-
-
-@pytest.mark.parametrize("angle, lines", [(0, 0), (45, 4), (30, 4), (100, 4)])
+@pytest.mark.parametrize("angle, lines", [(0, 0), (45, 4), (100, 4)])
 def test_edges_follow_the_yarns_through_the_corners(angle, lines):
     yarns = math.radians(angle)
     points, cells, _ = specimen(200, 50, 40, 10, "yarns", yarns=yarns)
@@ -65,8 +36,6 @@ def test_edges_follow_the_yarns_through_the_corners(angle, lines):
         off = np.abs((edges - start) @ [-direction[1], direction[0]]).max(1)
         covered = np.linalg.norm(np.diff(edges[off < 2e-6], axis=1), axis=2).sum()  # 1e-6 mm: grid
         assert covered == pytest.approx(np.linalg.norm(end - start), rel=1e-7)
-    same, known, _ = specimen(200, 50, 40, 10, "yarns", yarns=yarns + 1e-12)
-    assert np.array_equal(known, cells) and np.abs(same - points).max() < 1e-9
 
 
 def test_squares_along_yarns_are_half_of_their_size_off_the_edges():
@@ -115,12 +84,13 @@ def test_curved_cells(tmp_path, kind):
         gmsh.model.mesh.setOrder(2)
         gmsh.write(str(tmp_path / "disk.msh"))
     blank = Blank.read(tmp_path / "disk.msh")
+    assert blank.mesh.geometry.dim == 2 and not blank.warnings
     assert area(blank) == pytest.approx(100 * math.pi, rel=1e-3)
 
 
-def cylinder(n=24, m=6, cell="triangle"):
+def cylinder(cell="triangle"):
     """Quarter of a cylinder of radius 50 about the y axis, 40 long."""
-    points, cells, kind = specimen(math.pi / 2, 40, n, m, cell=cell)
+    points, cells, kind = specimen(math.pi / 2, 40, 24, 6, cell=cell)
     t = points[:, 0]
     return np.column_stack([50 * np.sin(t), points[:, 1], 50 * np.cos(t)]), cells, kind
 
@@ -128,7 +98,7 @@ def cylinder(n=24, m=6, cell="triangle"):
 @pytest.mark.versions
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_fibres_on_a_curved_blank(cell):
-    arrays = cylinder(cell=cell) if COMM.rank == 0 else (None,) * 3
+    arrays = cylinder(cell) if COMM.rank == 0 else (None,) * 3
     blank = Blank.from_arrays(COMM, *arrays, a=(1.0, 0.0, -1.0), up=(1.0, 0.0, 1.0))
     a, b = (f.x.array.reshape(-1, 3) for f in (blank.a0, blank.b0))
     x = blank.mesh.geometry.x[compat.geometry_dofmap(blank.mesh)].mean(1)
@@ -144,32 +114,20 @@ def test_fibres_from_angle_vector_and_function_agree():
     arrays = specimen(nx=6, ny=3) if COMM.rank == 0 else (None,) * 3
     angle = 0.7
     vector = [math.cos(angle), math.sin(angle)]
-    ways = [
-        angle,
-        vector,
-        [3 * v for v in vector] + [0.0],
-        lambda x: np.full(x.shape[1], angle),
-        lambda x: np.outer(vector, np.ones(x.shape[1])),
-    ]
-    fields = [Blank.from_arrays(COMM, *arrays, a=a) for a in ways]
-    for blank in fields:
+    ways = [angle, [3 * v for v in vector] + [0.0], lambda x: np.full(x.shape[1], angle)]
+    for a in [*ways, lambda x: np.outer(vector, np.ones(x.shape[1]))]:
+        blank = Blank.from_arrays(COMM, *arrays, a=a)
         assert np.allclose(blank.a0.x.array.reshape(-1, 2), vector, atol=1e-15)
         assert np.allclose(blank.b0.x.array.reshape(-1, 2), [-vector[1], vector[0]], atol=1e-15)
 
 
-FLAT, CURVED = specimen(nx=4, ny=2), cylinder()
-REFUSED = [
-    (FLAT, {"a": (0.0, 0.0)}, "a is zero or not finite"),
-    (FLAT, {"a": (1.0, 0.0, 0.5)}, "a leaves the plane"),
-    (FLAT, {"a": 0.3, "b": 0.3 + math.pi}, "parallel"),
-    (FLAT, {"a": 30.0}, "an angle in radians; "),
-    (FLAT, {"frame": [[1, 0], [1, 1]]}, "frame of the blank"),
-    (CURVED, {"a": (0.0, 0.0, 1.0)}, "a is normal to the sheet in the cell at"),
-]
-
-
 @pytest.mark.mpi
-@pytest.mark.parametrize("arrays, options, words", REFUSED[::-1])
-def test_fibres_that_are_refused(arrays, options, words):
-    with pytest.raises(InputError, match=words):
-        Blank.from_arrays(COMM, *(arrays if COMM.rank == 0 else (None,) * 3), **options)
+def test_fibres_that_are_refused():
+    flat = specimen(nx=4, ny=2)
+    for arrays, options, words in (
+        (cylinder(), {"a": (0.0, 0.0, 1.0)}, "a is normal to the sheet in the cell at"),
+        (flat, {"frame": [[1, 0], [1, 1]]}, "frame of the blank"),
+        (flat, {"a": (0.0, 0.0)}, "a is zero or not finite"),
+    ):
+        with pytest.raises(InputError, match=words):
+            Blank.from_arrays(COMM, *(arrays if COMM.rank == 0 else (None,) * 3), **options)

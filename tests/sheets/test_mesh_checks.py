@@ -1,8 +1,5 @@
 """Meshes that lie are refused or doubted with their place; sound ones pass without a word."""
 
-import math
-from itertools import product
-
 import numpy as np
 import pytest
 from builders import slit_strip
@@ -15,7 +12,6 @@ from fabric_fenicsx.sheets.cells import CELLS
 from fabric_fenicsx.sheets.mesh_checks import checked_mesh
 
 COMM = MPI.COMM_WORLD
-BOTH_CELLS = [pattern for pattern in PATTERNS if pattern != "along"]
 
 
 STRIP = specimen(4, 2, 4, 2, "right")
@@ -23,19 +19,16 @@ SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
 TWO = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [2, 1, 0], [2, 2, 0.0]])
 
 
-def hanging(off=0.0, cell="triangle"):
+def hanging(off=0.0):
     """Sheet of 4 x 2 mm, of which a cell under y = 1 is cut at x = 1.5, and the one above it is
     not."""
-    points, cells, kind = specimen(4, 2, 4, 2, "right", cell)
+    points, cells, kind = specimen(4, 2, 4, 2, "right")
     at = {tuple(p): i for i, p in enumerate(points[:, :2].astype(int).tolist())}
-    low, high = [at[x, 0] for x in (1, 2)], [at[x, 1] for x in (1, 2)]
+    low, high = at[1, 0], [at[x, 1] for x in (1, 2)]
     n = len(points)
     points = np.vstack([points, [1.5, 1 + off, 0], [1.5, 0, 0]])
-    if cell == "triangle":  # the other corner is (1, 0)
-        whole, cut = {low[0], *high}, [[low[0], high[1], n], [low[0], n, high[0]]]
-    else:
-        whole, cut = {*low, *high}, [[low[0], n + 1, n, high[0]], [n + 1, low[1], high[1], n]]
-    (below,) = [i for i, c in enumerate(cells) if set(c) == whole]
+    cut = [[low, high[1], n], [low, n, high[0]]]
+    (below,) = [i for i, c in enumerate(cells) if set(c) == {low, *high}]
     return points, np.vstack([np.delete(cells, below, 0), cut]), kind
 
 
@@ -61,52 +54,16 @@ def one(kind, moved):
     return points, np.arange(len(points))[None], kind
 
 
-def tee():
-    """Three rectangles of a sheet at one edge, not in a plane."""
-    points = np.array(
-        [[x, y, z] for x, z in ((0, 0), (10, 0), (-10, 0), (0, 10)) for y in (0, 5)], float
-    )
-    return points, np.array([[0, 2, 3, 1], [4, 0, 1, 5], [0, 1, 7, 6]]), "quad"
-
-
 LIES = {
-    "hanging node": (
-        hanging(),
-        r"hanging node, number 15 at \[1.5, 1.0, 0.0\] mm: it lies on an edge of cell \d+",
-    ),
-    "hanging node of quadratic cells": (
-        second_order(*hanging()),
-        r"hanging node, number 31 at \[1.25, 1.0, 0.0\] mm",
-    ),
-    "a cell twice": (
-        (STRIP[0], np.vstack([STRIP[1], STRIP[1][:1]]), "triangle"),
-        r"edge at .* that 3 cells share, .*0, .*\b16;",
-    ),
-    "no area": ((SQUARE, [[0, 1, 1]], "triangle"), "degenerate"),
+    "hanging node": (hanging(), r"hanging node, number 15 at \[1.5, 1.0, 0.0\] mm: it lies on"),
+    "one of quadratic cells": (second_order(*hanging()), r"number 31 at \[1.25, 1.0, 0.0\] mm"),
+    "a cell twice": ((STRIP[0], STRIP[1][[0, *range(16)]], "triangle"), "that 3 cells share, .*0"),
     "a cell that crosses itself": ((SQUARE, [[0, 2, 1, 3]], "quad"), "degenerate or non-convex"),
     "no number": ((SQUARE * np.nan, [[0, 1, 2]], "triangle"), "not a number at node 0"),
     "no cells": ((SQUARE, np.empty((0, 3), int), "triangle"), "0 cells"),
-    "solids": ((SQUARE, [[0, 1, 2, 3]], "tetra"), "kind tetra"),
-    "an edge of three cells": (
-        tee(),
-        r"edge at \[0.0, 2.5, 0.0\] mm that 3 cells share, numbers 0, 1, 2",
-    ),
-    "cells that share a corner": (
-        (TWO, [[0, 1, 2], [2, 3, 4]], "triangle"),
-        "falls into 2 parts that share no edge",
-    ),
-    "triangle turned over at a corner": (
-        one("triangle6", {3: (-3, 0)}),
-        "number 0, that its curved edges turn over",
-    ),
-    "node that is not there": (
-        (STRIP[0], [[0, 1, 99]], "triangle"),
-        r"nodes \[0, 1, 99\]; allowed are numbers from 0 to 14",
-    ),
-    "cells of too few nodes": (
-        (STRIP[0], [[0, 1, 2]], "triangle6"),
-        "allowed are 6 for a triangle6",
-    ),
+    "cells that share a corner": ((TWO, [[0, 1, 2], [2, 3, 4]], "triangle"), "falls into 2 parts"),
+    "a corner turned over": (one("triangle6", {3: (-3, 0)}), "number 0, that its curved edges"),
+    "node that is not there": ((STRIP[0], [[0, 1, 99]], "triangle"), r"nodes \[0, 1, 99\]; allow"),
 }
 
 
@@ -131,11 +88,10 @@ def test_a_cell_that_is_turned_over_between_its_nodes_only():
         checked_mesh(points, cells, kind, "sheet")
 
 
-@pytest.mark.parametrize(
-    "pattern, cell", [*product(PATTERNS, ["triangle"]), *product(BOTH_CELLS, ["quadrilateral"])]
-)
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+@pytest.mark.parametrize("pattern", PATTERNS)
 def test_specimens_are_not_doubted(pattern, cell):
-    mesh = specimen(60, 20, 12, 4, pattern, cell, 0.5)
+    mesh = specimen(60, 20, 12, 4, pattern, "triangle" if pattern == "along" else cell, 0.5)
     x, y = np.moveaxis(mesh[0][mesh[1]], 2, 0)[:2]
     areas = (x * np.roll(y, -1, 1) - y * np.roll(x, -1, 1)).sum(1) / 2
     assert abs(areas).sum() == pytest.approx(1200, rel=1e-12)
@@ -143,42 +99,12 @@ def test_specimens_are_not_doubted(pattern, cell):
     assert checked_mesh(*second_order(*mesh), "sheet").warnings == []
 
 
-def curved(cell):
-    """A ring's part of quadratic cells, whose edges are arcs as long as the radius."""
-    points, cells, kind = second_order(*specimen(2 * math.pi - 1e-2, 10, 6, 1, cell=cell))
-    t, r = points[:, 0], 20 - points[:, 1]
-    return np.column_stack([r * np.cos(t), r * np.sin(t), 0 * t]), cells, kind
-
-
-def ball():
-    corners = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1.0]])
-    cells = [[k, (k + 1) % 4, 4] for k in range(4)] + [[(k + 1) % 4, k, 5] for k in range(4)]
-    return corners, np.array(cells), "triangle"
-
-
-SOUND = {
-    "a closed ball": ball,
-    "curved triangles": lambda: curved("triangle"),
-    "curved quadrilaterals": lambda: curved("quadrilateral"),
-    "one triangle": lambda: one("triangle6", {3: (0.5, -1)}),
-}
-
-
-@pytest.mark.parametrize("case", SOUND)
-def test_sound_meshes_pass(case):
-    mesh = SOUND[case]()
-    found = checked_mesh(*mesh, "sheet")
-    assert found.warnings == [] and len(found.cells) == len(mesh[1])
-
-
 @pytest.mark.mpi
 @pytest.mark.parametrize("make", [lambda mesh: mesh, lambda mesh: second_order(*mesh)])
 def test_a_slit_is_doubted_on_all_ranks(make):
     arrays = make(slit_strip()) if COMM.rank == 0 else (None,) * 3
     (doubt,) = Blank.from_arrays(COMM, *arrays, source="sheet.msh").warnings
-    assert "sheet.msh has" in doubt
-    assert "where another one lies" in doubt
-    assert "1.0, 0.0] mm" in doubt
+    assert "where another one lies" in doubt and "1.0, 0.0] mm" in doubt
     assert f"{3 if len(arrays[0]) < 40 else 7} nodes" in doubt if COMM.rank == 0 else True
 
 

@@ -19,7 +19,6 @@ values = {k: float(v) for k, v in (word.split("=", 1) for word in given.set)}
 pressure = values["ring.pressure"]
 if pressure < 0:
     print("a first line\nfabric form: error: ring.pressure is -1; allowed is a number from 0")
-    print("a library of MPI ends")
     sys.exit(2)
 stopped = []
 signal.signal(signal.SIGTERM, lambda *_: stopped.append("stopped by SIGTERM"))

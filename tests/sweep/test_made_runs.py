@@ -190,11 +190,6 @@ def test_cores_and_memory_are_for_so_many_runs(made, monkeypatch):
     assert [each(ended) for each in room.values()] == [6, 6, 1, 9]
 
 
-def test_the_memory_that_is_free_is_read_in_mib(monkeypatch):
-    monkeypatch.setattr(Path, "read_text", lambda _: "MemTotal: 9 kB\nMemAvailable: 2048000 kB\n")
-    assert runner.free_memory() == 2000
-
-
 def history(run, rows):
     text = "load,displacement_mm,reaction_N\n" + "".join("{},{},{}\n".format(*r) for r in rows)
     (run.folder / "history.csv").write_text(text)
