@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.mechanics.contact.sheet_contact import SheetContact
 
 AREA = 13568 / 20268  # of metal over that of fabric, from the paper's numbers of elements
 
@@ -14,23 +13,13 @@ def laminate(*changes):
     return ff.Press.read("laminate", ["nx=6", "stage.1.moves.punch=2", *changes]).build()
 
 
-@pytest.fixture(scope="module")
-def laid():
-    return laminate()
-
-
-def test_metal_covers_two_thirds_of_the_fabric(laid):
+def test_metal_covers_two_thirds_of_the_fabric():
     """13 568 against 20 268 elements in the paper, with cells as large as the plies'."""
+    laid = laminate()
     areas = {name: laid.blank.areas()[part.cells] for name, part in laid.blank.parts.items()}
     covered = areas["lower metal"].sum() / areas["middle"].sum()
     assert covered == pytest.approx(AREA) == pytest.approx(0.669, abs=1e-3)
     assert areas["lower metal"].mean() == pytest.approx(areas["middle"].mean(), rel=0.3)
-
-
-def test_friction_is_that_of_table_2(laid):
-    between = [term for term in laid.scene.terms if isinstance(term, SheetContact)]
-    found = [term.coulomb.largest for term in between if term.coulomb]
-    assert found == [0.25, 0.334, 0.334, 0.25]
 
 
 @pytest.mark.parametrize("sizes, loose", [((470, 400), "x = 192"), ((640, 170), "y = 69.5")])
