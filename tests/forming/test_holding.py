@@ -9,6 +9,7 @@ from fabric_fenicsx.forming.holders import Region
 from fabric_fenicsx.scene import output as reports
 
 SIZES = {"nx": 4, "stroke": 8.0}
+LEFT, RIGHT = Region({"x": [-100, 40]}), Region({"x": [0, 100]})
 HALVES = [lambda x: x[0] < 140, lambda x: x[0] >= 140]
 
 
@@ -49,15 +50,10 @@ def test_segments_with_a_common_limit_press_each_node_once(limit):
     "one, other, words",
     [
         (ff.PressureHolder(0.02), ff.PressureHolder(0.02), "28800 mm2"),
+        (ff.PressureHolder(0.02, LEFT), ff.ForceHolder(100, RIGHT), "7200 mm2 of the blank"),
         (
-            ff.PressureHolder(0.02, Region({"x": [-100, 40]})),
-            ff.ForceHolder(100, Region({"x": [0, 100]})),
-            "7200 mm2 of the blank",
-        ),
-        (
-            ff.Grippers(1.0, edges=["low x", "low y"]),
-            ff.Grippers(1.0, edges=["high x", "low y"]),
-            "11 nodes of the edge low y",
+            *(ff.Grippers(1.0, edges=[f"{k} x", "low y"]) for k in ("low", "high")),
+            "11 nodes of the",
         ),
     ],
 )

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from builders import COMM, near
 from builders import sheet as rectangle
-from mpi4py.MPI import COMM_SELF
 
 from fabric_fenicsx.mechanics.contact.faces import Face
 
@@ -149,15 +148,3 @@ def test_nothing_lies_beyond_the_rim_or_further_off_than_asked():
     found = over(face, np.array(points, float), 1.0)
     assert (found.triangle >= 0).tolist() == [True, False, True, True, False, False]
     assert found.gap[[0, 2, 3]] == pytest.approx([0.9, -0.9, 0.0], abs=1e-12)
-
-
-@pytest.mark.mpi
-def test_the_same_of_two_triangles_at_an_edge_is_found_on_any_ranks():
-    """As over a sheet that one rank has alone, though numbers of nodes and cells differ."""
-    x = np.array([[a, b, 0.3] for a in np.linspace(-22.5, 22.5, 13) for b in (-7.5, 0.0, 3.75)])
-    found = []
-    for comm in (COMM, COMM_SELF):
-        face = Face(bent(comm=comm, curve=lambda x: 0 * x[:, 0]).whole, 1.0, [])
-        triangle = over(face, x).triangle
-        found.append(face.places[face.triangles[triangle]].mean(1))
-    assert found[0] == pytest.approx(found[1], abs=1e-9)

@@ -39,9 +39,6 @@ def on_nodes(term):
     return term.applied_forces().reshape(-1, 3)
 
 
-# -- derivatives
-
-
 @pytest.mark.parametrize("pushed", [False, True])
 @pytest.mark.parametrize("distance", [0.3, 3.0, 100.0])
 def test_derivatives(distance, pushed):
@@ -86,9 +83,9 @@ def on_table(**options):
     return blank, alone(blank, ff.Contact(table, T, K, **options))
 
 
-def patch(place, tool_path=(0.0, 0.0, 0.0), gripped=True):
+def patch(place, tool_path=(0.0, 0.0, 0.0)):
     """A patch of 200 mm^2, pressed onto a table by 2 MPa; place: function of the load to its
-    displacement along x, unless it is not `gripped`."""
+    displacement along x, if not None."""
     blank = sheet(20, 10, 4, 2)
     table = ff.Tool(ff.Plane((0, 0, -T / 2), (0, 0, 1)), tool_path, name="table")
     table = ff.Contact(table, T, K, friction=ff.Coulomb(MU, SLIP, math.inf))
@@ -100,7 +97,7 @@ def patch(place, tool_path=(0.0, 0.0, 0.0), gripped=True):
         return np.array([np.full(x.shape[1], place(load)), 0 * x[0], 0 * x[0]])
 
     grip = ff.Support("grip", everywhere, (0,), moved)
-    held = [*([grip] if gripped else []), ff.Support("y", everywhere, (1,))]
+    held = [*([grip] if place else []), ff.Support("y", everywhere, (1,))]
     return ff.Scene(blank, [Elastic(1e3), table, press], held), table
 
 
@@ -140,12 +137,9 @@ def test_table_drags_a_patch_along():
     start, end = (sum(states[k].energies.values()) for k in (0, -1))
     assert end - start == pytest.approx(limit * (0.1 - SLIP / 2), rel=1e-6)
     assert states[-1].external_work == pytest.approx(end, rel=1e-6)
-    scene, _ = patch(lambda load: 0.0, tool_path=(0.1, 0, 0), gripped=False)
+    scene, _ = patch(None, tool_path=(0.1, 0, 0))
     run(scene, 10)
     assert displacement(scene.blank)[:, 0] == pytest.approx(0.1, rel=1e-6)
-
-
-# -- capstan
 
 
 @pytest.mark.mpi
@@ -167,10 +161,8 @@ def test_capstan():
     def drawn(x, load):
         return np.outer(out[1], np.full(x.shape[1], max(0.0, 2 * load - 1) * slid))
 
-    supports = [
-        ff.Support("drawn end", ends[1], (0, 1, 2), drawn),
-        ff.Support("side", near(1, 0.0), (1,)),
-    ]
+    supports = [ff.Support("drawn end", ends[1], (0, 1, 2), drawn)]
+    supports.append(ff.Support("side", near(1, 0.0), (1,)))
     scene = ff.Scene(blank, [Elastic(1e4), contact, weight], supports)
     run(scene, 20)
     tension = scene.reaction("drawn end") @ out[1] / width
@@ -330,21 +322,14 @@ def test_normal_forces_follow_within_a_step(lag, followed):
 
 def test_a_pressure_that_falls_takes_what_the_elastic_slip_held():
     """Energy is neither lost nor made as the load is set, also when a step is repeated."""
-    blank = sheet(20.0, 10.0, 4, 2)
-    pressing = ff.BlankHolderPressure(
-        lambda load: PRESSURE * (1 - load / 2),
-        (0, 0, -1),
-        lambda x: np.ones(x.shape[1]),
-        friction=ff.Coulomb(MU, SLIP),
-    )
+    blank, falls = sheet(20.0, 10.0, 4, 2), lambda load: PRESSURE * (1 - load / 2)
+    rubs = {"friction": ff.Coulomb(MU, SLIP)}
+    pressing = ff.BlankHolderPressure(falls, (0, 0, -1), lambda x: 0 * x[0] + 1, **rubs)
     alone(blank, pressing)
-
-    def taken():
-        return COMM.allreduce(pressing.energies()["friction"])
-
     blank.u.x.array[::3] = SLIP / 2
     pressing.accept()
     held = MU * PRESSURE * AREA * SLIP / 8
+    taken = lambda: COMM.allreduce(pressing.energies()["friction"])  # noqa: E731
     for load in (0.0, 1.0, 0.5, 1.0):
         pressing.set_load(load)
         assert taken() == pytest.approx(held, rel=1e-12)

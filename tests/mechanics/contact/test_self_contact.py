@@ -51,9 +51,6 @@ FOLDS = {
 }
 
 
-# -- where a sheet touches itself
-
-
 @pytest.mark.mpi
 @pytest.mark.parametrize("fold, degree", [("both", 1), ("up", 2), ("down", 1)])
 def test_layers_press_each_other_with_what_the_law_says(fold, degree):
