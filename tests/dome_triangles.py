@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from fabric_fenicsx.meshes.gmsh_cells import meshed, own_model
 from fabric_fenicsx.tools.double_dome import DoubleDome
 
 
@@ -12,93 +11,50 @@ def double_dome(dome=None, size=10.0, turn=10.0):
     """Points (n, 3) [mm] on the surface and triangles (m, 3), seen from above anticlockwise, with a
     flange of 520 x 320 mm.
 
-    size: of the edges where the surface is flat [mm]; turn: of the normal along an edge on
-    roundings and fillets [deg].
+    size: of the edges where the surface is flat [mm]; turn: of the normal across roundings and
+    fillets [deg].
     """
-    points, triangles = _quarter(dome or DoubleDome(), 260.0, 160.0, size, math.radians(turn))
-    for axis in (0, 1):
-        points, triangles = _mirrored(points, triangles, axis)
-    return points, triangles
+    dome = dome or DoubleDome()
+    curves, turn = _curves(dome, size), math.radians(turn)
+    steps = size, dome.top_radius * turn, size, dome.entry_radius * turn, size
+    rows = [curves[:1]]
+    for a, b, step in zip(curves, curves[1:], steps):
+        count = math.ceil(np.linalg.norm(b - a, axis=1).max() / step)
+        rows.append(a + np.linspace(0, 1, count + 1)[1:, None, None] * (b - a))
+    p = np.vstack(rows)
+    low, high, right, far = p[:-1, :-1], p[:-1, 1:], p[1:, :-1], p[1:, 1:]
+    cells = np.array([[low, right, far], [low, far, high]])  # (2, 3, rows, columns, 2)
+    cells = np.moveaxis(cells, 1, 3).reshape(-1, 3, 2)
+    cells = cells[abs(np.cross(cells[:, 1] - cells[:, 0], cells[:, 2] - cells[:, 0])) > 1e-6]
+    for mirror in ([-1, 1], [1, -1]):
+        cells = np.vstack([cells, cells[:, ::-1] * mirror])
+    _, first, triangles = np.unique(
+        cells.reshape(-1, 2).round(6), axis=0, return_index=True, return_inverse=True
+    )
+    return dome.lift(*cells.reshape(-1, 2)[first].T), triangles.reshape(-1, 3)
 
 
-def _quarter(dome, x, y, size, turn):
-    """The quarter up to the corner (x, y), meshed in the developed plan, where no wall is seen
-    edge-on."""
-    import gmsh
-
-    # The flange's outline, from the x axis over the corner to the y axis, moved outwards by what
-    # the profile is longer.
-    along, up = (np.linspace(0, end, max(2, math.ceil(end / size) + 1)) for end in (x, y))
-    sides = [(x, each) for each in up] + [(each, y) for each in along[-2::-1]]
-    outline = np.array(sides)
-    outline = outline + (dome.developed[-1] - dome.roundings[1]) * dome.plan(*outline.T)[1].T
-
-    rounding, wall, fillet, flange = dome.developed
-    fine = ((rounding, wall, dome.top_radius * turn), (fillet, flange, dome.entry_radius * turn))
-
-    def size_at(dim, tag, x, y, *z):
-        s = float(dome.plan(np.array([x]), np.array([y]))[0][0])
-        return min(size, *(least + 0.3 * max(start - s, s - end, 0) for start, end, least in fine))
-
-    options = dict.fromkeys(("ExtendFromBoundary", "FromPoints", "FromCurvature"), 0.0)
-    options = {f"MeshSize{name}": value for name, value in options.items()}
-    with own_model(gmsh, Algorithm=6, **options):
-        _lines_of_dome(gmsh.model.geo, dome, outline)
-        gmsh.model.geo.synchronize()
-        gmsh.model.mesh.setSizeCallback(size_at)
-        places, triangles = meshed(gmsh)
-    places = places[:, :2]
-    places[abs(places) < 1e-9 * x] = 0
-    used, triangles = np.unique(triangles, return_inverse=True)  # without centres of arcs
-    return dome.lift(*places[used].T), triangles.reshape(-1, 3)
-
-
-def _lines_of_dome(geo, dome, outline):
-    """A quarter of the developed plan in gmsh: lines where the curvature jumps, so that no triangle
-    lies across them, and their faces. The parts begin at lines beside the outline, arcs about the
-    dome and, beyond a line across, about the centre of the waist."""
-    centre, waist = np.array([dome.dome_distance / 2, 0.0]), dome.waist
-    turn = -dome.plan(np.zeros(1), np.array([waist]))[2][0]
-    middle = np.array([0.0, waist + 1 / turn]) if turn else None  # of the waist's arc
-    across = np.array([0.0, 1.0]) if middle is None else middle - centre
-    across /= np.linalg.norm(across)
-
-    def point(place):
-        return geo.addPoint(*place, 0)
-
-    dome_at = point(centre)
-    waist_at = None if middle is None else point(middle)
-    start = end = point((0, 0))  # the last level's points on the axes
-    joint, lines = None, []  # and its lines between them
+def _curves(dome, size):
+    """Lines of a quarter of the developed plan from the x to the y axis (6, n, 2): its axis, lines
+    where the curvature jumps, so that no triangle lies across them, and the flange's rim. They are
+    arcs about the dome and, beyond a line across, about the centre of the waist."""
+    centre = np.array([dome.dome_distance / 2, 0.0])
+    reach = -1 / dome.plan(np.zeros(1), np.array([dome.waist]))[2][0]
+    middle = np.array([0.0, dome.waist + reach])  # of the waist's arc
+    x, y = middle - centre
+    end, begin = math.atan2(y, x), math.atan2(-y, -x)
+    n, m = (math.ceil(a / size) for a in (end * dome.dome_radius, (begin + np.pi / 2) * reach))
+    arcs = [np.linspace(0, end, n + 1), np.linspace(begin, -np.pi / 2, m + 1)[1:]]
+    around, below = (np.column_stack([np.cos(a), np.sin(a)]) for a in arcs)
+    along, up = np.linspace(1, 0, m + 1)[1:, None], np.linspace(0, 1, n + 1)[:, None]
+    curves = [np.vstack([centre + 0 * around, centre * along])]
     for s in dome.developed:
         radius = dome.dome_radius + s
-        ends = centre + [radius, 0], centre + radius * across, (0.0, waist + s)
-        a, j, b = map(point, ends)
-        curve = geo.addCircleArc(a, dome_at, j)
-        rest = geo.addLine(j, b) if waist_at is None else geo.addCircleArc(j, waist_at, b)
-        x, y = geo.addLine(start, a), geo.addLine(b, end)
-        if joint is None:
-            loops = [[x, curve, rest, y]]
-        else:
-            step = geo.addLine(joint, j)
-            loops = [[x, curve, -step, -lines[0]], [step, rest, y, -lines[1]]]
-        for loop in loops:
-            geo.addPlaneSurface([geo.addCurveLoop(loop)])
-        start, joint, end, lines = a, j, b, [curve, rest]
-    places = [point(place) for place in outline]
-    rim = [geo.addLine(p, q) for p, q in zip(places, places[1:])]
-    for line in rim:
-        geo.mesh.setTransfiniteCurve(line, 2)
-    loop = [geo.addLine(start, places[0]), *rim, geo.addLine(places[-1], end), -lines[1], -lines[0]]
-    geo.addPlaneSurface([geo.addCurveLoop(loop)])
-
-
-def _mirrored(points, triangles, axis):
-    """With their image in the plane through 0 across `axis`, whose nodes the two share."""
-    off = points[:, axis] != 0
-    image = np.arange(len(points))
-    image[off] = len(points) + np.arange(off.sum())
-    mirror = np.ones(3)
-    mirror[axis] = -1
-    points = np.vstack([points, points[off] * mirror])
-    return points, np.vstack([triangles, image[triangles][:, ::-1]])
+        curves.append(np.vstack([centre + radius * around, middle + (reach - s) * below]))
+    # moved outwards by what the profile is longer
+    rim = np.vstack([[260, 0] + [0, 160] * up, [0, 160] + [260, 0] * along])
+    longer = dome.developed[-1] - dome.roundings[1]
+    curves.append(rim + longer * dome.plan(*rim.T)[1].T)
+    curves = np.array(curves)
+    curves[:, 0, 1] = curves[:, -1, 0] = 0.0  # on the axes
+    return curves

@@ -23,13 +23,6 @@ def beneath(places, middle):
     return (np.hypot(*places[:2] - np.reshape(middle, (2, 1))) >= 40).astype(float)
 
 
-def test_the_share_is_that_of_each_place():
-    """Though most places are judged by the lattice about them; whatever was asked before."""
-    flange, right = Flange(over_opening((0, 0)), T, 1.0, EXTENT), beneath(PLACES, (0, 0))
-    assert np.array_equal(flange(PLACES), right) and {0.0, 1.0} == {*right}
-    assert np.array_equal(flange(PLACES[:, ::-7]), right[::-7])
-
-
 def test_the_share_falls_where_the_radius_begins():
     """Of 5 mm: to half of it, 0.23 mm on."""
     die = Tool(Flipped(Plate(80.0, entry=5.0)), lambda load: (0, 0, 0.5), name="die")
@@ -38,9 +31,12 @@ def test_the_share_falls_where_the_radius_begins():
     assert share[[0, 1, 2, 4]].tolist() == [1, 1, 1, 0] and share[3] == pytest.approx(0.49, abs=0.1)
 
 
-def test_the_flange_moves_with_the_die():
+def test_the_share_is_that_of_each_place():
+    """Though most places are judged by the lattice about them; whatever was asked before, and
+    where the die has moved to."""
     die = over_opening((3.0, 0.0))
     flange = Flange(die, T, 1.0, EXTENT)
-    flange(PLACES)
-    die.at(1.0)
-    assert np.array_equal(flange(PLACES), beneath(PLACES, (3, 0)))
+    for load, places in ((0.0, PLACES), (0.0, PLACES[:, ::-7]), (1.0, PLACES)):
+        die.at(load)
+        right = beneath(places, (3 * load, 0))
+        assert np.array_equal(flange(places), right) and {0.0, 1.0} == {*right}

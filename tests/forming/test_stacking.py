@@ -74,14 +74,13 @@ def test_resumed_on_other_ranks(shared_path, alone):
 def test_summary_tells_how_thick_plies_are(alone):
     """They lie on the die, a little compacted; fibres are known of one of them."""
     quantities, cells = alone.summary["quantities"], alone.fields["thickness_under_pressure"]
-    free = ff.load("komeili").thickness_under(0.0)
-    for name, ply in quantities["plies"].items():
-        mine = cells[alone.scene.blank.part(name).cells]
-        assert ply["thickness_min_mm"] == mine.min()
-        assert 0.5 < mine.min() < mine.max() <= free
-    least = [ply["thickness_min_mm"] for ply in quantities["plies"].values()]
+    free, plies = ff.load("komeili").thickness_under(0.0), quantities["plies"].values()
+    mine = [cells[alone.scene.blank.part(name).cells] for name in quantities["plies"]]
+    assert all(0.5 < each.min() < each.max() <= free for each in mine)
+    least = [ply["thickness_min_mm"] for ply in plies]
+    assert least == [each.min() for each in mine]
     assert quantities["thickness_min_mm"] == min(least)
-    shares = [ply["fibre_volume_fraction_max"] for ply in quantities["plies"].values()]
+    shares = [ply["fibre_volume_fraction_max"] for ply in plies]
     assert shares[0] is None and 0.75 / 2.54 / free < shares[1] < 0.6
     assert quantities["fibre_volume_fraction_max"] == shares[1]
 
@@ -94,20 +93,17 @@ def test_quantities_of_the_stack_are_of_all_cells_of_its_plies(alone):
     for name in ("shear_angle_deg", "log_eps_11", "log_eps_22"):
         lows, highs = zip(*(ply[name] for ply in plies))
         assert list(q[name]) == [min(lows), max(highs)]
-    angles = [ply["shear_angle_max_deg"] for ply in plies]
-    assert q["shear_angle_max_deg"] == max(angles)
-    k = int(np.argmax(angles))
-    assert q["shear_angle_max_in"] == PLIES[k]
-    assert q["shear_angle_max_at_mm"] == plies[k]["shear_angle_max_at_mm"]
+    most = max(plies, key=lambda ply: ply["shear_angle_max_deg"])
+    for name in ("shear_angle_max_deg", "shear_angle_max_at_mm"):
+        assert q[name] == most[name]
+    assert q["shear_angle_max_in"] == PLIES[plies.index(most)]
     below = [ply["shear_angle_99_percent_deg"] for ply in plies]
     assert min(below) <= q["shear_angle_99_percent_deg"] <= max(below)
-    lost = "cells_that_lost_ellipticity"
+    lost, areas = "cells_that_lost_ellipticity", blank.areas()
     assert q[lost] == sum(ply[lost] for ply in plies)
-    areas = blank.areas()
     mean = areas @ np.maximum(fields["shortening_a"], fields["shortening_b"]) / areas.sum()
     assert q["shortening_mean"] == pytest.approx(mean) and mean > 0
-    pressure = fields["sheet_pressure"]
-    assert q["sheet_pressure_largest_MPa"] == pytest.approx(np.nanmax(pressure))
+    assert q["sheet_pressure_largest_MPa"] == pytest.approx(np.nanmax(fields["sheet_pressure"]))
     for number, share in enumerate(q["share_of_state_1_to_4"], 1):
         expected = areas[fields["strain_state"] == number].sum() / areas.sum()
         assert share == pytest.approx(expected)

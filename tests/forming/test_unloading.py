@@ -86,11 +86,8 @@ def test_fabric_gives_back_what_it_stored(full):
     back, before, after = map(float, re.findall(r"[\d.e-]+(?= mm| to)", told))
     assert back == pytest.approx(q["springback_largest_mm"], rel=0.01)
     assert before == pytest.approx(10, abs=0.5) and after < 0.05 * before
-    owned = formed.scene.blank.V.dofmap.index_map.size_local
-    z = formed.scene.blank.u.x.array.reshape(-1, 3)[:owned, 2]
-    heights = formed.scene.comm.allgather((z.min(initial=1e9), z.max(initial=-1e9)))
-    low, high = np.transpose(heights)
-    assert full or high.max() - low.min() < 0.02  # a whole ply lies as its three nodes did
+    z = np.concatenate(formed.scene.comm.allgather(builders.displacement(formed.scene.blank)[:, 2]))
+    assert full or np.ptp(z) < 0.02  # a whole ply lies as its three nodes did
     held = {"point 1 of blank": (0, 1, 2), "point 2 of blank": (1, 2), "point 3 of blank": (2,)}
     given = {s.name: s.components for s in job.scene.supports}
     assert given.items() >= (held if full else {"point 1 of blank": (2,)}).items()
@@ -116,39 +113,26 @@ def test_fabric_whose_yarns_rub_keeps_its_height_if_that_is_stronger_than_the_la
     assert not [each for each in said(unloaded.summary) if "keeps no shape" in each]
 
 
-@pytest.mark.parametrize("together", [pytest.param(True, marks=pytest.mark.mpi), False])
-def test_sheets_of_a_stack_spring_back_on_each_other_or_alone(together):
+@pytest.mark.mpi
+def test_sheets_of_a_stack_spring_back_on_each_other_or_alone():
     plies = [{"metal": ff.load_metal("dc04"), "name": "metal"}, {"name": "fabric"}]
     gentle = ["tools.punch.entry_radius=45", "tools.punch.wall_angle=20"]
     forming = dome(plies=plies, nx=4, stroke=4.0, changes=gentle)
     formed = forming.job(steps=2, balance=None).run()
     late = ff.unloading(formed)
-    ff.unloading(formed, together=not together).run()  # after which the sheets lie elsewhere
+    for together in (False, True):
+        unloaded = ff.unloading(formed, together=together).run()
+        q, energy = unloaded.summary["quantities"], unloaded.summary["energy"]
+        sheets = [each["springback_largest_mm"] for each in q["sheets"].values()]
+        told = [each for each in said(unloaded.summary) if "keeps no shape" in each]
+        assert len(told) == 1 and told[0].startswith("fabric springs back by up to ")
+        assert len(sheets) == 2 and max(sheets) == q["springback_largest_mm"]
+        assert all(1.0 < each < 2.0 for each in sheets)  # of 4 mm
+        assert energy["metal"] < 1e-6 * formed.summary["energy"]["metal"]  # nothing yielded
+        assert q["supports_bear_N"] < 0.1 and unloaded.summary["energy_imbalance"] < 5e-3
+        assert ("contact of metal and fabric" in unloaded.summary["terms"]) == together
     with pytest.raises(InputError, match="the sheets were moved after"):
         late.run()
-    unloaded = ff.unloading(formed, together=together).run()
-    q, energy = unloaded.summary["quantities"], unloaded.summary["energy"]
-    sheets = [each["springback_largest_mm"] for each in q["sheets"].values()]
-    told = [each for each in said(unloaded.summary) if "keeps no shape" in each]
-    assert len(told) == 1 and told[0].startswith("fabric springs back by up to ")
-    assert len(sheets) == 2 and max(sheets) == q["springback_largest_mm"]
-    assert all(1.0 < each < 2.0 for each in sheets)  # of 4 mm
-    assert energy["metal"] < 1e-6 * formed.summary["energy"]["metal"]  # nothing yielded
-    assert q["supports_bear_N"] < 0.1 and unloaded.summary["energy_imbalance"] < 5e-3
-    assert ("contact of metal and fabric" in unloaded.summary["terms"]) == together
-
-
-def test_metal_that_yielded_all_over_is_not_driven_on_by_what_formed_it():
-    """As dead forces drove it, 12 mm far, until it had yielded by a quarter more."""
-    plies = [{"metal": ff.load_metal("dc04"), "name": "metal"}, {"name": "fabric"}]
-    gentle = ["tools.punch.entry_radius=45", "tools.punch.wall_angle=20"]
-    forming = dome(plies=plies, nx=6, stroke=15.0, changes=gentle)
-    formed = forming.job(steps=6, balance=None).run()
-    unloaded = ff.unloading(formed, together=False).run()
-    before, after = formed.summary["energy"], unloaded.summary["energy"]
-    assert 1 < after["plastic"] / before["plastic"] < 1.01
-    assert 0.1 < after["metal"] / before["metal"] < 0.2
-    assert unloaded.number("sheets.metal.springback_largest_mm") == pytest.approx(3.87, rel=0.02)
 
 
 def test_what_cannot_be_unloaded():
@@ -160,13 +144,11 @@ def test_what_cannot_be_unloaded():
         ff.unloading(formed)
 
 
-@pytest.mark.parametrize("spatial", [False, True])
-def test_few_nodes_hold_all_rigid_motions(spatial):
-    blank = builders.sheet(LENGTH, WIDTH, 4, 2, spatial=spatial)
+def test_few_nodes_hold_all_rigid_motions_in_the_plane():
+    blank = builders.sheet(LENGTH, WIDTH, 4, 2)
     held = isostatic(blank, [])
-    assert sum(len(each.components) for each in held) == (6 if spatial else 3)
-    bed = builders.Elastic()
-    assert not ff.Scene(blank, [bed], held).check_held()
+    assert sum(len(each.components) for each in held) == 3
+    assert not ff.Scene(blank, [builders.Elastic()], held).check_held()
 
 
 @pytest.mark.parametrize("angle", [2.0, np.pi, 4 * np.pi])

@@ -9,40 +9,43 @@ from builders import Elastic, Springs, dome, sheet
 import fabric_fenicsx as ff
 from fabric_fenicsx.material.functions import log
 from fabric_fenicsx.material.laws import LAWS
-from fabric_fenicsx.runtime.rules import above_zero
 
 KOMEILI = ff.load("komeili")
 BALL = ff.Sphere(radius=30)
 NEAR = np.random.default_rng(0).uniform(20, 22, (200, 3)) * [1, -1, 1]
 
 
-def test_the_papers_law():
-    table = ff.check_derivatives(KOMEILI)
+def told(*args, **options):
+    """The table, or why there is none."""
+    try:
+        return ff.check_derivatives(*args, **options)
+    except ff.InputError as error:
+        return str(error)
+
+
+def test_what_the_package_has():
+    table = told(KOMEILI)
     assert table.startswith("law coupled: derivatives agree") and table.count("\n") == 11
+    for surface in (BALL, ff.Plane((0, 0, 1), (0, 1, 1)), ff.Offset(BALL, 1.0)):
+        assert "derivatives agree" in told(surface, NEAR)
 
 
-def test_a_law_whose_stresses_are_not_its_energys():
-    @dataclass(frozen=True)
-    class Wrong(ff.Law):
-        law = "wrong"
-        rules = {"E": above_zero("stress")}
-        E: float
-
-        def energy(self, eps_a, eps_b, gamma):
-            return self.E * eps_a**2 / 2, self.E * eps_b**2 / 2, self.E * gamma**2 / 2
-
-        def derivatives(self, eps_a, eps_b, gamma, second=True):
-            found = super().derivatives(eps_a, eps_b, gamma, second)
-            return found._replace(first=found.first * [[1], [1], [1.5]])
-
-    del LAWS["wrong"]
-    words = "law wrong: tau and differences of energies differ by 0.33 of the largest at"
-    with pytest.raises(ff.InputError, match=words):
-        ff.check_derivatives(Wrong(3.0))
+def soft(g):
+    return 0.015 * g**2
 
 
-def _of_shear(shear):
-    """A law of stiff yarns with this energy of shear."""
+@pytest.mark.parametrize(
+    "shear, factor, words",
+    [
+        (soft, 1.0, "derivatives agree"),
+        (soft, 1.5, "law soft: tau and differences of energies differ by 0.33 of the largest at"),
+        (lambda g: soft(g) + 0.006 * g, 1.0, "the stress tau of law soft is 0.006 MPa in fabric"),
+        (lambda g: soft(g) - 0.1 * g**4, 1.0, "the energy is below that at rest by 1 of the larg"),
+        (lambda g: soft(g) + 1e-4 * (log(1 - 2 * g) + 2 * g), 1.0, "the energy is not a number at"),
+    ],
+)
+def test_a_law_whose_shear_is_wrong(shear, factor, words):
+    """Though it is little beside that of stiff yarns."""
 
     @dataclass(frozen=True)
     class Soft(ff.Law):
@@ -51,128 +54,89 @@ def _of_shear(shear):
         def energy(self, eps_a, eps_b, gamma):
             return 1500 * eps_a**2, 1500 * eps_b**2, shear(gamma)
 
+        def derivatives(self, eps_a, eps_b, gamma, second=True):
+            found = super().derivatives(eps_a, eps_b, gamma, second)
+            times = np.ones((3, 1)) if factor == 1 else [[1], [1], [factor]]
+            return found._replace(first=found.first * times)
+
     del LAWS["soft"]
-    return Soft()
-
-
-@pytest.mark.parametrize(
-    "shear, words",
-    [
-        (lambda g: 0.015 * g**2 + 0.006 * g, "the stress tau of law soft is 0.006 MPa in fabric"),
-        (lambda g: 0.015 * g**2 - 0.1 * g**4, "the energy is below that at rest by 1 of the larg"),
-        (
-            lambda g: 0.0148 * g**2 + 1e-4 * (log(1 - 2 * g) + 2 * g),
-            "the energy is not a number at",
-        ),
-    ],
-)
-def test_a_law_whose_shear_energy_is_wrong(shear, words):
-    """Though it is little beside that of the yarns."""
-    with pytest.raises(ff.InputError, match=words) as error:
-        ff.check_derivatives(_of_shear(shear))
-    assert "differ by inf" not in str(error.value)
-
-
-@pytest.mark.parametrize("surface", [BALL, ff.Plane((0, 0, 1), (0, 1, 1)), ff.Offset(BALL, 1.0)])
-def test_surfaces_of_the_package(surface):
-    assert "agree" in ff.check_derivatives(surface, NEAR)
+    found = told(Soft())
+    assert words in found and "differ by inf" not in found
 
 
 class Ball(ff.Surface):
-    """A ball of 30 mm about the origin with factors that should be 1."""
+    """A ball of 30 mm about the origin with factors that should be 1, whose normals are turned
+    round beyond the plane x = `kink` [mm]."""
 
     radii = 30.0, np.inf
 
-    def __init__(self, gap=1.0, normal=1.0, curvature=1.0):
-        self.gap, self.normal, self.curvature = gap, normal, curvature
+    def __init__(self, gap=1.0, normal=1.0, curvature=1.0, kink=np.inf, radius=30.0):
+        self.factors, self.kink, self.radii = (gap, normal, curvature), kink, (radius, np.inf)
 
     def nearest(self, points, reach):
-        found = BALL.nearest(points, reach)
-        return ff.Nearest(*(k * v for k, v in zip(vars(self).values(), found)))
+        found = ff.Nearest(*(k * v for k, v in zip(self.factors, BALL.nearest(points, reach))))
+        found.normal[points[:, 0] > self.kink] *= -1
+        return found
+
+
+def kink(count):
+    """Before the last so many of the places."""
+    return np.sort(NEAR[:, 0])[-count] - 1e-3
 
 
 @pytest.mark.parametrize(
     "wrong, words",
     [
+        ({}, "derivatives agree"),
         ({"normal": -1.0}, "Ball: normals and differences of gaps differ by 2 of the largest"),
         ({"curvature": 1.1}, "Ball: curvatures and differences of normals differ by 0.09"),
         ({"gap": 2.0, "normal": 2.0, "curvature": 2.0}, "Ball: gaps and distances along the"),
         ({"normal": np.nan}, "Ball: normals and differences of gaps are not numbers at"),
-        ({"gap": np.nan}, r"Ball: it finds no nearest point at \(.*\); allowed are points near"),
+        ({"gap": np.nan}, "Ball: it finds no nearest point at "),
+        ({"radius": 40.0}, "Ball: radii of curvature and least `radii` differ by 0.25 of the"),
+        # the foot of a gap that is too large by a share is below the surface by twice that share
+        (dict.fromkeys(("gap", "normal", "curvature"), 1 + 4e-5), "derivatives agree"),
+        (dict.fromkeys(("gap", "normal", "curvature"), 1 + 7e-5), "gaps and distances along the"),
+        # 2 % of the places may be kinks
+        ({"kink": kink(4)}, "derivatives agree"),
+        ({"kink": kink(5)}, "normals and differences of gaps differ"),
     ],
 )
 def test_a_wrong_surface(wrong, words):
-    assert "agree" in ff.check_derivatives(Ball(), NEAR)
-    with pytest.raises(ff.InputError, match=words):
-        ff.check_derivatives(Ball(**wrong), NEAR)
+    assert words in told(Ball(**wrong), NEAR)
 
 
-@pytest.mark.parametrize("by, agrees", [(4e-5, True), (7e-5, False)])
-def test_a_gap_may_be_1e_4_off(by, agrees):
-    """The foot of a gap that is too large by a share is below the surface by twice that share."""
-    ball = Ball(1 + by, 1 + by, 1 + by)
-    if agrees:
-        assert "agree" in ff.check_derivatives(ball, NEAR)
-    else:
-        with pytest.raises(ff.InputError, match="gaps and distances along the normal"):
-            ff.check_derivatives(ball, NEAR)
+class Bounded(ff.ImplicitSurface):
+    """That ball, whose bound is so many times the distance."""
+
+    radii = 30.0, np.inf
+
+    def __init__(self, times):
+        self.times = times
+
+    def implicit(self, x):
+        r = np.linalg.norm(x, axis=0)
+        slope = x / r
+        return r - 30, slope, (np.eye(3)[:, :, None] - slope[:, None] * slope) / r
+
+    def bound(self, F, x):
+        return self.times * abs(F)
 
 
-@pytest.mark.parametrize("count, agrees", [(4, True), (5, False)])
-def test_2_percent_of_the_places_may_be_kinks(count, agrees):
-    limit = np.sort(NEAR[:, 0])[-count]
-
-    class Kinked(Ball):
-        def nearest(self, points, reach):
-            found = super().nearest(points, reach)
-            found.normal[points[:, 0] > limit - 1e-3] *= -1
-            return found
-
-    if agrees:
-        assert "agree" in ff.check_derivatives(Kinked(), NEAR)
-    else:
-        with pytest.raises(ff.InputError, match="normals and differences of gaps differ"):
-            ff.check_derivatives(Kinked(), NEAR)
-
-
-def test_a_surface_with_corners_sharper_than_it_says():
-    ball = Ball()
-    ball.radii = 40.0, np.inf
-    words = "Ball: radii of curvature and least `radii` differ by 0.25 .* the radius is 30 mm"
-    with pytest.raises(ff.InputError, match=words):
-        ff.check_derivatives(ball, NEAR)
-
-
-@pytest.mark.parametrize("times", [0.9, 1.1])
-def test_a_bound_beyond_the_distance_is_named(times):
+def test_a_bound_beyond_the_distance_is_named():
     """Points that a tool touches would be passed over."""
-
-    class Bounded(ff.ImplicitSurface):
-        radii = 30.0, np.inf
-
-        def implicit(self, x):
-            r = np.linalg.norm(x, axis=0)
-            slope = x / r
-            return r - 30, slope, (np.eye(3)[:, :, None] - slope[:, None] * slope) / r
-
-        def bound(self, F, x):
-            return times * abs(F)
-
-    if times < 1:
-        assert "agree" in ff.check_derivatives(Bounded(), NEAR)
-    else:
-        with pytest.raises(ff.InputError, match="`bound` and distances that it must not exceed"):
-            ff.check_derivatives(Bounded(), NEAR)
+    assert "derivatives agree" in told(Bounded(0.9), NEAR)
+    assert "`bound` and distances that it must not exceed" in told(Bounded(1.1), NEAR)
 
 
 class Hardening(Springs):
-    """A spring of stiffness 1 + u^2 at each component, with factors."""
+    """A spring of stiffness 1 + u^2 at each component, or its negative, with factors."""
 
-    def __init__(self, force=1.0, stiffness=1.0):
-        self.force, self.stiffness = force, stiffness
+    def __init__(self, force=1.0, stiffness=1.0, sign=1):
+        self.force, self.stiffness, self.sign = sign * force, sign * stiffness, sign
 
     def stored(self):
-        return float((self.u() ** 2 / 2 + self.u() ** 4 / 4).sum())
+        return self.sign * float((self.u() ** 2 / 2 + self.u() ** 4 / 4).sum())
 
     def add_forces(self, f):
         f[: len(self.u())] += self.force * (self.u() + self.u() ** 3)
@@ -187,11 +151,11 @@ class Hardening(Springs):
 @pytest.mark.parametrize(
     "wrong, words",
     [
-        ({}, ""),
+        ({}, "derivatives agree"),
         ({"force": 1.2}, "springs: forces and differences of energies differ by 0.17 of"),
-        ({"stiffness": 0.9}, "springs: tangent and differences of forces differ by 0.1 of"),
         ({"stiffness": 1 - 1.2e-4}, "tangent and differences of forces differ by 0.00012 of"),
-        ({"stiffness": 1 - 0.8e-4}, ""),
+        ({"stiffness": 1 - 0.8e-4}, "derivatives agree"),
+        ({"sign": -1}, "N mm: below 0 it drives the sheet"),
     ],
 )
 def test_terms(wrong, words):
@@ -199,30 +163,12 @@ def test_terms(wrong, words):
     scene = ff.Scene(sheet(20.0, 10.0, 6, 3), [Elastic(), springs], ff.clamped_ends(1.0))
     scene.u.set(0.5)
     before = scene.u.array.copy()
-    if words:
-        with pytest.raises(ff.InputError, match=words):
-            ff.check_derivatives(springs, scene, size=0.1)
-    else:
-        assert "agree" in ff.check_derivatives(springs, scene, size=0.1)
+    found = told(springs, scene, size=0.1)
+    assert words in found and ("drives the sheet" in found) == ("sign" in wrong)
+    if not wrong:
         about = 1e-3 * (20 * 10 / 72) ** 0.5  # of a cell
-        assert f"about {about:.3g} mm, the `size`" in ff.check_derivatives(springs, scene)
+        assert f"about {about:.3g} mm, the `size`" in told(springs, scene)
     assert np.array_equal(scene.u.array, before)
-
-
-@pytest.mark.parametrize("sign, told", [(1, False), (-1, True)])
-def test_a_term_that_drives_the_sheet_is_told(sign, told):
-    class Driving(Hardening):
-        def stored(self):
-            return sign * super().stored()
-
-        def tangent(self):
-            dofs, _, values = super().tangent()
-            return dofs, dofs, sign * values
-
-    springs = Driving(force=sign)
-    scene = ff.Scene(sheet(20.0, 10.0, 6, 3), [Elastic(), springs], ff.clamped_ends(1.0))
-    table = ff.check_derivatives(springs, scene, size=0.1)
-    assert ("N mm: below 0 it drives the sheet" in table) == told
 
 
 @pytest.mark.versions

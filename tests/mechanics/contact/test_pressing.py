@@ -76,9 +76,6 @@ def test_a_tool_is_found_where_its_force_is_in_balance(start):
     assert not find_balance(1.0, lambda travel: nothing, 0.0, 0.25, 0.01)
 
 
-# -- fabric
-
-
 FABRIC = ff.load("komeili")
 
 

@@ -12,9 +12,10 @@ LENGTH, WIDTH, NX, TURNS, STEPS = 120.0, 4.0, 60, 1.35, 36
 RADII = (CORE + T / 2) + np.array([0, T])  # radii of the middle surfaces of both turns
 
 
-def rolled_up(friction):
-    """Scene of a strip that a core pulls in and lays around itself, and its contact; a smooth bar
-    stands for the core, and the first cells turn."""
+def test_a_strip_rolled_up_lies_on_itself():
+    """A core pulls it in and lays it around itself; a smooth bar stands for the core, and the first
+    cells turn. Turns are a thickness apart, and bending takes D / (2 R^2) of each length that is
+    laid on the turn of radius R. Energies and work agree to a part of what the strip's end did."""
     blank = sheet(LENGTH, WIDTH, NX, 1, "left", spatial=True)
 
     def turned(x, load):
@@ -22,18 +23,11 @@ def rolled_up(friction):
         return np.array([(c - 1) * x[0] - s * RADII[0], 0 * x[1], s * x[0] + (c - 1) * RADII[0]])
 
     bar = ff.Tool(ff.Cylinder((0, 0, -RADII[0]), (0, 1, 0), CORE), name="bar")
-    contact = ff.SelfContact(T, penalty=10.0, friction=friction)
+    contact, states = ff.SelfContact(T, penalty=10.0, friction=0.3), []
     pull = ff.EdgeTension(PULL, (1, 0, 0), near(0, LENGTH))
     terms = [Elastic(500.0), ff.Bending(D, D_t=2 * D), ff.Contact(bar, T, 10.0), contact, pull]
     core = ff.Support("core", lambda x: x[0] < 1.001 * LENGTH / NX, (0, 2), turned)
-    return ff.Scene(blank, terms, [core, ff.Support("side", near(1, 0.0), (1,))]), contact
-
-
-@pytest.mark.parametrize("friction", [0.0, 0.3])
-def test_a_strip_rolled_up_lies_on_itself(friction):
-    """Turns are a thickness apart, and bending takes D / (2 R^2) of each length that is laid on the
-    turn of radius R. Energies and work agree to a part of what the strip's end did."""
-    (scene, contact), states = rolled_up(friction), []
+    scene = ff.Scene(blank, terms, [core, ff.Support("side", near(1, 0.0), (1,))])
     outcome = march(Newton(scene), STEPS, on_accept=states.append, path_tolerance=1e-5)
     assert not outcome.reason
     X, u = scene.blank.coordinates(), scene.blank.nodal_displacement()

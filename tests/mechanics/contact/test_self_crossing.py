@@ -20,17 +20,11 @@ LENGTH, WIDTH, RADIUS = 40.0, 8.0, 5.0
 def rolled(growth, **options):
     """A strip rolled up by more than a turn, on a radius that grows by `growth` in one."""
     blank = rectangle(LENGTH, WIDTH, 20, 4, spatial=True, **options)
-    blank.u.x.array[:] = (roll(growth)(blank.coordinates().T) - blank.coordinates().T).T.ravel()
+    x, u = blank.coordinates()[:, 0], blank.u.x.array.reshape(-1, 3)
+    turn = x / RADIUS
+    r = RADIUS * (1 + growth * turn / (2 * np.pi))
+    u[:, 0], u[:, 2] = r * np.sin(turn) - x, -r * np.cos(turn)
     return blank
-
-
-def roll(growth):
-    def places(x):
-        turn = x[0] / RADIUS
-        r = RADIUS * (1 + growth * turn / (2 * np.pi))
-        return np.array([r * np.sin(turn), x[1], -r * np.cos(turn)])
-
-    return places
 
 
 def test_edges_through_a_triangle():

@@ -14,7 +14,6 @@ T, MU, SLIP, PRESSURE = 1.0, 0.3, 0.05, 2.0
 LENGTH, WIDTH = 40.0, 20.0
 NAMES = "lower", "middle", "upper"
 PENALTY = 200.0
-SIZES = ("lower", 10), ("upper", 14)  # cells of stuck strips
 
 
 def everyone(x):
@@ -125,39 +124,8 @@ def test_shear_lag(pull):
     exact, cells = pulled_at_its_end(pull, 1e4 * WIDTH), 12
     result = pull_out(lambda load: pull * load, False, cells, cells, steps=2, t=0.25)
     assert result.rows[-1]["reaction_N"] == pytest.approx(exact, rel=1e-3)
-
-
-# -- capstan
-
-
-# -- sticking
-
-
-@pytest.mark.parametrize("slip", [None, 1e-4])
-def test_stuck_strips_bend_as_one(slip, load=0.01):
-    """A cantilever of two strips that are pressed together has 1/8 of the deflection of one strip,
-    that bears all of the load, on two meshes, and with as little slip as may be."""
-    length, width, E, pressed = 40.0, 8.0, 1e4, 0.05
-    D, clamp, tip = E * T**3 / 12, near(0, 0.0), near(0, length)
-    stack = ff.Stack([(rectangle(length, width, n, 4, spatial=True), T, k) for k, n in SIZES])
-    pair = ff.SheetContact("lower", "upper", PENALTY, friction=ff.Coulomb(0.5, slip))
-    terms = [Elastic(E), pair, *(ff.Bending(D, D_t=2 * D, clamped=clamp).on(k) for k, _ in SIZES)]
-    pull = ff.EdgeTension(lambda at: load * max(0.0, 2 * at - 1), (0, 0, -1), tip).on("upper")
-    terms += [
-        ff.BlankHolderPressure(lambda at: pressed * min(1.0, 2 * at), (0, 0, way), everyone).on(k)
-        for way, (k, _) in zip((1, -1), SIZES)
-    ]
-    supports = [ff.Support("clamp", clamp, (0, 1, 2)), ff.Support("side", near(1, 0.0), (1,))]
-    scene, anything = ff.Scene(stack, [*terms, pull], supports), ff.Limits(imbalance=1e9)
-    result = ff.Job(scene, steps=2, balance=None, limits=anything).run()
-    places, moved = stack.coordinates(), stack.nodal_displacement()
-    sunk = -moved[tip(places.T), 2].mean()
-    assert sunk == pytest.approx(load * length**3 / (3 * D) / 8, rel=0.05)
-    assert 0.2 < result.summary["friction_used"][pair.name] < 1
-    assert any("never leaves its elastic slip" in each for each in said(result.summary))
-
-
-# -- derivatives
+    stuck = any("never leaves its elastic slip" in each for each in said(result.summary))
+    assert stuck == (pull < SLIP)
 
 
 @pytest.mark.parametrize("distance", [0.3, 1.5, 30.0])
