@@ -145,9 +145,6 @@ def test_ripples_from_a_tenth_of_a_millimetre_on_are_told():
     assert not doubts(waves(ripples_mm=0.099))
 
 
-# -- sheets whose yarns compression shortens
-
-
 @pytest.fixture
 def pressed():
     """A sheet in space, pressed together by 3, 6, 9 and 12 % along x, which is kept from buckling;

@@ -42,16 +42,6 @@ def drawn(monkeypatch):
     return figures
 
 
-def test_each_field_has_the_factor_of_its_unit():
-    factors = {"%": 100, "deg": 57.29578, "mm": 1}
-    for name, (label, factor, _) in pictures.SHOWN.items():
-        unit = label.split(" / ")[-1]
-        assert factor == pytest.approx(factors.get(unit, 1)), name
-        assert (unit == "deg") == ("shear" in name)
-        assert (unit == "%") == ("_eps" in name or "sho" in name)
-    assert pictures.shown("contact_gap", "mm")[:2] == ("contact gap / mm", 1.0)
-
-
 def test_scales_cover_what_they_show():
     assert pictures.colour_scale("coolwarm", -2.0, 5.0) == ("coolwarm", -5.0, 5.0)
     assert pictures.colour_scale("coolwarm", -5.0, 2.0) == ("coolwarm", -5.0, 5.0)

@@ -24,16 +24,12 @@ from fabric_fenicsx.tools.tool import Tool
 QUARTER = [Support(f"x{i} = 0", lambda x, i=i: x[i] < 1e-6, (i,)) for i in (0, 1)]
 
 
-def blank(comm=MPI.COMM_SELF):
-    """A ply in x, y >= 0, 60 x 40 mm."""
-    return builders.sheet(60, 40, 6, 4, comm=comm, spatial=True, a=0.0)
-
-
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     """A folder with four states of a ply that is lifted over a ball that rises to a plate above it,
     and their table."""
-    folder, sheet = tmp_path_factory.mktemp("run"), blank()
+    folder = tmp_path_factory.mktemp("run")
+    sheet = builders.sheet(60, 40, 6, 4, comm=MPI.COMM_SELF, spatial=True, a=0.0)
     bodies = [Tool(Sphere(15.0, centre=(0, 0, -16)), path=(0, 0, 10), name="ball")]
     bodies.append(Tool(Plane((0, 0, 12), (0, 0, -1)), name="lid"))
     with builders.compiled_as_it_stands():  # and never run
@@ -87,7 +83,7 @@ def test_the_legend_tells_how_far_a_tool_moves():
 
 @pytest.mark.mpi
 def test_all_ranks_know_the_whole_blank():
-    (grid,) = press_pictures.flat_grids(blank(comm=MPI.COMM_WORLD)).values()
+    (grid,) = press_pictures.flat_grids(builders.sheet(60, 40, 6, 4, spatial=True)).values()
     assert grid.area == pytest.approx(2400) and not grid["u"].any()
 
 

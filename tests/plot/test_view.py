@@ -10,12 +10,12 @@ import zipfile
 import numpy as np
 import pytest
 import pyvista
+from formed_plies import formed
 
 from fabric_fenicsx.command_line import main
 from fabric_fenicsx.plot import view
 from fabric_fenicsx.plot.space import drawing
 from fabric_fenicsx.postprocess import states as written
-from fabric_fenicsx.postprocess.ply import SYMMETRIC
 from fabric_fenicsx.postprocess.states import save
 from fabric_fenicsx.runtime.errors import InputError
 
@@ -24,11 +24,7 @@ LISTED = '<VTKFile type="Collection"><Collection>{}</Collection></VTKFile>'
 
 def quarter(height):
     """A quarter of a ply, 20 x 10 mm, bent up to `height`, with its shear angle [rad]."""
-    grid = pyvista.Plane(center=(10, 5, 0), i_size=20, j_size=10, i_resolution=4, j_resolution=2)
-    grid = grid.triangulate().cast_to_unstructured_grid()
-    grid.clear_data()
-    grid.field_data[SYMMETRIC] = [0, 1]
-    grid.point_data["u"] = np.outer(grid.points[:, 0] ** 2 / 400, [0, 0, height])
+    grid = formed(lambda x, y: np.column_stack([x, y, height * x**2 / 400]), 4, 2, 20.0, 10.0)
     grid.cell_data["shear_angle"] = np.linspace(-0.1 * height, 0.05, grid.n_cells)
     return grid
 

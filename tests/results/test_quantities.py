@@ -12,12 +12,6 @@ from mpi4py import MPI
 import fabric_fenicsx as ff
 from fabric_fenicsx.mechanics.output import Fields
 from fabric_fenicsx.results import quantities
-from fabric_fenicsx.results.quantities import (
-    fabric_doubts,
-    limited,
-    shear_quantities,
-    shortening_quantities,
-)
 from fabric_fenicsx.results.result import Result
 
 SHEAR = -0.9, 0.1, 0.2, 0.3, 0.4, 0.6
@@ -90,13 +84,9 @@ def test_numbers_of_metal_are_over_its_own_thickness():
 
 def test_shapes_of_a_stack_are_the_largest_of_its_plies():
     waves = {"height_mm": 1.0, "ripples_mm": 0.5, "rim_mm": 3.0, "folds": 2, "height_rms_mm": 0.3}
-    plies = {
-        "lower": {"draw_in": {"largest_mm": 2.0, "corner_mm": 9.0}, "wrinkles": waves},
-        "upper": {
-            "draw_in": {"largest_mm": 1.5},
-            "wrinkles": waves | {"height_mm": 0.8, "ripples_mm": 0.7, "folds": 4},
-        },
-    }
+    plies = {"lower": {"draw_in": {"largest_mm": 2.0, "corner_mm": 9.0}, "wrinkles": waves}}
+    others = waves | {"height_mm": 0.8, "ripples_mm": 0.7, "folds": 4}
+    plies["upper"] = {"draw_in": {"largest_mm": 1.5}, "wrinkles": others}
     assert quantities.stack_quantities(None, plies, [], []) == {
         "draw_in": {"largest_mm": 2.0},
         "wrinkles": {"height_mm": 1.0, "ripples_mm": 0.7, "rim_mm": 3.0, "folds": 4},
@@ -133,10 +123,16 @@ def test_a_yarn_loses_its_shortening_times_its_length(nx):
     result = Result({}, [], Fields({}), None, ff.Scene(blank, [Elastic()]))
     result.fields |= {"shortening_a": 0.01 * (abs(y - 30) < 20), "shortening_b": 0 * y}
     whole, parts = [blank.whole], list(blank.parts.values())
-    assert shortening_quantities(result, whole)["excess_length_mm"] == pytest.approx(2.0, rel=0.02)
-    assert shortening_quantities(result, parts)["excess_length_mm"] == pytest.approx(1.2, rel=0.02)
+    assert quantities.shortening_quantities(result, whole)["excess_length_mm"] == pytest.approx(
+        2.0, rel=0.02
+    )
+    assert quantities.shortening_quantities(result, parts)["excess_length_mm"] == pytest.approx(
+        1.2, rel=0.02
+    )
     result.fields["shortening_b"][:] = 0.03 * (abs(x - 160) < 25)
-    assert shortening_quantities(result, whole)["excess_length_mm"] == pytest.approx(3.0, rel=0.02)
+    assert quantities.shortening_quantities(result, whole)["excess_length_mm"] == pytest.approx(
+        3.0, rel=0.02
+    )
 
 
 @pytest.mark.mpi
@@ -148,18 +144,17 @@ def test_of_several_plies_and_of_places_that_mirror_each_other_the_first_is_name
     result.fields |= {"shear_angle": -x, "shortening_a": 0 * x, "shortening_b": x / 1000}
     parts = list(blank.parts.values())
     for name in ("shear_angle", "shortening"):
-        found = shear_quantities(result, parts) | shortening_quantities(result, parts)
+        found = quantities.shear_quantities(result, parts) | quantities.shortening_quantities(
+            result, parts
+        )
         assert found[f"{name}_max_at_mm"] == pytest.approx([5 / 3, 5])
         assert found[f"{name}_max_in"] == "left"
-
-
-# -- limits and doubts
 
 
 def test_what_limits_ask_for_is_known_with_its_place():
     """Shear of one cell and of 99 % of the area, what 5 % shorten, and fibres of one cell."""
     result = fabric(fibre_volume_fraction=(np.nan, np.nan, 1.2, 0.5, 0.5, 0.6))
-    ((name, values),) = limited(result)
+    ((name, values),) = quantities.limited(result)
     first, last = [0.5, 5.0], [47.0, 5.0]
     assert name == "" and values == {
         "shear": (pytest.approx(51.566202), first),
@@ -179,12 +174,12 @@ def test_cells_crumple_from_5_percent_on_there_or_in_1_percent_of_the_area(there
 
 @pytest.mark.parametrize("length, told", [(1.02, True), (0.98, False)])
 def test_yarns_shortened_by_2_percent_in_1_percent_of_the_area_are_told_of(length, told):
-    doubts = fabric_doubts(
+    doubts = quantities.fabric_doubts(
         fabric(strip((length, 100 - length)), (0, 0), ((0.0201, 0.0199), (0, 0)))
     )
     assert bool(doubts) == told
     plane = fabric(strip((2, 98), spatial=False), (0, 0), ((0.06, 0), (0, 0)))
-    assert not fabric_doubts(plane)  # it can't fold
+    assert not quantities.fabric_doubts(plane)  # it can't fold
 
 
 def test_sheets_without_yarns_are_not_asked():
@@ -193,9 +188,9 @@ def test_sheets_without_yarns_are_not_asked():
     values = np.where(blank.midpoints()[0] < 20, np.nan, 0.12)
     result = Result({}, [], Fields({}), None, ff.Scene(blank, [Elastic()]))
     result.fields |= dict.fromkeys(("shear_angle", "shortening_a", "shortening_b"), values)
-    (other, *_), (words, *_) = fabric_doubts(result)
+    (other, *_), (words, *_) = quantities.fabric_doubts(result)
     assert "cells of fabric crumple" in words and "shortens yarns of fabric" in other
-    assert not fabric_doubts(Result({}, [], Fields({}), None, result.scene))
+    assert not quantities.fabric_doubts(Result({}, [], Fields({}), None, result.scene))
     assert COMM.allreduce(len(words)) == COMM.size * len(words)
 
 

@@ -158,17 +158,3 @@ def test_a_run_with_more_stages_goes_on_at_its_share_of_the_load(shared_path):
     assert notes == {"rows": [{"load": 0.09375, "step": 1}], "states": [(0.09375, [0])]}
     with pytest.raises(ff.InputError, match="made with steps of stages = "):
         Checkpoint(path, blank, {stages: {"1": 3, "2": 4, "3": 10}}).load()
-
-
-@pytest.mark.mpi
-def test_nodes_that_nothing_tells_apart_are_refused(shared_path):
-    """Two squares on each other, back to back at one edge, which no mesh check has seen."""
-    points = np.array([[0, 0], [0, 1], [1, 0], [1, 1], [1, 0], [1, 1.0]])
-    cells = np.array([[0, 2, 1, 3], [0, 4, 1, 5]])
-    mine = (cells, points) if COMM.rank == 0 else (cells[:0], points[:0])
-    blank = ff.Blank(compat.create_mesh(COMM, *mine, "quadrilateral", 1))
-    checkpoint = Checkpoint(shared_path / "c.npz", blank, {})
-    checkpoint.save(progress(blank), {})
-    COMM.barrier()
-    with pytest.raises(ff.InputError, match="lie at one place amid the same cells"):
-        checkpoint.load()
