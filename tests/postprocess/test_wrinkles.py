@@ -102,15 +102,15 @@ def test_heights_of_known_waves(name):
         assert found["wavelength_mm"] == pytest.approx(length, rel=0.1)
 
 
+def cosine(length):
+    return lambda x, y: np.column_stack([x, y, np.cos(2 * np.pi * x / length)])
+
+
 def test_ripples_are_no_wrinkles():
     """Waves that the fabric can't form, or cells can't make, have a number of their own."""
-
-    def zigzag(x, y):
-        return np.column_stack([x, y, np.cos(2 * np.pi * x / 7.5)])
-
     size = {"nx": 32, "ny": 32, "length": 120.0, "width": 120.0, "full": True}
     law = wrinkles(height_map(formed(on(flat, 30.0), **size), nowhere, 36.0))
-    cells = wrinkles(height_map(formed(zigzag, **size), nowhere))
+    cells = wrinkles(height_map(formed(cosine(7.5), **size), nowhere))
     assert law["height_mm"] < 0.05 and law["ripples_mm"] == pytest.approx(1, rel=0.05)
     # four times the mean edge of the cells, halves of diagonals of squares of 3.75 mm
     assert cells["seen_mm"][0] == pytest.approx(4 * 3.75 * (1 + np.sqrt(2)) / 3)
@@ -120,12 +120,8 @@ def test_ripples_are_no_wrinkles():
 
 def test_waves_of_a_quarter_are_those_of_the_whole():
     """On a ply that is symmetric to both planes."""
-
-    def place(x, y):
-        return np.column_stack([x, y, np.cos(2 * np.pi * x / 30)])
-
     whole, quarter = (
-        wrinkles(height_map(formed(place, n, n, s, s, full=full), nowhere))
+        wrinkles(height_map(formed(cosine(30), n, n, s, s, full=full), nowhere))
         for n, s, full in ((48, 180.0, True), (24, 90.0, False))
     )
     for name in ("height_mm", "height_rms_mm", "wavelength_mm", "cells_a_wave"):

@@ -15,18 +15,17 @@ QUARTER = [ff.Support(f"x{i} = 0", lambda x, i=i: x[i] < 1e-6, (i,)) for i in (0
 
 @pytest.mark.mpi
 @pytest.mark.parametrize(
-    "supports, centred, share, about",
+    "supports, share, about",
     [
-        (QUARTER, False, 1.0, 0 * SIZES),
-        (ff.clamped_ends(), False, 0.5, SIZES / 2),
-        ((), True, 0.5, 0 * SIZES),
-        (QUARTER[:1], False, np.array([1.0, 0.5]), SIZES * [0, 0.5, 0]),
+        (QUARTER, 1.0, 0 * SIZES),
+        (ff.clamped_ends(), 0.5, SIZES / 2),
+        (QUARTER[:1], np.array([1.0, 0.5]), SIZES * [0, 0.5, 0]),
     ],
 )
-def test_draw_in_of_a_scene_of_ones_own(folder, supports, centred, share, about):
+def test_draw_in_of_a_scene_of_ones_own(folder, supports, share, about):
     """That shrinks about a place, of a whole sheet that lies anywhere, a half or a quarter: clamps
     at x = 0 are no plane of symmetry, whose edge does not count."""
-    blank = ff.Blank.rectangle(*SIZES[:2], nx=6, ny=6, spatial=True, centred=centred)
+    blank = ff.Blank.rectangle(*SIZES[:2], nx=6, ny=6, spatial=True)
     scene = ff.Scene(blank, [Elastic()], supports)
     blank.u.x.array[:] = (-SHRINK * (blank.coordinates() - about)).ravel()
     folder.mkdir(exist_ok=True)
