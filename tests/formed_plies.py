@@ -9,19 +9,11 @@ from fabric_fenicsx.tools.double_dome import DoubleDome
 
 
 def formed(
-    place,
-    nx=47,
-    ny=27,
-    length=235.0,
-    width=135.0,
-    full=False,
-    angle=0.0,
-    pattern="crossed",
-    ranks=1,
+    place, nx=47, ny=27, length=235.0, width=135.0, *, full=False, angle=0.0, ranks=1, **pattern
 ):
     """Grid of a ply whose points x, y (n,) are formed to place(x, y) (n, 3), yarns a at `angle`
     [rad]; full: centred, not a quarter; written by `ranks`, which share no nodes."""
-    x, cells, _ = specimen(length, width, nx, ny, pattern)
+    x, cells, _ = specimen(length, width, nx, ny, **pattern)
     if full:
         x = x - [length / 2, width / 2, 0]
     u = place(x[:, 0], x[:, 1]) - x
@@ -30,13 +22,8 @@ def formed(
     c, s = np.cos(angle), np.sin(angle)
     a, b = F @ [c, s], F @ [-s, c]
     la, lb = np.linalg.norm(a, axis=1), np.linalg.norm(b, axis=1)
-    values = {
-        "log_eps_11": np.log(la),
-        "log_eps_22": np.log(lb),
-        "shear_angle": np.arcsin((a * b).sum(1) / la / lb),
-        "a": a,
-        "b": b,
-    }
+    values = {"log_eps_11": np.log(la), "log_eps_22": np.log(lb), "a": a, "b": b}
+    values["shear_angle"] = np.arcsin((a * b).sum(1) / la / lb)
     values["strain_state"] = (1 + (lb <= 1) + 2 * (la <= 1)).astype(np.int32)
     part = np.arange(len(cells)) * ranks // len(cells)
     number = np.arange(len(x)) + part[:, None, None] * len(x)

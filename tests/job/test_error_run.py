@@ -3,16 +3,13 @@
 import csv
 import json
 
-import meshio
 import numpy as np
 import pytest
 from builders import COARSE, COMM, said
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.coupons.tensile import TensileSetup as Strip
 from fabric_fenicsx.job.error_run import FOLDER
-from fabric_fenicsx.meshes.specimen import specimen
 
 
 @pytest.mark.versions
@@ -65,14 +62,6 @@ def test_errors_come_after_the_run_too(folder):
     assert (folder / "summary.json").stat().st_mtime_ns == written
 
 
-def test_an_own_mesh_has_no_coarser_one(tmp_path):
-    points, cells, kind = specimen(nx=8, ny=2)
-    meshio.write_points_cells(tmp_path / "strip.msh", points, [(kind, cells)])
-    job = ff.Tensile(mesh=str(tmp_path / "strip.msh")).job(error=True)
-    with pytest.raises(ff.InputError, match="none is known; allowed is a rectangle .* `coarser`"):
-        job.run()
-
-
 def test_a_coarser_run_that_fails_costs_the_errors_alone():
     def refused():
         raise ff.InputError("no such mesh; allowed is another")
@@ -84,12 +73,7 @@ def test_a_coarser_run_that_fails_costs_the_errors_alone():
 
 
 def test_only_errors_of_forces_are_told_where_cells_crumple(monkeypatch):
-    quantities = Strip.quantities
-
-    def crumpled(self, result):
-        return quantities(self, result) | {"shortening_at_shear_angle_max": 0.06}
-
-    monkeypatch.setattr(Strip, "quantities", crumpled)
+    monkeypatch.setattr("fabric_fenicsx.results.error.mesh_decides", lambda _: "cells crumple")
     result = ff.Tensile(**COARSE).job(steps=2, error=True).run()
     assert {*told(result)} == {"reaction_N", "strain_energy_Nmm", "curve_N", "curve_steps_N"}
     assert any("cells crumple" in text for text in said(result.summary))

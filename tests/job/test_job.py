@@ -17,7 +17,6 @@ from dolfinx import fem
 import fabric_fenicsx as ff
 from fabric_fenicsx.job import dry_run
 from fabric_fenicsx.job.run import Run, time_left
-from fabric_fenicsx.plot import pictures
 from fabric_fenicsx.postprocess.states import states
 from fabric_fenicsx.results.output import Output
 from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT, on_ranks
@@ -32,8 +31,16 @@ def test_without_a_folder_nothing_is_kept_but_the_result(tmp_path, monkeypatch):
     assert result.folder is None and not any(COMM.bcast(tmp_path).iterdir())
     assert [row["load"] for row in result.rows] == pytest.approx([0, 1 / 3, 2 / 3, 1])
     assert result.summary["converged"] and result.summary["reaction_N"] > 1000
+    edges = result.outline()
     if COMM.rank == 0:
         assert result.grid.n_cells == result.summary["cells"]
+        (edge,) = edges
+        assert np.ptp(edge.formed[:, 0]) > np.ptp(edge.undeformed[:, 0]) == pytest.approx(200)
+    least, largest = result.summary["quantities"]["log_eps_11"]
+    assert least <= result.at((100, 25), "log_eps_11") <= largest
+    for place, name in (((300, 25), "log_eps_11"), ((100, 25), "nothing")):
+        with pytest.raises(ff.InputError, match="not on the flat sheet|has no field nothing"):
+            result.at(place, name)
 
 
 @pytest.mark.versions
@@ -68,7 +75,7 @@ def test_a_job_goes_on_from_its_checkpoint(folder):
     assert len(rest.rows) == len(whole.rows)
 
 
-def loaded(stroke=0.5, k=0.01, pressure=1e-3, modulus=100.0, radius=30.0, height=-31.0, **given):
+def loaded(stroke=0.5, k=0.01, mu=0.25, height=-31.0, turn=0.0, fabric=None):
     """A sheet with an own term and terms of the package, in a few cells."""
 
     class Bedding(ff.Term):
@@ -81,21 +88,16 @@ def loaded(stroke=0.5, k=0.01, pressure=1e-3, modulus=100.0, radius=30.0, height
             u = scene.blank.u
             self.energy = fem.Constant(scene.blank.mesh, self.k) * ufl.inner(u, u) * self.part.dx(2)
 
-    fabric = given.get("fabric", ff.load("komeili"))
-    ply = ff.Blank.rectangle(20, 10, nx=4, spatial=True, fibre_angle=given.get("turn", 0.0))
-    ball = ff.Tool(ff.Sphere(radius), path=lambda load: (10, 5, height + 0.01 * load))
-    terms = [ff.Membrane(fabric), ff.Bending(modulus=modulus), Bedding(k)]
-    terms += [ff.DeadPressure(pressure, (0, 0, -1))]
-    terms += [ff.Contact(ball, friction=given.get("mu", 0.25))]
+    ply = ff.Blank.rectangle(20, 10, nx=4, spatial=True, fibre_angle=turn)
+    ball = ff.Tool(ff.Sphere(30.0), path=lambda load: (10, 5, height + 0.01 * load))
+    terms = [ff.Membrane(fabric or ff.load("komeili")), ff.Bending(modulus=100.0), Bedding(k)]
+    terms += [ff.DeadPressure(1e-3, (0, 0, -1)), ff.Contact(ball, friction=mu)]
     return ff.Job(ff.Scene(ply, terms, ff.clamped_ends(stroke)), steps=2)
 
 
 OTHER = {
     "k": (1.0, "k of term 3, bedding = 0.01, now it is 1.0"),
-    "pressure": (2e-3, "pressure of term 4, dead pressure = 0.001, now it is 0.002"),
     "mu": (0.3, "coulomb.coefficient of term 5, contact = 0.25, now it is 0.3"),
-    "modulus": (50.0, "modulus of term 2, bending = 100.0, now it is 50.0"),
-    "radius": (31.0, "tool.surface.radius of term 5, contact = 30.0, now it is 31.0"),
     "height": (-32.0, "tool.path of term 5, contact = .*-30.99"),
     "stroke": (0.6, r"largest displacement of supports \[mm\] = 0.5, now it is 0.6"),
     "turn": (45.0, "directions of the yarns = "),
@@ -134,9 +136,8 @@ def test_a_setup_of_ones_own_is_measured_and_written(folder):
     assert summary["quantities"]["mean_eps_a"] == pytest.approx(0.03, rel=0.1)
     assert (folder / "own.txt").read_text() == "own"
     measured = ff.Tensile(**COARSE).job(steps=1).run()
-    assert (
-        summary["reaction_N"] == last["reaction_N"] == pytest.approx(measured.number("reaction_N"))
-    )
+    assert last["reaction_N"] == pytest.approx(measured.number("reaction_N"))
+    assert summary["reaction_N"] == last["reaction_N"]
     assert last["reaction_of_whole_N"] == pytest.approx(4 * last["reaction_N"])
     assert last["displacement_mm"] == pytest.approx(measured.rows[-1]["displacement_mm"])
     assert [row["load"] for row in result.rows] == pytest.approx([0, 0.25, 0.5, 0.6, 0.85, 1])
@@ -174,76 +175,32 @@ def test_what_a_run_costs_is_told_by_its_first_step(monkeypatch, folder, lagged,
 
 def test_a_last_state_that_is_not_believed_is_told_so():
     """There is no step after it that would not be taken."""
-    with pytest.raises(
-        ff.SolverFailure, match="yarns are stretched by more than 1 % in"
-    ) as failure:
+    with pytest.raises(ff.SolverFailure, match="stretched by more than 1 % in") as failure:
         ff.Tensile(**COARSE).job(steps=1, limits=Limits(strain=0.01)).run()
     summary = failure.value.result.summary
     assert summary["stroke_reached"] == 1 and summary["verdict"] == "invalid"
 
 
-def test_a_run_that_ends_early_keeps_its_reason(folder):
-    """Its own pictures are of what it had not reached, here a shear angle."""
-    frame = ff.PictureFrame(nx=4, pre_tension=0.01)
-    with pytest.raises(ff.SolverFailure, match="yarns are stretched by more than") as failure:
-        frame.job(steps=10, limits=Limits(strain=1e-3)).run(folder)
-    result = failure.value.result
-    assert result.summary["stroke_reached"] < 0.1 and result.grid.n_cells
-    assert (folder / "maps.png").exists()
-
-
-@pytest.mark.parametrize(
-    "surface", [ff.Sphere(30, (100, 25, -28)), ff.Plane((0, 0, 31), (0, 0, 1))]
-)
-def test_a_tool_that_the_sheet_is_in_is_told_before_anything_runs(folder, surface):
-    """Too deep, and on the wrong side of a table."""
-    ply = ff.Blank.rectangle(200, 50, nx=20, spatial=True)
-    ball = ff.Tool(surface, name="ball")
-    terms = [ff.Membrane(ff.load("komeili")), ff.Contact(ball)]
-    scene = ff.Scene(ply, terms, supports=ff.clamped_ends())
-    with pytest.raises(ff.InputError, match="ball is .* mm deep in the sheet's face at"):
-        ff.Job(scene).run(folder)
-    COMM.barrier()
-    assert not folder.exists()
-
-
-def ball_under_a_sheet(path, surface=None, **options):
-    """A job on a clamped sheet over a ball of 30 mm on that path, and the ball; options: of its
-    contact."""
+def over_a_ball(start):
+    """A job on a clamped sheet over a ball of 30 mm that rises by 5 mm, and the ball."""
     ply = ff.Blank.rectangle(100, 100, nx=8, spatial=True, centred=True)
-    ball = ff.Tool(surface or ff.Sphere(30), path, name="ball")
-    contact = ff.Contact(ball, **options)
-    terms = [ff.Membrane(ff.load("komeili")), ff.Bending(modulus=100.0), contact]
+    ball = ff.Tool(ff.Sphere(30), lambda load: (0, 0, start + 5 * load), name="ball")
+    terms = [ff.Membrane(ff.load("komeili")), ff.Bending(modulus=100.0), ff.Contact(ball)]
     scene = ff.Scene(ply, terms, supports=ff.clamped_ends())
     return ff.Job(scene, steps=1, limits=ff.Limits(imbalance=9)), ball
 
 
-def test_a_scene_that_was_run_is_not_run_again():
-    """It is in its last state, and friction remembers the way there."""
-    job, _ = ball_under_a_sheet(lambda load: (0, 0, -30.5 + load))
-    job.run()
-    with pytest.raises(ff.InputError, match="scene of .* was run before .* allowed is a new scene"):
-        replace(job, steps=2).run()
-
-
-def test_a_surface_that_gives_no_number_on_the_way_is_named():
-    class Cut(ff.Sphere):
-        def nearest(self, points, reach):
-            found = super().nearest(points, reach)
-            found.gap[abs(points[:, 2] - 30.4) < 0.1] = np.nan
-            return found
-
-    job, _ = ball_under_a_sheet(lambda load: (0, 0, -32 + 4 * load), Cut(30))
-    with pytest.raises(ff.SolverFailure, match="gave up") as failure:
-        replace(job, viscosity="off").run()
-    warnings = said(failure.value.result.summary)
-    assert any("the surface Cut of ball gives no number at (" in text for text in warnings)
+def test_a_tool_that_the_sheet_is_in_is_told_before_anything_runs(folder):
+    with pytest.raises(ff.InputError, match="ball is .* mm deep in the sheet's face at"):
+        over_a_ball(-28)[0].run(folder)
+    assert not folder.exists()
 
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("start", [-60, -30.5])
-def test_a_tool_that_never_touches_the_sheet_is_told_of(start):
-    job, ball = ball_under_a_sheet(lambda load: (0, 0, start + 5 * load))
+def test_a_tool_that_never_touches_the_sheet_is_told_of(shared_path, start):
+    """Fields of nodes are drawn. A scene that was run is not run again: friction remembers."""
+    job, ball = over_a_ball(start)
     words = "a tool never touched the sheet: ball moved by 5 mm, and is still 24.5 mm off"
     result = job.run()
     told = said(result.summary)
@@ -254,34 +211,12 @@ def test_a_tool_that_never_touches_the_sheet_is_told_of(start):
     for other in ("bowl", ff.Tool(ball.surface, ball.path, name="ball")):
         with pytest.raises(ff.InputError, match="the scene has no tools 'b.*'; allowed"):
             result.force(other)
-
-
-@pytest.mark.mpi
-def test_edges_and_fields_at_a_place_are_asked():
-    result = ff.Tensile(**COARSE).job(steps=2).run()
-    edges = result.outline()
-    if COMM.rank == 0:
-        (edge,) = edges
-        assert np.ptp(edge.formed[:, 0]) > np.ptp(edge.undeformed[:, 0]) == pytest.approx(200)
-    least, largest = result.summary["quantities"]["log_eps_11"]
-    assert least <= result.at((100, 25), "log_eps_11") <= largest
-    for place, name in (((300, 25), "log_eps_11"), ((100, 25), "nothing")):
-        with pytest.raises(ff.InputError, match="not on the flat sheet|has no field nothing"):
-            result.at(place, name)
-
-
-def test_a_field_of_nodes_is_drawn(tmp_path, monkeypatch):
-    ply = ff.Blank.rectangle(20, 10, nx=4, spatial=True)
-    floor = ff.Tool(ff.Plane((0, 0, -1), (0, 0, 1)), name="floor")
-    terms = [ff.Membrane(ff.load("komeili")), ff.Bending(modulus=1.0), ff.Contact(floor)]
-    result = ff.Job(ff.Scene(ply, terms, supports=ff.clamped_ends(0.1)), steps=1).run()
-    drawn, shown = [], pictures.shown
-    monkeypatch.setattr(pictures, "shown", lambda *given: drawn.append(given) or shown(*given))
-    result.plot("contact_gap", tmp_path / "gap.png")
-    assert (tmp_path / "gap.png").stat().st_size > 1000
-    assert drawn == [("contact_gap, mean over each cell", "mm")]
+    result.plot("contact_gap", shared_path / "gap.png")
+    assert COMM.rank or (shared_path / "gap.png").stat().st_size > 1000
     with pytest.raises(ff.InputError, match="contact_gap is asked .*, shear_angle.*; .*nodes"):
         result.fields["contact_gap"]
+    with pytest.raises(ff.InputError, match="scene of .* was run before .* allowed is a new scene"):
+        replace(job, steps=2).run()
 
 
 FAILS_ALONE = """
@@ -310,15 +245,3 @@ def test_a_rank_that_fails_alone_ends_the_others(hang):
         timeout=hang,
     )
     assert done.returncode and "IndexError: on one rank alone" in done.stderr
-
-
-@pytest.mark.mpi
-def test_a_sheet_that_only_friction_holds_has_a_curve_without_force():
-    """As nothing moves it; the floor bears the pressure on 40 x 20 mm."""
-    ply = ff.Blank.rectangle(40, 20, nx=4, spatial=True)
-    floor = ff.Tool(ff.Plane((0, 0, -0.6), (0, 0, 1)), name="floor")
-    terms = [ff.Membrane(ff.load("komeili")), ff.Bending(modulus=100.0)]
-    terms += [ff.Contact(floor, friction=0.3), ff.DeadPressure(0.01, (0, 0, -1))]
-    result = ff.Job(ff.Scene(ply, terms), steps=2, limits=ff.Limits(imbalance=0.1)).run()
-    assert result.summary["converged"] and result.summary["reaction_N"] == 0
-    assert result.force("floor")[2] == pytest.approx(8.0, rel=1e-6)

@@ -19,7 +19,7 @@ from fabric_fenicsx.sheets.blank import Blank
 pytestmark = pytest.mark.versions
 
 
-@pytest.mark.parametrize("element", ["P1", "P2", "P3", "Q1", "Q2"])
+@pytest.mark.parametrize("element", ["P1", "P3", "Q2"])
 def test_polygons_cover_the_deformed_sheet(tmp_path, element):
     cell = "triangle" if element[0] == "P" else "quadrilateral"
     arrays = specimen(60.0, 40.0, 6, 4, cell=cell)
@@ -30,9 +30,8 @@ def test_polygons_cover_the_deformed_sheet(tmp_path, element):
     x, y = np.moveaxis(pictures.cell_polygons(read_state(tmp_path)), -1, 0)
     areas = (x * np.roll(y, -1, 1) - y * np.roll(x, -1, 1)).sum(1) / 2
     assert len(areas) == blank.mesh.topology.index_map(2).size_local
-    assert abs(areas) == pytest.approx(
-        2400 * np.linalg.det(np.eye(2) + stretch) / len(areas), rel=1e-9
-    )
+    share = np.linalg.det(np.eye(2) + stretch) / len(areas)
+    assert abs(areas) == pytest.approx(2400 * share, rel=1e-9)
 
 
 @pytest.fixture
@@ -41,17 +40,6 @@ def drawn(monkeypatch):
     figures = []
     monkeypatch.setattr(pictures.plt, "close", lambda figure: figures.append(figure.axes))
     return figures
-
-
-def test_each_field_has_the_factor_of_its_unit():
-    factors = {"%": 100, "deg": 57.29578, "mm": 1}
-    for name, (label, factor, _) in pictures.SHOWN.items():
-        unit = label.split(" / ")[-1]
-        assert factor == pytest.approx(factors.get(unit, 1)), name
-        assert (unit == "deg") == ("shear" in name) and (unit == "%") == (
-            "_eps" in name or "sho" in name
-        )
-    assert pictures.shown("contact_gap", "mm")[:2] == ("contact gap / mm", 1.0)
 
 
 def test_scales_cover_what_they_show():
@@ -92,11 +80,8 @@ def test_maps_of_several_sheets_share_a_scale(tmp_path, drawn):
 
 def test_a_band_is_as_high_as_the_errors(tmp_path, drawn):
     run = [{"displacement_mm": x, "reaction_N": 2 + 2 * x, "error_N": 0.5 + x} for x in (0, 1)]
-    beside = {"measured": ([0, 1], [1, 2])}
-    results = {
-        "run": SimpleNamespace(rows=run),
-        "other": SimpleNamespace(rows=[run[0] | {"error_N": None}]),
-    }
+    other, beside = [run[0] | {"error_N": None}], {"measured": ([0, 1], [1, 2])}
+    results = {name: SimpleNamespace(rows=rows) for name, rows in (("run", run), ("other", other))}
     pictures.reactions(tmp_path / "curve.png", results, beside=beside)
     (((ax),),) = drawn
     assert [list(line.get_ydata()) for line in ax.lines] == [[2, 4], [2], [1, 2]]

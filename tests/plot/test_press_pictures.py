@@ -18,33 +18,20 @@ from fabric_fenicsx.results import report
 from fabric_fenicsx.results.fields import FieldSeries
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support
-from fabric_fenicsx.sheets.stack import Stack
 from fabric_fenicsx.tools.primitives import Plane, Sphere
 from fabric_fenicsx.tools.tool import Tool
 
-RADIUS = 15.0
 QUARTER = [Support(f"x{i} = 0", lambda x, i=i: x[i] < 1e-6, (i,)) for i in (0, 1)]
-
-
-def blank(plies=("",), comm=MPI.COMM_SELF):
-    """A ply in x, y >= 0, 60 x 40 mm, or a stack of several."""
-    sheets = [builders.sheet(60, 40, 6, 4, comm=comm, spatial=True, a=0.0) for _ in plies]
-    return Stack([(s, 1.0, name) for s, name in zip(sheets, plies)]) if plies[0] else sheets[0]
-
-
-def tools():
-    """A ball below the ply that rises, and a plate above it."""
-    ball = Sphere(RADIUS, centre=(0, 0, -RADIUS - 1))
-    return [
-        Tool(ball, path=(0, 0, 10), name="ball"),
-        Tool(Plane((0, 0, 12), (0, 0, -1)), name="lid"),
-    ]
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """A folder with four states of a ply that is lifted over the ball, and their table."""
-    folder, sheet, bodies = tmp_path_factory.mktemp("run"), blank(), tools()
+    """A folder with four states of a ply that is lifted over a ball that rises to a plate above it,
+    and their table."""
+    folder = tmp_path_factory.mktemp("run")
+    sheet = builders.sheet(60, 40, 6, 4, comm=MPI.COMM_SELF, spatial=True, a=0.0)
+    bodies = [Tool(Sphere(15.0, centre=(0, 0, -16)), path=(0, 0, 10), name="ball")]
+    bodies.append(Tool(Plane((0, 0, 12), (0, 0, -1)), name="lid"))
     with builders.compiled_as_it_stands():  # and never run
         scene = Scene(sheet, [Membrane(load("komeili")), *map(Contact, bodies)], QUARTER)
     series, x = FieldSeries(folder, scene), sheet.coordinates()
@@ -61,23 +48,21 @@ def run(tmp_path_factory):
     return folder
 
 
-def pixels(path, colour):
-    """Number of pixels in hues of a colour, in what is drawn in space."""
-    image = matplotlib.image.imread(path)[80:720, :, :3]
-    hue = np.array(to_rgb(colour)) - np.mean(to_rgb(colour))
-    grey = image - image.mean(2, keepdims=True)
-    size = np.linalg.norm(grey, axis=2)
-    return int(((grey @ hue > 0.97 * size * np.linalg.norm(hue)) & (size > 0.05)).sum())
-
-
 @pytest.mark.versions
 def test_the_setup_shows_each_tool_in_its_colour(tmp_path, run, capfd):
+    """In what is drawn in space, as pixels in its hue."""
     path, first = tmp_path / "setup.png", states(run)[0]
     press_pictures.setup_picture(path, first.plies(), first.tools(), {"lid": (0, 0, -9)})
     assert capfd.readouterr().err == ""
-    assert matplotlib.image.imread(path).shape[:2] == (1200, 1600)
-    ball, lid, none = (pixels(path, colour) for colour in press_pictures.TOOLS[:3])
-    assert ball > 2000 and lid > 100000 and none < 1000
+    image = matplotlib.image.imread(path)[..., :3]
+    assert image.shape[:2] == (1200, 1600)
+    grey = image[80:720] - image[80:720].mean(2, keepdims=True)
+    size, found = np.linalg.norm(grey, axis=2), []
+    for colour in press_pictures.TOOLS[:3]:
+        hue = np.array(to_rgb(colour)) - np.mean(to_rgb(colour))
+        alike = grey @ hue > 0.97 * size * np.linalg.norm(hue)
+        found.append(int((alike & (size > 0.05)).sum()))
+    assert found[0] > 2000 and found[1] > 100000 and found[2] < 1000
 
 
 def test_tools_of_a_quarter_are_mirrored(run):
@@ -98,15 +83,13 @@ def test_the_legend_tells_how_far_a_tool_moves():
 
 @pytest.mark.mpi
 def test_all_ranks_know_the_whole_blank():
-    (grid,) = press_pictures.flat_grids(blank(comm=MPI.COMM_WORLD)).values()
+    (grid,) = press_pictures.flat_grids(builders.sheet(60, 40, 6, 4, spatial=True)).values()
     assert grid.area == pytest.approx(2400) and not grid["u"].any()
 
 
 def test_a_filmstrip_has_its_states_and_their_words(tmp_path, run, monkeypatch):
     seen = []
-    monkeypatch.setattr(
-        press_pictures, "_strip", lambda path, images, words, limit: seen.append((images, words))
-    )
+    monkeypatch.setattr(press_pictures, "_strip", lambda _, *given: seen.append(given[:2]))
     press_pictures.filmstrip(tmp_path / "filmstrip.png", run, loads=(0, 0.35, 1))
     ((images, words),) = seen
     assert words == ["stroke 0 mm, 0 N", "stroke 1.6 mm, 79 N", "stroke 8 mm, 395 N"]
@@ -116,9 +99,6 @@ def test_a_filmstrip_has_its_states_and_their_words(tmp_path, run, monkeypatch):
     assert matplotlib.image.imread(tmp_path / "filmstrip.png").shape[1] == 1600
     changed = (abs(images[0].astype(int) - images[2]).max(2) > 30).mean()
     assert 0.02 < changed < 0.9
-
-
-def test_pictures_of_formed_plies(run):
     forming_pictures.draw_plies(run, states(run)[-1].plies(), "ball")
     drawn = {file.stem for file in run.glob("*.png")}
     assert {"formed", "states"} <= drawn <= set(report.CAPTIONS) - {"shortening"}

@@ -10,12 +10,12 @@ import zipfile
 import numpy as np
 import pytest
 import pyvista
+from formed_plies import formed
 
 from fabric_fenicsx.command_line import main
 from fabric_fenicsx.plot import view
 from fabric_fenicsx.plot.space import drawing
 from fabric_fenicsx.postprocess import states as written
-from fabric_fenicsx.postprocess.ply import SYMMETRIC
 from fabric_fenicsx.postprocess.states import save
 from fabric_fenicsx.runtime.errors import InputError
 
@@ -24,13 +24,8 @@ LISTED = '<VTKFile type="Collection"><Collection>{}</Collection></VTKFile>'
 
 def quarter(height):
     """A quarter of a ply, 20 x 10 mm, bent up to `height`, with its shear angle [rad]."""
-    grid = pyvista.Plane(center=(10, 5, 0), i_size=20, j_size=10, i_resolution=4, j_resolution=2)
-    grid = grid.triangulate().cast_to_unstructured_grid()
-    grid.clear_data()
-    grid.field_data[SYMMETRIC] = [0, 1]
-    grid.point_data["u"] = np.outer(grid.points[:, 0] ** 2 / 400, [0, 0, height])
+    grid = formed(lambda x, y: np.column_stack([x, y, height * x**2 / 400]), 4, 2, 20.0, 10.0)
     grid.cell_data["shear_angle"] = np.linspace(-0.1 * height, 0.05, grid.n_cells)
-    grid.cell_data["thickness_under_pressure"] = np.full(grid.n_cells, 0.3)
     return grid
 
 
@@ -64,53 +59,33 @@ def test_a_page_has_all_in_it(run):
 
 
 @pytest.mark.versions
-def test_another_state_takes_the_place_of_the_one_shown(run):
+def test_another_state_takes_the_place_of_the_one_shown_in_colours_of_the_last(run):
     first, last = written.states(run)
     with drawing() as plotter:
+        with pytest.raises(InputError, match=r"field shear is unknown \(did you mean shear_angle"):
+            view._draw(plotter, run, last, "shear")
         update = view._draw(plotter, run, last, None)
         before, count = plotter.bounds, len(plotter.actors)
         assert before[:4] == pytest.approx((-20, 20, -10, 10)) and before[5] == pytest.approx(5)
         update(first)
         assert plotter.bounds[5] == pytest.approx(1) and len(plotter.actors) == count
+        colours = plotter.actors["ply "].GetMapper().GetScalarRange()
+        assert colours == pytest.approx((0, np.degrees(0.5)), abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    "field, least, largest", [(None, 0.0, np.degrees(0.5)), ("thickness_under_pressure", 0.3, 0.3)]
-)
-def test_colours_are_those_of_the_last_state(run, field, least, largest):
-    with drawing() as plotter:
-        with pytest.raises(InputError, match=r"field shear is unknown \(did you mean shear_angle"):
-            view._draw(plotter, run, written.states(run)[-1], "shear")
-        view._draw(plotter, run, written.states(run)[-1], field)
-        mapper = plotter.actors["ply "].GetMapper()
-        assert mapper.GetScalarRange() == pytest.approx((least, largest), abs=1e-6)
+def test_the_command_writes_a_page_without_a_display(run, monkeypatch, capsys):
+    def told(folder, *words):
+        return main.main(["view", str(folder), *words]), capsys.readouterr().err
 
-
-def test_without_its_package_there_is_no_page(run, monkeypatch, capsys):
-    for name in ("trame_vtk", "trame_vtk.modules.vtk", "trame_vtk.tools.vtksz2html"):
-        monkeypatch.setitem(sys.modules, name, None)
-    assert main.main(["view", str(run), "--html", str(run / "page.html")]) == 2
-    assert "allowed is `pip install 'fabric_fenicsx[view]'` first" in capsys.readouterr().err
-    assert not (run / "page.html").exists()
-
-
-@pytest.mark.parametrize("words, file", [([], "view.html"), (["--html", "{}/a.html"], "a.html")])
-def test_a_page_is_written_without_a_display(run, words, file, monkeypatch):
+    status, error = told(run / "fields")
+    assert status == 2 and "has no fields.pvd" in error
+    with monkeypatch.context() as patch:
+        for name in ("trame_vtk", "trame_vtk.modules.vtk", "trame_vtk.tools.vtksz2html"):
+            patch.setitem(sys.modules, name, None)
+        status, error = told(run, "--html", str(run / "a.html"))
+    assert status == 2 and "allowed is `pip install 'fabric_fenicsx[view]'` first" in error
+    assert not (run / "a.html").exists()
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.setattr(view, "page", lambda folder, field: f"{folder} {field}")
-    assert main.main(["view", str(run), *(word.format(run) for word in words)]) == 0
-    assert (run / file).read_text() == f"{run} None"
-
-
-@pytest.mark.parametrize(
-    "words, error",
-    [
-        ([], "has no fields.pvd"),
-        (["--html", "no/where.html"], "no/where.html can't be read or written"),
-        (["--colour", "red"], "option --colour is unknown"),
-    ],
-)
-def test_the_command_refuses(run, words, error, capsys):
-    folder = run if words else run / "fields"
-    assert main.main(["view", str(folder), *words]) == 2
-    assert error in capsys.readouterr().err
+    for words, file in (((), "view.html"), (("--html", str(run / "a.html")), "a.html")):
+        assert told(run, *words)[0] == 0 and (run / file).read_text() == f"{run} None"

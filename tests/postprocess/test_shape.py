@@ -15,13 +15,10 @@ def test_paths_of_a_homogeneous_state(full, ranks):
     paths = shape.along_paths(formed(SHEARED, full=full, ranks=ranks), spacing=5.0)
     half = (117.5, 67.5) if full else (235.0, 135.0)
     for angle, length in ((0, half[0]), (45, half[1] * np.sqrt(2)), (90, half[1])):
-        path, direction = (
-            paths[angle],
-            np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))]),
-        )
+        path, turn = paths[angle], np.radians(angle)
         np.testing.assert_allclose(path.distance[:-1], 5.0 * np.arange(np.ceil(length / 5)))
         assert path.distance[-1] == pytest.approx(length, abs=1e-6)  # the ply's edge
-        stretch = np.linalg.norm([[1.02, 0.3], [0, 0.9]] @ direction)
+        stretch = np.linalg.norm([[1.02, 0.3], [0, 0.9]] @ np.array([np.cos(turn), np.sin(turn)]))
         np.testing.assert_allclose(path.formed, path.distance * stretch, rtol=1e-8)
         np.testing.assert_allclose(path.log_eps_11, np.log(1.02), rtol=1e-10)
         np.testing.assert_allclose(path.log_eps_22, np.log(np.hypot(0.3, 0.9)), rtol=1e-10)
@@ -33,17 +30,23 @@ def test_a_path_ends_at_a_hole():
     x, y, _ = grid.cell_centers().points.T
     path = shape.along_paths(grid.extract_cells((x < 50) | (x > 70) | (y > 20)), (0,))[0]
     assert path.distance[-1] == pytest.approx(50, abs=1e-6)
+    grid = formed(SHEARED, full=True)
+    ring = np.linalg.norm(grid.cell_centers().points, axis=1) > 40
+    with pytest.raises(InputError, match="does not cover its centroid"):
+        shape.along_paths(grid.extract_cells(ring))
 
 
-def test_a_path_over_a_cylinder_is_its_arc():
-    grid = formed(
-        lambda x, y: np.column_stack([50 * np.sin(x / 50), y, 50 * np.cos(x / 50)]),
-        length=78.5,
-        width=40.0,
-    )
-    paths = shape.along_paths(grid, (0, 90), spacing=5.0)
+def test_a_path_over_a_cylinder_is_its_arc_in_a_table(tmp_path):
+    rolled = lambda x, y: np.column_stack([50 * np.sin(x / 50), y, 50 * np.cos(x / 50)])  # noqa: E731
+    paths = shape.along_paths(formed(rolled, length=78.5, width=40.0), (0, 90), spacing=5.0)
     assert paths[0].formed == pytest.approx(paths[0].distance, rel=2e-4)  # chords of 1.7 mm
     assert paths[90].formed == pytest.approx(paths[90].distance, rel=1e-8)
+    columns = np.arange(12.0).reshape(2, 6, 1) + 0.25
+    paths = {angle: shape.Path(*values) for angle, values in zip((0, 45), columns)}
+    shape.write_paths(tmp_path / "paths.csv", paths)
+    head, *rows = (tmp_path / "paths.csv").read_text().splitlines()
+    names = "path_deg,distance_mm,formed_distance_mm,log_eps_11,log_eps_22,shear_angle_deg"
+    assert head == names and rows == ["0,0.25,1.25,2.25,3.25,4.25", "45,6.25,7.25,8.25,9.25,10.25"]
 
 
 def test_values_at_nodes_are_means_by_area():
@@ -51,10 +54,9 @@ def test_values_at_nodes_are_means_by_area():
     ply = ply_of(halves(known=[1.0, 5.0]))
     at = {tuple(x[:2]): value for x, value in zip(ply.x, ply.at_nodes(ply.fields["known"]))}
     assert at == pytest.approx({(0, 0): 2.0, (4, 0): 1.0, (4, 3): 2.0, (0, 1): 5.0})
-    assert shape.contrast(halves(known=[1.0, 5.0]), "known") == pytest.approx(
-        np.sqrt((4 / 9 + 4) / 2)
-    )
-    assert shape.value_at(halves(known=[1.0, 5.0]), (3.9, 0.1), "known") == 1.0
+    grid = halves(known=[1.0, 5.0])
+    assert shape.contrast(grid, "known") == pytest.approx(np.sqrt((4 / 9 + 4) / 2))
+    assert shape.value_at(grid, (3.9, 0.1), "known") == 1.0
     assert areas(HALVES[None]) == pytest.approx(8.0)  # of a quadrilateral
 
 
@@ -67,15 +69,6 @@ def test_paths_begin_at_the_centroid_of_the_area():
     assert paths[90].distance[-1] == pytest.approx(1 + x / 2 - y, abs=1e-6)
     assert list(paths[0].places[0]) == pytest.approx([x, y, 0])
     assert paths[0].shear_angle == pytest.approx([np.degrees(0.2)] * 3)
-
-
-def test_the_table_of_paths(tmp_path):
-    columns = np.arange(12.0).reshape(2, 6, 1) + 0.25
-    paths = {angle: shape.Path(*values) for angle, values in zip((0, 45), columns)}
-    shape.write_paths(tmp_path / "paths.csv", paths)
-    head, *rows = (tmp_path / "paths.csv").read_text().splitlines()
-    names = "path_deg,distance_mm,formed_distance_mm,log_eps_11,log_eps_22,shear_angle_deg"
-    assert head == names and rows == ["0,0.25,1.25,2.25,3.25,4.25", "45,6.25,7.25,8.25,9.25,10.25"]
 
 
 def test_the_image_of_a_ply():
@@ -98,13 +91,6 @@ def test_quadrilaterals_are_halved_along_their_shorter_diagonal():
     assert frozenset({(4, 0), (5, 1), (1, 1)}) in ends and ply.fields["number"].tolist() == [3, 3]
 
 
-def test_a_path_needs_the_centroid():
-    grid = formed(SHEARED, full=True)
-    ring = np.linalg.norm(grid.cell_centers().points, axis=1) > 40
-    with pytest.raises(InputError, match="does not cover its centroid"):
-        shape.along_paths(grid.extract_cells(ring))
-
-
 @pytest.mark.parametrize("ranks", [1, 3])
 def test_outline_of_a_quarter_has_no_plane_of_symmetry(ranks):
     (edge,) = shape.outline(formed(SHEARED, ranks=ranks))
@@ -125,22 +111,16 @@ def test_outline_of_a_full_ply_is_closed_and_anticlockwise():
 
 @pytest.mark.parametrize("full", [False, True])
 def test_draw_in(full):
-    grid = formed(plane((0.98, 0), (0, 0.9)), full=full)
-    found = shape.draw_in(grid)
+    found = shape.draw_in(grid := formed(plane((0.98, 0), (0, 0.9)), full=full))
     half = np.array([235, 135]) / (2 if full else 1)
     short, long = half * [0.02, 0.1]
     corner = (short + long) / np.sqrt(2)
     assert len(found.pop("largest_at_mm")) == 2
     sides = {"low_x": short, "high_x": short, "low_y": long, "high_y": long} if full else {}
-    assert found == pytest.approx(
-        {
-            "middle_of_long_side_mm": long,
-            "middle_of_short_side_mm": short,
-            "corner_mm": corner,
-            "largest_mm": max(long, corner),
-            **{f"middle_at_{side}_mm": value for side, value in sides.items()},
-        }
-    )
+    expected = {f"middle_at_{side}_mm": value for side, value in sides.items()}
+    expected |= {"middle_of_long_side_mm": long, "middle_of_short_side_mm": short}
+    expected |= {"corner_mm": corner, "largest_mm": max(long, corner)}
+    assert found == pytest.approx(expected)
     grid.point_data["u"][:, 0] += full
     found = shape.draw_in(grid)  # 1 mm along x: the mean of both sides stays
     if full:

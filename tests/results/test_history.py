@@ -1,7 +1,9 @@
 """What a run's history says of work and energies."""
 
 import csv
+import json
 
+import numpy as np
 import pytest
 from mpi4py import MPI
 
@@ -12,12 +14,15 @@ from fabric_fenicsx.solve.report import Report
 
 
 def test_a_row_has_each_number_under_its_name(tmp_path):
-    """The imbalance is of energies of 8 N mm; the residual is the last one."""
-    report = Report(True, "", 7, 2, 3, 1, 4, 50.0, [9.0, 1e-3, 1e-7])
+    """The imbalance is of energies of 8 N mm; the residual is the last one. What NumPy gave is kept
+    as plain numbers."""
+    report = Report(True, "", np.int32(7), 2, 3, 1, 4, np.float32(50), [9.0, 1e-3, 1e-7])
     kinds = {"strain": 4.0, "metal": 1.0, "viscous": 0.25, "bending": 2.75}
     state = Accepted(0.5, kinds, 10.0, report, 5, 1.23456, None)
     history = History(tmp_path / "history.csv", MPI.COMM_SELF)
-    history.add(state, 1.5, 20.0, lambda taken: {"own": 6.0, "min_stability": 0.1})
+    history.add(
+        state, np.float32(1.5), np.int64(20), lambda taken: {"own": 6.0, "min_stability": 0.1}
+    )
     expected = {
         **{"step": 0, "load": 0.5, "displacement_mm": 1.5, "reaction_N": 20.0},
         **{f"{kind}_energy_Nmm": value for kind, value in kinds.items()},
@@ -26,7 +31,7 @@ def test_a_row_has_each_number_under_its_name(tmp_path):
         **{"line_search_cuts": 3, "cuts": 5, "negative_pivots": 1, "residual_N": 1e-7},
         **{"force_scale_N": 50.0, "min_stability": 0.1, "wall_s": 1.2346, "own": 6.0},
     }
-    assert history.rows == [expected]
+    assert json.loads(json.dumps(history.rows)) == [expected]
     with pytest.raises(InputError, match="load 0.5 the terms no longer give .* the column own"):
         history.add(state, 1.5, 20.0, lambda taken: {})
     history.close()
@@ -51,11 +56,8 @@ def test_the_largest_imbalance_is_over_the_largest_energies():
         "energy_imbalance_largest": {"value": pytest.approx(0.06), "load": 0.5},
         "branches": [0.1],
     }
-
-
-def test_nothing_is_out_of_balance_where_nothing_is_stored():
-    found = energy_balance([row(0.0, 0.0, 0.0)], {"strain": 0.0, "metal": 0, "external_work": 0.0})
-    assert found["energy_imbalance_largest"] == {"value": 0.0, "load": 0.0}
+    still = energy_balance([row(0.0, 0.0, 0.0)], dict.fromkeys(energy, 0.0))
+    assert still["energy_imbalance_largest"] == {"value": 0.0, "load": 0.0}
 
 
 def test_drag_is_compared_with_all_that_stretching_stores():

@@ -1,9 +1,7 @@
 """What files of a run say of a result, in plain numbers whatever NumPy gave."""
 
-import csv
 import json
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +9,6 @@ from builders import COMM, sheet
 from mpi4py import MPI
 
 from fabric_fenicsx import dolfinx_compat as compat
-from fabric_fenicsx.results.history import History
 from fabric_fenicsx.results.output import Output, finite
 from fabric_fenicsx.results.result import Result
 from fabric_fenicsx.results.verdict import Reason
@@ -39,28 +36,6 @@ def summary(folder):
     return {name: kept[name] for name in PLAIN}
 
 
-def row(folder):
-    """Of a history, as it is kept for a checkpoint; its file has the same numbers."""
-    history = History(folder / "history.csv", COMM)
-    report = SimpleNamespace(
-        **dict.fromkeys(
-            ("saddles", "iterations", "shifts", "cuts", "negative_pivots"), np.int32(1)
-        ),
-        residuals=[*np.array([2.0, 0.5], np.float32)],
-        scale=np.float32(1),
-    )
-    state = {"load": np.float32(0.5), "external_work": np.float64(1), "wall": 0.1, "cuts": 0}
-    accepted = SimpleNamespace(**state, energies={"strain": np.float32(2)}, report=report)
-    history.add(accepted, np.float32(0.25), np.int64(3), lambda _: GIVEN)
-    history.close()
-    with open(folder / "history.csv") as file:
-        (written,) = csv.DictReader(file)
-    assert float(written["float16"]) == 0.5 and written["strain_energy_Nmm"] == "2.0"
-    kept = json.loads(json.dumps(history.rows[0]))
-    assert kept["residual_N"] == 0.5 and kept["energy_imbalance"] == 0.5
-    return {name: kept[name] for name in PLAIN}
-
-
 def checkpoint(folder):
     blank = sheet(2, 1, 2, 1, comm=MPI.COMM_SELF)
     still = [compat.petsc_vector(blank.u).duplicate() for _ in range(2)]
@@ -79,12 +54,9 @@ def variant(folder):
     return json.loads((folder / "run.json").read_text())["values"]
 
 
-@pytest.mark.parametrize("write", [summary, row, checkpoint, variant])
+@pytest.mark.parametrize("write", [summary, checkpoint, variant])
 def test_what_is_kept_is_plain(tmp_path, write):
     assert write(tmp_path) == PLAIN
-
-
-def test_numbers_that_json_does_not_know_are_null():
     numbers = {"a": [1.0, math.nan, {"b": (math.inf, "c", 2)}]}
     assert finite(numbers) == {"a": [1.0, None, {"b": [None, "c", 2]}]}
 

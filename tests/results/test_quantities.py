@@ -4,20 +4,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import pyvista
 from builders import COMM, Elastic, sheet
+from formed_plies import halves
 from made_results import made, strip
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.mechanics.output import Fields
 from fabric_fenicsx.results import quantities
-from fabric_fenicsx.results.quantities import (
-    fabric_doubts,
-    limited,
-    shear_quantities,
-    shortening_quantities,
-)
 from fabric_fenicsx.results.result import Result
 
 SHEAR = -0.9, 0.1, 0.2, 0.3, 0.4, 0.6
@@ -90,13 +84,9 @@ def test_numbers_of_metal_are_over_its_own_thickness():
 
 def test_shapes_of_a_stack_are_the_largest_of_its_plies():
     waves = {"height_mm": 1.0, "ripples_mm": 0.5, "rim_mm": 3.0, "folds": 2, "height_rms_mm": 0.3}
-    plies = {
-        "lower": {"draw_in": {"largest_mm": 2.0, "corner_mm": 9.0}, "wrinkles": waves},
-        "upper": {
-            "draw_in": {"largest_mm": 1.5},
-            "wrinkles": waves | {"height_mm": 0.8, "ripples_mm": 0.7, "folds": 4},
-        },
-    }
+    plies = {"lower": {"draw_in": {"largest_mm": 2.0, "corner_mm": 9.0}, "wrinkles": waves}}
+    others = waves | {"height_mm": 0.8, "ripples_mm": 0.7, "folds": 4}
+    plies["upper"] = {"draw_in": {"largest_mm": 1.5}, "wrinkles": others}
     assert quantities.stack_quantities(None, plies, [], []) == {
         "draw_in": {"largest_mm": 2.0},
         "wrinkles": {"height_mm": 1.0, "ripples_mm": 0.7, "rim_mm": 3.0, "folds": 4},
@@ -112,17 +102,15 @@ def test_the_middle_sheet_is_fabric_between_metal():
 
 
 def test_shear_of_the_middle_ply():
-    """Two halves of a square with 0.1 and -0.5 rad: along the diagonal from the mean, -0.2, to the
-    second; 2/3 of half their difference from the means about them."""
-    corners = np.array([[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0.0]])
-    triangles = {pyvista.CellType.TRIANGLE: np.array([[0, 1, 3], [1, 2, 3]])}
-    grid = pyvista.UnstructuredGrid(triangles, corners)
-    grid.point_data["u"] = 0 * corners
-    grid.cell_data.update({"shear_angle": [0.1, -0.5], "log_eps_11": [0, 0], "log_eps_22": [0, 0]})
+    """Means at nodes are -0.5, -0.35 and 0.1 rad, so cells of -0.5 and 0.1 are 0.1 and 0.3 off the
+    means about them; most on the path is at its beginning, 2/9 of the way from -0.35 to -0.5."""
+    grid = halves(shear_angle=[-0.5, 0.1], log_eps_11=[0, 0], log_eps_22=[0, 0])
     result = SimpleNamespace(grids={"b": grid}, scene=SimpleNamespace(comm=MPI.COMM_SELF))
     found = quantities.middle_quantities(result, "b")
-    assert found["shear_angle_on_45_deg_path_deg"] == pytest.approx(np.degrees(0.5), rel=1e-6)
-    assert found["shear_contrast_deg"] == pytest.approx(np.degrees(0.2))
+    assert found["shear_angle_on_45_deg_path_deg"] == pytest.approx(
+        np.degrees(0.35 + 0.15 * 2 / 9), rel=1e-6
+    )
+    assert found["shear_contrast_deg"] == pytest.approx(np.degrees(np.sqrt(0.05)))
 
 
 @pytest.mark.mpi
@@ -135,10 +123,16 @@ def test_a_yarn_loses_its_shortening_times_its_length(nx):
     result = Result({}, [], Fields({}), None, ff.Scene(blank, [Elastic()]))
     result.fields |= {"shortening_a": 0.01 * (abs(y - 30) < 20), "shortening_b": 0 * y}
     whole, parts = [blank.whole], list(blank.parts.values())
-    assert shortening_quantities(result, whole)["excess_length_mm"] == pytest.approx(2.0, rel=0.02)
-    assert shortening_quantities(result, parts)["excess_length_mm"] == pytest.approx(1.2, rel=0.02)
+    assert quantities.shortening_quantities(result, whole)["excess_length_mm"] == pytest.approx(
+        2.0, rel=0.02
+    )
+    assert quantities.shortening_quantities(result, parts)["excess_length_mm"] == pytest.approx(
+        1.2, rel=0.02
+    )
     result.fields["shortening_b"][:] = 0.03 * (abs(x - 160) < 25)
-    assert shortening_quantities(result, whole)["excess_length_mm"] == pytest.approx(3.0, rel=0.02)
+    assert quantities.shortening_quantities(result, whole)["excess_length_mm"] == pytest.approx(
+        3.0, rel=0.02
+    )
 
 
 @pytest.mark.mpi
@@ -150,18 +144,17 @@ def test_of_several_plies_and_of_places_that_mirror_each_other_the_first_is_name
     result.fields |= {"shear_angle": -x, "shortening_a": 0 * x, "shortening_b": x / 1000}
     parts = list(blank.parts.values())
     for name in ("shear_angle", "shortening"):
-        found = shear_quantities(result, parts) | shortening_quantities(result, parts)
+        found = quantities.shear_quantities(result, parts) | quantities.shortening_quantities(
+            result, parts
+        )
         assert found[f"{name}_max_at_mm"] == pytest.approx([5 / 3, 5])
         assert found[f"{name}_max_in"] == "left"
-
-
-# -- limits and doubts
 
 
 def test_what_limits_ask_for_is_known_with_its_place():
     """Shear of one cell and of 99 % of the area, what 5 % shorten, and fibres of one cell."""
     result = fabric(fibre_volume_fraction=(np.nan, np.nan, 1.2, 0.5, 0.5, 0.6))
-    ((name, values),) = limited(result)
+    ((name, values),) = quantities.limited(result)
     first, last = [0.5, 5.0], [47.0, 5.0]
     assert name == "" and values == {
         "shear": (pytest.approx(51.566202), first),
@@ -181,21 +174,12 @@ def test_cells_crumple_from_5_percent_on_there_or_in_1_percent_of_the_area(there
 
 @pytest.mark.parametrize("length, told", [(1.02, True), (0.98, False)])
 def test_yarns_shortened_by_2_percent_in_1_percent_of_the_area_are_told_of(length, told):
-    doubts = fabric_doubts(
+    doubts = quantities.fabric_doubts(
         fabric(strip((length, 100 - length)), (0, 0), ((0.0201, 0.0199), (0, 0)))
     )
     assert bool(doubts) == told
     plane = fabric(strip((2, 98), spatial=False), (0, 0), ((0.06, 0), (0, 0)))
-    assert not fabric_doubts(plane)  # it can't fold
-
-
-def test_cells_that_crumple_are_told_of_wherever_they_are():
-    (other, *_), (words, of, _) = fabric_doubts(fabric())
-    assert other.startswith("compression shortens yarns of blank by up to 5.01 %, as at (47, 5) mm")
-    assert "by more than 2 % in 88.9 % of the area; a yarn loses up to" in other
-    assert words.startswith("cells of blank crumple in 51 % of its area, as at (47, 5) mm of the")
-    assert "shortened by 5 %: the largest shear angle, 51.6 deg at (0.5, 5) mm of" in words
-    assert words.endswith("99 % of the area stay below 51.4 deg") and of == "shear_angle_max"
+    assert not quantities.fabric_doubts(plane)  # it can't fold
 
 
 def test_sheets_without_yarns_are_not_asked():
@@ -204,9 +188,9 @@ def test_sheets_without_yarns_are_not_asked():
     values = np.where(blank.midpoints()[0] < 20, np.nan, 0.12)
     result = Result({}, [], Fields({}), None, ff.Scene(blank, [Elastic()]))
     result.fields |= dict.fromkeys(("shear_angle", "shortening_a", "shortening_b"), values)
-    (other, *_), (words, *_) = fabric_doubts(result)
+    (other, *_), (words, *_) = quantities.fabric_doubts(result)
     assert "cells of fabric crumple" in words and "shortens yarns of fabric" in other
-    assert not fabric_doubts(Result({}, [], Fields({}), None, result.scene))
+    assert not quantities.fabric_doubts(Result({}, [], Fields({}), None, result.scene))
     assert COMM.allreduce(len(words)) == COMM.size * len(words)
 
 

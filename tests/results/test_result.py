@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from builders import COMM, Elastic, sheet
+from builders import Elastic, sheet
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.results.fields import FieldSeries
@@ -13,35 +13,24 @@ SHRINK = np.array([0.02, 0.1, 0.0])  # along x and y
 QUARTER = [ff.Support(f"x{i} = 0", lambda x, i=i: x[i] < 1e-6, (i,)) for i in (0, 1)]
 
 
-def shrunk(folder, blank, supports, about, terms=None):
-    """The `Result` of a blank that shrinks by `SHRINK` about a place."""
-    scene = ff.Scene(blank, terms or [Elastic()], supports)
-    blank.u.x.array[:] = (-SHRINK * (blank.coordinates() - about)).ravel()
-    COMM.barrier()
-    folder.mkdir(exist_ok=True)
-    FieldSeries(folder, scene).write(1.0)
-    return Result({}, [], {}, folder, scene)
-
-
-def ply(**options):
-    return ff.Blank.rectangle(*SIZES[:2], nx=6, ny=6, spatial=True, **options)
-
-
 @pytest.mark.mpi
 @pytest.mark.parametrize(
-    "supports, centred, share, about",
+    "supports, share, about",
     [
-        (QUARTER, False, 1.0, 0 * SIZES),
-        (ff.clamped_ends(), False, 0.5, SIZES / 2),
-        (ff.rolling_ends(), False, 0.5, SIZES / 2),
-        ((), True, 0.5, 0 * SIZES),
-        (QUARTER[:1], False, np.array([1.0, 0.5]), SIZES * [0, 0.5, 0]),
+        (QUARTER, 1.0, 0 * SIZES),
+        (ff.clamped_ends(), 0.5, SIZES / 2),
+        (QUARTER[:1], np.array([1.0, 0.5]), SIZES * [0, 0.5, 0]),
     ],
 )
-def test_draw_in_of_a_scene_of_ones_own(folder, supports, centred, share, about):
-    """Of a whole sheet that lies anywhere, a half or a quarter: clamps at x = 0 are no plane of
-    symmetry, whose edge does not count."""
-    found = shrunk(folder, ply(centred=centred), supports, about).draw_in()
+def test_draw_in_of_a_scene_of_ones_own(folder, supports, share, about):
+    """That shrinks about a place, of a whole sheet that lies anywhere, a half or a quarter: clamps
+    at x = 0 are no plane of symmetry, whose edge does not count."""
+    blank = ff.Blank.rectangle(*SIZES[:2], nx=6, ny=6, spatial=True)
+    scene = ff.Scene(blank, [Elastic()], supports)
+    blank.u.x.array[:] = (-SHRINK * (blank.coordinates() - about)).ravel()
+    folder.mkdir(exist_ok=True)
+    FieldSeries(folder, scene).write(1.0)
+    found = Result({}, [], {}, folder, scene).draw_in()
     assert len(found.pop("largest_at_mm")) == 2
     x, y = share * (SHRINK * SIZES)[:2]
     long, short = (y, x) if (share * SIZES[:2]).argmax() == 0 else (x, y)
@@ -57,18 +46,6 @@ def test_draw_in_of_a_scene_of_ones_own(folder, supports, centred, share, about)
         },
         abs=1e-5,  # files have single precision
     )
-
-
-@pytest.mark.mpi
-def test_draw_in_of_a_sheet_of_a_stack(folder):
-    plies = [(ply(centred=True), 1.0, name) for name in ("lower", "upper")]
-    terms = [ff.Membrane(ff.load("komeili")).on(name) for _, _, name in plies]
-    result = shrunk(folder, ff.Stack(plies), (), 0 * SIZES, terms)
-    assert result.draw_in("upper")["middle_of_long_side_mm"] == pytest.approx(2.0, abs=1e-5)
-    with pytest.raises(ff.InputError, match="draw-in needs one of the sheets of stack: lower, u"):
-        result.draw_in()
-    with pytest.raises(ff.InputError, match="has no part 'middle'"):
-        result.draw_in("middle")
 
 
 def test_draw_in_of_a_sheet_that_is_not_flat_is_refused(folder):

@@ -8,18 +8,11 @@ import fabric_fenicsx as ff
 from fabric_fenicsx.solve.settings import Settings
 
 
-@pytest.mark.parametrize(
-    "make, words",
-    [
-        (lambda: Settings(steps=0), "`steps` is 0"),
-        (lambda: Settings(viscosity="on"), "`viscosity` is 'on'.* auto, off"),
-        (lambda: Settings(milestones=[2.0]), "one of `milestones` is 2.0"),
-        (lambda: ff.Limits(strain=0), "`Limits.strain` is 0"),
-    ],
-)
-def test_a_value_that_is_refused_is_named(make, words):
-    with pytest.raises(ff.InputError, match=words):
-        make()
+def test_a_value_that_is_refused_is_named():
+    with pytest.raises(ff.InputError, match="one of `milestones` is 2.0"):
+        Settings(milestones=[2.0])
+    with pytest.raises(ff.InputError, match="`Limits.strain` is 0"):
+        ff.Limits(strain=0)
 
 
 def test_what_is_not_given_is_usual():
