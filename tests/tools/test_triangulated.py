@@ -370,3 +370,25 @@ def test_a_broken_model_is_called_so(tmp_path):
         path.write_text(text)
         with pytest.raises(InputError, match=words):
             TriangulatedSurface.read(path)
+
+
+def test_faces_of_an_iges_file(tmp_path):
+    """A roof of two bilinear faces (entity 128), which in this format do not share their edge."""
+    head = "1H,,1H;,1Ht,1Ht,1Ht,1Ht,32,38,6,308,15,1Ht,1.,2,2HMM,1,0.01,15H20240101.000000,"
+    sections = {"S": ["a roof"], "G": [head[:72], f"{head[72:]}1.E-6,100.,1Ht,1Ht,11,0,4H2024;"]}
+    sections |= {"D": [], "P": []}
+    for x, z in (((0, 10), (0, 0)), ((10, 20), (0, -10))):
+        corners = [(x[i], y, z[i]) for y in (0, 20) for i in (0, 1)]
+        numbers = ",".join(f"{each}." for corner in corners for each in corner)
+        here, first = len(sections["D"]) + 1, len(sections["P"]) + 1
+        for entry in [128, first, *[0] * 7], [128, 0, 0, 3, *[0] * 5]:
+            sections["D"].append("".join(f"{each:8d}" for each in entry))
+        knots = "128,1,1,1,1,0,0,1,0,0,0.,0.,1.,1.,0.,0.,1.,1.,1.,1.,1.,1.,"
+        sections["P"] += [f"{line:64s}{here:8d}" for line in (knots, numbers + ",", "0.,1.,0.,1.;")]
+    sections["T"] = ["".join(f"{key}{len(lines):7d}" for key, lines in sections.items())]
+    rows = [(line, key, i) for key, lines in sections.items() for i, line in enumerate(lines, 1)]
+    (tmp_path / "roof.igs").write_text("".join(f"{r[0]:72s}{r[1]}{r[2]:7d}\n" for r in rows))
+    surface = TriangulatedSurface.read(tmp_path / "roof.igs")
+    assert len(surface.sharp) >= 1 and (surface.points[surface.sharp][..., 0] == 10).all()
+    found = surface.evaluate([[5, 5, 2], [15, 10, -3]])
+    assert abs(found.gap) == pytest.approx([2, math.sqrt(2)], abs=1e-9)

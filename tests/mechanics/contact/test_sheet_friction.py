@@ -143,3 +143,26 @@ def test_forces_and_tangent_are_derivatives(distance):
     assert 0 < (contact.normal_forces() > 0).sum() < contact.points.count
     u[on_b] += distance * SLIP * np.array([0.7, 0.4, 0.0]) * (0.5 + X[on_b, :1] / 20)
     assert off_differences(contact, 1e-3) < 1e-6
+
+
+def test_stuck_strips_bend_as_one(load=0.01):
+    """A cantilever of two strips that are pressed together has 1/8 of the deflection of one strip,
+    that bears all of the load, on two meshes."""
+    sizes = ("lower", 10), ("upper", 14)
+    length, width, E, pressed = 40.0, 8.0, 1e4, 0.05
+    D, clamp, tip = E * T**3 / 12, near(0, 0.0), near(0, length)
+    stack = ff.Stack([(rectangle(length, width, n, 4, spatial=True), T, k) for k, n in sizes])
+    pair = ff.SheetContact("lower", "upper", PENALTY, friction=ff.Coulomb(0.5))
+    terms = [Elastic(E), pair, *(ff.Bending(D, D_t=2 * D, clamped=clamp).on(k) for k, _ in sizes)]
+    pull = ff.EdgeTension(lambda at: load * max(0.0, 2 * at - 1), (0, 0, -1), tip).on("upper")
+    terms += [
+        ff.BlankHolderPressure(lambda at: pressed * min(1.0, 2 * at), (0, 0, way), everyone).on(k)
+        for way, (k, _) in zip((1, -1), sizes)
+    ]
+    supports = [ff.Support("clamp", clamp, (0, 1, 2)), ff.Support("side", near(1, 0.0), (1,))]
+    scene, anything = ff.Scene(stack, [*terms, pull], supports), ff.Limits(imbalance=1e9)
+    result = ff.Job(scene, steps=2, balance=None, limits=anything).run()
+    places, moved = stack.coordinates(), stack.nodal_displacement()
+    sunk = -moved[tip(places.T), 2].mean()
+    assert sunk == pytest.approx(load * length**3 / (3 * D) / 8, rel=0.05)
+    assert 0.2 < result.summary["friction_used"][pair.name] < 1
