@@ -136,6 +136,7 @@ def test_fibre_volume_fractions(tmp_path):
     told = f"{sheet}fibre_density_g_per_cm3 = 2.5\n"
     read, _ = data.read(folder(tmp_path, told, pull=FREE, pressed=text))
     assert read.measured_thickness(read.compaction[0]) == pytest.approx(known.response.values)
+    assert read.compaction[0].pressure == pytest.approx(known.pressure)
     assert fit_compaction(read).compaction.exponent == pytest.approx(9.0, rel=1e-6)
     read, _ = data.read(folder(tmp_path, f"{told}fibre_share = 0.5\n", pull=FREE, pressed=text))
     half = known.response.values / 2
@@ -171,6 +172,14 @@ def test_useless_data_are_refused(tmp_path, text, words):
 def test_what_does_not_tell_the_exponent_is_refused():
     with pytest.raises(InputError, match="leave the exponent at .*; allowed are tests that tell"):
         fit_compaction(pressed_sheet(KNOWN[2], (0.1, 3), points=6))
+
+
+@pytest.mark.parametrize("pressure, told", [(1.05, 0), (1.15, 1), (4.8e-4, 0), (4.3e-4, 1)])
+def test_a_sheet_as_thick_as_beyond_the_measured_pressures_is_told(pressure, told):
+    """By 10 % of 0.5 kPa or 1 MPa."""
+    found = fit_compaction(pressed_sheet(ff.Compaction(9.0, onset=5e-3, pressure=pressure)))
+    assert found.compaction.pressure == pytest.approx(pressure, rel=1e-4)
+    assert sum("they measured from" in each for each in found.warnings) == told
 
 
 def test_plies_of_another_thickness_are_refused():

@@ -114,7 +114,7 @@ def test_a_gap_may_be_1e_4_off(by, agrees):
     if agrees:
         assert "agree" in ff.check_derivatives(ball, NEAR)
     else:
-        with pytest.raises(ff.InputError, match="gaps and distances along the normal"):
+        with pytest.raises(ff.InputError, match="Ball: gaps and distances along"):
             ff.check_derivatives(ball, NEAR)
 
 
