@@ -76,3 +76,13 @@ def test_yarns_from_clamp_to_clamp_lock():
         strip = at_angle(degrees)
         assert strip.locked.startswith(yarns) and bool(strip.locked) == bool(yarns)
         assert math.isnan(strip.shear_angle(1e-3)) == bool(yarns)
+
+
+def test_distance_to_where_yarns_begin_to_end_in_a_clamp():
+    """Of yarns at 30 and 150 deg, and at right angles: from lines along them from the corners."""
+    for degrees, x, y in ((30, 20, 25), (45, 25, 5), (45, 100, 25)):
+        c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+        strip = PinJointedStrip(200.0, 50.0, math.radians(degrees), math.radians(180 - degrees))
+        end = min(x, 200 - x)
+        expected = min(abs(y * c - end * s), abs((50 - y) * c - end * s))
+        assert strip.held([x], [y])[1] == pytest.approx(expected)

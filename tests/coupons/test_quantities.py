@@ -109,6 +109,19 @@ def test_theory_counts_from_the_weave_s_own_angle():
     assert "normalised_shear_force_N_per_mm" not in q
 
 
+def test_both_grips_hold_the_direction_of_yarns_that_bend():
+    """Nothing else resists the sheet's rotation, which is the same if it is turned by 180 deg."""
+    mesh = {"nx": 8, "ny": 2, "pattern": "crossed", "element": "P1"}
+    setup = ff.BiasExtension(FABRIC, in_plane_bending=0.1, **mesh).build()
+    x, c, s = setup.blank.coordinates()[:, :2] - [100, 25], np.cos(1e-3), np.sin(1e-3)
+    setup.blank.u.x.array[:] = (x @ [[c - 1, s], [-s, c - 1]]).ravel()
+    setup.scene.residual(setup.scene.u.duplicate())
+    force = setup.scene.forces.array.reshape(-1, 2)
+    other = np.linalg.norm(x[:, None] + x, axis=2).argmin(1)
+    largest = abs(force).max()
+    assert largest > 1e-6 and force[other] == pytest.approx(-force, abs=1e-6 * largest)
+
+
 def test_the_distance_of_curves():
     curve = Measured("f", "t", np.array([0.5, 1.5, 2.5, 3.5]), np.array([6.0, 18.0, 28.0, 99.0]))
     rows = zip([0, 1, 2, 3], [0, 10, 30, 20])

@@ -165,3 +165,11 @@ def test_what_does_not_tell_the_exponent_is_refused():
     sheet = dataclasses.replace(pressed_sheet(SOFT), thickness=0.08)
     with pytest.raises(InputError, match=r"thickness is 0.08 mm, and plies of .* have 0.4"):
         fit_compaction(sheet)
+
+
+@pytest.mark.parametrize("pressure, told", [(1.05, 0), (1.15, 1), (4.8e-4, 0), (4.3e-4, 1)])
+def test_a_sheet_as_thick_as_beyond_the_measured_pressures_is_told(pressure, told):
+    """By 10 % of 0.5 kPa or 1 MPa."""
+    found = fit_compaction(pressed_sheet(ff.Compaction(9.0, onset=5e-3, pressure=pressure)))
+    assert found.compaction.pressure == pytest.approx(pressure, rel=1e-4)
+    assert sum("they measured from" in each for each in found.warnings) == told

@@ -150,7 +150,9 @@ def test_limits_of_what_a_fit_tells(times):
         return identify(SHEET, [dataclasses.replace(one, responses=(response,), noise=noise)])
 
     above = times > 1
-    weak = fit(times * a / (stats.t.ppf(0.975, 13) * error))
+    size = times * a / (stats.t.ppf(0.975, 13) * error)
+    weak, noise = fit(size), size * math.sqrt(r @ r / 13) / abs(X @ [a, b] + size * r).max()
+    assert weak.noise_estimated == pytest.approx(noise)
     assert weak.determined["a"].value == pytest.approx(a) and weak.determined["a"].weak == above
     # half the interval is the change that moves the response by its peak
     size = 0.0
@@ -289,3 +291,11 @@ def test_strips_with_free_sides_tell_the_rest_if_p_min_is_known():
     assert worst(exact, true_values(KOMEILI, True)) < 1e-6
     assert exact.assumed["d"].reason == "the data cannot tell it from others"
     assert exact.assumed["d"].moves == {"c": pytest.approx(0.5 * 2.367, rel=1e-3)}
+
+
+def test_a_coupling_that_is_complete_at_a_tenth_of_the_strain_across():
+    """Its rate c may be up to 50 over the largest strain, which is 0.06."""
+    sheet, curves = synthesise(KOMEILI.replace(c=400.0))
+    known = dataclasses.replace(sheet, assumed=FAR_ALL | {"c": 100.0})
+    result = identify(known, only(curves, "uniaxial_a", "tension_compression_a"))
+    assert result.determined["c"].value == pytest.approx(400, rel=1e-3)

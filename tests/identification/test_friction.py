@@ -9,7 +9,7 @@ from scipy.optimize import curve_fit
 
 from fabric_fenicsx.identification import curves as data
 from fabric_fenicsx.identification import identify
-from fabric_fenicsx.identification.curves import Curve
+from fabric_fenicsx.identification.curves import Curve, Sheet
 from fabric_fenicsx.identification.curves.forces import response
 from fabric_fenicsx.identification.friction import fit_friction
 from fabric_fenicsx.material import kernel
@@ -123,3 +123,15 @@ def test_numbers_are_told_within_a_factor_of_three(times):
     assert (found is None) == (times > 1)
     found = fit_friction([turned(r * times * math.log(2) / half)[0]])
     assert any(p.weak for p in found.determined.values()) == (times > 1)
+
+
+def test_friction_acts_in_both_zones_of_a_bias_test():
+    """At half the angle in one of them, where it is not yet sliding."""
+    keys, g = {"height": 300.0, "width": 100.0}, np.linspace(0.01, 0.2, 20)
+    by = response("F", g, g, "bias_extension", keys, 0.5)
+    tau, at_half = (0.05 * x + np.minimum(0.15 * x, 0.006) for x in (g, g / 2))
+    by = response("F", by.gain * tau + by.half * at_half, g, "bias_extension", keys, 0.5)
+    bias = Curve("bias.csv", "bias_extension", np.outer(g, [0, 0, 1]), (by,), np.arange(20), 2)
+    found = identify(Sheet("own", 0.5, 0.75, True), [turned(0.0)[0], bias])
+    assert max(curve["rms_error_of_peak"] for curve in found.report()["curves"]) < 1e-6
+    assert found.fabric.s1 == pytest.approx(0.05, rel=1e-4)
