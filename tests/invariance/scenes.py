@@ -69,7 +69,7 @@ def press(*sheets, **given):
     usual = {
         "interface": ff.Interface(friction=0.2),
         "holders": {"holder": ff.PressureHolder(0.02)},
-        "stages": ff.Stage("forming", moves={"ball": 6.0}, steps=2),
+        "stages": ff.Stage("forming", moves={"ball": 4.0}, steps=2),
     }
     return ff.Press(
         sheets=sheets or [sheet()], tools=tools | given.pop("tools", {}), **usual | given
@@ -164,7 +164,7 @@ def of_files(folder):
 
 FORCE = {"ball": ff.PressTool(ff.Sphere(24), force=1.0)}
 BACK = [
-    ff.Stage("forming", moves={"ball": 6.0}, steps=2),
+    ff.Stage("forming", moves={"ball": 4.0}, steps=2),
     ff.Stage("back", moves={"ball": -2.0}, steps=1),
 ]
 TWICE = [
