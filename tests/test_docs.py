@@ -8,7 +8,9 @@ import re
 import shlex
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from unittest.mock import patch
 
 import ezdxf
@@ -36,6 +38,7 @@ LONG = (
     "hemisphere net_shape own_data own_holder public_bias stack studies sweeps unloading wrinkles"
 )
 MARKS = {"ball": pytest.mark.versions} | dict.fromkeys(LONG.split(), pytest.mark.long)
+JOBS: list = []  # (press, changes, job) of programs
 ENVIRONMENT = os.environ | RANKS_ENVIRONMENT | {"PYTHONPATH": str(ROOT)}
 
 
@@ -92,13 +95,24 @@ def with_output(text):
 
 @pytest.fixture
 def run(tmp_path, monkeypatch, capsys):
-    """Run a program in this process, in a folder of the test; what it prints."""
+    """Run a program in this process, in a folder of the test; what it prints. Presses that several
+    programs run are run once."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["program"])
     # those of a study that another test ran in this process
     monkeypatch.setattr(logging.getLogger("fabric_fenicsx"), "handlers", [])
     # which a run leaves in its folder unasked; tests of studies look at them
     monkeypatch.setattr(FormingScene, "pictures", lambda *_: None)
+    make = ff.Press.job
+
+    def job(press, **changes):
+        same = [runs for other, how, runs in JOBS if (other, how) == (press, changes)]
+        if not same:
+            same = [SimpleNamespace(run=cache(make(press, **changes).run))]
+            JOBS.append((press, changes, *same))
+        return same[0]
+
+    monkeypatch.setattr(ff.Press, "job", job)
 
     def run_here(program):
         with patch.dict(LAWS):  # which own laws enter
@@ -283,7 +297,8 @@ def run_command(run_script, tmp_path, hang):
         _, script, *options = shlex.split(command)
         if study := script.startswith("studies/"):
             options.append("--no-pictures")
-            options += [] if "identify" in script else ["--overwrite", *["--quick"] * quick]
+            options += [] if "identify" in script else ["--overwrite"]
+            options += ["--quick", "--steps", "1"] if quick and "identify" not in script else []
         if script.endswith(".py"):
             status, out, err = run_script(tmp_path, ROOT / script, *options)
         else:

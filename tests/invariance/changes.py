@@ -215,13 +215,13 @@ PROMISED |= dict.fromkeys(("two_plies", "ply_and_metal"), 2e-2)  # faces of shee
 # what locates the sheet along other axes, until the first state holds it, without friction always
 PROMISED |= {"die_of": 2e-5, "slippery": 2e-5}
 # changes that are made together, so that a run tells of several; if it differs, each is made alone.
-# Of those that most scenes allow a scene has one run: about in plan, over, and yarns alone
+# Of those that most scenes allow a scene has one run: about in plan, over, along, and yarns alone
 IN_TURN = [
     ("moved", "turned by 45 deg", "mirrored", "cells in another order", "other names")
     + ("file at z = 5",),
-    ("far away", "turned over", "cells in another order", "another order", "off by 1e-10"),
-    ("turned by 90 deg", "weft for warp", "centred", "other names", "another order")
-    + ("file at z = 5",),
+    ("turned over", "far away", "cells in another order", "another order", "off by 1e-10"),
+    ("far away", "cells in another order", "other names", "another order", "file at z = 5"),
+    ("turned by 90 deg", "weft for warp", "centred", "other names", "another order"),
 ]
 # of what few scenes allow they have all
 RARE = [
@@ -266,8 +266,8 @@ def together(scene, press):
         can = [(n for n in group if not reason_against(n, scene, press)) for group in groups]
         return [names for names, group in zip(map(tuple, can), groups) if names[:1] == group[:1]]
 
-    in_turn = made(IN_TURN)[[*PRESSES].index(scene) % len(IN_TURN) :][:1]
-    return made(UNRUN) + (made(RARE) or in_turn)
+    few, many = made(RARE), made(IN_TURN)
+    return made(UNRUN) + (few or [many[[*PRESSES].index(scene) % len(many)]])
 
 
 def changed(press, names, folder):

@@ -129,7 +129,7 @@ def die_of(folder):
 
 def two_plies(**given):
     plies = sheet(name="lower", nx=4), sheet(name="upper", nx=4, fibre_angle=30)
-    return press(*plies, stages=ff.Stage("forming", moves={"ball": 3.0}, steps=2), **given)
+    return press(*plies, stages=ff.Stage("forming", moves={"ball": 2.0}, steps=2), **given)
 
 
 WARM = TWILL.replace(at_temperatures={20.0: {"shear_factor": 4.0}, 200.0: {"shear_factor": 1.0}})

@@ -71,11 +71,11 @@ def test_a_ply_is_formed(launch, angle):
 
 
 def test_the_whole_ply_is_four_quarters(launch):
-    same = "--ny", 3, "--steps", 2, *to(8), *EXACT, "--set", "contact.lag=1e-4"
-    quarter = launch("double_dome", "--nx", 4, *same)
+    same = "--ny", 5, "--steps", 3, *to(12), *EXACT, "--set", "contact.lag=1e-4"
+    quarter = launch("double_dome", "--nx", 8, *same)
     x, u = placed(quarter.folder)
     of_whole = float(last_row(quarter.folder)["reaction_of_whole_N"])
-    whole = launch("double_dome", "--set", "blank.symmetry=none", "--nx", 8, "--ny", 6, *same[2:])
+    whole = launch("double_dome", "--set", "blank.symmetry=none", "--nx", 16, "--ny", 10, *same[2:])
     assert quarter.status == whole.status == 0, whole.err
     assert not any("keep the sheet in its place" in w for w in said(whole.summary))
     reaction = float(last_row(whole.folder)["reaction_N"])

@@ -20,7 +20,8 @@ def test_the_press_as_it_was_run_is_beside_its_results(launch):
     assert run.status == 0, run.err
     press = ff.Press.read(run.folder / "press.toml")
     assert press.fabric.s1 == 0.05 and press.stages[0].moves == {"punch": 3}
-    assert press == ff.Press.read(PRESS, ["blank.nx=4", *change])
+    given = ff.Press.read(PRESS, ["blank.nx=4", *change])
+    assert press.build().fingerprint() == given.build().fingerprint()
 
 
 @pytest.mark.long
