@@ -207,13 +207,13 @@ def folder(shared_path):
     return shared_path / "run"
 
 
-@pytest.fixture
-def run_script(monkeypatch):
+@pytest.fixture(scope="session")
+def run_script():
     """Function that runs a study in this process and a folder: run_script(folder, script, *words)
     to its status, standard output and standard error. It saves the start of another process."""
 
     def run(folder, *words):
-        with monkeypatch.context() as patch:
+        with pytest.MonkeyPatch.context() as patch:
             patch.chdir(folder)
             patch.setattr(sys, "argv", [str(word) for word in words])
             return run_here(patch, words[0])

@@ -8,7 +8,9 @@ import re
 import shlex
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from unittest.mock import patch
 
 import ezdxf
@@ -36,6 +38,7 @@ LONG = (
     "hemisphere net_shape own_data own_holder public_bias stack studies sweeps unloading wrinkles"
 )
 MARKS = {"ball": pytest.mark.versions} | dict.fromkeys(LONG.split(), pytest.mark.long)
+JOBS: list = []  # (press, changes, job) of programs
 ENVIRONMENT = os.environ | RANKS_ENVIRONMENT | {"PYTHONPATH": str(ROOT)}
 
 
@@ -92,13 +95,24 @@ def with_output(text):
 
 @pytest.fixture
 def run(tmp_path, monkeypatch, capsys):
-    """Run a program in this process, in a folder of the test; what it prints."""
+    """Run a program in this process, in a folder of the test; what it prints. Presses that several
+    programs run are run once."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["program"])
     # those of a study that another test ran in this process
     monkeypatch.setattr(logging.getLogger("fabric_fenicsx"), "handlers", [])
     # which a run leaves in its folder unasked; tests of studies look at them
     monkeypatch.setattr(FormingScene, "pictures", lambda *_: None)
+    make = ff.Press.job
+
+    def job(press, **changes):
+        same = [runs for other, how, runs in JOBS if (other, how) == (press, changes)]
+        if not same:
+            same = [SimpleNamespace(run=cache(make(press, **changes).run))]
+            JOBS.append((press, changes, *same))
+        return same[0]
+
+    monkeypatch.setattr(ff.Press, "job", job)
 
     def run_here(program):
         with patch.dict(LAWS):  # which own laws enter
@@ -217,12 +231,9 @@ def test_readmes_program_is_an_example():
 @each("page", [p for p in PAGES[1:] if "```python" in p.read_text()])
 def test_programs_print_what_their_page_says(run, tmp_path, page):
     write_files(page, tmp_path)
-    if page.stem == "own_tool":
-        import pyvista
-
-        ball = pyvista.Sphere(radius=30, theta_resolution=60, phi_resolution=60)
-        ball.save(tmp_path / "ball.stl")
     for kind, program, output in with_output(page.read_text()):
+        if kind == "sh" and " -c " in program:
+            kind, program = "python", shlex.split(program)[2]
         if kind == "python":
             printed = run(program)
             if output:
@@ -231,7 +242,10 @@ def test_programs_print_what_their_page_says(run, tmp_path, page):
 
 START = ".venv/bin/python "
 # run in the same way, or longer, by tests of their own
-ELSEWHERE = r"studies/(laminate|double_dome|compression_parameters|stability_map)\.py|benchmarks/"
+ELSEWHERE = (
+    r"studies/(laminate|double_dome|compression_parameters|stability_map|single_element|"
+    r"picture_frame|tensile\.py --compare)|benchmarks/|fabric_fenicsx info| -c "
+)
 IN_BLOCKS = {
     line
     for page in PAGES
@@ -277,18 +291,19 @@ def test_commands_print_what_their_page_says(run_command, tmp_path, page):
 
 @pytest.fixture
 def run_command(run_script, tmp_path, hang):
-    """Function that runs a command of a page, in this process if it is a study; what it prints."""
+    """Function that runs a command of a page, in this process if it is a script; what it prints."""
 
     def run(command, quick):
         _, script, *options = shlex.split(command)
-        study = script.startswith("studies/")
-        if study:
-            more = ["--quick" if quick else "--no-pictures", "--overwrite"]
-            more = [] if "identify" in script else more
-            status, out, err = run_script(tmp_path, ROOT / script, *options, *more)
+        if study := script.startswith("studies/"):
+            options.append("--no-pictures")
+            options += [] if "identify" in script else ["--overwrite"]
+            options += ["--quick", "--steps", "1"] if quick and "identify" not in script else []
+        if script.endswith(".py"):
+            status, out, err = run_script(tmp_path, ROOT / script, *options)
         else:
             done = subprocess.run(
-                [sys.executable, ROOT / script if script.endswith(".py") else script, *options],
+                [sys.executable, script, *options],
                 cwd=tmp_path,
                 capture_output=True,
                 text=True,

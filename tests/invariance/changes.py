@@ -214,20 +214,25 @@ PROMISED |= dict.fromkeys(("gap", "springs", "edge_springs"), 1e-3)  # what litt
 PROMISED |= dict.fromkeys(("two_plies", "ply_and_metal"), 2e-2)  # faces of sheets lag by 1 %
 # what locates the sheet along other axes, until the first state holds it, without friction always
 PROMISED |= {"die_of": 2e-5, "slippery": 2e-5}
-# changes that are made together, so that a run tells of several; if it differs, each is made alone
-TOGETHER = [
-    ("moved", "turned by 45 deg", "cells in another order", "other names"),
-    ("far away", "turned over", "weft for warp", "another order", "turned by 30 deg", "mirrored")
-    + ("turned by 90 deg", "file at z = 5"),
-    ("x for y", "cells in another order", "weft for warp", "other names"),
-    ("cells in another order", "centred", "off by 1e-10"),
-    ("whole",),
-    ("more points", "in inch"),
-    ("in cm",),
-    ("in m",),
-    ("written and read",),
-    ("set in the command",),
+# changes that are made together, so that a run tells of several; if it differs, each is made alone.
+# Of those that most scenes allow a scene has one run: about in plan, over, along, and yarns alone
+IN_TURN = [
+    ("moved", "turned by 45 deg", "mirrored", "cells in another order", "other names")
+    + ("file at z = 5",),
+    ("turned over", "far away", "cells in another order", "another order", "off by 1e-10"),
+    ("far away", "cells in another order", "other names", "another order", "file at z = 5"),
+    ("turned by 90 deg", "weft for warp", "centred", "other names", "another order"),
 ]
+# of what few scenes allow they have all
+RARE = [
+    ("turned by 30 deg", "far away", "turned over", "weft for warp", "other names"),
+    ("x for y", "cells in another order", "other names", "off by 1e-10"),
+    ("whole", "weft for warp", "another order"),
+    ("more points", "in inch", "other names"),
+    ("in cm", "another order"),
+    ("in m", "off by 1e-10"),
+]
+UNRUN = [("written and read",), ("set in the command",)]
 EIGHT = "the end of the flange is felt at eight points around a node, 45 deg apart"
 AXES = "edges of a rectangle lie along x and y"
 STACK = "a pressure on a stack needs a die above it"
@@ -254,6 +259,17 @@ def reason_against(name, scene, press):
     return NOT_BY_DESIGN.get(name, {}).get(scene, "")
 
 
+def together(scene, press):
+    """Changes that are made of a scene in each run."""
+
+    def made(groups):
+        can = [(n for n in group if not reason_against(n, scene, press)) for group in groups]
+        return [names for names, group in zip(map(tuple, can), groups) if names[:1] == group[:1]]
+
+    few, many = made(RARE), made(IN_TURN)
+    return made(UNRUN) + (few or [many[[*PRESSES].index(scene) % len(many)]])
+
+
 def changed(press, names, folder):
     """The press after these changes."""
     if maps := [CHANGES[name].map for name in names if CHANGES[name].map]:
@@ -271,13 +287,12 @@ def allowed(names, scene):
     return within, {n for each in of for n in each.besides}
 
 
-COUPON_CHANGES = "moved", "mirrored", "cells in another order", "weft for warp"
+COUPON_CHANGES = ("moved", "mirrored", "cells in another order"), ("weft for warp",)
 
 
-def coupon_changed(coupon, name, folder):
-    """A coupon after one of them."""
-    if name == "weft for warp":
+def coupon_changed(coupon, names, folder):
+    """A coupon after these of them."""
+    if names == ("weft for warp",):
         return weft_for_warp_of(coupon)
-    moved = CHANGES[name].map
-    file = folder / f"{len(name)}.vtu"
-    return moved_sheet(coupon, coupon.build().blank, file, moved)
+    moved = reduce(Map.then, [CHANGES[name].map for name in names])
+    return moved_sheet(coupon, coupon.build().blank, folder / "coupon.vtu", moved)

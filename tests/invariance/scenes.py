@@ -69,7 +69,7 @@ def press(*sheets, **given):
     usual = {
         "interface": ff.Interface(friction=0.2),
         "holders": {"holder": ff.PressureHolder(0.02)},
-        "stages": ff.Stage("forming", moves={"ball": 6.0}, steps=2),
+        "stages": ff.Stage("forming", moves={"ball": 4.0}, steps=2),
     }
     return ff.Press(
         sheets=sheets or [sheet()], tools=tools | given.pop("tools", {}), **usual | given
@@ -129,7 +129,7 @@ def die_of(folder):
 
 def two_plies(**given):
     plies = sheet(name="lower", nx=4), sheet(name="upper", nx=4, fibre_angle=30)
-    return press(*plies, stages=ff.Stage("forming", moves={"ball": 3.0}, steps=2), **given)
+    return press(*plies, stages=ff.Stage("forming", moves={"ball": 2.0}, steps=2), **given)
 
 
 WARM = TWILL.replace(at_temperatures={20.0: {"shear_factor": 4.0}, 200.0: {"shear_factor": 1.0}})
@@ -164,7 +164,7 @@ def of_files(folder):
 
 FORCE = {"ball": ff.PressTool(ff.Sphere(24), force=1.0)}
 BACK = [
-    ff.Stage("forming", moves={"ball": 6.0}, steps=2),
+    ff.Stage("forming", moves={"ball": 4.0}, steps=2),
     ff.Stage("back", moves={"ball": -2.0}, steps=1),
 ]
 TWICE = [

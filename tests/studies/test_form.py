@@ -20,8 +20,8 @@ def test_the_press_as_it_was_run_is_beside_its_results(launch):
     assert run.status == 0, run.err
     press = ff.Press.read(run.folder / "press.toml")
     assert press.fabric.s1 == 0.05 and press.stages[0].moves == {"punch": 3}
-    again = press.job(steps=2, balance=9).run().number("force_N")
-    assert again == pytest.approx(run.summary["quantities"]["force_N"], rel=1e-9)
+    given = ff.Press.read(PRESS, ["blank.nx=4", *change])
+    assert press.build().fingerprint() == given.build().fingerprint()
 
 
 @pytest.mark.long
@@ -42,7 +42,7 @@ def test_finer_cells_where_waves_are(launch, tmp_path):
 
 
 def test_a_disturbed_run_is_of_the_whole_ply(launch):
-    run = launch("form", *SMALL, "--set", "stage.1.moves.punch=10", "--disturb", 2)
+    run = launch("form", *SMALL, "--set", "stage.1.moves.punch=3", "--disturb", 2)
     assert run.status == 0, run.err
     disturbed = json.loads((run.folder / "disturbed" / "summary.json").read_text())
     assert disturbed["cells"] == 4 * run.summary["cells"]

@@ -10,11 +10,13 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
 import pytest
 import pyvista
+from mpi4py import MPI
 
 from fabric_fenicsx.command_line.study import Study, parser
 from fabric_fenicsx.coupons.coupon import Tensile
@@ -23,6 +25,7 @@ from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.runtime.files import lock_folder
 from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT, on_ranks
 
+COMM = MPI.COMM_WORLD
 ROOT = Path(__file__).parents[2]
 OPTIONS = "--quick", "--steps", 60, "--no-pictures"
 KEPT = (
@@ -49,10 +52,11 @@ def same_curve(folder, other, rel=1e-9):
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory):
+def whole(tmp_path_factory, run_script):
     """Folder of an uninterrupted run."""
     folder = tmp_path_factory.mktemp("whole") / "out"
-    subprocess.run(command("--out", folder), check=True, capture_output=True)
+    status, *_ = run_script(folder.parent, *command("--out", folder)[1:])
+    assert status == 0
     return folder
 
 
@@ -103,16 +107,17 @@ def test_results_are_lost_only_if_that_is_asked(launch):
     assert not list(lost.folder.glob("*.png"))
 
 
-def test_a_folder_in_use_is_refused(launch):
+@pytest.mark.mpi
+@pytest.mark.parametrize("option", ["--resume", "--overwrite"])
+def test_a_folder_in_use_is_refused(launch, option):
     """However a second run would take it, on any number of ranks."""
     done = launch("tensile", *OPTIONS, "--steps", 3)
     before = everything(done.folder)
-    with lock_folder(done.folder):
-        for ranks, option in ((1, "--overwrite"), (2, "--resume")):
-            again = launch("tensile", *OPTIONS, option, ranks=ranks, overwrite=False)
-            assert again.status == 2 and again.err.count("error: --out ") == 1, again.err
-            assert "is in use by another run; allowed" in again.err
-            assert everything(done.folder) == before
+    with lock_folder(done.folder) if COMM.rank == 0 else nullcontext():
+        again = launch("tensile", *OPTIONS, option, overwrite=False)
+        assert again.status == 2 and again.err.count("error: --out ") == 1, again.err
+        assert "is in use by another run; allowed" in again.err
+        assert everything(done.folder) == before
 
 
 def test_a_run_holds_its_folder_from_before_it_writes(tmp_path):
@@ -180,7 +185,7 @@ def test_pictures_that_a_finished_run_lacks_are_drawn(launch):
     }
 
 
-def test_killed_at_any_moment_it_goes_on(tmp_path, whole):
+def test_killed_at_any_moment_it_goes_on(launch, tmp_path, whole):
     """Killed again and again, in a step, between steps or before the first; what is left is gone on
     from."""
     chance, folder, killed = random.Random(1), tmp_path / "out", 0
@@ -212,7 +217,7 @@ def test_killed_at_any_moment_it_goes_on(tmp_path, whole):
         if ended == 0:
             same_curve(folder, whole)
             shutil.rmtree(folder)
-    subprocess.run(command("--out", folder, more()), check=True, capture_output=True)
+    assert launch("tensile", *OPTIONS, more(), overwrite=False).status == 0
     same_curve(folder, whole)
 
 

@@ -5,7 +5,7 @@ import pytest
 
 @pytest.mark.versions
 def test_maps(launch):
-    done = launch("stability_map", "--quick")
+    done = launch("stability_map", "--points", 21)
     assert done.status == 0, done.err
     q = done.summary["quantities"]
     assert done.summary["converged"]
