@@ -45,14 +45,8 @@ def synthesise(
     points: int = 30,
     balanced: bool | None = None,
 ) -> tuple[Sheet, tuple[Curve, ...]]:
-    """Sheet and curves that the law predicts for the tests of a plan: "paper" (held uniaxial,
-    biaxial, pure and pre-tensioned shear) or "all" (also free tension, tension-compression,
-    compression, sheared compression, and compaction unless the fabric keeps its thickness).
-
-    noise: standard deviation, normal, of each column's largest value; stated in the curves if above
-    0. points: of each curve; balanced: what the sheet says, by default what the fabric is. Raises
-    KeyError for another plan.
-    """
+    """Sheet and curves of a plan, with normal noise of each column's largest value, stated if above
+    0; balanced: what the sheet says, by default what the fabric is."""
     random = np.random.default_rng(seed)
     stated = ("maximum", noise) if noise else None
     balanced = fabric.is_balanced if balanced is None else balanced

@@ -150,28 +150,11 @@ P = [1e-3, 1e-2, 1e-1, 1.0]
 H = [0.4, 0.36, 0.32, 0.28]
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        (text_of(P[::-1], H), "row 4: pressure is 0.1 MPa after 1 MPa; allowed is to"),
-        (text_of(P, H[::-1]), "thickness is 0.4 mm under the highest pressure and 0.28 mm under"),
-        (
-            "# test: compaction\npressure [MPa],thickness [mm],fibre_volume_fraction [-]\n"
-            + "".join(f"{p},{h},{0.1 / h}\n" for p, h in zip(P, H)),
-            "both columns thickness and fibre_volume_fraction; allowed is one of them",
-        ),
-    ],
-)
-def test_useless_data_are_refused(tmp_path, text, words):
-    folder(tmp_path, SHEET.replace("1.2", "0.4"), pull=UNIAXIAL, pressed=text)
-    with pytest.raises(InputError) as error:
-        data.read(tmp_path)
-    assert "pressed.csv" in str(error.value) and words in str(error.value)
-
-
-def test_what_does_not_tell_the_exponent_is_refused():
+def test_an_exponent_is_told_within_a_factor_of_three():
+    low, high = fit_compaction(pressed_sheet(SOFT, (0.07, 2))).determined["exponent"].interval
+    assert 2.5**2 < high / low < 3**2
     with pytest.raises(InputError, match="leave the exponent at .*; allowed are tests that tell"):
-        fit_compaction(pressed_sheet(KNOWN[2], (0.1, 3), points=6))
+        fit_compaction(pressed_sheet(SOFT, (0.1, 2)))  # 3.8 to either side
 
 
 @pytest.mark.parametrize("pressure, told", [(1.05, 0), (1.15, 1), (4.8e-4, 0), (4.3e-4, 1)])

@@ -314,17 +314,6 @@ def test_strips_with_free_sides_tell_the_rest_if_p_min_is_known():
     assert exact.assumed["d"].moves == {"c": pytest.approx(0.5 * 2.367, rel=1e-3)}
 
 
-@pytest.mark.parametrize(
-    "other", [{"a": 82.6, "b": 13.35}, {"a": 27e3, "b": 410.0, "p_min": 0.4, "c": 17.0}]
-)
-def test_strips_far_from_where_the_fit_starts(other):
-    fabric = KOMEILI.replace(**other)
-    known = dataclasses.replace(SHEET, assumed={"p_min": fabric.warp.p_min})
-    result = identify(known, [strip(c) for c in only(synthesise(fabric, "all")[1], "free_a")])
-    assert {"a", "b", "c"} <= set(result.determined)
-    assert worst(result, true_values(fabric, True)) < 1e-6
-
-
 def test_a_coupling_that_is_complete_at_a_tenth_of_the_strain_across():
     """Its rate c may be up to 50 over the largest strain, which is 0.06."""
     sheet, curves = synthesise(KOMEILI.replace(c=400.0))

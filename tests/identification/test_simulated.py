@@ -5,7 +5,7 @@ import pytest
 
 from fabric_fenicsx.identification import identify, identify_simulated
 from fabric_fenicsx.identification.curves import Curve, Sheet, bias_displacement
-from fabric_fenicsx.identification.curves.forces import bias_angle, response
+from fabric_fenicsx.identification.curves.forces import response
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.runtime.errors import SolverFailure
 
@@ -65,17 +65,3 @@ def test_nothing_raw_nothing_simulated():
     shear = response("tau", 0.05 * g, g, "shear", {}, 1.2)
     curve = Curve("shear.csv", "shear", np.outer(g, [0, 0, 1]), (shear,), np.arange(10), 2)
     assert identify_simulated(SHEET, [curve], None).simulated is None
-
-
-def test_a_test_far_beyond_where_shear_is_homogeneous():
-    """To 65 deg by the crosshead (Cao et al., Fig. 38, INSA-NU 115 x 230), where the formula's fit
-    falls to no stiffness at the last angle: it ends all the same."""
-    d = np.arange(10.0, 47, 4)
-    force = np.array([1.28, 1.58, 1.95, 2.39, 3.05, 4.02, 5.53, 7.83, 11.11, 16.57])
-    gamma, keys = bias_angle(d, 230.0, 115.0), {"height": 230.0, "width": 115.0}
-    responses = (response("F", force, gamma, "bias_extension", keys, SHEET.thickness),)
-    more = {"noise": ("value", 0.05), "keys": keys, "displacement": d}
-    strains = np.outer(gamma, [0, 0, 1])
-    curve = Curve("bias.csv", "bias_extension", strains, responses, np.arange(10), 2, **more)
-    found = identify(SHEET, [curve])
-    assert found.fabric.s1 > 0.02 and found.shear_stiffness_min > 0
