@@ -44,30 +44,3 @@ def test_quick_runs(launch):
         beaten = any(f["cost"] <= r["cost"] and f is not r for f in better)
         assert (r["on_front"] == "True") == (not beaten)
     assert (done.folder / "front.png").stat().st_size > 10_000
-
-
-@pytest.mark.long
-def test_cost_of_forming(launch):
-    done = launch("speed_vs_error", "--quick", "--forming", 0)
-    assert done.status == 0, done.err
-    coarse, finest = read(done)
-    assert (coarse["cells"], finest["cells"]) == (72, 160)
-    assert coarse["reason"] == finest["reason"] == ""
-    assert 1e-3 < coarse["error_curve"] < 0.2 and finest["error_curve"] == 0
-    apart = coarse["shear_max_deg"] - finest["shear_max_deg"]
-    assert coarse["error_shear_max_deg"] == pytest.approx(apart)
-    assert (coarse["on_front"], finest["on_front"]) == ("True", "")
-    assert done.summary["quantities"]["0 deg"]["finest"].startswith("0 deg P1 crossed 8 ")
-    assert (done.folder / "forming_front.png").stat().st_size > 10_000
-
-
-@pytest.mark.versions
-def test_the_reference_is_made_again(launch):
-    done = launch("reference", "--quick", "--scenes", "bias10")
-    assert done.status == 0, done.err
-    again, before = json.loads((done.folder / "bias10.json").read_text()), committed("bias10")
-    assert again["series"] == before["series"][:2] and again["material"] == before["material"]
-    for mesh in again["series"]:
-        values, expected = (found["members"][mesh]["values"] for found in (again, before))
-        for name in ("reaction_N", "energy_Nmm", "centre_eps_b", "eps_a_max", "shear_deg_max"):
-            assert values[name] == pytest.approx(expected[name], rel=1e-5), (mesh, name)

@@ -135,25 +135,6 @@ def test_numbers_in_hdf5_are_read(tmp_path):
         assert area(read(tmp_path / name)) == pytest.approx(200)
 
 
-@pytest.mark.versions
-def test_blocks_of_exodus_share_nodes_where_the_file_has_them(tmp_path):
-    from vtkmodules.vtkIOExodus import vtkExodusIIWriter
-
-    points, cells = POINTS, QUADS.copy()
-    left = points[cells, 0].max(1) < 11
-    for node in np.flatnonzero((points[:, 0] == 10) & (points[:, 1] < 5)):
-        cells[left] = np.where(cells[left] == node, len(points), cells[left])
-        points = np.vstack([points, points[node]])
-    grid = pyvista.UnstructuredGrid({9: cells}, points)
-    grid.cell_data["ObjectId"] = 1 + left
-    writer = vtkExodusIIWriter()
-    writer.SetInputData(grid)
-    writer.SetFileName(str(tmp_path / "strip.e"))
-    writer.Write()
-    mesh = read(tmp_path / "strip.e")
-    assert len(mesh.points) == len(points) and area(mesh) == pytest.approx(200)
-
-
 GRIDS = "".join(f"GRID,{i},,{x},{y},{z}\n" for i, (x, y, z) in enumerate(SQUARE, 1))
 
 

@@ -24,23 +24,6 @@ def test_the_press_as_it_was_run_is_beside_its_results(launch):
     assert press.build().fingerprint() == given.build().fingerprint()
 
 
-@pytest.mark.long
-def test_finer_cells_where_waves_are(launch, tmp_path):
-    """A fabric that folds before it shortens, and no holder."""
-    text = PRESS.read_text()
-    held = text[text.index("[holders") : text.index("[[stage")]
-    (tmp_path / "free.toml").write_text(text.replace(held, ""))
-    soft = "fabric.d=5", "blank.bending_modulus=5", "blank.twist_modulus=0.5", "blank.nx=10"
-    words = [word for each in soft for word in ("--set", each)]
-    run = launch("form", tmp_path / "free.toml", *SMALL[3:], *words, "--steps", 10, "--refine")
-    assert run.status == 0, run.err
-    coarse = run.summary["quantities"]["wrinkles"]
-    finer = json.loads((run.folder / "finer" / "summary.json").read_text())
-    times = finer["cells"] / run.summary["cells"]
-    assert coarse["cells_a_wave"] < 7 and times >= (7.5 / coarse["cells_a_wave"]) ** 2 - 1e-9
-    assert (run.folder / "finer" / "wrinkles.vtu").exists()
-
-
 def test_a_disturbed_run_is_of_the_whole_ply(launch):
     run = launch("form", *SMALL, "--set", "stage.1.moves.punch=3", "--disturb", 2)
     assert run.status == 0, run.err
@@ -101,15 +84,3 @@ def test_a_change_replaces_what_it_excludes(tmp_path):
     ball = ["tools.punch.shape=sphere", "tools.punch.radius=40", "ply.2.metal=dc04"]
     plies = ff.Press.read("two_plies", ball)
     assert plies.tools["punch"].surface == ff.Sphere(40) and plies.sheets[1].fabric is None
-
-
-@pytest.mark.long
-def test_variants_of_the_couplings_lie_side_by_side(launch):
-    coarse = "--nx", 4, "--steps", 2, "--set", "stage.1.moves.punch=5", "--balance", 9
-    done = launch("form", "double_dome", *coarse, "--max-imbalance", 9, "--compare")
-    assert done.status == 0, done.err
-    forces = {n: q["punch_force_N"] for n, q in done.summary["quantities"].items()}
-    assert len(forces) == 4 and len({round(f, 6) for f in forces.values()}) > 1
-    assert (done.folder / "compare_curves.png").exists()
-    rows = (done.folder / "variants.csv").read_text().splitlines()
-    assert len(rows) == 5 and rows[0].startswith("variant,stroke_reached")

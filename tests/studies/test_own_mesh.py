@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.command_line.study import Study, parser
-from fabric_fenicsx.coupons.coupon import PictureFrame, Tensile
+from fabric_fenicsx.coupons.coupon import Tensile
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.runtime.errors import InputError
 
@@ -52,15 +52,6 @@ def test_a_length_that_is_not_the_meshs_is_refused(study, name, value):
         mine.build(mine.describe(Tensile))
 
 
-def test_a_frame_needs_a_square(study):
-    mine = study(PictureFrame, specimen(120, 120, 6, 6))
-    mine.build(mine.describe(PictureFrame))
-    assert mine.args.side == 120
-    mine = study(PictureFrame, specimen(120, 30, 12, 3))
-    with pytest.raises(InputError, match="is 120 x 30 mm; allowed in this study is a square"):
-        mine.build(mine.describe(PictureFrame))
-
-
 def quarter(tmp_path, shift=(0, 0, 0)):
     """The built press of the double dome on a mesh."""
     points, cells, kind = specimen(200, 120, 10, 6, "left")
@@ -71,15 +62,3 @@ def quarter(tmp_path, shift=(0, 0, 0)):
 def test_a_quarter_is_half_as_long_as_its_ply(tmp_path):
     found = quarter(tmp_path).resolved()
     assert (found["length"], found["width"], found["nx"]) == (400, 240, None)
-
-
-@pytest.mark.parametrize(
-    "shift, words",
-    [
-        ((-100, 0, 0), "x = -100 to 100 mm, beyond the plane of symmetry x = 0"),
-        ((5, 0, 0), "x = 5 to 205 mm, but a plane of symmetry is x = 0"),
-    ],
-)
-def test_a_mesh_that_is_no_quarter(tmp_path, shift, words):
-    with pytest.raises(InputError, match=f"s.vtk reaches from {words}; allowed is "):
-        quarter(tmp_path, shift)

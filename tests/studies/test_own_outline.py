@@ -60,22 +60,3 @@ def test_planes_of_symmetry_cut_a_whole_outline(table):
     assert np.ravel(ply.blank.extent()) == pytest.approx([0, 0, 0, 250, 150, 0])
     with pytest.raises(ff.InputError, match="not its own mirror image in x = 0"):
         dome(FABRIC, **made | {"centred": False, "outline": table(500, 300, -100)}, full=False)
-
-
-def test_the_ply_of_a_press_has_cells_along_its_yarns(table):
-    angle = 30
-    made = {"outline": table(500, 300), "size": 25, "centred": True, "full": True}
-    ply = dome(FABRIC, **made, fibre_angle=angle)
-    assert (ply.sheets[0].pattern, ply.sheets[0].element) == ("along", "P1")
-    assert ply.blank.whole.share_off_the_yarns() < 0.15
-    ply = dome(FABRIC, **made, fibre_angle=angle, pattern="unstructured")
-    assert (ply.sheets[0].pattern, ply.sheets[0].element) == ("unstructured", "P2")
-
-
-def test_plies_of_a_stack_have_outlines(table):
-    each = {"outline": table(500, 300), "size": 50, "centred": True, "nx": None}
-    each |= dict.fromkeys(("length", "width"))
-    forming = dome(FABRIC, plies=[each, each | {"fibre_angle": 45}], full=True)
-    for sheet in forming.blank.sheets:
-        assert np.ravel(sheet.blank.extent())[[0, 1, 3, 4]] == pytest.approx([-250, -150, 250, 150])
-    assert forming.coarser().sheets[1].size == 100

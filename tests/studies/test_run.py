@@ -293,29 +293,6 @@ def test_every_output_is_that_of_any_number_of_ranks(launch):
 
 
 @pytest.mark.versions
-def test_log_and_quiet(launch):
-    done = launch("tensile", "--quick", "--no-pictures")
-    log = (done.folder / "log.txt").read_text()
-    assumed, result = done.out.splitlines()
-    assert done.err == "" and assumed.startswith("no test has determined these numbers of komeili:")
-    assert assumed in log and result in log
-    steps = [line for line in done.progress if "step" in line]
-    assert len(steps) == done.summary["steps_accepted"] + 1 and all(line in log for line in steps)
-    assert re.fullmatch(
-        r"tensile: step 1, 20 %, 1.2 mm, 369 N, \d iterations, (00:\d\d to )?00:\d\d left\n",
-        steps[1],
-    )
-    assert "residual" in log
-
-
-@pytest.mark.versions
-@pytest.mark.mpi
-def test_all_that_is_said_is_said_once(launch):
-    told = launch("tensile", "--quick", "--no-pictures", "--verbose")
-    assert told.out.count("iteration  0") == 5
-
-
-@pytest.mark.versions
 def test_report(launch):
     done = launch("bias_extension", "--quick", "--strain", 0.05)
     text = (done.folder / "report.html").read_text()

@@ -12,9 +12,7 @@ from mpi4py import MPI
 from scipy.optimize import brentq
 
 from fabric_fenicsx.material import kernel
-from fabric_fenicsx.material.laws import LAWS
 from fabric_fenicsx.material.presets import PRESETS
-from fabric_fenicsx.postprocess.states import read_state
 
 COMM = MPI.COMM_WORLD
 
@@ -114,42 +112,6 @@ def test_comparison_of_the_variants(launch):
         assert (done.folder / picture).stat().st_size > 10_000
 
 
-@pytest.mark.versions
-@pytest.mark.parametrize("element", ["P2", pytest.param("Q1", marks=pytest.mark.mpi)])
-def test_fields_for_paraview_are_those_of_the_solution(launch, element):
-    # on ranks others draw
-    pictures = () if COMM.size == 1 else ("--no-pictures",)
-    options = "--grips", "rollers", "--turned", 30, "--element", element
-    done = launch("tensile", "--quick", *options, *pictures)
-    assert done.status == 0, done.err
-    grid = read_state(done.folder, 1.0)
-    assert grid.n_cells == done.summary["cells"]
-    q = done.summary["quantities"]
-    expected = {
-        "eps_a": 0.03,
-        "eps_b": q["eps_b"][0],
-        "log_eps_11": np.log(1.03),
-        "log_eps_22": q["log_eps_22_min"],
-        "shear_angle": 0,
-        "I4": 1.03**2,
-        "I6": 0,
-        "I8": (1 + q["eps_b"][0]) ** 2,
-        "I10": 0,
-        "strain_state": 2,
-        "sigma_b": 0,
-        "sigma_a": q["nominal_stress_MPa"] / (1 + q["eps_b"][0]),
-    }
-    for name, value in expected.items():
-        assert grid.cell_data[name] == pytest.approx(value, abs=1e-7), name
-    total = sum(grid.cell_data[f"energy_{part}"] for part in ("a", "b", "shear"))
-    assert total * 200 * 50 == pytest.approx(done.summary["energy"]["strain"], rel=1e-9)
-    along = np.array([np.cos(np.pi / 6), np.sin(np.pi / 6), 0])
-    assert grid.cell_data["a"] == pytest.approx(np.tile(1.03 * along, (grid.n_cells, 1)), abs=1e-7)
-    used = np.unique(grid.cell_connectivity)
-    x, u = np.asarray(grid.points)[used], grid.point_data["u"][used]
-    assert u @ along == pytest.approx(0.03 * (x @ along), abs=1e-6)
-
-
 def test_a_load_that_cannot_be_reached(launch):
     options = "--element", "P1", "--strain", 1, "--max-strain", 10, "--no-pictures"
     done = launch("bias_extension", "--quick", "--nx", 10, *options)
@@ -239,42 +201,6 @@ def test_a_pre_sheared_strip_comes_to_rest_before_load(launch):
     )
     assert done.summary["kernel_mismatch"] <= 1e-10
     assert first["strain_energy_Nmm"] > 9 and done.summary["energy_imbalance"] < 0.01
-
-
-LAW_FILE = """
-from dataclasses import dataclass
-import fabric_fenicsx as ff
-from fabric_fenicsx.runtime.rules import above_zero
-
-@dataclass(frozen=True)
-class Straight(ff.Law):
-    law = "straight"
-    rules = {"E": above_zero("stress")}
-    E: float
-
-    def energy(self, eps_a, eps_b, gamma):
-        return self.E * eps_a**2 / 2, self.E * eps_b**2 / 2, self.E * gamma**2 / 200
-"""
-
-
-@pytest.mark.mpi
-def test_a_law_in_a_file(launch, shared_path):
-    """A fabric without couplings is pulled along its yarns: the force is E eps times its section,
-    in which the clamps have no part."""
-    law, material = shared_path / "law.py", shared_path / "m.toml"
-    if COMM.rank == 0:
-        law.write_text(LAW_FILE)
-        material.write_text(
-            'law = "straight"\nE_MPa = 100\nthickness_mm = 1\ndensity_g_per_cm3 = 1\n'
-        )
-    COMM.barrier()
-    try:
-        options = "--material", material, "--nx", 8, "--steps", 1, "--no-pictures"
-        done = launch("tensile", "--law-file", law, *options)
-        assert done.status == 0, done.err
-        assert done.summary["reaction_N"] == pytest.approx(100 * 0.03 * 50, rel=1e-6)
-    finally:
-        LAWS.pop("straight", None)
 
 
 @pytest.mark.parametrize(

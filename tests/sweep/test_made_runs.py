@@ -10,11 +10,9 @@ import pyvista
 
 from fabric_fenicsx.postprocess import states
 from fabric_fenicsx.runtime.errors import SolverFailure
-from fabric_fenicsx.sweep import pictures, results, runner, scatter
+from fabric_fenicsx.sweep import pictures, results, scatter
 from fabric_fenicsx.sweep.folder import Run
-from fabric_fenicsx.sweep.form import Form
 from fabric_fenicsx.sweep.limits import Finer, below
-from fabric_fenicsx.sweep.runner import Runner
 from fabric_fenicsx.sweep.varied import Range
 
 
@@ -175,19 +173,6 @@ def test_results_are_those_of_the_finest_cells(made):
         assert run.number("q") == {"finer": 2, "finest": 3}[finest]
         run.options = []
         assert run.number("q") == 1
-
-
-def test_cores_and_memory_are_for_so_many_runs(made, monkeypatch):
-    """Those of a rank of 2 GiB before a run has ended, then of the most that one took."""
-    monkeypatch.setattr(runner.os, "sched_getaffinity", lambda _: range(16))
-    monkeypatch.setattr(runner, "free_memory", lambda: 20 * 1024)
-    ended = [made({}, peak_memory_mib=mib, ranks=2) for mib in (100, 1500)]
-    room = {
-        (ranks, jobs): Runner(None, Form(Path("press.toml"), ranks=ranks), jobs).room
-        for ranks, jobs in ((1, None), (2, None), (32, None), (1, 9))
-    }
-    assert [each([made({})]) for each in room.values()] == [10, 5, 1, 9]
-    assert [each(ended) for each in room.values()] == [6, 6, 1, 9]
 
 
 def history(run, rows):
