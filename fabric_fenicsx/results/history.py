@@ -67,7 +67,8 @@ class History:
             "wall_s": round(accepted.wall, 4),
         }
         row |= {f"{kind}_energy_Nmm": energy for kind, energy in accepted.energies.items()}
-        row = plain(row | further(row.keys() - {"min_stability"}))  # which terms fill
+        row |= further(row.keys() - {"min_stability"})  # which terms fill
+        row = plain(row)
         if self.rows and (other := row.keys() ^ self.rows[0].keys()):
             some = "no longer" if other & self.rows[0].keys() else "now"
             flaw = f"the terms {some} give history.csv the column {sorted(other)[0]}"
