@@ -1,9 +1,6 @@
 """The parameters of a woven fabric from test curves: two-stage nonlinear regression with confidence
 intervals. Nothing here needs DOLFINx.
 
-Slack and the load cell's zero of each test come first (`origin`); what they leave uncertain widens
-the intervals of the parameters.
-
 Stage 1 fits a, b, d and s1..s3 to the points at which no coupling acts (other yarns unstrained, no
 shear: k_TC = 1 in eq. (17)). Stage 2 fits c, p_min, s_T, s_C to all points with the former fixed,
 as in the paper. A joint fit of all of them from there gives the result, since stage 2 alone would

@@ -15,7 +15,6 @@ from ..runtime.formatting import rounded
 from .compaction import fit_compaction
 from .curves import Curve, Sheet, curve_warnings
 from .friction import fit_friction
-from .origin import effects, with_origins
 from .problem import NOISE, Assumed, Determined, NotConverged, Problem, base, unit_of, yarns_of
 from .result import Identification
 
@@ -34,7 +33,6 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         allowed = "one in the fabric's plane, too, or `fit_compaction`, which needs no others"
         raise InputError(f"all tests are of compaction; allowed is {allowed}")
     compaction = fit_compaction(sheet) if sheet.compaction else None
-    curves = with_origins(curves, sheet.thickness)
     friction = fit_friction(curves)
     problem = Problem(sheet, curves, friction.friction if friction else None)
     default, source, reason = _assumptions(problem, sheet)
@@ -42,8 +40,7 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     theta, staged, fitted = _regression(problem, default, reason, source)
     theta, sd, estimated = _weighted_fit(problem, theta, fitted)
     free = [k for k in range(len(theta)) if k not in reason]
-    alone = _statistics(problem, theta, free, sd)
-    fit = _with_origins(problem, theta, sd, alone)
+    fit = _statistics(problem, theta, free, sd)
     if estimated is None and not all(c.noise for c in curves):
         estimated = NOISE * math.sqrt(fit.variance)
     bound = problem.at_bound(theta, free, fitted)
@@ -66,7 +63,6 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         *(f"{curve.file}: {text}" for curve in curves for text in curve.remarks),
         *(f"{test.file}: {text}" for test in sheet.compaction for text in test.remarks),
         *_fit_warnings(problem, fit, softest, convex, determined, assumed),
-        *_origin_warnings(problem, fit, alone),
         *curve_warnings(curves),
         *(compaction.warnings if compaction else ()),
         *_friction_warnings(curves, friction),
@@ -87,18 +83,7 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         sheet.areal_weight,
         compaction,
         friction,
-        origins=_origins(curves),
     )
-
-
-def _origins(curves):
-    """Slack and zero of tests by name."""
-    origins = [curve.origin for curve in curves if curve.origin]
-    return {
-        name: Determined(value, (high - low) / 4, (low, high), unit, value, False, False)
-        for origin in origins
-        for name, (value, low, high, unit) in origin.numbers.items()
-    }
 
 
 def _friction_warnings(curves, friction):
@@ -208,40 +193,6 @@ def _statistics(problem, theta, free, sd):
     half = stats.t.ppf(0.975, dof) * error
     correlation = covariance / np.outer(spread, spread)
     return _Statistics(free, dof, variance, error, half, correlation, J)
-
-
-def _with_origins(problem, theta, sd, fit):
-    """Statistics with what the origins of tests leave uncertain."""
-    predicted, squares = problem.predict(theta), fit.half**2
-    for curve in problem.curves:
-        if not curve.origin:
-            continue
-        moved = np.zeros((len(predicted), 3))
-        parts = [s for (each, _), s in problem.parts if each is curve]
-        for k, s in enumerate(parts):
-            moved[s] = np.transpose(effects(curve, curve.origin, predicted[s], k))
-        solved = np.linalg.lstsq(fit.jacobian, moved / sd[:, None], rcond=None)[0]
-        change = np.abs(solved) * problem.natural[fit.free][:, None]
-        squares = squares + change[:, :2].max(1) ** 2 + change[:, 2] ** 2
-    half = np.sqrt(squares)
-    return fit._replace(error=fit.error * half / np.maximum(fit.half, 1e-300), half=half)
-
-
-def _origin_warnings(problem, fit, alone):
-    names = [problem.names[k] for k in fit.free]
-    wide = [name for name, w, v in zip(names, fit.half, alone.half) if w > 2.0 * v]
-    origins = _origins(problem.curves)
-    if wide:
-        yield (
-            f"intervals of {', '.join(wide)} are more than twice as wide as they were with known "
-            "slacks and zeros: state these in the files if you know them"
-        )
-    for name, number in origins.items():
-        if name.startswith("zero") and number.interval[0] > 0:
-            yield (
-                f"{name} is {rounded(number.value)} {number.unit}, but friction as yarns begin to "
-                "turn looks the same: if the load cell was at 0, state `# zero: 0 N`"
-            )
 
 
 def _moves(problem, theta, fit, sd, k):

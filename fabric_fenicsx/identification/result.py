@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -48,7 +48,6 @@ class Identification:
     compaction: CompactionFit | None = None  # None without a test of it: the default
     friction: FrictionFit | None = None  # between yarns; None without loops
     simulated: SimulatedFit | None = None  # None if no specimen was simulated
-    origins: dict[str, Determined] = field(default_factory=dict)  # slack and zero of tests
 
     def remarks(self) -> list[str]:
         """Lines for a material file on the origin of its values."""
@@ -70,10 +69,10 @@ class Identification:
 
     @property
     def all_determined(self) -> dict[str, Determined]:
-        """Fitted parameters of law, compaction and friction, and slack and zero of tests."""
+        """Fitted parameters of law, compaction and friction."""
         across = self.compaction.determined if self.compaction else {}
         numbers = self.determined | {f"compaction.{name}": p for name, p in across.items()}
-        return numbers | (self.friction.determined if self.friction else {}) | self.origins
+        return numbers | (self.friction.determined if self.friction else {})
 
     @property
     def all_assumed(self) -> dict[str, Assumed]:
@@ -93,7 +92,6 @@ class Identification:
             "determined": {n: dataclasses.asdict(p) for n, p in self.determined.items()},
             "assumed": {n: dataclasses.asdict(p) for n, p in self.assumed.items()},
             "correlation": {"names": names, "matrix": np.round(self.correlation, 4).tolist()},
-            "tests": {n: dataclasses.asdict(p) for n, p in self.origins.items()},
             "curves": [_error(*fit) for fit in self.fits],
             "compaction": self.compaction and self.compaction.report(),
             "shear_friction": self.friction and self.friction.report(),

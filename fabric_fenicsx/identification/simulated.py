@@ -9,7 +9,6 @@ from ..material.laws.coupled import SHEAR, WovenFabric
 from ..runtime.errors import SolverFailure
 from .curves import Curve, Sheet
 from .fit import identify
-from .origin import with_origins
 from .result import Identification, SimulatedFit
 
 # Force (n,) [N] of the specimen of a raw bias test at its displacements, and its derivatives (n, 3)
@@ -26,7 +25,6 @@ def identify_simulated(sheet: Sheet, curves: Sequence[Curve], simulate: Simulate
     the last values (Gauss-Newton). Where a specimen cannot be simulated, or its forces do not
     settle, the result is the first fit, with a warning.
     """
-    curves = with_origins(curves, sheet.thickness)
     start = identify(sheet, curves)
     if not any(curve.is_raw for curve in curves):
         return start

@@ -92,7 +92,7 @@ def _check_reach(table, runs):
 def _check_response(name, table, column, undeformed):
     """A measured column that is 0, of the wrong sign, not 0 without strain, or that falls."""
     test, values, rows = TESTS[name], table.columns[column], table.rows
-    if "F" in table.columns and not column.startswith("eps"):  # whose zero is fitted
+    if "F" in table.columns and not column.startswith("eps"):  # of a load cell that may not read 0
         values = values - values[0]
     peak = int(np.abs(values).argmax())
     largest = values[peak]
@@ -139,6 +139,29 @@ def check_compaction(table: Table, column: str) -> None:
         low, high = (_value(each, column) for each in v[[0, -1]])
         text = f"{column} is {high} under the highest pressure and {low} under the lowest"
         raise _refused(rows[-1], text, "more" if is_share else "less")
+
+
+def origin_remarks(name: str, table: Table, moved: str, stated: Mapping) -> list[str]:
+    """Sentences on a force that is not 0 at first, or that hardly rises at first, where no `zero`
+    or `slack` is `stated`; moved: the column that runs."""
+    if "F" not in table.columns or TESTS[name].sign <= 0:
+        return []
+    x, remarks = np.abs(table.columns[moved]), []
+    zero, force = table.columns["F"][0], np.abs(table.columns["F"] - table.columns["F"][0])
+    if "zero" not in stated and x[0] <= 0.01 * x[-1] and abs(zero) > 0.02 * force.max():
+        text = f"F is {rounded(zero)} N before anything is strained; if the load cell reads that"
+        remarks.append(f"{text} without load, state `# zero: {rounded(zero)} N`")
+    early = (force > 0.05 * force.max()) & (force < 0.15 * force.max()) & (x < x[-1])
+    if "slack" in stated or early.sum() < 3 or not np.ptp(x[early]):
+        return remarks
+    slope, offset = np.polyfit(x[early], force[early], 1)
+    toe = -offset / slope if slope > 0 else 0.0
+    # a straight or parabolic curve has more force there
+    if toe > 0.03 * x[-1] and np.interp(toe, x, force) < 0.2 * slope * toe:
+        unit = {"displacement": "mm", "gamma": "deg"}.get(moved, "%")
+        slack = f"{rounded(toe / units(moved)[unit], 2)} {unit}"
+        remarks.append(f"it looks like {slack} of slack; if it is, state `# slack: {slack}`")
+    return remarks
 
 
 def angle_remarks(table: Table, lengths: Mapping[str, float]) -> list[str]:

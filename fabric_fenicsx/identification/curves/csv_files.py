@@ -100,6 +100,7 @@ def _curve(file, table, keys, thickness, remarks):
     checks.check_values(keys.test, table, runs, measured)
     if len(raw) < len(given):
         notes += checks.angle_remarks(table, keys.lengths)
+    notes += checks.origin_remarks(keys.test, table, moved, keys.texts)
     none = np.zeros(len(table.rows))
     strains = np.column_stack([none if c in measured else columns.get(c, none) for c in STRAINS])
     specimen, back = (keys.test, keys.lengths, thickness), None
@@ -123,8 +124,6 @@ def _curve(file, table, keys, thickness, remarks):
         (*remarks, *notes),
         back,
         columns["displacement"] if "displacement" in raw.values() else None,
-        () if back else _unknown_origin(keys, raw, columns),
-        per_newton=1 / (keys.lengths["width"] * thickness) if "F" in raw.values() else 1.0,
     )
 
 
@@ -135,14 +134,6 @@ def _take_zero(table, keys):
         sign = -1 if text.startswith("-") else 1
         size = _quantity("zero", (place, text.lstrip("-")), units("F"), zero=True)
         table.columns["F"] -= sign * size
-
-
-def _unknown_origin(keys, raw, columns):
-    """Which of slack and zero are to be fitted; the angle of a picture frame is that of the frame,
-    unless the keys have the `strain` of its images."""
-    of_frame = keys.test == "picture_frame" and "strain" not in keys.texts
-    may = {"slack": of_frame or "displacement" in raw.values(), "zero": "F" in columns}
-    return tuple(name for name in may if may[name] and name not in keys.texts)
 
 
 def _compaction_test(file, table, keys, remarks):

@@ -145,16 +145,6 @@ class Response:
         return float(np.abs(self.values).max())
 
 
-class Origin(NamedTuple):
-    """The fit of where a test begins. numbers: slack and zero by name, each with its interval and
-    unit; ends: changes of slack [mm or rad] and zero [of the first response] at both ends of the
-    interval of the slack; half: half width of the interval of the zero at the slack itself."""
-
-    numbers: dict[str, tuple[float, float, float, str]]
-    ends: list[tuple[float, float]]
-    half: float
-
-
 @dataclass(frozen=True)
 class Curve:
     """One test. strains: (n, 3) eps_a, eps_b [-], gamma [rad] as prescribed; rows: (n,) line
@@ -162,9 +152,7 @@ class Curve:
     noise: ("maximum" | "value" | "absolute", number) or None; abscissa: the column of `strains`
     that runs; keys: further keys of the file, lengths [mm]; remarks: sentences on what was left
     out; back: of a loop in shear the angles (m,) [rad] and what was measured on the way back;
-    displacement (n,) of the clamp [mm], if the file has it; unknown: "slack" and "zero" if they are
-    to be fitted; origin: their fit; per_newton: what 1 N of the load cell is in the first response.
-    """
+    displacement (n,) of the clamp [mm], if the file has it."""
 
     file: str
     test: str
@@ -178,9 +166,6 @@ class Curve:
     remarks: tuple[str, ...] = ()
     back: tuple[np.ndarray, Response] | None = None
     displacement: np.ndarray | None = None
-    unknown: tuple[str, ...] = ()
-    origin: Origin | None = None
-    per_newton: float = 1.0
 
     @property
     def is_raw(self) -> bool:

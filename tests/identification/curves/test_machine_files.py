@@ -172,16 +172,29 @@ def test_of_two_tests_side_by_side_the_first_is_read_unless_told_otherwise(tmp_p
     assert curve.responses[0].values.tolist() == [*(2 * row[1] for row in ROWS), 9]
 
 
+def strip(moved, force, more=""):
+    head = f"# test: uniaxial_a\n# lateral: free\n# length: 200 mm\n# width: 50 mm\n{more}"
+    return head + "displacement [mm],F [N]\n" + "".join(f"{x},{f}\n" for x, f in zip(moved, force))
+
+
 def test_strain_and_force_count_from_a_stated_slack_and_zero(tmp_path):
     x = np.linspace(0.2, 5, 25).round(1)
-    head = "# test: uniaxial_a\n# lateral: free\n# length: 200 mm\n# width: 50 mm\n"
-    head += "# slack: 0,1 cm\n# zero: -40 N\ndisplacement [mm],F [N]\n"
-    pulled = head + "".join(f"{a},{500 * a - 40}\n" for a in x)
+    pulled = strip(x, 500 * x - 40, "# slack: 0,1 cm\n# zero: -40 N\n")
     (curve,) = data.read(folder(tmp_path, strip=pulled))[1]
     assert curve.strains[[0, -1], 0] == pytest.approx([0.001, 0.02])
-    assert curve.rows[0] == 13 and curve.unknown == ()
+    assert curve.rows[0] == 13
     assert curve.responses[0].values[-1] == pytest.approx(2500 / 50 / 1.2)
     bias = BIAS.replace("# width", "# slack: 4 deg\n# width")
     (tmp_path / "strip.csv").write_text(bias)
     (curve,) = data.read(tmp_path)[1]
-    assert curve.strains[0, 2] == pytest.approx(np.radians(6)) and curve.unknown == ("zero",)
+    assert curve.strains[0, 2] == pytest.approx(np.radians(6))
+
+
+@pytest.mark.parametrize("power, slack", [(1, 3.1), (1, 0.0), (2, 0.0)])
+@pytest.mark.parametrize("zero", [0.0, -90.0])
+def test_slack_and_zero_that_nobody_stated_are_named(tmp_path, power, slack, zero):
+    x = np.linspace(0, 40, 81)
+    force = 100 * np.maximum(x - slack, 0) ** power / 40 ** (power - 1) + zero
+    remarks = read(tmp_path, strip(x, force).encode()).remarks
+    expected = ["state `# zero: -90 N`"] * (zero != 0) + ["state `# slack: 3.1 mm`"] * (slack > 0)
+    assert [text[text.index("state") :] for text in remarks] == expected
