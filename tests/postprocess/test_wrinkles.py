@@ -197,3 +197,16 @@ def test_folds_of_the_rim(full):
     found = wrinkles(height_map(grid, nowhere))
     assert found["folds"] == 8
     assert found["rim_mm"] == pytest.approx(6, rel=0.01)
+
+
+def test_the_rim_is_the_outer_edge_of_a_ply_with_a_hole():
+    """The hole's edge rises by 9 mm from one end to the other, the outer one by 2 mm."""
+    grid = formed(lambda x, y: np.column_stack([x, y, 0 * x]), 12, 8, 240.0, 160.0, full=True)
+    x = grid.cell_centers().points
+    grid = grid.extract_cells(np.flatnonzero(abs(x[:, :2]).max(1) > 40.0))
+    at = grid.points
+    inside = abs(at[:, :2]).max(1) < 45.0
+    u = np.zeros_like(at)
+    u[:, 2] = np.where(inside, 9 * at[:, 0] / 80, 2 * at[:, 0] / 240)
+    grid.point_data["u"] = u
+    assert wrinkles(height_map(grid, nowhere))["rim_mm"] == pytest.approx(2.0, rel=1e-6)
