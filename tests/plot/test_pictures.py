@@ -38,6 +38,7 @@ def test_polygons_cover_the_deformed_sheet(tmp_path, element):
 def drawn(monkeypatch):
     """Axes of each picture, in the order in which they are written."""
     figures = []
+    pictures.plt.switch_backend("agg")  # else the first figure does, and closes all
     monkeypatch.setattr(pictures.plt, "close", lambda figure: figures.append(figure.axes))
     return figures
 
