@@ -159,8 +159,9 @@ def origin_remarks(name: str, table: Table, moved: str, stated: Mapping) -> list
     # a straight or parabolic curve has more force there
     if toe > 0.03 * x[-1] and np.interp(toe, x, force) < 0.2 * slope * toe:
         unit = {"displacement": "mm", "gamma": "deg"}.get(moved, "%")
-        slack = f"{rounded(toe / units(moved)[unit], 2)} {unit}"
-        remarks.append(f"it looks like {slack} of slack; if it is, state `# slack: {slack}`")
+        most = f"{rounded(toe / units(moved)[unit], 2)} {unit}"  # of a curve that bends upwards
+        text = f"the tangent at 10 % of the peak meets zero force at {most}: slack up to that is"
+        remarks.append(f"{text} possible; if you know it, state it as `# slack: {most}` or less")
     return remarks
 
 
