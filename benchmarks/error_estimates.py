@@ -1,27 +1,26 @@
 """How good estimated errors are: runs with --error beside their true errors, to finer meshes. The
 runs are drawn at random, by --seed; mesh, element and steps are their own."""
 
+import bench
 from bench import error_cases
 from bench.cost import dome
 from tqdm import tqdm
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.command_line.study import parser, run
-from fabric_fenicsx.coupons.coupon import Coupon
+from fabric_fenicsx.command_line.study import run
 
 TESTS = {"tensile": ff.Tensile, "bias": ff.BiasExtension, "dome": dome}
 
 
 def options():
-    p = parser(Coupon, __doc__, "error_estimates")
-    p.group("test")
+    p = bench.options("error_estimates", __doc__)
     p.option("--only", nargs="+", choices=tuple(TESTS), default=list(TESTS))
     p.option("--seed", type=int, default=1, help="of the draw (1)")
     return p
 
 
 def compared(study, case, outline):
-    """Rows of a case; none if a run is not believed, as it has no error to judge."""
+    """Rows of a case; none if a run is not valid, as it has no error to judge."""
     quick = study.args.quick
 
     def solved(case, error):
@@ -39,10 +38,9 @@ def compared(study, case, outline):
 
 
 def main(study):
-    args, folder, rows = study.args, study.folder(), []
+    args, outline, rows = study.args, study.folder() / "outline.csv", []
     drawn = error_cases.cases(args.seed)
     drawn = error_cases.coarse(drawn[:3]) if args.quick else drawn
-    outline = folder / "outline.csv"
     if study.comm.rank == 0:
         rings = ("\n".join(f"{x},{y}" for x, y in ring) for ring in error_cases.RINGS)
         outline.write_text("x,y\n" + "\n\n".join(rings) + "\n")
@@ -50,9 +48,7 @@ def main(study):
     for case in tqdm([c for c in drawn if c.test in args.only], disable=None, leave=False):
         rows += compared(study, case, outline)
     judged = error_cases.judge(rows)
-    study.write_table(folder / "errors.csv", rows)
-    study.write_table(folder / "coverage.csv", judged)
-    study.summarise(folder, converged=True, stroke_reached=1.0, quantities={"coverage": judged})
+    bench.finish(study, {"errors": rows, "coverage": judged}, quantities={"coverage": judged})
     for row in judged:
         ratio, covered = row["estimated_over_true"], row["covered"]
         study.say(

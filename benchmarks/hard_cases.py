@@ -1,16 +1,15 @@
 """Hard cases of the solver: each must end in a true local minimum of the energy, or in a plain
 reason."""
 
+import bench
 from bench.hard_cases import CASES, Setting, run_case
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.command_line.study import parser, run
-from fabric_fenicsx.coupons.coupon import Coupon
+from fabric_fenicsx.command_line.study import run
 
 
 def options():
-    p = parser(Coupon, __doc__, "hard_cases", element="P1")
-    p.group("test")
+    p = bench.options("hard_cases", __doc__, element="P1")
     p.option("--only", metavar="LETTERS", default="".join(CASES), help="cases to run")
     return p
 
@@ -30,8 +29,7 @@ def main(study):
         study.say(f"{letter}  {holds}  {cost}  {row['must_hold']}\n     {row['found']}{faults}")
     failed = [row["case"] for row in rows if not row["holds"]]
     quantities = {row["case"]: row for row in rows}
-    study.summarise(folder, converged=not failed, stroke_reached=1.0, quantities=quantities)
-    study.write_table(folder / "cases.csv", rows)
+    bench.finish(study, {"cases": rows}, not failed, quantities=quantities)
     if failed:
         raise ff.SolverFailure(f"cases {', '.join(failed)} do not hold; see {folder}/cases.csv")
 

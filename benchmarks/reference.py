@@ -5,12 +5,12 @@ import shlex
 import sys
 import time
 
+import bench
 from bench.reference import LOADS, make_reference
 from bench.strips import STRIPS, camera_displacements, pull, strip_scene, strip_values
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.command_line.study import parser, run
-from fabric_fenicsx.coupons.coupon import Coupon
+from fabric_fenicsx.command_line.study import run
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.settings import Settings
 
@@ -19,8 +19,7 @@ SETTINGS = Settings(steps=20, path_tolerance=None, milestones=LOADS[1:])
 
 
 def options():
-    p = parser(Coupon, __doc__, "reference")
-    p.group("test")
+    p = bench.options("reference", __doc__)
     p.option("--scenes", nargs="+", choices=tuple(STRIPS), default=list(STRIPS))
     return p
 
@@ -67,7 +66,7 @@ def main(study):
             order = "finest mesh" if r["order"] is None else f"order {r['order']:.2g}"
             value = f"{r['value']:.6g} +- {r['error']:.2g} N"
             study.say(f"{folder}/{name}.json: reaction {value}, {order}")
-    study.summarise(folder, converged=True, stroke_reached=1.0, quantities=found)
+    bench.finish(study, {}, quantities=found)
 
 
 if __name__ == "__main__":

@@ -1,38 +1,37 @@
 """Bias tests of glass/PP by Cao et al. (2008): the law is fitted to one size, the forces of other
 sizes and the angle in the middle are predicted, beside what picture frames measured."""
 
+import bench
 from bench.validation import FITTED, MIDDLE, fitted, frames, middle_angles, normalised, ratios
 
-from fabric_fenicsx.command_line.study import parser, run
-from fabric_fenicsx.coupons.coupon import Coupon
+from fabric_fenicsx.command_line.study import run
 
 
 def options():
-    p = parser(Coupon, __doc__, "validation")
-    p.group("test")
+    p = bench.options("validation", __doc__)
     p.option("--weaves", nargs="+", choices=tuple(FITTED), default=list(FITTED))
     return p
 
 
 def main(study):
-    folder, tests, beside, found = study.folder(), [], [], {}
+    study.folder()
+    tests, beside, found = [], [], {}
     for weave in study.args.weaves:
         fabric = fitted(weave)
         found[weave] = {name: getattr(fabric, name) for name in ("s1", "s2", "s3")}
         for row in ratios(weave, fabric):
             tests.append(row)
-            numbers = [value for key, value in row.items() if key.endswith("deg")]
             how = "fitted   " if row["fitted"] else "predicted"
-            values = " ".join(f"{value:5.2f}" for value in numbers)
+            values = " ".join(f"{v:5.2f}" for key, v in row.items() if key.endswith("deg"))
             study.say(f"{weave:16s} {row['test']:16s} {how} {values}")
         angles, forces = frames(weave)
-        for angle, law, each in zip(angles, normalised(fabric, angles), forces.T):
+        lows, highs = forces.min(0), forces.max(0)
+        for angle, law, low, high in zip(angles, normalised(fabric, angles), lows, highs):
             row = {"weave": weave, "angle_deg": angle, "law_N_per_mm": float(law)}
-            row |= {"frames_least": each.min(), "frames_largest": each.max()}
-            beside.append(row)
+            beside.append(row | {"frames_least": low, "frames_largest": high})
             study.say(
-                f"{weave:16s} {angle:g} deg: frames {each.min():.4f} to {each.max():.4f} N/mm "
-                f"(1 to {each.max() / each.min():.1f}), the law {law:.4f} N/mm"
+                f"{weave:16s} {angle:g} deg: frames {low:.4f} to {high:.4f} N/mm "
+                f"(1 to {high / low:.1f}), the law {law:.4f} N/mm"
             )
         if weave == "plain":
             simulated = middle_angles(fabric)
@@ -43,9 +42,7 @@ def main(study):
                     f"{d} mm: in the middle {by_hand:g} deg by hand, {by_images:g} by images, "
                     f"{angle:.1f} simulated, {formula:g} by the formula"
                 )
-    study.write_table(folder / "forces.csv", tests)
-    study.write_table(folder / "frames.csv", beside)
-    study.summarise(folder, converged=True, stroke_reached=1.0, quantities=found)
+    bench.finish(study, {"forces": tests, "frames": beside}, quantities=found)
 
 
 if __name__ == "__main__":

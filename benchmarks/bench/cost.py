@@ -2,21 +2,16 @@
 
 import dataclasses
 import time
-from pathlib import Path
-from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.settings import Settings
 
 from . import strips
-from .cost_plan import Configuration
 from .reference import reference_curve, reference_grid
 
-FEW_SECONDS = 2.0  # below which a run is timed three times
 FORMED = {  # column of the table -> number of the run
     "punch_force_N": "punch_force_N",
     "shear_max_deg": "shear_angle_max_deg",
@@ -25,25 +20,25 @@ FORMED = {  # column of the table -> number of the run
 }
 
 
-def cost(comm: MPI.Comm, fabric: ff.Law, c: Configuration, reference: Path) -> dict[str, Any]:
+def cost(comm, fabric, c, reference):
     """Row of the table of the `Configuration` c: what it is, its cost [s] and what errors are made
     of; reference: folder of the references. With a fibre angle it is of forming. A `reason` says
     why it did not end well."""
-    is_forming = c.fibre_angle is not None
     try:
-        row = (
-            forming_cost(comm, fabric, c) if is_forming else strip_cost(comm, fabric, c, reference)
-        )
+        if c.fibre_angle is None:
+            row = strip_cost(comm, fabric, c, reference)
+        else:
+            row = forming_cost(comm, fabric, c)
     except ff.SolverFailure as failure:
         row = {"reason": str(failure)}
-    return dataclasses.asdict(c) | row
+    return {"run": str(c)} | dataclasses.asdict(c) | row
 
 
-def strip_cost(comm: MPI.Comm, fabric: ff.Law, c: Configuration, reference: Path) -> dict[str, Any]:
-    """Wall time and errors of a whole run of a strip."""
+def strip_cost(comm, fabric, c, reference):
+    """Wall time (the least of up to three within 2 s) and errors of a whole run of a strip."""
     scene = strips.strip_scene(comm, fabric, c.scene, c.mesh, None, c.integration)
     settings, walls = Settings(steps=c.steps, path_tolerance=c.path_tolerance), list[float]()
-    while not walls or (sum(walls) < FEW_SECONDS and len(walls) < 3):
+    while not walls or (sum(walls) < 2.0 and len(walls) < 3):
         scene.set(scene.u.duplicate())
         began = time.perf_counter()
         newton = Newton(scene, c.tolerance, linear_solver=c.linear_solver)
@@ -66,15 +61,15 @@ def strip_cost(comm: MPI.Comm, fabric: ff.Law, c: Configuration, reference: Path
     }
 
 
-def dome(fabric: ff.Law, **mesh: Any) -> ff.Press:
+def dome(fabric, **mesh):
     """The press of the double dome with this fabric and fields of the sheet."""
     press = ff.Press.read("double_dome")
     return press.replace(sheets=[dataclasses.replace(press.sheets[0], fabric=fabric, **mesh)])
 
 
-def forming_cost(comm: MPI.Comm, fabric: ff.Law, c: Configuration) -> dict[str, Any]:
-    """CPU time and numbers of forming; `doubt` is why a result at full load is not to be believed,
-    `curve` the punch force [N] over the load."""
+def forming_cost(comm, fabric, c):
+    """CPU time and numbers of forming; `doubt` is why a result at full load is not valid, `curve`
+    the punch force [N] over the load."""
     element, pattern, nx = c.mesh.split()
     cells = {"element": element, "pattern": pattern, "nx": int(nx), "fibre_angle": c.fibre_angle}
     names = "steps", "tolerance", "path_tolerance", "linear_solver"
@@ -85,7 +80,7 @@ def forming_cost(comm: MPI.Comm, fabric: ff.Law, c: Configuration) -> dict[str, 
     except ff.SolverFailure as failure:
         result, said = failure.result, str(failure)
     whole = result.number("stroke_reached") == 1
-    row: dict[str, Any] = {"reason": "" if whole else said, "doubt": said if whole else ""}
+    row: dict = {"reason": "" if whole else said, "doubt": said if whole else ""}
     row |= {"cost": comm.allreduce(time.process_time() - began)}
     row |= {name: result.summary[name] for name in ("dofs", "cells", "newton_iterations")}
     row["curve"] = np.transpose([(at["load"], at["reaction_N"]) for at in result.rows])

@@ -1,8 +1,6 @@
 """Which runs speed_vs_error.py compares: one factor at a time, varied from a baseline."""
 
-from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
-from typing import Any
 
 
 @dataclass(frozen=True)
@@ -23,7 +21,7 @@ class Configuration:
         return " ".join(str(v) for v in asdict(self).values() if v is not None)
 
 
-def on(meshes: str, **more: Any) -> list[dict[str, Any]]:
+def on(meshes, **more):
     """Changes of a `Configuration`, one a mesh: "P1 left 4 8, P2 left 4" are three."""
     kinds = (words.split() for words in meshes.split(","))
     return [{"mesh": f"{e} {pattern} {n}"} | more for e, pattern, *nx in kinds for n in nx]
@@ -56,14 +54,14 @@ FULL = [
 ]
 
 
-def plan(scenes: Iterable[str], quick: bool) -> list[Configuration]:
+def plan(scenes, quick):
     """The runs of each of the strips `scenes`, the baseline first."""
-    changes: list[dict[str, Any]] = [{}, *(QUICK if quick else FULL)]
-    quickly: dict[str, Any] = {"mesh": "P1 crossed 24", "steps": 5} if quick else {}
+    changes = [{}, *(QUICK if quick else FULL)]
+    quickly = {"mesh": "P1 crossed 24", "steps": 5} if quick else {}
     return [Configuration(scene, **quickly | change) for scene in scenes for change in changes]
 
 
-def plan_forming(angles: Iterable[float], quick: bool) -> list[Configuration]:
+def plan_forming(angles, quick):
     """Runs of the double dome with yarns at each of the `angles` [deg], the baseline, with the
     element that is the default there, first; a finer run as a reference last."""
     runs: list[Configuration] = []
@@ -71,9 +69,8 @@ def plan_forming(angles: Iterable[float], quick: bool) -> list[Configuration]:
         kind, finest = ("P2 crossed", 47) if angle % 45 else ("P1 crossed", 94)
         nx, steps, last = (6, 8, 8) if quick else (24, 40, finest)
         base = Configuration(f"{angle:g} deg", f"{kind} {nx}", steps=steps, fibre_angle=angle)
-        changes = [] if quick else on("P1 crossed 12 24 47, P2 crossed 6 12 24")
-        changes += [] if quick else [{"steps": 20}, {"steps": 80}]
-        own = [{}, *changes, {"mesh": f"{kind} {last}"}]
-        each = (replace(base, path_tolerance=1e-6, **change) for change in own)
+        varied = on("P1 crossed 12 24 47, P2 crossed 6 12 24") + [{"steps": 20}, {"steps": 80}]
+        changes = [{}, *([] if quick else varied), {"mesh": f"{kind} {last}"}]
+        each = (replace(base, path_tolerance=1e-6, **change) for change in changes)
         runs += dict.fromkeys(each)
     return runs

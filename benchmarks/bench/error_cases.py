@@ -1,19 +1,15 @@
 """Estimated errors of runs beside true ones: which runs, and how good the estimates are."""
 
 import statistics
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from fabric_fenicsx.results import measures
 from fabric_fenicsx.results.error import field_differences
-from fabric_fenicsx.results.result import Result
 
 from .strips import curve_distance
 
-Row = dict[str, Any]
 ANGLES = 90.0, 90.0, 60.0, 75.0, 105.0  # between yarns [deg]
 USUAL = [(None, None)] * 2  # the defaults, twice as often
 CELLS = [*USUAL, ("P1", "crossed"), ("P1", "unstructured"), ("P2", "left"), ("P2", "unstructured")]
@@ -30,14 +26,14 @@ class Case:
     """A run of `test` with these options; all other options have their defaults."""
 
     test: str
-    options: dict[str, Any]
+    options: dict
 
     def __str__(self) -> str:
         words = (f"{name} {value}" for name, value in self.options.items() if value is not None)
         return ", ".join([self.test, *words])
 
 
-def cases(seed: int, strips: int = 32, domes: int = 8) -> list[Case]:
+def cases(seed, strips=32, domes=8):
     """Strips of any yarn angles, strains, meshes and outlines, and double domes, by a seed."""
     rng = np.random.default_rng(seed)
     return [_strip(rng) for _ in range(strips)] + [_dome(rng) for _ in range(domes)]
@@ -68,12 +64,12 @@ def _dome(rng):
     return Case("dome", {"fibre_angle": angle, "element": element, "nx": int(rng.choice(sizes))})
 
 
-def coarse(drawn: Sequence[Case]) -> list[Case]:
+def coarse(drawn):
     """Those of the cases that have rectangles, with a quarter of them along each side."""
     return [Case(c.test, c.options | {"nx": nx // 4}) for c in drawn if (nx := c.options.get("nx"))]
 
 
-def finer(case: Case, quick: bool = False) -> list[Case]:
+def finer(case, quick=False):
     """The runs that are the truth of a case, the finest last: cubic cells along the yarns, those of
     an outline, or a finer dome; quick: of a coarse one."""
     if case.test == "dome":
@@ -85,14 +81,14 @@ def finer(case: Case, quick: bool = False) -> list[Case]:
     return [Case(case.test, {**case.options, "element": "P3"} | each) for each in change]
 
 
-def compare(case: Case, result: Result, truth: Sequence[Result]) -> list[Row]:
+def compare(case, result, truth):
     """A row for each quantity of a run with estimated errors: true error, to the last run of the
     `truth`; estimated one; what the true one is known to, by the run before; and whether the
     estimate covers it."""
-    errors, (before, finest), runs = result.summary["error"], truth, (result, *truth)
-    found = dict[str, Any]()  # quantity -> true error, and what it is known to
-    for name in errors:
-        values: list[Any] = [run.number(name) for run in runs]
+    found: dict = {}
+    runs, (before, finest) = (result, *truth), truth
+    for name in result.summary["error"]:  # -> true error, and what it is known to
+        values = [run.number(name) for run in runs]
         if None not in values:
             found[name] = values[0] - values[2], values[1] - values[2]
     curves = [np.array([(r["load"], r["reaction_N"]) for r in run.rows]).T for run in runs]
@@ -105,8 +101,8 @@ def compare(case: Case, result: Result, truth: Sequence[Result]) -> list[Row]:
         quantity = "shear_angle_rms_deg" if is_shear else f"{name}_rms"
         found[quantity] = np.degrees(roots) if is_shear else roots
     rows = []
-    for quantity, (true, bar) in found.items():
-        error, true, bar = errors[quantity], float(abs(true)), float(abs(bar))
+    for quantity, pair in found.items():
+        error, (true, bar) = result.summary["error"][quantity], map(float, np.abs(pair))
         row = {"case": str(case), "test": case.test, "quantity": quantity, "true": true}
         covered = error is not None and error + bar >= true
         rows.append(row | {"estimated": error, "known_to": bar, "covered": covered})
@@ -119,7 +115,7 @@ def _root(run, values):
     return float(np.sqrt(mean or 0.0))
 
 
-def judge(rows: Sequence[Row]) -> list[Row]:
+def judge(rows):
     """For each quantity, and for all: number of cases, share whose error is unknown, share of the
     others that estimates cover, and sharpness, the median of estimated over true errors, of those
     that are known well enough to tell."""

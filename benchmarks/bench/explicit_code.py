@@ -2,33 +2,32 @@
 of nodes. The files are described in studies/reference/openradioss/README.md."""
 
 import math
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
 from fabric_fenicsx.runtime.errors import InputError
 
-if TYPE_CHECKING:
-    import pyvista
-
 ANGLES = 0, 45  # of yarns a of the formed plies [deg]
 # stroke [mm] from which forces are compared: before, the explicit ones scatter, and inertia counts
 FROM_STROKE = 30.0
 
 
-def bias_curve(folder: Path) -> np.ndarray:
-    """Displacement [mm] and reaction [N] of the bias test in OpenRadioss, (2, n)."""
-    path = folder / "bias_extension.csv"
-    return np.loadtxt(path, delimiter=",", skiprows=1, usecols=(0, 1)).T
+def known_angle(angle: float) -> int:
+    """The angle of yarns a [deg] as one of `ANGLES`. Raises InputError if it is none of them."""
+    if angle not in ANGLES:
+        raise InputError(
+            f"`fibre_angle` is {angle:g}; allowed are {' and '.join(map(str, ANGLES))}, of which "
+            "OpenRadioss' results are known"
+        )
+    return int(angle)
 
 
-def punch_force(folder: Path, angle: int) -> np.ndarray:
-    """Stroke [mm] and punch force [N] of the quarter in OpenRadioss, (2, n); angle: of `ANGLES`."""
-    path = folder / f"double_dome_{angle}_force.csv"
-    return np.loadtxt(path, delimiter=",", skiprows=1, usecols=(0, 1)).T
+def curve(file: Path) -> np.ndarray:
+    """Displacement [mm] and reaction or force of the punch on the quarter [N] in OpenRadioss,
+    (2, n)."""
+    return np.loadtxt(file, delimiter=",", skiprows=1, usecols=(0, 1)).T
 
 
 def formed_places(folder: Path, angle: int, flat: np.ndarray) -> np.ndarray:
@@ -55,25 +54,18 @@ def shear_angles(flat: np.ndarray, formed: np.ndarray, angle: float) -> np.ndarr
     return np.degrees(np.abs(np.arcsin((first * second).sum(1) / lengths)))
 
 
-def compare_formed(
-    folder: Path, angle: float, grid: "pyvista.UnstructuredGrid", rows: Sequence[Mapping[str, Any]]
-) -> dict[str, float]:
-    """How a formed ply and OpenRadioss' differ, with what is compared.
-
-    grid: the last state, of linear triangles; rows: of its history. Lengths in mm, forces in N,
-    angles in deg.
-    """
-    known = check_angle(angle)
+def compare_formed(folder, angle, grid, rows):
+    """How a formed ply and OpenRadioss' differ, with what is compared {name: number}; angle: of
+    `ANGLES`, grid: the last state, of linear triangles, rows: of its history."""
     flat = np.asarray(grid.points)[:, :2]
     mine = np.asarray(grid.points) + grid.point_data["u"]
-    theirs = formed_places(folder, known, flat)
+    theirs = formed_places(folder, angle, flat)
     apart = np.linalg.norm(mine - theirs, axis=1)
     corners = grid.cells.reshape(grid.n_cells, -1)[:, 1:4]
     shear = [shear_angles(flat[corners], x[corners], angle) for x in (mine, theirs)]
-    stroke, force = punch_force(folder, known)
+    stroke, force = curve(folder / f"double_dome_{angle}_force.csv")
     mean = np.interp(stroke, [r["displacement_mm"] for r in rows], [r["reaction_N"] for r in rows])
     late = stroke >= FROM_STROKE
-    off = float(np.sqrt(np.mean((mean - force)[late] ** 2)) / force.max())
     return {
         "nodes_apart_rms_mm": float(np.sqrt(np.mean(apart**2))),
         "nodes_apart_largest_mm": float(apart.max()),
@@ -82,15 +74,7 @@ def compare_formed(
         "shear_angle_apart_rms_deg": float(np.sqrt(np.mean((shear[0] - shear[1]) ** 2))),
         "punch_force_50_mm_N": float(np.interp(50.0, stroke, mean)),
         "punch_force_50_mm_openradioss_N": float(np.interp(50.0, stroke, force)),
-        "punch_force_apart_rms_relative": off,
+        "punch_force_apart_rms_relative": float(
+            np.sqrt(np.mean((mean - force)[late] ** 2)) / force.max()
+        ),
     }
-
-
-def check_angle(angle: float) -> int:
-    """The angle of yarns a [deg] as one of `ANGLES`. Raises InputError if it is none of them."""
-    if angle not in ANGLES:
-        raise InputError(
-            f"`fibre_angle` is {angle:g}; allowed are {' and '.join(map(str, ANGLES))}, of which "
-            "OpenRadioss' results are known"
-        )
-    return ANGLES[ANGLES.index(int(angle))]

@@ -1,34 +1,30 @@
 """Errors against cost: judged by the references, the front, the cheapest, and their picture."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields
-from pathlib import Path
-from typing import Any
 
 import fabric_fenicsx as ff
 
-from .cost_plan import Configuration
 from .strips import curve_distance
 
-Row = dict[str, Any]
 MARKERS = {"P1": "^", "P2": "v", "P3": "<", "Q1": "s", "Q2": "D"}
 
 
-def judge(rows: Sequence[Row], reference: Mapping[str, Mapping[str, float]]) -> None:
-    """Add to the rows of one strip their errors and whether they are on the front."""
+def judge(rows, reference):
+    """Add to the rows of one strip their errors and whether they are on the front; those that
+    succeeded."""
     force, good = reference["reaction_N"], succeeded(rows)
     for r in good:
         r["error_bar"] = force["error"] / abs(force["value"])
         for name in ("reaction_N", "energy_Nmm"):
             r[f"error_{name.split('_')[0]}"] = r[name] / reference[name]["value"] - 1
     mark_front(good)
+    return good
 
 
-def judge_forming(rows: Sequence[Row]) -> Row:
+def judge_forming(rows):
     """Add to the rows of one angle of forming their errors to the finest that succeeded, which is
-    returned, and whether they are on the front of the others that are to be believed. SolverFailure
-    if none did."""
+    returned, and whether they are on the front of the others that are valid. SolverFailure if none
+    did."""
     if not (good := succeeded(rows)):
         raise ff.SolverFailure(f"no run of {rows[0]['scene']} succeeded: {rows[0]['reason']}")
     finest = max(good, key=lambda r: (r["dofs"], r["mesh"]))
@@ -40,7 +36,7 @@ def judge_forming(rows: Sequence[Row]) -> Row:
     return finest
 
 
-def mark_front(rows: Sequence[Row]) -> None:
+def mark_front(rows):
     """Tell which of the rows are `on_front`: none is both cheaper and more accurate, as far as the
     reference resolves errors of the curve."""
     least = math.inf
@@ -51,22 +47,17 @@ def mark_front(rows: Sequence[Row]) -> None:
         least = min(least, r["resolved_error"])
 
 
-def succeeded(rows: Iterable[Row]) -> list[Row]:
+def succeeded(rows):
     """The rows without a reason why they failed."""
     return [r for r in rows if not r["reason"]]
 
 
-def configuration(r: Row) -> Configuration:
-    """The `Configuration` of a row."""
-    return Configuration(**{each.name: r[each.name] for each in fields(Configuration)})
-
-
-def draw_fronts(path: Path, strips: Mapping[str, Sequence[Row]], cost_of: str) -> None:
+def draw_fronts(path, strips, cost_of):
     """Draw error over cost of the strips {name: rows}, with their fronts; cost_of: what cost is."""
     from fabric_fenicsx.plot.pictures import figure
 
-    colours: dict[str, str] = {}
-    shown: dict[str, Any] = {}
+    colours: dict = {}
+    shown: dict = {}
     with figure(path, (5.2 * len(strips), 5.8), 1, len(strips)) as (drawn, (axes,)):
         for ax, (name, rows) in zip(axes, strips.items()):
             for r in succeeded(rows):

@@ -2,7 +2,6 @@
 
 import csv
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -12,7 +11,6 @@ from fabric_fenicsx.coupons.simulated import simulated_bias
 from fabric_fenicsx.identification import identify_simulated
 from fabric_fenicsx.identification.curves import Curve, Sheet, bias_displacement
 from fabric_fenicsx.identification.curves.forces import response
-from fabric_fenicsx.material.laws.coupled import WovenFabric
 
 DATA = Path(__file__).parents[1] / "data"
 # laboratory, width, height [mm] of the test that the law is fitted to
@@ -22,7 +20,6 @@ FITTED = {
     "unbalanced twill": ("UN", 100, 300),
 }
 SHEET = Sheet("glass/PP of Cao et al.", thickness=1.2, density=0.619, balanced=True)
-NOISE = "value", 0.05  # so that all angles count alike
 # of the plain weave, 150 x 450 mm, Fig. 36: displacement [mm] -> shear angle in the middle [deg] by
 # hand, by images and as printed from the usual formula
 MIDDLE = {
@@ -33,21 +30,22 @@ MIDDLE = {
 }
 
 
-def _table(name: str, weave: str) -> tuple[np.ndarray, list[dict[str, str]]]:
-    """Angles (n,) [deg], and rows of a weave."""
+def _table(name, weave):
+    """Angles (n,) [deg], rows (m) of a weave, and their values at the angles (m, n)."""
     lines = [line for line in open(DATA / name, encoding="utf-8") if not line.startswith("#")]
     rows = [row for row in csv.DictReader(lines) if row["weave"] == weave]
-    return np.array([key for key in rows[0] if key.isdigit()], float), rows
+    angles = [key for key in rows[0] if key.isdigit()]
+    values = np.array([[row[angle] for angle in angles] for row in rows], float)
+    return np.array(angles, float), rows, values
 
 
-def bias_tests(weave: str) -> dict[tuple[str, int, int], Curve]:
+def bias_tests(weave):
     """The raw bias tests of a weave by laboratory, width and height."""
-    angles, rows = _table("cao2008_bias.csv", weave)
+    angles, rows, forces = _table("cao2008_bias.csv", weave)
     gamma, found = np.radians(angles), {}
-    for row in rows:
+    for row, force in zip(rows, forces):
         name = row["laboratory"], int(row["width_mm"]), int(row["height_mm"])
         keys = {"width": float(name[1]), "height": float(name[2])}
-        force = np.array([row[f"{angle:g}"] for angle in angles], float)
         found[name] = Curve(
             "{} {}x{}".format(*name),
             "bias_extension",
@@ -55,49 +53,47 @@ def bias_tests(weave: str) -> dict[tuple[str, int, int], Curve]:
             (response("F", force, gamma, "bias_extension", keys, SHEET.thickness),),
             np.arange(len(gamma)),
             2,
-            noise=NOISE,
+            noise=("value", 0.05),  # so that all angles count alike
             keys=keys,
             displacement=bias_displacement(gamma, keys["height"], keys["width"]),
         )
     return found
 
 
-def frames(weave: str) -> tuple[np.ndarray, np.ndarray]:
+def frames(weave):
     """Shear angles (n,) [deg], and normalised shear forces of picture frames (m, n) [N/mm]."""
-    angles, rows = _table("cao2008_frames.csv", weave)
-    return angles, np.array([[row[f"{angle:g}"] for angle in angles] for row in rows], float)
+    angles, _, forces = _table("cao2008_frames.csv", weave)
+    return angles, forces
 
 
-def normalised(fabric: WovenFabric, angles: np.ndarray) -> np.ndarray:
+def normalised(fabric, angles):
     """Normalised shear force (n,) [N/mm] of the law at shear angles [deg]."""
     g = np.radians(angles)
     tau = fabric.derivatives(0 * g, 0 * g, g, second=False).first[2]
     return tau * fabric.thickness / np.cos(g)
 
 
-def fitted(weave: str) -> WovenFabric:
+def fitted(weave):
     """The law of a weave, by the test of `FITTED`."""
     curve = bias_tests(weave)[FITTED[weave]]
     return identify_simulated(SHEET, [curve], simulated_bias).fabric
 
 
-def ratios(weave: str, fabric: WovenFabric) -> list[dict[str, Any]]:
+def ratios(weave, fabric):
     """Simulated over measured force of each test of the weave, by the angle of the crosshead."""
-    angles = _table("cao2008_bias.csv", weave)[0]
     rows = []
     for name, curve in bias_tests(weave).items():
         off = simulated_bias(fabric, curve)[0] / curve.responses[0].values
         row = {"weave": weave, "test": curve.file, "fitted": name == FITTED[weave]}
-        rows.append(row | dict(zip((f"{a:g} deg" for a in angles), off.round(3).tolist())))
+        angles = (f"{a:.0f} deg" for a in np.degrees(curve.strains[:, 2]))
+        rows.append(row | dict(zip(angles, off.round(3).tolist())))
     return rows
 
 
-def middle_angles(fabric: WovenFabric) -> list[float]:
+def middle_angles(fabric):
     """Simulated shear angles [deg] at the displacements of `MIDDLE`."""
-    strain = max(MIDDLE) / 450
-    strip = BiasExtension(
-        fabric, length=450, width=150, strain=strain, nx=18, pattern="graded"
-    ).build(MPI.COMM_SELF)
+    shape: dict = {"length": 450, "width": 150, "strain": max(MIDDLE) / 450}
+    strip = BiasExtension(fabric, **shape, nx=18, pattern="graded").build(MPI.COMM_SELF)
     middle = strip.near_centre()
 
     def angle(_):
