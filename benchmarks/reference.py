@@ -63,9 +63,8 @@ def main(study):
             facts = {"command": command, "material": study.fabric.dumps()}
             found[name] = make_reference(folder, name, series, members, **facts)
             r = found[name]["reaction_N"]
-            order = "finest mesh" if r["order"] is None else f"order {r['order']:.2g}"
             value = f"{r['value']:.6g} +- {r['error']:.2g} N"
-            study.say(f"{folder}/{name}.json: reaction {value}, {order}")
+            study.say(f"{folder}/{name}.json: reaction {value}, of order {r['order']}")
     bench.finish(study, {}, quantities=found)
 
 

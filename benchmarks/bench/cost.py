@@ -24,11 +24,9 @@ def cost(comm, fabric, c, reference):
     """Row of the table of the `Configuration` c: what it is, its cost [s] and what errors are made
     of; reference: folder of the references. With a fibre angle it is of forming. A `reason` says
     why it did not end well."""
+    of = strip_cost if c.fibre_angle is None else forming_cost
     try:
-        if c.fibre_angle is None:
-            row = strip_cost(comm, fabric, c, reference)
-        else:
-            row = forming_cost(comm, fabric, c)
+        row = of(comm, fabric, c, reference)
     except ff.SolverFailure as failure:
         row = {"reason": str(failure)}
     return {"run": str(c)} | dataclasses.asdict(c) | row
@@ -50,7 +48,6 @@ def strip_cost(comm, fabric, c, reference):
     return {
         "reason": outcome.reason,
         "cost": min(walls),
-        "cells": scene.blank.mesh.topology.index_map(2).size_global,
         "dofs": scene.u.size,
         "iterations": outcome.iterations,
         "reaction_N": values["reaction_N"],
@@ -67,7 +64,7 @@ def dome(fabric, **mesh):
     return press.replace(sheets=[dataclasses.replace(press.sheets[0], fabric=fabric, **mesh)])
 
 
-def forming_cost(comm, fabric, c):
+def forming_cost(comm, fabric, c, _):
     """CPU time and numbers of forming; `doubt` is why a result at full load is not valid, `curve`
     the punch force [N] over the load."""
     element, pattern, nx = c.mesh.split()

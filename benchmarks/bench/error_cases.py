@@ -64,11 +64,6 @@ def _dome(rng):
     return Case("dome", {"fibre_angle": angle, "element": element, "nx": int(rng.choice(sizes))})
 
 
-def coarse(drawn):
-    """Those of the cases that have rectangles, with a quarter of them along each side."""
-    return [Case(c.test, c.options | {"nx": nx // 4}) for c in drawn if (nx := c.options.get("nx"))]
-
-
 def finer(case, quick=False):
     """The runs that are the truth of a case, the finest last: cubic cells along the yarns, those of
     an outline, or a finer dome; quick: of a coarse one."""
@@ -86,33 +81,30 @@ def compare(case, result, truth):
     `truth`; estimated one; what the true one is known to, by the run before; and whether the
     estimate covers it."""
     found: dict = {}
+    roots: dict = {}
     runs, (before, finest) = (result, *truth), truth
     for name in result.summary["error"]:  # -> true error, and what it is known to
         values = [run.number(name) for run in runs]
         if None not in values:
             found[name] = values[0] - values[2], values[1] - values[2]
     curves = [np.array([(r["load"], r["reaction_N"]) for r in run.rows]).T for run in runs]
-    off = (curve_distance(curve, curves[2]) for curve in curves[:2])
-    found["curve_N"] = [abs(curves[2][1, -1]) * each for each in off]
-    apart = [field_differences(run, finest) for run in (result, before)]
-    for name in apart[0]:
-        roots = [_root(run, each[name]) for run, each in zip((result, before), apart)]
-        is_shear = name == "shear_angle"
-        quantity = "shear_angle_rms_deg" if is_shear else f"{name}_rms"
-        found[quantity] = np.degrees(roots) if is_shear else roots
+    last = abs(curves[2][1, -1])
+    found["curve_N"] = [last * curve_distance(curve, curves[2]) for curve in curves[:2]]
+    for run in (result, before):
+        comm, areas = run.scene.comm, run.scene.blank.areas()
+        for name, off in field_differences(run, finest).items():
+            root = np.sqrt(measures.mean(comm, off**2, areas) or 0.0)
+            if name == "shear_angle":
+                roots.setdefault("shear_angle_rms_deg", []).append(np.degrees(root))
+            else:
+                roots.setdefault(f"{name}_rms", []).append(root)
     rows = []
-    for quantity, pair in found.items():
+    for quantity, pair in (found | roots).items():
         error, (true, bar) = result.summary["error"][quantity], map(float, np.abs(pair))
         row = {"case": str(case), "test": case.test, "quantity": quantity, "true": true}
         covered = error is not None and error + bar >= true
         rows.append(row | {"estimated": error, "known_to": bar, "covered": covered})
     return rows
-
-
-def _root(run, values):
-    """Root mean square over the area of cells."""
-    mean = measures.mean(run.scene.comm, values**2, run.scene.blank.areas())
-    return float(np.sqrt(mean or 0.0))
 
 
 def judge(rows):
