@@ -16,10 +16,9 @@ def test_the_bias_test_of_an_explicit_code():
     fabric = ff.load(FOLDER / "tab.toml")
     strip = ff.BiasExtension(fabric, element="P1", nx=40, ny=10, pattern="crossed")
     rows = strip.job(steps=20).run().rows
+    mine = np.array([(row["displacement_mm"], row["reaction_N"]) for row in rows])
     displacement, theirs = curve(FOLDER / "bias_extension.csv")
-    ours = np.interp(
-        displacement, [r["displacement_mm"] for r in rows], [r["reaction_N"] for r in rows]
-    )
+    ours = np.interp(displacement, *mine.T)
     at = {d: k for k, d in enumerate(displacement)}
     assert ours[at[10]] == pytest.approx(theirs[at[10]], rel=0.005)
     assert ours[at[19]] == pytest.approx(theirs[at[19]], rel=0.002)
