@@ -11,6 +11,7 @@ from fabric_fenicsx.coupons.simulated import simulated_bias
 from fabric_fenicsx.identification import identify_simulated
 from fabric_fenicsx.identification.curves import Curve, Sheet, bias_displacement
 from fabric_fenicsx.identification.curves.forces import response
+from fabric_fenicsx.material.laws.coupled import WovenFabric
 
 DATA = Path(__file__).parents[1] / "data"
 # laboratory, width, height [mm] of the test that the law is fitted to
@@ -90,10 +91,12 @@ def ratios(weave, fabric):
     return rows
 
 
-def middle_angles(fabric):
+def middle_angles(fabric: WovenFabric) -> list[float]:
     """Simulated shear angles [deg] at the displacements of `MIDDLE`."""
-    shape: dict = {"length": 450, "width": 150, "strain": max(MIDDLE) / 450}
-    strip = BiasExtension(fabric, **shape, nx=18, pattern="graded").build(MPI.COMM_SELF)
+    strain = max(MIDDLE) / 450
+    strip = BiasExtension(
+        fabric, length=450, width=150, strain=strain, nx=18, pattern="graded"
+    ).build(MPI.COMM_SELF)
     middle = strip.near_centre()
 
     def angle(_):
