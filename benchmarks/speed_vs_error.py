@@ -23,6 +23,8 @@ def options():
     p = bench.options("speed_vs_error", __doc__)
     scenes = "of benchmarks/reference.py (all, with --quick the first two)"
     p.option("--scenes", nargs="+", choices=tuple(STRIPS), help=scenes)
+    where = {"metavar": "DIR", "type": Path, "default": REFERENCE}
+    p.option("--reference", **where, help="what errors are to")
     forming = "instead: the double dome, yarns at these angles, beside a finer run"
     angles = {"nargs": "+", "type": option_type(FINITE), "metavar": "DEG"}
     p.option("--forming", **angles, help=forming)
@@ -33,7 +35,7 @@ def rows_of(study, runs):
     """Rows of the table for the configurations, by scene."""
     groups = {}
     for c in tqdm(runs, disable=None, leave=False):
-        row = cost.cost(study.comm, study.fabric, c, REFERENCE)
+        row = cost.cost(study.comm, study.fabric, c, study.args.reference)
         groups.setdefault(c.scene, []).append(row)
     return groups
 
@@ -51,7 +53,7 @@ def strips(study):
     """Rows of strips, judged by the references; those to draw; facts."""
     args, found = study.args, {}
     names = args.scenes or list(STRIPS)[: 2 if args.quick else None]
-    reference = read_references(REFERENCE, names, study.fabric, args.material)
+    reference = read_references(args.reference, names, study.fabric, args.material)
     groups = rows_of(study, plan(names, args.quick))
     for name, rows in groups.items():
         good = fronts.judge(rows, reference[name])
