@@ -91,7 +91,10 @@ def _read(path):
         name = document.get("law", "tabulated" if document.get("model") == "fabric" else "coupled")
         if not isinstance(name, str) or name not in LAWS:
             known = unknown_key(name, LAWS, f"law {shown(name)}")
-            raise InputError(f"{known}, and own ones that were imported before, or by `--law-file`")
+            raise InputError(
+                f"{known}, and own ones that were imported before, or by `--law-file`, as law58 of "
+                "docs/examples/own_law58.py"
+            )
         return LAWS[name].from_document(document, Path(path).parent)
 
     return read_toml(path, fabric)
