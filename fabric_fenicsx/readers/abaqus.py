@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..runtime.errors import InputError
-from .surface_mesh import OtherFormat, SurfaceMesh, surface_kind
+from .surface_mesh import SurfaceMesh, surface_kind
 
 # membranes, shells, rigid and surface elements, plane ones; then the number of nodes
 SURFACE = re.compile(r"(?:M3D|S|STRI|DS|R3D|SFM3D|CPS|CPE|CPEG|DC2D|AC2D|F3D)([34689])[A-Z0-9]*")
@@ -27,7 +27,7 @@ class _Part:
 
 def read_abaqus(path: Path) -> SurfaceMesh:
     """The surface elements of an Abaqus input file [mm], instances where the assembly has them.
-    Raises InputError, without the file's name, OtherFormat for a file of another program."""
+    Raises InputError, without the file's name."""
     parts: dict[str, _Part] = {"": _Part()}
     placed: list[tuple[_Part, list[np.ndarray]]] = []
     part = own = parts[""]
@@ -55,7 +55,7 @@ def read_abaqus(path: Path) -> SurfaceMesh:
             "has a part or instance without *END: it is cut off; allowed is a whole file"
         )
     if not any(each.nodes for each in parts.values()):
-        raise OtherFormat("no *NODE with rows")
+        raise InputError("has no rows under *NODE; allowed is an input file of Abaqus")
     if not placed:
         placed = [(each, []) for each in parts.values() if each is not own]
     return _assembled([(own, []), *placed])

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..runtime.errors import InputError
-from .surface_mesh import OtherFormat, SurfaceMesh
+from .surface_mesh import SurfaceMesh
 
 HEADER, FACET = 84, 50  # bytes
 SPELLED = str.maketrans(",dD", ".ee")  # decimal commas, exponents of Fortran
@@ -17,7 +17,7 @@ VERTICES = re.compile(r"(?<!\S)vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 
 def read_stl(path: Path) -> SurfaceMesh:
     """The triangles of an STL file [mm]; corners at one place are one point. Raises InputError,
-    without the file's name, for one that is cut off, OtherFormat for one that is no STL."""
+    without the file's name, for one that is cut off or no STL."""
     data = path.read_bytes()
     count = int.from_bytes(data[HEADER - 4 : HEADER], "little")
     if count and len(data) >= HEADER + FACET * count:
@@ -38,7 +38,7 @@ def read_stl(path: Path) -> SurfaceMesh:
             f"bytes of them; allowed are {FACET} bytes a triangle: it may be cut off"
         )
     else:
-        raise OtherFormat("neither facets in words nor a binary STL")
+        raise InputError("cannot be read as .stl (it has no facets); allowed is an STL file")
     points, number = np.unique(corners, axis=0, return_inverse=True)
     return SurfaceMesh.collected(points, [("triangle", number.reshape(-1, 3))], {})
 

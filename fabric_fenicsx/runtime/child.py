@@ -37,8 +37,10 @@ def in_child(work: Callable[..., Any], *given: Any, patience: float | None = Non
     except subprocess.TimeoutExpired:
         raise RuntimeError(f"it did not end within {patience:g} s") from None
     if not done.stdout:
-        code = done.returncode
-        raise RuntimeError(f"it crashed ({signal.Signals(-code).name if code < 0 else code})")
+        if done.returncode < 0:
+            raise RuntimeError(f"it crashed ({signal.Signals(-done.returncode).name})")
+        words = done.stderr.decode(errors="replace").split()
+        raise RuntimeError(" ".join(words) or f"it ended with status {done.returncode}")
     worked, answer = pickle.loads(done.stdout)
     if not worked:
         raise RuntimeError(answer)

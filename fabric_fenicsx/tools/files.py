@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..readers.read import READ, read_surface_mesh
-from ..readers.unseen import check_end
+from ..readers.read import READ, check_end, read_surface_mesh
 from ..runtime.cache_folders import kept_arrays
 from ..runtime.child import in_child
 from ..runtime.errors import InputError

@@ -114,7 +114,7 @@ class TriangulatedSurface(Surface):
         crease: float = CREASE,
         comm: MPI.Comm = MPI.COMM_SELF,
     ) -> Self:
-        """The surface in a file, in mm: STL, VTP, MSH, or any other that meshio, gmsh or PyVista
+        """The surface in a file, in mm: STL, VTP, MSH, or any other that gmsh, PyVista or meshio
         reads, where larger cells are cut; or STEP, IGES or BREP, whose faces gmsh meshes. chord:
         distance of that mesh from the faces [mm]; crease: as for the surface [deg]; comm: its rank
         0 reads, as gmsh meshes the same faces a little differently each time. Raises InputError if
