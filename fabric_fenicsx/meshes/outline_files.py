@@ -85,9 +85,7 @@ def _table(path, source, names=("x", "y")):
     try:
         lines = read_lines(path)
         is_known = ("x", "y", "X", "Y").__contains__
-        table = table_of(lines, is_known, ("x", "y"))
-        if len(names) > len(table.names) and {len(cells) for cells in table.cells} == {3}:
-            table = table._replace(names=[*names], units=[*table.units, None])  # without a header
+        table = table_of(lines, is_known, names)
         wanted = _columns(table, names)
         columns = values_of(table, wanted, problems)
         problems.stop()
