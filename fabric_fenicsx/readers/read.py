@@ -43,7 +43,7 @@ def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh
             mesh = SurfaceMesh.collected(*in_child(library, path.absolute()))
     except InputError as error:
         raise InputError(f"{what} {path} {error}") from None
-    except (RuntimeError, ValueError) as error:
+    except (RuntimeError, ValueError, OSError) as error:
         raise InputError(
             f"{what} {path} cannot be read as {kind or 'a mesh'} ({error}); allowed is {allowed}"
         ) from None

@@ -10,14 +10,13 @@ from ..runtime.errors import InputError
 from .surface_mesh import SurfaceMesh
 
 HEADER, FACET = 84, 50  # bytes
-SPELLED = str.maketrans(",dD", ".ee")  # decimal commas, exponents of Fortran
 FACETS = re.compile(r"(?<!\S)facet\s+normal(?!\S)", re.IGNORECASE)
 VERTICES = re.compile(r"(?<!\S)vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 
 
 def read_stl(path: Path) -> SurfaceMesh:
     """The triangles of an STL file [mm]; corners at one place are one point. Raises InputError,
-    without the file's name, for one that is cut off or no STL."""
+    without the file's name, for one that is cut off or no STL, ValueError for what is no number."""
     data = path.read_bytes()
     count = int.from_bytes(data[HEADER - 4 : HEADER], "little")
     if count and len(data) >= HEADER + FACET * count:
@@ -51,8 +50,5 @@ def _text(text):
             f"has {len(vertices)} vertices in {facets} facets; allowed are three "
             "in each, and `endsolid` at the end: it may be cut off"
         )
-    try:
-        return np.array([[word.translate(SPELLED) for word in each] for each in vertices], float)
-    except ValueError as error:
-        word = str(error).split(": ")[-1]
-        raise InputError(f"has a coordinate {word}; allowed are numbers in mm") from None
+    spelled = str.maketrans(",dD", ".ee")  # decimal commas, exponents of Fortran
+    return np.array([[word.translate(spelled) for word in each] for each in vertices], float)
