@@ -1,6 +1,5 @@
 """TOML files of materials: numbers with units in, whole files out."""
 
-import difflib
 import os
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
@@ -28,28 +27,20 @@ class Several(NamedTuple):
         """That of the numbers, as of a `Rule`."""
         return self.rule.unit
 
-    def check(self, name: str, value: Any) -> tuple[float, ...]:
+    def check(self, name: str, value: object) -> tuple[float, ...]:
         """The numbers; InputError, which calls them `name`, for one that is not allowed."""
         numbers = value if isinstance(value, (list, tuple)) and value else [value]
         return tuple(self.rule.check(name, each) for each in numbers)
 
 
-class Interval(NamedTuple):
+class Interval(Several):
     """The rule for two numbers that `rule` allows, the first below the second."""
 
-    rule: Rule
-
-    @property
-    def unit(self) -> str:
-        """That of the numbers, as of a `Rule`."""
-        return self.rule.unit
-
-    def check(self, name: str, value: Any) -> tuple[float, float]:
+    def check(self, name: str, value: object) -> tuple[float, ...]:
         """The two numbers; InputError, which calls them `name`, for anything else."""
-        if isinstance(value, (list, tuple)) and len(value) == 2:
-            low, high = (self.rule.check(name, each) for each in value)
-            if low < high:
-                return low, high
+        numbers = super().check(name, value)
+        if len(numbers) == 2 and numbers[0] < numbers[1]:
+            return numbers
         raise InputError(f"{name} is {shown(value)}; allowed are two numbers, [lowest, highest]")
 
 
@@ -116,26 +107,41 @@ def take_units(document: dict[str, Any]) -> dict[str, str]:
 
 
 def read_numbers(
-    table: Mapping[str, Any],
-    rules: Mapping[str, Any],
+    table: Mapping[str, object],
+    rules: Mapping[str, Rule | Several],
     units: Mapping[str, str],
     where: str,
-    also: tuple[str, ...] = (),
+    also: Iterable[str] = (),
 ) -> dict[str, Any]:
     """The numbers of one TOML table by the names of `rules`, in the package's units: the unit is in
     the key, as `d_kPa`, or in the file's `units` {kind: unit}. where: what stands before a key in
     messages; also: keys that belong to others. Raises InputError by key."""
     numbers: dict[str, Any] = {}
-    spelled: dict[str, str] = {}
+    keys = _keys(rules, units)
     for key, value in table.items():
         label = where + key
-        name, power = _meaning(key, rules, units, label, also)
+        if key not in keys:
+            spelled = [each for each, (name, _) in keys.items() if f"{key}_".startswith(f"{name}_")]
+            if key in rules:
+                raise InputError(f"{label} has no unit; allowed is {' or '.join(spelled)}")
+            raise unknown_key(key, spelled or (*rules, *also), label)
+        name, power = keys[key]
         if name in numbers:
-            raise InputError(f"{label} repeats {where}{spelled[name]}; allowed is {name} once")
+            raise InputError(f"{label} repeats {where}{name}; allowed is {name} once")
         checked = rules[name].check(label, value)
         numbers[name] = rules[name].check(label, _scaled(checked, power))
-        spelled[name] = key
     return numbers
+
+
+def _keys(rules, units):
+    """{key: (name in `rules`, power of ten from the key's unit to the package's own)}."""
+    keys = {name: (name, 0) for name, rule in rules.items() if not rule.unit}
+    for name, rule in rules.items():
+        powers = suffixes(rule.unit)
+        keys |= {f"{name}_{unit}": (name, power) for unit, power in powers.items()}
+        if rule.unit in units:
+            keys[name] = name, UNITS[rule.unit][units[rule.unit]]
+    return keys
 
 
 def read_scatter(
@@ -158,33 +164,10 @@ def _scaled(value, power):
     return float(Decimal(repr(value)).scaleb(power))
 
 
-def _meaning(key, rules, units, label, also):
-    """The name in `rules` that a key has, and the power of ten from its unit to the package's own;
-    InputError, which calls the key `label`, for one without or with another unit."""
-    for name, rule in rules.items():
-        kind, powers = rule.unit, suffixes(rule.unit)
-        if key == name and kind and kind not in units:
-            keys = " or ".join(f"{name}_{unit}" for unit in powers)
-            raise InputError(f"{label} has no unit; allowed is {keys}, or {kind} in [units]")
-        if key == name:
-            return name, UNITS[kind][units[kind]] if kind else 0
-        if key.startswith(f"{name}_") and (unit := key.removeprefix(f"{name}_")) in powers:
-            return name, powers[unit]
-    begun = max((name for name in rules if key.startswith(f"{name}_")), key=len, default="")
-    if not begun or difflib.get_close_matches(key, list(rules), n=1) not in ([], [begun]):
-        raise unknown_key(key, (*rules, *also), label)
-    if not (kind := rules[begun].unit):
-        raise InputError(
-            f"{label} has a unit, but {begun} is a pure number; allowed is the key {begun}"
-        )
-    unit = key.removeprefix(f"{begun}_")
-    raise unknown_key(unit, suffixes(kind), f"{label}: {kind} unit {unit!r}")
-
-
 def read_sheet_numbers(
     table: Mapping[str, Any],
     units: Mapping[str, str],
-    also: tuple[str, ...] = (),
+    also: Iterable[str] = (),
     rules: Mapping[str, Rule] | None = None,
 ) -> tuple[dict[str, Any], float | None]:
     """The numbers that a table has of thickness, density and the names of `rules`, and the areal

@@ -1,12 +1,13 @@
 """A law of fabrics: the numbers that every one has, and what is asked of it."""
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ...readers.units import OWN
 from ...runtime.errors import InputError
@@ -117,8 +118,8 @@ class Law(Material, Energy):
                 f"law of class {cls.__name__} is {cls.law!r}; allowed is a name of its own, other "
                 f"than {', '.join(sorted(LAWS))}"
             )
-        own = vars(cls)
-        if "energy" in own and "derivatives" not in own and cls.derivatives != Law.derivatives:
+        has_energy = "energy" in vars(cls) and "derivatives" not in vars(cls)
+        if has_energy and cls.derivatives != Law.derivatives:
             raise InputError(
                 f"law {cls.law} has an `energy` of its own and inherits closed-form `derivatives` "
                 "that lack it; allowed is `derivatives = ff.Law.derivatives`, or own ones"
@@ -127,7 +128,11 @@ class Law(Material, Energy):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "assumed", self._checked_assumed())
+        for name in self.assumed:
+            if name not in self.parameters:
+                raise unknown_key(name, self.parameters, f"assumed: {shown(name)}")
+        assumed = tuple(name for name in self.parameters if name in self.assumed)
+        object.__setattr__(self, "assumed", assumed)
         object.__setattr__(self, "at_temperatures", self._checked_temperatures())
         for name, rule in FIBRES.items():
             if (value := getattr(self, name)) is not None:
@@ -144,27 +149,17 @@ class Law(Material, Energy):
         """That of the fibres, per volume of fabric [g/cm3]."""
         return self.density * (self.fibre_share or 1.0)
 
-    def _checked_assumed(self):
-        assumed = self.assumed
-        for name in assumed:
-            if name not in self.parameters:
-                raise unknown_key(name, self.parameters, f"assumed: {shown(name)}")
-        return tuple(name for name in self.parameters if name in assumed)
-
     def _checked_temperatures(self):
         tables = {FINITE.check("temperature", t): at for t, at in self.at_temperatures.items()}
         if len(tables) == 1:
             raise InputError(f"at has the temperature {min(tables):g} alone; allowed are 2 or more")
         rules, names = self.rules_at_temperatures(), {*next(iter(tables.values()), ())}
         for temperature, numbers in tables.items():
-            where = f"at temperature {temperature:g}"
-            for name, value in numbers.items():
-                if name not in rules:
-                    raise unknown_key(name, rules, f"{where}: {name}")
-                rules[name].check(f"{where}: {name}", value)
-            check_complete(numbers, names, f"{where}: ", "at each temperature the same")
+            where = f"at temperature {temperature:g}: "
+            tables[temperature] = read_numbers(numbers, rules, OWN, where)
+            check_complete(numbers, names, where, "at each temperature the same")
             names |= {*numbers}
-        return {t: dict(tables[t]) for t in sorted(tables)}
+        return dict(sorted(tables.items()))
 
     @classmethod
     def rules_at_temperatures(cls) -> Mapping[str, Rule]:
@@ -180,34 +175,29 @@ class Law(Material, Energy):
             Material.changed(plain, numbers) for numbers in self.at_temperatures.values()
         ]
 
-    def check_temperatures(self, temperatures: np.ndarray) -> None:
-        """InputError for a temperature [deg C] beyond those that are known, and without such."""
-        known = [*self.at_temperatures]
+    def check_temperatures(self, temperatures: ArrayLike | None) -> None:
+        """InputError for a temperature [deg C] beyond those that are known, without such, and for
+        None where there are some."""
+        known, given = [*self.at_temperatures], np.atleast_1d(temperatures)
         if not known:
             raise InputError(
                 f"`temperature` is given, and material {self.label} has no numbers at temperatures,"
                 " [[at]]; allowed is none"
             )
-        low, high = (float(each) for each in (temperatures.min(), temperatures.max()))
-        if not known[0] <= low <= high <= known[-1]:
+        beyond = [t for t in given.tolist() if t is None or not known[0] <= t <= known[-1]]
+        if beyond:
+            value = "missing" if beyond[0] is None else f"{beyond[0]:g}"
             raise InputError(
-                f"`temperature` is {low if low < known[0] else high:g}; allowed is from "
-                f"{known[0]:g} to {known[-1]:g} deg C, where numbers of {self.label} are known"
+                f"`temperature` is {value}; allowed is from {known[0]:g} to {known[-1]:g} "
+                f"deg C, where numbers of {self.label} are known"
             )
 
     def at(self, temperature: float | None) -> Self:
         """The fabric at a temperature [deg C], with each number interpolated linearly between those
-        at the temperatures next to it. InputError for a temperature that is needed or of no use, or
-        beyond those that are known."""
+        at the temperatures next to it. InputError as of `check_temperatures`."""
         if temperature is None and not self.at_temperatures:
             return self
-        if temperature is None:
-            known = [*self.at_temperatures]
-            raise InputError(
-                f"`temperature` is missing, as material {self.label} has numbers at temperatures; "
-                f"allowed is from {known[0]:g} to {known[-1]:g} deg C"
-            )
-        self.check_temperatures(np.array(temperature))
+        self.check_temperatures(temperature)
         known, fabrics = self._measured()
         k = min(int(np.searchsorted(known, temperature, side="right")), len(known) - 1)
         share = (temperature - known[k - 1]) / (known[k] - known[k - 1])
@@ -243,14 +233,6 @@ class Law(Material, Energy):
     def parameters(self) -> tuple[str, ...]:
         """Names of the law's numbers."""
         return tuple(self.rules)
-
-    def require(self, names: Iterable[str], label: str) -> None:
-        """InputError, which calls this fabric `label`, unless its law has these parameters."""
-        if missing := [name for name in names if name not in self.parameters]:
-            raise InputError(
-                f"{label} is of the law {self.law}, which has no {', '.join(missing)}; allowed is "
-                "a law that has"
-            )
 
     def assumed_values(self) -> dict[str, str]:
         units = {name: OWN.get(rule.unit, "") for name, rule in self.numbers().items()}
@@ -301,10 +283,7 @@ class Law(Material, Energy):
         """A copy with every coupling off: three independent curves, like Abaqus' FABRIC."""
         return self.without(*COUPLINGS)
 
-    def check_rest(self) -> None:
-        """InputError where the fabric as it lies, without strain, has energy or stress, and where
-        its stiffness is negative there."""
-        law_checks.check_rest(self)
+    check_rest = law_checks.check_rest
 
     def plausibility_warnings(self) -> list[str]:
         """Sentences on values that fabrics hardly have, which may be in a wrong unit: of yarns the
