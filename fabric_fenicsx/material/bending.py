@@ -1,7 +1,7 @@
 """Bending of a fabric's yarns as tests tell it."""
 
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -76,7 +76,9 @@ class MeasuredBending(Parameters):
     moment_b: tuple[float, ...] = ()
     thresholds: tuple[float, ...] = field(init=False, repr=False, compare=False, default=(0.0, 0.0))
     # curvatures and moments of the elastic part of each yarn
-    _elastic: Any = field(init=False, repr=False, compare=False, default=())
+    _elastic: tuple[tuple[np.ndarray, np.ndarray], ...] = field(
+        init=False, repr=False, compare=False, default=()
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -5,13 +5,15 @@ import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from decimal import Decimal
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from ..readers.units import OWN, UNITS, suffixes
 from ..runtime.errors import InputError
 from ..runtime.files import replace_file
 from ..runtime.rules import POSITIVE, SHARE, Rule, above_zero, did_you_mean, shown, unknown_key
 
+Document = dict[str, Any]  # of a TOML file: its keys, or those of a table
+T = TypeVar("T")
 SHEET = {"thickness": above_zero("length"), "density": above_zero("density")}
 OWN_UNITS = {kind: OWN[kind] for kind in ("stress", "length", "density")}  # of files we write
 FIBRES = {"fibre_density": above_zero("density"), "fibre_share": SHARE}
@@ -45,8 +47,8 @@ class Interval(Several):
 
 
 def preset_or_file(
-    kind: str, source: Any, presets: Mapping[str, Any], read: Callable[[Any], Any]
-) -> Any:
+    kind: str, source: object, presets: Mapping[str, T], read: Callable[[str | os.PathLike], T]
+) -> T:
     """The preset of this name, else read(source) of a file; InputError, which calls it `kind`, if
     neither exists."""
     if isinstance(source, str) and source in presets:
@@ -59,7 +61,7 @@ def preset_or_file(
     )
 
 
-def read_toml(path: str | os.PathLike[str], make: Callable[[dict[str, Any]], Any]) -> Any:
+def read_toml(path: str | os.PathLike[str], make: Callable[[Document], T]) -> T:
     """make(document) of the TOML file at `path`; InputErrors name the file."""
     try:
         document = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
@@ -87,7 +89,7 @@ def _reason(error: Exception) -> str:
     return getattr(error, "strerror", None) or str(error)
 
 
-def take_table(document: dict[str, Any], key: str) -> dict[str, Any]:
+def take_table(document: Document, key: str) -> Document:
     """The table of this key, taken out of the document, empty if it is not there."""
     table = document.pop(key, {})
     if not isinstance(table, dict):
@@ -95,7 +97,7 @@ def take_table(document: dict[str, Any], key: str) -> dict[str, Any]:
     return table
 
 
-def take_units(document: dict[str, Any]) -> dict[str, str]:
+def take_units(document: Document) -> dict[str, str]:
     """The table [units], {kind: unit}, taken out of the document; InputError for another unit."""
     units = take_table(document, "units")
     for kind, unit in units.items():
@@ -112,11 +114,11 @@ def read_numbers(
     units: Mapping[str, str],
     where: str,
     also: Iterable[str] = (),
-) -> dict[str, Any]:
+) -> Document:
     """The numbers of one TOML table by the names of `rules`, in the package's units: the unit is in
     the key, as `d_kPa`, or in the file's `units` {kind: unit}. where: what stands before a key in
     messages; also: keys that belong to others. Raises InputError by key."""
-    numbers: dict[str, Any] = {}
+    numbers: Document = {}
     keys = _keys(rules, units)
     for key, value in table.items():
         label = where + key
@@ -145,10 +147,7 @@ def _keys(rules, units):
 
 
 def read_scatter(
-    document: dict[str, Any],
-    rules: Mapping[str, Rule],
-    factors: Iterable[str],
-    units: Mapping[str, str],
+    document: Document, rules: Mapping[str, Rule], factors: Iterable[str], units: Mapping[str, str]
 ) -> dict[str, tuple[float, float]]:
     """The table [scatter], taken out of a material's document: intervals of the numbers of `rules`,
     in the package's units, and of `factors`. Raises InputError by key."""
@@ -165,11 +164,11 @@ def _scaled(value, power):
 
 
 def read_sheet_numbers(
-    table: Mapping[str, Any],
+    table: Mapping[str, object],
     units: Mapping[str, str],
     also: Iterable[str] = (),
     rules: Mapping[str, Rule] | None = None,
-) -> tuple[dict[str, Any], float | None]:
+) -> tuple[Document, float | None]:
     """The numbers that a table has of thickness, density and the names of `rules`, and the areal
     weight [g/m2] if the density is from one; also: keys of others. Raises InputError by key."""
     all_rules = {**SHEET, "areal_weight": above_zero("areal_weight"), **(rules or {})}

@@ -1,7 +1,6 @@
 """Checks of laws as users write them, and of numbers that may be in a wrong unit."""
 
 from collections.abc import Iterable, Mapping
-from typing import Any
 
 import numpy as np
 
@@ -32,7 +31,7 @@ PROBES = {
 KINK_OFFSET = 1e-9  # strain, to tell the sides of a kink
 
 
-def check_couplings(names: Any, label: str = "couplings") -> frozenset[str]:
+def check_couplings(names: object, label: str = "couplings") -> frozenset[str]:
     """The named couplings as a set, each one of `COUPLINGS`, spelled with "_", "-" or an en dash;
     otherwise an InputError that calls them `label`."""
     if isinstance(names, (str, Mapping)) or not isinstance(names, Iterable):

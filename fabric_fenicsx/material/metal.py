@@ -5,12 +5,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 from ..runtime.errors import InputError
 from ..runtime.rules import Rule, above_zero, check_complete, shown
 from .files import (
     OWN_UNITS,
+    Document,
     preset_or_file,
     read_scatter,
     read_sheet_numbers,
@@ -70,14 +71,14 @@ class Metal(Material):
     name: str = ""
     scatter: Mapping[str, tuple[float, float]] = field(default_factory=dict, compare=False)
 
-    def table(self) -> dict[str, Any]:
+    def table(self) -> Document:
         numbers = {name: getattr(self, name) for name in ("name", *self.numbers())}
         scatter = {"scatter": dict(self.scatter)} if self.scatter else {}
         more = {"units": OWN_UNITS, "hardening": self.hardening.table()}
         return {"law": LAW} | numbers | scatter | more
 
     @classmethod
-    def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
+    def from_document(cls, document: Document, folder: Path) -> Self:
         law = document.pop("law", None)
         if law != LAW:
             raise InputError(f"law is {shown(law)}; allowed for a metal is {shown(LAW)}")

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 from ..runtime.errors import InputError
 from ..runtime.rules import shown, unknown_key
@@ -76,7 +75,7 @@ def read_laws(path: str | os.PathLike[str]) -> None:
         ) from error
 
 
-def checked_fabric(name: str, fabric: Any) -> Law:
+def checked_fabric(name: str, fabric: object) -> Law:
     """`fabric` if it is one; InputError, which calls it `name`, for all else, as a preset's
     name."""
     if not isinstance(fabric, Law):

@@ -1,10 +1,10 @@
 """The strains of a weave from its invariants, for NumPy and UFL alike."""
 
 import math
-from typing import Any
 
 from ..runtime.rules import Rule
 from .functions import atan, sqrt
+from .hyperdual import Number
 
 # nominal strain by which yarns are shorter under compression where a real ply rather wrinkles
 SHORTENED = 0.02
@@ -17,12 +17,12 @@ def share_name(strain: float) -> str:
     return f"shortened_by_{100 * strain:g}_percent_share"
 
 
-def nominal_strain(I: Any) -> Any:
+def nominal_strain(I: Number) -> Number:
     """sqrt(I) - 1 [-] of I4 or I8, eq. (9), without its loss of digits near I = 1."""
     return (I - 1) / (sqrt(I) + 1)
 
 
-def shear_angle(I6: Any, area: Any, cos_angle: Any, sin_angle: Any) -> Any:
+def shear_angle(I6: Number, area: Number, cos_angle: Number, sin_angle: Number) -> Number:
     """Invariant I10 = gamma [rad], eq. (8), signed; area: of the fibre pair, sqrt(I4 I8 - I6^2);
     cos_angle, sin_angle: of the angle between the yarns without shear."""
     # smooth where the paper's arccos is not
@@ -33,7 +33,9 @@ def shear_angle(I6: Any, area: Any, cos_angle: Any, sin_angle: Any) -> Any:
 DEPENDENT = (0, 2), (2,), (1, 2)
 
 
-def in_invariants(I: Any, A: Any, W1: Any, W2: Any) -> tuple[list[Any], list[list[Any]] | None]:
+def in_invariants(
+    I: Number, A: Number, W1: Number, W2: Number
+) -> tuple[list[Number], list[list[Number]] | None]:
     """First, [3], and second, [3][3], derivatives of an energy in I = (I4, I6, I8), from W1 [3] and
     W2 [3][3] in (eps_a, eps_b, gamma); None without W2. A: 1 / sqrt(I4 I8 - I6^2)."""
     I4, I6, I8 = I

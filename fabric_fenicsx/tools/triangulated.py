@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from copy import copy
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from mpi4py import MPI
@@ -158,7 +158,7 @@ class TriangulatedSurface(Surface):
         seen._rim_side, seen._caches = -self._rim_side, {}
         return seen
 
-    def fingerprint(self) -> dict[str, Any]:
+    def fingerprint(self) -> dict[str, ArrayLike]:
         """The crease alone: triangles of a CAD file differ a little each time."""
         return {"crease": self.crease}
 

@@ -143,7 +143,7 @@ REFUSED = [  # of a file, or behind a line of it
     (
         "a = 4130",
         "a_psi = 1",
-        "yarns.a_psi is unknown (did you mean a_Pa?); allowed are a_MPa, a_kPa",
+        "yarns.a_psi is unknown (did you mean a_Pa?); allowed are a_MPa",
     ),
     ("a = 4130", "", "missing yarns.a; allowed is to give all, in [yarns] or [warp]"),
     ("p_min =", "p_mn =", "yarns.p_mn is unknown (did you mean p_min?); allowed are a, b, d"),

@@ -4,10 +4,9 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ...readers.units import OWN
 from ...runtime.errors import InputError
@@ -20,6 +19,7 @@ from ..files import (
     FIBRES,
     OWN_UNITS,
     SHEET,
+    Document,
     read_numbers,
     read_scatter,
     read_sheet_numbers,
@@ -27,6 +27,7 @@ from ..files import (
     take_units,
 )
 from ..friction import BendingFriction, ShearFriction
+from ..hyperdual import Number
 from ..law_checks import COUPLINGS, check_couplings
 from ..material import Material, Parameters
 
@@ -175,34 +176,36 @@ class Law(Material, Energy):
             Material.changed(plain, numbers) for numbers in self.at_temperatures.values()
         ]
 
-    def check_temperatures(self, temperatures: ArrayLike | None) -> None:
-        """InputError for a temperature [deg C] beyond those that are known, without such, and for
-        None where there are some."""
-        known, given = [*self.at_temperatures], np.atleast_1d(temperatures)
+    def check_temperatures(self, temperatures: Number | None) -> list[float]:
+        """The temperatures [deg C]; InputError for one beyond those that are known, without such,
+        and for None where there are some."""
+        known = [*self.at_temperatures]
+        given: list = [None] if temperatures is None else np.ravel(temperatures).tolist()
         if not known:
             raise InputError(
                 f"`temperature` is given, and material {self.label} has no numbers at temperatures,"
                 " [[at]]; allowed is none"
             )
-        beyond = [t for t in given.tolist() if t is None or not known[0] <= t <= known[-1]]
+        beyond = [t for t in given if t is None or not known[0] <= t <= known[-1]]
         if beyond:
             value = "missing" if beyond[0] is None else f"{beyond[0]:g}"
             raise InputError(
                 f"`temperature` is {value}; allowed is from {known[0]:g} to {known[-1]:g} "
                 f"deg C, where numbers of {self.label} are known"
             )
+        return given
 
     def at(self, temperature: float | None) -> Self:
         """The fabric at a temperature [deg C], with each number interpolated linearly between those
         at the temperatures next to it. InputError as of `check_temperatures`."""
         if temperature is None and not self.at_temperatures:
             return self
-        self.check_temperatures(temperature)
+        (warm,) = self.check_temperatures(temperature)
         known, fabrics = self._measured()
-        k = min(int(np.searchsorted(known, temperature, side="right")), len(known) - 1)
-        share = (temperature - known[k - 1]) / (known[k] - known[k - 1])
+        k = min(int(np.searchsorted(known, warm, side="right")), len(known) - 1)
+        share = (warm - known[k - 1]) / (known[k] - known[k - 1])
         mixed = _mixed(fabrics[k - 1], fabrics[k], float(share))
-        return dataclasses.replace(mixed, name=f"{self.label} at {temperature:g} C")
+        return dataclasses.replace(mixed, name=f"{self.label} at {warm:g} C")
 
     def numbers_at(self, temperatures: np.ndarray) -> np.ndarray:
         """The numbers of `symbols` at temperatures (n,) [deg C], (n, numbers), as of `at`."""
@@ -218,7 +221,7 @@ class Law(Material, Energy):
         object.__setattr__(new, "count", len(numbers))
         return new
 
-    def changed(self, numbers: Mapping[str, Any]) -> Self:
+    def changed(self, numbers: Mapping[str, object]) -> Self:
         new = super().changed(numbers)
         for name in numbers if self.at_temperatures else ():
             alone = super().changed({name: numbers[name]})
@@ -296,11 +299,11 @@ class Law(Material, Energy):
         sheet = {name: getattr(self, name) for name in (*SHEET, *FIBRES)}
         return law_checks.implausible(self.label, values | sheet)
 
-    def table(self) -> dict[str, Any]:
+    def table(self) -> Document:
         numbers = {name: getattr(self, name) for name in self.rules}
         return {"law": self.law} | self.sheet_table() | numbers | {"units": OWN_UNITS}
 
-    def sheet_table(self) -> dict[str, Any]:
+    def sheet_table(self) -> Document:
         """A material file's content but for the law and its numbers."""
         numbers = {name: getattr(self, name) for name in ("name", *SHEET, *FIBRES)}
         entries = {name: value for name, value in numbers.items() if value is not None}
@@ -313,7 +316,7 @@ class Law(Material, Energy):
         return entries | {"compaction": False} | tables
 
     @classmethod
-    def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
+    def from_document(cls, document: Document, folder: Path) -> Self:
         document.pop("law", None)
         fields = sheet_fields(cls, document, take_units(document), ("law", "units"), cls.rules)
         return cls(**fields)
@@ -321,15 +324,15 @@ class Law(Material, Energy):
 
 def sheet_fields(
     law: type[Law],
-    document: dict[str, Any],
+    document: Document,
     units: Mapping[str, str],
     also: tuple[str, ...] = (),
     rules: Mapping[str, Rule] | None = None,
-) -> dict[str, Any]:
+) -> Document:
     """The fields that every law has, and the numbers of `rules`, from what a `law` leaves of a TOML
     document; units: of its table [units], also: keys that the law took. Raises InputError by key,
     and for a number that is missing."""
-    fields: dict[str, Any] = {"name": document.pop("name", "")}
+    fields: Document = {"name": document.pop("name", "")}
     for key, kind in TABLES.items():
         if document.get(key) is False:
             fields[key] = document.pop(key) or None

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,8 +17,9 @@ from ...runtime.errors import InputError
 from ...runtime.formatting import percent
 from ...runtime.rules import shown
 from ..energy import Derivatives, Range
-from ..files import take_units
+from ..files import Document, take_units
 from ..functions import where
+from ..hyperdual import Number
 from ..material import Parameters
 from .base import Law, sheet_fields
 
@@ -47,9 +48,9 @@ class Curve(Parameters):
     y: tuple[float, ...]
     extrapolation: str = CONSTANT
     # energy, stress and tangent, piecewise polynomials
-    _functions: Any = field(init=False, repr=False, compare=False)
+    _functions: tuple = field(init=False, repr=False, compare=False)
     # for each piece of the energy where it starts, and its coefficients, highest power first
-    _pieces: Any = field(init=False, repr=False, compare=False)
+    _pieces: np.ndarray = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         x, y = np.asarray(self.x, float), np.asarray(self.y, float)
@@ -94,7 +95,7 @@ class Curve(Parameters):
         energy, stress, tangent = self._functions
         return energy(e), stress(e), tangent(e)
 
-    def energy(self, e: Any) -> Any:
+    def energy(self, e: Number) -> Number:
         """Energy [MPa] at strains of any kind that a law's energy takes."""
 
         # picks constants, so that the choice is not differentiated; halves, to nest log2(n) deep
@@ -109,7 +110,7 @@ class Curve(Parameters):
         t = e - start
         return (((w4 * t + w3) * t + w2) * t + w1) * t + w0
 
-    def symbols(self, make: Callable[[float], Any]) -> Self:
+    def symbols(self, make: Callable[[float], Number]) -> Self:
         """A copy for `energy` alone, with make(v) for each number v."""
         new = super().symbols(make)
         object.__setattr__(new, "_pieces", [[make(v) for v in row] for row in self._pieces])
@@ -160,7 +161,7 @@ class TabulatedFabric(Law):
         x, y = ((*(-u for u in v[:0:-1]), *v) for v in (self.shear.x, self.shear.y))
         object.__setattr__(self, "_both", Curve(x, y, self.shear.extrapolation))
 
-    def energy(self, eps_a: Any, eps_b: Any, gamma: Any) -> tuple[Any, Any, Any]:
+    def energy(self, eps_a: Number, eps_b: Number, gamma: Number) -> tuple[Number, ...]:
         r"""The areas under the curves: $W = \int_0^{\epsilon_a} \sigma_a\,d\epsilon
         + \int_0^{\epsilon_b} \sigma_b\,d\epsilon + \int_0^\gamma \tau\,d\gamma$."""
         return self.warp.energy(eps_a), self.weft.energy(eps_b), self._both.energy(gamma)
@@ -202,7 +203,7 @@ class TabulatedFabric(Law):
                 )
         return warnings
 
-    def table(self) -> dict[str, Any]:
+    def table(self) -> Document:
         """The curves and the sheet; a material file names CSV files in the place of the points."""
         tables = {}
         for name, curve in ((name, getattr(self, name)) for name in CURVES):
@@ -211,7 +212,7 @@ class TabulatedFabric(Law):
         return {"model": "fabric"} | self.sheet_table() | tables
 
     @classmethod
-    def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
+    def from_document(cls, document: Document, folder: Path) -> Self:
         """The fabric of a TOML document in `folder`, in which `warp`, `weft` and `shear` are CSV
         files with the headers `eps [%], sigma [MPa]` and `gamma [deg], tau [MPa]`, or such."""
         own = {key: document.pop(key, None) for key in ("law", "model", "extrapolation", *CURVES)}
