@@ -140,11 +140,7 @@ TABLE = '[hardening]\nlaw = "table"\neps = '
 REFUSED = [  # of a file, or behind a line of it
     ("a = 4130", "a = -1", "yarns.a is -1; "),
     ("a = 4130", "a = 1\na_Pa = 1", "yarns.a_Pa repeats yarns.a; "),
-    (
-        "a = 4130",
-        "a_psi = 1",
-        "yarns.a_psi is unknown (did you mean a_Pa?); allowed are a_MPa",
-    ),
+    ("a = 4130", "a_psi = 1", "yarns.a_psi is unknown (did you mean a_Pa?); allowed are a_MPa"),
     ("a = 4130", "", "missing yarns.a; allowed is to give all, in [yarns] or [warp]"),
     ("p_min =", "p_mn =", "yarns.p_mn is unknown (did you mean p_min?); allowed are a, b, d"),
     ('density = "g/cm3"', "", "density has no unit; allowed is density_g_per_cm3 or density_kg"),
