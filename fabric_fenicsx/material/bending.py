@@ -11,7 +11,6 @@ from .files import Several
 from .material import Parameters
 
 GRAVITY = 9.81e-6  # N/mm^2 of a sheet of 1 g/cm^3 and 1 mm
-STUCK = 0.02  # of the largest curvature: from there on yarns slide that a threshold held
 
 
 class Bent(NamedTuple):
@@ -102,8 +101,8 @@ class MeasuredBending(Parameters):
 
     @property
     def stuck(self) -> float:
-        """Curvature up to which yarns stick below the threshold [1/mm]."""
-        return STUCK * max(map(abs, self.curvature), default=1.0)
+        """Curvature up to which yarns stick below the threshold, a 50th of the largest [1/mm]."""
+        return 0.02 * max(map(abs, self.curvature), default=1.0)
 
     def respond(self, curvature: np.ndarray, areal_weight: float) -> Bent:
         """At curvatures (n, 2) [1/mm] of a fabric of `areal_weight`, density times thickness

@@ -16,9 +16,6 @@ from ..runtime.rules import POSITIVE, Rule, check_complete, unknown_key
 from .files import OWN_UNITS, SHEET, Document, read_numbers, read_toml, write_whole
 from .hyperdual import Number
 
-# fields of materials that have no part in the energy of the membrane
-NO_ENERGY = "density", "fibre_density", "fibre_share", "compaction", "bending", "bending_friction"
-
 
 @dataclass(frozen=True)
 class Parameters:
@@ -68,10 +65,11 @@ class Parameters:
         """A copy, not checked, of which each number v of the energy is make(v); so make may give
         UFL constants. Densities, compaction and bending have no part in it; thickness comes
         last."""
+        beside = "density fibre_density fibre_share compaction bending bending_friction".split()
         new = copy.copy(self)
         for field in sorted(dataclasses.fields(self), key=lambda field: field.name == "thickness"):
             value = getattr(self, field.name)
-            if field.name in NO_ENERGY:
+            if field.name in beside:
                 continue
             if isinstance(value, float):
                 object.__setattr__(new, field.name, make(value))

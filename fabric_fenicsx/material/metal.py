@@ -21,8 +21,6 @@ from .files import (
 from .hardening import Hardening, Swift, hardening_from
 from .material import Material
 
-LAW = "metal"  # that material files name
-
 
 @dataclass(frozen=True)
 class Metal(Material):
@@ -62,6 +60,7 @@ class Metal(Material):
         "nu": Rule("a number from 0 to 0.5", lambda v: 0 <= v <= 0.5),
     }
     factors = {"yield_factor": ("hardening",)}
+    law: ClassVar[str] = "metal"  # its name in material files
 
     E: float
     nu: float
@@ -75,13 +74,13 @@ class Metal(Material):
         numbers = {name: getattr(self, name) for name in ("name", *self.numbers())}
         scatter = {"scatter": dict(self.scatter)} if self.scatter else {}
         more = {"units": OWN_UNITS, "hardening": self.hardening.table()}
-        return {"law": LAW} | numbers | scatter | more
+        return {"law": self.law} | numbers | scatter | more
 
     @classmethod
     def from_document(cls, document: Document, folder: Path) -> Self:
         law = document.pop("law", None)
-        if law != LAW:
-            raise InputError(f"law is {shown(law)}; allowed for a metal is {shown(LAW)}")
+        if law != cls.law:
+            raise InputError(f"law is {shown(law)}; allowed for a metal is {shown(cls.law)}")
         name = document.pop("name", "")
         units, curve = take_units(document), take_table(document, "hardening")
         scatter = read_scatter(document, cls.numbers(), cls.factors, units)

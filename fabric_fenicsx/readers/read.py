@@ -17,8 +17,6 @@ from .surface_mesh import SurfaceMesh, surface_kind
 
 READ = "a mesh that gmsh, PyVista or meshio reads"
 NASTRAN = ".bdf", ".nas", ".dat", ".fem"
-GMSH = ".msh", ".unv", ".ply2", ".p3d", *NASTRAN
-VTK = re.compile(r"\.(vt\w+|pv\w+|e|exo|ex2)")  # what PyVista reads
 # how whole files end, which libraries read without a word where they are cut off
 ENDS = {
     (".step", ".stp"): rb"END-ISO-10303-21\s*;",
@@ -35,7 +33,11 @@ def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh
     check_file(path, what, allowed)
     check_end(path, what)
     kind = ending(path)
-    library = _by_gmsh if kind in GMSH else _by_pyvista if VTK.fullmatch(kind) else _by_meshio
+    library = _by_meshio
+    if kind in (".msh", ".unv", ".ply2", ".p3d", *NASTRAN):
+        library = _by_gmsh
+    elif re.fullmatch(r"\.(vt\w+|pv\w+|e|exo|ex2)", kind):
+        library = _by_pyvista
     try:
         if reader := {".stl": read_stl, ".inp": read_abaqus, ".obj": _read_obj}.get(kind):
             mesh = reader(path)

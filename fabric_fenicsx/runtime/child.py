@@ -23,13 +23,13 @@ except Exception as error:
     found = False, " ".join(str(error).split()) or type(error).__name__
 pickle.dump(found, results)
 """
-OF_MPI = "OMPI_", "PMIX_", "PMI_", "MPI_", "HYDRA_", "HYDI_"  # how variables of a rank begin
 
 
 def in_child(work: Callable[..., Any], *given: Any, patience: float | None = None) -> Any:
     """What `work` returns, a function of a module, of what is `given`. Raises RuntimeError with
     the text of its error, if it crashes, and if it takes longer than `patience` [s]."""
-    env = {name: value for name, value in os.environ.items() if not name.startswith(OF_MPI)}
+    of_ranks = "OMPI_", "PMIX_", "PMI_", "MPI_", "HYDRA_", "HYDI_"
+    env = {name: value for name, value in os.environ.items() if not name.startswith(of_ranks)}
     sent, command = pickle.dumps(sys.path) + pickle.dumps((work, given)), (sys.executable, "-c")
     how: dict[str, Any] = {"capture_output": True, "env": env, "timeout": patience}
     try:

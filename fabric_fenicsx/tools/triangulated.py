@@ -24,7 +24,6 @@ from .surfaces import Drawn, Nearest, Surface
 from .triangles import repaired
 
 CREASE = 35.0  # deg
-WALL = 0.02  # sine of the angle to a direction below which a facet is a wall along it
 
 
 class SearchCache(NamedTuple):
@@ -135,12 +134,13 @@ class TriangulatedSurface(Surface):
     def face(self, towards: ArrayLike) -> TriangulatedSurface:
         """What looks `towards` (3,), with the walls that lie within it."""
         side, across = self.facets @ np.asarray(towards, dtype=float), self.curved.across.triangle
-        wall = abs(side) < WALL
+        steep = 0.02  # sine of the angle to the direction, below which a facet is a wall along it
+        wall = abs(side) < steep
         t, k = np.nonzero((across >= 0) & wall[:, None])
         joined = wall[across[t, k]]
         _, part = connected(len(wall), [t[joined], across[t, k][joined]])
-        outer = np.isin(part, part[t[side[across[t, k]] <= -WALL]])  # beside the back
-        keep = (side >= WALL) | (wall & ~outer)
+        outer = np.isin(part, part[t[side[across[t, k]] <= -steep]])  # beside the back
+        keep = (side >= steep) | (wall & ~outer)
         vertices = self.curved.vertices
         own = vertices.normals[vertices.name]
         return TriangulatedSurface(self.points, self.triangles[keep], own[keep], self.crease)

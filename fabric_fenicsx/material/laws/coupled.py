@@ -35,8 +35,6 @@ YARN: dict[str, Rule] = {
     "s_T": not_negative("stress"),
     "s_C": not_negative(),
 }
-# what acts only with a coupling
-COUPLED = {"p_min": "biaxial", "c": "biaxial", "s_T": "tension_shear", "s_C": "compression_shear"}
 SHEAR: dict[str, Rule] = {
     "s1": above_zero("stress"),
     "s2": of_either_sign("stress"),
@@ -142,7 +140,9 @@ class WovenFabric(Law):
         object.__setattr__(self, "couplings", check_couplings(self.couplings))
 
     def _acts(self, name):
-        return COUPLED.get(name) in (None, *self.couplings)
+        biaxial, tension_shear, compression_shear = COUPLINGS
+        needed = {"p_min": biaxial, "c": biaxial, "s_T": tension_shear, "s_C": compression_shear}
+        return needed.get(name) in (None, *self.couplings)
 
     @property
     def parameters(self) -> tuple[str, ...]:

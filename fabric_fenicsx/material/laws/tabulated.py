@@ -26,11 +26,10 @@ from .base import Law, sheet_fields
 MIN_POINTS = 3
 # in a file: compiling the form takes the square of their number, half a minute at 100
 MAX_POINTS = 40
-CONSTANT, LINEAR = "constant", "linear"
 CURVES = {"warp": "eps_a", "weft": "eps_b", "shear": "gamma"}  # and the strain of each
 _BEYOND = {
-    CONSTANT: "there the stress stays at the table's last, without stiffness",
-    LINEAR: "there the table's last slope goes on",
+    "constant": "there the stress stays at the table's last, without stiffness",
+    "linear": "there the table's last slope goes on",
 }
 
 
@@ -46,7 +45,7 @@ class Curve(Parameters):
 
     x: tuple[float, ...]
     y: tuple[float, ...]
-    extrapolation: str = CONSTANT
+    extrapolation: str = "constant"
     # energy, stress and tangent, piecewise polynomials
     _functions: tuple = field(init=False, repr=False, compare=False)
     # for each piece of the energy where it starts, and its coefficients, highest power first
@@ -72,7 +71,7 @@ class Curve(Parameters):
 
         inner = PchipInterpolator(x, y)
         left, right = 0.0, 0.0
-        if self.extrapolation == LINEAR:  # but never towards 0 and beyond
+        if self.extrapolation == "linear":  # but never towards 0 and beyond
             left, right = np.maximum(inner.derivative()(x[[0, -1]]), 0) * [x[0] < 0, x[-1] > 0]
         # a piece at each end, which goes on beyond
         c = np.column_stack([[0, 0, left, y[0] - left], inner.c, [0, 0, right, y[-1]]])
