@@ -54,9 +54,7 @@ class Energy:
         """The parts of the strain energy density W, along a, along b and shear with its couplings
         [MPa], of nominal strains of the yarns [-] and the shear angle of either sign [rad], UFL
         expressions, arrays or hyper-dual numbers, with the functions of `material.functions`."""
-        raise InputError(
-            f"law {self.law} has no energy; allowed is a method energy(self, eps_a, eps_b, gamma)"
-        )
+        raise NotImplementedError("there is no method energy(self, eps_a, eps_b, gamma)")
 
     def parts(self, eps_a: Number, eps_b: Number, gamma: Number) -> tuple[Number, ...]:
         """The parts of `energy`; InputError if that fails or gives something else than three."""

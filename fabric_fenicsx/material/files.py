@@ -101,10 +101,8 @@ def take_units(document: Document) -> dict[str, str]:
     """The table [units], {kind: unit}, taken out of the document; InputError for another unit."""
     units = take_table(document, "units")
     for kind, unit in units.items():
-        if kind not in UNITS:
-            raise unknown_key(kind, UNITS, f"units.{kind}")
-        if unit not in list(UNITS[kind]):
-            raise unknown_key(str(unit), UNITS[kind], f"units.{kind} {unit!r}")
+        if unit not in [*UNITS.get(kind, ())]:
+            raise unknown_key(str(unit), UNITS.get(kind, UNITS), f"units.{kind} {unit!r}")
     return units
 
 

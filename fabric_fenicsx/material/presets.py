@@ -2,8 +2,8 @@
 
 import os
 from collections.abc import Mapping
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from runpy import run_path
 from types import MappingProxyType
 
 from ..runtime.errors import InputError
@@ -62,13 +62,8 @@ def load(source: str | os.PathLike[str]) -> Law:
 def read_laws(path: str | os.PathLike[str]) -> None:
     """Run a Python file, so that `load` knows the laws whose classes are in it. Raises InputError
     if it cannot be run."""
-    spec = spec_from_file_location(Path(path).stem, path)
-    if not (spec and spec.loader and os.path.isfile(path)):
-        raise InputError(
-            f"law file {shown(path)} is not there or no Python file; allowed is a .py that exists"
-        )
     try:
-        spec.loader.exec_module(module_from_spec(spec))
+        run_path(os.fspath(path), run_name=Path(path).stem)
     except Exception as error:
         raise InputError(
             f"law file {path} fails ({type(error).__name__}: {error}); allowed is one that runs"

@@ -13,7 +13,7 @@ import numpy as np
 from ..runtime.errors import InputError
 from ..runtime.files import check_file, ending
 from ..runtime.formatting import coordinates, rounded
-from ..runtime.rules import FINITE, Rule, shown, unknown_key
+from ..runtime.rules import FINITE, Rule, unknown_key
 from .text_tables import Problems, read_lines, table_of, values_of
 
 ALLOWED = "a CSV with columns x, y and one more, or a mesh with values at its points"
@@ -217,11 +217,9 @@ def _of_table(path, name):
     table = table_of(read_lines(path), ("x", "y", "z").__contains__)
     names = table.names
     axes = [axis for axis in ("x", "y", "z") if axis in names]
-    if axes[:2] != ["x", "y"]:
-        raise InputError(f"row {table.top} has no columns x and y; allowed is {ALLOWED}")
     name = _chosen([each for each in names if each not in axes], name, "column")
-    for each in (*axes, name):
-        unit = table.units[names.index(each)]
+    for each in ("x", "y", *axes[2:], name):
+        unit = table.units[names.index(each)] if each in names else "no place"
         allowed = ("mm",) if each in axes else ("deg", "mm", "deg C", "C", "-")
         if unit not in (None, *allowed):
             words = ", ".join(allowed)
@@ -243,16 +241,13 @@ def _of_mesh(path, name):
         raise InputError(f"can't be read ({words}); allowed is {ALLOWED}") from None
     fields = {k: np.asarray(v, float) for k, v in mesh.point_data.items() if np.ndim(v) == 1}
     values = fields[_chosen(list(fields), name, "field at points")]
-    if not np.isfinite(values).all():
-        raise InputError(f"{name or 'the field'} has values that are no numbers")
     return np.asarray(mesh.points, float), values
 
 
 def _chosen(names, name, kind):
     """The name that is asked for, or the only one there is."""
-    if name and name not in names:
-        raise unknown_key(name, names, f"{kind} {shown(name)}")
-    if name or len(names) == 1:
+    if name in names or (not name and len(names) == 1):
         return name or names[0]
-    found = f"{len(names)} {kind}s of values, {', '.join(names)}" if names else "no values"
-    raise InputError(f"has {found}; allowed is one {kind}, or one that is named by `field`")
+    found = f"has the {kind}s {', '.join(names)}" if names else f"has no {kind} of values"
+    asked = f", not {name!r}" if name else ""
+    raise InputError(f"{found}{asked}; allowed is one, or one of them that `field` names")

@@ -270,10 +270,7 @@ def test_a_drawn_block_lies_on_itself_with_its_normals(surface):
     "make, sentence",
     [
         (lambda: Plane([0] * 3, [0] * 3), "normal is [0, 0, 0]; "),
-        (
-            lambda: DoubleDome(wall_angle=50),
-            "wall_angle is 50 and top_radius 40; allowed are",
-        ),
+        (lambda: DoubleDome(wall_angle=50), "wall_angle is 50 and top_radius 40; allowed are"),
         (
             lambda: DoubleDome(30, 65, 63.25, wall_angle=0, top_radius=10, entry_radius=40),
             "waist is 63.25; allowed is above 63.2456 and at most dome_radius = 65, with dome_d",

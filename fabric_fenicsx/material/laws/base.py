@@ -349,17 +349,12 @@ def sheet_fields(
 
 def _read_temperatures(law, tables, units):
     """{temperature: {name: value}} of the tables [[at]]."""
-    if not isinstance(tables, list) or not all(isinstance(each, dict) for each in tables):
-        raise InputError("at is no list; allowed is a table [[at]] for each temperature")
-    found: dict[float, dict[str, float]] = {}
     rules = {"temperature": FINITE} | dict(law.rules_at_temperatures())
-    for k, table in enumerate(tables, 1):
-        numbers = read_numbers(table, rules, units, f"at.{k}.")
+    found = {}
+    for k in range(1, len(tables) + 1):
+        numbers = read_numbers(take_table({"at": tables[k - 1]}, "at"), rules, units, f"at.{k}.")
         check_complete(numbers, ["temperature"], f"at.{k}.", "in each [[at]]")
-        temperature = numbers.pop("temperature")
-        if temperature in found:
-            raise InputError(f"at.{k}.temperature is {temperature:g} again; allowed is each once")
-        found[temperature] = numbers
+        found[numbers.pop("temperature")] = numbers
     return found
 
 

@@ -59,10 +59,10 @@ class Curve(Parameters):
                     f"point {k + 1} is ({e:.6g}, {stress:.6g}); allowed are rising strains, and "
                     "stresses of their sign"
                 )
-        if len(x) < MIN_POINTS:
-            raise InputError(f"the curve has {len(x)} points; allowed is {MIN_POINTS} or more")
-        if (0.0, 0.0) not in zip(x, y):
-            raise InputError("the curve has no point (0, 0); allowed is one that passes there")
+        if len(x) < MIN_POINTS or (0.0, 0.0) not in zip(x, y):
+            raise InputError(
+                f"the curve has {len(x)} points; allowed is {MIN_POINTS} or more, with (0, 0)"
+            )
         if self.extrapolation not in _BEYOND:
             raise InputError(
                 f"extrapolation is {shown(self.extrapolation)}; allowed is {' or '.join(_BEYOND)}"
@@ -240,14 +240,11 @@ def read_table(path: Path, columns: Mapping[str, Mapping[str, float]]) -> Curve:
 def _curve(lines, columns):
     allowed = ", ".join(f"{name} [{'|'.join(units)}]" for name, units in columns.items())
     table = table_of(lines, columns.__contains__)
-    if len(table.names) != 2:
-        raise InputError(f"row {table.top} is no header of two columns; allowed is {allowed}")
-    factors_of = {}
-    for i, (name, unit) in enumerate(zip(table.names, table.units)):
-        if name in table.names[:i] or unit not in columns.get(name, ()):
-            head = name if unit is None else f"{name} [{unit}]"
-            raise InputError(f"row {table.top} has the column {head!r}; allowed is {allowed}")
-        factors_of[i] = name, columns[name][unit]
+    heads = [*zip(table.names, table.units)]
+    if sorted(table.names) != sorted(columns) or any(u not in columns[name] for name, u in heads):
+        head = ", ".join(name if unit is None else f"{name} [{unit}]" for name, unit in heads)
+        raise InputError(f"row {table.top} is {head!r}; allowed is {allowed}")
+    factors_of = {i: (name, columns[name][unit]) for i, (name, unit) in enumerate(heads)}
     problems = Problems()
     found = values_of(table, factors_of, problems)
     x, y = (found[name] for name in columns)
