@@ -5,7 +5,7 @@ import numpy as np
 
 from fabric_fenicsx.command_line.study import parser, run
 from fabric_fenicsx.coupons.coupon import Coupon
-from fabric_fenicsx.runtime.errors import SolverFailure
+from fabric_fenicsx.runtime.errors import InputError, SolverFailure
 from fabric_fenicsx.studies.lib.stability_maps import HIGH, LOW, kernel_difference, stability_maps
 
 AGREEMENT = 1e-9  # of the kernel's stresses with the closed form, or of s1 where they are smaller
@@ -48,7 +48,9 @@ def draw(path, x, panels):
 
 def main(study):
     args, fabric = study.args, study.fabric
-    fabric.require(("p_min", "c", "d"), f"--material {args.material}")
+    if missing := {"p_min", "c", "d"} - {*fabric.parameters}:
+        law = f"--material {args.material} is of the law {fabric.law}"
+        raise InputError(f"{law}, which has no {', '.join(missing)}; allowed is one that has")
     folder = study.folder()
     e = np.linspace(LOW, HIGH, args.points or (57 if args.quick else 225))
     maps, shares = stability_maps(fabric, e)

@@ -1,7 +1,7 @@
 """Bending of a fabric's yarns as tests tell it."""
 
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +11,6 @@ from .files import Several
 from .material import Parameters
 
 GRAVITY = 9.81e-6  # N/mm^2 of a sheet of 1 g/cm^3 and 1 mm
-STUCK = 0.02  # of the largest curvature: from there on yarns slide that a threshold held
 
 
 class Bent(NamedTuple):
@@ -76,7 +75,9 @@ class MeasuredBending(Parameters):
     moment_b: tuple[float, ...] = ()
     thresholds: tuple[float, ...] = field(init=False, repr=False, compare=False, default=(0.0, 0.0))
     # curvatures and moments of the elastic part of each yarn
-    _elastic: Any = field(init=False, repr=False, compare=False, default=())
+    _elastic: tuple[tuple[np.ndarray, np.ndarray], ...] = field(
+        init=False, repr=False, compare=False, default=()
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -100,8 +101,8 @@ class MeasuredBending(Parameters):
 
     @property
     def stuck(self) -> float:
-        """Curvature up to which yarns stick below the threshold [1/mm]."""
-        return STUCK * max(map(abs, self.curvature), default=1.0)
+        """Curvature up to which yarns stick below the threshold, a 50th of the largest [1/mm]."""
+        return 0.02 * max(map(abs, self.curvature), default=1.0)
 
     def respond(self, curvature: np.ndarray, areal_weight: float) -> Bent:
         """At curvatures (n, 2) [1/mm] of a fabric of `areal_weight`, density times thickness

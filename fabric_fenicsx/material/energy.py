@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..runtime.errors import InputError
-from .hyperdual import HyperDual
+from .hyperdual import HyperDual, Number
 
 ALLOWED = (
     "allowed are three parts, written with + - * / **, abs and the functions of "
@@ -47,18 +47,16 @@ class Energy:
     """A strain energy density: a subclass has `energy`, from which all else follows."""
 
     law: ClassVar[str] = ""
-    thickness: Any  # [mm]
+    thickness: Number  # [mm]
     count = 1  # of points, each of which has its own numbers
 
-    def energy(self, eps_a: Any, eps_b: Any, gamma: Any) -> tuple[Any, Any, Any]:
+    def energy(self, eps_a: Number, eps_b: Number, gamma: Number) -> tuple[Number, ...]:
         """The parts of the strain energy density W, along a, along b and shear with its couplings
         [MPa], of nominal strains of the yarns [-] and the shear angle of either sign [rad], UFL
         expressions, arrays or hyper-dual numbers, with the functions of `material.functions`."""
-        raise InputError(
-            f"law {self.law} has no energy; allowed is a method energy(self, eps_a, eps_b, gamma)"
-        )
+        raise NotImplementedError("there is no method energy(self, eps_a, eps_b, gamma)")
 
-    def parts(self, eps_a: Any, eps_b: Any, gamma: Any) -> tuple[Any, Any, Any]:
+    def parts(self, eps_a: Number, eps_b: Number, gamma: Number) -> tuple[Number, ...]:
         """The parts of `energy`; InputError if that fails or gives something else than three."""
         try:
             a, b, shear = self.energy(eps_a, eps_b, gamma)

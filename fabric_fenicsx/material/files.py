@@ -1,18 +1,19 @@
 """TOML files of materials: numbers with units in, whole files out."""
 
-import difflib
 import os
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from decimal import Decimal
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from ..readers.units import OWN, UNITS, suffixes
 from ..runtime.errors import InputError
 from ..runtime.files import replace_file
 from ..runtime.rules import POSITIVE, SHARE, Rule, above_zero, did_you_mean, shown, unknown_key
 
+Document = dict[str, Any]  # of a TOML file: its keys, or those of a table
+T = TypeVar("T")
 SHEET = {"thickness": above_zero("length"), "density": above_zero("density")}
 OWN_UNITS = {kind: OWN[kind] for kind in ("stress", "length", "density")}  # of files we write
 FIBRES = {"fibre_density": above_zero("density"), "fibre_share": SHARE}
@@ -28,34 +29,26 @@ class Several(NamedTuple):
         """That of the numbers, as of a `Rule`."""
         return self.rule.unit
 
-    def check(self, name: str, value: Any) -> tuple[float, ...]:
+    def check(self, name: str, value: object) -> tuple[float, ...]:
         """The numbers; InputError, which calls them `name`, for one that is not allowed."""
         numbers = value if isinstance(value, (list, tuple)) and value else [value]
         return tuple(self.rule.check(name, each) for each in numbers)
 
 
-class Interval(NamedTuple):
+class Interval(Several):
     """The rule for two numbers that `rule` allows, the first below the second."""
 
-    rule: Rule
-
-    @property
-    def unit(self) -> str:
-        """That of the numbers, as of a `Rule`."""
-        return self.rule.unit
-
-    def check(self, name: str, value: Any) -> tuple[float, float]:
+    def check(self, name: str, value: object) -> tuple[float, ...]:
         """The two numbers; InputError, which calls them `name`, for anything else."""
-        if isinstance(value, (list, tuple)) and len(value) == 2:
-            low, high = (self.rule.check(name, each) for each in value)
-            if low < high:
-                return low, high
+        numbers = super().check(name, value)
+        if len(numbers) == 2 and numbers[0] < numbers[1]:
+            return numbers
         raise InputError(f"{name} is {shown(value)}; allowed are two numbers, [lowest, highest]")
 
 
 def preset_or_file(
-    kind: str, source: Any, presets: Mapping[str, Any], read: Callable[[Any], Any]
-) -> Any:
+    kind: str, source: object, presets: Mapping[str, T], read: Callable[[str | os.PathLike], T]
+) -> T:
     """The preset of this name, else read(source) of a file; InputError, which calls it `kind`, if
     neither exists."""
     if isinstance(source, str) and source in presets:
@@ -68,7 +61,7 @@ def preset_or_file(
     )
 
 
-def read_toml(path: str | os.PathLike[str], make: Callable[[dict[str, Any]], Any]) -> Any:
+def read_toml(path: str | os.PathLike[str], make: Callable[[Document], T]) -> T:
     """make(document) of the TOML file at `path`; InputErrors name the file."""
     try:
         document = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
@@ -96,7 +89,7 @@ def _reason(error: Exception) -> str:
     return getattr(error, "strerror", None) or str(error)
 
 
-def take_table(document: dict[str, Any], key: str) -> dict[str, Any]:
+def take_table(document: Document, key: str) -> Document:
     """The table of this key, taken out of the document, empty if it is not there."""
     table = document.pop(key, {})
     if not isinstance(table, dict):
@@ -104,45 +97,55 @@ def take_table(document: dict[str, Any], key: str) -> dict[str, Any]:
     return table
 
 
-def take_units(document: dict[str, Any]) -> dict[str, str]:
+def take_units(document: Document) -> dict[str, str]:
     """The table [units], {kind: unit}, taken out of the document; InputError for another unit."""
     units = take_table(document, "units")
     for kind, unit in units.items():
-        if kind not in UNITS:
-            raise unknown_key(kind, UNITS, f"units.{kind}")
-        if unit not in list(UNITS[kind]):
-            raise unknown_key(str(unit), UNITS[kind], f"units.{kind} {unit!r}")
+        if unit not in [*UNITS.get(kind, ())]:
+            raise unknown_key(str(unit), UNITS.get(kind, UNITS), f"units.{kind} {unit!r}")
     return units
 
 
 def read_numbers(
-    table: Mapping[str, Any],
-    rules: Mapping[str, Any],
+    table: Mapping[str, object],
+    rules: Mapping[str, Rule | Several],
     units: Mapping[str, str],
     where: str,
-    also: tuple[str, ...] = (),
-) -> dict[str, Any]:
+    also: Iterable[str] = (),
+) -> Document:
     """The numbers of one TOML table by the names of `rules`, in the package's units: the unit is in
     the key, as `d_kPa`, or in the file's `units` {kind: unit}. where: what stands before a key in
     messages; also: keys that belong to others. Raises InputError by key."""
-    numbers: dict[str, Any] = {}
-    spelled: dict[str, str] = {}
+    numbers: Document = {}
+    keys = _keys(rules, units)
     for key, value in table.items():
         label = where + key
-        name, power = _meaning(key, rules, units, label, also)
+        if key not in keys:
+            spelled = [each for each, (name, _) in keys.items() if f"{key}_".startswith(f"{name}_")]
+            if key in rules:
+                raise InputError(f"{label} has no unit; allowed is {' or '.join(spelled)}")
+            raise unknown_key(key, spelled or (*rules, *also), label)
+        name, power = keys[key]
         if name in numbers:
-            raise InputError(f"{label} repeats {where}{spelled[name]}; allowed is {name} once")
+            raise InputError(f"{label} repeats {where}{name}; allowed is {name} once")
         checked = rules[name].check(label, value)
         numbers[name] = rules[name].check(label, _scaled(checked, power))
-        spelled[name] = key
     return numbers
 
 
+def _keys(rules, units):
+    """{key: (name in `rules`, power of ten from the key's unit to the package's own)}."""
+    keys = {name: (name, 0) for name, rule in rules.items() if not rule.unit}
+    for name, rule in rules.items():
+        powers = suffixes(rule.unit)
+        keys |= {f"{name}_{unit}": (name, power) for unit, power in powers.items()}
+        if rule.unit in units:
+            keys[name] = name, UNITS[rule.unit][units[rule.unit]]
+    return keys
+
+
 def read_scatter(
-    document: dict[str, Any],
-    rules: Mapping[str, Rule],
-    factors: Iterable[str],
-    units: Mapping[str, str],
+    document: Document, rules: Mapping[str, Rule], factors: Iterable[str], units: Mapping[str, str]
 ) -> dict[str, tuple[float, float]]:
     """The table [scatter], taken out of a material's document: intervals of the numbers of `rules`,
     in the package's units, and of `factors`. Raises InputError by key."""
@@ -158,35 +161,12 @@ def _scaled(value, power):
     return float(Decimal(repr(value)).scaleb(power))
 
 
-def _meaning(key, rules, units, label, also):
-    """The name in `rules` that a key has, and the power of ten from its unit to the package's own;
-    InputError, which calls the key `label`, for one without or with another unit."""
-    for name, rule in rules.items():
-        kind, powers = rule.unit, suffixes(rule.unit)
-        if key == name and kind and kind not in units:
-            keys = " or ".join(f"{name}_{unit}" for unit in powers)
-            raise InputError(f"{label} has no unit; allowed is {keys}, or {kind} in [units]")
-        if key == name:
-            return name, UNITS[kind][units[kind]] if kind else 0
-        if key.startswith(f"{name}_") and (unit := key.removeprefix(f"{name}_")) in powers:
-            return name, powers[unit]
-    begun = max((name for name in rules if key.startswith(f"{name}_")), key=len, default="")
-    if not begun or difflib.get_close_matches(key, list(rules), n=1) not in ([], [begun]):
-        raise unknown_key(key, (*rules, *also), label)
-    if not (kind := rules[begun].unit):
-        raise InputError(
-            f"{label} has a unit, but {begun} is a pure number; allowed is the key {begun}"
-        )
-    unit = key.removeprefix(f"{begun}_")
-    raise unknown_key(unit, suffixes(kind), f"{label}: {kind} unit {unit!r}")
-
-
 def read_sheet_numbers(
-    table: Mapping[str, Any],
+    table: Mapping[str, object],
     units: Mapping[str, str],
-    also: tuple[str, ...] = (),
+    also: Iterable[str] = (),
     rules: Mapping[str, Rule] | None = None,
-) -> tuple[dict[str, Any], float | None]:
+) -> tuple[Document, float | None]:
     """The numbers that a table has of thickness, density and the names of `rules`, and the areal
     weight [g/m2] if the density is from one; also: keys of others. Raises InputError by key."""
     all_rules = {**SHEET, "areal_weight": above_zero("areal_weight"), **(rules or {})}

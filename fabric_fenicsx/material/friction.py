@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from ..runtime.errors import InputError
 from ..runtime.rules import above_zero
 from .files import Several
 from .functions import negative, positive
+from .hyperdual import Number
 from .material import Parameters
 
 
@@ -41,14 +42,14 @@ class YarnFriction(Parameters):
                 "allowed is one of both for each element"
             )
 
-    def symbols(self, make: Callable[[float], Any]) -> Self:
+    def symbols(self, make: Callable[[float], Number]) -> Self:
         """As of `Parameters`."""
         new = super().symbols(make)
         for name in self.rules:
             object.__setattr__(new, name, tuple(map(make, getattr(self, name))))
         return new
 
-    def energy(self, strain: Any, sliding: Sequence[Any]) -> Any:
+    def energy(self, strain: Number, sliding: Sequence[Number]) -> Number:
         """The potential of a step, an expression as those of laws; sliding: of each element."""
         W = 0.0
         for k, f, s in zip(self.stiffness, self.strength, sliding):

@@ -5,11 +5,10 @@ expressions is registered by `expression`.
 """
 
 from functools import singledispatch
-from typing import Any
 
 import numpy as np
 
-from .hyperdual import HyperDual
+from .hyperdual import HyperDual, Number
 
 exp = singledispatch(np.exp)
 log = singledispatch(np.log)
@@ -21,7 +20,7 @@ atan = singledispatch(np.arctan)
 
 
 @singledispatch
-def where(condition: Any, x: Any, y: Any) -> Any:
+def where(condition: Number, x: Number, y: Number) -> Number:
     """`x` where the condition holds, such as `eps > 0`, and `y` elsewhere."""
     if not isinstance(x, HyperDual) and not isinstance(y, HyperDual):
         return np.where(condition, x, y)
@@ -31,21 +30,21 @@ def where(condition: Any, x: Any, y: Any) -> Any:
 
 
 @singledispatch
-def positive(x: Any) -> Any:
+def positive(x: Number) -> Number:
     """The part of a number above 0: x where x > 0, and 0 elsewhere."""
     return where(x > 0, x, 0.0)
 
 
 @singledispatch
-def negative(x: Any) -> Any:
+def negative(x: Number) -> Number:
     """The part of a number up to 0: x where x <= 0, and 0 elsewhere."""
     return where(x > 0, 0.0, x)
 
 
-def _of_hyper_dual(function: Any, slopes: Any) -> None:
+def _of_hyper_dual(function, slopes):
     """Let a function f take hyper-dual numbers; slopes: (x, f(x)) to its first two derivatives."""
 
-    def chained(x: HyperDual) -> HyperDual:
+    def chained(x):
         f = function(x.value)
         return x.chain(f, *slopes(x.value, f))
 

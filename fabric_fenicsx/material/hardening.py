@@ -7,7 +7,7 @@ file alone. Yield stresses never fall, so that what a step minimises is convex.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from ..runtime.rules import (
     shown,
     unknown_key,
 )
-from .files import Several
+from .files import Document, Several
 from .material import Parameters
 
 CURVES: "dict[str, type[Hardening]]" = {}  # by their names in material files
@@ -49,7 +49,7 @@ class Hardening(Parameters):
         """Its integral from 0, which flow dissipates per volume [N mm/mm^3]."""
         raise NotImplementedError
 
-    def table(self) -> dict[str, Any]:
+    def table(self) -> Document:
         return {"law": self.law} | super().table()
 
 
@@ -173,7 +173,7 @@ class HardeningTable(Hardening):
 
     eps: tuple[float, ...]
     sigma: tuple[float, ...]
-    _curves: Any = field(init=False, repr=False, compare=False)  # stress, slope and work
+    _curves: tuple = field(init=False, repr=False, compare=False)  # stress, slope and work
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -209,7 +209,7 @@ class HardeningTable(Hardening):
         return self._curves[2](p)
 
 
-def hardening_from(table: dict[str, Any], units: Mapping[str, str]) -> Hardening:
+def hardening_from(table: Document, units: Mapping[str, str]) -> Hardening:
     """The curve of a file's table [hardening]; units: of its table [units]. InputError by key."""
     law = table.pop("law", None)
     if not isinstance(law, str) or law not in CURVES:

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+Number = Any  # a float, an array, a `HyperDual`, or an expression of UFL
+
 # which two variables each second derivative belongs to: aa, ab, bb, ag, bg, gg
 FIRST, SECOND = [0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]
 
@@ -20,7 +22,7 @@ class HyperDual:
 
     __array_ufunc__ = None  # so that array * HyperDual comes here
 
-    def __init__(self, value: Any, first: Any, second: Any) -> None:
+    def __init__(self, value, first, second):
         self.value, self.first, self.second = value, first, second
 
     @classmethod
@@ -34,7 +36,7 @@ class HyperDual:
             variables.append(cls(value, first, np.zeros((6, *value.shape))))
         return variables
 
-    def chain(self, f: Any, f1: Any, f2: Any) -> "HyperDual":
+    def chain(self, f: Number, f1: Number, f2: Number) -> "HyperDual":
         """A function of this number, from its value and derivatives there."""
         d = self.first
         return HyperDual(f, f1 * d, f1 * self.second + f2 * (d[FIRST] * d[SECOND]))

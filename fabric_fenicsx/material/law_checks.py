@@ -1,7 +1,6 @@
 """Checks of laws as users write them, and of numbers that may be in a wrong unit."""
 
 from collections.abc import Iterable, Mapping
-from typing import Any
 
 import numpy as np
 
@@ -23,16 +22,9 @@ PLAUSIBLE = {
     "stiffness along b": (2.0, 2e5, "MPa"),
     "stiffness in shear": (1e-4, 10.0, "MPa"),
 }
-# strains at which a coupling alone gives the energy mixed derivatives
-PROBES = {
-    "biaxial": [(0.02, 0.03, 0.0), (-0.02, 0.03, 0.0), (0.02, -0.03, 0.0)],
-    "tension_shear": [(0.02, 0.03, 0.3)],
-    "compression_shear": [(-0.02, -0.03, 0.3)],
-}
-KINK_OFFSET = 1e-9  # strain, to tell the sides of a kink
 
 
-def check_couplings(names: Any, label: str = "couplings") -> frozenset[str]:
+def check_couplings(names: object, label: str = "couplings") -> frozenset[str]:
     """The named couplings as a set, each one of `COUPLINGS`, spelled with "_", "-" or an en dash;
     otherwise an InputError that calls them `label`."""
     if isinstance(names, (str, Mapping)) or not isinstance(names, Iterable):
@@ -48,7 +40,13 @@ def check_couplings(names: Any, label: str = "couplings") -> frozenset[str]:
 
 def couples(law: Energy, name: str) -> bool:
     """True if the energy depends on two strains together where this coupling acts."""
-    second = Energy.derivatives(law, *np.transpose(PROBES[name])).second
+    # strains at which this coupling alone gives the energy mixed derivatives
+    strains = {
+        "biaxial": [(0.02, 0.03, 0.0), (-0.02, 0.03, 0.0), (0.02, -0.03, 0.0)],
+        "tension_shear": [(0.02, 0.03, 0.3)],
+        "compression_shear": [(-0.02, -0.03, 0.3)],
+    }[name]
+    second = Energy.derivatives(law, *np.transpose(strains)).second
     mixed = second[1:2] if name == "biaxial" else second[3:5]
     return bool(abs(mixed).max() > 1e-9 * abs(second).max())
 
@@ -64,7 +62,7 @@ def check_rest(law: Energy) -> None:
     for name, stress, scale in zip(("sigma_a", "sigma_b", "tau"), rest.first[:, 0], stiffness):
         if not abs(stress) <= 1e-5 * scale:
             raise InputError(f"the stress {name} {text % stress}")
-    beside = Energy.derivatives(law, *np.array(3 * [[-KINK_OFFSET, KINK_OFFSET]])).second
+    beside = Energy.derivatives(law, *np.array(3 * [[-1e-9, 1e-9]])).second  # sides of a kink
     for name, k, scale in zip(("eps_a", "eps_b", "gamma"), beside[[0, 2, 5]], stiffness):
         if k.min() < -1e-6 * scale:
             raise InputError(

@@ -13,10 +13,8 @@ import tomli_w
 from ..readers.units import suffixes
 from ..runtime.errors import InputError
 from ..runtime.rules import POSITIVE, Rule, check_complete, unknown_key
-from .files import OWN_UNITS, SHEET, read_numbers, read_toml, write_whole
-
-# fields of materials that have no part in the energy of the membrane
-NO_ENERGY = "density", "fibre_density", "fibre_share", "compaction", "bending", "bending_friction"
+from .files import OWN_UNITS, SHEET, Document, read_numbers, read_toml, write_whole
+from .hyperdual import Number
 
 
 @dataclass(frozen=True)
@@ -34,7 +32,7 @@ class Parameters:
             if name not in self.optional or value:
                 object.__setattr__(self, name, rule.check(self.prefix + name, value))
 
-    def table(self) -> dict[str, Any]:
+    def table(self) -> Document:
         """Its table in a file that has the units `OWN_UNITS`; other units are in the keys."""
         entries = {}
         for name, rule in self.rules.items():
@@ -46,7 +44,7 @@ class Parameters:
     @classmethod
     def from_table(
         cls,
-        table: Mapping[str, Any],
+        table: Mapping[str, object],
         units: Mapping[str, str],
         name: str,
         also: tuple[str, ...] = (),
@@ -63,14 +61,15 @@ class Parameters:
         stresses = [name for name, rule in self.rules.items() if rule.unit == "stress"]
         return dataclasses.replace(self, **{n: _times(factor, getattr(self, n)) for n in stresses})
 
-    def symbols(self, make: Callable[[float], Any]) -> Self:
+    def symbols(self, make: Callable[[float], Number]) -> Self:
         """A copy, not checked, of which each number v of the energy is make(v); so make may give
         UFL constants. Densities, compaction and bending have no part in it; thickness comes
         last."""
+        beside = "density fibre_density fibre_share compaction bending bending_friction".split()
         new = copy.copy(self)
         for field in sorted(dataclasses.fields(self), key=lambda field: field.name == "thickness"):
             value = getattr(self, field.name)
-            if field.name in NO_ENERGY:
+            if field.name in beside:
                 continue
             if isinstance(value, float):
                 object.__setattr__(new, field.name, make(value))
@@ -123,7 +122,7 @@ class Material(Parameters):
         """The number of that name, or two where warp and weft differ in it."""
         return [getattr(self, name)]
 
-    def changed(self, numbers: Mapping[str, Any]) -> Self:
+    def changed(self, numbers: Mapping[str, object]) -> Self:
         """A copy with these `numbers`, in the package's units, or with fields times a factor of
         `factors`. InputError by name."""
         new = self
@@ -151,7 +150,7 @@ class Material(Parameters):
         """The material's name in sentences."""
         return self.name or getattr(self, "law", "material")
 
-    def replace(self, **changes: Any) -> Self:
+    def replace(self, **changes: object) -> Self:
         """A changed copy, without the intervals of what is changed; InputError for an unknown
         name."""
         names = dict.fromkeys([*(f.name for f in dataclasses.fields(self)), *self.numbers()])
@@ -165,12 +164,12 @@ class Material(Parameters):
         """Fields that have these numbers."""
         return changes
 
-    def table(self) -> dict[str, Any]:
+    def table(self) -> Document:
         """The content of a material file."""
         raise NotImplementedError
 
     @classmethod
-    def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
+    def from_document(cls, document: Document, folder: Path) -> Self:
         """The material of a TOML document that lies in `folder`; InputError by field."""
         raise NotImplementedError
 

@@ -5,12 +5,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 from ..runtime.errors import InputError
 from ..runtime.rules import Rule, above_zero, check_complete, shown
 from .files import (
     OWN_UNITS,
+    Document,
     preset_or_file,
     read_scatter,
     read_sheet_numbers,
@@ -19,8 +20,6 @@ from .files import (
 )
 from .hardening import Hardening, Swift, hardening_from
 from .material import Material
-
-LAW = "metal"  # that material files name
 
 
 @dataclass(frozen=True)
@@ -61,6 +60,7 @@ class Metal(Material):
         "nu": Rule("a number from 0 to 0.5", lambda v: 0 <= v <= 0.5),
     }
     factors = {"yield_factor": ("hardening",)}
+    law: ClassVar[str] = "metal"  # its name in material files
 
     E: float
     nu: float
@@ -70,17 +70,17 @@ class Metal(Material):
     name: str = ""
     scatter: Mapping[str, tuple[float, float]] = field(default_factory=dict, compare=False)
 
-    def table(self) -> dict[str, Any]:
+    def table(self) -> Document:
         numbers = {name: getattr(self, name) for name in ("name", *self.numbers())}
         scatter = {"scatter": dict(self.scatter)} if self.scatter else {}
         more = {"units": OWN_UNITS, "hardening": self.hardening.table()}
-        return {"law": LAW} | numbers | scatter | more
+        return {"law": self.law} | numbers | scatter | more
 
     @classmethod
-    def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
+    def from_document(cls, document: Document, folder: Path) -> Self:
         law = document.pop("law", None)
-        if law != LAW:
-            raise InputError(f"law is {shown(law)}; allowed for a metal is {shown(LAW)}")
+        if law != cls.law:
+            raise InputError(f"law is {shown(law)}; allowed for a metal is {shown(cls.law)}")
         name = document.pop("name", "")
         units, curve = take_units(document), take_table(document, "hardening")
         scatter = read_scatter(document, cls.numbers(), cls.factors, units)

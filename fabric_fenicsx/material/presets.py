@@ -2,10 +2,9 @@
 
 import os
 from collections.abc import Mapping
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from runpy import run_path
 from types import MappingProxyType
-from typing import Any
 
 from ..runtime.errors import InputError
 from ..runtime.rules import shown, unknown_key
@@ -63,20 +62,15 @@ def load(source: str | os.PathLike[str]) -> Law:
 def read_laws(path: str | os.PathLike[str]) -> None:
     """Run a Python file, so that `load` knows the laws whose classes are in it. Raises InputError
     if it cannot be run."""
-    spec = spec_from_file_location(Path(path).stem, path)
-    if not (spec and spec.loader and os.path.isfile(path)):
-        raise InputError(
-            f"law file {shown(path)} is not there or no Python file; allowed is a .py that exists"
-        )
     try:
-        spec.loader.exec_module(module_from_spec(spec))
+        run_path(os.fspath(path), run_name=Path(path).stem)
     except Exception as error:
         raise InputError(
             f"law file {path} fails ({type(error).__name__}: {error}); allowed is one that runs"
         ) from error
 
 
-def checked_fabric(name: str, fabric: Any) -> Law:
+def checked_fabric(name: str, fabric: object) -> Law:
     """`fabric` if it is one; InputError, which calls it `name`, for all else, as a preset's
     name."""
     if not isinstance(fabric, Law):
@@ -91,7 +85,10 @@ def _read(path):
         name = document.get("law", "tabulated" if document.get("model") == "fabric" else "coupled")
         if not isinstance(name, str) or name not in LAWS:
             known = unknown_key(name, LAWS, f"law {shown(name)}")
-            raise InputError(f"{known}, and own ones that were imported before, or by `--law-file`")
+            raise InputError(
+                f"{known}, and own ones that were imported before, or by `--law-file`, as law58 of "
+                "docs/examples/own_law58.py"
+            )
         return LAWS[name].from_document(document, Path(path).parent)
 
     return read_toml(path, fabric)

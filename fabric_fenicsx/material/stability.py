@@ -21,8 +21,6 @@ from numpy.typing import ArrayLike
 from .laws import Law
 from .strains import nominal_strain
 
-OUTER, INNER = 60, 4  # iterations of `smallest_eigenvalue`; most points end after 2 to 5 outer ones
-
 
 class Stability(NamedTuple):
     """Result of `evaluate`; arrays in the leading shape of its input.
@@ -179,14 +177,14 @@ def smallest_eigenvalue(Q: np.ndarray, only_least: bool = False) -> tuple[np.nda
     close = 1e-14 * np.abs(Q).sum((0, 1))
     q, live = np.array([t0, t1, t2, h0, h1, h2, o0, o1, o2, gap, close]), np.arange(n)
     shift = np.zeros(n)
-    for _ in range(OUTER):
+    for _ in range(60):  # most points end after 2 to 5
         t0, t1, t2, h0, h1, h2, o0, o1, o2, gap, close = q
         t = t0 - value[live]
         b1, b2 = t * t1 - h0 * h1 - o0 * o1, t * t2 - h0 * h2 - o0 * o2
         # from here Newton's method does not overshoot
         low = np.maximum(np.maximum(np.abs(b1), np.abs(b2) - gap), tiny)
         shift = np.maximum(shift, low)
-        for _ in range(INNER):
+        for _ in range(4):
             r1, r2 = (b1 / shift) ** 2, (b2 / (shift + gap)) ** 2
             length = r1 + r2
             slope = np.maximum(r1 / shift + r2 / (shift + gap), tiny)

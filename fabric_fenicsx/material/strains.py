@@ -1,15 +1,14 @@
 """The strains of a weave from its invariants, for NumPy and UFL alike."""
 
 import math
-from typing import Any
 
 from ..runtime.rules import Rule
 from .functions import atan, sqrt
+from .hyperdual import Number
 
 # nominal strain by which yarns are shorter under compression where a real ply rather wrinkles
 SHORTENED = 0.02
 CRUMPLED = 0.05  # shortening of yarns beyond which a cell crumples
-WEAVE_ANGLE = Rule("an angle above 0 and below pi", lambda v: 0 < v < math.pi)  # [rad]
 
 
 def share_name(strain: float) -> str:
@@ -17,30 +16,29 @@ def share_name(strain: float) -> str:
     return f"shortened_by_{100 * strain:g}_percent_share"
 
 
-def nominal_strain(I: Any) -> Any:
+def nominal_strain(I: Number) -> Number:
     """sqrt(I) - 1 [-] of I4 or I8, eq. (9), without its loss of digits near I = 1."""
     return (I - 1) / (sqrt(I) + 1)
 
 
-def shear_angle(I6: Any, area: Any, cos_angle: Any, sin_angle: Any) -> Any:
+def shear_angle(I6: Number, area: Number, cos_angle: Number, sin_angle: Number) -> Number:
     """Invariant I10 = gamma [rad], eq. (8), signed; area: of the fibre pair, sqrt(I4 I8 - I6^2);
     cos_angle, sin_angle: of the angle between the yarns without shear."""
     # smooth where the paper's arccos is not
     return atan(I6 / area) - atan(cos_angle / sin_angle)
 
 
-# strains, of (eps_a, eps_b, gamma), that depend on I4, on I6 and on I8
-DEPENDENT = (0, 2), (2,), (1, 2)
-
-
-def in_invariants(I: Any, A: Any, W1: Any, W2: Any) -> tuple[list[Any], list[list[Any]] | None]:
+def in_invariants(
+    I: Number, A: Number, W1: Number, W2: Number
+) -> tuple[list[Number], list[list[Number]] | None]:
     """First, [3], and second, [3][3], derivatives of an energy in I = (I4, I6, I8), from W1 [3] and
     W2 [3][3] in (eps_a, eps_b, gamma); None without W2. A: 1 / sqrt(I4 I8 - I6^2)."""
     I4, I6, I8 = I
+    depend = (0, 2), (2,), (1, 2)  # strains, of (eps_a, eps_b, gamma), on I4, on I6 and on I8
     three, a, b, g = range(3), 1 / sqrt(I4), 1 / sqrt(I8), I6 * A / 2
     # dq/dI
     J = {(0, 0): a / 2, (1, 2): b / 2, (2, 0): -g * a**2, (2, 1): A, (2, 2): -g * b**2}
-    first = [sum(W1[k] * J[k, i] for k in DEPENDENT[i]) for i in three]
+    first = [sum(W1[k] * J[k, i] for k in depend[i]) for i in three]
     if W2 is None:
         return first, None
     A3 = A**2 * A
@@ -54,10 +52,10 @@ def in_invariants(I: Any, A: Any, W1: Any, W2: Any) -> tuple[list[Any], list[lis
         (2, 1, 2): -I4 * A3 / 2,
         (2, 1, 1): I6 * A3,
     }
-    moved = [[sum(W2[k][m] * J[m, j] for m in DEPENDENT[j]) for j in three] for k in three]
+    moved = [[sum(W2[k][m] * J[m, j] for m in depend[j]) for j in three] for k in three]
 
     def second(i, j):
-        terms = [J[k, i] * moved[k][j] + W1[k] * H.get((k, i, j), 0) for k in DEPENDENT[i]]
+        terms = [J[k, i] * moved[k][j] + W1[k] * H.get((k, i, j), 0) for k in depend[i]]
         return sum(terms)
 
     return first, [[second(min(i, j), max(i, j)) for j in three] for i in three]
@@ -66,4 +64,5 @@ def in_invariants(I: Any, A: Any, W1: Any, W2: Any) -> tuple[list[Any], list[lis
 def check_weave_angle(angle: float) -> float:
     """`angle` between the yarns of a weave without shear [rad]; InputError unless it is above 0
     and below pi."""
-    return WEAVE_ANGLE.check("`weave_angle` [rad]", angle)
+    rule = Rule("an angle above 0 and below pi", lambda v: 0 < v < math.pi)
+    return rule.check("`weave_angle` [rad]", angle)

@@ -1,7 +1,6 @@
 """Outlines of sheets in files: polygons in CSV, drawings in DXF, boundaries of meshes."""
 
 from collections import Counter
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,16 +14,10 @@ from ..runtime.files import check_file, ending
 from ..runtime.formatting import rounded
 from .rings import joined, sheet_of
 
-READ = "a drawing (.dxf), a table of x and y (.csv, .txt), or a mesh"
-TABLES = (".csv", ".txt", ".xy")
+ALLOWED = "a drawing (.dxf), a table of x and y (.csv, .txt), or a mesh"
+TABLES = ".csv", ".txt", ".xy"
 CURVES = "LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE"  # of DXF
-# what is written beside lines
-TEXTS = "TEXT", "MTEXT", "DIMENSION", "ARC_DIMENSION", "LEADER", "MULTILEADER", "POINT", "ATTDEF"
-# mm in units of DXF without a factor in ezdxf: microinches, mils, and those of the US survey
-MISSING_UNITS = {8: 2.54e-5, 9: 0.0254, 21: 1.2e6 / 3937, 22: 1e5 / 3937, 23: 3.6e6 / 3937}
-MISSING_UNITS |= {24: 6.336e9 / 3937}
 PLANE_TOLERANCE = 1e-6  # extent in z over the others, below which lines lie in a plane
-Lines = Sequence[np.ndarray]
 
 
 def read_outline(path: Path | str, layer: str | None = None) -> tuple[shapely.Polygon, list[str]]:
@@ -36,19 +29,24 @@ def read_outline(path: Path | str, layer: str | None = None) -> tuple[shapely.Po
     file, a mesh, the boundary.
     """
     path = Path(path)
-    source, kind = f"outline {path}", ending(path)
-    check_file(path, "outline", READ)
+    source, kind, notes, hint = f"outline {path}", ending(path), [], ""
+    check_file(path, "outline", ALLOWED)
     if layer is not None and kind != ".dxf":
         raise InputError(f"`layer` is allowed only for a .dxf, not for {source}")
     if kind in TABLES:
         return sheet_of(_table(path, source), source), []
-    hint = ""
+    if kind == ".dxf":
+        lines, notes, hint = _drawing(path, source, layer)
+    else:
+        lines = _boundary(path)
+    size = np.ptp(np.concatenate(lines), axis=0)
+    if size[2] > PLANE_TOLERANCE * size.max():
+        raise InputError(
+            f"{source} reaches over {rounded(size[2])} mm in z; allowed is a drawing in x and y, "
+            "or a mesh in a plane z = const"
+        )
     try:
-        if kind == ".dxf":
-            lines, notes, hint = _drawing(path, source, layer)
-        else:
-            lines, notes = _boundary(path, source), []
-        return sheet_of(joined(lines, source), source), notes
+        return sheet_of(joined([line[:, :2] for line in lines], source), source), notes
     except InputError as error:
         raise InputError(f"{error}{hint}") from None
 
@@ -64,9 +62,8 @@ def read_trim_line(path: Path | str) -> tuple[list[np.ndarray], list[str]]:
     if kind in TABLES:
         lines = [np.vstack([ring, ring[:1]]) for ring in _table(path, source, ("x", "y", "z"))]
     elif kind == ".dxf":
-        lines, unit, notes, _ = _curves(path, source, None)
+        lines, notes, _ = _drawing(path, source, None)
         size = np.ptp(np.concatenate(lines), axis=0)
-        notes += [f"{unit}, so it is {rounded(size[0], 4)} mm long in x"] if unit else []
         if size[2] <= PLANE_TOLERANCE * size.max():
             lines = [line[:, :2] for line in lines]
     else:
@@ -76,20 +73,13 @@ def read_trim_line(path: Path | str) -> tuple[list[np.ndarray], list[str]]:
     return lines, notes
 
 
-# -- tables
-
-
 def _table(path, source, names=("x", "y")):
     """The rings of a table, (n, 2) or with z, if it has that and it is asked for, (n, 3)."""
     problems = Problems()
     try:
         lines = read_lines(path)
-        is_known = ("x", "y", "X", "Y").__contains__
-        table = table_of(lines, is_known, ("x", "y"))
-        if len(names) > len(table.names) and {len(cells) for cells in table.cells} == {3}:
-            table = table._replace(names=[*names], units=[*table.units, None])  # without a header
-        wanted = _columns(table, names)
-        columns = values_of(table, wanted, problems)
+        table = table_of(lines, ("x", "y", "X", "Y").__contains__, names)
+        columns = values_of(table, _columns(table, (*names, "ring")), problems)
         problems.stop()
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
@@ -102,62 +92,43 @@ def _table(path, source, names=("x", "y")):
     return [points[of.ravel() == k] for k in np.argsort(first).argsort()]
 
 
-def _columns(table, names_asked):
-    """The columns of a table, {number: (name, factor)}; of those `wanted` z may be missing."""
+def _columns(table, asked):
+    """The columns of a table, {number: (name, factor)}; of those `asked` for z and ring may be
+    missing."""
     names = [name.lower() for name in table.names]
     lengths, columns = factors("length"), {}
-    for name in (*names_asked, "ring"):
-        count = names.count(name)
-        if count > 1 or (not count and name in ("x", "y")):
-            raise InputError(f"row {table.top}: there are {count} columns {name}; allowed is one")
-        if count:
-            at = names.index(name)
-            unit = None if name == "ring" else table.units[at]
-            if unit not in (None, *lengths):
+    for name in asked:
+        if name in names:
+            unit = table.units[names.index(name)] or "mm"
+            if unit not in lengths:
                 raise InputError(
                     f"row {table.top}: unit of {name} is {unit}; allowed is {', '.join(lengths)}"
                 )
-            columns[at] = name, 1.0 if unit is None else lengths[unit]
+            columns[names.index(name)] = name, lengths[unit]
+        elif name in ("x", "y"):
+            raise InputError(f"row {table.top}: there is no column {name}; allowed are x and y")
     return columns
 
 
-# -- drawings
-
-
 def _drawing(path, source, layer):
-    """Lines of a flat drawing, what to say of it, and what to add to errors."""
-    lines, unit, notes, hint = _curves(path, source, layer)
-    size = np.ptp(np.concatenate(lines), axis=0)
-    if size[2] > PLANE_TOLERANCE * size.max():
-        raise InputError(
-            f"{source} reaches over {rounded(size[2])} mm in z; allowed is a drawing in x and y"
-        )
-    sides = " x ".join(rounded(side, 4) for side in size[:2])
-    notes += [f"{unit}, so it is {sides} mm"] if unit else []
-    return [line[:, :2] for line in lines], notes, hint
-
-
-def _curves(path, source, layer):
-    """Lines (n, 3) of a drawing [mm], words on its unit if that is not mm, sentences on what is not
+    """Lines (n, 3) of a drawing [mm], sentences on its unit if that is not mm and on what is not
     read, and what to add to errors."""
     from ezdxf import readfile, recover
     from ezdxf.lldxf.const import DXFError
     from ezdxf.math import Matrix44
 
     try:
-        # first bytes of a file
-        if path.read_bytes().startswith(b"AutoCAD Binary DXF"):
-            drawing, fixes = readfile(path), []
+        if path.read_bytes().startswith(b"AutoCAD Binary DXF"):  # which `recover` does not know
+            drawing = readfile(path)
+            auditor = drawing.audit()
         else:
             drawing, auditor = recover.readfile(path)
-            fixes = [each.message for each in auditor.fixes]
     except (DXFError, OSError, ValueError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(f"{source} cannot be read ({reason}); allowed is {READ}") from None
+        raise InputError(f"{source} cannot be read ({reason}); allowed is {ALLOWED}") from None
     states = {each.dxf.name.lower(): each for each in drawing.layers}
     drawn = [*_drawn(drawing.modelspace(), states, "0", Matrix44())]
-    curves = [each for each in drawn if _is_curve(each[0])]
-    layers = sorted({layer for _, layer, _ in curves})
+    layers = sorted({layer for entity, layer, _ in drawn if _is_curve(entity)})
     if layer is not None:
         asked = [name.strip().lower() for name in layer.split(",")]
         if missing := [name for name in asked if name not in map(str.lower, layers)]:
@@ -166,16 +137,19 @@ def _curves(path, source, layer):
                 f"{', '.join(layers) or 'none, as no layer has any'}"
             )
         drawn = [each for each in drawn if each[1].lower() in asked]
-        curves = [each for each in curves if each[1].lower() in asked]
-    beside = [entity.dxftype() for entity, *_ in drawn if not _is_curve(entity)]
-    others = Counter(kind for kind in beside if kind not in TEXTS)
+    curves = [each for each in drawn if _is_curve(each[0])]
+    others = Counter(entity.dxftype() for entity, *_ in drawn if not _is_curve(entity))
+    # what is written beside lines
+    for kind in "TEXT MTEXT DIMENSION ARC_DIMENSION LEADER MULTILEADER POINT ATTDEF".split():
+        others.pop(kind, None)
     unread = ", ".join(f"{count} {kind}" for kind, count in sorted(others.items()))
     notes = [f"{source} has {unread}, not read; allowed are {', '.join(CURVES)}"] if unread else []
+    fixes = [each.message for each in auditor.fixes]
     notes += [f"{source} is damaged: {each}" for each in fixes if each.startswith("Removed")]
     if not curves:
         more = f", but {unread}" if unread else ""
         raise InputError(f"{source} has no lines{more}; allowed are {', '.join(CURVES)}, visible")
-    factor, unit = _unit(drawing, source)
+    factor, unit = _unit(drawing)
     lines = []
     for curve, _, place in curves:
         if curve.dxftype() == "POLYLINE":  # beside a spline's points R12 has what they follow from
@@ -187,10 +161,13 @@ def _curves(path, source, layer):
         for line in _flattened(curve, 0.01 / factor / stretch):
             placed = place.transform_vertices(line)
             lines.append(factor * np.array([tuple(point) for point in placed]))
+    if unit:
+        sides = " x ".join(rounded(each, 4) for each in np.ptp(np.concatenate(lines), axis=0)[:2])
+        notes.append(f"{source} {unit}, so it is {sides} mm")
     hint = f"; it has {unread}, not read" if unread else ""
     if layer is None and len(layers) > 1:
         hint += f"; of its layers {', '.join(layers)} some may be left out by `layer`"
-    return lines, unit, notes, hint
+    return lines, notes, hint
 
 
 def _flattened(curve, chord):
@@ -240,37 +217,34 @@ def _drawn(entities, states, above, place):
             yield each, layer, place
 
 
-def _unit(drawing, source):
+def _unit(drawing):
     """Factor from a drawing's unit to mm, and words on a unit that is another one or none."""
     from ezdxf import units
-    from ezdxf.lldxf.const import DXFValueError
 
+    # mm in units without a factor in ezdxf: microinches, mils, those of the US survey
+    missing = {8: 2.54e-5, 9: 0.0254, 21: 1.2e6 / 3937, 22: 1e5 / 3937, 23: 3.6e6 / 3937}
+    missing |= {24: 6.336e9 / 3937}
     unit, mm = drawing.header.get("$INSUNITS", 0), units.InsertUnits.Millimeters
     if unit == mm:
         return 1.0, ""
     try:
-        factor = MISSING_UNITS.get(unit) or units.conversion_factor(units.InsertUnits(unit), mm)
-        factor = float(f"{factor:.9g}")
-        return factor, f"{source} is in {units.unit_name(unit).lower()} ($INSUNITS {unit})"
-    except (DXFValueError, TypeError, ValueError):
-        return 1.0, f"{source} names no unit ($INSUNITS {unit}) and is taken in mm"
+        factor = missing.get(unit) or units.conversion_factor(units.InsertUnits(unit), mm)
+        words = f"is in {units.unit_name(unit).lower()} ($INSUNITS {unit})"
+        return float(f"{factor:.9g}"), words
+    except (TypeError, ValueError):
+        return 1.0, f"names no unit ($INSUNITS {unit}) and is taken in mm"
 
 
-# -- meshes
-
-
-def _boundary(path, source):
-    """The edges of one cell of a mesh, as lines."""
-    points, cells, _ = read_surface_mesh(path, "outline", READ)
-    if np.ptp(points[:, 2]) > PLANE_TOLERANCE * np.ptp(points, axis=0).max():
-        raise InputError(
-            f"{source} is not plane in z; allowed is a mesh in a plane z = const, or a drawing"
-        )
+def _boundary(path):
+    """The edges of one cell of a mesh, as lines (2, 3)."""
+    points, cells, _ = read_surface_mesh(path, "outline", ALLOWED)
     edges = []
     for kind, nodes in cells.items():
         if not kind.startswith(("triangle", "quad")):
-            raise InputError(f"{source} holds cells {kind}; allowed are triangles and quads")
+            raise InputError(
+                f"outline {path} holds cells {kind}; allowed are triangles and quadrilaterals"
+            )
         corners = nodes[:, : 3 if kind.startswith("triangle") else 4]
         edges.append(np.stack([corners, np.roll(corners, -1, 1)], 2).reshape(-1, 2))
     edges, count = np.unique(np.sort(np.concatenate(edges), 1), axis=0, return_counts=True)
-    return [*points[edges[count == 1], :2]]
+    return [*points[edges[count == 1]]]

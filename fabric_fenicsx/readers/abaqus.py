@@ -10,12 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..runtime.errors import InputError
-from .surface_mesh import OtherFormat, SurfaceMesh, surface_kind
-
-# membranes, shells, rigid and surface elements, plane ones; then the number of nodes
-SURFACE = re.compile(r"(?:M3D|S|STRI|DS|R3D|SFM3D|CPS|CPE|CPEG|DC2D|AC2D|F3D)([34689])[A-Z0-9]*")
-SOLID = re.compile(r"(?:C3D|SC|CSS|DC3D|AC3D|CCL)\d")
-CORNERS = {3: 3, 6: 3, 4: 4, 8: 4, 9: 4}  # by the number of nodes
+from .surface_mesh import SurfaceMesh, surface_kind
 
 
 @dataclass
@@ -27,7 +22,7 @@ class _Part:
 
 def read_abaqus(path: Path) -> SurfaceMesh:
     """The surface elements of an Abaqus input file [mm], instances where the assembly has them.
-    Raises InputError, without the file's name, OtherFormat for a file of another program."""
+    Raises InputError, without the file's name, ValueError and OSError."""
     parts: dict[str, _Part] = {"": _Part()}
     placed: list[tuple[_Part, list[np.ndarray]]] = []
     part = own = parts[""]
@@ -38,24 +33,19 @@ def read_abaqus(path: Path) -> SurfaceMesh:
             part = parts.setdefault(options.get("NAME", "").upper(), _Part())
             if keyword == "INSTANCE":
                 part = parts.setdefault(options.get("PART", "").upper(), part)
-                placed.append((part, [_numbers([row], _length, keyword) for row in rows]))
+                placed.append((part, [_numbers([row], _length) for row in rows]))
         elif keyword in ("END PART", "END INSTANCE"):
             part = own
         elif keyword == "NODE":
             if (system := options.get("SYSTEM", "R")).upper() != "R":
-                allowed = "allowed are rectangular coordinates"
-                raise InputError(f"has *NODE, SYSTEM={system}; {allowed}")
+                raise InputError(f"has *NODE, SYSTEM={system}; allowed is R, rectangular")
             for row in rows:
-                number, *place = _numbers([row], _length, "NODE")
+                number, *place = _numbers([row], _length)
                 part.nodes[int(number)] = [*place[:3], 0.0, 0.0, 0.0][:3]
         elif keyword == "ELEMENT":
             _add_elements(part, options.get("TYPE", "").upper(), rows)
     if part is not own:
-        raise InputError(
-            "has a part or instance without *END: it is cut off; allowed is a whole file"
-        )
-    if not any(each.nodes for each in parts.values()):
-        raise OtherFormat("no *NODE with rows")
+        raise InputError("has a part or instance without *END; allowed is a whole file")
     if not placed:
         placed = [(each, []) for each in parts.values() if each is not own]
     return _assembled([(own, []), *placed])
@@ -63,12 +53,7 @@ def read_abaqus(path: Path) -> SurfaceMesh:
 
 def _blocks(path: Path) -> Iterator[tuple[str, dict[str, str], list[str]]]:
     """Keyword, options and rows of data of each block, also of files that are included."""
-    try:
-        lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
-    except OSError as error:
-        raise InputError(
-            f"names {path}: {error.strerror}; allowed is a file that is there"
-        ) from None
+    lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
     lines = [line.strip() for line in lines if line.strip() and not line.lstrip().startswith("**")]
     heads = [i for i, line in enumerate(lines) if line.startswith("*")]
     for head, following in zip(heads, [*heads[1:], len(lines)]):
@@ -88,14 +73,9 @@ def _blocks(path: Path) -> Iterator[tuple[str, dict[str, str], list[str]]]:
         yield keyword, options, rows
 
 
-def _numbers(rows, of, keyword):
+def _numbers(rows, of):
     """All numbers of rows of data, one behind the other."""
-    words = [word.strip() for row in rows for word in row.rstrip(" ,").split(",")]
-    try:
-        return np.array([of(word) for word in words])
-    except ValueError as error:
-        word = str(error).split(": ")[-1]
-        raise InputError(f"has a row under *{keyword} with {word}; allowed are numbers") from None
+    return np.array([of(word.strip()) for row in rows for word in row.rstrip(" ,").split(",")])
 
 
 def _length(word):
@@ -104,19 +84,14 @@ def _length(word):
 
 
 def _add_elements(part, of, rows):
-    surface = SURFACE.fullmatch(of)
-    if not surface:
-        part.others[of] = 3 if SOLID.match(of) else 1
+    # membranes, shells, rigid and surface elements, plane ones; then the number of nodes
+    surface = r"(?:M3D|S|STRI|DS|R3D|SFM3D|CPS|CPE|CPEG|DC2D|AC2D|F3D)([34689])[A-Z0-9]*"
+    if not (known := re.fullmatch(surface, of)):
+        part.others[of] = 3 if re.match(r"(?:C3D|SC|CSS|DC3D|AC3D|CCL)\d", of) else 1
         return
-    nodes = int(surface[1])
-    numbers = _numbers(rows, int, "ELEMENT")
-    if len(numbers) % (nodes + 1):
-        raise InputError(
-            f"has {len(numbers)} numbers under *ELEMENT, TYPE={of}; allowed are "
-            f"{nodes + 1} for each element, its own and those of {nodes} nodes"
-        )
-    cells = numbers.reshape(-1, nodes + 1)[:, 1:]
-    part.blocks.append((surface_kind(CORNERS[nodes], nodes), cells))
+    nodes = int(known[1])
+    cells = _numbers(rows, int).reshape(-1, nodes + 1)[:, 1:]  # behind the element's own number
+    part.blocks.append((surface_kind(3 if nodes in (3, 6) else 4, nodes), cells))
 
 
 def _assembled(placed):
@@ -130,10 +105,7 @@ def _assembled(placed):
         order = np.argsort(own)
         for kind, cells in part.blocks:
             if (lost := np.setdiff1d(cells, own)).size:
-                raise InputError(
-                    f"has an element with node {lost[0]}, which *NODE does not "
-                    "have; allowed are nodes that are there"
-                )
+                raise InputError(f"lacks node {lost[0]} of an element; allowed is a whole file")
             blocks.append((kind, order[np.searchsorted(own, cells, sorter=order)] + start))
         points.append(_moved(np.array(list(part.nodes.values())).reshape(-1, 3), move))
         others |= part.others

@@ -13,12 +13,11 @@ import numpy as np
 from ..runtime.errors import InputError
 from ..runtime.files import check_file, ending
 from ..runtime.formatting import coordinates, rounded
-from ..runtime.rules import FINITE, Rule, shown, unknown_key
+from ..runtime.rules import FINITE, Rule, unknown_key
 from .text_tables import Problems, read_lines, table_of, values_of
 
-AXES = "x", "y", "z"
-UNITS = None, "deg", "mm", "deg C", "C", "-"  # that a column of values may state
 ALLOWED = "a CSV with columns x, y and one more, or a mesh with values at its points"
+Function = Callable[..., np.ndarray | float]  # of arrays x, y and perhaps z (n,) [mm]
 
 
 class Field:
@@ -50,22 +49,24 @@ class Field:
     [180.0, 20.0]
     """
 
-    def __init__(self, source: Callable[..., Any] | str | os.PathLike[str], name: str = "") -> None:
+    def __init__(self, source: Function | str | os.PathLike[str], name: str = "") -> None:
         self.source, self.name = source, name
         self.label, self.rule, self.axes = "the field", FINITE, "xy"
         self._places, self._values = np.empty((2, 0))
         if not callable(source):
             from scipy.spatial import cKDTree  # takes long to import
 
-            self._places, self._values = _read(Path(source), name)
-            self._between = _interpolated(self._places, self._values, f"{source}: its")
+            try:
+                self._places, self._values = _read(Path(source), name)
+                self._between = _interpolated(self._places, self._values)
+            except InputError as error:
+                raise InputError(f"{source}: {error}") from None
             self._nearest = cKDTree(self._places)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Field):
             return NotImplemented
-        mine, others = (each.content or each.source for each in (self, other))
-        return mine == others
+        return (self.content or self.source) == (other.content or other.source)
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -89,31 +90,32 @@ class Field:
     def at(self, x: np.ndarray) -> np.ndarray:
         """Values (n,) at places x (n, 3) [mm]. Raises InputError where there are none."""
         if not callable(self.source):
-            places = x[:, : self._places.shape[1]]
-            values = self._between(places)
-            out = np.isnan(values)
-            distance, nearest = self._nearest.query(places[out])
-            if (distance > np.ptp(self._places, axis=0).max()).any():
-                k = distance.argmax()
-                raise InputError(
-                    f"{self.label}: {self.source} has no point within {rounded(distance[k])} mm of "
-                    f"{coordinates(places[out][k])} mm; allowed are points about the places where "
-                    "the sheet lies in the press"
-                )
-            values[out] = self._values[nearest]
-            return values
-        axes = list(self.axes)
+            return self._at_points(x[:, : self._places.shape[1]])
+        axes = ", ".join(self.axes)
         try:
-            values = np.asarray(self.source(*x.T[: len(axes)]), float)
+            values = np.asarray(self.source(*x.T[: len(self.axes)]), float)
             values = np.broadcast_to(values, len(x)).copy()
         except Exception as error:  # a user's function raises whatever it does
             words = " ".join(str(error).split())
             raise InputError(
-                f"{self.label} as a function of {', '.join(axes)} fails ({type(error).__name__}: "
-                f"{words}); allowed is one of arrays, as lambda {', '.join(axes)}: "
-                "np.where(x > 0, 1.0, 2.0)"
+                f"{self.label} as a function of {axes} fails ({type(error).__name__}: {words}); "
+                f"allowed is one of arrays, as lambda {axes}: np.where(x > 0, 1.0, 2.0)"
             ) from None
         self._check(values, x)
+        return values
+
+    def _at_points(self, places):
+        values = self._between(places)
+        out = np.isnan(values)
+        distance, nearest = self._nearest.query(places[out])
+        if (distance > np.ptp(self._places, axis=0).max()).any():
+            k = distance.argmax()
+            raise InputError(
+                f"{self.label}: {self.source} has no point within {rounded(distance[k])} mm of "
+                f"{coordinates(places[out][k])} mm; allowed are points about the places where "
+                "the sheet lies in the press"
+            )
+        values[out] = self._values[nearest]
         return values
 
     @property
@@ -125,7 +127,7 @@ class Field:
         return hashlib.sha256(data).hexdigest()[:16]
 
     @property
-    def entry(self) -> Any:
+    def entry(self) -> Function | str | dict[str, str]:
         """As a press's file says it; a function as it is."""
         if callable(self.source):
             return self.source
@@ -139,7 +141,7 @@ class Field:
 
     def _check(self, values, places):
         """Raise InputError for a value that the rule does not allow."""
-        for k in [] if not len(values) else {int(np.argmin(values)), int(np.argmax(values))}:
+        for k in {int(np.argmin(values)), int(np.argmax(values))} if len(values) else ():
             where = f"{self.label} at {coordinates(places[k])} mm"
             self.rule.check(where, float(values[k]))
 
@@ -152,7 +154,7 @@ class OfPlace(Rule):
     numbers: Rule = FINITE
     axes: str = "xy"
 
-    def check(self, name: str, value: Any) -> Any:
+    def check(self, name: str, value: object) -> Any:
         """As of `Rule`: a number, or the `Field`."""
         if callable(value) or isinstance(value, (str, os.PathLike)):
             value = Field(value)
@@ -167,7 +169,7 @@ def of_place(rule: Rule, axes: str = "xy") -> OfPlace:
     return OfPlace(**vars(rule) | {"allowed": words}, numbers=rule, axes=axes)
 
 
-def from_entry(value: Any, path: str, found: Callable[[Any, str], str]) -> Any:
+def from_entry(value: object, path: str, found: Callable[[object, str], str]) -> object:
     """What an option of a file that takes a field has: a number, a file's name or a table of one.
     found: function of a file's name, and what messages call it, to its path."""
     if isinstance(value, str):
@@ -183,16 +185,21 @@ def from_entry(value: Any, path: str, found: Callable[[Any, str], str]) -> Any:
 def _read(path, name):
     """Places (n, 2 or 3) [mm] and values (n,) of the points in a file, each place once."""
     check_file(path, "file", ALLOWED)
-    try:
-        is_table = ending(path) in (".csv", ".txt", ".dat")
-        places, values = _once(*(_of_table if is_table else _of_mesh)(path, name))
-        is_flat = places.shape[1] == 3 and np.ptp(places[:, 2]) < 1e-9
-        return places[:, :2] if is_flat else places, values
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+    places, values = (_of_table if ending(path) in (".csv", ".txt", ".dat") else _of_mesh)(
+        path, name
+    )
+    once, first, which = np.unique(places.round(9), axis=0, return_index=True, return_inverse=True)
+    others = values[first][which.ravel()]
+    apart = abs(values - others) > 1e-9 * np.maximum(abs(values), 1.0)
+    if apart.any():
+        k = apart.argmax()
+        both = f"{rounded(others[k], 4)} and {rounded(values[k], 4)}"
+        raise InputError(f"at {coordinates(places[k])} mm there are the values {both}")
+    is_flat = once.shape[1] == 3 and np.ptp(once[:, 2]) < 1e-9
+    return once[:, :2] if is_flat else once, values[first]
 
 
-def _interpolated(places, values, whose):
+def _interpolated(places, values):
     """Function of places (m, k) to values (m,), NaN beyond the points."""
     from scipy.interpolate import LinearNDInterpolator  # takes long to import
     from scipy.spatial import QhullError
@@ -200,27 +207,25 @@ def _interpolated(places, values, whose):
     try:
         return LinearNDInterpolator(places, values)
     except (QhullError, ValueError):
-        few = "3 or more that span an area" if places.shape[1] == 2 else "4 or more in space"
+        few = ("area", "3") if places.shape[1] == 2 else ("volume", "4")
         raise InputError(
-            f"{whose} {len(values)} points span no {'area' if places.shape[1] == 2 else 'volume'}; "
-            f"allowed are {few}"
+            f"its {len(values)} points span no {few[0]}; allowed are {few[1]} or more that do"
         ) from None
 
 
 def _of_table(path, name):
-    table = table_of(read_lines(path), AXES.__contains__)
-    axes = [axis for axis in AXES if axis in table.names]
-    others = [each for each in table.names if each not in AXES]
-    name = _chosen(others, name, "column")
-    if axes[:2] != ["x", "y"]:
-        raise InputError(f"row {table.top} has no columns x and y; allowed is {ALLOWED}")
-    columns = {table.names.index(each): (each, 1.0) for each in [*axes, name]}
-    for k, (each, _) in columns.items():
-        allowed = (None, "mm") if each in AXES else UNITS
-        if table.units[k] not in allowed:
-            words = ", ".join(unit for unit in allowed if unit)
-            raise InputError(f"column {each} is in {table.units[k]}; allowed is one of {words}")
+    table = table_of(read_lines(path), ("x", "y", "z").__contains__)
+    names = table.names
+    axes = [axis for axis in ("x", "y", "z") if axis in names]
+    name = _chosen([each for each in names if each not in axes], name, "column")
+    for each in ("x", "y", *axes[2:], name):
+        unit = table.units[names.index(each)] if each in names else "no place"
+        allowed = ("mm",) if each in axes else ("deg", "mm", "deg C", "C", "-")
+        if unit not in (None, *allowed):
+            words = ", ".join(allowed)
+            raise InputError(f"column {each} is in {unit}; allowed is one of {words}")
     problems = Problems()
+    columns = {names.index(each): (each, 1.0) for each in (*axes, name)}
     numbers = values_of(table, columns, problems)
     problems.stop()
     return np.stack([numbers[axis] for axis in axes], 1), numbers[name]
@@ -236,31 +241,13 @@ def _of_mesh(path, name):
         raise InputError(f"can't be read ({words}); allowed is {ALLOWED}") from None
     fields = {k: np.asarray(v, float) for k, v in mesh.point_data.items() if np.ndim(v) == 1}
     values = fields[_chosen(list(fields), name, "field at points")]
-    if not np.isfinite(values).all():
-        raise InputError(f"{name or 'the field'} has values that are no numbers")
     return np.asarray(mesh.points, float), values
 
 
 def _chosen(names, name, kind):
     """The name that is asked for, or the only one there is."""
-    if name and name not in names:
-        raise unknown_key(name, names, f"{kind} {shown(name)}")
-    if name or len(names) == 1:
+    if name in names or (not name and len(names) == 1):
         return name or names[0]
-    found = f"{len(names)} {kind}s of values, {', '.join(names)}" if names else "no values"
-    raise InputError(f"has {found}; allowed is one {kind}, or one that is named by `field`")
-
-
-def _once(places, values):
-    """Places and values without repeated ones; InputError where one place has two values."""
-    different, which = np.unique(places.round(9), axis=0, return_inverse=True)
-    which = which.ravel()
-    low, high = np.full((2, len(different)), [[np.inf], [-np.inf]])
-    np.minimum.at(low, which, values)
-    np.maximum.at(high, which, values)
-    twice = np.flatnonzero(high - low > 1e-9 * np.maximum(abs(high), 1.0))
-    if len(twice):
-        k = twice[0]
-        both = f"{rounded(low[k], 4)} and {rounded(high[k], 4)}"
-        raise InputError(f"at {coordinates(different[k])} mm there are the values {both}")
-    return different, high
+    found = f"has the {kind}s {', '.join(names)}" if names else f"has no {kind} of values"
+    asked = f", not {name!r}" if name else ""
+    raise InputError(f"{found}{asked}; allowed is one, or one of them that `field` names")

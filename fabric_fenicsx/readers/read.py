@@ -1,144 +1,162 @@
-"""One mesh from a file: the first reader that reads it without doubt counts."""
+"""The surface mesh in a file, by the one library that reads its format, in a process of its own:
+libraries print, exit, crash, and change the locale."""
 
-import locale
-import logging
-import os
 import re
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout, suppress
+from contextlib import suppress
 from pathlib import Path
-from tempfile import TemporaryFile
+from tempfile import TemporaryDirectory
 
+import numpy as np
+
+from ..runtime.child import in_child
 from ..runtime.errors import InputError
 from ..runtime.files import check_file, ending
 from .abaqus import read_abaqus
-from .libraries import NotMine, by_gmsh, by_meshio, by_pyvista
 from .stl import read_stl
-from .surface_mesh import SurfaceMesh
-from .unseen import NASTRAN, check_coordinate_systems, check_end
+from .surface_mesh import SurfaceMesh, surface_kind
 
-Reader = Callable[[Path], SurfaceMesh]
-OWN: dict[str, tuple[str, Reader]] = {".stl": ("STL", read_stl), ".inp": ("Abaqus", read_abaqus)}
-LIBRARIES: tuple[tuple[str, Reader], ...] = (
-    ("meshio", by_meshio),
-    ("gmsh", by_gmsh),
-    ("PyVista", by_pyvista),
-)
-READ = "a mesh that meshio, gmsh or PyVista reads"
-MAX_REASON = 160  # of a reader's reason, in letters
-DOUBT = re.compile(r"\b(warning|warn|error|err)\b", re.IGNORECASE)
+READ = "a mesh that gmsh, PyVista or meshio reads"
+NASTRAN = ".bdf", ".nas", ".dat", ".fem"
+# how whole files end, which libraries read without a word where they are cut off
+ENDS = {
+    (".step", ".stp"): rb"END-ISO-10303-21\s*;",
+    (".iges", ".igs"): rb"T *\d+\s*$",
+    (".brep",): rb"\n[+-]\d+ \d+\s*$",
+    (".unv",): rb"\n *-1\s*$",
+    (".obj", ".ply2"): rb"\n$",
+    NASTRAN: rb"\n$|ENDDATA\s*$",
+}
 
 
 def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh:
-    """The mesh in a file, with surface cells; `what` and `allowed` are words of errors. A reader
-    that warns, or names nodes that are not there, counts if no other one reads the file."""
+    """The mesh in a file, with surface cells; `what` and `allowed` are words of errors."""
     check_file(path, what, allowed)
     check_end(path, what)
-    if ending(path) == ".h5" and path.with_suffix(".xdmf").is_file():
-        raise InputError(
-            f"{what} {path} has numbers alone; allowed is its {path.with_suffix('.xdmf')}"
-        )
-    if ending(path) in NASTRAN:
-        check_coordinate_systems(path, what)
-    reasons: list[str] = []
-    doubtful: list[SurfaceMesh] = []
-    without: list[SurfaceMesh] = []
-    own = [OWN[ending(path)]] if ending(path) in OWN else []
-    for name, reader in (*own, *LIBRARIES):
-        try:
-            mesh, reason = _attempt(reader, path)
-        except InputError as error:
-            raise InputError(f"{what} {path} {error}") from None
-        if mesh and mesh.sound and not reason:
-            return mesh
-        if mesh and len(mesh.points):
-            (doubtful if mesh.cells else without).append(mesh)
-        elif mesh or reason:
-            reasons.append(f"{name}: {reason or 'no nodes in it'}")
-    if doubtful:
-        return doubtful[0]
-    if without:
-        others = sorted(next((mesh.others for mesh in without if mesh.others), {}))
-        curves = ending(path) == ".msh" and "line" in others
-        more = ": gmsh saves them too with Mesh.SaveAll = 1" if curves else ""
-        raise InputError(
-            f"{what} {path} holds no surface cells, but {others or 'nodes alone'}; allowed is "
-            f"{allowed}, with triangles or quadrilaterals{more}"
-        )
-    why = "; ".join(reasons) or "no reader knows this ending"
-    raise InputError(
-        f"{what} {path} cannot be read as {path.suffix or 'a mesh'} ({why}); allowed is {allowed}"
-    )
-
-
-def _attempt(reader: Reader, path: Path) -> tuple[SurfaceMesh | None, str]:
-    """The mesh that a reader finds, and its reason to fail or to doubt, "" if there is none."""
-    lines: list[str] = []
+    kind = ending(path)
+    library = _by_meshio
+    if kind in (".msh", ".unv", ".ply2", ".p3d", *NASTRAN):
+        library = _by_gmsh
+    elif re.fullmatch(r"\.(vt\w+|pv\w+|e|exo|ex2)", kind):
+        library = _by_pyvista
     try:
-        with ExitStack() as stack:
-            # VTK reads legacy files in C's locale and stays there, where Python takes all text for
-            # ASCII
-            stack.callback(locale.setlocale, locale.LC_ALL, locale.setlocale(locale.LC_ALL))
-            stack.enter_context(_printed(lines))
+        if reader := {".stl": read_stl, ".inp": read_abaqus, ".obj": _read_obj}.get(kind):
             mesh = reader(path)
-    except InputError:
-        raise
-    except NotMine:
-        return None, ""
-    # the libraries raise whatever their parsing stumbles on, or exit
-    except (Exception, SystemExit) as error:
-        reasons = [_reason(error)], _first_of_vtk(lines), ["it gives no reason"]
-        return None, next(filter(None, (_line(each, path) for each in reasons)))
-    return mesh, _line(filter(DOUBT.search, _first_of_vtk(lines)), path)
+        else:
+            mesh = SurfaceMesh.collected(*in_child(library, path.absolute()))
+    except InputError as error:
+        raise InputError(f"{what} {path} {error}") from None
+    except (RuntimeError, ValueError, OSError) as error:
+        raise InputError(
+            f"{what} {path} cannot be read as {kind or 'a mesh'} ({error}); allowed is {allowed}"
+        ) from None
+    if not mesh.cells:
+        raise InputError(
+            f"{what} {path} holds no surface cells, but {sorted(mesh.others) or 'nodes alone'}; "
+            f"allowed is {allowed}, with triangles or quadrilaterals"
+        )
+    last = len(mesh.points) - 1
+    if not all(0 <= cells.min() and cells.max() <= last for cells in mesh.cells.values()):
+        raise InputError(f"{what} {path} lacks nodes of its cells; allowed is a whole file")
+    return mesh
 
 
-def _reason(error):
-    """The text of an error, with its kind where a text as a KeyError's is none without."""
-    kind, text = type(error).__name__, " ".join(str(error).split())
-    if kind in ("SystemExit", "VTKExecutionError"):  # what it follows from is printed
-        return ""
-    is_whole = not text or kind in ("Exception", "ReadError", "OtherFormat")
-    return text if is_whole else f"{kind}: {text}"
+def check_end(path: Path, what: str) -> None:
+    """InputError for a file that ends before its format does; `what` it is, in words."""
+    end = next((end for endings, end in ENDS.items() if ending(path) in endings), b"")
+    if not re.search(end, path.read_bytes()[-1000:], re.IGNORECASE):
+        raise InputError(
+            f"{what} {path} does not end as {path.suffix} files do: it is cut off, or of another "
+            "format; allowed is a whole file"
+        )
 
 
-def _first_of_vtk(lines):
-    """VTK's first error without time and place, from which others follow; all lines without one."""
-    errors = [line for line in lines if "ERR|" in line][:1]
-    return [re.sub(r".*ERR\|( vtk\w* \(\w*\):)?", "Error:", line) for line in errors] or lines
+def _read_obj(path):
+    """Points and faces, without weights, textures and normals, in which libraries stumble."""
+    lines = [line.split() for line in path.read_text("utf-8", "replace").splitlines()]
+    points = np.array([words[1:4] for words in lines if words[:1] == ["v"]], float)
+    faces = [words[1:] for words in lines if words[:1] == ["f"]]
+    cells = [np.array([[int(each.split("/")[0]) - 1 for each in face]]) for face in faces]
+    kinds = [surface_kind(cell.size, cell.size) for cell in cells]
+    return SurfaceMesh.collected(points.reshape(-1, 3), zip(kinds, cells), {})
 
 
-def _line(lines, path):
-    """One short line of a reader's text, without the file's name."""
-    text = " ".join(" ".join(lines).split()).replace(str(path.absolute()), path.name)
-    text = text.replace(str(path), path.name)
-    text = re.sub(r"\x1b\[[0-9;]*m|Error: Couldn't read file .*", "", text)
-    text = "".join(letter if letter.isprintable() else "?" for letter in text)
-    text = text.strip(" ;").removeprefix("Error: ")
-    return text if len(text) <= MAX_REASON else text[:MAX_REASON].rsplit(" ", 1)[0] + " ..."
+# Libraries give points (n, 2 or 3), (kind, cells (m, k)) of surface cells, and {kind: dimension} of
+# others. They raise whatever their parsing stumbles on.
 
 
-@contextmanager
-def _printed(lines: list[str]) -> Iterator[None]:
-    """Add what the block prints, by Python or by libraries in C, to `lines`."""
-    with TemporaryFile("w+", encoding="utf-8", errors="replace") as file:
-        kept = []
-        for stream, number in ((sys.stdout, 1), (sys.stderr, 2)):
-            with suppress(OSError, ValueError, AttributeError):
-                stream.flush()
-            with suppress(OSError):  # a process may have closed it
-                kept.append((number, os.dup(number)))
-                os.dup2(file.fileno(), number)
-        try:
-            with redirect_stdout(file), redirect_stderr(file):
-                yield
-        finally:
-            file.flush()
-            for handler in logging.root.handlers:  # one that was made meanwhile
-                if isinstance(handler, logging.StreamHandler) and handler.stream is file:
-                    handler.setStream(sys.stderr)
-            for number, copy in kept:
-                os.dup2(copy, number)
-                os.close(copy)
-            file.seek(0)
-            lines += file.read().splitlines()
+def _by_gmsh(path):
+    import gmsh
+
+    text = path.read_bytes()
+    if ending(path) == ".msh" and not text.startswith(b"$"):  # gmsh would run it as a script
+        raise ValueError("it has no section that begins with $")
+    if ending(path) in NASTRAN:
+        _check_coordinate_systems(text.decode("latin-1"))
+    gmsh.initialize(readConfigFiles=False)
+    with TemporaryDirectory() as folder:
+        # gmsh does not know OptiStruct's name, and few in capitals
+        link = Path(folder) / f"mesh{'.bdf' if ending(path) in NASTRAN else ending(path)}"
+        link.symlink_to(path)
+        gmsh.merge(str(link))
+    numbers, x, _ = gmsh.model.mesh.getNodes()
+    order = np.argsort(numbers)
+    blocks, others = [], {}
+    for kind, _, nodes in zip(*gmsh.model.mesh.getElements()):
+        name, dim, _, count, *_ = gmsh.model.mesh.getElementProperties(kind)
+        if dim == 2:
+            at = order[np.searchsorted(numbers, nodes, sorter=order)]
+            corners = 3 if name.startswith("Tri") else 4
+            blocks.append((surface_kind(corners, count), at.reshape(-1, count)))
+        else:
+            others[name.lower()] = dim
+    return x.reshape(-1, 3), blocks, others
+
+
+def _check_coordinate_systems(text):
+    """ValueError for nodes of a Nastran deck in a coordinate system of their own, as gmsh takes
+    all places for basic ones."""
+    # separated by commas, in fields of 16 columns, in fields of 8
+    card = r"^ *GRID(?: *\*? *,[^,\n]*, *(\d+)|\* {3}.{16}([ \d]{16})| {4}.{8}([ \d]{8})).*$"
+    for found in re.finditer(card, text.expandtabs(8), re.MULTILINE | re.IGNORECASE):
+        if (system := "".join(found.groups("")).strip()).strip("0"):
+            words = " ".join(found[0].split())
+            raise ValueError(f"it has a GRID in coordinate system {system}, {words}")
+
+
+def _by_pyvista(path):
+    import pyvista
+
+    with pyvista.VtkErrorCatcher(send_to_logging=False) as caught, suppress(RuntimeError):
+        reader = pyvista.get_reader(str(path))
+        if hasattr(reader.reader, "SetGenerateGlobalNodeIdArray"):  # blocks of Exodus share nodes
+            reader.reader.SetGenerateGlobalNodeIdArray(True)
+        mesh = reader.read()
+    if caught.error_events:  # others follow from the first
+        raise ValueError(caught.error_events[0].alert)
+    if isinstance(mesh, pyvista.MultiBlock):
+        mesh = mesh.combine(merge_points=True)
+    if isinstance(mesh, pyvista.PolyData) and mesh.n_strips:
+        mesh = mesh.triangulate()
+    return _parts(pyvista.to_meshio(mesh))
+
+
+def _by_meshio(path):
+    import meshio
+
+    if b"Temporal" in path.read_bytes() and ending(path) in (".xdmf", ".xmf"):
+        with meshio.xdmf.TimeSeriesReader(path) as series:  # all times share the mesh
+            return _parts(meshio.Mesh(*series.read_points_cells()))
+    return _parts(meshio.read(path))
+
+
+def _parts(mesh):
+    """What readers give, of meshio's mesh."""
+    blocks, others = [], {}
+    for block in mesh.cells:
+        if block.dim != 2:
+            others[block.type] = block.dim
+        elif block.type.startswith("polygon"):
+            blocks += [(surface_kind(len(cell), len(cell)), cell[None]) for cell in block.data]
+        else:
+            blocks.append((block.type, block.data))
+    return mesh.points, blocks, others

@@ -7,52 +7,47 @@ from pathlib import Path
 import numpy as np
 
 from ..runtime.errors import InputError
-from .surface_mesh import OtherFormat, SurfaceMesh
-
-HEADER, FACET = 84, 50  # bytes
-SPELLED = str.maketrans(",dD", ".ee")  # decimal commas, exponents of Fortran
-FACETS = re.compile(r"(?<!\S)facet\s+normal(?!\S)", re.IGNORECASE)
-VERTICES = re.compile(r"(?<!\S)vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
+from .surface_mesh import SurfaceMesh
 
 
 def read_stl(path: Path) -> SurfaceMesh:
     """The triangles of an STL file [mm]; corners at one place are one point. Raises InputError,
-    without the file's name, for one that is cut off, OtherFormat for one that is no STL."""
+    without the file's name, for one that is cut off or no STL, ValueError for what is no number."""
     data = path.read_bytes()
-    count = int.from_bytes(data[HEADER - 4 : HEADER], "little")
-    if count and len(data) >= HEADER + FACET * count:
-        more, rest = (len(data) - HEADER) // FACET - count, data[HEADER + FACET * count :]
+    header, facet = 84, 50  # bytes; a facet is its normal, three corners and two bytes
+    count = int.from_bytes(data[header - 4 : header], "little")
+    if count and len(data) >= header + facet * count:
+        more, rest = (len(data) - header) // facet - count, data[header + facet * count :]
         if more and any(rest):
             raise InputError(
                 f"counts {count} triangles in its header and holds {count + more}; allowed is the "
                 "same number: save it again"
             )
-        # a facet is its normal, three corners and two bytes
-        facets = np.frombuffer(data, np.dtype([("x", "<f4", (4, 3)), ("-", "<u2")]), count, HEADER)
+        facets = np.frombuffer(data, np.dtype([("x", "<f4", (4, 3)), ("-", "<u2")]), count, header)
         corners = facets["x"][:, 1:].reshape(-1, 3).astype(float)
-    elif FACETS.search(text := data.decode("latin-1")):
-        corners = _text(text)
-    elif b"\0" in data:
+    elif b"\0" in data and not _facets(data):
         raise InputError(
-            f"tells of {count} triangles and holds {max(0, len(data) - HEADER)} "
-            f"bytes of them; allowed are {FACET} bytes a triangle: it may be cut off"
+            f"tells of {count} triangles and holds {max(0, len(data) - header)} "
+            f"bytes of them; allowed are {facet} bytes a triangle: it may be cut off"
         )
     else:
-        raise OtherFormat("neither facets in words nor a binary STL")
+        corners = _text(data)
     points, number = np.unique(corners, axis=0, return_inverse=True)
     return SurfaceMesh.collected(points, [("triangle", number.reshape(-1, 3))], {})
 
 
-def _text(text):
-    facets, vertices = len(FACETS.findall(text)), VERTICES.findall(text)
+def _facets(data):
+    return re.findall(rb"(?<!\S)facet\s+normal(?!\S)", data, re.IGNORECASE)
+
+
+def _text(data):
+    vertex = rb"(?<!\S)vertex\s+(\S+)\s+(\S+)\s+(\S+)"
+    facets, vertices = len(_facets(data)), re.findall(vertex, data, re.IGNORECASE)
     # letters in which a text ends
-    if len(vertices) != 3 * facets or "endsolid" not in text[-1000:].lower():
+    if not facets or len(vertices) != 3 * facets or b"endsolid" not in data[-1000:].lower():
         raise InputError(
-            f"has {len(vertices)} vertices in {facets} facets; allowed are three "
-            "in each, and `endsolid` at the end: it may be cut off"
+            f"cannot be read as .stl (it has {len(vertices)} vertices in {facets} facets); allowed "
+            "are three in each, and `endsolid` at the end: it may be cut off"
         )
-    try:
-        return np.array([[word.translate(SPELLED) for word in each] for each in vertices], float)
-    except ValueError as error:
-        word = str(error).split(": ")[-1]
-        raise InputError(f"has a coordinate {word}; allowed are numbers in mm") from None
+    spelled = bytes.maketrans(b",dD", b".ee")  # decimal commas, exponents of Fortran
+    return np.array([[word.translate(spelled) for word in each] for each in vertices], float)

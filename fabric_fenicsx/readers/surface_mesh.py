@@ -1,13 +1,9 @@
 """A surface mesh as any reader finds it in a file."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import NamedTuple, Self
 
 import numpy as np
-
-
-class OtherFormat(Exception):
-    """A file whose content is of another format than its ending says; the message is the reason."""
 
 
 def surface_kind(corners: int, nodes: int) -> str:
@@ -26,23 +22,14 @@ class SurfaceMesh(NamedTuple):
 
     @classmethod
     def collected(
-        cls, points: np.ndarray, blocks: Iterable[tuple[str, np.ndarray]], others: Mapping[str, int]
+        cls, points: np.ndarray, blocks: Iterable[tuple[str, np.ndarray]], others: dict[str, int]
     ) -> Self:
         """The mesh of points (n, 2 or 3) and blocks (kind, (m, k)), with each cell once."""
-        x = np.asarray(points, dtype=float).reshape(len(points), -1 if len(points) else 3)
+        x = np.asarray(points, float)
         parts: dict[str, list[np.ndarray]] = {}
-        for kind, cells in blocks:
-            if len(cells):
-                parts.setdefault(kind, []).append(np.asarray(cells, dtype=np.int64))
-        surface = {kind: np.concatenate(each) for kind, each in parts.items()}
-        for kind, cells in surface.items():
-            surface[kind] = cells[np.sort(np.unique(cells, axis=0, return_index=True)[1])]
-        return cls(np.pad(x, ((0, 0), (0, max(0, 3 - x.shape[1])))), surface, dict(others))
-
-    @property
-    def sound(self) -> bool:
-        """True if there are surface cells, and all their nodes."""
-        last = len(self.points) - 1
-        return bool(self.cells) and all(
-            0 <= cells.min() and cells.max() <= last for cells in self.cells.values()
-        )
+        for kind, nodes in blocks:
+            parts.setdefault(kind, []).append(nodes)
+        cells = {kind: np.concatenate(each).astype(np.int64) for kind, each in parts.items()}
+        for kind, nodes in cells.items():
+            cells[kind] = nodes[np.sort(np.unique(nodes, axis=0, return_index=True)[1])]
+        return cls(np.pad(x, ((0, 0), (0, 3 - x.shape[1]))), cells, others)

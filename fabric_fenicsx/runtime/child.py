@@ -23,13 +23,13 @@ except Exception as error:
     found = False, " ".join(str(error).split()) or type(error).__name__
 pickle.dump(found, results)
 """
-OF_MPI = "OMPI_", "PMIX_", "PMI_", "MPI_", "HYDRA_", "HYDI_"  # how variables of a rank begin
 
 
 def in_child(work: Callable[..., Any], *given: Any, patience: float | None = None) -> Any:
     """What `work` returns, a function of a module, of what is `given`. Raises RuntimeError with
     the text of its error, if it crashes, and if it takes longer than `patience` [s]."""
-    env = {name: value for name, value in os.environ.items() if not name.startswith(OF_MPI)}
+    of_ranks = "OMPI_", "PMIX_", "PMI_", "MPI_", "HYDRA_", "HYDI_"
+    env = {name: value for name, value in os.environ.items() if not name.startswith(of_ranks)}
     sent, command = pickle.dumps(sys.path) + pickle.dumps((work, given)), (sys.executable, "-c")
     how: dict[str, Any] = {"capture_output": True, "env": env, "timeout": patience}
     try:
@@ -37,8 +37,10 @@ def in_child(work: Callable[..., Any], *given: Any, patience: float | None = Non
     except subprocess.TimeoutExpired:
         raise RuntimeError(f"it did not end within {patience:g} s") from None
     if not done.stdout:
-        code = done.returncode
-        raise RuntimeError(f"it crashed ({signal.Signals(-code).name if code < 0 else code})")
+        if done.returncode < 0:
+            raise RuntimeError(f"it crashed ({signal.Signals(-done.returncode).name})")
+        words = done.stderr.decode(errors="replace").split()
+        raise RuntimeError(" ".join(words) or f"it ended with status {done.returncode}")
     worked, answer = pickle.loads(done.stdout)
     if not worked:
         raise RuntimeError(answer)

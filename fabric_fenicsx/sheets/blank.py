@@ -319,7 +319,7 @@ class Blank(SheetMesh):
         height: float | None = None,
         **options: Any,
     ) -> Self:
-        """Blank from a mesh in mm that meshio, gmsh or PyVista reads: .msh, .inp, .bdf, .unv, .vtk,
+        """Blank from a mesh in mm that gmsh, PyVista or meshio reads: .msh, .inp, .bdf, .unv, .vtk,
         .vtu, .stl, .xdmf and others.
 
         centred: True moves the middle of its extent in x and y to the origin; height: z [mm] to

@@ -14,17 +14,15 @@ from .tool import Tool
 from .triangulated import TriangulatedSurface
 
 MAX_TURN = 20.0  # [deg] between facets of a surface that is to be smooth
-UNITS = {"metres": 1000.0, "inches": 25.4, "cm": 10.0}
-# shares of a sheet's size below which a tool is doubted, and refused, as in another unit
-MIN_SHARE_DOUBTED, MIN_SHARE = 0.2, 0.02
+MIN_SHARE = 0.02  # of a sheet's size, below which a tool is refused as in another unit
 FLANGE = 0.05  # share of the thickness by which a tool may be in the sheet at the start
 MIRRORED = 0.25  # share of the thickness by which a tool and its mirror image may differ
-MAX_HOLE = 0.1  # size of an opening over the surface's, up to which it is no die's
 
 
 def unit_doubt(size: float, sheet: float, least: float) -> str:
     """Words on a tool of this size [mm], below a `least` share of a sheet's, or ""."""
-    fitting = [unit for unit, factor in UNITS.items() if 0.1 < size * factor / sheet < 10]
+    units = {"metres": 1000.0, "inches": 25.4, "cm": 10.0}
+    fitting = [unit for unit, factor in units.items() if 0.1 < size * factor / sheet < 10]
     if not fitting or size >= least * sheet:
         return ""
     return (
@@ -105,14 +103,13 @@ def radius_over(tool: Tool, length: float) -> float:
 def size_warning(tool: Tool, sheet: float) -> str:
     """A sentence if a tool of triangles is as small as if it were in another unit, else ""."""
     surface = _triangles(tool)
-    doubt = surface and unit_doubt(
-        float(np.ptp(surface.points, axis=0).max()), sheet, MIN_SHARE_DOUBTED
-    )
+    doubt = surface and unit_doubt(float(np.ptp(surface.points, axis=0).max()), sheet, 0.2)
     return f"the surface of {tool.name} {doubt}; lengths are in mm" if doubt else ""
 
 
 def hole_warning(tool: Tool) -> str:
-    """A sentence if triangles of a tool leave an opening below `MAX_HOLE` of them, else ""."""
+    """A sentence if triangles of a tool leave an opening below a tenth of them, so no die's, else
+    ""."""
     surface = _triangles(tool)
     if not surface or not len(surface.rim):
         return ""
@@ -121,7 +118,7 @@ def hole_warning(tool: Tool) -> str:
     for number in np.unique(loop):
         around = x[surface.rim[loop == number]].reshape(-1, 3)
         width = float(np.ptp(around, axis=0).max())
-        if width < MAX_HOLE * np.ptp(x, axis=0).max():
+        if width < 0.1 * np.ptp(x, axis=0).max():
             hole = f"a hole {rounded(width)} mm wide at {coordinates(around.mean(0))} mm"
             where = "in its own coordinates, where nothing stops the sheet"
             return f"the surface of {tool.name} has {hole} {where}"

@@ -13,8 +13,6 @@ from ..runtime.fields import KnowsItsFields, check_fields, documented, number
 from ..runtime.rules import FROM_ZERO, POSITIVE, Rule
 from .implicit import ImplicitSurface
 
-WALL = Rule("an angle from 0, below 90 deg", lambda v: 0 <= v < 90)
-
 
 class _Shape(NamedTuple):
     """Numbers that follow from the dimensions of a double dome [mm]: half the distance of the
@@ -157,7 +155,11 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
     dome_radius: float = number(65.0, POSITIVE, "of a dome's outline [mm]")
     waist: float = number(55.0, POSITIVE, "half width of the outline at the middle [mm]")
     depth: float = number(60.0, POSITIVE, "height of the domes over the flange [mm]")
-    wall_angle: float = number(10.0, WALL, "of the wall from the vertical [deg]")
+    wall_angle: float = number(
+        10.0,
+        Rule("an angle from 0, below 90 deg", lambda v: 0 <= v < 90),
+        "of the wall from the vertical [deg]",
+    )
     top_radius: float = number(40.0, POSITIVE, "of the rounding between top and wall [mm]")
     entry_radius: float = number(15.0, POSITIVE, "of the fillet between wall and flange [mm]")
     saddle_depth: float = number(15.0, FROM_ZERO, "by which the top is lower at the middle [mm]")
@@ -167,21 +169,38 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
 
     def __post_init__(self) -> None:
         check_fields(self, "{}".format)
-        if wrong := [*self._misfits()]:
-            raise InputError("; ".join(wrong))
-        c, R, w = self.dome_distance / 2, self.dome_radius, self.waist
-        angle = math.radians(self.wall_angle)
-        tangent = math.tan(math.pi / 4 - angle / 2)
-        top, entry, depth = self.top_radius, self.entry_radius, self.depth
+        c, R, w, depth = self.dome_distance / 2, self.dome_radius, self.waist, self.depth
+        top, entry, angle = self.top_radius, self.entry_radius, math.radians(self.wall_angle)
+        tangent, slope = math.tan(math.pi / 4 - angle / 2), depth * math.tan(angle)
+        # half width at the middle where the circles overlap
+        least, turn = math.sqrt(max(0.0, R * R - c * c)), c * c + w * w - R * R
+        if not least < w <= R or 2 * (R - w) * entry * tangent >= turn:
+            raise InputError(
+                f"waist is {w:g}; allowed is above {least:g} and at most dome_radius = {R:g}, with "
+                f"dome_distance {2 * c:g}, so far that the fillet's foot, {entry * tangent:g} "
+                "outside the outline, does not reach the centre of its concave arc"
+            )
+        if self.saddle_depth >= depth or (top + entry) * (1 - math.sin(angle)) > depth:
+            raise InputError(
+                f"depth is {depth:g}; allowed is above saddle_depth = {self.saddle_depth:g}, and "
+                f"{(top + entry) * (1 - math.sin(angle)):g} or more, so that top_radius = {top:g} "
+                f"and entry_radius = {entry:g} fit at wall_angle = {self.wall_angle:g}"
+            )
+        if slope + top * tangent >= w:
+            raise InputError(
+                f"wall_angle is {self.wall_angle:g} and top_radius {top:g}; allowed are smaller "
+                f"ones, as the wall and rounding take {slope + top * tangent:g} mm of the waist "
+                f"{w:g} and are to leave a flat top"
+            )
         shape = _Shape(
             half=c,
             radius=R,
             waist=w,
-            bend=2 * (R - w) / (c * c + w * w - R * R),
+            bend=2 * (R - w) / turn,
             depth=depth,
             top=top,
             entry=entry,
-            d1=-depth * math.tan(angle) - top * tangent,
+            d1=-slope - top * tangent,
             z1=depth - top,
             d2=entry * tangent,
             z2=entry,
@@ -191,39 +210,6 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
             reach=self.saddle_length / 2,
         )
         object.__setattr__(self, "_shape", shape)
-
-    def _misfits(self):
-        """A sentence on each dimension that does not fit the others."""
-        c, R, w = self.dome_distance / 2, self.dome_radius, self.waist
-        depth, angle = self.depth, self.wall_angle
-        top, entry = self.top_radius, self.entry_radius
-        radians = math.radians(angle)
-        tangent, slope = math.tan(math.pi / 4 - radians / 2), depth * math.tan(radians)
-        # half width at the middle where the circles overlap
-        least = math.sqrt(max(0.0, R * R - c * c))
-        if w <= least or w > R:
-            ends = f"above {least:g} and at most dome_radius = {R:g}"
-            yield f"waist is {w:g}; allowed is {ends}, with dome_distance {2 * c:g}"
-        elif 2 * (R - w) * entry * tangent >= (turn := c * c + w * w - R * R):
-            arc = f"the outline's concave arc of radius {turn / (2 * (R - w)):g} there"
-            foot = f"the fillet's foot, {entry * tangent:g} outside the outline"
-            why = f"as {foot}, must not reach the centre of {arc}"
-            yield f"waist is {w:g}; allowed is larger, {why}"
-        if self.saddle_depth >= depth:
-            yield f"saddle_depth is {self.saddle_depth:g}; allowed is below depth = {depth:g}"
-        room = 1 - math.sin(radians)
-        if (top + entry) * room > depth:
-            most, why = depth / room, "so that they fit between top and flange"
-            why = f"{why} with depth {depth:g} and wall_angle {angle:g}"
-            both = f"top_radius + entry_radius is {top + entry:g}"
-            yield f"{both}; allowed is at most {most:g}, {why}"
-        if slope >= w:
-            most = math.degrees(math.atan(w / depth))
-            why = f"as the walls of depth {depth:g} must not meet within waist {w:g}"
-            yield f"wall_angle is {angle:g}; allowed is below {most:g}, {why}"
-        elif top * tangent >= w - slope:
-            why = f"so that it leaves a flat top within waist {w:g} at wall_angle {angle:g}"
-            yield f"top_radius is {top:g}; allowed is below {(w - slope) / tangent:g}, {why}"
 
     @property
     def roundings(self) -> tuple[float, float]:

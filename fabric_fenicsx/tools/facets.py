@@ -12,8 +12,6 @@ from ..runtime.graph import connected
 
 # the corners after and before corner k; edge k lies opposite it, from NEXT[k] to LAST[k]
 NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
-FLAT_MEET = math.radians(1.0)  # flat regions that meet at more than this have a sharp edge
-# a flat region so many times larger than what it adjoins gives its normal to common vertices
 
 
 def unit(v: np.ndarray) -> np.ndarray:
@@ -158,12 +156,12 @@ def _true_planes(points, triangles, across, region):
 
 
 def _turned_edges(across, region, plane, sure, crease):
-    """Edges (m, 3) that are open, or turn by more than `crease`, of true planes `FLAT_MEET`."""
+    """Edges (m, 3) that are open, or turn by more than `crease`, of true planes by 1 deg."""
     other = np.maximum(across.triangle, 0)
     turn = np.einsum("mi,mki->mk", plane, plane[other])
     sharp = (across.triangle < 0) | (turn < math.cos(crease))
     planes = sure[:, None] & sure[other] & (region[:, None] != region[other])
-    return sharp | (planes & (turn < math.cos(FLAT_MEET)))
+    return sharp | (planes & (turn < math.cos(math.radians(1.0))))
 
 
 def _model_edges(across, given):

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..readers.read import READ, read_surface_mesh
-from ..readers.unseen import check_end
+from ..readers.read import READ, check_end, read_surface_mesh
 from ..runtime.cache_folders import kept_arrays
 from ..runtime.child import in_child
 from ..runtime.errors import InputError
@@ -17,7 +16,7 @@ from ..runtime.status import task
 FORMATS = f"STEP, IGES, BREP, or {READ}, as STL, MSH, VTP"
 # endings of models, and what gmsh calls their formats
 CAD = {".step": "step", ".stp": "step", ".iges": "iges", ".igs": "iges", ".brep": "brep"}
-TURN = 0.35  # rad, by which the faces of CAD models turn along an edge at most
+MAX_TURN = 0.35  # rad, by which the faces of CAD models turn along an edge
 
 
 def read_triangles(path: Path, chord: float) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
@@ -76,7 +75,7 @@ def _mesh_of_model(path, chord):
     low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
     most = np.linalg.norm(high - low) / 20
     how = {"MeshSizeFromPoints": 0, "MeshSizeExtendFromBoundary": 0, "Algorithm": 6}
-    sizes = {"MeshSizeFromCurvature": 2 * np.pi / TURN, "MeshSizeMax": float(most)}
+    sizes = {"MeshSizeFromCurvature": 2 * np.pi / MAX_TURN, "MeshSizeMax": float(most)}
     for name, value in (how | sizes).items():
         gmsh.option.setNumber(f"Mesh.{name}", value)
     gmsh.model.mesh.generate(2)
@@ -113,7 +112,7 @@ def _sizes_by_curvature(gmsh, faces, chord, most):
         _, place, parameters = gmsh.model.mesh.getNodes(2, face, True, True)
         bend = np.maximum(np.abs(gmsh.model.getCurvature(2, face, parameters)), 1e-9)
         places.append(place.reshape(-1, 3))
-        sizes.append(np.minimum(np.sqrt(8 * chord / bend), TURN / bend))
+        sizes.append(np.minimum(np.sqrt(8 * chord / bend), MAX_TURN / bend))
     tree, sizes = cKDTree(np.vstack(places)), np.minimum(np.concatenate(sizes), most)
     near = min(8, len(sizes))
     grid = float(np.quantile(sizes, 0.05)) / 2

@@ -6,13 +6,14 @@ latter it is taken for many points at once, from F, its gradient and its Hessian
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ..runtime.compiled import compiled
 from .surfaces import Nearest
 
+Vector = tuple[float, float, float]
 FOOT_TOLERANCE = 1e-11, 1e-14  # mm, and per mm of the coordinates: by which a foot may be off
 
 
@@ -50,13 +51,13 @@ def search_from(x: np.ndarray, rows: np.ndarray) -> Search:
 
 
 @compiled
-def dot(a: Any, b: Any) -> Any:
+def dot(a: Vector, b: Vector) -> float:
     """Product of two vectors (3,)."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @compiled
-def newton_step(here: Any) -> Any:
+def newton_step(here: Local) -> tuple[float, float]:
     """Step along s and t to where the arm is normal. Beyond a centre of curvature the distance has
     no minimum here, so the model is kept convex: its least eigenvalue, 1 on a plane, is 0.1 or
     more."""
@@ -69,7 +70,7 @@ def newton_step(here: Any) -> Any:
 
 
 @compiled
-def put(feet: Any, row: Any, here: Any) -> None:
+def put(feet: Nearest, row: int, here: Local) -> None:
     """Put gap and derivatives into a row of what is found: the curvature is K (I + gap K)^-1 of the
     shape operator K."""
     gap, (k11, k12, k21, k22), (g11, g12, g22) = here.gap + here.off, here.shape, here.dual

@@ -8,9 +8,7 @@ from scipy.spatial import cKDTree
 from .curved_triangles import CurvedTriangles
 from .projection import curvatures
 
-# share of a surface's turning, and of the mean one, that has a larger radius than the least one
-BENT, MEAN = 0.99, 0.95
-SAMPLES, SEEDS, WITHIN = 60_000, 2000, 25  # points on a surface, where it is asked, within a length
+SEEDS = 2000  # places on a surface, at which its mean turning is asked for
 
 
 def least_radii(surface: CurvedTriangles, length: float = 0.0) -> tuple[float, float]:
@@ -19,7 +17,7 @@ def least_radii(surface: CurvedTriangles, length: float = 0.0) -> tuple[float, f
     as on slivers of scans, it is that of the facets' mean turning over it."""
     larger, smaller = curvatures(surface.patches)
     bent, area = np.maximum([larger, -smaller], 0.0), surface.areas
-    inside, outside = (_least_radius(each, area, BENT) for each in bent)
+    inside, outside = (_least_radius(each, area, 0.99) for each in bent)
     arms = surface.corners - np.roll(surface.corners, 1, 1)
     edge = float(np.median(np.linalg.norm(arms, axis=2)))
     if min(inside, outside) < max(length, edge):
@@ -28,11 +26,12 @@ def least_radii(surface: CurvedTriangles, length: float = 0.0) -> tuple[float, f
         share = np.full(mean.shape[1], area.sum() / mean.shape[1])
         # times as much as over a length, from which turning is to and fro
         if (bent @ area).sum() > 1.3 * (mean @ share).sum():
-            inside, outside = (_least_radius(each, share, MEAN) for each in mean)
+            inside, outside = (_least_radius(each, share, 0.95) for each in mean)
     return inside, outside
 
 
 def _least_radius(curvature, area, bent):
+    """The radius than which a share `bent` of the turning has a larger one."""
     weight = area * curvature**2
     turns = curvature * np.sqrt(area) > 1e-4  # less is rounding
     if not turns.any():
@@ -48,8 +47,9 @@ def _mean_turning(surface, length):
     surface: the turn at the edges within a `length`, over the area there (D. Cohen-Steiner, J.-M.
     Morvan, Restricted Delaunay triangulations and normal cycle, SoCG 2003)."""
     whole, random = surface.areas.sum(), np.random.default_rng(0)
-    n = int(np.clip(WITHIN * whole / (math.pi * length**2), SEEDS, SAMPLES))
-    length = max(length, math.sqrt(WITHIN * whole / (math.pi * n)))
+    within = 25  # points in a circle of that length
+    n = int(np.clip(within * whole / (math.pi * length**2), SEEDS, 60_000))
+    length = max(length, math.sqrt(within * whole / (math.pi * n)))
     ends = np.cumsum(surface.areas)
     t = np.searchsorted(ends, (np.arange(n) + 0.5) / n * ends[-1])
     on = np.einsum("nc,nci->ni", random.dirichlet((1, 1, 1), n), surface.corners[t])

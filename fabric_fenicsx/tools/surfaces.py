@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from copy import copy
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -102,7 +102,7 @@ class Surface:
         """Itself as `Reversed` wants it: an open surface is open from both sides."""
         return self
 
-    def fingerprint(self) -> dict[str, Any]:
+    def fingerprint(self) -> dict[str, ArrayLike]:
         """Public attributes, in which a checkpoint must agree."""
         return {name: value for name, value in vars(self).items() if not name.startswith("_")}
 

@@ -11,9 +11,6 @@ from ..runtime.graph import connected
 from .facets import LAST, NEXT, facet_normals, topology
 from .values import checked_points
 
-# of points of open edges that are one: over the median edge, and over the shortest edge at them
-CRACK, SHORT = 2e-3, 0.1
-
 
 def repaired(
     points: ArrayLike, triangles: ArrayLike, normals: ArrayLike | None = None
@@ -55,7 +52,8 @@ def repaired(
 
 
 def _cracks(x, cells):
-    """Pairs (k, 2) of points at both sides of a crack, as CAD programs leave them between faces."""
+    """Pairs (k, 2) of points at both sides of a crack, as CAD programs leave them between faces: up
+    to 2e-3 median edges, and a tenth of the shortest edge at them, apart."""
     ends = np.sort(np.stack([cells, np.roll(cells, -1, 1)], -1).reshape(-1, 2), 1)
     ends = ends[ends[:, 0] != ends[:, 1]]
     ends, sharing = np.unique(ends, axis=0, return_counts=True)
@@ -63,9 +61,9 @@ def _cracks(x, cells):
     if not rim.size:
         return rim
     length = np.linalg.norm(x[ends[:, 1]] - x[ends[:, 0]], axis=1)
-    near = np.full(len(x), CRACK * np.median(length))
+    near = np.full(len(x), 2e-3 * np.median(length))
     for end in ends.T:
-        np.minimum.at(near, end, SHORT * length)
+        np.minimum.at(near, end, 0.1 * length)
     pairs = rim[cKDTree(x[rim]).query_pairs(near[rim].max(), output_type="ndarray")]
     apart = np.linalg.norm(x[pairs[:, 1]] - x[pairs[:, 0]], axis=1)
     return pairs[apart <= near[pairs].min(1)]

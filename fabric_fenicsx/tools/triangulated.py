@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from copy import copy
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from mpi4py import MPI
@@ -24,7 +24,6 @@ from .surfaces import Drawn, Nearest, Surface
 from .triangles import repaired
 
 CREASE = 35.0  # deg
-WALL = 0.02  # sine of the angle to a direction below which a facet is a wall along it
 
 
 class SearchCache(NamedTuple):
@@ -114,7 +113,7 @@ class TriangulatedSurface(Surface):
         crease: float = CREASE,
         comm: MPI.Comm = MPI.COMM_SELF,
     ) -> Self:
-        """The surface in a file, in mm: STL, VTP, MSH, or any other that meshio, gmsh or PyVista
+        """The surface in a file, in mm: STL, VTP, MSH, or any other that gmsh, PyVista or meshio
         reads, where larger cells are cut; or STEP, IGES or BREP, whose faces gmsh meshes. chord:
         distance of that mesh from the faces [mm]; crease: as for the surface [deg]; comm: its rank
         0 reads, as gmsh meshes the same faces a little differently each time. Raises InputError if
@@ -135,12 +134,13 @@ class TriangulatedSurface(Surface):
     def face(self, towards: ArrayLike) -> TriangulatedSurface:
         """What looks `towards` (3,), with the walls that lie within it."""
         side, across = self.facets @ np.asarray(towards, dtype=float), self.curved.across.triangle
-        wall = abs(side) < WALL
+        steep = 0.02  # sine of the angle to the direction, below which a facet is a wall along it
+        wall = abs(side) < steep
         t, k = np.nonzero((across >= 0) & wall[:, None])
         joined = wall[across[t, k]]
         _, part = connected(len(wall), [t[joined], across[t, k][joined]])
-        outer = np.isin(part, part[t[side[across[t, k]] <= -WALL]])  # beside the back
-        keep = (side >= WALL) | (wall & ~outer)
+        outer = np.isin(part, part[t[side[across[t, k]] <= -steep]])  # beside the back
+        keep = (side >= steep) | (wall & ~outer)
         vertices = self.curved.vertices
         own = vertices.normals[vertices.name]
         return TriangulatedSurface(self.points, self.triangles[keep], own[keep], self.crease)
@@ -158,7 +158,7 @@ class TriangulatedSurface(Surface):
         seen._rim_side, seen._caches = -self._rim_side, {}
         return seen
 
-    def fingerprint(self) -> dict[str, Any]:
+    def fingerprint(self) -> dict[str, ArrayLike]:
         """The crease alone: triangles of a CAD file differ a little each time."""
         return {"crease": self.crease}
 

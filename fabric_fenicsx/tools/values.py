@@ -1,7 +1,6 @@
 """Vectors and points that users give, checked."""
 
 from reprlib import repr as shown
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,10 +29,10 @@ def checked_vector(
     return vector / np.linalg.norm(vector)
 
 
-def length_of(value: Any) -> int:
+def length_of(value: object) -> int:
     """Length of a vector that is not checked yet; 0 if it is none."""
     try:
-        return len(value)
+        return len(value)  # type: ignore[arg-type]
     except TypeError:
         return 0
 

@@ -140,11 +140,11 @@ TABLE = '[hardening]\nlaw = "table"\neps = '
 REFUSED = [  # of a file, or behind a line of it
     ("a = 4130", "a = -1", "yarns.a is -1; "),
     ("a = 4130", "a = 1\na_Pa = 1", "yarns.a_Pa repeats yarns.a; "),
-    ("a = 4130", "a_psi = 1", "yarns.a_psi: stress unit 'psi' is unknown; allowed are MPa, kPa"),
+    ("a = 4130", "a_psi = 1", "yarns.a_psi is unknown (did you mean a_Pa?); allowed are a_MPa"),
     ("a = 4130", "", "missing yarns.a; allowed is to give all, in [yarns] or [warp]"),
     ("p_min =", "p_mn =", "yarns.p_mn is unknown (did you mean p_min?); allowed are a, b, d"),
     ('density = "g/cm3"', "", "density has no unit; allowed is density_g_per_cm3 or density_kg"),
-    ("thickness = 1.0", "law = 'law85'", "law 'law85' is unknown (did you mean law58?)"),
+    ("thickness = 1.0", "law = 'tabelled'", "law 'tabelled' is unknown (did you mean tabulated?)"),
     (END, "[shear_friction]\nstiffness_MPa = [2, 1]\nstrength_MPa = 1", "2 stiffnesses and 1 str"),
     (END, "[bending]\ncantilever_a_mm = 200", "bending is incomplete, or told twice"),
     (END, "[bending]\ncurvature_1_per_m = [0, 1]\nmoment_a_N = [1, 1]", "one that rises "),
@@ -172,7 +172,7 @@ def test_what_cannot_be_read_written_or_set(tmp_path):
         (lambda: KOMEILI.replace(p_mn=0.1), "replace: p_mn is unknown .did you mean p_min"),
         (lambda: KOMEILI.replace(couplings="biaxial"), "couplings is 'biaxial'; allowed is a list"),
         (lambda: KOMEILI.replace(fibre_density=0.75), "fibre_density is 0.75 g/cm3; allowed is"),
-        (lambda: LAW58.replace(gamma_T=45), "gamma_T is 45; allowed is an angle"),
+        (lambda: LAW58.replace(gamma_T=-1), "gamma_T is -1; allowed is a number above 0"),
     ):
         with pytest.raises(ff.InputError, match=words):
             call()

@@ -65,7 +65,7 @@ def test_a_bad_table_is_told(tmp_path, before, said):
 
 def test_a_temperature_is_given_where_it_is_of_use_and_nowhere_else():
     fabric = KOMEILI.replace(at_temperatures={20: {"s1": 0.1}, 200: {"s1": 0.01}})
-    with pytest.raises(ff.InputError, match="`temperature` is missing, as material glass"):
+    with pytest.raises(ff.InputError, match="`temperature` is missing; allowed is from 20 to 200"):
         ff.Membrane(fabric)
     with pytest.raises(ff.InputError, match="`temperature` is 250; allowed is from 20 to 200"):
         ff.Membrane(fabric, temperature=250)

@@ -184,5 +184,5 @@ def test_the_boundary_of_a_mesh_is_an_outline(tmp_path, cell):
     assert len(sheet.interiors) == 1 and sheet.area == pytest.approx(5000 - 600) and not told
     points[:, 2] = points[:, 0]
     meshio.write_points_cells(tmp_path / "ply.vtk", points, [(kind, cells)])
-    with pytest.raises(InputError, match="is not plane in z"):
+    with pytest.raises(InputError, match="reaches over 100 mm in z"):
         read_outline(tmp_path / "ply.vtk")

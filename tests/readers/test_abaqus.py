@@ -72,9 +72,9 @@ def test_files_that_are_named_are_read_too(tmp_path):
 def test_what_cannot_be_read_is_named(tmp_path):
     for text, words in (
         (f"{NODES}*NGEN\n1, 2, 1\n", r"uses \*NGEN; allowed are nodes and elements as lists"),
-        (f"{NODES}*Element, type=S3\n1, 1, 2, 8\n", "element with node 8, which "),
-        ("*Node, system=C\n1, 0., 0.\n", "SYSTEM=C; allowed are rectangular"),
-        (f"*Part, name=Ply\n{NODES}", r"has a part or instance without \*END: it is cut off"),
+        (f"{NODES}*Element, type=S3\n1, 1, 2, 8\n", "lacks node 8 of an element"),
+        ("*Node, system=C\n1, 0., 0.\n", "SYSTEM=C; allowed is R"),
+        (f"*Part, name=Ply\n{NODES}", r"has a part or instance without \*END; allowed"),
     ):
         with pytest.raises(InputError, match=words):
             read(tmp_path, text)

@@ -1,10 +1,10 @@
 """A law of fabrics: the numbers that every one has, and what is asked of it."""
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from ..files import (
     FIBRES,
     OWN_UNITS,
     SHEET,
+    Document,
     read_numbers,
     read_scatter,
     read_sheet_numbers,
@@ -26,6 +27,7 @@ from ..files import (
     take_units,
 )
 from ..friction import BendingFriction, ShearFriction
+from ..hyperdual import Number
 from ..law_checks import COUPLINGS, check_couplings
 from ..material import Material, Parameters
 
@@ -117,8 +119,8 @@ class Law(Material, Energy):
                 f"law of class {cls.__name__} is {cls.law!r}; allowed is a name of its own, other "
                 f"than {', '.join(sorted(LAWS))}"
             )
-        own = vars(cls)
-        if "energy" in own and "derivatives" not in own and cls.derivatives != Law.derivatives:
+        has_energy = "energy" in vars(cls) and "derivatives" not in vars(cls)
+        if has_energy and cls.derivatives != Law.derivatives:
             raise InputError(
                 f"law {cls.law} has an `energy` of its own and inherits closed-form `derivatives` "
                 "that lack it; allowed is `derivatives = ff.Law.derivatives`, or own ones"
@@ -127,7 +129,11 @@ class Law(Material, Energy):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "assumed", self._checked_assumed())
+        for name in self.assumed:
+            if name not in self.parameters:
+                raise unknown_key(name, self.parameters, f"assumed: {shown(name)}")
+        assumed = tuple(name for name in self.parameters if name in self.assumed)
+        object.__setattr__(self, "assumed", assumed)
         object.__setattr__(self, "at_temperatures", self._checked_temperatures())
         for name, rule in FIBRES.items():
             if (value := getattr(self, name)) is not None:
@@ -144,27 +150,17 @@ class Law(Material, Energy):
         """That of the fibres, per volume of fabric [g/cm3]."""
         return self.density * (self.fibre_share or 1.0)
 
-    def _checked_assumed(self):
-        assumed = self.assumed
-        for name in assumed:
-            if name not in self.parameters:
-                raise unknown_key(name, self.parameters, f"assumed: {shown(name)}")
-        return tuple(name for name in self.parameters if name in assumed)
-
     def _checked_temperatures(self):
         tables = {FINITE.check("temperature", t): at for t, at in self.at_temperatures.items()}
         if len(tables) == 1:
             raise InputError(f"at has the temperature {min(tables):g} alone; allowed are 2 or more")
         rules, names = self.rules_at_temperatures(), {*next(iter(tables.values()), ())}
         for temperature, numbers in tables.items():
-            where = f"at temperature {temperature:g}"
-            for name, value in numbers.items():
-                if name not in rules:
-                    raise unknown_key(name, rules, f"{where}: {name}")
-                rules[name].check(f"{where}: {name}", value)
-            check_complete(numbers, names, f"{where}: ", "at each temperature the same")
+            where = f"at temperature {temperature:g}: "
+            tables[temperature] = read_numbers(numbers, rules, OWN, where)
+            check_complete(numbers, names, where, "at each temperature the same")
             names |= {*numbers}
-        return {t: dict(tables[t]) for t in sorted(tables)}
+        return dict(sorted(tables.items()))
 
     @classmethod
     def rules_at_temperatures(cls) -> Mapping[str, Rule]:
@@ -180,39 +176,36 @@ class Law(Material, Energy):
             Material.changed(plain, numbers) for numbers in self.at_temperatures.values()
         ]
 
-    def check_temperatures(self, temperatures: np.ndarray) -> None:
-        """InputError for a temperature [deg C] beyond those that are known, and without such."""
+    def check_temperatures(self, temperatures: Number | None) -> list[float]:
+        """The temperatures [deg C]; InputError for one beyond those that are known, without such,
+        and for None where there are some."""
         known = [*self.at_temperatures]
+        given: list = [None] if temperatures is None else np.ravel(temperatures).tolist()
         if not known:
             raise InputError(
                 f"`temperature` is given, and material {self.label} has no numbers at temperatures,"
                 " [[at]]; allowed is none"
             )
-        low, high = (float(each) for each in (temperatures.min(), temperatures.max()))
-        if not known[0] <= low <= high <= known[-1]:
+        beyond = [t for t in given if t is None or not known[0] <= t <= known[-1]]
+        if beyond:
+            value = "missing" if beyond[0] is None else f"{beyond[0]:g}"
             raise InputError(
-                f"`temperature` is {low if low < known[0] else high:g}; allowed is from "
-                f"{known[0]:g} to {known[-1]:g} deg C, where numbers of {self.label} are known"
+                f"`temperature` is {value}; allowed is from {known[0]:g} to {known[-1]:g} "
+                f"deg C, where numbers of {self.label} are known"
             )
+        return given
 
     def at(self, temperature: float | None) -> Self:
         """The fabric at a temperature [deg C], with each number interpolated linearly between those
-        at the temperatures next to it. InputError for a temperature that is needed or of no use, or
-        beyond those that are known."""
+        at the temperatures next to it. InputError as of `check_temperatures`."""
         if temperature is None and not self.at_temperatures:
             return self
-        if temperature is None:
-            known = [*self.at_temperatures]
-            raise InputError(
-                f"`temperature` is missing, as material {self.label} has numbers at temperatures; "
-                f"allowed is from {known[0]:g} to {known[-1]:g} deg C"
-            )
-        self.check_temperatures(np.array(temperature))
+        (warm,) = self.check_temperatures(temperature)
         known, fabrics = self._measured()
-        k = min(int(np.searchsorted(known, temperature, side="right")), len(known) - 1)
-        share = (temperature - known[k - 1]) / (known[k] - known[k - 1])
+        k = min(int(np.searchsorted(known, warm, side="right")), len(known) - 1)
+        share = (warm - known[k - 1]) / (known[k] - known[k - 1])
         mixed = _mixed(fabrics[k - 1], fabrics[k], float(share))
-        return dataclasses.replace(mixed, name=f"{self.label} at {temperature:g} C")
+        return dataclasses.replace(mixed, name=f"{self.label} at {warm:g} C")
 
     def numbers_at(self, temperatures: np.ndarray) -> np.ndarray:
         """The numbers of `symbols` at temperatures (n,) [deg C], (n, numbers), as of `at`."""
@@ -228,7 +221,7 @@ class Law(Material, Energy):
         object.__setattr__(new, "count", len(numbers))
         return new
 
-    def changed(self, numbers: Mapping[str, Any]) -> Self:
+    def changed(self, numbers: Mapping[str, object]) -> Self:
         new = super().changed(numbers)
         for name in numbers if self.at_temperatures else ():
             alone = super().changed({name: numbers[name]})
@@ -243,14 +236,6 @@ class Law(Material, Energy):
     def parameters(self) -> tuple[str, ...]:
         """Names of the law's numbers."""
         return tuple(self.rules)
-
-    def require(self, names: Iterable[str], label: str) -> None:
-        """InputError, which calls this fabric `label`, unless its law has these parameters."""
-        if missing := [name for name in names if name not in self.parameters]:
-            raise InputError(
-                f"{label} is of the law {self.law}, which has no {', '.join(missing)}; allowed is "
-                "a law that has"
-            )
 
     def assumed_values(self) -> dict[str, str]:
         units = {name: OWN.get(rule.unit, "") for name, rule in self.numbers().items()}
@@ -301,10 +286,7 @@ class Law(Material, Energy):
         """A copy with every coupling off: three independent curves, like Abaqus' FABRIC."""
         return self.without(*COUPLINGS)
 
-    def check_rest(self) -> None:
-        """InputError where the fabric as it lies, without strain, has energy or stress, and where
-        its stiffness is negative there."""
-        law_checks.check_rest(self)
+    check_rest = law_checks.check_rest
 
     def plausibility_warnings(self) -> list[str]:
         """Sentences on values that fabrics hardly have, which may be in a wrong unit: of yarns the
@@ -317,11 +299,11 @@ class Law(Material, Energy):
         sheet = {name: getattr(self, name) for name in (*SHEET, *FIBRES)}
         return law_checks.implausible(self.label, values | sheet)
 
-    def table(self) -> dict[str, Any]:
+    def table(self) -> Document:
         numbers = {name: getattr(self, name) for name in self.rules}
         return {"law": self.law} | self.sheet_table() | numbers | {"units": OWN_UNITS}
 
-    def sheet_table(self) -> dict[str, Any]:
+    def sheet_table(self) -> Document:
         """A material file's content but for the law and its numbers."""
         numbers = {name: getattr(self, name) for name in ("name", *SHEET, *FIBRES)}
         entries = {name: value for name, value in numbers.items() if value is not None}
@@ -334,7 +316,7 @@ class Law(Material, Energy):
         return entries | {"compaction": False} | tables
 
     @classmethod
-    def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
+    def from_document(cls, document: Document, folder: Path) -> Self:
         document.pop("law", None)
         fields = sheet_fields(cls, document, take_units(document), ("law", "units"), cls.rules)
         return cls(**fields)
@@ -342,15 +324,15 @@ class Law(Material, Energy):
 
 def sheet_fields(
     law: type[Law],
-    document: dict[str, Any],
+    document: Document,
     units: Mapping[str, str],
     also: tuple[str, ...] = (),
     rules: Mapping[str, Rule] | None = None,
-) -> dict[str, Any]:
+) -> Document:
     """The fields that every law has, and the numbers of `rules`, from what a `law` leaves of a TOML
     document; units: of its table [units], also: keys that the law took. Raises InputError by key,
     and for a number that is missing."""
-    fields: dict[str, Any] = {"name": document.pop("name", "")}
+    fields: Document = {"name": document.pop("name", "")}
     for key, kind in TABLES.items():
         if document.get(key) is False:
             fields[key] = document.pop(key) or None
@@ -367,17 +349,12 @@ def sheet_fields(
 
 def _read_temperatures(law, tables, units):
     """{temperature: {name: value}} of the tables [[at]]."""
-    if not isinstance(tables, list) or not all(isinstance(each, dict) for each in tables):
-        raise InputError("at is no list; allowed is a table [[at]] for each temperature")
-    found: dict[float, dict[str, float]] = {}
     rules = {"temperature": FINITE} | dict(law.rules_at_temperatures())
-    for k, table in enumerate(tables, 1):
-        numbers = read_numbers(table, rules, units, f"at.{k}.")
+    found = {}
+    for k in range(1, len(tables) + 1):
+        numbers = read_numbers(take_table({"at": tables[k - 1]}, "at"), rules, units, f"at.{k}.")
         check_complete(numbers, ["temperature"], f"at.{k}.", "in each [[at]]")
-        temperature = numbers.pop("temperature")
-        if temperature in found:
-            raise InputError(f"at.{k}.temperature is {temperature:g} again; allowed is each once")
-        found[temperature] = numbers
+        found[numbers.pop("temperature")] = numbers
     return found
 
 

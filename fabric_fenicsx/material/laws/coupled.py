@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -19,8 +19,9 @@ from ...runtime.rules import (
     shown,
 )
 from ..energy import Derivatives
-from ..files import OWN_UNITS, read_numbers, take_table, take_units
+from ..files import OWN_UNITS, Document, read_numbers, take_table, take_units
 from ..functions import exp, negative, positive
+from ..hyperdual import Number
 from ..law_checks import COUPLINGS, check_couplings
 from ..material import Parameters
 from .base import Law, sheet_fields
@@ -34,8 +35,6 @@ YARN: dict[str, Rule] = {
     "s_T": not_negative("stress"),
     "s_C": not_negative(),
 }
-# what acts only with a coupling
-COUPLED = {"p_min": "biaxial", "c": "biaxial", "s_T": "tension_shear", "s_C": "compression_shear"}
 SHEAR: dict[str, Rule] = {
     "s1": above_zero("stress"),
     "s2": of_either_sign("stress"),
@@ -141,7 +140,9 @@ class WovenFabric(Law):
         object.__setattr__(self, "couplings", check_couplings(self.couplings))
 
     def _acts(self, name):
-        return COUPLED.get(name) in (None, *self.couplings)
+        biaxial, tension_shear, compression_shear = COUPLINGS
+        needed = {"p_min": biaxial, "c": biaxial, "s_T": tension_shear, "s_C": compression_shear}
+        return needed.get(name) in (None, *self.couplings)
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -165,7 +166,7 @@ class WovenFabric(Law):
         """The yarns by their tables in a file."""
         return {"yarns": self.warp} if self.is_balanced else {"warp": self.warp, "weft": self.weft}
 
-    def energy(self, eps_a: Any, eps_b: Any, gamma: Any) -> tuple[Any, Any, Any]:
+    def energy(self, eps_a: Number, eps_b: Number, gamma: Number) -> tuple[Number, ...]:
         r"""The parts of W_tot, eq. (30), with the sums over both yarns i and j the other of them:
 
         $$
@@ -307,7 +308,7 @@ class WovenFabric(Law):
             changes[name] = dataclasses.replace(changes.get(name, getattr(self, name)), **yarn)
         return changes
 
-    def table(self) -> dict[str, Any]:
+    def table(self) -> Document:
         table = self.sheet_table()
         table["couplings"] = [name for name in COUPLINGS if name in self.couplings]
         table["units"] = OWN_UNITS
@@ -324,7 +325,7 @@ class WovenFabric(Law):
         return [each.name for each in dataclasses.fields(cls) if each.name not in inherited]
 
     @classmethod
-    def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
+    def from_document(cls, document: Document, folder: Path) -> Self:
         document.pop("law", None)
         tables = {key: take_table(document, key) for key in ("yarns", "warp", "weft", "shear")}
         units = take_units(document)

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,19 +17,19 @@ from ...runtime.errors import InputError
 from ...runtime.formatting import percent
 from ...runtime.rules import shown
 from ..energy import Derivatives, Range
-from ..files import take_units
+from ..files import Document, take_units
 from ..functions import where
+from ..hyperdual import Number
 from ..material import Parameters
 from .base import Law, sheet_fields
 
 MIN_POINTS = 3
 # in a file: compiling the form takes the square of their number, half a minute at 100
 MAX_POINTS = 40
-CONSTANT, LINEAR = "constant", "linear"
 CURVES = {"warp": "eps_a", "weft": "eps_b", "shear": "gamma"}  # and the strain of each
 _BEYOND = {
-    CONSTANT: "there the stress stays at the table's last, without stiffness",
-    LINEAR: "there the table's last slope goes on",
+    "constant": "there the stress stays at the table's last, without stiffness",
+    "linear": "there the table's last slope goes on",
 }
 
 
@@ -45,11 +45,11 @@ class Curve(Parameters):
 
     x: tuple[float, ...]
     y: tuple[float, ...]
-    extrapolation: str = CONSTANT
+    extrapolation: str = "constant"
     # energy, stress and tangent, piecewise polynomials
-    _functions: Any = field(init=False, repr=False, compare=False)
+    _functions: tuple = field(init=False, repr=False, compare=False)
     # for each piece of the energy where it starts, and its coefficients, highest power first
-    _pieces: Any = field(init=False, repr=False, compare=False)
+    _pieces: np.ndarray = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         x, y = np.asarray(self.x, float), np.asarray(self.y, float)
@@ -59,10 +59,10 @@ class Curve(Parameters):
                     f"point {k + 1} is ({e:.6g}, {stress:.6g}); allowed are rising strains, and "
                     "stresses of their sign"
                 )
-        if len(x) < MIN_POINTS:
-            raise InputError(f"the curve has {len(x)} points; allowed is {MIN_POINTS} or more")
-        if (0.0, 0.0) not in zip(x, y):
-            raise InputError("the curve has no point (0, 0); allowed is one that passes there")
+        if len(x) < MIN_POINTS or (0.0, 0.0) not in zip(x, y):
+            raise InputError(
+                f"the curve has {len(x)} points; allowed is {MIN_POINTS} or more, with (0, 0)"
+            )
         if self.extrapolation not in _BEYOND:
             raise InputError(
                 f"extrapolation is {shown(self.extrapolation)}; allowed is {' or '.join(_BEYOND)}"
@@ -71,7 +71,7 @@ class Curve(Parameters):
 
         inner = PchipInterpolator(x, y)
         left, right = 0.0, 0.0
-        if self.extrapolation == LINEAR:  # but never towards 0 and beyond
+        if self.extrapolation == "linear":  # but never towards 0 and beyond
             left, right = np.maximum(inner.derivative()(x[[0, -1]]), 0) * [x[0] < 0, x[-1] > 0]
         # a piece at each end, which goes on beyond
         c = np.column_stack([[0, 0, left, y[0] - left], inner.c, [0, 0, right, y[-1]]])
@@ -94,7 +94,7 @@ class Curve(Parameters):
         energy, stress, tangent = self._functions
         return energy(e), stress(e), tangent(e)
 
-    def energy(self, e: Any) -> Any:
+    def energy(self, e: Number) -> Number:
         """Energy [MPa] at strains of any kind that a law's energy takes."""
 
         # picks constants, so that the choice is not differentiated; halves, to nest log2(n) deep
@@ -109,7 +109,7 @@ class Curve(Parameters):
         t = e - start
         return (((w4 * t + w3) * t + w2) * t + w1) * t + w0
 
-    def symbols(self, make: Callable[[float], Any]) -> Self:
+    def symbols(self, make: Callable[[float], Number]) -> Self:
         """A copy for `energy` alone, with make(v) for each number v."""
         new = super().symbols(make)
         object.__setattr__(new, "_pieces", [[make(v) for v in row] for row in self._pieces])
@@ -160,7 +160,7 @@ class TabulatedFabric(Law):
         x, y = ((*(-u for u in v[:0:-1]), *v) for v in (self.shear.x, self.shear.y))
         object.__setattr__(self, "_both", Curve(x, y, self.shear.extrapolation))
 
-    def energy(self, eps_a: Any, eps_b: Any, gamma: Any) -> tuple[Any, Any, Any]:
+    def energy(self, eps_a: Number, eps_b: Number, gamma: Number) -> tuple[Number, ...]:
         r"""The areas under the curves: $W = \int_0^{\epsilon_a} \sigma_a\,d\epsilon
         + \int_0^{\epsilon_b} \sigma_b\,d\epsilon + \int_0^\gamma \tau\,d\gamma$."""
         return self.warp.energy(eps_a), self.weft.energy(eps_b), self._both.energy(gamma)
@@ -202,7 +202,7 @@ class TabulatedFabric(Law):
                 )
         return warnings
 
-    def table(self) -> dict[str, Any]:
+    def table(self) -> Document:
         """The curves and the sheet; a material file names CSV files in the place of the points."""
         tables = {}
         for name, curve in ((name, getattr(self, name)) for name in CURVES):
@@ -211,7 +211,7 @@ class TabulatedFabric(Law):
         return {"model": "fabric"} | self.sheet_table() | tables
 
     @classmethod
-    def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
+    def from_document(cls, document: Document, folder: Path) -> Self:
         """The fabric of a TOML document in `folder`, in which `warp`, `weft` and `shear` are CSV
         files with the headers `eps [%], sigma [MPa]` and `gamma [deg], tau [MPa]`, or such."""
         own = {key: document.pop(key, None) for key in ("law", "model", "extrapolation", *CURVES)}
@@ -240,14 +240,11 @@ def read_table(path: Path, columns: Mapping[str, Mapping[str, float]]) -> Curve:
 def _curve(lines, columns):
     allowed = ", ".join(f"{name} [{'|'.join(units)}]" for name, units in columns.items())
     table = table_of(lines, columns.__contains__)
-    if len(table.names) != 2:
-        raise InputError(f"row {table.top} is no header of two columns; allowed is {allowed}")
-    factors_of = {}
-    for i, (name, unit) in enumerate(zip(table.names, table.units)):
-        if name in table.names[:i] or unit not in columns.get(name, ()):
-            head = name if unit is None else f"{name} [{unit}]"
-            raise InputError(f"row {table.top} has the column {head!r}; allowed is {allowed}")
-        factors_of[i] = name, columns[name][unit]
+    heads = [*zip(table.names, table.units)]
+    if sorted(table.names) != sorted(columns) or any(u not in columns[name] for name, u in heads):
+        head = ", ".join(name if unit is None else f"{name} [{unit}]" for name, unit in heads)
+        raise InputError(f"row {table.top} is {head!r}; allowed is {allowed}")
+    factors_of = {i: (name, columns[name][unit]) for i, (name, unit) in enumerate(heads)}
     problems = Problems()
     found = values_of(table, factors_of, problems)
     x, y = (found[name] for name in columns)

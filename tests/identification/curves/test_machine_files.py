@@ -59,9 +59,9 @@ def test_a_file_is_read_as_it_was_written(tmp_path, text):
 
 MACHINE = KEYS + HEAD
 REFUSED = {
-    "1,5;1.234\n3;2.5\n": "is '1,5', with a decimal comma, and F in row 5 is '1.234', with a point",
+    "1,5;1.234\n3;2.5\n": "row 5: F is '1.234', row 6: F is '2.5'; allowed is a finite number",
     "2;1,200\n3;2,100\n": "row 5: F is '1,200', which may mean 1.200 or 1200; allowed is",
-    "1,5;1.058,5\n": "row 5: F is '1.058,5'; allowed is a finite number, as 1058.5",
+    "1,5;1.058,5\n": "row 5: F is '1.058,5'; allowed is a finite number, as 1058,5",
     "mm;kN\n" + COMMA: "row 5: the unit of F is kN, and N in the header",
     POINT.replace(";", " mm;"): "row 5: displacement is '2.500 mm', row 6: displ",
     "2;1\n4;2\n6;3\n3;1\n4;2\n6;3\n10;5\n": "row 8: gamma is ",

@@ -79,7 +79,6 @@ def test_what_a_law_cannot_do():
     for call, words in (
         (lambda: coupling_variants(LAW58), "of law law58, has none; allowed is a fabric with"),
         (lambda: LAW58.without("bi"), "'bi' is unknown"),
-        (lambda: LAW58.require(("E_a", "p_min"), "x"), "x is of the law law58, which has no p_min"),
         (lambda: type("Mine", (Law,), {"law": "coupled"}), "law of class Mine is 'coupled'; "),
         (lambda: type("Bad", (WovenFabric,), own), "bad has an `energy` of its own and inherits"),
     ):

@@ -6,7 +6,6 @@ import pytest
 from builders import alone, sheet
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.material.laws.law58 import Law58
 from fabric_fenicsx.material.laws.tabulated import Curve
 from fabric_fenicsx.mechanics.shell.membrane_warnings import range_warnings
 
@@ -39,9 +38,3 @@ def test_share_of_the_area_and_the_furthest_strain_are_told():
         (words,) = told(TABLE, lambda x: [(c - 1) * x[0], s * x[0]])  # noqa: B023
         end = "ends at 34.38 deg: it reaches 40.11 deg"
         assert f"gamma is beyond the table of shear, which {end}" in words
-
-
-def test_yarns_of_law58_beyond_their_softening_are_told():
-    fabric = Law58(100.0, 100.0, 2000.0, 0.0, 0.01, 0.1, 1.0, 0.7)
-    (words,) = told(fabric, lambda x: [0.08 * x[0], 0.2 * x[1]])
-    assert "eps_a is beyond E_a / B_a, which ends at 5 %: it reaches 8 %" in words
