@@ -84,7 +84,7 @@ def _sweep(args, passed, form, argv):
         job_array.write(args.slurm, argv, len(values), args.ranks)
         return ""
     asked = [name for name, _ in below]
-    runner, answers = Runner(sweep, form, args.jobs, asked), []
+    runner, answers = Runner(sweep, form, args.jobs, asked), list[str]()
     if args.only:
         (run,) = runner.all([values[args.only - 1]])
         return run.reason
@@ -122,6 +122,7 @@ def _planned(args, passed, form):
     if not (lists or ranges):
         allowed = "--vary, or --scatter and a table [scatter] in a material file"
         raise InputError(f"nothing is varied; allowed is {allowed}")
+    values: list[varied.Values]
     values = [dict(zip(lists, each)) for each in itertools.product(*lists.values())]
     checked = values
     if args.scatter:

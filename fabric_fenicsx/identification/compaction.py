@@ -157,5 +157,5 @@ def _fit(p, h, sd, onset=None):
     errors = np.sqrt(np.diag(covariance))
     halves = float(stats.t.ppf(0.975, dof)) * errors
     numbers = zip(names, np.exp(x), errors, halves)
-    found = {name: by_logarithm(*each, UNITS[name]) for name, *each in numbers}
+    found = {name: by_logarithm(v, error, half, UNITS[name]) for name, v, error, half in numbers}
     return found, float(np.sqrt(np.sum((residual * sd) ** 2) / dof))

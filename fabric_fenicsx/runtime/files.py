@@ -10,8 +10,6 @@ from typing import IO, Any
 
 from .errors import InputError
 
-LOCK_FILE = ".lock"  # in a folder; a run that uses the folder locks this file
-
 
 def ending(path: Path | str) -> str:
     """The ending of a file's name, with its dot, in small letters."""
@@ -36,7 +34,7 @@ def plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else value
 
 
-def read_summary(path: Path) -> dict[str, Any]:
+def read_summary(path: Path) -> dict:
     """The summary in `path`, {} if there is none."""
     try:
         summary = json.loads(path.read_text())
@@ -55,7 +53,7 @@ def lock_folder(folder: Path) -> IO | None:
     """Lock `folder` for this process until the returned file is closed or the process ends; None if
     another process has locked it. A file system without locks locks nothing. Raises OSError if the
     folder can't be written to."""
-    file = open(folder / LOCK_FILE, "a")
+    file = open(folder / ".lock", "a")
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -171,15 +171,15 @@ def _keys(lines, stated, problems):
         for key, text in texts.items()
         if key not in ("noise", "lateral", "slack", "zero", "strain")
     }
-    free, across = None, ()
+    free, measured = None, test.measured
     if "lateral" in texts:  # of test uniaxial_a or uniaxial_b
         place, lateral = texts["lateral"]
         if lateral not in ("held", "free"):
             raise InputError(f"{place}: lateral is {lateral!r}; allowed is held or free")
         along = "ab".index(name[-1])
         free = along if lateral == "free" else None
-        across = (f"{'sigma' if free is None else 'eps'}_{'ba'[along]}",)
-    return _Keys(name, free, (*test.measured, *across), lengths, texts)
+        measured += (f"{'sigma' if free is None else 'eps'}_{'ba'[along]}",)
+    return _Keys(name, free, measured, lengths, texts)
 
 
 def _quantity(key, stated, factors):
