@@ -15,8 +15,6 @@ from ..sweep.form import Form
 from ..sweep.runner import Runner
 from .options import STUDIES, Parser, exit_status, option_type
 
-RUNS_OPTIONS = ("--set", "--out", "--resume", "--overwrite")  # that a sweep gives each of its runs
-
 
 def parser() -> Parser:
     """Runs `fabric form` with all combinations of values of a press file, side by side, or lets
@@ -111,8 +109,9 @@ def _sweep(args, passed, form, argv):
 
 def _planned(args, passed, form):
     """The ranges of --scatter, and the values of all runs, checked."""
-    if own := [word for word in passed if word.split("=")[0] in RUNS_OPTIONS]:
-        allowed = f"options of fabric form but {', '.join(RUNS_OPTIONS)}"
+    given = "--set", "--out", "--resume", "--overwrite"  # to each run, by the sweep
+    if own := [word for word in passed if word.split("=")[0] in given]:
+        allowed = f"options of fabric form but {', '.join(given)}"
         raise InputError(f"option {own[0]} is behind --; allowed are {allowed}")
     for other in ("slurm", "overwrite"):
         if args.only and getattr(args, other):

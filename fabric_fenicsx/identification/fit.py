@@ -24,9 +24,6 @@ UNCOUPLED = "no coupling, so that held strips are not too stiff"  # source of a 
 def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     """Fit the law to the curves, and compaction to the sheet's tests of it; InputError if they
     determine nothing or are too few, SolverFailure if a fit fails."""
-    if sheet.compaction and not curves:
-        allowed = "one in the fabric's plane, too, or `fit_compaction`, which needs no others"
-        raise InputError(f"all tests are of compaction; allowed is {allowed}")
     compaction = fit_compaction(sheet) if sheet.compaction else None
     friction = fit_friction(curves)
     problem = Problem(sheet, curves, friction.friction if friction else None)
@@ -43,13 +40,13 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         problem.names[k]: _determined(problem, k, theta[k], staged[k], e, half, k in bound)
         for k, e, half in zip(free, fit.error, fit.half)
     }
-    assumed = {
-        (name := problem.names[k]): Assumed(
-            float(theta[k]), unit_of(name), source[name], why, _moves(problem, theta, fit, sd, k)
-        )
-        for k, why in sorted(reason.items())
-    }
-    fabric = _fabric(dict(zip(problem.names, map(float, theta))), sheet, compaction, assumed)
+    assumed = {}
+    for k, why in sorted(reason.items()):
+        name, moves = problem.names[k], _moves(problem, theta, fit, sd, k)
+        assumed[name] = Assumed(float(theta[k]), unit_of(name), source[name], why, moves)
+    fabric = _fabric(dict(zip(problem.names, map(float, theta))), sheet, assumed)
+    if compaction:
+        fabric = fabric.replace(compaction=compaction.compaction)
     fabric = fabric.replace(shear_friction=friction and friction.friction)
     softest, convex = _physics(problem, fabric)
     predicted, untold = problem.predict(theta), []
@@ -195,12 +192,11 @@ def _moves(problem, theta, fit, sd, k):
     return {problem.names[f]: float(c) for f, c, most in zip(free, change, least) if abs(c) > most}
 
 
-def _fabric(value, sheet, compaction, assumed):
+def _fabric(value, sheet, assumed):
     """The fabric of values {name: number}; assumed: names of those that were not fitted."""
     warp, weft = (Yarn(**yarn) for yarn in yarns_of(value))
     numbers = {n: value[n] for n in SHEAR}
     numbers |= {n: getattr(sheet, n) for n in ("name", *SHEET, *FIBRES)}
-    numbers |= {"compaction": compaction.compaction} if compaction else {}
     return WovenFabric(warp, weft, **numbers, assumed=tuple({base(name) for name in assumed}))
 
 

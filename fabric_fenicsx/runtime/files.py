@@ -18,10 +18,9 @@ def ending(path: Path | str) -> str:
 
 def check_file(path: Path, what: str, allowed: str) -> None:
     """Raise InputError for a `what` that is not there, no file, or empty."""
-    if not path.is_file():
-        raise InputError(f"{what} {path} does not exist or is not a file; allowed is {allowed}")
-    if not path.stat().st_size:
-        raise InputError(f"{what} {path} is empty; allowed is {allowed}")
+    if not path.is_file() or not path.stat().st_size:
+        flaw = "is empty" if path.is_file() else "does not exist or is not a file"
+        raise InputError(f"{what} {path} {flaw}; allowed is {allowed}")
 
 
 def plain(value: Any) -> Any:

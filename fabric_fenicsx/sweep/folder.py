@@ -125,8 +125,6 @@ class SweepFolder:
     written, if it is another sweep's or press's (`overwrite` loses that), or if it holds what no
     sweep wrote, or is in use; OSError if it can't be written to."""
 
-    FORMAT = 2  # of sweep.json; another one is refused
-
     def __init__(
         self,
         path: Path,
@@ -138,7 +136,7 @@ class SweepFolder:
         text = press.read_text()
         self.path, self.title = path, str(tomllib.loads(text).get("title", press.name))
         made_of = {"text": text, "files": _files_of(press, text)}
-        self.state: dict = {"format": self.FORMAT, "keys": list(keys), "press": made_of}
+        self.state: dict = {"format": 2, "keys": list(keys), "press": made_of}
         is_new = overwrite or not (path / "sweep.json").exists()
         self._refuse_another(press, overwrite)
         path.mkdir(parents=True, exist_ok=True)
@@ -165,18 +163,18 @@ class SweepFolder:
                 raise InputError(f"{flaw}; allowed is a folder of a sweep, an empty or a new one")
             return
         before, now = json.loads(file.read_text()), self.state
-        wrong = ""
-        if before.get("format") != self.FORMAT:
-            wrong = "a sweep in another format"
-        elif before["press"] != now["press"]:
-            old, new = ({"": s["press"]["text"]} | s["press"]["files"] for s in (before, now))
-            changed = next(name for name in {**old, **new} if old.get(name) != new.get(name))
-            wrong = f"runs of another press ({changed or press} has changed since)"
-        elif before["keys"] != now["keys"]:
-            wrong = f"a sweep over {', '.join(before['keys'])}, now it is {', '.join(now['keys'])}"
+        old, new = ({"": each["press"]["text"]} | each["press"]["files"] for each in (before, now))
+        wrong = [
+            f"runs of another press ({name or press} has changed since)"
+            for name in {**old, **new}
+            if old.get(name) != new.get(name)
+        ]
+        if before["keys"] != now["keys"]:
+            keys = ", ".join(before["keys"])
+            wrong.append(f"a sweep over {keys}, now it is {', '.join(now['keys'])}")
         if wrong and not overwrite:
             allowed = "another --out, or --overwrite, which loses the runs there"
-            raise InputError(f"--out {self.path} has {wrong}; allowed is {allowed}")
+            raise InputError(f"--out {self.path} has {wrong[0]}; allowed is {allowed}")
 
     def run(self, values: Values) -> Run:
         """The run with these values, one of before or new."""

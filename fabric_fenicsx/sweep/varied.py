@@ -53,7 +53,7 @@ def spelled(value: float) -> str:
 
 def lists(words: Sequence[str]) -> dict[str, list[str]]:
     """The values {key: values} of words "KEY=VALUE,VALUE..."; values may be TOML's texts, lists
-    and tables. InputError for words of another form and a key given twice."""
+    and tables. InputError for words of another form."""
     values = {}
     closed = r"""'[^']*'|"[^"]*"|\[(?:[^][]|\[[^][]*\])*\]|\{[^{}]*\}"""
     for key, text in _by_key(words, "KEY=VALUE,VALUE...").items():
@@ -80,16 +80,12 @@ def ranges(words: Sequence[str]) -> list[Range]:
 
 def _by_key(words, form):
     """What stands behind each key of words."""
-    texts = {}
+    texts: dict[str, str] = {}
     for word in words:
         key, equals, text = word.partition("=")
         if not (equals and re.fullmatch(r"[^.=]+(\.[^.=]+)*", key)):
             raise InputError(f"--vary {word} is no key with values; allowed is {form}")
-        if key in texts:
-            raise InputError(
-                f"--vary {key} is given twice; allowed is all of its values behind one"
-            )
-        texts[key] = text
+        texts[key] = f"{texts[key]},{text}" if key in texts else text
     return texts
 
 
