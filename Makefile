@@ -20,7 +20,7 @@ TEST_TIMEOUT ?= 21600
 PACKAGES := python3-dolfinx-real python3-petsc4py python3-mpi4py python3-gmsh python3-meshio python3-scipy python3-matplotlib python3-jinja2 \
   python3-pip python3-setuptools gcc g++ libc6-dev python3-dev openmpi-bin libopenblas0-serial
 PACKAGES_12 := libegl1
-PACKAGES_13 := python3-pyvista python3-numba python3-ezdxf python3-shapely python3-h5py python3-netcdf4 xvfb xauth python3-pytest python3-pytest-xdist python3-hypothesis python3-mpmath python3-tomli-w python3-tqdm
+PACKAGES_13 := python3-pyvista python3-numba python3-ezdxf python3-shapely python3-h5py python3-netcdf4 xvfb xauth python3-pytest python3-pytest-xdist python3-hypothesis python3-mpmath python3-tomli-w python3-tqdm python3-lazy-loader
 DEBIAN := $(shell . /etc/os-release 2>/dev/null && [ "$$ID" = debian ] && echo "$${VERSION_ID:-sid}")
 ifeq ($(DEBIAN),12)
 NEEDS := $(PACKAGES) $(PACKAGES_12)

@@ -5,17 +5,67 @@ import json
 import platform
 import sys
 import time
+from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 import scipy
 
 from fabric_fenicsx import __version__, identification
-from fabric_fenicsx.command_line.identification import check, identified, is_first_rank, options
-from fabric_fenicsx.command_line.options import exit_status, program, restart_command
+from fabric_fenicsx.command_line.options import Parser, exit_status, program, restart_command
 from fabric_fenicsx.identification import curves
 from fabric_fenicsx.results import report as html
 from fabric_fenicsx.runtime.errors import InputError, SolverFailure
+from fabric_fenicsx.runtime.files import ending
 from fabric_fenicsx.runtime.status import shown, task
+
+
+def options():
+    p = Parser(prog=program("identify"), description=__doc__)
+    words = "folder with sheet.toml and a CSV file a test; see docs/howto/own_data.md"
+    p.option("--data", metavar="DIR", type=Path, required=True, help=words)
+    out, words = Path("results/identify/fabric.toml"), "the material; report and pictures beside it"
+    p.option("--out", metavar="FILE", type=Path, default=out, help=words)
+    p.switch("--no-pictures", "draw nothing")
+    p.switch("--overwrite", "lose the material that --out is")
+    words = "fit bias tests of force over displacement by formula, not by simulating specimens"
+    p.switch("--homogeneous", words)
+    return p
+
+
+def check(args):
+    """InputError for options that do not fit together."""
+    if ending(args.out) != ".toml":
+        raise InputError(f"--out is {args.out}; allowed is a file that ends in .toml")
+    if args.out.exists() and not args.overwrite:
+        allowed = "another file, or --overwrite to lose it"
+        raise InputError(f"--out {args.out} is there already; allowed is {allowed}")
+
+
+def is_first_rank():
+    """True on one of all ranks, which does all the work."""
+    if not find_spec("dolfinx"):
+        return True
+    from mpi4py import MPI
+
+    if MPI.COMM_WORLD.size > 1:
+        from petsc4py import PETSc  # noqa: F401, as ranks start and end it together
+    return not MPI.COMM_WORLD.rank
+
+
+def identified(sheet, tests, homogeneous):
+    """The fit: of simulated specimens where there are raw bias tests, DOLFINx is there and
+    `homogeneous` is not asked for."""
+    if homogeneous or not find_spec("dolfinx") or not any(test.is_raw for test in tests):
+        return identification.identify(sheet, tests)
+    from fabric_fenicsx.coupons.simulated import simulated_bias
+
+    def simulate(fabric, curve):
+        shear = ", ".join(f"{name} {getattr(fabric, name):.4g}" for name in ("s1", "s2", "s3"))
+        print(f"{curve.file}: simulating its specimen with {shear} MPa", flush=True)
+        return simulated_bias(fabric, curve)
+
+    return identification.identify_simulated(sheet, tests, simulate)
 
 
 def write_report(args, path, report, started):
@@ -60,7 +110,7 @@ if __name__ == "__main__":
     try:
         if is_first_rank():
             with shown(), task(program("identify")):
-                main(options(__doc__).parse_args())
+                main(options().parse_args())
     except (InputError, SolverFailure) as error:
         status, text = exit_status(error)
         print(f"{program('identify')}: {text}", file=sys.stderr)

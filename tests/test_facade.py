@@ -1,9 +1,7 @@
 """What `import fabric_fenicsx as ff` offers."""
 
-import ast
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -24,8 +22,5 @@ def test_fits_need_no_dolfinx():
     assert "scipy.optimize" in done.stdout and "petsc4py" not in done.stdout, done.stderr
 
 
-def test_types_are_known_of_each_name():
-    """What is imported for type checkers alone is all that the facade offers."""
-    tree = ast.parse(Path(ff.__file__).read_text())
-    (typed,) = (node for node in tree.body if isinstance(node, ast.If))
-    assert sorted(alias.name for line in typed.body for alias in line.names) == ff.__all__
+def test_another_name_is_an_attribute_error():
+    assert not hasattr(ff, "tensile") and ff.__version__

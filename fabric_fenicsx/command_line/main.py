@@ -17,18 +17,19 @@ from ..runtime.version import __version__
 from . import info
 from .options import STUDIES, Parser, asks_for_help, exit_status
 
-RUN = {"sweep": "runs of a press file with several values, side by side"}
-RESULTS = {  # those with options
-    "view": "formed plies and tools in a window, or a page for a browser",
-    "export": "formed plies, thickness and yarns, for VTK, Abaqus, LS-DYNA, Nastran",
-    "pattern": "the flat pattern of a trimmed part",
+COMMANDS = {
+    "run": {"sweep": "runs of a press file with several values, side by side"},
+    "results": {  # those with options
+        "view": "formed plies and tools in a window, or a page for a browser",
+        "export": "formed plies, thickness and yarns, for VTK, Abaqus, LS-DYNA, Nastran",
+        "pattern": "the flat pattern of a trimmed part",
+    },
+    "set-up": {
+        "info": "versions, presets, and whether all works",
+        "list": "the studies, and where their example data are",
+        "prepare": "compiles what usual runs need, so that the first ones do not wait for it",
+    },
 }
-SET_UP = {
-    "info": "versions, presets, and whether all works",
-    "list": "the studies, and where their example data are",
-    "prepare": "compiles what usual runs need, so that the first ones do not wait for it",
-}
-COMMANDS = RUN | RESULTS | SET_UP
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -43,7 +44,7 @@ def main(argv: list[str] | None = None) -> int:
         with shown(first=is_first() and not asks_for_help(argv)), task(f"fabric {command}"):
             runpy.run_path(str(scripts[command]), run_name="__main__")
         return 0
-    if command == "sweep":  # before MPI begins, which its runs do by themselves
+    if command == "sweep":  # takes seconds to import, as what follows
         from . import sweep
 
         return sweep.main([*map(_found, argv[1:])])
@@ -52,7 +53,7 @@ def main(argv: list[str] | None = None) -> int:
     if not first and asks_for_help(argv):
         return 0
     try:
-        if command not in RESULTS:
+        if command not in COMMANDS["results"]:
             command = _parsed(argv, scripts)
         if command == "info":
             return info.show(comm)
@@ -61,12 +62,12 @@ def main(argv: list[str] | None = None) -> int:
 
             with shown(first=first):
                 prepare()
-        elif first and command in RESULTS:
+        elif first and command == "list":
+            print(_listed(scripts.values()))
+        elif first:
             from . import results
 
             results.run(command, argv[1:])
-        elif first:
-            print(_listed(scripts.values()))
     except (InputError, OSError) as error:
         status, text = exit_status(unwritable(error) if isinstance(error, OSError) else error)
         if first:
@@ -78,24 +79,22 @@ def main(argv: list[str] | None = None) -> int:
 
 def _parsed(argv, scripts):
     """The command of the words; InputError for others."""
-    studies = textwrap.wrap(", ".join(scripts), 88, subsequent_indent=11 * " ")
-    lines = ["run:", f"  STUDY    {studies[0]}", *studies[1:]]
-    for title, commands in (("", RUN), ("\nresults:", RESULTS), ("\nset-up:", SET_UP)):
-        lines += [title] * bool(title) + [f"  {name:9}{words}" for name, words in commands.items()]
+    names = textwrap.wrap(", ".join(scripts), 88, subsequent_indent=11 * " ")
+    lines, known = [], {name: words for group in COMMANDS.values() for name, words in group.items()}
+    for title, commands in COMMANDS.items():
+        lines += [f"\n{title}:"] + ["  STUDY    " + "\n".join(names)] * (title == "run")
+        lines += [f"  {name:9}{words}" for name, words in commands.items()]
     parser = Parser(
         prog="fabric",
         usage="fabric STUDY|COMMAND [option ...]; with --help the options of each",
-        description="\n".join(lines),
+        description="\n".join(lines).strip(),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("-v", "--version", action="version", version=__version__)
     parser.add_argument("command", help=argparse.SUPPRESS)
-    parser.add_argument("files", nargs="*", help=argparse.SUPPRESS)
     args = parser.parse_args(argv or ["--help"])
-    if args.command not in COMMANDS:
-        raise unknown_key(args.command, [*COMMANDS, *scripts], f"command {args.command}")
-    if args.files:
-        raise InputError(f"behind {args.command} is {' '.join(args.files)}; allowed is nothing")
+    if args.command not in known:
+        raise unknown_key(args.command, [*known, *scripts], f"command {args.command}")
     return args.command
 
 
@@ -105,12 +104,10 @@ def _listed(scripts):
     for path in scripts:
         words = " ".join((ast.get_docstring(ast.parse(path.read_text())) or "").split())
         lines += textwrap.wrap(f"{path.stem:24}{words}", 100, subsequent_indent=24 * " ")
-    kinds = "data/*/sheet.toml", "presses/*.toml"
-    examples = sorted(path for kind in kinds for path in STUDIES.glob(kind))
     lines.append(f"\nexample data: these names work in any folder; the files are in {STUDIES}")
-    for path in examples:
-        example = path.parent if path.name == "sheet.toml" else path
-        lines.append(f"  studies/{example.relative_to(STUDIES)}")
+    examples = [file.parent for file in STUDIES.glob("data/*/sheet.toml")]
+    for path in sorted([*examples, *STUDIES.glob("presses/*.toml")]):
+        lines.append(f"  studies/{path.relative_to(STUDIES)}")
     return "\n".join(lines)
 
 

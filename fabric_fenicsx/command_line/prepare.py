@@ -3,9 +3,8 @@
 import logging
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
 
-from ..coupons.coupon import BiasExtension, PictureFrame, Tensile
+from ..coupons.coupon import BiasExtension, Coupon, PictureFrame, Tensile
 from ..forming.press import Press
 from ..forming.stages import Stage
 from ..material.presets import load
@@ -22,7 +21,7 @@ def prepare() -> None:
     level = log.level
     log.setLevel(logging.ERROR)  # so few cells are warned of
     kinds = Tensile, BiasExtension, PictureFrame
-    tests: list[Any] = [kind(load("komeili"), nx=4) for kind in kinds]
+    tests: list[Coupon | Press] = [kind(load("komeili"), nx=4) for kind in kinds]
     stages = [Stage("forming", moves={"punch": 1.0})]
     try:
         for press in map(Press.read, PRESSES):

@@ -7,6 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from ..meshes.outline_files import read_trim_line
+from ..plot import view
+from ..postprocess import pattern, states, structural
+from ..postprocess.ply import planes_of
 from ..runtime.errors import InputError
 from ..runtime.files import ending, failure_reason, replace_file
 from ..runtime.formatting import rounded
@@ -21,7 +25,9 @@ def run(command: str, words: Sequence[str]) -> None:
     how, description = COMMANDS[command]
     parser = Parser(prog=f"fabric {command}", description=description)
     parser.add_argument("folder", metavar="DIR", help="results of a run")
-    how(parser, words)
+    args = how(parser, words)
+    if reason := failure_reason(Path(args.folder) / "summary.json"):
+        print(f"warning: the run in {args.folder} did not end well: {reason}", file=sys.stderr)
 
 
 def _export(parser, words):
@@ -30,9 +36,6 @@ def _export(parser, words):
     modelled = "what was modelled, as a quarter (default: the whole part)"
     parser.add_argument("--modelled", action="store_true", help=modelled)
     args = parser.parse_args(words)
-    from ..postprocess import states, structural
-    from ..postprocess.ply import planes_of
-
     structural.checked(args.file)
     grids = states.read_grids(args.folder)
     plies = structural.export(grids, args.file, args.modelled)
@@ -42,7 +45,7 @@ def _export(parser, words):
         mirrored = " and ".join("xy"[axis] for axis in planes_of(grids[name]))
         mirrored = f", mirrored in {mirrored} = 0" if mirrored and not args.modelled else ""
         print(f"{args.file}: {name or 'ply'}{own}, {len(ply.cells)} cells{mirrored}")
-    _warn_of_end(args.folder)
+    return args
 
 
 def _view(parser, words):
@@ -51,20 +54,18 @@ def _view(parser, words):
     field = "field of the cells to show (default: shear_angle)"
     parser.add_argument("--field", metavar="NAME", help=field)
     args = parser.parse_args(words)
-    from ..plot import view
-    from ..postprocess.states import states
-
-    states(args.folder)
+    states.states(args.folder)
     if args.html is None and os.environ.get("DISPLAY"):
         view.show(args.folder, args.field)
-        return
+        return args
     file = Path(args.html or Path(args.folder) / "view.html")
     replace_file(file, view.page(args.folder, args.field))
     print(f"{file}: the last state, for a browser")
+    return args
 
 
 def _pattern(parser, words):
-    trim = parser.add_mutually_exclusive_group()
+    trim = parser.add_mutually_exclusive_group(required=True)
     line = "closed trim line on the formed ply: x, y and z in a .csv, or a .dxf; without z it is "
     trim.add_argument("--line", metavar="FILE", help=f"{line}projected along z; inner rings: holes")
     trim.add_argument("--plane", help=f"plane that trims: {PLANE}")
@@ -77,34 +78,27 @@ def _pattern(parser, words):
     # a plane may begin with a minus, which argparse takes for an option
     joined = "\n".join(words).replace("--plane\n", "--plane=")
     args = parser.parse_args(joined.split("\n") if words else [])
-    if not (args.line or args.plane):
-        raise InputError("nothing says where to trim; allowed is --line FILE or --plane PLANE")
     if args.edge and args.plane:
         raise InputError("--edge is not allowed beside --plane; allowed is --line FILE")
-    from ..meshes.outline_files import read_trim_line
-    from ..postprocess import pattern, states
-
     grids = states.read_grids(args.folder)
     if args.sheet is not None and args.sheet not in grids:
         raise unknown_key(args.sheet, filter(None, grids), f"--sheet {args.sheet}")
     where, notes = (_plane(args.plane), []) if args.plane else read_trim_line(args.line)
+    trimmed = {name: grid for name, grid in grids.items() if args.sheet in (None, name)}
     if args.edge:
-        for name in filter(lambda name: args.sheet in (None, name), grids):
-            largest, mean = map(rounded, pattern.edge_distance(grids[name], where))
+        for name, grid in trimmed.items():
+            largest, mean = map(rounded, pattern.edge_distance(grid, where))
             of_ply = f"the edge of {f'ply {name}' if name else 'the ply'}"
             print(f"{of_ply} is up to {largest} mm from the trim line, {mean} mm in the mean")
-        return
+        return args
     reach = args.reach or 2 * sum(map(_thickness, grids.values()))
     labels = states.set_labels(grids) if len(grids) > 1 else dict.fromkeys(grids, "")
-    patterns, wrong = {}, []
-    for name, grid in grids.items():
-        if args.sheet in (None, name):
-            try:
-                patterns[name] = pattern.flat_pattern(grid, where, reach)
-            except InputError as error:
-                wrong.append(f"ply {name}: {error}" if name else str(error))
-    if wrong:
-        raise InputError("\n".join(wrong))
+    patterns = {}
+    for name, grid in trimmed.items():
+        try:
+            patterns[name] = pattern.flat_pattern(grid, where, reach)
+        except InputError as error:
+            raise InputError(f"ply {name}: {error}" if name else str(error)) from None
     stem, units = Path(args.out or Path(args.folder) / "pattern"), states.units(args.folder)
     for note in notes:
         print(note)
@@ -115,13 +109,11 @@ def _pattern(parser, words):
         sizes = f"area {rounded(flat.net.area, 6)} mm2, perimeter {rounded(flat.net.length, 6)} mm"
         formed = f"area of the formed part {rounded(flat.formed_area, 6)} mm2"
         print(f"{own}.dxf, .csv, .vtu: {sizes}, {formed}{off}")
-    _warn_of_end(args.folder)
+    return args
 
 
 def _plane(text):
     """The plane of an option's text."""
-    from ..postprocess.pattern import Plane
-
     try:
         axis, _, place = text.replace(" ", "").partition("=")
         if place:
@@ -133,7 +125,7 @@ def _plane(text):
         point = normal = np.zeros(3)
     if not (np.isfinite([*point, *normal]).all() and np.any(normal)):
         raise InputError(f"--plane is {text}; allowed is {PLANE}")
-    return Plane(tuple(point), tuple(normal))
+    return pattern.Plane(tuple(point), tuple(normal))
 
 
 def _thickness(grid):
@@ -142,11 +134,6 @@ def _thickness(grid):
         if name in grid.cell_data and np.isfinite(grid.cell_data[name]).any():
             return float(np.nanmax(grid.cell_data[name]))
     return 1.0
-
-
-def _warn_of_end(folder):
-    if reason := failure_reason(Path(folder) / "summary.json"):
-        print(f"warning: the run in {folder} did not end well: {reason}", file=sys.stderr)
 
 
 COMMANDS = {

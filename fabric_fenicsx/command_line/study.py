@@ -4,10 +4,10 @@ import logging
 import signal
 import sys
 import traceback
-from argparse import BooleanOptionalAction
+from argparse import BooleanOptionalAction, Namespace
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Protocol, TypeVar
 
 from mpi4py import MPI
 
@@ -38,11 +38,22 @@ from .options import (
 )
 
 log = logging.getLogger("fabric_fenicsx")
-LAW_FILE = "Python file with the classes of your own laws"
-METAVARS = {"deg": "DEG", "mm": "MM"}  # unit of an option's number -> what stands for it
+Test = TypeVar("Test", bound=Coupon)
 
 
-def parser(test: Any, description: str | None, name: str = "", **defaults: Any) -> Parser:
+class Described(Protocol):
+    """A class of descriptions of a run, a coupon test or `Press`: what it says of its options."""
+
+    NAME: ClassVar[str]
+    FULL: ClassVar[Mapping[str, Any]]
+    QUICK: ClassVar[Mapping[str, Any]]
+    SOLVER: ClassVar[Mapping[str, Any]]
+    CHEAP_FROM: ClassVar[int]
+
+
+def parser(
+    test: type[Described], description: str | None, name: str = "", **defaults: object
+) -> Parser:
     """The parser of study `name` (the test's own by default): the fields of the class `test`, and
     the options that all studies share; `defaults` override theirs. An option that a resumed run may
     change says `free=True` where it is declared; all others define the problem."""
@@ -63,7 +74,8 @@ def add_material(p: Parser, default: str | None) -> None:
     presets = f"material file, or one of {', '.join(PRESETS)}"
     presets += "" if default else " (that of the press)"
     p.option("--material", metavar="FILE|PRESET", default=default, help=presets, free=True)
-    p.option("--law-file", metavar="FILE.py", help=LAW_FILE, free=True)
+    words = "Python file with the classes of your own laws"
+    p.option("--law-file", metavar="FILE.py", help=words, free=True)
     models = {"choices": ("hyperelastic", "fabric"), "default": "hyperelastic"}
     p.option("--model", **models, help="fabric: without all couplings", free=True)
     several = {"metavar": "COUPLING", "action": "append", "default": []}
@@ -71,7 +83,7 @@ def add_material(p: Parser, default: str | None) -> None:
     p.option("--without", **several, help=couplings, free=True)
 
 
-def add_solver(p: Parser, test: Any) -> None:
+def add_solver(p: Parser, test: type[Described]) -> None:
     """Add the options of solver, errors and limits, with the defaults of the class `test`."""
     add_fields(p, Settings, test, free=True)
     p.group("solver")
@@ -84,7 +96,9 @@ def add_solver(p: Parser, test: Any) -> None:
     add_fields(p, Limits, test, prefix="max_", free=True)
 
 
-def add_fields(p: Parser, owner: Any, test: Any, prefix: str = "", free: bool = False) -> None:
+def add_fields(
+    p: Parser, owner: type, test: type[Described], prefix: str = "", free: bool = False
+) -> None:
     """Add an option for each field of the dataclass `owner` that has a help text; test: class whose
     sizes and limits are defaults, prefix: of the options' names."""
     for each in declared(owner):
@@ -102,11 +116,11 @@ def add_fields(p: Parser, owner: Any, test: Any, prefix: str = "", free: bool = 
         p.option(spelled(prefix + name), free=free, **how)
 
 
-def kind_of_option(meta: Mapping[str, Any]) -> dict[str, Any]:
+def kind_of_option(meta: Mapping) -> dict:
     """Argparse's settings for the values of a declared field with this metadata."""
     if "rule" in meta:
-        unit = next((unit for unit in METAVARS if meta["help"].endswith(f"[{unit}]")), "")
-        letter = METAVARS.get(unit, "N" if meta["rule"].kind is int else "X")
+        letter = "N" if meta["rule"].kind is int else "X"
+        letter = {"[deg]": "DEG", "[mm]": "MM"}.get(meta["help"].split(" ")[-1], letter)
         return {"type": option_type(meta["rule"]), "metavar": letter}
     if "switch" in meta:
         return {"action": "store_true"}
@@ -115,7 +129,7 @@ def kind_of_option(meta: Mapping[str, Any]) -> dict[str, Any]:
     return {"choices": tuple(meta["choices"])}
 
 
-def options_of(owner: Any, args: Any) -> dict[str, Any]:
+def options_of(owner: type, args: Namespace) -> dict:
     """Values {name: value} of the declared fields of the class `owner` that have options."""
     return {f.name: getattr(args, f.name) for f in declared(owner) if hasattr(args, f.name)}
 
@@ -173,10 +187,9 @@ class Study:
             read_laws(args.law_file)
         fabric = load(args.material)
         if args.law_file and type(fabric).__module__.startswith("fabric_fenicsx."):
-            option = f"--law-file {args.law_file} is given"
             flaw = f"but the material {args.material} is of the law {fabric.law}"
             allowed = "--material with a file of the law in it"
-            raise InputError(f"{option}, {flaw}; allowed is {allowed}")
+            raise InputError(f"--law-file {args.law_file} is given, {flaw}; allowed is {allowed}")
         return self.coupled(fabric if "temperature" in args else fabric.at(None))
 
     def coupled(self, fabric: Law) -> Law:
@@ -184,17 +197,14 @@ class Study:
         whole = fabric.decoupled() if self.args.model == "fabric" else fabric
         return whole.without(*self.args.without)
 
-    def describe(self, kind: type, fabric: Law | None = None) -> Any:
+    def describe(self, kind: type[Test], fabric: Law | None = None) -> Test:
         """The test of this kind with the options' fields, of their fabric or another."""
         return kind(fabric or self.fabric, **options_of(kind, self.args))
 
     def build(self, test: Any) -> Any:
-        """The `Setup` of a test, which the study takes."""
+        """The `Setup` of a test, whose warnings are told and whose sizes become the options'."""
         with phase("setup"):
-            return self.take(test.build(self.comm))
-
-    def take(self, setup: Any) -> Any:
-        """The `Setup` itself, whose warnings are told and whose sizes become the options'."""
+            setup = test.build(self.comm)
         vars(self.args).update(setup.resolved())
         for doubt in setup.warnings:
             self.warn(doubt)
@@ -203,10 +213,10 @@ class Study:
 
     def run(self, setup: Setup, part: str = "") -> Result:
         """The `Result` of a built test with the solver's options, into the subfolder `part`."""
-        given, asked = vars(self.args), options_of(Settings, self.args)
+        given = vars(self.args)
         limits = Limits(**{each.name: given[f"max_{each.name}"] for each in declared(Limits)})
         error = setup.has_cheap_error() if self.args.error is None else self.args.error
-        job = setup.job(**asked, limits=limits, error=error)
+        job = setup.job(**options_of(Settings, self.args), limits=limits, error=error)
         self._problem = {**self.problem(setup.data.fabric), **setup.fingerprint()}
         return self.run_job(job, part)
 
@@ -224,7 +234,7 @@ class Study:
         """{what options ask for beside the run of a test: times as many cells}."""
         return {}
 
-    def summarise(self, folder: Path | None, **facts: Any) -> dict[str, Any]:
+    def summarise(self, folder: Path | None, **facts: object) -> dict:
         """Summarise the study as a whole, see `Output.summarise`."""
         self._note_facts()
         return self.output.summarise(folder, **{"element": self.args.element} | facts)
@@ -233,11 +243,10 @@ class Study:
         facts = {"command": self.output.command, "options": _in_words(vars(self.args))}
         self.output.facts = facts | {"fabric": self.fabric.dumps()}
 
-    def problem(self, fabric: Law) -> Mapping[str, Any]:
+    def problem(self, fabric: Law) -> Mapping:
         """Facts in which a checkpoint must agree: the fabric, and all options but the free ones."""
-        defining = {k: v for k, v in vars(self.args).items() if k not in self._free}
-        name = self.output.name
-        return {"study": name} | _in_words(defining) | {"material": fabric.dumps()}
+        defining = {k: v for k, v in _in_words(vars(self.args)).items() if k not in self._free}
+        return {"study": self.output.name, **defining, "material": fabric.dumps()}
 
     def write_report(self, description: str, ending: str) -> None:
         """Write report.html with the title and text of the test, else this description."""
@@ -249,7 +258,7 @@ def _in_words(options):
     return {k: str(v) if isinstance(v, Path) else v for k, v in options.items()}
 
 
-def run(name: str, options: Parser, main: Callable[[Any], Any], kind: type[Study] = Study) -> None:
+def run(name: str, options: Parser, main: Callable[[Any], None], kind: type[Study] = Study) -> None:
     """Run main(study of that kind) and leave with the contract's exit status: 0 done, 2 bad input,
     3 the solver gave up. All ranks leave together, rank 0 speaks; a rank that fails alone ends the
     others."""

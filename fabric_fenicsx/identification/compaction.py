@@ -4,7 +4,6 @@ import dataclasses
 import math
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -18,10 +17,8 @@ from .problem import Assumed, Determined, by_logarithm
 
 UNITS = {"exponent": "-", "onset": "MPa", "pressure": "MPa"}
 MARGIN = 1.1  # times the measured thicknesses, up to which they show the pressure of the sheet
-# of an interval, to either side
-MAX_FACTOR = {"exponent": 3.0, "onset": 10.0, "pressure": 10.0}
-EXPONENTS = 1.01, 1e3
-LEAST_PRESSURE = 1e-3  # of the lowest measured one: onset and pressure of the sheet
+MAX_FACTORS = {"exponent": 3.0, "onset": 10.0, "pressure": 10.0}  # of an interval, to either side
+MIN_PRESSURE = 1e-3  # of the lowest measured one: onset and pressure of the sheet
 
 
 @dataclass(frozen=True)
@@ -37,20 +34,17 @@ class CompactionFit:
     tests: list[tuple[CompactionTest, np.ndarray, np.ndarray]]
     warnings: list[str]
 
-    def report(self) -> dict[str, Any]:
+    def report(self) -> dict:
         """The result for JSON."""
+        tests = []
+        for test, measured, fitted in self.tests:
+            error = float(np.sqrt(np.mean((fitted - measured) ** 2)))
+            tests.append({"file": test.file, "points": len(measured), "rms_error_mm": error})
         return {
             "determined": {n: dataclasses.asdict(p) for n, p in self.determined.items()},
             "assumed": {n: dataclasses.asdict(p) for n, p in self.assumed.items()},
             "scatter_of_thickness": self.scatter,
-            "tests": [
-                {
-                    "file": test.file,
-                    "points": len(measured),
-                    "rms_error_mm": float(np.sqrt(np.mean((fitted - measured) ** 2))),
-                }
-                for test, measured, fitted in self.tests
-            ],
+            "tests": tests,
         }
 
 
@@ -65,43 +59,52 @@ def fit_compaction(sheet: Sheet) -> CompactionFit:
     that is less. The intervals of the others are then those of a fit of all three.
     """
     (p, h, sd), assumed = _data(sheet), {}
-    fit, lowest = _fit(p, h, sd), float(p.min())
-    least, widest = 1.01 * LEAST_PRESSURE * lowest, math.log(MAX_FACTOR["onset"])
-    if fit.values["onset"] < least or fit.half["onset"] > widest:
-        onset = min(Compaction.onset, lowest)
-        source = "default" if onset == Compaction.onset else "lowest measured pressure"
+    found, scatter = _fit(p, h, sd)
+    lowest, onset = float(p.min()), found["onset"]
+    if onset.value < 1.01 * MIN_PRESSURE * lowest or _factor(onset) > MAX_FACTORS["onset"]:
+        value = min(Compaction.onset, lowest)
+        source = "default" if value == Compaction.onset else "lowest measured pressure"
         why = "the data do not tell it: they begin too far above it or scatter too much"
-        assumed["onset"] = Assumed(onset, UNITS["onset"], source, why, {})
-        all_three, fit = fit, _fit(p, h, sd, onset)
-        for kept, of_all in ((fit.error, all_three.error), (fit.half, all_three.half)):
-            kept.update({name: max(size, of_all[name]) for name, size in kept.items()})
-    held = not 1.001 * EXPONENTS[0] < fit.values["exponent"] < 0.999 * EXPONENTS[1]
-    determined = {
-        n: by_logarithm(fit.values[n], fit.error[n], half, UNITS[n], held and n == "exponent")
-        for n, half in fit.half.items()
-    }
-    for name, half in fit.half.items():
-        if half > math.log(MAX_FACTOR[name]):
-            low, high = determined[name].interval
+        assumed["onset"] = Assumed(value, UNITS["onset"], source, why, {})
+        all_three, (found, scatter) = found, _fit(p, h, sd, value)
+        for name, each in found.items():
+            error = max(x.standard_error / x.value for x in (each, all_three[name]))
+            half = math.log(max(_factor(each), _factor(all_three[name])))
+            found[name] = by_logarithm(each.value, error, half, UNITS[name])
+    for name, each in found.items():
+        if _factor(each) > MAX_FACTORS[name]:
+            low, high = each.interval
             interval = f"{rounded(low, 2)} to {rounded(high, 2)} {UNITS[name]}".removesuffix(" -")
             raise InputError(
                 f"the compaction tests leave the {name} at {interval}; allowed are tests that tell "
                 "more: of more points, a wider range of pressure or less scatter"
             )
-    compaction = Compaction(**fit.values)
+    compaction = Compaction(**{n: x.value for n, x in (found | assumed).items()})
     tests = [
         (t, sheet.measured_thickness(t), sheet.thickness * compaction.thickness(t.pressure))
         for t in sheet.compaction
     ]
-    warnings = [*_warnings(p, compaction.pressure, determined)]
-    return CompactionFit(compaction, determined, assumed, fit.scatter, tests, warnings)
+    warnings = [
+        f"compaction.{name} is weakly determined"
+        for name, each in found.items()
+        if each.weak and name != "onset"  # forces hardly depend on the onset
+    ]
+    if not lowest / MARGIN <= compaction.pressure <= p.max() * MARGIN:
+        under = f"{rounded(compaction.pressure)} MPa"
+        measured = f"they measured from {rounded(lowest)} to {rounded(p.max())} MPa"
+        text = "by the compaction tests the fabric has the thickness of sheet.toml under"
+        warnings.append(f"{text} {under}; {measured}")
+    return CompactionFit(compaction, found, assumed, scatter, tests, warnings)
+
+
+def _factor(number):
+    """The factor by which an interval is wide, to either side."""
+    return number.interval[1] / number.value
 
 
 def _data(sheet):
     """Pressures [MPa], thicknesses and their standard deviations over the sheet's; (n,) each."""
     tests = sheet.compaction
-    if not tests:
-        raise InputError("there is no test of compaction; allowed is one or more")
     p = np.concatenate([test.pressure for test in tests])
     h = np.concatenate([sheet.measured_thickness(test) for test in tests])
     if not h.min() / MARGIN <= sheet.thickness <= h.max() * MARGIN:
@@ -124,18 +127,9 @@ def _noise(test):
     return np.broadcast_to(size * scale / values, values.shape)
 
 
-class _Fit(NamedTuple):
-    """All `values` by name, and of those that were fitted the standard errors and half widths of
-    95 % intervals of their logarithms; scatter of thickness, relative."""
-
-    values: dict[str, float]
-    error: dict[str, float]
-    half: dict[str, float]
-    scatter: float
-
-
 def _fit(p, h, sd, onset=None):
-    """The three numbers; onset: a fixed one [MPa], None if it is fitted."""
+    """The fitted numbers {name: `Determined`} and the relative scatter of thickness; onset: a fixed
+    one [MPa], None if it is fitted."""
     names = [name for name in UNITS if name != "onset" or onset is None]
 
     def log_thickness(p, *x):
@@ -143,8 +137,8 @@ def _fit(p, h, sd, onset=None):
         y = log_compaction(np.array([v["pressure"], *p]) / v["onset"])
         return (y[0] - y[1:]) / v["exponent"]
 
-    order, edges = np.argsort(h), (LEAST_PRESSURE * p.min(), p.max() / LEAST_PRESSURE)
-    bounds = np.log([EXPONENTS if name == "exponent" else edges for name in names]).T
+    order, edges = np.argsort(h), (MIN_PRESSURE * p.min(), p.max() / MIN_PRESSURE)
+    bounds = np.log([(1.01, 1e3) if name == "exponent" else edges for name in names]).T
     # about the pressure under which plies of the tests are as thick as the sheet
     near = math.exp(np.interp(1.0, h[order], np.log(p[order])))
     how = {"bounds": bounds, "max_nfev": 300, "full_output": True}
@@ -160,23 +154,8 @@ def _fit(p, h, sd, onset=None):
         raise SolverFailure("the fit of compaction did not converge in 300 evaluations")
     _, x, covariance, residual = min(fits, key=lambda each: each[0])
     dof = len(p) - len(names)
-    error = dict(zip(names, np.sqrt(np.diag(covariance)).tolist()))
-    half = {name: float(stats.t.ppf(0.975, dof)) * each for name, each in error.items()}
-    values = {"onset": onset} | dict(zip(names, np.exp(x).tolist()))
-    scatter = float(np.sqrt(np.sum((residual * sd) ** 2) / dof))
-    return _Fit({name: values[name] for name in UNITS}, error, half, scatter)
-
-
-def _warnings(measured, pressure, determined):
-    """Doubts about the fit."""
-    if not measured.min() / MARGIN <= pressure <= measured.max() * MARGIN:
-        yield (
-            f"by the compaction tests the fabric has the thickness of sheet.toml under "
-            f"{rounded(pressure)} MPa; they measured from {rounded(measured.min())} to "
-            f"{rounded(measured.max())} MPa"
-        )
-    for name, each in determined.items():
-        if each.at_bound:
-            yield f"compaction.{name} is held by a bound"
-        elif each.weak and name != "onset":  # forces hardly depend on the onset
-            yield f"compaction.{name} is weakly determined"
+    errors = np.sqrt(np.diag(covariance))
+    halves = float(stats.t.ppf(0.975, dof)) * errors
+    numbers = zip(names, np.exp(x), errors, halves)
+    found = {name: by_logarithm(v, error, half, UNITS[name]) for name, v, error, half in numbers}
+    return found, float(np.sqrt(np.sum((residual * sd) ** 2) / dof))

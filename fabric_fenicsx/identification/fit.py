@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -18,20 +18,12 @@ from .friction import fit_friction
 from .problem import NOISE, Assumed, Determined, NotConverged, Problem, base, unit_of, yarns_of
 from .result import Identification
 
-STAGE_1 = ("a", "b", "d", *SHEAR)
-# Of the parameters that the data can't tell apart, the first of these becomes an assumption.
-GIVEN_UP = ("s_C", "p_min", "d", "c", "s_T", "s3", "s2", "a", "s1", "b")
 UNCOUPLED = "no coupling, so that held strips are not too stiff"  # source of a p_min of 1
-# higher terms are 0 by default if the lower one is fitted
-HIGHER = {"a": "b", "s2": "s1", "s3": "s1"}
 
 
 def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     """Fit the law to the curves, and compaction to the sheet's tests of it; InputError if they
     determine nothing or are too few, SolverFailure if a fit fails."""
-    if sheet.compaction and not curves:
-        allowed = "one in the fabric's plane, too, or `fit_compaction`, which needs no others"
-        raise InputError(f"all tests are of compaction; allowed is {allowed}")
     compaction = fit_compaction(sheet) if sheet.compaction else None
     friction = fit_friction(curves)
     problem = Problem(sheet, curves, friction.friction if friction else None)
@@ -48,16 +40,18 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         problem.names[k]: _determined(problem, k, theta[k], staged[k], e, half, k in bound)
         for k, e, half in zip(free, fit.error, fit.half)
     }
-    assumed = {
-        (name := problem.names[k]): Assumed(
-            float(theta[k]), unit_of(name), source[name], why, _moves(problem, theta, fit, sd, k)
-        )
-        for k, why in sorted(reason.items())
-    }
-    fabric = _fabric(dict(zip(problem.names, map(float, theta))), sheet, compaction, assumed)
+    assumed = {}
+    for k, why in sorted(reason.items()):
+        name, moves = problem.names[k], _moves(problem, theta, fit, sd, k)
+        assumed[name] = Assumed(float(theta[k]), unit_of(name), source[name], why, moves)
+    fabric = _fabric(dict(zip(problem.names, map(float, theta))), sheet, assumed)
+    if compaction:
+        fabric = fabric.replace(compaction=compaction.compaction)
     fabric = fabric.replace(shear_friction=friction and friction.friction)
     softest, convex = _physics(problem, fabric)
-    predicted = problem.predict(theta)
+    predicted, untold = problem.predict(theta), []
+    if any(curve.back for curve in curves):
+        untold = ["the loops do not tell friction between yarns; it is left out"]
     fits = [(curve, response, predicted[s], sd[s]) for (curve, response), s in problem.parts]
     warnings = [
         *(f"{curve.file}: {text}" for curve in curves for text in curve.remarks),
@@ -65,7 +59,7 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         *_fit_warnings(problem, fit, softest, convex, determined, assumed),
         *curve_warnings(curves),
         *(compaction.warnings if compaction else ()),
-        *_friction_warnings(curves, friction),
+        *(friction.warnings() if friction else untold),
         *fabric.plausibility_warnings(),
     ]
     return Identification(
@@ -84,14 +78,6 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         compaction,
         friction,
     )
-
-
-def _friction_warnings(curves, friction):
-    if not friction and any(curve.back for curve in curves):
-        yield "the loops do not tell friction between yarns; it is left out"
-    for name, each in friction.determined.items() if friction else ():
-        if each.weak:
-            yield f"{name} is weakly determined, as its interval is wider than a factor of 2"
 
 
 def _determined(problem, k, value, staged, error, half, at_bound):
@@ -161,7 +147,7 @@ def _weights(problem, theta):
     stated = [curve.noise is not None for curve in problem.curves]
     if all(stated) or not any(stated):
         return problem.deviation(predicted), None
-    share = (predicted - problem.measured) / problem.peak
+    share = (predicted - problem.points.measured) / problem.points.peak
     silent = np.concatenate([share[s] for (curve, _), s in problem.parts if curve.noise is None])
     estimated = max(float(np.sqrt(np.mean(silent**2))), 1e-9)
     return problem.deviation(predicted, estimated), estimated
@@ -182,7 +168,7 @@ class _Statistics(NamedTuple):
 
 
 def _statistics(problem, theta, free, sd):
-    residual = (problem.predict(theta) - problem.measured) / sd
+    residual = problem.residual(theta, sd)
     dof = len(residual) - len(free)
     variance = float(residual @ residual) / dof
     J = problem.jacobian(theta, free) * problem.natural[free] / sd[:, None]
@@ -206,22 +192,21 @@ def _moves(problem, theta, fit, sd, k):
     return {problem.names[f]: float(c) for f, c, most in zip(free, change, least) if abs(c) > most}
 
 
-def _fabric(value, sheet, compaction, assumed):
+def _fabric(value, sheet, assumed):
     """The fabric of values {name: number}; assumed: names of those that were not fitted."""
     warp, weft = (Yarn(**yarn) for yarn in yarns_of(value))
-    numbers: dict[str, Any] = {n: value[n] for n in SHEAR}
+    numbers = {n: value[n] for n in SHEAR}
     numbers |= {n: getattr(sheet, n) for n in ("name", *SHEET, *FIBRES)}
-    numbers |= {"compaction": compaction.compaction} if compaction else {}
     return WovenFabric(warp, weft, **numbers, assumed=tuple({base(name) for name in assumed}))
 
 
 def _physics(problem, fabric):
     """Smallest tau' over the measured angles [MPa]; whether W is convex in measured tension."""
     softest = convex = None
-    if problem.angle:
-        g = np.linspace(0, problem.angle, 1001)
+    if angle := problem.points.angle:
+        g = np.linspace(0, angle, 1001)
         softest = float((fabric.s1 + (2 * fabric.s2 + 3 * fabric.s3 * g) * g).min())
-    e = problem.strains
+    e = problem.points.strains
     tension = e[(e[:, :2].max(1) > 0) & (e[:, :2].min(1) >= 0)]
     if tension.size:
         # by the kernel's tangent just inside tension; the kink at 0 belongs to compression
@@ -265,10 +250,8 @@ def _fit_warnings(problem, fit, softest, convex, determined, assumed):
             f"{name} is {rounded(value)} {unit_of(name)}, the {side[0]} that it can be: "
             f"the tests ask for {side[1]}, so its interval is a rough guide"
         )
-    weak = [name for name, parameter in determined.items() if parameter.weak]
-    yield from (
-        f"{name} is weakly determined, as its interval is wider than +-100 %" for name in weak
-    )
+    for name in (name for name, parameter in determined.items() if parameter.weak):
+        yield f"{name} is weakly determined, as its interval is wider than +-100 %"
 
 
 def _regression(problem, default, reason, source):
@@ -277,15 +260,15 @@ def _regression(problem, default, reason, source):
     They are repeated with one parameter less, its reason in `reason`, until the data determine all
     that is fitted. Returns values after the joint fit, after the stages, and
     the parameters that were free in it."""
-    names = problem.names
-    couplings = [k for k, n in enumerate(names) if base(n) not in STAGE_1]
-    uncoupled = ~np.any(problem.effect[:, couplings] > 0, axis=1)
+    names, couplings = problem.names, ("c", "p_min", "s_T", "s_C")
+    coupled = [k for k, n in enumerate(names) if base(n) in couplings]
+    uncoupled = ~np.any(problem.effect[:, coupled] > 0, axis=1)
     while True:
         free = _free(problem, reason)
         theta = _start(problem, default, reason, source, free)
-        sd = problem.deviation(problem.measured)
+        sd = problem.deviation(problem.points.measured)
         seen = np.any(problem.effect[uncoupled] > 0, axis=0)
-        first = [k for k in free if base(names[k]) in STAGE_1 and seen[k]]
+        first = [k for k in free if k not in coupled and seen[k]]
         theta = problem.fit(theta, first, sd, uncoupled)
         # tension that is coupled at every point, as with free sides alone
         lone = [k for k in free if base(names[k]) in ("a", "b") and k not in first]
@@ -305,22 +288,20 @@ def _free(problem, reason):
     free = [k for k in range(len(problem.names)) if k not in reason]
     if not free:
         tests = ", ".join(sorted({c.test for c in problem.curves}))
-        raise InputError(
-            f"the curves, of the tests {tests}, determine no parameter; allowed are more tests"
-        )
-    if len(problem.measured) <= len(free):
-        raise InputError(
-            f"there are {len(problem.measured)} measured values for {len(free)} parameters; "
-            "allowed are more values"
-        )
+        flaw = f"the curves, of the tests {tests}, determine no parameter"
+        raise InputError(f"{flaw}; allowed are more tests")
+    if (count := len(problem.points.measured)) <= len(free):
+        flaw = f"there are {count} measured values for {len(free)} parameters"
+        raise InputError(f"{flaw}; allowed are more values")
     return free
 
 
 def _start(problem, default, reason, source, free):
     """Values that a fit begins with: 0, as `source` then says, for higher terms than are fitted."""
     names, theta = problem.names, default.copy()
+    lower_terms = {"a": "b", "s2": "s1", "s3": "s1"}
     for k in reason:
-        lower = names[k].replace(base(names[k]), HIGHER.get(base(names[k]), "-"))
+        lower = names[k].replace(base(names[k]), lower_terms.get(base(names[k]), "-"))
         if lower in names and names.index(lower) in free and source[names[k]] != "sheet.toml":
             theta[k], source[names[k]] = 0.0, "0, as the lower term alone is fitted"
     for k in free:
@@ -336,15 +317,13 @@ def _joint_fit(problem, theta, free, rest, sd):
     if bad := problem.undetermined(theta, free, slack=1e3):
         return theta, theta, bad
     try:
-        # so many evaluations, then the data are asked whether they determine the parameters
-        staged = problem.fit(theta, rest, sd, most=60)
-        theta = problem.fit(staged, free, sd, most=60)
+        staged = problem.fit(theta, rest, sd)
+        theta = problem.fit(staged, free, sd)
     except NotConverged as stuck:  # in a valley of parameters that the data do not separate?
         if bad := problem.undetermined(stuck.theta, free):
             return theta, theta, bad
-        staged = problem.fit(stuck.theta, rest, sd)
-        theta = problem.fit(staged, free, sd)
-    residual = (problem.predict(theta) - problem.measured) / sd
+        raise
+    residual = problem.residual(theta, sd)
     variance = residual @ residual / (len(residual) - len(free))
     return theta, staged, problem.undetermined(theta, free, sd * math.sqrt(variance))
 
@@ -352,7 +331,8 @@ def _joint_fit(problem, theta, free, rest, sd):
 def _given_up(names, bad, free, lone, size):
     """The parameter in `bad` that becomes an assumption, and why; lone: those of tension that is
     coupled at every point; size: of all parameters."""
-    k, half = min(bad, key=lambda item: GIVEN_UP.index(base(names[item[0]])))
+    first = ("s_C", "p_min", "d", "c", "s_T", "s3", "s2", "a", "s1", "b")
+    k, half = min(bad, key=lambda item: first.index(base(names[item[0]])))
     yarn = names[k].removesuffix(base(names[k]))
     rival = yarn + "p_min"
     tied = k in lone or (base(names[k]) == "c" and any(names[f] == f"{yarn}a" for f in lone))

@@ -5,7 +5,6 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -25,7 +24,12 @@ class FrictionFit:
     determined: dict[str, Determined]
     scatter: float
 
-    def report(self) -> dict[str, Any]:
+    def warnings(self) -> list[str]:
+        """Sentences on numbers that the loops hardly tell."""
+        why = "is weakly determined, as its interval is wider than a factor of 2"
+        return [f"{name} {why}" for name, p in self.determined.items() if p.weak]
+
+    def report(self) -> dict:
         """The result for JSON."""
         numbers = {name: dataclasses.asdict(p) for name, p in self.determined.items()}
         return {"determined": numbers, "scatter_MPa": self.scatter}

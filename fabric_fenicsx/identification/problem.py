@@ -3,17 +3,16 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from ..material.friction import ShearFriction
-from ..material.homogeneous import lateral_strain, nominal
 from ..material.laws.coupled import SHEAR, YARN, WovenFabric
 from ..material.presets import PRESETS
 from ..runtime.errors import InputError, SolverFailure
 from .curves import Curve, Sheet
+from .points import Points
 
 DEFAULTS = PRESETS["komeili"]  # Table 1; d, p_min and s_C were assumed there, too
 NOISE = 0.01  # share of each peak: noise at which the data must determine a parameter
@@ -45,7 +44,7 @@ def true_values(fabric: WovenFabric, balanced: bool) -> dict[str, float]:
     }
 
 
-def yarns_of(values: Mapping[str, Any]) -> list[dict[str, Any]]:
+def yarns_of(values: Mapping[str, float]) -> list[dict[str, float]]:
     """Parameters of warp and of weft in `values` by the names used here."""
     return [
         {n: values[n] if n in values else values[f"{yarn}.{n}"] for n in YARN}
@@ -70,13 +69,11 @@ class Determined:
     at_bound: bool
 
 
-def by_logarithm(
-    value: float, error: float, half: float, unit: str, at_bound: bool = False
-) -> Determined:
+def by_logarithm(value: float, error: float, half: float, unit: str) -> Determined:
     """A number that was fitted by its logarithm, of which are standard error and half interval."""
-    value, error, half = float(value), float(value * error), float(half)
+    value, error, half = float(value), float(value * error), min(float(half), 100.0)
     interval = value * math.exp(-half), value * math.exp(half)
-    return Determined(value, error, interval, unit, value, half > math.log(2), at_bound)
+    return Determined(value, error, interval, unit, value, half > math.log(2), False)
 
 
 @dataclass(frozen=True)
@@ -109,10 +106,11 @@ class NotConverged(SolverFailure):
 
 
 class Problem:
-    """Residuals of all curves in the parameters `names` (10 or 17), with all N points in one call
+    """Residuals of all curves in the parameters `names` (10 or 17), with all N `points` in one call
     of the kernel; friction: between yarns, which they move for the first time.
 
-    natural, effect: see `rescale`; start: the values at which the fit begins."""
+    parts: [((curve, response), slice of its points)]; natural, effect: see `rescale`; start: the
+    values at which the fit begins."""
 
     def __init__(
         self, sheet: Sheet, curves: Sequence[Curve], friction: ShearFriction | None = None
@@ -123,36 +121,7 @@ class Problem:
         parts = [(curve, response) for curve in curves for response in curve.responses]
         ends = np.cumsum([len(response.values) for _, response in parts])
         self.parts = [(p, slice(end - len(p[1].values), end)) for p, end in zip(parts, ends)]
-
-        def joined(value):
-            """A number of each part or of each of its points, (N,)."""
-            return np.concatenate([np.broadcast_to(value(c, r), r.values.shape) for c, r in parts])
-
-        self.measured = joined(lambda _, response: response.values)
-        self.peak = joined(lambda _, response: response.peak)
-        self.gain = joined(lambda _, response: response.gain)
-        self.half = joined(lambda _, response: 0.0 if response.half is None else response.half)
-        self.component = joined(lambda _, response: response.component)
-        self.strains = np.concatenate([curve.strains for curve, _ in parts])
-        self.halves = np.flatnonzero(self.half)
-        self.rubbed = np.zeros(len(self.measured))
-        if friction:
-            at = np.flatnonzero(self.component == 2)
-            once, half = (
-                friction.respond(share * self.strains[at, 2], np.zeros(1)).stress
-                for share in (1.0, 0.5)
-            )
-            self.rubbed[at] = self.gain[at] * once + self.half[at] * half
-        simulated = [(s, r.linear) for (_, r), s in self.parts if r.linear is not None]
-        self.linear = np.zeros((len(self.measured), 4))
-        for s, linear in simulated:
-            self.gain[s], self.rubbed[s], self.linear[s] = 0.0, 0.0, linear
-        # the yarns of points under free tension, and where to start the strain across
-        self.along = joined(lambda curve, _: -1 if curve.free is None else curve.free)
-        points = {along: np.flatnonzero(self.along == along) for along in (0, 1)}
-        self.free = {along: (at, np.zeros(at.size)) for along, at in points.items() if at.size}
-        self.angle = float(np.abs(self.strains[self.component == 2, 2]).max(initial=0.0))
-        self.extent = max(np.abs(self.strains[:, :2]).max(), 1e-3)
+        self.points = Points(parts, friction)
         self.start = np.array([*true_values(DEFAULTS, sheet.balanced).values()])
         self.natural = np.full(len(self.start), np.inf)
         self.rescale(self.start)
@@ -165,19 +134,13 @@ class Problem:
             vars(yarn).update(numbers)
         return fabric
 
+    def residual(self, theta: np.ndarray, sd: np.ndarray) -> np.ndarray:
+        """Predicted less measured values over their deviations, (N,)."""
+        return (self.predict(theta) - self.points.measured) / sd
+
     def predict(self, theta: np.ndarray) -> np.ndarray:
         """The law's prediction of every measured value, (N,)."""
-        fabric, strains = self.material(theta), self.strains.copy()
-        for along, (points, start) in self.free.items():
-            across = lateral_strain(fabric, along, strains[points, along], start)
-            strains[points, 1 - along] = start[:] = across  # near that of the next parameters
-        at_half = strains[self.halves] * [1, 1, 0.5]
-        stress = nominal(fabric, np.concatenate([strains, at_half]))
-        N = len(strains)
-        across = np.where(self.along == 0, strains[:, 1], strains[:, 0])
-        value = self.gain * np.column_stack([stress[:N], across])[np.arange(N), self.component]
-        value[self.halves] += self.half[self.halves] * stress[N:, 2]
-        return value + self.rubbed + self.linear @ [1.0, fabric.s1, fabric.s2, fabric.s3]
+        return self.points.predict(self.material(theta))
 
     def sizes(self, theta: np.ndarray) -> np.ndarray:
         """A large change of each parameter, (len(theta),)."""
@@ -191,26 +154,27 @@ class Problem:
             (self.predict(theta + steps[k]) - self.predict(theta - steps[k])) / (2 * steps[k, k])
             for k in free
         ]
-        return np.array(columns).T.reshape(len(self.measured), len(free))
+        return np.array(columns).T.reshape(len(self.points.measured), len(free))
 
     def rescale(self, theta: np.ndarray) -> None:
         """Set `effect` (N, len(theta)), of each parameter on each value over its peak, and from it
         `natural`: the change of each parameter that moves a response by its peak."""
-        effect = np.abs(self.jacobian(theta, range(len(theta))) / self.peak[:, None])
+        effect = np.abs(self.jacobian(theta, range(len(theta))) / self.points.peak[:, None])
         # 1e-9 of the peak for a large change is rounding, which differs from machine to machine
         effect[(effect < 1e-7 * effect.max(0)) | (effect * self.sizes(theta) < 1e-9)] = 0
         most = effect.max(0)
         self.natural = np.where(most > 0, 1 / np.where(most > 0, most, 1), self.natural)
         self.effect = effect
 
-    def deviation(self, predicted: np.ndarray, common: Any = NOISE) -> np.ndarray:
+    def deviation(self, predicted: np.ndarray, common: float = NOISE) -> np.ndarray:
         """Standard deviations (N,): as the curves state them, else `common` times the peaks."""
-        sd = common * self.peak
+        peak = self.points.peak
+        sd = common * peak
         for (curve, _), s in self.parts:
             if curve.noise:
                 kind, size = curve.noise
-                value = np.maximum(np.abs(predicted[s]), 0.05 * self.peak[s])
-                sd[s] = size * {"absolute": 1.0, "maximum": self.peak[s]}.get(kind, value)
+                value = np.maximum(np.abs(predicted[s]), 0.05 * peak[s])
+                sd[s] = size * {"absolute": 1.0, "maximum": peak[s]}.get(kind, value)
         return sd
 
     def _yarns(self, name):
@@ -219,28 +183,29 @@ class Problem:
 
     def has_contraction(self, name: str) -> bool:
         """True if the yarns of p_min `name` are seen in tension under a negative strain across."""
-        e, is_stress = self.strains, self.component < 2
+        e, is_stress = self.points.strains, self.points.component < 2
         prescribed = [(e[:, i] > 0) & (e[:, 1 - i] < 0) & is_stress for i in (0, 1)]
-        return any(i in self.free or prescribed[i].any() for i in self._yarns(name))
+        return any(i in self.points.free or prescribed[i].any() for i in self._yarns(name))
 
     def rests_on_form(self, name: str) -> bool:
         """True if only the form of free tests determines the p_min `name`: none of them has the
         strain across, and no test of those yarns in tension prescribes it."""
-        held = (self.component < 2) & (self.along < 0)
+        p = self.points
+        held = (p.component < 2) & (p.along < 0)
         return not any(
-            np.any(held & (self.strains[:, i] > 0) | (self.along == i) & (self.component == 3))
+            np.any(held & (p.strains[:, i] > 0) | (p.along == i) & (p.component == 3))
             for i in self._yarns(name)
         )
 
     def undetermined(
-        self, theta: np.ndarray, free: list[int], sd: Any = 0.0, slack: float = 1.0
+        self, theta: np.ndarray, free: list[int], sd: float | np.ndarray = 0.0, slack: float = 1.0
     ) -> list[tuple[int, float]]:
         """The parameters among `free` that the data do not determine, as pairs of index and
         half-width.
 
         The half-width is that of the 95 % interval at the noise `sd`, but at least NOISE. It is too
         large above `slack` times both the value and its natural change (p_min: above 0.5)."""
-        weight = np.maximum(sd, NOISE * self.peak)
+        weight = np.maximum(sd, NOISE * self.points.peak)
         J = self.jacobian(theta, free) * self.natural[free] / weight[:, None]
         _, s, Vt = np.linalg.svd(J, full_matrices=len(free) > len(J))
         s = np.maximum(np.pad(s, (0, len(free) - len(s))), 1e-8 * s.max())
@@ -252,9 +217,9 @@ class Problem:
     def box(self, k: int) -> tuple[float, float]:
         """Least and greatest value of parameter k that a fit takes: bounds from physics, and c no
         larger than the measured strains can show."""
-        name = base(self.names[k])
+        name, extent = base(self.names[k]), np.abs(self.points.strains[:, :2]).max()
         low = {"s2": -np.inf}.get(name, 1e-9 * self.natural[k] if name in ("b", "d", "s1") else 0.0)
-        return low, {"p_min": 1.0, "c": 50 / self.extent}.get(name, np.inf)
+        return low, {"p_min": 1.0, "c": 50 / max(extent, 1e-3)}.get(name, np.inf)
 
     def at_bound(self, theta: np.ndarray, free: list[int], fitted: list[int]) -> set[int]:
         """Parameters of `free` that a bound holds, or that are not among the `fitted` ones."""
@@ -281,7 +246,7 @@ class Problem:
             high = np.minimum(high, most)
         low, high = low / self.natural[free], high / self.natural[free]
         if place := self._shear(free):
-            G, (s1, s2, s3) = self.angle, theta[place]
+            G, (s1, s2, s3) = self.points.angle, theta[place]
             c0, c1, c2 = s1, s1 + s2 * G, s1 + 2 * s2 * G + 3 * s3 * G**2
             unit = self.natural[place[0]]
             i, j = free.index(place[0]), free.index(place[1])
@@ -296,7 +261,7 @@ class Problem:
         theta = theta.copy()
         theta[free] = x * self.natural[free]
         if place := self._shear(free):
-            G, unit = self.angle, self.natural[place[0]]
+            G, unit = self.points.angle, self.natural[place[0]]
             c0, c2 = x[free.index(place[0])] * unit, x[free.index(place[1])] * unit
             if place[2] in free:
                 c1 = x[free.index(place[2])] * math.sqrt(c0 * c2)
@@ -310,21 +275,20 @@ class Problem:
         theta: np.ndarray,
         free: list[int],
         sd: np.ndarray,
-        rows: Any = slice(None),
-        most: int = 300,
+        rows: np.ndarray | slice = slice(None),
     ) -> np.ndarray:
-        """theta with `free` fitted to the values `rows`; NotConverged after `most` evaluations."""
+        """theta with `free` fitted to the values `rows`; NotConverged after 300 evaluations."""
         if not free:
             return theta
         x, low, high = self._to_x(theta, free)
         margin = np.minimum(1e-3, 1e-3 * (high - low))
         result = least_squares(
-            lambda x: ((self.predict(self._from_x(x, theta, free)) - self.measured) / sd)[rows],
+            lambda x: self.residual(self._from_x(x, theta, free), sd)[rows],
             np.clip(x, low + margin, high - margin),
             bounds=(low, high),
             x_scale="jac",
             **dict.fromkeys(("ftol", "xtol", "gtol"), 1e-12),
-            max_nfev=most,
+            max_nfev=300,
         )
         theta = self._from_x(result.x, theta, free)
         if result.status <= 0:
@@ -334,5 +298,5 @@ class Problem:
         s3 = self.names.index("s3")
         if s3 in free and theta[s3] < 0:  # the law allows none; refit on the bound
             theta[s3] = 0.0
-            return self.fit(theta, [k for k in free if k != s3], sd, rows, most)
+            return self.fit(theta, [k for k in free if k != s3], sd, rows)
         return theta

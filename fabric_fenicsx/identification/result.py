@@ -3,7 +3,6 @@
 import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -53,10 +52,8 @@ class Identification:
         """Lines for a material file on the origin of its values."""
         lines = []
         if self.areal_weight is not None:
-            lines.append(
-                f"density = areal weight {self.areal_weight:g} g/m2 / thickness "
-                f"{self.fabric.thickness:g} mm"
-            )
+            weight, thickness = f"{self.areal_weight:g} g/m2", f"{self.fabric.thickness:g} mm"
+            lines.append(f"density = areal weight {weight} / thickness {thickness}")
         for name, p in self.all_determined.items():
             low, high = (rounded(value, 4) for value in p.interval)
             lines.append(f"{name} was fitted, 95 % interval {low} to {high} {p.unit}")
@@ -80,7 +77,7 @@ class Identification:
         across = self.compaction.assumed if self.compaction else {}
         return self.assumed | {f"compaction.{name}": p for name, p in across.items()}
 
-    def report(self) -> dict[str, Any]:
+    def report(self) -> dict:
         """The result for JSON, with the r.m.s. error of each curve."""
         names = list(self.determined)
         return {

@@ -14,7 +14,6 @@ from .result import Identification, SimulatedFit
 # Force (n,) [N] of the specimen of a raw bias test at its displacements, and its derivatives (n, 3)
 # by s1, s2, s3 [N/MPa], as of `coupons.simulated.simulated_bias`.
 Simulate = Callable[[WovenFabric, Curve], tuple[np.ndarray, np.ndarray]]
-MAX_FITS = 8
 
 
 def identify_simulated(sheet: Sheet, curves: Sequence[Curve], simulate: Simulate) -> Identification:
@@ -35,9 +34,9 @@ def identify_simulated(sheet: Sheet, curves: Sequence[Curve], simulate: Simulate
         return dataclasses.replace(start, warnings=[*start.warnings, words])
 
 
-def _fitted(sheet, curves, simulate, start):
+def _fitted(sheet, curves, simulate, start, most=8):
     fit, first = start, dict[str, float]()
-    for _ in range(MAX_FITS):
+    for _ in range(most):
         forces = {c.file: simulate(fit.fabric, c) for c in curves if c.is_raw}
         off, change = {}, 0.0
         for curve, response, expected, _ in fit.fits:
@@ -50,7 +49,7 @@ def _fitted(sheet, curves, simulate, start):
             return dataclasses.replace(fit, simulated=SimulatedFit(shear, first, off))
         first = first or off
         fit = identify(sheet, [_linear(curve, fit.fabric, forces) for curve in curves])
-    raise SolverFailure(f"its force did not settle in {MAX_FITS} fits")
+    raise SolverFailure(f"its force did not settle in {most} fits")
 
 
 def _linear(curve, fabric, forces):

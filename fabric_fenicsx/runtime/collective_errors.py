@@ -5,7 +5,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from mpi4py import MPI
 
@@ -13,44 +13,38 @@ from .errors import InputError
 from .files import unwritable
 
 T = TypeVar("T")
-PATIENCE = 10.0  # s, for the others
 
 
 def on_root(comm: MPI.Comm, make: Callable[[], T]) -> T:
     """What make() gives on rank 0, on all ranks; an InputError there, also for a file that can't be
     read or written, is raised on all."""
-    result, error = None, ""
-    if comm.rank == 0:
+
+    def readable():
         try:
-            result = make()
-        except InputError as e:
-            error = str(e)
-        except OSError as e:
-            if e.errno is None:  # of a library, not of a file
+            return make() if comm.rank == 0 else None
+        except OSError as error:
+            if error.errno is None:  # of a library, not of a file
                 raise
-            error = str(unwritable(e))
-    result, error = comm.bcast((result, error))
-    if error:
-        raise InputError(error)
-    return result
+            raise unwritable(error) from None
+
+    return comm.bcast(on_all(comm, readable))
 
 
 def on_all(comm: MPI.Comm, make: Callable[[], T]) -> T:
     """What make() gives on each rank; an InputError on any is raised on all."""
-    result: Any = None
-    error = ""
+    result, error = None, ""
     try:
         result = make()
     except InputError as e:
         error = str(e)
     if error := next(filter(None, comm.allgather(error)), ""):
         raise InputError(error)
-    return result
+    return result  # type: ignore[return-value]
 
 
-def is_alone(comm: MPI.Comm) -> bool:
-    """True if other ranks do not call this, too, within `PATIENCE`."""
-    barrier, end = comm.Ibarrier(), time.monotonic() + PATIENCE
+def is_alone(comm: MPI.Comm, patience: float = 10.0) -> bool:
+    """True if other ranks do not call this, too, within so many seconds."""
+    barrier, end = comm.Ibarrier(), time.monotonic() + patience
     while not (done := barrier.Test()) and time.monotonic() < end:
         time.sleep(0.01)
     return not done

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numba
 
@@ -17,5 +17,4 @@ if not os.getenv("NUMBA_CACHE_DIR"):
 def compiled(function: F) -> F:
     """The function as machine code, made at its first call and kept for later processes. Division
     by 0 gives inf or NaN, as in NumPy."""
-    machine_code: Any = numba.njit(cache=True, error_model="numpy")(function)
-    return machine_code
+    return numba.njit(cache=True, error_model="numpy")(function)  # type: ignore[return-value]

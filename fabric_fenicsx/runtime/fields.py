@@ -4,7 +4,6 @@ import dataclasses
 import inspect
 import math
 from collections.abc import Callable
-from dataclasses import field
 from typing import Any, Self, TypeVar
 
 from .errors import InputError
@@ -16,7 +15,7 @@ Kind = TypeVar("Kind", bound=type)
 class KnowsItsFields:
     """Base of dataclasses that check their fields, and name the nearest where one is unknown."""
 
-    def __new__(cls, *_: Any, **given: Any) -> Self:
+    def __new__(cls, *_: object, **given: object) -> Self:
         """A new object. Raises InputError for a keyword that is no field."""
         known = [each.name for each in dataclasses.fields(cls) if each.init]  # type: ignore[arg-type]
         for name in given:
@@ -45,27 +44,26 @@ def documented(kind: Kind) -> Kind:
     return kind
 
 
-def check_fields(owner: Any, label: Callable[[str], str] = "`{}`".format) -> list[str]:
+def check_fields(owner: object, label: Callable[[str], str] = "`{}`".format) -> list[str]:
     """Give the declared fields of a dataclass object the kind of number that their rules ask for;
     sentences on values that are doubtful. label: what messages call a field of that name. Raises
     InputError for a value that is not allowed."""
     doubts = []
     for each in declared(owner):
-        value, meta = getattr(owner, each.name), each.metadata
+        value, meta, name = getattr(owner, each.name), each.metadata, label(each.name)
         may_be_none = each.default is None or "None" in str(each.type) or "rule" not in meta
         if value is None and may_be_none:
             continue
         if "rule" in meta:
-            value = meta["rule"].check(label(each.name), value)
+            value = meta["rule"].check(name, value)
             object.__setattr__(owner, each.name, value)
             most, hint = meta["doubt"] or (math.inf, "")
             if isinstance(value, (int, float)) and value > most:
-                doubts.append(f"{label(each.name)} is {value:g}, which is much: {hint}")
-        if "switch" in meta and not isinstance(value, bool):
-            raise InputError(f"{label(each.name)} is {value!r}; allowed is true or false")
-        if value not in meta.get("choices", (value,)):
-            allowed = ", ".join(meta["choices"])
-            raise InputError(f"{label(each.name)} is {value!r}; allowed is one of {allowed}")
+                doubts.append(f"{name} is {value:g}, which is much: {hint}")
+        choices = ("true", "false") if "switch" in meta else meta.get("choices", ())
+        is_one = isinstance(value, bool) if "switch" in meta else value in choices
+        if choices and not is_one:
+            raise InputError(f"{name} is {value!r}; allowed is one of {', '.join(choices)}")
     return doubts
 
 
@@ -79,21 +77,23 @@ def number(
     """A field: a number by `rule`; text: what it is, group: of options. None stands
     for a default that depends on other fields, which the text then tells. doubt: a value above
     which a run warns, and a hint at the unit."""
-    meta = {"rule": rule, "help": text, "group": group, "doubt": doubt}
-    return field(default=default, metadata=meta)
+    return _field(default, text, group, rule=rule, doubt=doubt)
 
 
 def choice(default: str | None, allowed: tuple[str, ...], text: str, group: str = "test") -> Any:
     """A field: one of some words."""
-    return field(default=default, metadata={"choices": allowed, "help": text, "group": group})
+    return _field(default, text, group, choices=allowed)
 
 
 def switch(text: str, group: str = "test") -> Any:
     """A field: off unless asked for."""
-    return field(default=False, metadata={"switch": True, "help": text, "group": group})
+    return _field(False, text, group, switch=True)
 
 
 def text(default: str | None, words: str, metavar: str, group: str = "test") -> Any:
     """A field: a name, as of a file."""
-    meta = {"metavar": metavar, "help": words, "group": group}
-    return field(default=default, metadata=meta)
+    return _field(default, words, group, metavar=metavar)
+
+
+def _field(default, words, group, **meta):
+    return dataclasses.field(default=default, metadata={"help": words, "group": group} | meta)

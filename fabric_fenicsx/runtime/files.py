@@ -10,8 +10,6 @@ from typing import IO, Any
 
 from .errors import InputError
 
-LOCK_FILE = ".lock"  # in a folder; a run that uses the folder locks this file
-
 
 def ending(path: Path | str) -> str:
     """The ending of a file's name, with its dot, in small letters."""
@@ -20,10 +18,9 @@ def ending(path: Path | str) -> str:
 
 def check_file(path: Path, what: str, allowed: str) -> None:
     """Raise InputError for a `what` that is not there, no file, or empty."""
-    if not path.is_file():
-        raise InputError(f"{what} {path} does not exist or is not a file; allowed is {allowed}")
-    if not path.stat().st_size:
-        raise InputError(f"{what} {path} is empty; allowed is {allowed}")
+    if not path.is_file() or not path.stat().st_size:
+        flaw = "is empty" if path.is_file() else "does not exist or is not a file"
+        raise InputError(f"{what} {path} {flaw}; allowed is {allowed}")
 
 
 def plain(value: Any) -> Any:
@@ -36,7 +33,7 @@ def plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else value
 
 
-def read_summary(path: Path) -> dict[str, Any]:
+def read_summary(path: Path) -> dict:
     """The summary in `path`, {} if there is none."""
     try:
         summary = json.loads(path.read_text())
@@ -55,7 +52,7 @@ def lock_folder(folder: Path) -> IO | None:
     """Lock `folder` for this process until the returned file is closed or the process ends; None if
     another process has locked it. A file system without locks locks nothing. Raises OSError if the
     folder can't be written to."""
-    file = open(folder / LOCK_FILE, "a")
+    file = open(folder / ".lock", "a")
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

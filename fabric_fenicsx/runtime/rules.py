@@ -61,29 +61,25 @@ COUNT = Rule("a whole number of 1 or more", lambda v: v >= 1, int)
 SHARE = Rule("a fraction above 0 and up to 1, where 0.1 is 10 %", lambda v: 0 < v <= 1)
 BELOW_180 = Rule("an angle above 0 and below 180 deg", lambda v: 0 < v < 180)
 
-# names that others use, by ours
-SYNONYMS = {
-    "fabric": "material cloth",
-    "fibre_angle": "orientation angle",
-    "ply": "layer plies",
-    "unit": "units",
-    "mesh": "file",
-    "nx": "cells",
-    "outline": "dxf polygon contour",
-    "size": "mesh_size",
-    "friction": "mu",
-    "E": "young youngs_modulus",
-    "nu": "poisson",
-    "density": "rho mass_density",
-    "areal_weight": "areal_density",
-}
-
 
 def did_you_mean(word: object, allowed: Iterable[str]) -> str:
     """Hint " (did you mean x?)" at the allowed name that is nearest in spelling or has the word as
     a synonym; "" if none is near."""
+    synonyms = {  # names that others use, by ours
+        "fabric": "material cloth",
+        "fibre_angle": "orientation angle",
+        "ply": "layer plies",
+        "nx": "cells",
+        "outline": "dxf polygon contour",
+        "size": "mesh_size",
+        "friction": "mu",
+        "E": "young youngs_modulus",
+        "nu": "poisson",
+        "density": "rho mass_density",
+        "areal_weight": "areal_density",
+    }
     names = list(allowed)
-    known = {each: name for name in names for each in SYNONYMS.get(name, "").split()}
+    known = {each: name for name in names for each in synonyms.get(name, "").split()}
     known |= {name.lower(): name for name in names}
     near = difflib.get_close_matches(str(word).lower(), known, n=1)
     return f" (did you mean {known[near[0]]}?)" if near else ""

@@ -5,16 +5,14 @@ import select
 import signal
 import threading
 from types import FrameType
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
+from typing import Any
 
 
 class StopSignals:
-    """Remembers the first SIGINT or SIGTERM. A second one ends the run at once."""
+    """Remembers the first SIGINT or SIGTERM on a rank of `comm`, an MPI communicator. A second one
+    ends the run at once."""
 
-    def __init__(self, comm: "MPI.Comm") -> None:
+    def __init__(self, comm: Any) -> None:
         self.comm, self._number = comm, 0
         numbers = signal.SIGINT, signal.SIGTERM
         self._before = {each: signal.signal(each, self._note) for each in numbers}

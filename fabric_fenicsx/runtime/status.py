@@ -1,23 +1,19 @@
 """What this process is doing, in words, for a user who waits."""
 
 import os
-import shutil
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
-from typing import Any, TextIO
 
 from tqdm import tqdm
+from tqdm.contrib import DummyTqdmFile
 
 from .cache_folders import RANK
 
-RENEWED = 0.5  # s between two texts on a terminal
-SILENCE = 3.0  # s without output after which a line is printed elsewhere
-
 _tasks: list[tuple[str | Callable[[], str], float]] = []
-_line: "_Line | None" = None
+_shown = threading.Lock()  # held while tasks are shown
 
 
 @contextmanager
@@ -46,75 +42,34 @@ def on_terminal() -> bool:
 
 
 @contextmanager
-def shown(lines: bool = True, first: bool = True) -> Iterator[None]:
+def shown(lines: bool = True, first: bool = True, seconds: float = 3.0) -> Iterator[None]:
     """Show the tasks while it is open, unless they are shown already: on a terminal in one line
-    that renews itself, elsewhere, with `lines`, in a new line after each `SILENCE`. first: whether
-    this is the rank that speaks."""
-    global _line
-    if _line or not first or not (lines or on_terminal()):
+    that renews itself, elsewhere, with `lines`, in a new line after each so many `seconds`. first:
+    whether this is the rank that speaks."""
+    renews = on_terminal()
+    if not (first and (lines or renews) and _shown.acquire(blocking=False)):
         yield
         return
-    _line = _Line()
+    out, err, ended = sys.stdout, sys.stderr, threading.Event()
+    bar = tqdm(bar_format="{desc}", file=out, leave=False, dynamic_ncols=True, disable=not renews)
+
+    def tell():
+        while not ended.wait(0.5 if renews else seconds):
+            if renews:
+                bar.set_description_str(doing())
+            elif text := doing():
+                print(text, file=out, flush=True)
+
+    thread = threading.Thread(target=tell, daemon=True)
+    thread.start()
     try:
-        with redirect_stdout(_Above(sys.stdout, _line)), redirect_stderr(_Above(sys.stderr, _line)):
+        if renews:  # lines of the program stand above
+            with redirect_stdout(DummyTqdmFile(out)), redirect_stderr(DummyTqdmFile(err)):
+                yield
+        else:
             yield
     finally:
-        _line.close()
-        _line = None
-
-
-class _Line(threading.Thread):
-    """The thread that shows tasks."""
-
-    def __init__(self) -> None:
-        super().__init__(daemon=True)
-        self._file: TextIO
-        try:  # of its own, as readers take over what libraries print meanwhile
-            self._file = os.fdopen(os.dup(sys.stdout.fileno()), "w")
-        except (OSError, ValueError):
-            self._file = sys.stdout
-        look = {"bar_format": "{desc}", "ncols": shutil.get_terminal_size().columns}
-        self.bar = tqdm(file=self._file, leave=False, **look) if on_terminal() else None
-        self.lock, self.is_whole, self.printed = threading.RLock(), True, time.monotonic()
-        self._ended = threading.Event()
-        self.start()
-
-    def run(self) -> None:
-        """Renew the line until `close`."""
-        while not self._ended.wait(RENEWED):
-            text = doing()
-            with self.lock:
-                if self.bar is not None and self.is_whole:
-                    self.bar.set_description_str(text)
-                elif self.bar is None and text and time.monotonic() - self.printed > SILENCE:
-                    print(text, file=self._file, flush=True)
-                    self.printed = time.monotonic()
-
-    def close(self):
-        """End the thread, and clear its line."""
-        self._ended.set()
-        self.join()
-        if self.bar is not None:
-            self.bar.close()
-        if self._file is not sys.stdout:
-            self._file.close()
-
-
-class _Above:
-    """A stream to `file` whose lines stand above the line that renews itself."""
-
-    def __init__(self, file: TextIO, line: _Line) -> None:
-        self._file, self._line = file, line
-
-    def write(self, text: str) -> int:
-        line = self._line
-        with line.lock:
-            if line.bar is not None and line.is_whole:
-                line.bar.clear()
-            count = self._file.write(text)
-            self._file.flush()
-            line.is_whole, line.printed = text.endswith("\n"), time.monotonic()
-        return count
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._file, name)
+        ended.set()
+        thread.join()
+        bar.close()
+        _shown.release()

@@ -8,9 +8,8 @@ import re
 import shutil
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 from ..results.verdict import INVALID
 from ..runtime.errors import InputError
@@ -18,11 +17,7 @@ from ..runtime.files import lock_folder, plain, read_summary, replace_file
 from ..runtime.rules import did_you_mean
 from .varied import Values, folder_name, label
 
-STATE, RUN = "sweep.json", "run.json"  # in the folder of a sweep, and in that of each run
-FORMAT = 2  # of sweep.json; another one is refused
 REFINED = "finer", "finest"  # folders of a run's own runs on the cells that waves need
-ALWAYS = "reaction_N", "stroke_reached"  # numbers of every run
-OWN = STATE, "table.csv", "report.html", "curves.png", "maps.png", "trends.png"
 
 
 @dataclasses.dataclass
@@ -47,14 +42,14 @@ class Run:
         finer = [self.folder / name for name in REFINED if "--refine" in self.options]
         return [self.folder, *(each for each in finer if (each / "summary.json").is_file())][-1]
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> dict:
         """The summary.json of its results, {} if there is none yet."""
         return read_summary(self.results / "summary.json")
 
     def save(self) -> None:
         """Write run.json into its folder."""
         state = {key: value for key, value in vars(self).items() if key != "folder"}
-        replace_file(self.folder / RUN, json.dumps(plain(state), indent=2) + "\n")
+        replace_file(self.folder / "run.json", json.dumps(plain(state), indent=2) + "\n")
 
     def memory(self) -> float:
         """The most that it took on all of its ranks [MiB], 0 as long as that is not known."""
@@ -88,14 +83,17 @@ class Run:
         """Its quantities that are one number {name with dots: number}, nan without a value."""
         if not (summary := self.summary()):
             return {}
-        first = {name: summary.get(name) for name in ALWAYS}
+        first = {name: summary.get(name) for name in ("reaction_N", "stroke_reached")}
         first["wall_s"] = summary.get("wall_s", {}).get("total")
         return flat(first | summary.get("quantities", {}))
 
     def number(self, name: str) -> float:
         """The quantity `name`; InputError, which names the nearest, if it is not there."""
         numbers = self.numbers()
-        check_quantity(name, numbers, f"not in the summary of {self.folder}")
+        if name not in numbers:
+            hint, allowed = did_you_mean(name, numbers), ", ".join(numbers)
+            where = f"not in the summary of {self.folder}{hint}"
+            raise InputError(f"quantity {name} is {where}; allowed is one of {allowed}")
         return numbers[name]
 
     def value(self, name: str) -> float:
@@ -103,48 +101,29 @@ class Run:
         return self.number(name) if self.is_believed() and not self.doubts(name) else math.nan
 
 
-@contextmanager
-def _readable(file):
-    """InputError for what else than a sweep's JSON the file is, while it is read."""
-    try:
-        yield
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        flaw = f"{file} can't be read ({type(error).__name__}: {error})"
-        raise InputError(f"{flaw}; allowed is one that a sweep wrote") from None
-
-
-def force_name(runs: Sequence[Run]) -> str:
+def force_name(runs: Iterable[Run]) -> str:
     """Name of the runs' force, if it is the same in all, else "force"."""
     names = {run.summary().get("reaction_is", "force") for run in runs if run.summary()}
     return names.pop() if len(names) == 1 else "force"
 
 
-def check_quantity(name: str, names: Iterable[str], where: str) -> None:
-    """InputError, which names the nearest, for a quantity that is none of `names`, but `where`."""
-    if name not in names:
-        hint, allowed = did_you_mean(name, names), ", ".join(names)
-        raise InputError(f"quantity {name} is {where}{hint}; allowed is one of {allowed}")
-
-
-def flat(values: Mapping[str, Any], before: str = "") -> dict[str, float]:
+def flat(values: Mapping[str, object], before: str = "") -> dict[str, float]:
     """What is one number in nested dicts, {name with dots: number}; nan for None."""
     numbers: dict[str, float] = {}
     for name, value in values.items():
         if isinstance(value, Mapping):
             numbers |= flat(value, f"{before}{name}.")
-        elif value is None:
-            numbers[f"{before}{name}"] = math.nan
-        elif isinstance(value, (int, float)) and not isinstance(value, bool):
-            numbers[f"{before}{name}"] = value
+        elif value is None or (isinstance(value, (int, float)) and not isinstance(value, bool)):
+            numbers[f"{before}{name}"] = math.nan if value is None else value
     return numbers
 
 
 class SweepFolder:
     """The folder `path` of a sweep of the press file `press` over `keys`, locked while it is open
     unless it is `shared` with processes that do other runs. runs: {folder's name: Run}, with those
-    of earlier calls; facts: what else sweep.json keeps. Raises InputError, before anything is
+    of earlier calls; state: the content of sweep.json. Raises InputError, before anything is
     written, if it is another sweep's or press's (`overwrite` loses that), or if it holds what no
-    sweep wrote, or is in use."""
+    sweep wrote, or is in use; OSError if it can't be written to."""
 
     def __init__(
         self,
@@ -154,61 +133,48 @@ class SweepFolder:
         overwrite: bool = False,
         shared: bool = False,
     ) -> None:
-        self.path, self.keys, text = path, list(keys), press.read_text()
-        self.title = str(tomllib.loads(text).get("title", press.name))
-        self.press: dict[str, Any] = {"text": text, "files": _files_of(press, text)}
-        self.facts: dict[str, Any] = {}
-        state = self._known()
-        if state and not overwrite:
-            self._refuse_another(state, press)
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-            self._lock = None if shared else lock_folder(path)
-        except OSError as error:
-            flaw = f"can't be written to ({error.strerror})"
-            raise InputError(f"--out {path} {flaw}; allowed is a folder that can be made") from None
+        text = press.read_text()
+        self.path, self.title = path, str(tomllib.loads(text).get("title", press.name))
+        made_of = {"text": text, "files": _files_of(press, text)}
+        self.state: dict = {"format": 2, "keys": list(keys), "press": made_of}
+        is_new = overwrite or not (path / "sweep.json").exists()
+        self._refuse_another(press, overwrite)
+        path.mkdir(parents=True, exist_ok=True)
+        self._lock = None if shared else lock_folder(path)
         if not (shared or self._lock):
             raise InputError(f"--out {path} is in use by another sweep; allowed is another folder")
-        self.runs = dict[str, Run]()
-        for file in path.glob(f"*/{RUN}"):
-            with _readable(file):
-                run = Run(folder=file.parent, **json.loads(file.read_text()))
-            self.runs[run.folder.name] = run
         if overwrite:
-            for run in self.runs.values():
-                shutil.rmtree(run.folder, ignore_errors=True)
-            self.runs.clear()
-            for name in OWN:
+            for file in path.glob("*/run.json"):
+                shutil.rmtree(file.parent)
+            for name in "table.csv report.html curves.png maps.png trends.png".split():
                 (path / name).unlink(missing_ok=True)
-        if overwrite or not state:
+        runs = {file.parent: json.loads(file.read_text()) for file in path.glob("*/run.json")}
+        self.runs = {folder.name: Run(folder=folder, **run) for folder, run in runs.items()}
+        if is_new:
             self.save()
 
-    def _known(self):
-        """Content of sweep.json, {} where the folder is empty."""
-        file = self.path / STATE
+    def _refuse_another(self, press, overwrite):
+        """InputError for a folder that no sweep wrote, or one of another press or over other keys,
+        which may be overwritten."""
+        file, files = self.path / "sweep.json", self.path.glob("*")
         if not file.exists():
-            if any(not each.name.startswith(".") for each in self.path.glob("*")):
+            if any(not each.name.startswith(".") for each in files):
                 flaw = f"--out {self.path} holds files that no sweep wrote"
                 raise InputError(f"{flaw}; allowed is a folder of a sweep, an empty or a new one")
-            return {}
-        with _readable(file):
-            state = json.loads(file.read_text())
-            if state["format"] != FORMAT:
-                raise ValueError("another format")
-            return state
-
-    def _refuse_another(self, state, press):
-        """InputError if the `state` is of another press or varies other keys."""
-        if state["press"] != self.press:
-            files, now = ({"": p["text"], **p["files"]} for p in (state["press"], self.press))
-            changed = next(name for name in {**files, **now} if files.get(name) != now.get(name))
-            wrong = f"runs of another press ({changed or press} has changed since)"
-        elif state["keys"] != self.keys:
-            wrong = f"a sweep over {', '.join(state['keys'])}, now it is {', '.join(self.keys)}"
-        else:
             return
-        allowed = "another --out, or --overwrite, which loses the runs there"
-        raise InputError(f"--out {self.path} has {wrong}; allowed is {allowed}")
+        before, now = json.loads(file.read_text()), self.state
+        old, new = ({"": each["press"]["text"]} | each["press"]["files"] for each in (before, now))
+        wrong = [
+            f"runs of another press ({name or press} has changed since)"
+            for name in {**old, **new}
+            if old.get(name) != new.get(name)
+        ]
+        if before["keys"] != now["keys"]:
+            keys = ", ".join(before["keys"])
+            wrong.append(f"a sweep over {keys}, now it is {', '.join(now['keys'])}")
+        if wrong and not overwrite:
+            allowed = "another --out, or --overwrite, which loses the runs there"
+            raise InputError(f"--out {self.path} has {wrong[0]}; allowed is {allowed}")
 
     def run(self, values: Values) -> Run:
         """The run with these values, one of before or new."""
@@ -217,8 +183,7 @@ class SweepFolder:
 
     def save(self) -> None:
         """Write sweep.json."""
-        state = {"format": FORMAT, "keys": self.keys, **self.facts, "press": self.press}
-        replace_file(self.path / STATE, json.dumps(plain(state), indent=2) + "\n")
+        replace_file(self.path / "sweep.json", json.dumps(plain(self.state), indent=2) + "\n")
 
     def close(self) -> None:
         """Let others use the folder."""

@@ -8,8 +8,9 @@ from pathlib import Path
 from ..runtime.errors import InputError
 from ..runtime.files import replace_file
 
-HEAD = "#!/bin/bash\n#SBATCH --job-name=sweep\n"
 SCRIPT = """\
+#!/bin/bash
+#SBATCH --job-name=sweep
 #SBATCH --array=1-{count}
 #SBATCH --nodes=1
 #SBATCH --ntasks={ranks}
@@ -22,13 +23,13 @@ exec {start} --only "$SLURM_ARRAY_TASK_ID"{passed}
 def write(file: Path, words: Sequence[str], count: int, ranks: int) -> None:
     """Write the script, a task a run of the `count` that `fabric sweep` with these words does, to
     start in the present folder. Raises InputError for a file that is another's, and OSError."""
-    if file.exists() and not file.read_text(errors="replace").startswith(HEAD):
+    if file.exists() and "#SBATCH --job-name=sweep\n" not in file.read_text(errors="replace"):
         flaw = f"--slurm {file} is there and no script of a sweep"
         raise InputError(f"{flaw}; allowed is another file")
     cut = words.index("--") if "--" in words else len(words)
     own = [word for word, before in zip(words[:cut], ["", *words]) if before != "--slurm"]
     own = [w for w in own if w != "--overwrite" and w.split("=")[0] != "--slurm"]
-    script = HEAD + SCRIPT.format(
+    script = SCRIPT.format(
         count=count,
         ranks=ranks,
         folder=shlex.quote(str(Path.cwd())),

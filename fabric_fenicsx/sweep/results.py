@@ -3,7 +3,7 @@
 import csv
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from ..results import report
@@ -11,12 +11,9 @@ from ..runtime.errors import NOT_BELIEVED
 from ..runtime.files import replace_file
 from ..runtime.formatting import rounded
 from .folder import Run, SweepFolder, force_name
+from .pictures import draw
 from .varied import number, short_names
 
-HEADLINES = report.HEADLINES | {
-    "shortening_mean": "mean shortening of yarns [-]",
-    "excess_length_mm": "length lost by a yarn [mm]",
-}
 CAPTIONS = {
     "trends": "Headline quantities of runs at full load; a cross is one that is not believed",
     "curves": "Force over displacement of all runs; dashed is one that is not believed",
@@ -24,29 +21,33 @@ CAPTIONS = {
 }
 
 
-def write(
-    sweep: SweepFolder, title: str, answers: Sequence[str] = (), pictures: bool = True
-) -> None:
-    """Write table, pictures and report of the runs that have a result, `answers` on top of it."""
-    runs = ordered(list(sweep.runs.values()))
+def write(sweep: SweepFolder, answers: Sequence[str] = (), pictures: bool = True) -> None:
+    """Write table, pictures and report of the runs, `answers` on top of it."""
+    runs = sorted(sweep.runs.values(), key=_place)
     replace_file(sweep.path / "table.csv", _table(runs))
-    shown = headlines(runs, sweep.facts.get("asked", ()))
+    columns = headlines(runs, sweep.state.get("asked", ()))
     files = {name: sweep.path / f"{name}.png" for name in CAPTIONS}
     if pictures:
-        from .pictures import draw
+        draw(files, [run for run in runs if run.summary()], columns, "scatter" in sweep.state)
+    keys = short_names([*dict.fromkeys(key for run in runs for key in run.values)])
+    page = report.rendered(
+        Path(__file__).with_name("sweep.html.jinja"),
+        title=f"Sweep: {sweep.title}",
+        answers=answers,
+        keys=list(keys.values()),
+        columns=list(columns.values()),
+        rows=[_row(run, keys, columns) for run in runs],
+        believed=sum(run.is_believed() for run in runs),
+        pictures=[(CAPTIONS[name], report.encoded(f)) for name, f in files.items() if f.is_file()],
+        press=sweep.state["press"]["text"],
+    )
+    replace_file(sweep.path / "report.html", page)
 
-        draw(files, [run for run in runs if run.summary()], shown, "scatter" in sweep.facts)
-    replace_file(sweep.path / "report.html", _page(sweep, title, answers, runs, shown, files))
 
-
-def ordered(runs: Sequence[Run]) -> list[Run]:
-    """The runs by their values: numbers by size, before texts."""
-
-    def place(run):
-        values = [(number(text), text) for text in run.values.values()]
-        return [(value is None, value or 0.0, text) for value, text in values]
-
-    return sorted(runs, key=place)
+def _place(run):
+    """Sorts runs by their values: numbers by size, before texts."""
+    values = [(number(text), text) for text in run.values.values()]
+    return [(value is None, value or 0.0, text) for value, text in values]
 
 
 def _table(runs):
@@ -54,8 +55,7 @@ def _table(runs):
     rows = []
     for run in runs:
         facts = {"run": run.folder.name, **run.values, "verdict": run.verdict()}
-        facts["converged"] = run.is_believed()
-        facts["reason"] = run.reason or "; ".join(run.doubts())
+        facts |= {"converged": run.is_believed(), "reason": run.reason or "; ".join(run.doubts())}
         rows.append(facts | run.numbers())
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, dict.fromkeys(key for row in rows for key in row), restval="")
@@ -64,28 +64,16 @@ def _table(runs):
     return text.getvalue()
 
 
-def headlines(runs: Sequence[Run], asked: Sequence[str] = ()) -> dict[str, str]:
+def headlines(runs: Iterable[Run], asked: Sequence[str] = ()) -> dict[str, str]:
     """Headline quantities {name: label} that any of the runs has, those `asked` for first."""
     measured = {name for run in runs for name in run.numbers()}
-    labels = HEADLINES | {"reaction_N": f"{force_name(runs)} [N]"}
-    names = dict.fromkeys([*asked, *HEADLINES])
+    labels = report.HEADLINES | {
+        "reaction_N": f"{force_name(runs)} [N]",
+        "shortening_mean": "mean shortening of yarns [-]",
+        "excess_length_mm": "length lost by a yarn [mm]",
+    }
+    names = dict.fromkeys([*asked, *labels])
     return {name: labels.get(name, name) for name in names if name in measured}
-
-
-def _page(sweep, title, answers, runs, shown, files):
-    """report.html, with its pictures in it and links to the runs' own reports."""
-    keys = short_names([*dict.fromkeys(key for run in runs for key in run.values)])
-    return report.rendered(
-        Path(__file__).with_name("sweep.html.jinja"),
-        title=title,
-        answers=answers,
-        keys=list(keys.values()),
-        columns=list(shown.values()),
-        rows=[_row(run, keys, shown) for run in runs],
-        believed=sum(run.is_believed() for run in runs),
-        pictures=[(CAPTIONS[name], report.encoded(f)) for name, f in files.items() if f.is_file()],
-        press=sweep.press["text"],
-    )
 
 
 def _row(run, keys, names):
@@ -94,7 +82,7 @@ def _row(run, keys, names):
     texts = {n: "no value" if math.isnan(v) else rounded(v, 4) for n, v in numbers.items()}
     if (reached := run.summary().get("stroke_reached", 1.0)) < 1:
         reason = f"ended at load {rounded(reached)}: {reason}"
-    report = run.results / "report.html"
+    page = run.results / "report.html"
     return {
         "values": [run.values.get(key, "") for key in keys],
         "numbers": [texts.get(name, "-") for name in names],
@@ -102,5 +90,5 @@ def _row(run, keys, names):
         "verdict": run.verdict() or "not run",
         "reason": reason,
         "doubts": run.doubts() if run.is_believed() else [],
-        "report": str(report.relative_to(run.folder.parent)) if report.is_file() else "",
+        "report": str(page.relative_to(run.folder.parent)) if page.is_file() else "",
     }

@@ -2,29 +2,26 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
+from scipy.stats import qmc
 
 from ..runtime.errors import SolverFailure
 from ..runtime.formatting import percent, rounded, with_error
 from .folder import Run
 from .varied import Range, Values, short_names, spelled
 
-SEED = 1  # so that a design is the same in each call, and a larger one goes on with it
 BOUNDS = 0.05, 0.95  # quantiles
 
 
 def design(ranges: Sequence[Range], count: int) -> list[Values]:
-    """Values of a power of two of runs that fill the ranges evenly: Sobol's sequence, scrambled, of
-    which a larger design has the smaller one as its beginning."""
-    from scipy.stats import qmc  # takes long to import
-
-    points = qmc.Sobol(len(ranges), seed=SEED).random_base2(count.bit_length() - 1)
+    """Values of a power of two of runs that fill the ranges evenly: Sobol's sequence, scrambled in
+    the same way in each call, of which a larger design has the smaller one as its beginning."""
+    points = qmc.Sobol(len(ranges), seed=1).random_base2(count.bit_length() - 1)
     return [{r.key: spelled(r.at(share)) for r, share in zip(ranges, p)} for p in points]
 
 
-def spread(runs: Sequence[Run], ranges: Sequence[Range], quantity: str) -> dict[str, Any]:
+def spread(runs: Sequence[Run], ranges: Sequence[Range], quantity: str) -> dict:
     """A quantity over believed runs: how many they are, mean, standard deviation, quantiles
     `BOUNDS`; and of the regression that is linear in all numbers at once the effects, the largest
     first, and the share of the variance that these leave.
@@ -59,18 +56,14 @@ def spread(runs: Sequence[Run], ranges: Sequence[Range], quantity: str) -> dict[
 
 def _words(label, spread):
     """What a person is told of a `spread`."""
-    low, high = (rounded(each, 4) for each in spread["bounds"])
-    head = f"{label}: mean {rounded(spread['mean'], 4)}, standard deviation "
-    head += (
-        f"{rounded(spread['deviation'], 3)}, 90 % of {spread['runs']} runs between {low} and {high}"
-    )
-    lines = [head]
+    mean, low, high = (rounded(each, 4) for each in (spread["mean"], *spread["bounds"]))
+    ends = f"90 % of {spread['runs']} runs between {low} and {high}"
+    deviation = f"standard deviation {rounded(spread['deviation'], 3)}"
+    lines = [f"{label}: mean {mean}, {deviation}, {ends}"]
     for each in spread["effects"]:
         change = with_error(f"{each['change']:+.3g}", each["change"], each["error"], 1)
-        share = f"{percent(each['share'], 2)} of the variance"
-        lines.append(
-            f"  {each['name']} from {each['low']:g} to {each['high']:g}: {change}, {share}"
-        )
+        where = f"{each['name']} from {each['low']:g} to {each['high']:g}"
+        lines.append(f"  {where}: {change}, {percent(each['share'], 2)} of the variance")
     return "\n".join([*lines, f"  not by straight lines: {percent(spread['left'], 2)}"])
 
 
@@ -79,7 +72,7 @@ def told(
     ranges: Sequence[Range],
     labels: Mapping[str, str],
     limits: Sequence[tuple[str, float]] = (),
-) -> tuple[list[str], dict[str, Any]]:
+) -> tuple[list[str], dict]:
     """Sentences on the spread of the quantities {name: label} over believed runs, with the number
     of runs below each limit, and the same for sweep.json. Raises SolverFailure for too few runs."""
     sound = [run for run in runs if run.is_believed()]

@@ -1,15 +1,13 @@
-"""Values or ranges of keys of a press file that a sweep varies, and the names of its runs."""
+"""Values that a sweep gives to keys of a press file, and how a run of them is called."""
 
 import hashlib
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 from ..runtime.errors import InputError
 
-WIDE = 10.0  # highest over lowest of numbers from which on they are shown and spread by logarithm
-MAX_NAME = 120  # characters of a folder's name
 Values = Mapping[str, str]  # of a run {key: value as the press file would have it}
 
 
@@ -34,9 +32,10 @@ class Range(NamedTuple):
         return (value - self.low) / (self.high - self.low)
 
 
-def is_wide(numbers: Sequence[float]) -> bool:
-    """True for numbers above 0 that are `WIDE` apart, which are shown and spread by logarithm."""
-    return min(numbers) > 0 and max(numbers) / min(numbers) >= WIDE * (1 - 1e-9)
+def is_wide(numbers: Collection[float], times: float = 10.0) -> bool:
+    """True for numbers above 0 that are so many times apart, which are shown and spread by
+    logarithm."""
+    return min(numbers) > 0 and max(numbers) / min(numbers) >= times * (1 - 1e-9)
 
 
 def number(text: str) -> float | None:
@@ -54,53 +53,40 @@ def spelled(value: float) -> str:
 
 def lists(words: Sequence[str]) -> dict[str, list[str]]:
     """The values {key: values} of words "KEY=VALUE,VALUE..."; values may be TOML's texts, lists
-    and tables. InputError for words of another form and a key given twice."""
-    values: dict[str, list[str]] = {}
-    for word in words:
-        key, text = _split(word, values, "KEY=VALUE,VALUE...")
-        parts = [part if number(part) is None else spelled(float(part)) for part in _parts(text)]
-        if not all(parts):
-            raise InputError(f"--vary {word} has an empty value; allowed is KEY=VALUE,VALUE...")
-        if any(None not in _ends(part) for part in parts):
-            allowed = "one with --scatter, else KEY=VALUE,VALUE..."
-            raise InputError(f"--vary {word} is a range; allowed is {allowed}")
-        values[key] = list(dict.fromkeys(parts))
+    and tables. InputError for words of another form."""
+    values = {}
+    closed = r"""'[^']*'|"[^"]*"|\[(?:[^][]|\[[^][]*\])*\]|\{[^{}]*\}"""
+    for key, text in _by_key(words, "KEY=VALUE,VALUE...").items():
+        # what stands between commas that are in no quotes or brackets
+        parts = map(str.strip, re.findall(rf"""((?:[^,"'[{{]|{closed}|.)*?),""", text + ","))
+        texts = (part if number(part) is None else spelled(float(part)) for part in parts)
+        values[key] = list(dict.fromkeys(texts))
     return values
 
 
 def ranges(words: Sequence[str]) -> list[Range]:
     """The ranges of words "KEY=LOW..HIGH"; InputError for words of another form."""
-    ranges: dict[str, Range] = {}
-    for word in words:
-        key, text = _split(word, ranges, "KEY=LOW..HIGH")
-        low, high = _ends(text)
+    found = []
+    for key, text in _by_key(words, "KEY=LOW..HIGH").items():
+        low, high = map(number, text.partition("..")[::2])
         if low is None or high is None or not -math.inf < low < high < math.inf:
             allowed = "KEY=LOW..HIGH with numbers, LOW below HIGH"
-            raise InputError(f"--vary {word} is no range; allowed with --scatter is {allowed}")
-        ranges[key] = Range(key, low, high)
-    return list(ranges.values())
+            raise InputError(
+                f"--vary {key}={text} is no range; allowed with --scatter is {allowed}"
+            )
+        found.append(Range(key, low, high))
+    return found
 
 
-def _split(word, before, form):
-    key, equals, text = word.partition("=")
-    if not (equals and re.fullmatch(r"[^.=]+(\.[^.=]+)*", key)):
-        raise InputError(f"--vary {word} is no key with values; allowed is {form}")
-    if key in before:
-        raise InputError(f"--vary {key} is given twice; allowed is all of its values behind one")
-    return key, text
-
-
-def _ends(text):
-    """Both numbers of "LOW..HIGH", None for what is no number."""
-    low, _, high = text.partition("..")
-    return number(low), number(high)
-
-
-def _parts(text):
-    """The parts of a text between commas that stand in no quotes or brackets."""
-    closed = r"""'[^']*'|"[^"]*"|\[(?:[^][]|\[[^][]*\])*\]|\{[^{}]*\}"""
-    parts = re.findall(rf"""((?:[^,"'[{{]|{closed}|.)*?),""", text + ",")
-    return [part.strip() for part in parts]
+def _by_key(words, form):
+    """What stands behind each key of words."""
+    texts: dict[str, str] = {}
+    for word in words:
+        key, equals, text = word.partition("=")
+        if not (equals and re.fullmatch(r"[^.=]+(\.[^.=]+)*", key)):
+            raise InputError(f"--vary {word} is no key with values; allowed is {form}")
+        texts[key] = f"{texts[key]},{text}" if key in texts else text
+    return texts
 
 
 def changes(values: Values) -> list[str]:
@@ -113,7 +99,7 @@ def label(values: Values) -> str:
     return ", ".join(f"{name}={values[key]}" for key, name in short_names(values).items())
 
 
-def short_names(keys: Sequence[str] | Values) -> dict[str, str]:
+def short_names(keys: Collection[str]) -> dict[str, str]:
     """{key: the last words of it that no other key ends in}."""
     names = {}
     for key in keys:
@@ -126,11 +112,12 @@ def short_names(keys: Sequence[str] | Values) -> dict[str, str]:
     return names
 
 
-def folder_name(values: Values) -> str:
-    """The name of a run's folder: its values, in letters that all file systems take."""
+def folder_name(values: Values, longest: int = 120) -> str:
+    """The name of a run's folder: its values, in letters that all file systems take, so many at
+    most."""
     plain = label(values).replace(", ", "_")
     name = re.sub(r"[^\w.=+-]+", "-", plain, flags=re.ASCII)
-    if name == plain and len(name) <= MAX_NAME:
+    if name == plain and len(name) <= longest:
         return name
     mark = hashlib.sha256(plain.encode()).hexdigest()[:6]  # as two values may look alike now
-    return f"{name[:MAX_NAME]}-{mark}"
+    return f"{name[:longest]}-{mark}"

@@ -12,7 +12,7 @@ from fabric_fenicsx.postprocess import states
 from fabric_fenicsx.runtime.errors import SolverFailure
 from fabric_fenicsx.sweep import pictures, results, scatter
 from fabric_fenicsx.sweep.folder import Run
-from fabric_fenicsx.sweep.limits import Finer, below
+from fabric_fenicsx.sweep.limits import below
 from fabric_fenicsx.sweep.varied import Range
 
 
@@ -119,26 +119,6 @@ def test_the_error_of_the_cells_is_told(line):
     assert "`-- --error` tells how far" in below(line((1, 2), (4, 3)), "q", 3.5)
 
 
-def test_a_crossing_is_found_again_on_finer_cells(line):
-    """There q is smaller by 2 at the low end and by 1 at the high one, and crosses elsewhere."""
-    p, q, finer = (1, 2, 3, 4, 5, 6), (8, 6, 4, 4, 6, 8), (6, 4, 3, 3, 5, 7)
-    asked = []
-
-    def evaluate(values):
-        asked.extend(float(each["a.p"]) for each in values)
-        new = [int(x) for x in asked[-len(values) :]]
-        return line(new, [finer[x - 1] for x in new])
-
-    words = below(line(p, q), "q", 5, Finer("nx=36", evaluate))
-    assert "from p = 2.5 on and up to p = 4.5 (" in words
-    assert "on finer cells (nx=36) from p = 1.5 on and up to p = 5 (" in words
-    assert words.endswith("a difference of 1, about the error that is left")
-    assert sorted(asked) == [1, 2, 3, 4, 5]
-    asked.clear()
-    assert "so the cells decide" in below(line(p, q), "q", 3.5, Finer("nx=36", evaluate))
-    assert sorted(asked) == [2, 3, 4, 5]  # the run next to the limit, and those beside what crosses
-
-
 def test_numbers_and_verdict_of_a_run(made):
     told = {"reaction_N": 12.5, "reaction_is": "punch force", "wall_s": {"total": 8, "compile": 3}}
     quantities = {"a": {"b": 2, "none": None, "at_mm": [1, 2], "is": True}, "c": 0.5}
@@ -190,7 +170,7 @@ def test_curves_of_a_scatter_are_mean_and_quantiles_at_each_displacement(made, m
     history(lost, [(0, 0, 0), (1, 10, 1000)])
     drawn = []
     monkeypatch.setattr(pictures, "curves", lambda path, series, x, y: drawn.append(series))
-    monkeypatch.setattr(pictures, "_draw_points", lambda *_: None)
+    monkeypatch.setattr(pictures, "_draw_trends", lambda *_: None)
     pictures.draw({name: Path("x.png") for name in ("curves", "trends")}, [*runs, lost], {}, True)
     forces = {name: np.array(series[1]) for name, series in drawn[0].items()}
     assert [*forces] == ["mean", "5 % of runs below", "95 % of runs below"]

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from fabric_fenicsx.command_line import sweep
+from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.sweep.form import Form
 
 EXAMPLE = Path(__file__).parents[2] / "studies/presses/hemisphere.toml"
@@ -38,14 +39,9 @@ def test_more_pressure_of_the_holder_draws_in_less(press, capsys):
     assert (folder / "maps.png").stat().st_size > 10_000
 
 
-def test_cells_of_the_finer_mesh(press):
-    Path(press).write_text(PRESS.replace("[contact]", "[[ply]]\n[[ply]]\nnx = 8\n[contact]"))
-    form = Form(Path(press))
-    cells = {"ply.1.nx": "6", "ply.2.nx": "12"}
-    assert form.finer({"holder.pressure": "0.1"}) == cells
-    assert not form.finer({"blank.nx": "8"})
-    short = Form(Path(press), ["--nx", "8", "--fibre-angle=45"])  # cells that its runs have
-    assert short.finer({})["ply.1.nx"] == "12"
-    form.check([{"holder.pressure": "0.1", **cells}])
-    known = form.quantities({"holder.pressure": "0.1"})
-    assert any(name.endswith("wavelength_mm") for name in known)  # which a flat ply has no value of
+def test_the_press_of_a_run_has_its_values_and_options(press):
+    form = Form(Path(press), ["--nx", "8", "--fibre-angle=45", "--no-pictures"])
+    (sheet,) = form.read({"blank.width": "150"}).sheets
+    assert (sheet.nx, sheet.fibre_angle, sheet.width) == (8, 45, 150)
+    with pytest.raises(InputError, match="run width=0: .* is 0; allowed is"):
+        form.read({"blank.width": "0"})

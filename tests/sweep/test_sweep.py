@@ -26,15 +26,9 @@ class Fake(Form):
         settings = [word for each in varied.changes(values) for word in ("--set", each)]
         return [sys.executable, str(FAKE), *settings, "--out", str(folder), *self.options]
 
-    def check(self, values):
-        if any(each.get("ring.pressure") == "0" for each in values):
+    def read(self, values):
+        if values.get("ring.pressure") == "0":
             raise InputError("ring.pressure is 0; allowed is another number")
-
-    def quantities(self, values):
-        return ["reaction_N", "shortening_mean", "wrinkles.count"]
-
-    def finer(self, values):
-        return {"blank.nx": "36"}
 
     def scatter(self):
         return [varied.Range("fabric.factor", 0.5, 1.5)]
@@ -49,8 +43,7 @@ def run(tmp_path, monkeypatch, capsys):
 
     def run(*words):
         own = [] if "--pictures" in words else ["--no-pictures"]
-        own += [] if "--finer" in words else ["--no-finer"]
-        words = [word for word in words if word not in ("--pictures", "--finer")]
+        words = [word for word in words if word != "--pictures"]
         status = sweep.main(["press.toml", "--out", "out", *own, *words], Fake)
         return status, *capsys.readouterr()
 
@@ -106,7 +99,7 @@ def test_bad_input_of_a_run_ends_the_sweep_with_its_sentence(run):
 BAD_WORDS = """
 --vary ring | --vary ring is no key with values; allowed is KEY=VALUE,VALUE...
 --vary ring.pressure=1,0 | ring.pressure is 0; allowed is another number
---vary ring.pressure=1 --below wrinkle.count=2 | none of press.toml (did you mean wrinkles.count?)
+--vary ring.pressure=1 --below force | --below force is no quantity with a number; allowed is
 --scatter 8 --vary a=1..2 --vary b=1..2 --vary c=1..2 | allowed for 4 numbers is 16 or more
 --vary a=1 -- --out x | option --out is behind --; allowed are options
 --vary a=1,2 --only 3 | --only is 3; allowed is 1 to 2
@@ -166,15 +159,16 @@ def test_a_killed_run_is_told_and_others_go_on(run):
     assert run(*pressures("0.1,0.25,0.3"))[0] == 0
 
 
-def test_a_limit_is_looked_for_again_on_finer_cells(run):
-    """The stand-in has half the shortening there; with `--refine` its runs have them already. By
-    its formula 0.02 p^-0.5 + 0.2 p^2 - 0.04, linear between runs, by hand."""
-    words = *pressures("0.05,0.1,0.15"), "--below", "shortening_mean=0.02", "--finer"
-    _, out, _ = run(*words)
-    assert "from pressure = 0.1288 on" in out and "from pressure = 0.07013 on" in out
-    rows = {row["run"]: row["blank.nx"] for row in table()}
-    wanted = {f"pressure={p}{end}": end[4:] for p in (0.05, 0.1, 0.15) for end in ("", "_nx=36")}
-    assert rows == wanted and {*starts()} == {*wanted}
+def test_a_limit_is_looked_for_between_runs(run):
+    """By the formula 0.02 p^-0.5 + 0.2 p^2 - 0.04 of the stand-in, linear between runs, by hand. A
+    name that the first run does not have ends the sweep, which then goes on."""
+    vary, below = pressures("0.05,0.1,0.15"), "shortening_mean=0.02"
+    status, _, err = run(*vary, "--jobs", "1", "--below", "wrinkle.count=2")
+    assert status == 2 and "(did you mean wrinkles.count?); allowed is one of" in err
+    assert [*starts()] == ["pressure=0.05"]
+    _, out, _ = run(*vary, "--below", below)
+    assert "from pressure = 0.1288 on" in out and "1 done before" in out
+    assert "--below is given for a=x; allowed" in run("--vary", "a=x", "--below", below)[2]
 
 
 def test_scatter_tells_of_runs_that_are_believed(run):

@@ -1,4 +1,4 @@
-"""Values that a test curve cannot have."""
+"""Values that a test curve cannot have, and doubts about those that it has."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -6,7 +6,6 @@ from itertools import combinations
 
 import numpy as np
 
-from ...readers.text_tables import Problems
 from ...runtime.errors import InputError
 from ...runtime.formatting import rounded
 from .branch import NOISE
@@ -16,129 +15,104 @@ from .model import STRAINS, TESTS, Curve, Table, unit_inside, units
 # beyond it a wrong unit is the likely reason
 MAX_STRAINS = {"eps_a": 0.5, "eps_b": 0.5, "gamma": math.radians(85)}
 # what a test must reach: below it fractions were taken for percent, or radians for degrees
-LEAST_STRAINS = {"%": (5e-4, "-"), "deg": (math.radians(1.6), "rad")}
-
-
-def _refused(row: int, text: str, allowed: str) -> InputError:
-    return InputError(f"row {row}: {text}; allowed is {allowed}")
-
-
-def _first(flags: np.ndarray) -> np.ndarray:
-    """The number of the first true flag, if there is one."""
-    return np.flatnonzero(flags)[:1]
-
-
-def _value(value: float, column: str) -> str:
-    return f"{value:.4g} {unit_inside(column)}".removesuffix(" -")
+MIN_STRAINS = {"%": (5e-4, "-"), "deg": (math.radians(1.6), "rad")}
 
 
 def check_length(table: Table, least: int) -> None:
     """InputError for a table of fewer rows than `least`."""
     if len(table.rows) < least:
-        text = f"the file ends after {len(table.rows)} points"
-        raise _refused([table.top, *table.rows][-1], text, f"{least} or more")
+        row, text = [table.top, *table.rows][-1], f"the file ends after {len(table.rows)} points"
+        raise InputError(f"row {row}: {text}; allowed is {least} or more")
 
 
 def check_values(name: str, table: Table, runs: str, measured: Sequence[str]) -> None:
-    """InputError by row for all values that the test `name` cannot have; runs: the strain that is
+    """InputError by row for a value that the test `name` cannot have; runs: the column that is
     raised; measured: what the law is fitted to."""
-    problems = Problems()
+    of_test = _compaction_faults if name == "compaction" else _faults
+    for column, flags, words, allowed in of_test(TESTS[name], name, table, runs, measured):
+        for k in np.flatnonzero(flags)[:1]:
+            text = f"{column} is {_value(table.columns[column][k], column)}{words}"
+            raise InputError(f"row {table.rows[k]}: {text}; allowed is {allowed}")
+
+
+def _value(value, column):
+    return f"{value:.4g} {unit_inside(column)}".removesuffix(" -")
+
+
+def _at(k, table):
+    """Flags (n,) of the row k alone."""
+    return np.arange(len(table.rows)) == k
+
+
+def _faults(test, name, table, runs, measured):
+    """(column, flags of the rows (n,), what follows the value, what is allowed) of each rule."""
     strains = [column for column in STRAINS if column in table.columns]
     for column in strains:
-        with problems:
-            _check_strain(name, table, column)
-    with problems:
-        x = table.columns[runs]
-        _check_monotone(table, runs, np.sign(x[-1] - x[0]), "rise or fall")
-        _check_reach(table, runs)
+        most, values = MAX_STRAINS[column], table.columns[column]
+        allowed = f"within +-{most:.3g} (is the unit in the header right?)"
+        yield column, np.abs(values) > most, "", allowed
+    first = test.strains[0]
+    allowed = f"{'at least' if test.sign > 0 else 'at most'} 0 in the test {name}"
+    yield first, test.sign * table.columns[first] < 0, "", allowed
+    x = table.columns[runs]
+    yield _turning(table, runs, np.sign(x[-1] - x[0]), "rise or fall")
+    unit = table.header[runs]
+    least, other = MIN_STRAINS.get(unit, (0.0, ""))
+    factor, top = units(runs)[unit], int(np.abs(x).argmax())
+    allowed = f"{least / factor:.3g} {unit} or more (is the unit {other} rather than {unit}?)"
+    yield runs, _at(top, table) & (np.abs(x) < least), " at most", allowed
     undeformed = ~np.any([table.columns[c] for c in strains if c not in measured], axis=0)
     for column in measured:
-        with problems:
-            _check_response(name, table, column, undeformed)
-    problems.stop()
+        yield from _response_faults(test, name, table, column, undeformed)
 
 
-def _check_strain(name, table, column):
-    """A strain that is too large or of the wrong sign."""
-    test, rows, values, most = TESTS[name], table.rows, table.columns[column], MAX_STRAINS[column]
-    for k in _first(np.abs(values) > most):
-        text = f"{column} is {values[k]:.4g} {unit_inside(column)}"
-        raise _refused(rows[k], text, f"within +-{most:.3g} (is the unit in the header right?)")
-    for k in _first((column == test.strains[0]) & (test.sign * values < 0)):
-        allowed = f"{'at least' if test.sign > 0 else 'at most'} 0 in the test {name}"
-        raise _refused(rows[k], f"{column} is {values[k]:.4g}", allowed)
-
-
-def _check_monotone(table, runs, sign, way, unit=""):
-    """A column that turns back by more than noise."""
+def _turning(table, runs, sign, way):
+    """The rule that a column does not turn back by more than noise."""
     x, onward = table.columns[runs], sign * table.columns[runs]
-    for far in _first(np.maximum.accumulate(onward) - onward > NOISE * np.ptp(x)):
-        k = int(onward[:far].argmax()) + 1
-        text = f"{runs} is {x[k]:.6g}{unit} after {x[k - 1]:.6g}{unit}"
-        raise _refused(table.rows[k], text, f"to {way} (keep one loading branch)")
+    back = np.maximum.accumulate(onward) - onward > NOISE * np.ptp(x)
+    k = int(onward[: back.argmax()].argmax()) + 1 if back.any() else 0
+    words = f" after {_value(x[k - 1], runs)}"
+    return runs, back.any() & _at(k, table), words, f"to {way} (keep one loading branch)"
 
 
-def _check_reach(table, runs):
-    """A strain that hardly leaves 0."""
-    x, unit = np.abs(table.columns[runs]), table.header[runs]
-    least, other = LEAST_STRAINS.get(unit, (0.0, ""))
-    if x.max() < least:
-        factor = units(runs)[unit]
-        text = f"{runs} reaches {x.max() / factor:.3g} {unit} only"
-        allowed = f"{least / factor:.3g} {unit} or more (is the unit {other} rather than {unit}?)"
-        raise _refused(table.rows[int(x.argmax())], text, allowed)
-
-
-def _check_response(name, table, column, undeformed):
-    """A measured column that is 0, of the wrong sign, not 0 without strain, or that falls."""
-    test, values, rows = TESTS[name], table.columns[column], table.rows
-    if "F" in table.columns and not column.startswith("eps"):  # of a load cell that may not read 0
+def _response_faults(test, name, table, column, undeformed):
+    """Rules of a measured column: not 0, of the right sign, 0 without strain, not falling."""
+    values, narrows = table.columns[column], column.startswith("eps")
+    if "F" in table.columns and not narrows:  # of a load cell that may not read 0
         values = values - values[0]
     peak = int(np.abs(values).argmax())
     largest = values[peak]
-    if not largest:
-        same = f"{column} is {table.columns[column][0]:g} in every row"
-        raise InputError(f"row {rows[0]}: {same}, so there is nothing to fit")
-    narrows = column.startswith("eps")
+    yield column, values * 0 == largest, " in every row", "what a law can be fitted to"
     sign = -1 if narrows else test.sign
     if not narrows and sign < 0 and "gamma" in table.columns:
         sign = 0  # compressed and sheared, k_SC can make it a pull
-    if largest * sign < 0:
-        why = "free sides narrow" if narrows else f"of the test {name}"
-        allowed = f"at {'least' if sign > 0 else 'most'} 0, {why} (is its sign turned?)"
-        raise _refused(rows[peak], f"{column} is {_value(largest, column)}", allowed)
-    for k in _first(undeformed & (np.abs(values) > 0.2 * abs(largest))):
-        text = f"{column} is {_value(values[k], column)} before anything is strained"
-        allowed = "up to 20 % of its peak there (take the offset off)"
-        raise _refused(rows[k], text, allowed)
-    if name.startswith("uniaxial") and abs(values[-1]) < 0.5 * abs(largest):
-        share = f"{100 * values[-1] / largest:.0f} % of its value in row {rows[peak]}"
-        allowed = "50 % or more (keep the rows before yarns break)"
-        raise _refused(rows[-1], f"{column} has fallen to {share}", allowed)
+    why = "free sides narrow" if narrows else f"of the test {name}"
+    allowed = f"at {'least' if sign > 0 else 'most'} 0, {why} (is its sign turned?)"
+    yield column, _at(peak, table) & (largest * sign < 0), "", allowed
+    flags = undeformed & (np.abs(values) > 0.2 * abs(largest))
+    allowed = "up to 20 % of its peak there (take the offset off)"
+    yield column, flags, " before anything is strained", allowed
+    is_last = _at(len(values) - 1, table) & name.startswith("uniaxial")
+    share = f"{100 * values[-1] / largest:.0f} % of its value in row {table.rows[peak]}"
+    flags = is_last & (np.abs(values) < 0.5 * abs(largest))
+    words = f" and has fallen to {share}"
+    yield column, flags, words, "50 % or more (keep the rows before yarns break)"
 
 
-def check_compaction(table: Table, column: str) -> None:
-    """InputError by row for values that a test of compaction, measured by `column`, cannot have."""
-    columns, rows = table.columns, table.rows
-    if len(columns) > 2:
-        text = "both columns thickness and fibre_volume_fraction"
-        raise _refused(table.top, text, "one of them")
-    check_length(table, 4)  # to tell three numbers
-    is_share = column == "fibre_volume_fraction"
-    for name, values in columns.items():
-        below = name == "fibre_volume_fraction"
-        for k in _first((values <= 0) | (below & (values >= 1))):
-            allowed = "above 0 and below 1" if below else "above 0"
-            raise _refused(rows[k], f"{name} is {_value(values[k], name)}", allowed)
-    _check_monotone(table, "pressure", 1, "rise", " MPa")
-    p, v = columns["pressure"], columns[column]
-    if p[-1] < 5.0 * p[0]:  # thickness follows the logarithm
-        text = f"pressure ends at {p[-1] / p[0]:.2g} times the first"
-        raise _refused(rows[-1], text, "5 times or more")
-    if (v[-1] <= v[0]) if is_share else (v[-1] >= v[0]):
-        low, high = (_value(each, column) for each in v[[0, -1]])
-        text = f"{column} is {high} under the highest pressure and {low} under the lowest"
-        raise _refused(rows[-1], text, "more" if is_share else "less")
+def _compaction_faults(test, name, table, runs, measured):
+    """As `_faults`, of a test of compaction."""
+    p, (column,), last = table.columns[runs], measured, _at(len(table.rows) - 1, table)
+    values, is_share = table.columns[column], column == "fibre_volume_fraction"
+    yield runs, p <= 0, "", "above 0"
+    allowed = "above 0 and below 1" if is_share else "above 0"
+    yield column, (values <= 0) | (is_share & (values >= 1)), "", allowed
+    yield _turning(table, runs, 1, "rise")
+    # thickness follows the logarithm
+    words = f" at most, {p[-1] / p[0]:.2g} times the first"
+    yield runs, last & (p[-1] < 5.0 * p[0]), words, "5 times or more"
+    words = f" under the highest pressure and {_value(values[0], column)} under the lowest"
+    grows = values[-1] <= values[0] if is_share else values[-1] >= values[0]
+    yield column, last & grows, words, "more" if is_share else "less"
 
 
 def origin_remarks(name: str, table: Table, moved: str, stated: Mapping) -> list[str]:
@@ -185,7 +159,7 @@ def curve_warnings(curves: Sequence[Curve]) -> Iterator[str]:
     specimen is not simulated."""
     for curve in curves:
         if curve.is_raw and curve.responses[0].linear is None:
-            for k in _first(np.abs(curve.strains[:, 2]) > math.radians(30)):
+            for k in np.flatnonzero(np.abs(curve.strains[:, 2]) > math.radians(30))[:1]:
                 yield (
                     f"{curve.file}: from row {curve.rows[k]} on shear angles are above 30 deg by "
                     "the displacement, where those of a real strip are less: simulate the "

@@ -18,7 +18,6 @@ from numpy.typing import ArrayLike
 from ...runtime.errors import InputError
 from .model import Response, unit_inside
 
-YARNS = np.eye(2)
 # right Cauchy-Green of principal strains
 MEASURES = {
     "green": lambda e: np.maximum(1 + 2 * e, 1e-9),
@@ -63,7 +62,7 @@ def image_angle(strains: np.ndarray, measure: str, test: str) -> np.ndarray:
     yarns of a plain shear test."""
     tensors = strains[:, [0, 2, 2, 1]].reshape(-1, 2, 2)
     values, axes = np.linalg.eigh(tensors)
-    a, b = YARNS if test == "shear" else (YARNS @ [[1, 1], [1, -1]]) / math.sqrt(2)
+    a, b = np.eye(2) if test == "shear" else np.array([[1, 1], [1, -1]]) / math.sqrt(2)
     C = np.einsum("nij,nj,nkj->nik", axes, MEASURES[measure](values), axes)
     sine = (C @ b @ a) / np.sqrt((C @ a @ a) * (C @ b @ b))
     return np.arcsin(sine * np.sign(sine[np.abs(sine).argmax()]))

@@ -12,11 +12,10 @@ from ...readers.units import ANGLE, PER_WIDTH, STRAIN, factors, stresses
 
 MIN_POINTS = 5
 STRAINS = ("eps_a", "eps_b", "gamma")
-IMAGE = ("exx", "eyy", "exy")  # of image correlation, which become gamma
 
 _STRESS = stresses(math.nan)
 _UNIT = {  # first unit of each: the one used inside
-    **dict.fromkeys(("eps_a", "eps_b", *IMAGE), STRAIN),
+    **dict.fromkeys(("eps_a", "eps_b", "exx", "eyy", "exy"), STRAIN),
     "gamma": ANGLE,
     **dict.fromkeys(("sigma_a", "sigma_b", "tau"), _STRESS),
     "F_sh": PER_WIDTH,
@@ -75,7 +74,7 @@ class Kind(NamedTuple):
     @property
     def image(self) -> tuple[str, ...]:
         """Columns of image correlation that the test may have in place of gamma."""
-        return IMAGE if self.strains == ("gamma",) else ()
+        return ("exx", "eyy", "exy") if self.strains == ("gamma",) else ()
 
     @property
     def all_keys(self) -> tuple[str, ...]:
