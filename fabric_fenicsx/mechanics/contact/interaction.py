@@ -1,7 +1,6 @@
 """An interaction of a sheet with what it touches: pressure at points, and friction along them."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -13,9 +12,9 @@ from ..output import Value, joined
 from ..stretching import stretching_stiffness
 from ..term import NO_TANGENT, Term, Triplets
 from .coulomb import Friction, friction_law
-from .friction import FrictionState, Sliding
-from .friction_loops import turned, turned_blocks
+from .friction import FrictionState, SlipMap
 from .nodes import Nodes
+from .slip_maps import ToolSlip
 
 # stiffness of a triangle's points that stick, over that of the sheets in their planes: the forces
 # of a stuck sheet then grow to their full size over some three cells
@@ -29,8 +28,8 @@ class Interaction(Term):
     from the last accepted state, `accept` ends it.
 
     A subclass gives the pressing part: these methods, with friction's by `super`, `normal_forces`,
-    and the hooks `_update_pressing`, `_sliding` and `_slid_exactly`. It calls `_start_friction` at
-    the end of `set_up`.
+    and the hooks `_update_pressing` and `_sliding`. It calls `_start_friction` at the end of
+    `set_up`.
 
     - coulomb, friction_state: the law of friction and its state; None without friction
     - energy_correction (points,): energy that contact gave as the pressed areas changed, without
@@ -41,8 +40,8 @@ class Interaction(Term):
 
     friction_state: FrictionState | None = None
     depth = energy_correction = np.zeros(0)
-    rigid: Any = False
-    thickness: Any = 1.0
+    rigid: bool | np.ndarray = False
+    thickness: float | np.ndarray = 1.0
 
     AXES = "xy"  # of a friction that is a field
 
@@ -57,17 +56,9 @@ class Interaction(Term):
         """Take the lagged part of what presses anew, if needed; true if it was."""
         return False
 
-    def _sliding(self) -> Sliding:
+    def _sliding(self) -> SlipMap:
         """Sliding of the points from the present state on."""
         raise NotImplementedError
-
-    def _slid_exactly(self, sliding: Any) -> np.ndarray:
-        """Sliding since the accepted state, not linear in the displacement, (points, 3) [mm].
-        sliding: what `_sliding` gave in that state."""
-        raise NotImplementedError
-
-    def _forget_balance(self) -> None:
-        """Find the balance of a tool moved by force anew, as friction has changed."""
 
     def _stiffness_of_cells(self) -> float | np.ndarray:
         """Stiffness of the touching sheets in their planes over half a cell, times the share of
@@ -136,18 +127,12 @@ class Interaction(Term):
 
     def _update_friction(self, normal_forces):
         """Let friction follow these normal forces, if needed; true if it did."""
-        if not self.friction_state:
-            return False
-        exact = self._slid_exactly(self.friction_state.start)
-        if not self.friction_state.update(normal_forces, exact, self._sliding):
-            return False
-        self._forget_balance()
-        return True
+        state = self.friction_state
+        return state.update(normal_forces, self._sliding) if state else False
 
     def accept(self) -> None:
         if self.friction_state:
-            exact = self._slid_exactly(self.friction_state.start)
-            self.friction_state.accept(self.normal_forces(), exact, self._sliding())
+            self.friction_state.accept(self.normal_forces(), self._sliding())
 
     def friction_used(self) -> tuple[float, float]:
         """Means over the friction that points can bear now, of all ranks: of the largest share of
@@ -183,53 +168,6 @@ class Interaction(Term):
     def stored(self) -> float:
         """See `Term`, energy taken by friction included."""
         return sum(self.energies().values())
-
-
-class ToolSliding:
-    """Sliding of the sheet's faces along a tool since this was made, at the nodes.
-
-    A face slides as its node moves relative to the tool, less the change of the node's offset from
-    the tool, which turns with the surface. The linear part uses the offsets' derivatives in the
-    first state.
-
-    - normals (nodes, 3): unit vectors; offsets (nodes, 3) [mm]: NaN where the tool is far off
-    - derivative (nodes, 3, 3): of the face's place in the node's, symmetric
-    """
-
-    def __init__(
-        self,
-        nodes: Nodes,
-        tool: Tool,
-        normals: np.ndarray,
-        offsets: np.ndarray,
-        derivative: np.ndarray,
-    ) -> None:
-        self.normals, self._offsets, self._derivative = normals, offsets, derivative
-        self._nodes, self._tool = nodes, tool
-        self._place, self._tool_place = nodes.displacement(), tool.displacement.copy()
-
-    def tool_moved(self) -> np.ndarray:
-        """Motion of the tool (3,) [mm]."""
-        return self._tool.displacement - self._tool_place
-
-    def slid(self) -> np.ndarray:
-        return turned(self._moved(), self._derivative)
-
-    def exact(self, offsets: np.ndarray) -> np.ndarray:
-        """Sliding that is not linear, to a state with these offsets (nodes, 3) [mm]."""
-        return self._moved() - np.nan_to_num(offsets - self._offsets)
-
-    def _moved(self):
-        """Motion of the nodes relative to the tool."""
-        return self._nodes.view() - self._place - self.tool_moved()
-
-    def on_nodes(self, forces: np.ndarray) -> np.ndarray:
-        """Forces on the nodes (nodes, 3) of forces on the faces (nodes, 3) [N]."""
-        return turned(forces, self._derivative)
-
-    def on_node_blocks(self, blocks: np.ndarray) -> np.ndarray:
-        """Stiffness at the nodes of stiffness at the faces, (nodes, 3, 3) [N/mm]."""
-        return turned_blocks(blocks, self._derivative)
 
 
 class ToolInteraction(Interaction):
@@ -298,10 +236,7 @@ class ToolInteraction(Interaction):
         return x - self.tool.displacement + self.tool.path(0.0)
 
     def _sliding(self):
-        return ToolSliding(self.nodes, self.tool, self._normals(), *self._offsets())
-
-    def _slid_exactly(self, sliding):
-        return sliding.exact(self._offsets()[0])
+        return ToolSlip(self.nodes, self.tool, self._normals(), *self._offsets())
 
     def _friction_forces(self):
         """Forces on this rank's nodes that have the moment of friction at the face (nodes, 3) [N]:

@@ -14,20 +14,12 @@ from ..output import Value, joined, largest, size_of
 from ..shell.morley import Where
 from ..term import SceneFacts, Triplets, overrides
 from .coulomb import Coulomb
-from .face_sliding import FaceSliding
 from .interaction import Interaction
 from .lagged_faces import LaggedFaces
 from .pressing import Pressed, press, with_secant_stiffness
-from .pressure_law import (
-    PENETRATION,
-    SMOOTHING,
-    Grown,
-    Rigid,
-    between_faces,
-    face_of,
-    thickening_of,
-)
+from .pressure_law import between_faces, face_of, rigid_face, thickening_of
 from .sheet_points import POINTS, ContactPairs, SheetPoints
+from .slip_maps import FaceSlip
 from .thickness import PlyThickness
 
 LAG = 0.01  # of the contact's forces, by which those of the faces as they are may differ
@@ -68,7 +60,7 @@ class FaceContact(Interaction):
             points.vary(thickness_shares_at_nodes(scene))
         self.points, self.face_laws = points, face_laws
         self._law = between_faces(*face_laws)
-        self.rigid = isinstance(self._law, Rigid)
+        self.rigid = self._law.is_rigid
         self.plies = PlyThickness(scene, rigid=bool(self._penalty))
         self.faces = LaggedFaces(points, self._lag, 3 * points.nodes.count)
         self.depth, self._load = np.zeros(points.count), 0.0
@@ -98,7 +90,7 @@ class FaceContact(Interaction):
         its face, and its thickening."""
         k, material = self._penalty, material_of(scene, part)
         if k:
-            return t, Rigid(k, SMOOTHING * PENETRATION * t), 0.0
+            return t, rigid_face(t, k), 0.0
         if not material:
             raise InputError(
                 f"{self.name} needs a penalty, a number above 0, as {self.LACKING} a fabric or "
@@ -127,7 +119,7 @@ class FaceContact(Interaction):
         # relative motion asks all ranks
         if found is None or not self.blank.mesh.comm.allreduce(known, MPI.LAND):
             gap, normal = pairs.paraboloid()
-            law = Grown(self._law, pairs.growth)
+            law = self._law.grown(pairs.growth)
             now = press(law, pairs.areas, gap, normal, pairs.curvature)
             self._found = found = u.copy(), pairs, now
         return found[2]
@@ -148,15 +140,12 @@ class FaceContact(Interaction):
         return self.blank.mesh.comm.allreduce(np.array(sums))
 
     def _sliding(self):
-        return FaceSliding(self.points, self.faces.now)
+        return FaceSlip(self.points, self.faces.now)
 
     def _stiffness_of_cells(self):
         sheets = [self._stretching(part) for part in self.points.parts]
         series = sheets[0] * sheets[1] / max(sum(sheets), 1e-300)
         return series / self.points.per_triangle
-
-    def _slid_exactly(self, sliding):
-        return sliding.exact()
 
     # -- value, gradient, Hessian
 
@@ -193,7 +182,7 @@ class FaceContact(Interaction):
         forces = f[: 3 * nodes.count].reshape(-1, 3)
         apart = pairs.motion.apart(forces / nodes.areas[:, None])
         missing = 0.5 * (apart * now.normal).sum(1)
-        law = Grown(self._law, pairs.growth)
+        law = self._law.grown(pairs.growth)
         now = with_secant_stiffness(law, pairs.areas, now, missing)
         self._found = self.blank.u.x.array.copy(), pairs, now
 
@@ -275,7 +264,7 @@ class FaceContact(Interaction):
         """Thickness that a face of this law loses at all points, (count,) [mm]; sheet: 0 for the
         one with the points, 1 for the other."""
         growth = self.points.of_all(self.faces.now, self.faces.now.growths[sheet], 1.0)
-        return growth * (0.0 if isinstance(law, Rigid) else law.depth(pressure))
+        return growth * (0.0 if law.is_rigid else law.depth(pressure))
 
 
 class SheetContact(FaceContact):
@@ -305,7 +294,7 @@ class SheetContact(FaceContact):
     symmetric
         As in `Bending`.
     friction
-        Its coefficient, or a `Coulomb`. It acts at the same points, at the faces (`FaceSliding`).
+        Its coefficient, or a `Coulomb`. It acts at the same points, at the faces (`FaceSlip`).
 
     Raises
     ------

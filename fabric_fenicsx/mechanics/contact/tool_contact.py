@@ -1,7 +1,7 @@
 """Contact of a sheet with rigid tools: pressure at its nodes."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from mpi4py import MPI
@@ -21,7 +21,7 @@ from .coulomb import LAG, Friction
 from .interaction import ToolInteraction
 from .nodes import Nodes
 from .pressing import Pressed, press, with_secant_stiffness
-from .pressure_law import PENETRATION, SMOOTHING, ByPlace, Grown, Rigid, face_of, thickening_of
+from .pressure_law import PENETRATION, SMOOTHING, FaceLaw, face_of, rigid_face, thickening_of
 from .thickness import PlyThickness
 
 MAX_PROBED = 1000  # nodes of a rank that show how a tool holds the sheet; triangles cost 1 ms each
@@ -96,7 +96,7 @@ class Contact(ToolInteraction):
         if any(term.thickness_field for term in scene.terms) and not self._face["thickness"]:
             shares = thickness_shares_at_nodes(scene)
             self._flat_thickness = shares * self._flat_thickness
-            self._flat_law = Grown(self._flat_law, np.where(self.rigid, 1.0, shares))
+            self._flat_law = self._flat_law.grown(np.where(self.rigid, 1.0, shares))
         self.plies = PlyThickness(scene, self._face["thickness"], bool(self._face["penalty"]))
         self.depth = np.zeros(self.nodes.count)
         self._press_on(self.nodes.areas, np.zeros(self.nodes.count))
@@ -109,25 +109,21 @@ class Contact(ToolInteraction):
         node."""
         t, k = self._face.values()
         radius = min(self.tool.surface.radii)
-        faces: list[tuple[float, Any]] = []
         materials, which = materials_at_nodes(scene) or ([], np.zeros(self.nodes.count, dtype=int))
-        if t and k and not materials:
-            faces = [(t, Rigid(k, SMOOTHING * PENETRATION * t))]
-        elif not materials:
+        thickness, laws = [t], [rigid_face(t, k)] if t and k else []
+        if not (materials or laws):
             raise InputError(
                 f"contact with {self.tool.name} needs a {'penalty' if t else 'thickness'}, a "
                 "number above 0, as no term of the scene has a fabric or metal for each sheet"
             )
-        for material in materials:
-            material = material.replace(thickness=t or material.thickness)
-            thickness = material.thickness if k else material.thickness_under(0.0)
-            faces.append((thickness, face_of(material, radius, k)))
-        thickness = np.array([t for t, _ in faces])[which]
-        is_rigid = np.array([isinstance(law, Rigid) for _, law in faces])[which]
-        laws = [law for _, law in faces]
+        if materials:
+            materials = [each.replace(thickness=t or each.thickness) for each in materials]
+            thickness = [each.thickness if k else each.thickness_under(0.0) for each in materials]
+            laws = [face_of(each, radius, k) for each in materials]
+        is_rigid = np.array([law.is_rigid for law in laws])[which]
         powers = np.array([thickening_of(material) for material in materials] or [0.0])
         self._thickening = powers[which] * ~is_rigid
-        return thickness, ByPlace(laws, which) if laws[1:] else laws[0], is_rigid
+        return np.array(thickness)[which], FaceLaw.of_points(laws, which), is_rigid
 
     def _press_on(self, areas, correction):
         """Press on areas (nodes,) [mm^2], where a sheet may be thicker as they shrink."""
@@ -136,7 +132,7 @@ class Contact(ToolInteraction):
         if self._thickening.any():
             ratios = np.where(areas > 0, areas / np.maximum(self.nodes.areas, 1e-300), 1.0)
             growth = ratios**-self._thickening
-            self.thickness, self._law = growth * self.thickness, Grown(self._law, growth)
+            self.thickness, self._law = growth * self.thickness, self._law.grown(growth)
 
     # -- state
 
@@ -295,9 +291,11 @@ class Contact(ToolInteraction):
     def reject(self) -> None:
         self._work.reject()
 
-    def _forget_balance(self):
-        if self.tool.force:
+    def _update_friction(self, normal_forces):
+        changed = super()._update_friction(normal_forces)
+        if changed and self.tool.force:  # to be balanced anew
             self._found = None
+        return changed
 
     def _update_pressing(self):
         """Press on the areas as they are, if that changes the forces by more than `lag`."""
