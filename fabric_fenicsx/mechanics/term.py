@@ -57,8 +57,8 @@ class Term:
     energy : ufl.Form or None
         Form in `blank.u`, integrated by `part.dx(degree)` or `part.ds(edge, degree)` [N mm]; for a
         load, minus its work. None if `stored`, `add_forces` and `tangent` take its place.
-    pattern : int
-        Number that changes when the places of `tangent` do.
+    pattern : object
+        What is no longer equal when the places of `tangent` change, as a number that counts up.
     tool : Tool or None
         Tool by which the term acts on the sheet.
     prestressed : bool
@@ -94,7 +94,7 @@ class Term:
     energy_kind: str | None = None
     resists: tuple[str, ...] = ()
     energy: ufl.Form | None = None
-    pattern = 0
+    pattern: object = 0
     prestressed = False
     thickness_field: Field | None = None
     fields: Mapping[str, tuple[Field, np.ndarray, np.ndarray]] = {}

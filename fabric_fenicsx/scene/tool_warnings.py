@@ -41,7 +41,9 @@ def tool_warnings(scene: Scene, formed: bool = False) -> list[str]:
 
 def _touched(scene, tool):
     """True if the tool pressed the sheet in any accepted state; called on all ranks."""
-    return any([t.touched() for t in scene.terms if isinstance(t, Contact) and t.tool is tool])
+    return any(
+        [t.largest_depth() > 0 for t in scene.terms if isinstance(t, Contact) and t.tool is tool]
+    )
 
 
 def _frictions(scene):

@@ -14,6 +14,7 @@ from ..term import NO_TANGENT, Term, Triplets
 from .coulomb import Friction, friction_law
 from .friction import FrictionState, SlipMap
 from .nodes import Nodes
+from .pressure_law import SheetFace
 from .slip_maps import ToolSlip
 
 # stiffness of a triangle's points that stick, over that of the sheets in their planes: the forces
@@ -34,14 +35,13 @@ class Interaction(Term):
     - coulomb, friction_state: the law of friction and its state; None without friction
     - energy_correction (points,): energy that contact gave as the pressed areas changed, without
       work of a force [N mm]
-    - depth, rigid, thickness: at each point, or one of all: deepest overlap in accepted states
-      [mm], whether that is penetration of a rigid face, and the sheet's thickness [mm]
+    - depth (points,): deepest overlap in accepted states [mm]
+    - face: of the sheet at each point, or one of all
     """
 
     friction_state: FrictionState | None = None
     depth = energy_correction = np.zeros(0)
-    rigid: bool | np.ndarray = False
-    thickness: float | np.ndarray = 1.0
+    face = SheetFace()
 
     AXES = "xy"  # of a friction that is a field
 
@@ -110,8 +110,13 @@ class Interaction(Term):
     def penetration_of_thickness(self) -> float:
         return self._largest(self._penetrated() / self.thickness)
 
+    @property
+    def thickness(self) -> np.ndarray:
+        """Of the sheet at each point without pressure, or one of all [mm]."""
+        return np.asarray(self.face.thickness)
+
     def _penetrated(self):
-        return np.where(self.rigid, self.depth, 0.0)
+        return np.where(self.face.law.is_rigid, self.depth, 0.0)
 
     def _largest(self, values):
         return self.blank.mesh.comm.allreduce(float(values.max(initial=0.0)), MPI.MAX)

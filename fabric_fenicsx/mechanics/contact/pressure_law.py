@@ -157,25 +157,47 @@ class FaceLaw(NamedTuple):
         return W + W_2, p, k * k_2 / np.maximum(k + k_2, 1e-300)
 
 
-def thickening_of(material: Material) -> float:
-    """Power of the area by which a sheared ply is thicker, 0 where its faces are rigid."""
+class SheetFace(NamedTuple):
+    """A face of a sheet: its `thickness` without pressure [mm], its `law`, and `thickening`, the
+    power of the area by which a sheared ply is thicker. Numbers, or arrays (points,)."""
+
+    thickness: Values = 1.0
+    law: FaceLaw = FaceLaw()
+    thickening: Values = 0.0
+
+    @classmethod
+    def of_points(cls, faces: Sequence[Self], which: np.ndarray) -> Self:
+        """One of several `faces` at each of n points: `which` (n,) counts from 0."""
+        thickness, laws, thickening = zip(*faces)
+        law = FaceLaw.of_points(laws, which)
+        return cls(np.array(thickness)[which], law, np.array(thickening)[which])
+
+    def grown(self, growth: np.ndarray) -> Self:
+        """The faces of a sheet that is `growth` (points,) times as thick; rigid ones are as
+        stiff."""
+        law = self.law.grown(np.where(self.law.is_rigid, 1.0, growth))
+        return self._replace(thickness=growth * self.thickness, law=law)
+
+
+def face_of(
+    material: Material | None,
+    radius: float,
+    penalty: float | None = None,
+    thickness: float | None = None,
+) -> SheetFace:
+    """A face of a sheet on a tool of least `radius` [mm]: compacted fabric, or rigid for metal, and
+    for all if a penalty is given [N/mm^3]. thickness: in place of the material's [mm]; without a
+    material both are needed."""
+    if material and thickness:
+        material = material.replace(thickness=thickness)
     compaction = material.compaction if isinstance(material, Law) else None
-    return compaction.thickening if compaction else 0.0
-
-
-def face_of(material: Material, radius: float, penalty: float | None = None) -> FaceLaw:
-    """The law of a face of this material on a tool of least `radius` [mm]: compacted fabric, or
-    rigid for metal, and for all if a penalty is given [N/mm^3]."""
-    compaction = material.compaction if isinstance(material, Law) else None
-    if compaction and not penalty:
-        length = material.thickness_under(0.0) / 2
-        return FaceLaw.compacted(length, compaction.exponent, compaction.onset)
-    return rigid_face(material.thickness, penalty or default_penalty(material, radius))
-
-
-def rigid_face(thickness: float, penalty: float) -> FaceLaw:
-    """The law of a rigid face of a sheet of this thickness [mm] and penalty [N/mm^3]."""
-    return FaceLaw(penalty, SMOOTHING * PENETRATION * thickness)
+    if material and compaction and not penalty:
+        t = material.thickness_under(0.0)
+        law = FaceLaw.compacted(t / 2, compaction.exponent, compaction.onset)
+        return SheetFace(t, law, compaction.thickening)
+    t = material.thickness if material else thickness
+    k = penalty or default_penalty(material, radius)
+    return SheetFace(t, FaceLaw(k, SMOOTHING * PENETRATION * t))
 
 
 def between_faces(one: FaceLaw, other: FaceLaw) -> FaceLaw:

@@ -6,7 +6,6 @@ from ...material.laws.base import Law
 from ..materials import fabric_of, thickness_shares
 from ..output import Value, last, total
 from ..term import SceneFacts
-from .pressure_law import thickening_of
 
 
 class PlyThickness:
@@ -31,7 +30,7 @@ class PlyThickness:
                 fabric = fabric.replace(thickness=thickness or fabric.thickness)
                 self._fabrics.append((part.cells, fabric))
                 self._flat[part.cells] = fabric.thickness_under(0.0)
-                self._thickening[part.cells] = thickening_of(fabric)
+                self._thickening[part.cells] = getattr(fabric.compaction, "thickening", 0.0)
                 if fabric.fibre_density is not None:
                     self._fibres[part.cells] = fabric.fibre_volume_fraction(1.0)
 
