@@ -12,7 +12,6 @@ from ...runtime.rules import POSITIVE
 from ...sheets.blank import Part
 from ...sheets.stack import Stack
 from ...tools.facets import facet_normals
-from ..materials import material_of
 from ..output import Value, joined
 from ..shell.morley import Where
 from ..term import SceneFacts
@@ -213,25 +212,14 @@ class SelfContact(FaceContact):
 
     def set_up(self, scene: SceneFacts) -> None:
         part, blank = self.part, self.blank
-        if isinstance(blank, Stack) and part.is_whole:
+        is_stack = isinstance(blank, Stack) and part.is_whole
+        if is_stack or blank.mesh.geometry.dim < 3 or not blank.is_flat():
+            sheet = "a stack" if is_stack else f"{blank.name}, which is curved or in a plane"
             raise InputError(
-                f"{self.name} is asked of a stack; allowed is one sheet, as by "
-                f"`.on({next(iter(blank.parts))!r})`"
+                f"{self.name} is asked of {sheet}; allowed is one flat sheet that is `spatial`, of "
+                'a stack by `.on("NAME")`'
             )
-        if blank.mesh.geometry.dim < 3 or not blank.is_flat():
-            raise InputError(
-                f"{self.name} is asked of {blank.name}, which can't leave its plane or is curved "
-                "as it lies; allowed is a flat sheet that is `spatial`"
-            )
-        material = material_of(scene, part)
-        t = (
-            self._given["thickness"]
-            or part.thickness
-            or (material and material.thickness_under(0.0))
-        )
-        if not t:
-            raise InputError(f"{self.name} needs a thickness, a number above 0 [mm]")
-        face = self._face_of(scene, part, t)
+        face = self._face_of(scene, part, self._given["thickness"] or part.thickness)
         self._begin(scene, SelfPoints(part, self._points_of_cell, face, self.symmetric))
 
     def _totals(self):
@@ -250,11 +238,9 @@ class SelfContact(FaceContact):
     def cell_fields(self) -> dict[str, Value]:
         """Mean pressure of the face of each cell that is pressed more, and what `PlyThickness`
         has."""
-        pressure, field = self._pressures()
-        lost = np.zeros(len(self.blank.areas()))
-        lost[self.points.part.cells] = self.points.means(
-            self._depths(self.points.faces[0].law, pressure, 0)
-        ).sum(1)
+        (pressure, field), lost = self._pressures(), np.zeros(len(self.blank.areas()))
+        depths = self._depths(self.points.faces[0].law, pressure, 0)
+        lost[self.points.part.cells] = self.points.means(depths).sum(1)
         return {"sheet_pressure": field} | self.plies.fields(lost)
 
     def summary(self) -> dict[str, Value]:

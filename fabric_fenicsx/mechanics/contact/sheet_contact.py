@@ -56,7 +56,8 @@ class FaceContact(Interaction):
             raise InputError(f"{name} has friction of several sheets; allowed is one number from 0")
 
     def _begin(self, scene, points):
-        """Let the faces of the sheets press at the points."""
+        """Let the faces of the sheets press at the points; InputError if they overlap at the
+        start."""
         if any(term.thickness_field for term in scene.terms):
             points.vary(thickness_shares_at_nodes(scene))
         self.points, thickness = points, min(face.thickness for face in points.faces)
@@ -68,30 +69,25 @@ class FaceContact(Interaction):
         # the last displacement and faces, and what was found there
         self._found: tuple[np.ndarray, ContactPairs, Pressed] | None = None
         # in the last accepted state, before faces were taken anew
-        self.totals = self._totals()
-        self._check_start()
-        self._start_friction()
-
-    def _check_start(self):
-        """Raise InputError for faces that overlap at the start."""
-        gap = self.faces.accepted.gap
-        deepest = -self.blank.mesh.comm.allreduce(gap.min(initial=np.inf), MPI.MIN)
+        self.totals, self.first = self._totals(), self.faces.accepted
+        deepest = -self.blank.mesh.comm.allreduce(self.first.gap.min(initial=np.inf), MPI.MIN)
         if deepest > self.thickness / 4:
             raise InputError(
                 f"{self.name} begins with sheets that overlap by {rounded(deepest)} mm; allowed "
                 "are sheets laid on one another with their thicknesses"
             )
+        self._start_friction()
 
     def _face_of(self, scene, part, t):
         """The `SheetFace` of a sheet, of t [mm] if its face is rigid by a penalty."""
-        material = material_of(scene, part)
-        if self._given["penalty"]:
-            return face_of(None, np.inf, self._given["penalty"], t)
-        if not material:
+        k, material = self._given["penalty"], material_of(scene, part)
+        if not (material or (k and t)):
             raise InputError(
-                f"{self.name} needs a penalty, a number above 0, as {self.LACKING} a fabric or "
-                "metal"
+                f"{self.name} needs a {'thickness' if k else 'penalty'}, a number above 0, as "
+                f"{self.LACKING} a fabric or metal"
             )
+        if k:
+            return face_of(None, np.inf, k, t or material.thickness_under(0.0))
         tools = [term.tool for term in scene.terms if overrides(term, "may_press")]
         radius = min((min(tool.surface.radii) for tool in tools if tool), default=np.inf)
         return face_of(material, radius)
@@ -326,10 +322,6 @@ class SheetContact(FaceContact):
         faces = [self._face_of(scene, part, part.thickness) for part in parts]
         rule = self._points_of_cell
         self._begin(scene, SheetPoints(lower, upper, rule, faces, self.symmetric))
-
-    def _check_start(self):
-        self.first = self.faces.accepted
-        super()._check_start()
 
     def force(self) -> np.ndarray:
         """Force by which the lower sheet presses the upper one, of all ranks, (3,) [N]."""
