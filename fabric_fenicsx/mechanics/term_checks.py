@@ -3,7 +3,6 @@
 import weakref
 from copy import copy
 from reprlib import repr as shown
-from typing import Any
 
 import numpy as np
 import ufl
@@ -91,11 +90,16 @@ def check_answers(term: Term) -> None:
     blank, comm = term.blank, term.blank.mesh.comm
     for kind in term.energies():
         _check_kind(term, kind)
-    returned: Any = term.add_forces(np.zeros_like(blank.u.x.array))  # type: ignore[func-returns-value]
-    if returned is not None:
+    alone = np.zeros_like(blank.u.x.array)
+    returned: object = term.add_forces(alone)  # type: ignore[func-returns-value]
+    before = 1.0 + abs(alone).max(initial=0.0)
+    after = np.full_like(alone, before)
+    term.add_forces(after)
+    lost = abs(after - alone - before).max(initial=0.0) > 1e-6 * before
+    if comm.allreduce(bool(lost or returned is not None), MPI.LOR):
         raise InputError(
-            f"`add_forces` of term {term.name} returns something; allowed is to add to the array "
-            "that it is given, as `f[dofs] += forces`"
+            f"`add_forces` of term {term.name} returns something, or loses what other terms added; "
+            "allowed is to add to the array that it is given, as `f[dofs] += forces`"
         )
     size = blank.V.dofmap.index_map.size_global * blank.mesh.geometry.dim
     rows, cols, values = (np.asarray(each) for each in term.tangent())

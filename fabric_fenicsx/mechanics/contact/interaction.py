@@ -12,15 +12,10 @@ from ..output import Value, joined
 from ..stretching import stretching_stiffness
 from ..term import NO_TANGENT, Term, Triplets
 from .coulomb import Friction, friction_law
-from .friction import FrictionState, SlipMap
+from .friction import FrictionState
 from .nodes import Nodes
 from .pressure_law import SheetFace
 from .slip_maps import ToolSlip
-
-# stiffness of a triangle's points that stick, over that of the sheets in their planes: the forces
-# of a stuck sheet then grow to their full size over some three cells
-STICKING = 0.05
-LEAST_USED = 0.01  # share of friction that is worth a word
 
 
 class Interaction(Term):
@@ -29,8 +24,11 @@ class Interaction(Term):
     from the last accepted state, `accept` ends it.
 
     A subclass gives the pressing part: these methods, with friction's by `super`, `normal_forces`,
-    and the hooks `_update_pressing` and `_sliding`. It calls `_start_friction` at the end of
-    `set_up`.
+    and three hooks. `_sliding()` makes a `SlipMap` of the points from the present state on;
+    `_stiffness_of_cells()` is that of the touching sheets in their planes over half a cell, times
+    the share of it that a point stands for, of all points or of each [N/mm]; `_update_pressing()`
+    takes the lagged part of what presses anew, if needed, and is true if it was. It calls
+    `_start_friction` at the end of `set_up`.
 
     - coulomb, friction_state: the law of friction and its state; None without friction
     - energy_correction (points,): energy that contact gave as the pressed areas changed, without
@@ -52,23 +50,8 @@ class Interaction(Term):
         """Sizes of the forces that press this rank's points, (points,) [N]."""
         raise NotImplementedError
 
-    def _update_pressing(self) -> bool:
-        """Take the lagged part of what presses anew, if needed; true if it was."""
-        return False
-
-    def _sliding(self) -> SlipMap:
-        """Sliding of the points from the present state on."""
-        raise NotImplementedError
-
-    def _stiffness_of_cells(self) -> float | np.ndarray:
-        """Stiffness of the touching sheets in their planes over half a cell, times the share of
-        it that a point stands for, of all points or of each [N/mm]."""
-        raise NotImplementedError
-
     def _stretching(self, part):
-        scene = self.bound_to() if self.bound_to else None
-        assert scene
-        return stretching_stiffness(scene, part)
+        return stretching_stiffness(self.bound_to(), part)
 
     def _coefficient(self, law):
         """Friction coefficient of all points, or of each."""
@@ -84,7 +67,8 @@ class Interaction(Term):
     def _start_friction(self):
         """Begin friction in the present state."""
         if self.coulomb:
-            stiffness = 0.0 if self.coulomb.slip else STICKING * self._stiffness_of_cells()
+            # 0.05 of the sheets': forces of a stuck one grow to their full size over three cells
+            stiffness = 0.0 if self.coulomb.slip else 0.05 * self._stiffness_of_cells()
             self.friction_state = FrictionState(
                 self.coulomb,
                 self._coefficient(self.coulomb),
@@ -160,7 +144,7 @@ class Interaction(Term):
     def warnings(self) -> list[str]:
         """See `Term`: if what friction holds never slid."""
         used, slid = self.friction_used()
-        if not used > LEAST_USED > slid:
+        if not used > 0.01 > slid:  # the share that is worth a word
             return []
         return [
             f"friction of {self._rubs_on()} never leaves its elastic slip, of which {used:.2g} is "
@@ -178,8 +162,12 @@ class Interaction(Term):
 class ToolInteraction(Interaction):
     """An interaction of a `tool` with the sheet's `nodes`.
 
-    A subclass also gives the hooks `_pressing_forces`, `_normals` and, of tools that are not flat,
-    `_offsets`.
+    A subclass also gives three hooks, of this rank's nodes. `_pressing_forces()` are the tool's
+    without friction (nodes, 3) [N]; a tool moved by force is then where its force is balanced, on
+    all ranks. `_normals()` are unit vectors along which nodes are or would be pressed (nodes, 3).
+    `_offsets()`, of tools that are not flat, are those of the nodes from the tool across its
+    surface (nodes, 3) [mm], NaN far from it, and the symmetric derivatives of a node's place less
+    its offset (nodes, 3, 3).
     """
 
     tool: Tool
@@ -196,18 +184,7 @@ class ToolInteraction(Interaction):
         if self.coulomb:
             self.resists = (*self.resists, "slide")
 
-    def _pressing_forces(self) -> np.ndarray:
-        """Forces of the tool on this rank's nodes, without friction, (nodes, 3) [N]. A tool moved
-        by force is then where its force is balanced, on all ranks."""
-        raise NotImplementedError
-
-    def _normals(self) -> np.ndarray:
-        """Unit vectors along which this rank's nodes are or would be pressed, (nodes, 3)."""
-        raise NotImplementedError
-
-    def _offsets(self) -> tuple[np.ndarray, np.ndarray]:
-        """Offsets of the nodes from the tool across its surface (nodes, 3) [mm], NaN far from it,
-        and the symmetric derivatives of a node's place less its offset (nodes, 3, 3)."""
+    def _offsets(self):
         n = self.nodes.count
         return np.zeros((n, 3)), np.tile(np.eye(3), (n, 1, 1))
 
