@@ -8,6 +8,7 @@ from mpi4py import MPI
 from ...readers.field import Field
 from ...runtime.collective_errors import on_all
 from ...tools.tool import Tool
+from ..materials import sheets_of
 from ..output import Value, joined
 from ..stretching import stretching_stiffness
 from ..term import NO_TANGENT, Term, Triplets
@@ -192,7 +193,7 @@ class ToolInteraction(Interaction):
 
     def _stiffness_of_cells(self):
         at_nodes = np.zeros((self.nodes.count, 1))
-        for part in list(self.blank.parts.values()) or [self.blank.whole]:
+        for part in sheets_of(self.blank):
             triangles = self.blank.triangles(part.cells).reshape(-1, 3)
             thirds = np.full((*triangles.shape, 1), self._stretching(part) / 3)
             at_nodes += self.blank.summed_at(triangles, thirds)[: self.nodes.count]
