@@ -16,8 +16,8 @@ from ..output import Value, joined, largest, last, least, on_part
 from ..term import SceneFacts, Term, Triplets
 from . import metal_cells
 from .bending import TWIST, plate_stiffness
-from .metal_cells import Shape
-from .morley import MorleyCells, Where
+from .morley import Where, morley_cells
+from .shapes import Section, Shape
 from .stencil import Stencil
 
 # from strains 11, 22, 2 12 to half the changes of C as mean and shears, see `hencky`
@@ -56,7 +56,7 @@ class SheetMetal(Term):
 
     At a height z along the cell's normal the sheet stretches as C - 2 z (kappa - kappa0) says
     (Kirchhoff and Love). C = F^T F is the cell's; kappa is its normal curvature from
-    `morley.MorleyCells`, on orthonormal axes, with the cell's present normal. So rigid motions are
+    `morley_cells`, on orthonormal axes, with the cell's present normal. So rigid motions are
     free of energy, however large. Strain is logarithmic, E = 1/2 ln C; elastic and plastic strain
     add up [1]_; stress is plane and Kirchhoff's. Within a step the energy is the incremental
     potential of `material.plasticity`. Thickness is that of the undeformed sheet, times the elastic
@@ -113,17 +113,14 @@ class SheetMetal(Term):
                 f"metal of {blank.name} is asked for in a plane or on other cells; allowed are P1, "
                 "and P2 with straight sides, in space"
             )
-        morley = MorleyCells(blank, *self._edges)
-        # how many triangles a cell has, and which of this rank's are of metal
-        self._per_cell, here = morley.per_cell, morley.of(self.part.cells)
-        morley.yarn_b = np.tile([0.0, 1.0], (morley.count, 1))  # orthonormal axes
         D = plate_stiffness(metal.E, metal.thickness) / (1 - metal.nu**2)
         plate = D * np.array([[1, metal.nu, 0], [metal.nu, 1, 0], [0, 0, 2 * (1 - metal.nu)]])
-        operator, own = (a[here] for a in morley.curvature(plate))
-        morley = morley.only(here)
-        self._stencil = Stencil(morley, TWIST[:, None] * operator, TWIST[:, None] * own)
-        self._spread = TWIST[:, None] * morley.spread
-        self._volumes = morley.area[:, None] * metal.thickness * self._weights
+        cells = morley_cells(self.part, plate, *self._edges)
+        self._per_cell, self._spread = cells.per_cell, TWIST[:, None] * cells.spread
+        self._stencil = Stencil(
+            cells, TWIST[:, None] * cells.operator, TWIST[:, None] * cells.curved
+        )
+        self._volumes = cells.area[:, None] * metal.thickness * self._weights
         undeformed = self._stencil.shape(np.zeros_like(self._stencil.displacement()))
         self._rest, shape = undeformed.curvature, self._volumes.shape
         self._elastic, self._plastic = np.zeros((*shape, 3)), np.zeros(shape)
@@ -177,8 +174,8 @@ class SheetMetal(Term):
         moments = np.einsum("cke,ck->ce", self._spread, state.moments)
         diagonal = self._spread.swapaxes(1, 2) @ bending @ self._spread * np.eye(3)
         self._linear = (
-            metal_cells.Section(state.shape, state.moments, bending, mixed),
-            metal_cells.Section(bent, moments, diagonal, none),
+            Section(state.shape, state.moments, bending, mixed),
+            Section(bent, moments, diagonal, none),
         )
         given = bent, stencil.slopes, state.forces, moments, np.stack([plane, none, diagonal])
         blocks = metal_cells.stiffness(*given, hinges.coupled.places, hinges.coupled.count)
