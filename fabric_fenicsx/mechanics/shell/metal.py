@@ -116,10 +116,8 @@ class SheetMetal(Term):
         D = plate_stiffness(metal.E, metal.thickness) / (1 - metal.nu**2)
         plate = D * np.array([[1, metal.nu, 0], [metal.nu, 1, 0], [0, 0, 2 * (1 - metal.nu)]])
         cells = morley_cells(self.part, plate, *self._edges)
-        self._per_cell, self._spread = cells.per_cell, TWIST[:, None] * cells.spread
-        self._stencil = Stencil(
-            cells, TWIST[:, None] * cells.operator, TWIST[:, None] * cells.curved
-        )
+        curvature = (TWIST[:, None] * each for each in (cells.operator, cells.curved))
+        self._stencil = Stencil(cells, *curvature)
         self._volumes = cells.area[:, None] * metal.thickness * self._weights
         undeformed = self._stencil.shape(np.zeros_like(self._stencil.displacement()))
         self._rest, shape = undeformed.curvature, self._volumes.shape
@@ -171,8 +169,9 @@ class SheetMetal(Term):
         state, stencil, hinges = self._state(), self._stencil, self._stencil.hinges
         plane, mixed, bending = self._sections(state)
         bent, none = hinges.shape(stencil.displacement()), np.zeros_like(mixed)
-        moments = np.einsum("cke,ck->ce", self._spread, state.moments)
-        diagonal = self._spread.swapaxes(1, 2) @ bending @ self._spread * np.eye(3)
+        spread = TWIST[:, None] * stencil.cells.spread
+        moments = np.einsum("cke,ck->ce", spread, state.moments)
+        diagonal = spread.swapaxes(1, 2) @ bending @ spread * np.eye(3)
         self._linear = (
             Section(state.shape, state.moments, bending, mixed),
             Section(bent, moments, diagonal, none),
@@ -195,7 +194,8 @@ class SheetMetal(Term):
         """Elastic strains (cells, 3 points) and equivalent plastic ones (cells, points) when last
         accepted."""
         arrays = {"elastic": self._elastic, "plastic": self._plastic}
-        return {name: self.part.rows(each, self._per_cell) for name, each in arrays.items()}
+        many = self._stencil.cells.per_cell
+        return {name: self.part.rows(each, many) for name, each in arrays.items()}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         self._elastic, self._plastic = (
@@ -248,7 +248,7 @@ class SheetMetal(Term):
 
     def _of_cells(self, values):
         """Values (triangles,) as rows of the cells (cells, per cell)."""
-        return values.reshape(-1, self._per_cell)
+        return values.reshape(-1, self._stencil.cells.per_cell)
 
     def _thickness(self, shape, elastic):
         volume = volume_change(self.metal, np.einsum("cpk,p->ck", elastic, self._weights))

@@ -42,13 +42,13 @@ class Stencil:
         self.coupled = CoupledNodes(self._nodes, of_cells, couples, self._dim)
         self.slopes = np.ascontiguousarray(cells.slopes)
         self._undeformed = cells.corners, self.slopes, operator, own
-        self._cells = cells
+        self.cells = cells
 
     @functools.cached_property
     def hinges(self) -> "Stencil":
         """The stencil of each edge as a hinge of the two cells at it, by itself."""
-        own = self._cells.hinged * self._undeformed[3].any()
-        return Stencil(self._cells, self._cells.hinges, own, apart=True)
+        own = self.cells.hinged * self._undeformed[3].any()
+        return Stencil(self.cells, self.cells.hinges, own, apart=True)
 
     @functools.cached_property
     def loops(self) -> ModuleType:
