@@ -83,11 +83,12 @@ def check_derivatives(
     if size is not None:
         POSITIVE.check("`size`", size)
     remarks = ["derivatives agree with differences"]
+    points = np.empty(0) if at is None or isinstance(at, Scene) else np.asarray(at, float)
     if isinstance(thing, Law):
-        name, rows = f"law {thing.law}", [*_of_law(thing, at)]
-    elif isinstance(thing, Surface) and at is not None and np.size(at):
-        name, rows = f"surface {type(thing).__name__}", [*_of_surface(thing, np.array(at, float))]
-    elif isinstance(at, Scene) and thing in at.terms:
+        name, rows = f"law {thing.law}", [*_of_law(thing, points)]
+    elif isinstance(thing, Surface) and points.size:
+        name, rows = f"surface {type(thing).__name__}", [*_of_surface(thing, points)]
+    elif isinstance(thing, Term) and isinstance(at, Scene) and thing in at.terms:
         name, (rows, remarks) = f"term {thing.name}", _of_term(thing, at, load, size)
     else:
         raise InputError(
@@ -126,7 +127,7 @@ def _central(f, x, h):
     return np.stack([(f(x + h * e) - f(x - h * e)) / (2 * h) for e in np.eye(3)], -1)
 
 
-def _of_law(law, at):
+def _of_law(law, x):
     def energy(x):
         with np.errstate(all="ignore"):  # sides of a case that do not count
             return sum(part + np.zeros(len(x)) for part in law.parts(*x.T))
@@ -137,7 +138,7 @@ def _of_law(law, at):
     law.check_rest()
     largest = [0.05, 0.05, 0.8]  # eps_a, eps_b, gamma
     drawn = np.random.default_rng(0).uniform(-1, 1, (500, 3)) * largest
-    x = drawn if at is None else np.asarray(at, float)
+    x = x if x.size else drawn
     W, rest, here = energy(x), energy(np.zeros((1, 3))), law.derivatives(*x.T)
     yield from _not_finite("energies", W, x)
     yield _row("energies of kernel and law", here.parts.sum(1), W, x)

@@ -1,6 +1,6 @@
 """An interaction of a sheet with what it touches: pressure at points, and friction along them."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from mpi4py import MPI
@@ -13,7 +13,7 @@ from ..output import Value, joined
 from ..stretching import stretching_stiffness
 from ..term import NO_TANGENT, Term, Triplets
 from .coulomb import Friction, friction_law
-from .friction import FrictionState
+from .friction import FrictionState, SlipMap
 from .nodes import Nodes
 from .pressure_law import SheetFace
 from .slip_maps import ToolSlip
@@ -41,6 +41,9 @@ class Interaction(Term):
     friction_state: FrictionState | None = None
     depth = energy_correction = np.zeros(0)
     face = SheetFace()
+    _sliding: Callable[[], SlipMap]
+    _stiffness_of_cells: Callable[[], float | np.ndarray]
+    _update_pressing: Callable[[], bool]
 
     AXES = "xy"  # of a friction that is a field
 
@@ -52,7 +55,9 @@ class Interaction(Term):
         raise NotImplementedError
 
     def _stretching(self, part):
-        return stretching_stiffness(self.bound_to(), part)
+        scene = self.bound_to() if self.bound_to else None
+        assert scene
+        return stretching_stiffness(scene, part)
 
     def _coefficient(self, law):
         """Friction coefficient of all points, or of each."""
@@ -176,6 +181,8 @@ class ToolInteraction(Interaction):
     # in the accepted state, before it was accepted and after it was
     _friction_force = _friction_at_start = np.zeros(3)
     _follows = False  # friction is a field
+    _normals: Callable[[], np.ndarray]
+    _pressing_forces: Callable[[], np.ndarray]
 
     AXES = "xyz"
 

@@ -96,7 +96,7 @@ class FaceLaw(NamedTuple):
         [mm]."""
         e = e / self.growth
         if self.beside:
-            energy, pressure, slope = self._in_series(e)
+            energy, pressure, slope = self._in_series(e, self.beside)
         elif not np.any(self.is_rigid):
             energy, pressure, slope = self._compacted(e)
         else:
@@ -140,9 +140,9 @@ class FaceLaw(NamedTuple):
     def _alone(self):
         return self._replace(growth=1.0, beside=None)
 
-    def _in_series(self, e):
-        """As `_compacted`, of both fabrics, whose depths add up to e."""
-        one, other = self._alone(), self.beside
+    def _in_series(self, e, other):
+        """As `_compacted`, of this fabric and another one, whose depths add up to e."""
+        one = self._alone()
         onset = min(one.onset, other.onset)
         low, high = np.zeros_like(e), np.array(e, dtype=float)
         depth = e * one.length / (one.length + other.length)
@@ -179,25 +179,20 @@ class SheetFace(NamedTuple):
         return self._replace(thickness=growth * self.thickness, law=law)
 
 
-def face_of(
-    material: Material | None,
-    radius: float,
-    penalty: float | None = None,
-    thickness: float | None = None,
-) -> SheetFace:
+def rigid_face(thickness: float, penalty: float) -> SheetFace:
+    """A rigid face of a sheet of this thickness [mm] and penalty [N/mm^3]."""
+    return SheetFace(thickness, FaceLaw(penalty, SMOOTHING * PENETRATION * thickness))
+
+
+def face_of(material: Material, radius: float, penalty: float | None = None) -> SheetFace:
     """A face of a sheet on a tool of least `radius` [mm]: compacted fabric, or rigid for metal, and
-    for all if a penalty is given [N/mm^3]. thickness: in place of the material's [mm]; without a
-    material both are needed."""
-    if material and thickness:
-        material = material.replace(thickness=thickness)
+    for all if a penalty is given [N/mm^3]."""
     compaction = material.compaction if isinstance(material, Law) else None
-    if material and compaction and not penalty:
+    if compaction and not penalty:
         t = material.thickness_under(0.0)
         law = FaceLaw.compacted(t / 2, compaction.exponent, compaction.onset)
         return SheetFace(t, law, compaction.thickening)
-    t = material.thickness if material else thickness
-    k = penalty or default_penalty(material, radius)
-    return SheetFace(t, FaceLaw(k, SMOOTHING * PENETRATION * t))
+    return rigid_face(material.thickness, penalty or default_penalty(material, radius))
 
 
 def between_faces(one: FaceLaw, other: FaceLaw) -> FaceLaw:

@@ -17,7 +17,7 @@ from .coulomb import Coulomb
 from .interaction import Interaction
 from .lagged_faces import LaggedFaces
 from .pressing import Pressed, press, with_secant_stiffness
-from .pressure_law import SheetFace, between_faces, face_of
+from .pressure_law import SheetFace, between_faces, face_of, rigid_face
 from .relative_motion import RelativeMotion
 from .sheet_points import POINTS, ContactPairs, SheetPoints
 from .slip_maps import FaceSlip
@@ -63,7 +63,7 @@ class FaceContact(Interaction):
         self.points, thickness = points, min(face.thickness for face in points.faces)
         self.face = SheetFace(thickness, between_faces(*(face.law for face in points.faces)))
         self.plies = PlyThickness(scene, rigid=bool(self._given["penalty"]))
-        self.faces = LaggedFaces(points, self._given["lag"], 3 * points.nodes.count)
+        self.faces = LaggedFaces(points, self._given["lag"] or LAG, 3 * points.nodes.count)
         self.depth, self._load = np.zeros(points.count), 0.0
         self.energy_correction = self._accepted_correction = np.zeros(points.count)
         # the last displacement and faces, and what was found there
@@ -81,13 +81,14 @@ class FaceContact(Interaction):
     def _face_of(self, scene, part, t):
         """The `SheetFace` of a sheet, of t [mm] if its face is rigid by a penalty."""
         k, material = self._given["penalty"], material_of(scene, part)
-        if not (material or (k and t)):
+        t = t or (material.thickness_under(0.0) if material else None)
+        if k and t:
+            return rigid_face(t, k)
+        if k or not material:
             raise InputError(
                 f"{self.name} needs a {'thickness' if k else 'penalty'}, a number above 0, as "
                 f"{self.LACKING} a fabric or metal"
             )
-        if k:
-            return face_of(None, np.inf, k, t or material.thickness_under(0.0))
         tools = [term.tool for term in scene.terms if overrides(term, "may_press")]
         radius = min((min(tool.surface.radii) for tool in tools if tool), default=np.inf)
         return face_of(material, radius)

@@ -21,7 +21,7 @@ from .force_balance import Resistance, find_balance
 from .interaction import ToolInteraction
 from .nodes import Nodes
 from .pressing import Pressed, press, with_secant_stiffness
-from .pressure_law import PENETRATION, SMOOTHING, SheetFace, face_of
+from .pressure_law import PENETRATION, SMOOTHING, SheetFace, face_of, rigid_face
 from .thickness import PlyThickness
 
 
@@ -112,14 +112,18 @@ class Contact(ToolInteraction):
 
     def _face_at_nodes(self, scene):
         t, k = self._given.values()
-        materials, which = materials_at_nodes(scene) or ([None], np.zeros(self.nodes.count, int))
-        if materials[0] is None and not (t and k):
+        materials, which = materials_at_nodes(scene) or ([], np.zeros(self.nodes.count, int))
+        radius = min(self.tool.surface.radii)
+        materials = [each.replace(thickness=t or each.thickness) for each in materials]
+        faces = [face_of(each, radius, k) for each in materials]
+        if not faces and t and k:
+            faces = [rigid_face(t, k)]
+        if not faces:
             raise InputError(
                 f"contact with {self.tool.name} needs a {'penalty' if t else 'thickness'}, a "
                 "number above 0, as no term of the scene has a fabric or metal for each sheet"
             )
-        radius = min(self.tool.surface.radii)
-        return SheetFace.of_points([face_of(each, radius, k, t) for each in materials], which)
+        return SheetFace.of_points(faces, which)
 
     def _press_on(self, areas, correction):
         """Press on areas (nodes,) [mm^2], where a sheet may be thicker as they shrink."""
@@ -324,7 +328,7 @@ class Contact(ToolInteraction):
         (nodes, 1) each, in the last accepted state; what its work is counted from (nodes,
         24), and that of friction."""
         travel, _, areas, correction = self._accepted
-        rows = {"travel": travel, "work": self._work.memory().ravel()}
+        rows = {"travel": np.array(travel), "work": self._work.memory().ravel()}
         at_nodes = {"depth": self.depth, "areas": areas, "energy_correction": correction}
         return (
             super().memory()
@@ -336,8 +340,9 @@ class Contact(ToolInteraction):
         self.depth = memory["depth"][:, 0]
         areas, correction = memory["areas"][:, 0], memory["energy_correction"][:, 0]
         self.tool.travel = float(self.nodes.common(memory["travel"])[0])
-        known = {"travel": self.tool.travel, "areas": areas, "correction": correction}
-        self._accepted = self._accepted._replace(**known)
+        self._accepted = self._accepted._replace(
+            travel=self.tool.travel, areas=areas, correction=correction
+        )
         self._press_on(areas, correction)
         self._work.recall(self.nodes.common(memory["work"]).reshape(3, -1))
         u = self.nodes.displacement()  # not balanced, as what friction bore is not known

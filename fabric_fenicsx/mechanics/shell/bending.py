@@ -306,8 +306,8 @@ class Bending(Term):
             moments[:, :2] += area * friction.stress
             section[:, :2] += area * friction.tangent
         given = self._cells.spread, slope, growth, moments, section
-        of_edges = self._stencil.loops.at_edges(*given)
-        return _State(state.U, energy, shape, *of_edges, friction)
+        moments, section = self._stencil.loops.at_edges(*given)
+        return _State(state.U, energy, shape, moments, section, friction)
 
     def _curvature(self, angles):
         """Curvatures (cells, 3), 11, 22, 2 12, from the angles (cells, 3) by which cells are bent

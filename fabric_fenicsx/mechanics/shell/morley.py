@@ -95,8 +95,8 @@ def morley_cells(
     bends = _without_rounding(bends)
     hinges = own.jumps * ~sides.free[:, :, None] / (2 * own.far[:, :, None])
     hinges = _without_rounding(hinges)
-    arrays = flat.area, flat.corners, -out / flat.height[:, :, None], nodes, codes, bends, bends @ x
-    arrays += spread, operator, operator @ x, hinges, hinges @ x[:, :6]
+    arrays = [flat.area, flat.corners, -out / flat.height[:, :, None], nodes, codes]
+    arrays += [bends, bends @ x, spread, operator, operator @ x, hinges, hinges @ x[:, :6]]
     here = (part.cells[:, None] * flat.per_cell + np.arange(flat.per_cell)).ravel()
     return MorleyCells(part.blank, flat.per_cell, sides.mirrors, *(each[here] for each in arrays))
 
@@ -296,7 +296,7 @@ def _bends(flat, sides, own, known):
             x[:, new] = known.opposite[other, source]
             x[image, new] = sides.reflected(flat, x[:, new], e)[image]
         theirs = known.slopes[other, edge]
-        np.add.at(bends, (here[:, None], e, place), -rest * theirs)
+        np.add.at(bends, (here[:, None], e, place), -rest * theirs)  # type: ignore[arg-type]
     first, second = np.divmod(codes, sides.planes)
     codes[first == second] = 0
     return bends, x, nodes, codes
