@@ -1,7 +1,7 @@
 """The state of friction at points that are pressed on a tool or on another sheet."""
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Protocol, Self
 
 import numpy as np
 from mpi4py import MPI
@@ -21,7 +21,7 @@ class SlipMap(Protocol):
     def slid(self) -> np.ndarray:
         """Motion to the present displacement, in which it is linear, (n, 3) [mm]."""
 
-    def exact(self, now: Any) -> np.ndarray:
+    def exact(self, now: Self) -> np.ndarray:
         """Motion that is not linear, to the present state, in which the map `now` was made, (n, 3)
         [mm]."""
 
