@@ -7,7 +7,7 @@ import numpy as np
 from mpi4py import MPI
 
 from .. import dolfinx_compat as compat
-from ..mechanics.shell import mesh_warnings
+from ..mechanics.shell.membrane_warnings import size_warning
 from ..runtime import timing
 from ..runtime.errors import InputError
 from ..runtime.status import task
@@ -57,7 +57,7 @@ def lay(
             "allowed is P on triangles, Q on quadrilaterals"
         )
     settled: dict[str, Any] = {"element": f"{kind}{blank.degree}"}
-    warnings = [*blank.warnings, mesh_warnings.size_warning(blank, source)]
+    warnings = [*blank.warnings, size_warning(blank, source)]
     if sheet.sheet_file:
         warnings.append(_idle_warning(sheet))
         settled |= _own_sizes(sheet, sides, blank, planes)

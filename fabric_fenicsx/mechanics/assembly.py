@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 import numpy as np
 import ufl
@@ -75,15 +73,9 @@ class Assembly:
     def energies(self) -> dict[str | None, float]:
         """Energy of each kind at the present displacement, of all ranks {kind: N mm}; None: minus
         the work of loads."""
-        mine: Any = Counter()  # which adds what it is updated by
-        for kind, form in self._energies:
-            mine.update({kind: fem.assemble_scalar(form)})
-        for term in self._terms:
-            mine.update(term.energies())
-        total: Any = Counter()
-        for each in self._comm.allgather(dict(mine)):
-            total.update(each)
-        return dict(total)
+        mine = [{kind: fem.assemble_scalar(form)} for kind, form in self._energies]
+        mine += [term.energies() for term in self._terms]
+        return _summed(self._comm.allgather(_summed(mine)))
 
     def applied_forces(self) -> list[np.ndarray]:
         """Forces of each tool and load (owned dofs,) [N], beside which a residual is to be
@@ -154,6 +146,14 @@ class Assembly:
 
     def _patterns(self):
         return [term.pattern for term in self._terms]
+
+
+def _summed(parts):
+    total: dict[str | None, float] = {}
+    for part in parts:
+        for kind, energy in part.items():
+            total[kind] = total.get(kind, 0.0) + energy
+    return total
 
 
 def _marked(form):

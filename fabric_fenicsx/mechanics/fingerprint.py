@@ -14,8 +14,10 @@ from ..readers.field import Field
 from ..tools.surfaces import Surface
 from ..tools.tool import Tool
 
+Plain = Any  # what JSON can hold
 
-def plain(value: Any) -> Any:
+
+def plain(value: Plain) -> Plain:
     """`value` as JSON can hold it, numbers to 12 digits; of tools their surface, and path and force
     at half and at full load. Of functions, other objects and arrays of more than 100 numbers, which
     may be of a rank's own nodes, it is only their type, as what they hold can't be compared."""
@@ -57,7 +59,7 @@ def of_values(comm: MPI.Comm, x: np.ndarray, values: np.ndarray) -> list[float]:
     return [float(f"{largest:.9g}"), *np.round(sums[:-1] / sums[-1], 9).tolist()]
 
 
-def entries(value: Any, path: str) -> dict[str, Any]:
+def entries(value: Plain, path: str) -> dict[str, Plain]:
     """Plain data by the dotted path of each entry, also of those in material files' texts:
     {"material.yarns.b": 667.5}."""
     if isinstance(value, str) and "\n" in value:
@@ -74,9 +76,9 @@ def entries(value: Any, path: str) -> dict[str, Any]:
     }
 
 
-def of_attributes(thing: object) -> dict[str, Any]:
+def of_attributes(thing: object) -> dict[str, Plain]:
     """Attributes of an object as plain data, {name: value}."""
-    attributes: dict[str, Any] = {}
+    attributes: dict[str, Plain] = {}
     for name, value in vars(thing).items():
         attributes |= value if isinstance(value, Mapping) else {name.lstrip("_"): value}
     return plain(attributes)

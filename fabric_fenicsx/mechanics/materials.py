@@ -1,25 +1,32 @@
 """Materials of a scene's sheets, as their terms know them."""
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
 from ..material.laws import Law
 from ..material.laws.base import Material
 from ..runtime.collective_errors import on_all
-from ..sheets.blank import Part
-from .term import SceneFacts
+from ..sheets.blank import Blank, Part
+from .term import SceneFacts, Term
+
+
+def sheets_of(blank: Blank) -> list[Part]:
+    """The parts of a blank, or all of it."""
+    return list(blank.parts.values()) or [blank.whole]
+
+
+def terms_on(scene: SceneFacts, part: Part) -> Iterator[Term]:
+    """Terms on a part or on all of the blank."""
+    here = part, scene.blank.whole
+    return (term for term in scene.terms if scene.blank.part(term.part_name) in here)
 
 
 def materials_of(scene: SceneFacts, part: Part) -> Iterator[Material]:
     """Fabrics and metals that terms on a part, or on all of the blank, know; of the whole blank
     those of all terms."""
-    here = part, scene.blank.whole
-    for term in scene.terms:
-        on_it = part.is_whole or scene.blank.part(term.part_name) in here
-        if on_it and term.material is not None:
-            yield term.material
+    terms = scene.terms if part.is_whole else terms_on(scene, part)
+    return (term.material for term in terms if term.material is not None)
 
 
 def material_of(scene: SceneFacts, part: Part) -> Material | None:
@@ -35,19 +42,17 @@ def fabric_of(scene: SceneFacts, part: Part) -> Law | None:
 def thickness_shares(scene: SceneFacts, part: Part, x: np.ndarray) -> np.ndarray:
     """Thickness at places x (n, 3) of the undeformed part over that of its material, (n,); on all
     ranks together."""
-    here = part, scene.blank.whole
-    for term in scene.terms:
-        if (field := term.thickness_field) and scene.blank.part(term.part_name) in here:
-            material: Any = term.material
+    for term in terms_on(scene, part):
+        if (field := term.thickness_field) and (material := term.material):
             return on_all(scene.blank.mesh.comm, lambda: field.at(x)) / material.thickness
     return np.ones(len(x))
 
 
 def thickness_shares_at_nodes(scene: SceneFacts) -> np.ndarray:
     """As `thickness_shares`, at the owned nodes (nodes,)."""
-    count = scene.blank.V.dofmap.index_map.size_local
-    shares, x = np.ones(count), scene.blank.coordinates()[:count]
-    for part in list(scene.blank.parts.values()) or [scene.blank.whole]:
+    x = scene.blank.coordinates()[: scene.blank.whole.nodes.size]
+    shares = np.ones(len(x))
+    for part in sheets_of(scene.blank):
         shares[part.nodes] = thickness_shares(scene, part, x[part.nodes])
     return shares
 
@@ -55,12 +60,8 @@ def thickness_shares_at_nodes(scene: SceneFacts) -> np.ndarray:
 def materials_at_nodes(scene: SceneFacts) -> tuple[list[Material], np.ndarray] | None:
     """The materials of the blank's parts, and which of them each owned node has (nodes,); None if
     one is not known."""
-    parts = list(scene.blank.parts.values()) or [scene.blank.whole]
+    parts, which = sheets_of(scene.blank), np.zeros(scene.blank.whole.nodes.size, dtype=int)
     materials = [each for part in parts if (each := material_of(scene, part))]
-    if len(materials) < len(parts):
-        return None
-    different = list(dict.fromkeys(map(id, materials)))
-    which = np.zeros(scene.blank.V.dofmap.index_map.size_local, dtype=int)
-    for part, each in zip(parts, materials):
-        which[part.nodes] = different.index(id(each))
-    return [next(m for m in materials if id(m) == each) for each in different], which
+    for number, part in enumerate(parts):
+        which[part.nodes] = number
+    return (materials, which) if len(materials) == len(parts) else None

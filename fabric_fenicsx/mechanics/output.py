@@ -12,13 +12,7 @@ from ..runtime.files import plain
 from ..sheets.blank import Part
 from .term import Term, overrides
 
-# method of terms: what it gives, and to what
-OUTPUT = {
-    "history": ("column", "history.csv"),
-    "summary": ("entry", "summary.json"),
-    "cell_fields": ("field", "the sheet"),
-    "nodal_fields": ("field", "the sheet"),
-}
+Content = Any  # a number, an array, or what JSON can hold
 
 
 class Value(NamedTuple):
@@ -41,9 +35,9 @@ class Value(NamedTuple):
     'MPa'
     """
 
-    value: Any
+    value: Content
     unit: str = ""
-    merge: Callable[[Any, Any], Any] | None = None
+    merge: Callable[[Content, Content], Content] | None = None
 
 
 class Fields(dict[str, np.ndarray]):
@@ -60,7 +54,7 @@ class Fields(dict[str, np.ndarray]):
         )
 
 
-def least(value: Any, unit: str = "") -> Value:
+def least(value: Content, unit: str = "") -> Value:
     """Value of which the least of all terms counts.
 
     Parameters
@@ -79,7 +73,7 @@ def least(value: Any, unit: str = "") -> Value:
     return Value(value, unit, np.minimum if isinstance(value, np.ndarray) else min)
 
 
-def largest(value: Any, unit: str = "") -> Value:
+def largest(value: Content, unit: str = "") -> Value:
     """Value of which the largest of all terms counts.
 
     Parameters
@@ -98,7 +92,7 @@ def largest(value: Any, unit: str = "") -> Value:
     return Value(value, unit, _larger if isinstance(value, np.ndarray) else max)
 
 
-def total(value: Any, unit: str = "") -> Value:
+def total(value: Content, unit: str = "") -> Value:
     """Value of which the sum over the terms counts; the sum over ranks is the term's.
 
     Parameters
@@ -117,12 +111,12 @@ def total(value: Any, unit: str = "") -> Value:
     return Value(value, unit, lambda before, now: before + now)
 
 
-def last(value: Any, unit: str = "") -> Value:
+def last(value: Content, unit: str = "") -> Value:
     """Value of which that of the last term counts."""
     return Value(value, unit, lambda before, now: now)
 
 
-def joined(value: Mapping[str, Any]) -> Value:
+def joined(value: Mapping[str, Content]) -> Value:
     """A dict that has the entries of all terms."""
     return Value(value, "", lambda before, now: {**before, **now})
 
@@ -147,35 +141,33 @@ def on_part(part: Part, values: np.ndarray, unit: str = "") -> Value:
 
 
 def merged(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> dict[str, Value]:
-    """Output of `terms` by their `method`, one of `OUTPUT`, merged.
+    """Output of `terms` by their `method`, merged.
 
     Raises InputError for one of the names `taken`, for a name that two terms give without a rule,
     for what differs between ranks, and for a field of another size than the rank's cells or nodes.
     """
-    noun, place = OUTPUT[method]
-    check: Callable[..., Mapping[str, Any]] = arrays if noun == "field" else _same_on_ranks
+    noun, place = {"history": ("column", "history.csv"), "summary": ("entry", "summary.json")}.get(
+        method, ("field", "the sheet")
+    )
+    checked = arrays if noun == "field" else _same_on_ranks
     values: dict[str, Value] = {}
     givers = dict.fromkeys(taken, f"{place} has")
-    for term in terms:
-        if not overrides(term, method):
-            continue
+    for term in (term for term in terms if overrides(term, method)):
         output = getattr(term, method)()
-        mine = {k: v if isinstance(v, Value) else Value(v) for k, v in output.items()}
-        derived = {k for k, v in output.items() if isinstance(v, Value) and callable(v.value)}
-        plain = {name: each.value for name, each in mine.items() if name not in derived}
-        checked = check(term, method, plain, noun)
-        for name, each in mine.items():
-            before, value = values.get(name), checked.get(name, each.value)
-            if name in givers and (before is None or each.merge is None):
+        given = {k: v if isinstance(v, Value) else Value(v) for k, v in output.items()}
+        known = {k: v.value for k, v in given.items() if not callable(v.value)}
+        known = checked(term, method, known)
+        for name, each in given.items():
+            value, before = known.get(name, each.value), values.get(name)
+            if name in givers and not (before and each.merge):
                 rule = ", or a rule that merges both, as `largest(value)`" if before else ""
                 raise InputError(
                     f"`{method}` of term {term.name} gives the {noun} {name}, which "
                     f"{givers[name]} already; allowed is another name{rule}"
                 )
-            if before is not None and each.merge is not None:
+            if before and each.merge:
                 value = each.merge(before.value, value)
-            values[name] = each._replace(value=value)
-            givers[name] = f"term {term.name} gives"
+            values[name], givers[name] = each._replace(value=value), f"term {term.name} gives"
     results = {name: each.value for name, each in values.items()}
     return {
         name: each._replace(value=each.value(results)) if callable(each.value) else each
@@ -183,20 +175,18 @@ def merged(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> d
     }
 
 
-def arrays(
-    term: Term, method: str, given: Mapping[str, Any], noun: str = "array"
-) -> dict[str, np.ndarray]:
+def arrays(term: Term, method: str, given: Mapping[str, Content]) -> dict[str, np.ndarray]:
     """Answer of a term's `method` as arrays; InputError, on all ranks, for what is no number and
     for another size than the rank's cells or nodes."""
-    whole = term.blank.whole
-    what, size = ("cells", whole.cells.size) if "cell" in method else ("nodes", whole.nodes.size)
-    result, wrong = {name: np.asarray(values) for name, values in given.items()}, ""
+    whole, result, wrong = term.blank.whole, {k: np.asarray(v) for k, v in given.items()}, ""
+    size = whole.cells.size if "cell" in method else whole.nodes.size
     for name, values in result.items():
-        if values.shape[:1] != (size,) or values.dtype.kind not in "biuf":
-            kind = f"shape {values.shape}" if values.dtype.kind in "biuf" else "no numbers"
+        is_number = values.dtype.kind in "biuf"
+        if values.shape[:1] != (size,) or not is_number:
             wrong = wrong or (
-                f"`{method}` of term {term.name} gives the {noun} {name} with {kind}; allowed is "
-                f"({size},) or ({size}, k), of the {what} that the rank owns"
+                f"`{method}` of term {term.name} gives {name} with "
+                f"{f'shape {values.shape}' if is_number else 'no numbers'}; allowed is ({size},) "
+                f"or ({size}, k), of what the rank owns"
             )
     if wrong := term.blank.mesh.comm.allreduce(wrong, MPI.MAX):
         raise InputError(wrong)
@@ -209,7 +199,7 @@ def _larger(before, now):
     return np.where(kept if now.ndim == 1 else kept[:, None], before, now)
 
 
-def _same_on_ranks(term, method, given, noun):
+def _same_on_ranks(term, method, given):
     texts = dict.fromkeys(term.blank.mesh.comm.allgather(json.dumps(plain(given))))
     if len(texts) > 1:
         raise InputError(

@@ -13,8 +13,6 @@ from .term import SceneFacts, Term, Triplets
 from .work import Work
 
 RELEASED = "released"  # kind of energy
-# load factor from which there are none, so that what is lagged settles in the last step
-NO_FORCES_FROM = 0.9
 
 
 class ReleaseForces(Term):
@@ -33,6 +31,7 @@ class ReleaseForces(Term):
     """
 
     name = "release forces"
+    NO_FORCES_FROM = 0.9  # load factor; so what is lagged settles in the last step
 
     def __init__(self, reach: float) -> None:
         self.reach = POSITIVE.check("reach of release forces [mm]", reach)
@@ -78,7 +77,7 @@ class ReleaseForces(Term):
     def set_load(self, load: float) -> None:
         """Set the load factor."""
         # a sheet gets soft as the forces go that keep it tight
-        self._load, self._share = load, max(1.0 - load / NO_FORCES_FROM, 0.0) ** 6
+        self._load, self._share = load, max(1.0 - load / self.NO_FORCES_FROM, 0.0) ** 6
 
     def accept(self) -> None:
         """Count what is released from the present state."""
@@ -141,7 +140,7 @@ class ReleaseForces(Term):
     def _since_accepted(self):
         """Work of the forces since the last accepted state, of all ranks [N mm]."""
         work = self._work.since(*self._state())
-        gone = not self._share and self._work.memory()[:, 1].max() >= NO_FORCES_FROM
+        gone = not self._share and self._work.memory()[:, 1].max() >= self.NO_FORCES_FROM
         return 0.0 if gone else work  # as a parabola through states with forces is not
 
     def _state(self):

@@ -8,15 +8,13 @@ from ..sheets.blank import Part
 from .term import SceneFacts
 from .term_checks import bind
 
-STRAIN = 1e-4  # at which it is taken
-
 
 def stretching_stiffness(scene: SceneFacts, part: Part) -> float:
-    """Tension over the strain of a part that is stretched, or shortened, by `STRAIN` along all
+    """Tension over the strain of a part that is stretched, or shortened, by 1e-4 along all
     directions, 0 without a strain energy [N/mm]: of an isotropic sheet E t / (1 - nu)."""
-    blank, total = scene.blank, 0.0
+    blank, total, strain = scene.blank, 0.0, 1e-4
     u = blank.u.x.array
-    kept, grown = u.copy(), STRAIN * blank.coordinates().ravel()
+    kept, grown = u.copy(), strain * blank.coordinates().ravel()
     for term in scene.terms:
         if isinstance(term.material, Metal):
             bind(term, scene)
@@ -33,5 +31,5 @@ def stretching_stiffness(scene: SceneFacts, part: Part) -> float:
             u[:] = kept
             gained = sum(energies[:2]) / 2 - energies[2]
             area = blank.mesh.comm.allreduce(float(blank.areas()[term.part.cells].sum()))
-            total += gained / (STRAIN**2 * area)
+            total += gained / (strain**2 * area)
     return total

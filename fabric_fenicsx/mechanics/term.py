@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
 import ufl
@@ -57,8 +57,8 @@ class Term:
     energy : ufl.Form or None
         Form in `blank.u`, integrated by `part.dx(degree)` or `part.ds(edge, degree)` [N mm]; for a
         load, minus its work. None if `stored`, `add_forces` and `tangent` take its place.
-    pattern : int
-        Number that changes when the places of `tangent` do.
+    pattern : object
+        What is no longer equal when the places of `tangent` change, as a number that counts up.
     tool : Tool or None
         Tool by which the term acts on the sheet.
     prestressed : bool
@@ -94,7 +94,7 @@ class Term:
     energy_kind: str | None = None
     resists: tuple[str, ...] = ()
     energy: ufl.Form | None = None
-    pattern = 0
+    pattern: object = 0
     prestressed = False
     thickness_field: Field | None = None
     fields: Mapping[str, tuple[Field, np.ndarray, np.ndarray]] = {}
@@ -102,7 +102,7 @@ class Term:
     blank: Blank
     part: Part
     part_name = ""
-    fingerprint: dict[str, Any]
+    fingerprint: dict[str, object]
     unbound: Self
     # weak, as circles of solver objects end at another time on each rank
     bound_to: weakref.ref[SceneFacts] | None = None
@@ -257,19 +257,19 @@ class Term:
 
     # -- output: {name: value or `Value`}, the same names each time
 
-    def history(self) -> Mapping[str, Any]:
+    def history(self) -> Mapping[str, object]:
         """Columns of history.csv, numbers that are the same on all ranks."""
         return {}
 
-    def summary(self) -> Mapping[str, Any]:
+    def summary(self) -> Mapping[str, object]:
         """Entries of summary.json, the same on all ranks, also at load 0."""
         return {}
 
-    def cell_fields(self) -> Mapping[str, Any]:
+    def cell_fields(self) -> Mapping[str, object]:
         """Fields on cells, arrays (owned cells, ...)."""
         return {}
 
-    def nodal_fields(self) -> Mapping[str, Any]:
+    def nodal_fields(self) -> Mapping[str, object]:
         """Fields at nodes, arrays (owned nodes,) or (owned nodes, k)."""
         return {}
 

@@ -3,7 +3,6 @@
 import weakref
 from copy import copy
 from reprlib import repr as shown
-from typing import Any
 
 import numpy as np
 import ufl
@@ -18,27 +17,19 @@ def bind(term: Term, scene: SceneFacts) -> None:
     """Put a term into its scene, once, and set it up.
 
     Raises InputError for what is no term, for one that is in another scene or twice in this one,
-    for a part that the blank does not have, for an energy or forces that are none, and what
-    `set_up` raises.
+    for a part that the blank does not have, for an energy that is none, and what `set_up` raises.
     """
     if not isinstance(term, Term):
         raise InputError(
             f"a term of the scene is {shown(term)}; allowed are objects of `Term`, as "
             "`Membrane(fabric)`"
         )
+    elsewhere = term.bound_to is not None and term.bound_to() is not scene
+    if elsewhere or sum(each is term for each in scene.terms) > 1:
+        place = "in another scene already" if elsewhere else "in the scene twice"
+        raise InputError(f"term {term.name} is {place}; each scene needs terms of its own")
     if term.bound_to is not None:
-        if term.bound_to() is not scene:
-            raise InputError(
-                f"term {term.name} is in another scene already; each scene needs terms of its own"
-            )
         return
-    _check_kind(term, term.energy_kind)
-    if sum(each is term for each in scene.terms) > 1:
-        raise InputError(f"term {term.name} is in the scene twice; two alike must be two objects")
-    kept = [method for method in ("memory", "cell_memory") if overrides(term, method)]
-    if overrides(term, "recall") != bool(kept):
-        has, lacks = (kept[0], "recall") if kept else ("recall", "memory")
-        raise InputError(f"`{has}` of term {term.name} needs `{lacks}`")
     unbound = copy(term)
     term.fingerprint = of_attributes(term)
     term.unbound = unbound
@@ -47,55 +38,50 @@ def bind(term: Term, scene: SceneFacts) -> None:
     term.set_up(scene)
     if term.energy is not None:
         _check_form(term)
-    if term.energy is None and not overrides(term, "add_forces"):
-        raise InputError(f"term {term.name} needs `self.energy`, set in `set_up`, or `add_forces`")
-    one_kind = overrides(term, "stored") and not overrides(term, "energies")
-    stores = term.energy is not None or one_kind
-    if term.energy_kind is None and stores and not overrides(term, "work"):
+    stores = overrides(term, "stored") and not overrides(term, "energies")
+    stores = (stores or term.energy is not None) and not overrides(term, "work")
+    if stores and term.energy_kind is None:
         raise InputError(
             f"term {term.name} stores an energy and needs an `energy_kind`, its column in "
             "history.csv, or, as a load, `work`"
         )
 
 
-def _check_kind(term, kind):
-    if kind in ("viscous", "external_work"):  # which a run has beside those of terms
-        raise InputError(
-            f"term {term.name} has the kind of energy {kind}; allowed is another name, as every "
-            "run has this for something else"
-        )
-
-
 def _check_form(term):
     """InputError for an `energy` that is none of the displacement, or not of the term's part."""
     form, of = term.energy, f"energy of term {term.name}"
-    if not isinstance(form, ufl.Form) or form.arguments():
+    is_energy = isinstance(form, ufl.Form) and not form.arguments()
+    if not is_energy or term.blank.u not in form.coefficients():
         raise InputError(
-            f"{of} is {shown(form)}; allowed is the energy itself, from which forces and "
-            "stiffness follow, integrated: `W * self.part.dx(degree)`"
-        )
-    if term.blank.u not in form.coefficients():
-        raise InputError(
-            f"{of} does not depend on the displacement; allowed is a form in `blank.u`"
+            f"{of} is {shown(form)}; allowed is the energy itself in `blank.u`, from which forces "
+            "and stiffness follow, integrated: `W * self.part.dx(degree)`"
         )
     if term.part_name and any(each.subdomain_id() == "everywhere" for each in form.integrals()):
         raise InputError(
-            f"term {term.name} is on a part, but its energy is integrated over the whole "
-            "sheet; it needs `self.part.dx(degree)` in place of `ufl.dx`"
+            f"{of}, which is on a part, is integrated over the whole sheet; it needs "
+            "`self.part.dx(degree)` in place of `ufl.dx`"
         )
 
 
 def check_answers(term: Term) -> None:
     """Ask a term for energy, forces and tangent where the sheet is; InputError, on all ranks, for
-    forces that are returned in place of being added, and for places outside of the matrix."""
+    forces that are not added, and for places outside of the matrix."""
     blank, comm = term.blank, term.blank.mesh.comm
-    for kind in term.energies():
-        _check_kind(term, kind)
-    returned: Any = term.add_forces(np.zeros_like(blank.u.x.array))  # type: ignore[func-returns-value]
-    if returned is not None:
+    for kind in {term.energy_kind, *term.energies()} & {"viscous", "external_work"}:
         raise InputError(
-            f"`add_forces` of term {term.name} returns something; allowed is to add to the array "
-            "that it is given, as `f[dofs] += forces`"
+            f"term {term.name} has the kind of energy {kind}; allowed is another name, as every "
+            "run has this for something else"
+        )
+    alone = np.zeros_like(blank.u.x.array)
+    returned: object = term.add_forces(alone)  # type: ignore[func-returns-value]
+    before = 1.0 + abs(alone).max(initial=0.0)
+    after = np.full_like(alone, before)
+    term.add_forces(after)
+    lost = abs(after - alone - before).max(initial=0.0) > 1e-6 * before
+    if comm.allreduce(bool(lost or returned is not None), MPI.LOR):
+        raise InputError(
+            f"`add_forces` of term {term.name} returns something, or loses what other terms added; "
+            "allowed is to add to the array that it is given, as `f[dofs] += forces`"
         )
     size = blank.V.dofmap.index_map.size_global * blank.mesh.geometry.dim
     rows, cols, values = (np.asarray(each) for each in term.tangent())

@@ -13,10 +13,6 @@ from ..runtime.formatting import percent, rounded, share
 from ..sheets.blank import Blank
 from .supports import Support
 
-MAX_BORNE_SHARE = (
-    0.005  # of all forces from outside, more than a support that only locates should bear
-)
-
 
 class FixedDofs:
     """Degrees of freedom of a `blank` that `supports` fix; iterating gives the supports.
@@ -125,7 +121,7 @@ class FixedDofs:
     def locating_warning(self, sizes: dict[str, float]) -> str:
         """A warning if supports that only locate the sheet bear a force, else ""; sizes: as in
         `located_share`."""
-        most = MAX_BORNE_SHARE * sum(sizes.values())
+        most = 0.005 * sum(sizes.values())
         borne = {name: force for name, force in self._located(sizes).items() if force > most}
         if not borne:
             return ""

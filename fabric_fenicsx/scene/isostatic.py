@@ -11,7 +11,6 @@ from .rigid_motions import TURNS
 from .supports import Support
 
 PLANE_TOLERANCE = 1e-6  # of a blank's size, within which nodes lie in one plane
-FIRM, LOOSE = 0.01, 1e-6  # share of a motion left by those held before, from which a node holds it
 
 
 def planes_of_symmetry(blank: Blank, supports: Iterable[Support]) -> dict[int, Support]:
@@ -63,18 +62,19 @@ def _of_sheet(blank: Blank, part: Part, kept: Sequence[Support]) -> list[Support
     shapes = [(x - x.mean(0)) / _size(blank) for x in (places + moved, places)]
     gdim = places.shape[1]
     motions = gdim + len(TURNS[gdim])
+    firm, loose = 0.01, 1e-6  # share of a motion left by those before, from which a node holds it
     bases = []
     for x in shapes:
         basis = np.empty((0, motions))
         for axis in planes_of_symmetry(blank, kept):  # and no turn but about the axis
             turns = np.eye(motions)[gdim:]
             across = turns[[2]] if gdim == 2 else np.delete(turns, axis, 0)
-            basis = _with(basis, np.vstack([_row(x[0], axis), across]), LOOSE)
+            basis = _with(basis, np.vstack([_row(x[0], axis), across]), loose)
         rows = [_row(x[k], axis) for k, axis in zip(*np.nonzero(fixed))]
-        bases.append(_with(basis, rows, LOOSE))
+        bases.append(_with(basis, rows, loose))
     found: dict[int, list[int]] = {}
     corners = list(dict.fromkeys(k for x in (places, shapes[0]) for k in _corners(x, fixed)))
-    for least in (FIRM, LOOSE):
+    for least in (firm, loose):
         for k in corners:
             for axis in range(gdim) if k == corners[0] else reversed(range(gdim)):
                 more = [_with(b, [_row(x[k], axis)], least) for b, x in zip(bases, shapes)]

@@ -5,12 +5,11 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from ..mechanics.output import arrays
-from ..mechanics.term import Term, overrides
+from ..mechanics.term import Term
 from ..mechanics.work import STATES
 from ..runtime.errors import InputError
 
 OF_CELLS = "cells "  # begins the names of arrays in cells
-METHODS = ("", "memory"), (OF_CELLS, "cell_memory")
 
 
 def memory_of(terms: Iterable[Term]) -> dict[str, np.ndarray]:
@@ -36,8 +35,6 @@ def recall(term: Term, number: int, memory: dict[str, np.ndarray]) -> None:
     """Give the term of that number back its part of `memory`. Raises InputError, on all ranks, if
     its memory is another one then."""
     given = {key: memory[f"{place}{number} {key}"] for place, key in _memory(term)}
-    if not overrides(term, "recall"):
-        return
     try:
         term.recall(given)
     except KeyError as error:
@@ -54,14 +51,13 @@ def recall(term: Term, number: int, memory: dict[str, np.ndarray]) -> None:
         )
 
 
-def _memory(term: Term) -> dict[tuple[str, str], np.ndarray]:
+def _memory(term):
     """Arrays by (beginning of their name, own name)."""
-    stored: dict[tuple[str, str], np.ndarray] = {}
-    for place, method in METHODS:
-        if overrides(term, method):
-            own = arrays(term, method, getattr(term, method)())
-            stored |= {(place, key): values for key, values in own.items()}
-    return stored
+    return {
+        (place, key): values
+        for place, method in (("", "memory"), (OF_CELLS, "cell_memory"))
+        for key, values in arrays(term, method, getattr(term, method)()).items()
+    }
 
 
 def _equal(one, other):

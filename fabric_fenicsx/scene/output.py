@@ -1,41 +1,40 @@
 """Output of a scene's present state, the same on all ranks."""
 
 from collections.abc import Collection
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
 from .. import dolfinx_compat as compat
-from ..mechanics.output import Fields, merged
+from ..mechanics.output import Content, Fields, merged
 from ..mechanics.shell.membrane import Membrane
 from ..mechanics.shell.membrane_warnings import band_warning, locking_warning, membrane_warnings
 from ..mechanics.term import overrides
 from ..tools.tool import Tool
 from .scene import Scene
 
-# names in every sheet and every summary, without terms
+# names in every sheet, without terms
 OF_A_SHEET = "u", "yarn_coordinate_a", "yarn_coordinate_b", "rank", "part"
-OF_A_SUMMARY = (
-    "study ranks converged stroke_reached reason element dofs cells terms steps_accepted "
-    "steps_rejected newton_iterations energy reaction_N reaction_is energy_imbalance "
-    "energy_imbalance_largest branches quantities error verdict reasons warnings wall_s "
-    "peak_memory_mib versions"
-).split()
 
 
-def history(scene: Scene, taken: Collection[str] = ()) -> dict[str, Any]:
+def history(scene: Scene, taken: Collection[str] = ()) -> dict[str, Content]:
     """Entries of the terms in a row of history.csv, beside the columns `taken`."""
     return {name: each.value for name, each in merged(scene.terms, "history", taken).items()}
 
 
-def summary(scene: Scene) -> dict[str, Any]:
+def summary(scene: Scene) -> dict[str, Content]:
     """Entries of the terms in summary.json."""
-    given = merged(scene.terms, "summary", OF_A_SUMMARY)
+    own = (
+        "study ranks converged stroke_reached reason element dofs cells terms steps_accepted "
+        "steps_rejected newton_iterations energy reaction_N reaction_is energy_imbalance "
+        "energy_imbalance_largest branches quantities error verdict reasons warnings wall_s "
+        "peak_memory_mib versions"
+    ).split()
+    given = merged(scene.terms, "summary", own)
     return {"terms": [t.name for t in scene.terms]} | {k: v.value for k, v in given.items()}
 
 
-def sizes(scene: Scene) -> dict[str, Any]:
+def sizes(scene: Scene) -> dict[str, Content]:
     """Entries of the mesh in summary.json: element, dofs and cells."""
     blank = scene.blank
     kind = "P" if compat.cell_name(blank.mesh) == "triangle" else "Q"

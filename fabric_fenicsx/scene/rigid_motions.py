@@ -10,13 +10,7 @@ from ..runtime.errors import InputError
 from ..sheets.blank import Blank
 from .dirichlet import FixedDofs
 
-MAX_FLAT_HEIGHT = (
-    0.05  # height over length, up to which a smooth tool does not hold a blank within its plane
-)
-MIN_TURN_STIFFNESS = 1e-3  # stiffness against turning of friction that holds more than one place
 TURNS = {2: [(0, 1)], 3: [(1, 2), (2, 0), (0, 1)]}  # axes of each turn's plane, by dimension
-NAMES = "length", "width", "normal"
-LIFTS = "move along its normal", "turn about its length", "turn about its width"
 
 
 def check_held(blank: Blank, terms: Sequence[Term], supports: FixedDofs) -> str:
@@ -27,7 +21,8 @@ def check_held(blank: Blank, terms: Sequence[Term], supports: FixedDofs) -> str:
     points are refused. Other tools may once the sheet is formed, so refusing them would be wrong.
     """
     low, high = blank.extent()
-    flat = len(low) == 2 or (high - low)[2] <= MAX_FLAT_HEIGHT * (high - low).max()
+    # a smooth tool does not hold what is as flat as this within its plane
+    flat = len(low) == 2 or (high - low)[2] <= 0.05 * (high - low).max()
     resisted = {motion for term in terms for motion in term.resists}
     node, axis = np.divmod(supports.dofs, len(low))
     x, along = blank.coordinates()[node], np.eye(3)[axis]
@@ -73,7 +68,8 @@ def is_held_by_friction(blank: Blank, terms: Sequence[Term]) -> bool:
     axes = enumerate(np.eye(3))
     tangents = np.concatenate([share * (axis - normals * normals[:, [i]]) for i, axis in axes])
     resisted = {motion for term in terms for motion in term.resists} - {"slide"}
-    return not free_motion(blank, np.tile(x, (3, 1)), tangents, resisted, MIN_TURN_STIFFNESS)
+    # from 1e-3 on, friction holds more than one place against turning
+    return not free_motion(blank, np.tile(x, (3, 1)), tangents, resisted, least=1e-3)
 
 
 def free_motion(
@@ -88,13 +84,12 @@ def free_motion(
     x = (blank.along(places.T) - (low + high) / 2) / (high - low).max()
     moves = list(along.T[:gdim])
     turns = [x[i] * moves[j] - x[j] * moves[i] for i, j in TURNS[gdim]]
-    names = [f"move along its {axis}" for axis in NAMES[:gdim]]
-    names += [f"turn about its {axis}" for axis in NAMES[-len(turns) :]]
-    left = [
-        i
-        for i, name in enumerate(names)
-        if not {name.split()[0], "lift" if name in LIFTS else "slide"} & resisted
-    ]
+    axes = "length", "width", "normal"
+    names = [f"move along its {axis}" for axis in axes[:gdim]]
+    names += [f"turn about its {axis}" for axis in axes[-len(turns) :]]
+    lifts = "move along its normal", "turn about its length", "turn about its width"
+    kinds = [{name.split()[0], "lift" if name in lifts else "slide"} for name in names]
+    left = [i for i, kind in enumerate(kinds) if not kind & resisted]
     motions = np.array(moves + turns)
     products = blank.mesh.comm.allreduce(motions @ motions.T, MPI.SUM)[np.ix_(left, left)]
     if not left:

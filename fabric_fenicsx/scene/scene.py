@@ -1,7 +1,6 @@
 """A scene: a blank, its terms and its supports."""
 
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 from dolfinx import fem
@@ -271,10 +270,10 @@ class Scene:
         """Forces of each tool and load (owned dofs,) [N]."""
         return self._assembly.applied_forces()
 
-    def fingerprint(self) -> dict[str, Any]:
+    def fingerprint(self) -> dict[str, object]:
         """What a run that is resumed must agree in: parameters of the terms, largest displacement
         of the supports and directions of the yarns, the same on any number of ranks."""
-        facts: dict[str, Any] = {"terms": ", ".join(term.name for term in self.terms)}
+        facts: dict[str, object] = {"terms": ", ".join(term.name for term in self.terms)}
         for i, term in enumerate(self.terms, 1):
             for name, given in term.fingerprint.items():
                 numbers = entries(given, name)

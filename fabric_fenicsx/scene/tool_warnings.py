@@ -31,31 +31,30 @@ def tool_warnings(scene: Scene, formed: bool = False) -> list[str]:
     sheet for their radii."""
     blank, tools = scene.blank, output.tools(scene)
     asked = [tool for tool in tools if not formed or _touched(scene, tool)]
-    few = few_cells_warning(scene)
-    sentences = [few or cell_size_warning(blank, asked), *_frictions(scene)]
+    sentences = [few_cells_warning(scene) or _cell_size_warning(blank, asked)]
+    frictions = {
+        term.tool.name: term.coulomb.largest
+        for term in scene.terms
+        if isinstance(term, ToolInteraction) and term.coulomb
+    }
+    sentences += [
+        f"friction on {name} has a coefficient of {mu:g}, which is much: 25 % is 0.25"
+        for name, mu in frictions.items()
+        if MAX_FRICTION < mu < np.inf
+    ]
     size = float(np.subtract(*blank.extent()[::-1]).max())
     for tool in tools:
         sentences += [size_warning(tool, size), hole_warning(tool)]
     return [each for each in sentences if each]
 
 
+def _contacts(scene, tool):
+    return [term for term in scene.terms if isinstance(term, Contact) and term.tool is tool]
+
+
 def _touched(scene, tool):
     """True if the tool pressed the sheet in any accepted state; called on all ranks."""
-    return any([t.touched() for t in scene.terms if isinstance(t, Contact) and t.tool is tool])
-
-
-def _frictions(scene):
-    """A sentence for each tool whose coefficient of friction may be in per cent."""
-    much = {
-        term.tool.name: term.coulomb.largest
-        for term in scene.terms
-        if isinstance(term, ToolInteraction) and term.coulomb
-    }
-    return [
-        f"friction on {name} has a coefficient of {mu:g}, which is much: 25 % is 0.25"
-        for name, mu in much.items()
-        if MAX_FRICTION < mu < np.inf
-    ]
+    return max((each.largest_depth() for each in _contacts(scene, tool)), default=0.0) > 0
 
 
 def few_cells_warning(scene: Scene) -> str:
@@ -80,49 +79,48 @@ def _cell_length(blank):
     return total / cells
 
 
-def least_radius(blank: Blank, tools: Iterable[Tool]) -> tuple[float, float, str]:
-    """Length of the cells, or of a quadratic one's halves, and the least radius of the tools [mm],
-    with the tool's name."""
+def _cells_over_radius(blank: Blank, tools: Iterable[Tool]) -> tuple[float, float, str]:
+    """Length of the cells, or of a quadratic one's halves, over the least radius of the tools, the
+    length [mm], and the name of the tool with that radius."""
     length = _cell_length(blank)
     # over a quarter of a cell its tool's curvature counts
     radii = [(radius_over(tool, 0.25 * length), tool.name) for tool in tools]
-    return length, *min(radii, default=(math.inf, ""))
+    radius, name = min(radii, default=(math.inf, ""))
+    return length / radius, length, name
 
 
 def cells_over_radius(scene: Scene) -> float:
     """Length of cells over the least radius of the tools that a sheet has touched."""
     touched = [tool for tool in output.tools(scene) if _touched(scene, tool)]
-    length, least, _ = least_radius(scene.blank, touched)
-    return length / least
+    return _cells_over_radius(scene.blank, touched)[0]
 
 
-def cell_size_warning(blank: Blank, tools: Iterable[Tool]) -> str:
+def _cell_size_warning(blank, tools):
     """A sentence if cells are too large to bend around the tools' least radius, else ""."""
-    length, least, name = least_radius(blank, tools)
-    if math.degrees(length / least) <= MAX_TURN:
+    angle, length, name = _cells_over_radius(blank, tools)
+    if math.degrees(angle) <= MAX_TURN:
         return ""
     named = "cells" if blank.degree == 1 else "halves of quadratic cells"
     return (
         f"{named} are {rounded(length)} mm long where the {name} has a radius of "
-        f"{rounded(least)} mm: forces may be off by some per cent and angles by some degrees; "
-        f"take {named} below {rounded(math.radians(MAX_TURN) * least)} mm"
+        f"{rounded(length / angle)} mm: forces may be off by some per cent and angles by some "
+        f"degrees; take {named} below {rounded(math.radians(MAX_TURN) * length / angle)} mm"
     )
 
 
 def untouched_warning(scene: Scene) -> str:
     """A sentence that names the tools on paths which have moved, and in no accepted state touched
     the sheet, else ""."""
-    sentences = []
+    told = []
     for tool in output.tools(scene):
-        contacts = [t for t in scene.terms if isinstance(t, Contact) and t.tool is tool]
         along_path = tool.displacement - tool.travel * tool.direction - tool.path(0.0)
         moved = float(np.linalg.norm(along_path))  # so far, as a run may have been stopped
+        contacts = _contacts(scene, tool)
         if contacts and moved and not _touched(scene, tool):
             gap = min(float(each.gap().min(initial=math.inf)) for each in contacts)
             gap = round(scene.comm.allreduce(gap, MPI.MIN), 9)
-            sentences.append(
+            told.append(
                 f"{tool.name} moved by {rounded(moved)} mm, and is still {rounded(gap)} mm off"
             )
-    if not sentences:
-        return ""
-    return f"a tool never touched the sheet: {'; '.join(sentences)}; check its path and its surface"
+    words = "check its path and its surface"
+    return f"a tool never touched the sheet: {'; '.join(told)}; {words}" if told else ""

@@ -1,6 +1,5 @@
 """Checkpoints: an accepted state in one file that any number of ranks can go on from."""
 
-import dataclasses
 import hashlib
 import io
 import json
@@ -8,6 +7,7 @@ import math
 import re
 import time
 from collections.abc import Mapping
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -24,19 +24,8 @@ from ..sheets.blank import Blank
 from .progress import Progress
 from .viscosity import Viscosity
 
-FORMAT = 10  # counted up with each change of what the file holds
-SCALARS = (
-    "load step last_step work stored missed missed_at solver accepted rejected iterations".split()
-)
-YOUNG = 60.0  # s, in which a run is not worth the wait for the disk at each step
-PLACES = "x", "around"  # of the nodes
-MEMORY = "memory "  # before the names of the terms' arrays
-CELLS = MEMORY + OF_CELLS  # and of those of cells
-CENTRES = "centres"  # of the cells, where a term remembers some
-# entry of a problem whose run has stages, {number of a stage: its steps}, and what may be another
-# in the entries of terms if stages are added: the entry `press` says how tools and holders move
+# entry of a problem whose run has stages, {number of a stage: its steps}
 STAGES = "steps of stages"
-MOVES = re.compile(r"(\S+\.)?(path|force|pressure) of term ")
 
 
 class Checkpoint:
@@ -45,9 +34,16 @@ class Checkpoint:
     dict that JSON can hold; a checkpoint of another problem is refused, but for `STAGES` that were
     added behind its own: loads are then those of the problem now."""
 
-    def __init__(self, path: Path, blank: Blank, problem: dict[str, Any]) -> None:
+    FORMAT = 10  # counted up with each change of what the file holds
+    YOUNG = 60.0  # s, in which a run is not worth the wait for the disk at each step
+    PLACES = "x", "around"  # arrays of the nodes
+    MEMORY = "memory "  # before the names of the terms' arrays
+    # of the progress that JSON holds
+    SCALARS = {each.name for each in fields(Progress)} - {"x", "previous", "viscosity", "memory"}
+
+    def __init__(self, path: Path, blank: Blank, problem: Mapping[str, object]) -> None:
         self.path, self.blank, self.problem = path, blank, json.loads(json.dumps(plain(problem)))
-        self.comm, self._lasting_from = blank.mesh.comm, time.monotonic() + YOUNG
+        self.comm, self._lasting_from = blank.mesh.comm, time.monotonic() + self.YOUNG
         self.owned = blank.V.dofmap.index_map.size_local
         self._centres = blank.midpoints().T
         self._places = blank.coordinates()[: self.owned], self._around()
@@ -66,17 +62,17 @@ class Checkpoint:
         gdim = self.blank.mesh.geometry.dim
         arrays = {"u": progress.x, "previous": progress.previous}
         arrays = {k: v.array.reshape(-1, gdim)[: self.owned] for k, v in arrays.items()}
-        arrays |= {MEMORY + name: values for name, values in progress.memory.items()}
-        if any(name.startswith(CELLS) for name in arrays):
-            arrays[CENTRES] = self._centres
+        arrays |= {self.MEMORY + name: values for name, values in progress.memory.items()}
+        if any(name.startswith(OF_CELLS) for name in progress.memory):
+            arrays["centres"] = self._centres
         gathered = {name: self.comm.gather(values) for name, values in arrays.items()}
         if self.comm.rank != 0:
             return
-        gathered |= dict(zip(PLACES, self._known))
+        gathered |= dict(zip(self.PLACES, self._known))
         arrays = {name: np.concatenate(parts) for name, parts in gathered.items()}
-        meta = {k: getattr(progress, k) for k in SCALARS}
-        meta |= {"format": FORMAT, "problem": self.problem, "notes": notes}
-        meta["viscosity"] = dataclasses.asdict(progress.viscosity)
+        meta = {k: getattr(progress, k) for k in self.SCALARS}
+        meta |= {"format": self.FORMAT, "problem": self.problem, "notes": notes}
+        meta["viscosity"] = asdict(progress.viscosity)
         arrays["meta"] = np.array(json.dumps(plain(meta)))
         content = io.BytesIO()
         np.savez(content, checksum=np.array(_checksum(arrays)), **arrays)
@@ -93,18 +89,18 @@ class Checkpoint:
         """
         meta, arrays, share = on_root(self.comm, lambda: self._read(memory))
         self._lasting_from = 0.0
-        nodes = self._find(np.hstack([arrays[k] for k in PLACES]), np.hstack(self._places), "nodes")
-        cells = self._find(arrays[CENTRES], self._centres, "cells") if CENTRES in arrays else None
-        vectors = {}
-        for name in ("u", "previous"):
-            vectors[name] = compat.petsc_vector(self.blank.u).duplicate()
-            vectors[name].array[:] = arrays[name][nodes].ravel()
-        remembered = {
-            k.removeprefix(MEMORY): values[cells if k.startswith(CELLS) else nodes]
-            for k, values in arrays.items()
-            if k.startswith(MEMORY)
-        }
-        state, notes = {k: meta[k] for k in SCALARS} | {"memory": remembered}, meta["notes"]
+        places = np.hstack([arrays.pop(name) for name in self.PLACES])
+        nodes = self._find(places, np.hstack(self._places), "nodes")
+        cells = np.empty(0, int)
+        if (centres := arrays.pop("centres", None)) is not None:
+            cells = self._find(centres, self._centres, "cells")
+        vectors = [compat.petsc_vector(self.blank.u).duplicate() for _ in range(2)]
+        for vector, name in zip(vectors, ("u", "previous")):
+            vector.array[:] = arrays.pop(name)[nodes].ravel()
+        remembered = {k.removeprefix(self.MEMORY): values for k, values in arrays.items()}
+        for name, values in remembered.items():
+            remembered[name] = values[cells if name.startswith(OF_CELLS) else nodes]
+        state, notes = {k: meta[k] for k in self.SCALARS} | {"memory": remembered}, meta["notes"]
         state["viscosity"] = Viscosity(**meta["viscosity"])
         if share < 1:
             for name in ("load", "step", "last_step", "missed_at"):
@@ -113,7 +109,7 @@ class Checkpoint:
                 row["load"] *= share
             notes["states"] = [(share * load, ranks) for load, ranks in notes["states"]]
             rescale_loads(remembered, share)
-        return Progress(vectors["u"], vectors["previous"], **state), notes
+        return Progress(*vectors, **state), notes
 
     def _find(self, saved, places, kind):
         """Indices of the `saved` nodes or cells (n, k) at this rank's `places` (m, k)."""
@@ -122,16 +118,12 @@ class Checkpoint:
         if saved.shape[1] == places.shape[1]:  # both in a plane, or both in space
             distance, found = cKDTree(saved).query(places)
             off = self.comm.allreduce(distance.max(initial=0.0), MPI.MAX)
-        if count != len(saved) or off > 1e-9 * np.ptp(saved[:, :gdim], axis=0).max():
+        is_other = count != len(saved) or off > 1e-9 * np.ptp(saved[:, :gdim], axis=0).max()
+        if is_other or self.comm.allreduce(np.bincount(found, minlength=count)).max() > 1:
+            fault = "or they lie elsewhere" if is_other else "of which some lie at one place"
             raise InputError(
                 f"checkpoint {self.path} is of another mesh, with {len(saved)} {kind}; now there "
-                f"are {count}, or they lie elsewhere"
-            )
-        if self.comm.allreduce(np.bincount(found, minlength=count)).max() > 1:
-            amid = " amid the same cells" if kind == "nodes" else ""
-            raise InputError(
-                f"checkpoint {self.path} has {kind} that lie at one place{amid}, so they can't be "
-                "told apart"
+                f"are {count}, {fault}"
             )
         return found
 
@@ -143,19 +135,18 @@ class Checkpoint:
         try:
             with np.load(self.path) as file:
                 arrays = {k: file[k] for k in file.files}
-            meta = json.loads(str(arrays["meta"]))
-            version = meta.get("format", 1)
+            checksum, meta = str(arrays.pop("checksum", "")), json.loads(str(arrays["meta"]))
+            if (version := meta.get("format", 1)) != self.FORMAT:
+                raise ValueError(f"it is of format {version}; this version reads {self.FORMAT}")
+            if checksum != _checksum(arrays):
+                raise ValueError("its content has another checksum")
         except Exception as e:  # readers raise whatever their parsing stumbles on
             reason = " ".join(str(e).split()) or type(e).__name__
             raise InputError(f"{name} cannot be read ({reason})") from None
-        if version != FORMAT:
-            raise InputError(f"{name} is of format {version}; this version reads {FORMAT}")
-        if str(arrays.pop("checksum", "")) != _checksum(arrays):
-            raise InputError(f"{name} is damaged: its content has another checksum")
         del arrays["meta"]
         share = self._share(meta["problem"])
-        saved = _widths({k: v for k, v in arrays.items() if k.startswith(MEMORY)})
-        now = _widths(memory or {})
+        of_terms = {k: v for k, v in arrays.items() if k.startswith(self.MEMORY)}
+        saved, now = (_widths(each, self.MEMORY) for each in (of_terms, memory or {}))
         if memory is not None and (saved or meta["accepted"]) and saved != now:
             raise InputError(
                 f"{name} remembers {saved or 'nothing'} where the terms remember {now or 'nothing'}"
@@ -166,12 +157,13 @@ class Checkpoint:
         """Share of the load now that the stages of the problem `before` take: 1, unless stages were
         added. Raises InputError for another problem."""
         known, steps = (list(each.get(STAGES, {}).values()) for each in (before, self.problem))
-        count = len(known)
+        # what may be another then: the entry `press` says how tools and holders move
+        moves, count = re.compile(r"(\S+\.)?(path|force|pressure) of term "), len(known)
         added = 0 < count < len(steps) and steps[:count] == known
         for key, now in self.problem.items():
             if added:
                 number = re.match(rf"(?:press\.stage|{STAGES})\.(\d+)", key)
-                if key == STAGES or MOVES.match(key) or (number and int(number[1]) > count):
+                if key == STAGES or moves.match(key) or (number and int(number[1]) > count):
                     continue
                 if key == "press":
                     now = now | {"stage": now["stage"][:count]}
@@ -191,7 +183,7 @@ def _checksum(arrays):
     return digest.hexdigest()
 
 
-def _widths(memory):
+def _widths(memory, prefix):
     """Names of arrays that terms remember and their numbers a node or cell, as a text."""
-    sizes = {name.removeprefix(MEMORY): values.shape[1:] for name, values in memory.items()}
+    sizes = {name.removeprefix(prefix): values.shape[1:] for name, values in memory.items()}
     return ", ".join(f"{name} {size}" for name, size in sorted(sizes.items()))

@@ -22,7 +22,6 @@ SENTENCES = {
     "cell_size": "cells are {} of the least radius of a touched tool",
     "located": "supports that only locate the sheet bear {} of the forces on it",
 }
-ANGLES = "shear", "shear_99_percent"  # in deg, all others are shares
 EDGES = 1e-2  # of the area, in which yarns at singular points may be stretched further
 
 
@@ -77,7 +76,7 @@ class Limits:
 
     def _sentence(self, name, value):
         limit = getattr(self, name)
-        as_text = (lambda v, n: f"{rounded(v, n)} deg") if name in ANGLES else percent
+        as_text = (lambda v, n: f"{rounded(v, n)} deg") if name.startswith("shear") else percent
         # as many digits as tell the two apart
         texts = [(as_text(value, n), as_text(limit, n)) for n in (3, 6, 17)]
         text, bound = next((pair for pair in texts if pair[0] != pair[1]), texts[-1])

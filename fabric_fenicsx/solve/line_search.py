@@ -8,7 +8,6 @@ from petsc4py import PETSc
 from ..scene.scene import Scene
 from .report import Report, SolveFailed, Termination
 
-MAX_SLOPE_LEFT = 0.7  # slope left at the end, of the one at the start
 ROUNDING = 1e-12  # of the energy, below which its differences are noise
 
 
@@ -99,7 +98,7 @@ def _fell(here, start):
 
 
 def _is_end(here, start, fell, shifted):
-    is_flat = abs(here.slope) <= -MAX_SLOPE_LEFT * start.slope
+    is_flat = abs(here.slope) <= -0.7 * start.slope
     if not _within_rounding(start):
         return fell and is_flat
     halved = here.energy != Objective.INVERTED and not shifted and here.norm <= 0.5 * start.norm

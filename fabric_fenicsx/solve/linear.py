@@ -1,37 +1,39 @@
 """Linear solvers by name: their options, and MUMPS' memory and inertia."""
 
 import functools
-from typing import Any
 
 from petsc4py import PETSc
 
 from ..runtime.errors import InputError
 
 PREFIX = "fabric_"  # of PETSc's options
-# In PORD's order of elimination factors cost least: approximate minimum degree takes 1.1 times as
-# long on one ply and 1.3 times on a laminate, minimum fill up to 1.8 times. Rows are not scaled:
-# that would take 5 to 20 % more and leave the same residual, 1e-14.
-MUMPS = {"mat_mumps_icntl_7": 4, "mat_mumps_icntl_8": 0}
-DIRECT = {"ksp_type": "preonly", **MUMPS}
-# flexible: their smoothers are not quite symmetric, which matters with yarns 50 000 times stiffer
-# than shear
-ITERATIVE = {"ksp_type": "fcg", "ksp_rtol": 1e-8, "ksp_max_it": 2000}
-LINEAR_SOLVERS: dict[str, dict[str, Any]] = {
-    "mumps-cholesky": DIRECT | {"pc_type": "cholesky", "mat_mumps_icntl_24": 1},
-    "mumps-lu": DIRECT | {"pc_type": "lu"},
-    "cg-gamg": ITERATIVE | {"pc_type": "gamg", "pc_gamg_agg_nsmooths": 0},
-    "cg-hypre": ITERATIVE | {"pc_type": "hypre"},
+LINEAR_SOLVERS: dict[str, dict[str, str | float]] = {
+    "mumps-cholesky": {"pc_type": "cholesky", "mat_mumps_icntl_24": 1},
+    "mumps-lu": {"pc_type": "lu"},
+    "cg-gamg": {"pc_type": "gamg", "pc_gamg_agg_nsmooths": 0},
+    "cg-hypre": {"pc_type": "hypre"},
 }
-MEMORY_MARGIN = 14  # MUMPS' option for memory beyond its estimate [%]
-NOT_DEFINITE = {  # singular too: a membrane without tension has no stiffness across itself
-    getattr(PETSc.KSP.ConvergedReason, "DIVERGED_" + name)
-    for name in ("INDEFINITE_MAT", "INDEFINITE_PC", "PCSETUP_FAILED")
-}
-KSP_REASONS = {
-    value: name.lower().replace("_", " ").replace("diverged ", "")
-    for name, value in vars(PETSc.KSP.ConvergedReason).items()
-    if isinstance(value, int)
-}
+
+
+def _options(name):
+    if name.startswith("mumps"):
+        # In PORD's order of elimination factors cost least: approximate minimum degree takes 1.1
+        # times as long on one ply and 1.3 times on a laminate, minimum fill up to 1.8 times. Rows
+        # are not scaled: that would take 5 to 20 % more and leave the same residual, 1e-14.
+        usual = {"ksp_type": "preonly", "mat_mumps_icntl_7": 4, "mat_mumps_icntl_8": 0}
+    else:
+        # flexible: their smoothers are not quite symmetric, which matters with yarns 50 000 times
+        # stiffer than shear
+        usual = {"ksp_type": "fcg", "ksp_rtol": 1e-8, "ksp_max_it": 2000}
+    return usual | LINEAR_SOLVERS[name]
+
+
+def reason_name(reason: int) -> str:
+    """Name of the reason for which a KSP ended."""
+    for name, value in vars(PETSc.KSP.ConvergedReason).items():
+        if value == reason and not name.startswith("_"):
+            return name.lower().replace("_", " ").replace("diverged ", "")
+    return "unknown reason"
 
 
 def is_there(name: str) -> bool:
@@ -49,7 +51,7 @@ def check_name(name: str) -> None:
 
 def configure(ksp: PETSc.KSP, A: PETSc.Mat, name: str) -> None:
     """Make `ksp` the linear solver `name`, one of `LINEAR_SOLVERS`, of the matrix A."""
-    database, options = PETSc.Options(PREFIX), dict(LINEAR_SOLVERS[name])
+    database, options = PETSc.Options(PREFIX), _options(name)
     ksp.setOperators(A)
     if name.startswith("mumps"):
         entries = A.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_allocated"]
@@ -84,8 +86,8 @@ def conjugate_gradients(A: PETSc.Mat, P: PETSc.Mat, reduction: float, most: int)
 
 @functools.cache
 def _users_options():
-    """Keys of `MUMPS` that the user gave to PETSc, found before they are set here."""
-    return [key for key in MUMPS if PETSc.Options(PREFIX).hasName(key)]
+    """Keys that the user gave to PETSc, found before they are set here."""
+    return [key for key in _options("mumps-lu") if PETSc.Options(PREFIX).hasName(key)]
 
 
 def had_memory(pc: PETSc.PC) -> bool:
@@ -93,11 +95,11 @@ def had_memory(pc: PETSc.PC) -> bool:
     zero then and are not now. It then starts anew with more, as it can't factor after an error."""
     if pc.getType() not in ("lu", "cholesky") or pc.getFactorSolverType() != "mumps":
         return True
-    factor = pc.getFactorMatrix()
-    margin = factor.getMumpsIcntl(MEMORY_MARGIN)
+    factor, option = pc.getFactorMatrix(), 14  # memory beyond the estimate [%]
+    margin = factor.getMumpsIcntl(option)
     if factor.getMumpsInfog(1) >= 0 or margin > 10_000:
         return True
-    PETSc.Options(PREFIX)[f"mat_mumps_icntl_{MEMORY_MARGIN}"] = 5 * margin
+    PETSc.Options(PREFIX)[f"mat_mumps_icntl_{option}"] = 5 * margin
     pc.reset()
     return False
 

@@ -1,7 +1,5 @@
 """The narrow tangent: a preconditioner of which the factors cost less than those of the tangent."""
 
-from typing import Any
-
 from petsc4py import PETSc
 
 from ..runtime.timing import phase
@@ -25,7 +23,7 @@ class NarrowTangent:
 
     def __init__(self, scene: Scene, tangent: Tangent) -> None:
         self._scene, self._tangent = scene, tangent
-        self._ksp: Any = None
+        self._ksp: PETSc.KSP = None
         self._pays = False
 
     def solve(self, rhs: PETSc.Vec, d: PETSc.Vec, report: Report) -> bool:

@@ -1,7 +1,6 @@
 """Newton's method on a scene's energy."""
 
 import logging
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -187,14 +186,14 @@ class Newton:
 
     # -- for load stepping
 
-    def memory(self) -> dict[str, Any]:
+    def memory(self) -> dict[str, float]:
         """State for `recall` by a later solver."""
         tangent = self.tangent
         return {"negative_pivots_met": tangent.negative_pivots_met, "shift": tangent.shift}
 
-    def recall(self, memory: dict[str, Any]) -> None:
+    def recall(self, memory: dict[str, float]) -> None:
         """Take over the `memory` of another solver."""
-        self.tangent.negative_pivots_met = memory["negative_pivots_met"]
+        self.tangent.negative_pivots_met = bool(memory["negative_pivots_met"])
         self.tangent.shift = memory["shift"]
 
     def stiffness(self, x: PETSc.Vec) -> float:

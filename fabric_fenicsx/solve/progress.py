@@ -1,7 +1,6 @@
 """The state of load stepping, and its messages to observers."""
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
@@ -35,7 +34,7 @@ class Progress:
     missed_at: float = 0.0
     viscosity: Viscosity = field(default_factory=Viscosity)
     memory: dict[str, np.ndarray] = field(default_factory=dict)
-    solver: dict[str, Any] = field(default_factory=dict)
+    solver: dict[str, float] = field(default_factory=dict)
     accepted: int = 0
     rejected: int = 0
     iterations: int = 0

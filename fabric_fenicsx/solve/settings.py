@@ -12,8 +12,6 @@ from .linear import LINEAR_SOLVERS
 LOAD_FACTOR = Rule("a load factor above 0 and up to 1", lambda v: 0 < v <= 1)
 BELOW_ONE = Rule("a number above 0 and below 1", lambda v: 0 < v < 1)
 
-LOOSER = 4.0  # path tolerance and limits: a mesh twice as coarse is off by as much
-
 
 @documented
 @dataclass(frozen=True, kw_only=True)
@@ -75,15 +73,16 @@ class Settings:
         """The settings of the same run on a coarser mesh, with `fewer` times fewer
         steps, at least 2."""
         path, limits = self.path_tolerance, dataclasses.asdict(self.limits)
+        looser = 4.0  # a mesh twice as coarse is off by as much
         own = {each.name: getattr(self, each.name) for each in dataclasses.fields(Settings)}
         return dataclasses.replace(
             Settings(**own),
             steps=max(2, -(-self.steps // fewer)),
             max_step=self.max_step and min(1.0, fewer * self.max_step),
-            path_tolerance=path and min(1e-1, LOOSER * path),
+            path_tolerance=path and min(1e-1, looser * path),
             accuracy=self.accuracy and 2 * self.accuracy,
             balance=self.balance and 2 * self.balance,
-            limits=Limits(**{name: LOOSER * limit for name, limit in limits.items()}),
+            limits=Limits(**{name: looser * limit for name, limit in limits.items()}),
         )
 
     @property

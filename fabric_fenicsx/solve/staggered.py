@@ -8,13 +8,11 @@ from .report import Report
 MAX_SOLVES = 30  # solves of one step
 # tolerance of solves after which something may be updated: 3e-3, 1e-3, 5e-4 and 2e-4 take 300, 313,
 # 336, 381 iterations over the double dome at 0/90, and 695, 633, 663, 748 at +-45 deg (without
-# `LOOSE_FALL`)
+# that tenth)
 LOOSE_TOLERANCE = 1e-3
 # tolerance of the first solve: forces of contact are then known well enough to be updated (double
 # dome, 1344 cells: 304 tangents if it is `LOOSE_TOLERANCE`, 279 with this)
 FIRST_TOLERANCE = 3e-2
-# share of the residual that an update left, down to which a solution is loose enough, too
-LOOSE_FALL = 0.1
 # iterations in which rounding may grow to what an update notices: a solution found in more of them
 # is made exact, so that ranks find the same (two plies, 12 cells: forces to 1e-4 with 15, 1e-7
 # with 8), if twice as many iterations are enough: near the end of the laminate's stroke 58, 61 and
@@ -26,10 +24,10 @@ def solve_staggered(
     newton: Newton, x: PETSc.Vec, tolerance: float, near: bool = False
 ) -> tuple[Report, int]:
     """Solve for x until terms have nothing to update: first to `FIRST_TOLERANCE`, then to
-    `LOOSE_TOLERANCE` or `LOOSE_FALL`, in the end to `tolerance` or the solver's, and nothing is to
-    be updated after that either. near: x is all but the solution, so that the first solve is exact:
-    a loose one would end at once, or not, by rounding. Returns the last `Report`, with the
-    iterations of the hardest solve, and those of all."""
+    `LOOSE_TOLERANCE` or a tenth of the residual that an update left, in the end to `tolerance` or
+    the solver's, and nothing is to be updated after that either. near: x is all but the solution,
+    so that the first solve is exact: a loose one would end at once, or not, by rounding. Returns
+    the last `Report`, with the iterations of the hardest solve, and those of all."""
     scene, every = newton.scene, []
     asked = max(tolerance, newton.tolerance)
     now = max(asked, FIRST_TOLERANCE) if scene.has_lagged_terms and not near else asked
@@ -46,7 +44,7 @@ def solve_staggered(
         updated = scene.update_lagged()
         if not (updated or fall) and now == asked:
             break
-        now, fall = (max(asked, LOOSE_TOLERANCE), LOOSE_FALL) if updated else (asked, 0.0)
+        now, fall = (max(asked, LOOSE_TOLERANCE), 0.1) if updated else (asked, 0.0)
     else:
         report.reject(f"contact did not settle in {MAX_SOLVES} solutions")
     return report, sum(every)

@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -17,14 +16,6 @@ from .settings import Settings
 from .staggered import solve_staggered
 
 GROWTH, CUT = 1.5, 0.5
-MIN_STEP = 1e-5  # load step that is still halved
-HARD_STEP = 1 / 16  # of the largest step, from where on cutting alone does not help
-MAX_CHECKED_STEPS = 8  # make the largest step; of smaller ones no energy balance is asked
-# share of the energy that a step missed: if a shorter step misses more, or half of the same step
-# when its middle is measured, too, it is accepted, as the sheet snapped there, and its energy is
-# missing with any step
-SNAP = 0.75
-MAX_STEPS_AT_REST = 40  # at full load, at most, for the sheet to creep to where it needs no drag
 
 
 @dataclass
@@ -62,13 +53,22 @@ class LoadStepping:
     all ranks; a text that it returns ends the run, with that reason.
     """
 
+    MIN_STEP = 1e-5  # load step that is still halved
+    HARD_STEP = 1 / 16  # of the largest step, from where on cutting alone does not help
+    MAX_CHECKED_STEPS = 8  # make the largest step; of smaller ones no energy balance is asked
+    # share of the energy that a step missed: if a shorter step misses more, or half of the same
+    # step when its middle is measured, too, it is accepted, as the sheet snapped there, and its
+    # energy is missing with any step
+    SNAP = 0.75
+    MAX_STEPS_AT_REST = 40  # at full load, for the sheet to creep to where it needs no drag
+
     def __init__(
         self,
         newton: Newton,
         settings: Settings | None = None,
         start: Progress | None = None,
-        on_accept: Callable[[Accepted], Any] = lambda accepted: None,
-        on_reject: Callable[[float, Report], Any] = lambda load, report: None,
+        on_accept: Callable[[Accepted], object] = lambda accepted: None,
+        on_reject: Callable[[float, Report], object] = lambda load, report: None,
         stop: Callable[[], str] = lambda: "",
     ) -> None:
         self.newton, self.scene, self.settings = newton, newton.scene, settings or Settings()
@@ -188,7 +188,7 @@ class LoadStepping:
             if inner := self._measure_on_the_way(trial, part):
                 missing = self._missing_work(trial)
                 first, both = self._missed(inner), self._missed(trial)
-                snapped |= part == 1 / 2 and 0 < SNAP * missed < max(first, both - first)
+                snapped |= part == 1 / 2 and 0 < self.SNAP * missed < max(first, both - first)
         if not trial.report.converged:
             return
         if not snapped:
@@ -202,7 +202,7 @@ class LoadStepping:
         """Reject the trial if this share of its work is missing, unless the sheet snapped."""
         reason = step_criteria.imbalance(missing, self.settings.balance)
         missed = self._missed(trial)
-        if reason and missed <= SNAP * self.progress.missed:
+        if reason and missed <= self.SNAP * self.progress.missed:
             self.progress.missed, self.progress.missed_at = abs(missed), trial.load
             trial.report.reject(reason)
 
@@ -210,7 +210,7 @@ class LoadStepping:
         return trial.work - (trial.energy - self.progress.stored)
 
     def _missing_work(self, trial):
-        if trial.size <= 1.5 * self.largest / MAX_CHECKED_STEPS:
+        if trial.size <= 1.5 * self.largest / self.MAX_CHECKED_STEPS:
             return 0.0
         stored, contact = self.progress.stored, trial.energies.get("contact", 0.0)
         rise = trial.energy - stored
@@ -267,15 +267,17 @@ class LoadStepping:
         progress.viscosity.note_accepted(uncut=not self._cuts, at_rest=not trial.size)
         self._notify(trial.report, trial.energies)
         self._steps_at_rest += progress.load == 1 and not trial.size
-        if progress.viscosity.drag and self._steps_at_rest == MAX_STEPS_AT_REST:
-            return f"the state at full load still creeps after {MAX_STEPS_AT_REST} steps at rest"
+        if progress.viscosity.drag and self._steps_at_rest == self.MAX_STEPS_AT_REST:
+            return (
+                f"the state at full load still creeps after {self.MAX_STEPS_AT_REST} steps at rest"
+            )
         return ""
 
     def _next_step_size(self, trial):
         progress, accuracy = self.progress, self.settings.accuracy
         if accuracy and trial.deviation:
             growth = np.clip(np.sqrt(accuracy / trial.deviation), CUT, GROWTH)
-            return min(max(trial.size * growth, 2 * MIN_STEP), self.largest)
+            return min(max(trial.size * growth, 2 * self.MIN_STEP), self.largest)
         if self._cuts:  # not by iterations: these may differ by rounding
             return progress.step
         return min(GROWTH * progress.step, self.largest)
@@ -292,10 +294,10 @@ class LoadStepping:
         viscosity.stiffness = viscosity.stiffness or self.newton.stiffness(progress.x)
         if not np.isfinite(viscosity.stiffness):
             return f"{gave_up}: the tangent of the state there is not a number"
-        is_hard = self.settings.viscosity == "auto" and trial.size <= HARD_STEP * self.largest
+        is_hard = self.settings.viscosity == "auto" and trial.size <= self.HARD_STEP * self.largest
         if is_hard and viscosity.strengthen():
             return ""
-        if trial.size > 2 * MIN_STEP:
+        if trial.size > 2 * self.MIN_STEP:
             progress.step = CUT * trial.size
             return ""
         even = f", even with a step of {rounded(trial.size)}" if trial.size else ""

@@ -21,6 +21,11 @@ class Tangent:
     SHIFTS = 20  # of one matrix, at most
     # share of the largest stiffness of a tool moved by force, up to which one is rounding
     ROUNDING = 1e-12
+    # singular too: a membrane without tension has no stiffness across itself
+    NOT_DEFINITE = [
+        getattr(PETSc.KSP.ConvergedReason, "DIVERGED_" + name)
+        for name in ("INDEFINITE_MAT", "INDEFINITE_PC", "PCSETUP_FAILED")
+    ]
 
     def __init__(self, scene: Scene, linear_solver: str) -> None:
         linear.check_name(linear_solver)
@@ -87,9 +92,8 @@ class Tangent:
             if is_definite and reason > 0 and self._subtract_compliances(d):
                 self.shift = shift or self.shift
                 return shift
-            if is_definite and reason < 0 and reason not in linear.NOT_DEFINITE:
-                name = linear.KSP_REASONS.get(reason, "unknown reason")
-                raise SolveFailed(Termination.LINEAR_SOLVER, name)
+            if is_definite and reason < 0 and reason not in self.NOT_DEFINITE:
+                raise SolveFailed(Termination.LINEAR_SOLVER, linear.reason_name(reason))
             report.shifts, self.negative_pivots_met = report.shifts + 1, True
             larger = 8 * shift if shift else self._first_shift()
             self.A.shift(larger - shift)

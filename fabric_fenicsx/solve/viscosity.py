@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-WEAK, STRONG = 1e-7, 1e-1  # drag on a node, of the mean stiffness of one
-
 
 @dataclass
 class Viscosity:
@@ -16,14 +14,15 @@ class Viscosity:
     stiffness: float = 0.0
     easy_steps: int = 0
     easy_steps_asked: int = 1
+    WEAK, STRONG = 1e-7, 1e-1  # drags, of the mean stiffness of a node
 
     def strengthen(self) -> bool:
         """Go one stage up; False if the drag is as strong as allowed."""
-        if self.drag >= STRONG * self.stiffness:
+        if self.drag >= self.STRONG * self.stiffness:
             return False
         if self.drag:
             self.easy_steps_asked = min(2 * self.easy_steps_asked, 16)
-        self.drag, self.easy_steps = max(WEAK * self.stiffness, 10 * self.drag), 0
+        self.drag, self.easy_steps = max(self.WEAK * self.stiffness, 10 * self.drag), 0
         return True
 
     def note_accepted(self, uncut: bool, at_rest: bool) -> None:
@@ -33,5 +32,5 @@ class Viscosity:
             return
         self.easy_steps = self.easy_steps + 1 if uncut else 0
         if at_rest or self.easy_steps >= self.easy_steps_asked:
-            self.drag = self.drag / 4 if self.drag > WEAK * self.stiffness else 0.0
+            self.drag = self.drag / 4 if self.drag > self.WEAK * self.stiffness else 0.0
             self.easy_steps = 0

@@ -1,9 +1,10 @@
 """Check of the derivatives that a law, a term or a surface gives, by finite differences."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from mpi4py import MPI
+from numpy.typing import ArrayLike
 
 from ..material.laws import Law
 from ..mechanics.assembly import Assembly
@@ -15,32 +16,30 @@ from ..scene.scene import Scene
 from ..tools.implicit import ImplicitSurface
 from ..tools.surfaces import Surface
 
-ALLOWED = 1e-4  # difference, over the largest of its kind
-KINKS = 0.02  # share of states or points at which a derivative may jump between both sides
-RANGES = np.array([[-0.05, 0.05], [-0.05, 0.05], [-0.8, 0.8]])  # eps_a, eps_b, gamma
-TINY = 1e-300
-NO_FORCES = "the term gives no forces here: nothing was compared"
+DIFFERENCE_TOLERANCE = 1e-4  # over the largest of its kind
 
 
 class Row(NamedTuple):
     """Names of the compared quantities, their largest difference over the largest of its kind (NaN
-    where there is no number) and its place; words: of a message about it."""
+    where there is no number) and its place."""
 
     names: str
     off: float
     where: str
-    words: str = ""
 
     def message(self) -> str:
         """Sentence on a difference that is too large."""
         if np.isnan(self.off):
             return f"{self.names} are not numbers {self.where}"
-        words = self.words or f"{self.names} differ by"
-        return f"{words} {self.off:.2g} of the largest {self.where}"
+        return f"{self.names} differ by {self.off:.2g} of the largest {self.where}"
 
 
 def check_derivatives(
-    thing: Law | Surface | Term, at: Any = None, *, load: float = 1.0, size: float | None = None
+    thing: Law | Surface | Term,
+    at: ArrayLike | Scene | None = None,
+    *,
+    load: float = 1.0,
+    size: float | None = None,
 ) -> str:
     """Compare the derivatives that an object gives with finite differences.
 
@@ -80,41 +79,47 @@ def check_derivatives(
     >>> print(ff.check_derivatives(ff.Sphere(radius=30), [[10.0, 5.0, 31.0]]).splitlines()[0])
     surface Sphere: derivatives agree with differences
     """
-    remarks: list[str] = []
     FINITE.check("`load`", load)
     if size is not None:
         POSITIVE.check("`size`", size)
+    remarks = ["derivatives agree with differences"]
+    points = np.empty(0) if at is None or isinstance(at, Scene) else np.asarray(at, float)
     if isinstance(thing, Law):
-        name, rows = f"law {thing.law}", [*_of_law(thing, at)]
-    elif isinstance(thing, Surface):
-        name, rows = f"surface {type(thing).__name__}", [*_of_surface(thing, at)]
-    elif isinstance(at, Scene) and thing in at.terms:
+        name, rows = f"law {thing.law}", [*_of_law(thing, points)]
+    elif isinstance(thing, Surface) and points.size:
+        name, rows = f"surface {type(thing).__name__}", [*_of_surface(thing, points)]
+    elif isinstance(thing, Term) and isinstance(at, Scene) and thing in at.terms:
         name, (rows, remarks) = f"term {thing.name}", _of_term(thing, at, load, size)
     else:
         raise InputError(
             f"no derivatives of {thing!r} can be checked at {at!r}; allowed are a law, a surface "
-            "with points, and a term with its scene"
+            "with points near it, (n, 3), and a term with its scene"
         )
     table = "\n".join(f"{row.names:<45} {row.off:9.1e}  {row.where}" for row in rows)
     for row in rows:  # the first, as what follows from it is off, too
-        if not row.off <= ALLOWED:
-            raise InputError(f"{name}: {row.message()}; allowed is {ALLOWED:g}\n{table}")
-    head = remarks.pop() if NO_FORCES in remarks else "derivatives agree with differences"
-    return "\n".join([f"{name}: {head}\n{table}", *remarks])
+        if not row.off <= DIFFERENCE_TOLERANCE:
+            allowed = f"allowed is {DIFFERENCE_TOLERANCE:g}"
+            raise InputError(f"{name}: {row.message()}; {allowed}\n{table}")
+    return "\n".join([f"{name}: {remarks[0]}\n{table}", *remarks[1:]])
 
 
 def _place(point):
     return f"at ({', '.join(f'{v:.4g}' for v in point)})"
 
 
-def _row(names, given, found, places, kinks=KINKS):
-    """The difference of `given` and `found` (n, ...) at that of the `places` (n, k) which is the
-    worst but for the share `kinks` of them."""
-    off = abs(given - found).reshape(len(places), -1).max(1)
+def _row(names, given, expected, places, kinks=0.02):
+    """The difference of values (n, ...) at that of the `places` (n, k) which is the worst but for
+    the share `kinks` of them, at which a derivative may jump between both sides."""
+    off = abs(given - expected).reshape(len(places), -1).max(1)
     off[np.isnan(off)] = np.inf
     i = np.argsort(off)[int((1 - kinks) * (len(off) - 1))]
-    scale = max(np.nanmax(abs(given), initial=0), np.nanmax(abs(found), initial=0), TINY)
+    scale = max(*(np.nanmax(abs(each), initial=0) for each in (given, expected)), 1e-300)
     return Row(names, float(off[i] / scale) if np.isfinite(off[i]) else np.nan, _place(places[i]))
+
+
+def _not_finite(names, values, places):
+    """A row if one of the values (n,) is not a number."""
+    return [Row(names, np.nan, _place(x)) for x in places[~np.isfinite(values)][:1]]
 
 
 def _central(f, x, h):
@@ -122,10 +127,7 @@ def _central(f, x, h):
     return np.stack([(f(x + h * e) - f(x - h * e)) / (2 * h) for e in np.eye(3)], -1)
 
 
-# -- laws
-
-
-def _of_law(law, at):
+def _of_law(law, x):
     def energy(x):
         with np.errstate(all="ignore"):  # sides of a case that do not count
             return sum(part + np.zeros(len(x)) for part in law.parts(*x.T))
@@ -134,18 +136,12 @@ def _of_law(law, at):
         return law.derivatives(*np.ascontiguousarray(x.T), False).first.T
 
     law.check_rest()
-    low, high = RANGES.T
-    drawn = np.random.default_rng(0).uniform(low, high, (500, 3))
-    x = drawn if at is None else np.asarray(at, float)
-    every = np.vstack([np.zeros((1, 3)), x])
-    W = energy(every)
-    for lost in every[~np.isfinite(W)]:
-        raise InputError(
-            f"law {law.law}: the energy is not a number {_place(lost)}; allowed is one at every "
-            "eps_a, eps_b and gamma"
-        )
-    here = law.derivatives(*x.T)
-    yield _row("energies of kernel and law", here.parts.sum(1), W[1:], x)
+    largest = [0.05, 0.05, 0.8]  # eps_a, eps_b, gamma
+    drawn = np.random.default_rng(0).uniform(-1, 1, (500, 3)) * largest
+    x = x if x.size else drawn
+    W, rest, here = energy(x), energy(np.zeros((1, 3))), law.derivatives(*x.T)
+    yield from _not_finite("energies", W, x)
+    yield _row("energies of kernel and law", here.parts.sum(1), W, x)
     slopes = _central(energy, x, 1e-6)
     for i, name in enumerate(("sigma_a", "sigma_b", "tau")):
         yield _row(f"{name} and differences of energies", here.first[i], slopes[:, i], x)
@@ -157,57 +153,32 @@ def _of_law(law, at):
             yield _row(names, here.second[k], turns[:, i, j], x)
     below = []  # as shear stores little, also each strain alone
     for states in (x * e for e in [np.ones(3), *np.eye(3)]):
-        rise = energy(states) - W[0]
-        depth = -float(rise.min()) / max(abs(rise).max(), TINY)
+        rise = energy(states) - rest
+        depth = -float(rise.min()) / max(abs(rise).max(), 1e-300)
         below.append((max(depth, 0.0), _place(states[rise.argmin()])))
-    yield Row(
-        "energies below that at rest and none", *max(below), "the energy is below that at rest by"
-    )
+    yield Row("energy at rest and the least one", *max(below))
 
 
-# -- surfaces
-
-
-def _of_surface(surface, at):
-    x = np.asarray(np.empty((0, 3)) if at is None else at, float)
-    if not len(x):
-        raise InputError("a surface needs points near it, (n, 3), to be checked at")
+def _of_surface(surface, x):
     here, h = surface.evaluate(x), 1e-5
-    for lost in x[~np.isfinite(here.gap)]:
-        raise InputError(
-            f"surface {type(surface).__name__}: it finds no nearest point {_place(lost)}; allowed "
-            "are points near it, nearer than its `radii`"
-        )
+    yield from _not_finite("gaps to the nearest point", here.gap, x)
     slopes = _central(lambda x: surface.evaluate(x).gap, x, h)
     yield _row("normals and differences of gaps", here.normal, slopes, x)
     turns = _central(lambda x: surface.evaluate(x).normal, x, h)
     # a flat surface has none to compare with
-    bent = np.append(abs(turns).ravel(), abs(here.curvature).ravel()).max() > 1e-6
+    bent = max(abs(turns).max(), abs(here.curvature).max()) > 1e-6
     yield _row("curvatures and differences of normals", here.curvature * bent, turns * bent, x)
     gap = here.gap[:, None]
     feet = x - gap * here.normal
     there = surface.evaluate(feet)
     yield _row("gaps and distances along the normal", gap, gap - there.gap[:, None], x)
-    yield _of_radii(surface, feet, there.curvature)
+    bends = np.linalg.eigvalsh(np.nan_to_num(there.curvature))
+    inside, outside = 1 / np.asarray(surface.radii)  # the sharpest that the radii allow
+    allowed = np.clip(bends, -outside, inside)
+    yield _row("radii of curvature and least `radii`", bends * bent, allowed * bent, feet)
     if isinstance(surface, ImplicitSurface):
-        bound = surface.bound(surface.value(x.T), x.T)
-        reach = np.maximum(bound, abs(here.gap))
-        yield _row("`bound` and distances that it must not exceed", reach, abs(here.gap), x, 0.0)
-
-
-def _of_radii(surface, feet, curvature):
-    """The share by which a surface is curved more than its least radii allow, at points on it."""
-    bent = np.linalg.eigvalsh(np.nan_to_num(curvature))
-    inside, outside = 1 / np.asarray(surface.radii)
-    over = np.fmax(bent[:, 2] - inside, -bent[:, 0] - outside)
-    i = np.argsort(over)[int((1 - KINKS) * (len(over) - 1))]
-    largest = abs(bent[i]).max()
-    off = max(over[i], 0.0) / max(largest, 1e-6)
-    where = _place(feet[i]) + (f", where the radius is {1 / largest:.4g} mm" if off else "")
-    return Row("radii of curvature and least `radii`", off, where)
-
-
-# -- terms
+        bound = np.maximum(surface.bound(surface.value(x.T), x.T), abs(here.gap))
+        yield _row("`bound` and distances that it must not exceed", bound, abs(here.gap), x, 0.0)
 
 
 def _of_term(term, scene, load, size):
@@ -222,8 +193,8 @@ def _of_term(term, scene, load, size):
     moved, d = (np.sin(part).T.ravel() for part in (angles[:gdim], angles[gdim:]))
     h = 1e-6 * size
 
-    def move(by):
-        x.array[:] = before.array + size * moved + by
+    def move(by, share=1.0):
+        x.array[:] = before.array + share * size * moved + by
         scene.set(x)
 
     def energy(by):
@@ -245,28 +216,28 @@ def _of_term(term, scene, load, size):
         term.set_load(load)
         f = forces(0.0)
         check_answers(term)
-        _check_adds(term, f)
-        _check_places(term, lambda share: move(share * size * moved))
+        _check_places(term, move)
         Kd, change = _stiffness(term, assembly, d, x), (forces(h * d) - forces(-h * d)) / (2 * h)
         largest, total = abs(whole(f)).max(), abs(whole(f)).sum()
         # not d alone, along which forces may cancel
-        e = d / 2 + f / max(largest, TINY)
+        e = d / 2 + f / max(largest, 1e-300)
         slope = (energy(1e3 * h * e) - energy(-1e3 * h * e)) / (2e3 * h)
         stored = energy(0.0)
     finally:
         scene.set(before)
         term.set_load(0.0)
     work = whole(f * e)
-    off = abs(slope - work.sum()) / max(abs(slope), abs(work).sum(), TINY)
+    off = abs(slope - work.sum()) / max(abs(slope), abs(work).sum(), 1e-300)
     where = f"for displacements of about {size:.3g} mm, the `size`"
     rows = [
         Row("forces and differences of energies", off, where),
         _row("tangent and differences of forces", whole(Kd), whole(change), whole(places), 0.0),
     ]
-    remarks = [] if largest else [NO_FORCES]
+    nothing = "the term gives no forces here: nothing was compared"
+    remarks = ["derivatives agree with differences" if largest else nothing]
     if term.energy_kind and stored < -1e-6 * size * total:
         below = "below 0 it drives the sheet in place of resisting it"
-        remarks.insert(0, f"the energy of the displaced sheet is {stored:.3g} N mm: {below}")
+        remarks.append(f"the energy of the displaced sheet is {stored:.3g} N mm: {below}")
     return rows, remarks
 
 
@@ -283,26 +254,11 @@ def _stiffness(term, assembly, d, like):
     return product
 
 
-def _check_adds(term, f):
-    """InputError if the array of forces loses its content; f: the term's forces."""
-    alone = np.zeros_like(term.blank.u.x.array)
-    scale = 1.0 + abs(f).max(initial=0.0)
-    after = np.full_like(alone, scale)
-    term.add_forces(alone)
-    term.add_forces(after)
-    lost = abs(after - alone - scale).max(initial=0.0) > 1e-6 * scale
-    if term.blank.mesh.comm.allreduce(bool(lost), MPI.LOR):
-        raise InputError(
-            f"`add_forces` of term {term.name} loses what other terms added; allowed is to add to "
-            "the array, as `f[dofs] += forces`"
-        )
-
-
 def _check_places(term, move):
     """InputError if places of the tangent change with the displacement but not `pattern`."""
     before, changed = None, False
-    for share in (-1, -2, 0):
-        move(share)
+    for share in (0.0, -1.0, 1.0):
+        move(0.0, share)
         now = term.pattern, np.array(term.tangent()[:2])
         before = before or now
         changed |= now[0] == before[0] and not np.array_equal(now[1], before[1])

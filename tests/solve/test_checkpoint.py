@@ -12,7 +12,7 @@ from mpi4py import MPI
 
 import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
-from fabric_fenicsx.solve.checkpoint import YOUNG, Checkpoint
+from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.progress import Progress
 
 COMM = MPI.COMM_WORLD
@@ -89,7 +89,7 @@ def test_only_a_young_run_does_not_wait_for_the_disk(tmp_path, monkeypatch):
     resumed.load()
     resumed.save(state, {})
     assert len(waits) == 1
-    monkeypatch.setattr(time, "monotonic", lambda: now + YOUNG + 9)
+    monkeypatch.setattr(time, "monotonic", lambda: now + Checkpoint.YOUNG + 9)
     begun.save(state, {})
     assert len(waits) == 2
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -79,10 +78,8 @@ class Coulomb:
         check = of_place(FROM_ZERO, axes).check
         mu = self.coefficient
         if isinstance(mu, Mapping):
-            bound: Any = {name: check(label, each) for name, each in mu.items()}
-        else:
-            bound = check(label, mu)
-        return replace(self, coefficient=bound)
+            return replace(self, coefficient={k: check(label, each) for k, each in mu.items()})
+        return replace(self, coefficient=check(label, mu))
 
     def slips(self, limit: np.ndarray, stiffness: float | np.ndarray = 0.0) -> np.ndarray:
         """s of each point (n,) [mm]."""

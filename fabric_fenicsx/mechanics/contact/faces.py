@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -15,7 +15,6 @@ from ..shell.morley import Where
 
 UP = np.array([0.0, 0.0, 1.0])
 MAX_NEIGHBOURS = 24  # triangles nearest to a point, among which the one below it is sought
-FLAT_ROWS = 2  # rows of nodes beside a free edge, over which the face becomes flat
 
 
 class FaceProjection(NamedTuple):
@@ -72,6 +71,8 @@ class Face:
     Raises InputError for other cells than triangles, linear or quadratic with straight sides.
     """
 
+    FLAT_ROWS = 2  # of nodes beside a free edge, over which the face becomes flat
+
     def __init__(self, part: Part, side: float, symmetric: list[Where]) -> None:
         blank, comm = part.blank, part.blank.mesh.comm
         blank.check_triangulated("contact of sheets")
@@ -98,7 +99,9 @@ class Face:
         turned = np.cross(q - p, r - p) @ UP * side < 0
         self.triangles[turned] = self.triangles[turned][:, [0, 2, 1]]
         self.planes = [_plane(X, np.asarray(where(X.T), bool)) for where in symmetric]
-        self._edges, self._bulges = self._bulge_operator(self._rows_to_free_edges() / FLAT_ROWS)
+        self._edges, self._bulges = self._bulge_operator(
+            self._rows_to_free_edges() / self.FLAT_ROWS
+        )
         self.take()
 
     def gathered(self, values: np.ndarray) -> np.ndarray:
@@ -112,9 +115,9 @@ class Face:
         free = ends[count == 1]
         for at, _ in self.planes:
             free = free[~np.isin(free, at).all(1)]
-        rows = np.full(len(self.nodes), float(FLAT_ROWS))
+        rows = np.full(len(self.nodes), float(self.FLAT_ROWS))
         rows[free] = 0.0
-        for _ in range(FLAT_ROWS):
+        for _ in range(self.FLAT_ROWS):
             np.minimum.at(rows, ends.ravel(), rows[ends[:, ::-1]].ravel() + 1)
         return rows
 
@@ -238,7 +241,7 @@ class Face:
         return np.take_along_axis(near, np.lexsort((near, away.round(6)), axis=1), 1)
 
     def seek(
-        self, points: np.ndarray, rows: np.ndarray, triangles: np.ndarray, fits: Callable[..., Any]
+        self, points: np.ndarray, rows: np.ndarray, triangles: np.ndarray, fits: Callable
     ) -> tuple[np.ndarray, np.ndarray]:
         """The first of `triangles` (k, many) that each of `rows` (k,) of the points lies over, -1
         for none; two coordinates in it and a height, over its normal's length (k, 3). fits: a

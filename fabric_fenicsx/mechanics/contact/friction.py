@@ -1,7 +1,7 @@
 """The state of friction at points that are pressed on a tool or on another sheet."""
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 from mpi4py import MPI
@@ -10,7 +10,7 @@ from .coulomb import Coulomb
 from .friction_loops import slipped
 
 
-class Sliding(Protocol):
+class SlipMap(Protocol):
     """Motion of n points along what they touch, since this was made.
 
     normals (n, 3): unit vectors across the touching faces then
@@ -20,6 +20,10 @@ class Sliding(Protocol):
 
     def slid(self) -> np.ndarray:
         """Motion to the present displacement, in which it is linear, (n, 3) [mm]."""
+
+    def exact(self, now: Self) -> np.ndarray:
+        """Motion that is not linear, to the present state, in which the map `now` was made, (n, 3)
+        [mm]."""
 
 
 class FrictionState:
@@ -42,7 +46,7 @@ class FrictionState:
         law: Coulomb,
         coefficient: float | np.ndarray,
         normal_forces: np.ndarray,
-        sliding: Sliding,
+        sliding: SlipMap,
         comm: MPI.Comm,
         stiffness: float | np.ndarray = 0.0,
     ) -> None:
@@ -74,13 +78,11 @@ class FrictionState:
         self.sliding, self._slip_before = sliding, slip
         self._known: tuple[np.ndarray, float, np.ndarray] | None = None
 
-    def update(
-        self, normal_forces: np.ndarray, exact: np.ndarray, sliding: Callable[[], Sliding]
-    ) -> bool:
-        """Take the present normal forces and tangent planes, and `exact` sliding (n, 3) [mm] since
-        the start, if that changes friction by more than the law's `lag` of what there can be; true
-        if so, the same on all ranks. sliding: makes that from the present state on. With an
-        infinite `lag` nothing is taken."""
+    def update(self, normal_forces: np.ndarray, sliding: Callable[[], SlipMap]) -> bool:
+        """Take the present normal forces and tangent planes, and exact sliding since the start, if
+        that changes friction by more than the law's `lag` of what there can be; true if so, the
+        same on all ranks. sliding: makes that from the present state on. With an infinite `lag`
+        nothing is taken."""
         if np.isinf(self.law.lag):
             return False
         limit = self.coefficient * normal_forces
@@ -88,7 +90,7 @@ class FrictionState:
         if not self._comm.allreduce(rubs, MPI.LOR):
             return False
         now = sliding()
-        slip = self._slip_at(exact, now)
+        slip = self._slip_at(self.start.exact(now), now)
         changes = self._potential(slip, limit)[1] - self.forces()
         sums = np.array([np.linalg.norm(changes, axis=1).sum(), limit.sum()])
         changed, total = self._comm.allreduce(sums)
@@ -99,10 +101,10 @@ class FrictionState:
         self._set_energy(slip, limit)
         return bool(is_taken)
 
-    def accept(self, normal_forces: np.ndarray, exact: np.ndarray, sliding: Sliding) -> None:
-        """Take the present state as the accepted one: keep the elastic part of the slip. exact
-        (n, 3): how far points slid to it [mm]; sliding: from it on."""
-        slip = self._slip_at(exact, self.sliding)
+    def accept(self, normal_forces: np.ndarray, sliding: SlipMap) -> None:
+        """Take the present state as the accepted one: keep the elastic part of the slip. sliding:
+        from it on."""
+        slip = self._slip_at(self.start.exact(sliding), self.sliding)
         self._accepted_energy = self._energy_correction + self._potential(slip, self._limit)[0]
         now = np.linalg.norm(slip, axis=1) / self.law.slips(self._limit, self._stiffness)
         self.used = np.where(self._limit > 0, np.maximum(self.used, now), self.used)
@@ -130,7 +132,7 @@ class FrictionState:
         used, energy = self.used[:, None], self._accepted_energy[:, None]
         return {"slip": self._slip, "energy": energy, "used": used}
 
-    def recall(self, memory: dict[str, np.ndarray], sliding: Sliding) -> None:
+    def recall(self, memory: dict[str, np.ndarray], sliding: SlipMap) -> None:
         """Take back what `memory` gave; `accept` of that state, without motion, is to follow."""
         self._slip = np.ascontiguousarray(memory["slip"])
         self._accepted_energy = memory["energy"].reshape(-1)

@@ -45,29 +45,3 @@ def slipped(slip: np.ndarray, moved: np.ndarray, normals: np.ndarray) -> np.ndar
         for x in range(3):
             total[n, x] = slip[n, x] + (moved[n, x] - along * normals[n, x])
     return total
-
-
-@compiled
-def turned(vectors: np.ndarray, matrices: np.ndarray) -> np.ndarray:
-    """Products of matrices (n, 3, 3) and vectors (n, 3)."""
-    product = np.zeros(vectors.shape)
-    for n in range(len(vectors)):
-        for x in range(3):
-            for y in range(3):
-                product[n, x] += matrices[n, x, y] * vectors[n, y]
-    return product
-
-
-@compiled
-def turned_blocks(stiffness: np.ndarray, matrices: np.ndarray) -> np.ndarray:
-    """Products of symmetric matrices, stiffness and the matrices again, (n, 3, 3) each."""
-    product = np.zeros(stiffness.shape)
-    for n in range(len(stiffness)):
-        D, B = matrices[n], stiffness[n]
-        if B.any():
-            for x in range(3):
-                for y in range(3):
-                    right = B[x, 0] * D[0, y] + B[x, 1] * D[1, y] + B[x, 2] * D[2, y]
-                    for z in range(3):
-                        product[n, z, y] += D[z, x] * right
-    return product

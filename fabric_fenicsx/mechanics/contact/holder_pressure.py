@@ -24,18 +24,15 @@ from .sheet_contact import SheetContact
 from .thickness import PlyThickness
 from .tool_contact import Contact
 
-AT_FIRST, FIRST = 1e-3, 2  # share of `lag` that is enough for the first updates in a step
-MAX_UPDATES = 3  # of the pressed areas in a step, at most: at the flange's end they may alternate
-PRESSURE = "pressure of the blank holder [MPa]"
 
-
-class Ways(NamedTuple):
-    """How far each node has gone towards the die (n,) [mm], the gradient of that (n, 3), and its
-    Hessian (n, 3, 3) [1/mm]."""
+class _Accepted(NamedTuple):
+    """The last accepted state: the nodes' travel to the die (nodes,) [mm], pressure [MPa], pressed
+    areas (nodes,) [mm^2] and force on the sheet (3,) [N]."""
 
     travel: np.ndarray
-    direction: np.ndarray
-    turning: np.ndarray
+    pressure: float
+    areas: np.ndarray
+    force: np.ndarray
 
 
 class BlankHolderPressure(ToolInteraction):
@@ -55,7 +52,7 @@ class BlankHolderPressure(ToolInteraction):
     tool
         Moves with the holder along a path, for its friction; by default one at rest.
     lag
-        The areas are updated within a step, at most `MAX_UPDATES` times, if more than this share of
+        The areas are updated within a step, at most three times, if more than this share of
         their sum has changed; with None never.
     against
         Contacts with and between the sheets that lie on this one, from it to the last. The pressure
@@ -84,6 +81,9 @@ class BlankHolderPressure(ToolInteraction):
     """
 
     name, energy_kind = "blank holder", "friction"
+    MAX_UPDATES = 3  # of the areas in a step: at the flange's end they may alternate
+    FIRST, AT_FIRST = 2, 1e-3  # so many updates need but this share of `lag`
+    PRESSURE = "pressure of the blank holder [MPa]"
 
     def __init__(
         self,
@@ -96,7 +96,7 @@ class BlankHolderPressure(ToolInteraction):
         friction: Friction = 0.0,
         borne: Callable[[np.ndarray], np.ndarray] | None = None,
     ) -> None:
-        check_over_load(PRESSURE, FROM_ZERO, pressure)
+        check_over_load(self.PRESSURE, FROM_ZERO, pressure)
         if lag is not None:
             lag = ABOVE_ZERO_OR_INF.check(f"lag of the {self.name}", lag)
         self.under, self.lag, self._against = under, lag, list(against)
@@ -119,8 +119,8 @@ class BlankHolderPressure(ToolInteraction):
         for contact in self._against:
             bind(contact, scene)
         self.plies = PlyThickness(scene)
-        self._face = self._contact_with_die(scene)
-        self._accepted_areas = self._pressed()
+        self._die = self._contact_with_die(scene)
+        self._next_areas = self._pressed()
         self.set_load(0.0)
         self.accept()
         self._start_friction()
@@ -140,27 +140,26 @@ class BlankHolderPressure(ToolInteraction):
 
     def set_load(self, load: float) -> None:
         """Set the pressure; InputError if it is not a number from 0 there."""
-        self.now = at_load(PRESSURE, FROM_ZERO, self._pressure, load)
-        self.areas, self._updates = self._accepted_areas, 0
+        self.now = at_load(self.PRESSURE, FROM_ZERO, self._pressure, load)
+        self.areas, self._updates = self._next_areas, 0
         if self.friction_state:  # as these forces follow from the load alone
             self.friction_state.begin(self.normal_forces())
 
     def accept(self) -> None:
         """Count `work` from the present state, and press what is under the holder now."""
-        self._from, self._before = self._ways().travel.copy(), self.now
-        self._borne_areas = self.areas
-        self._accepted_force = self.nodes.total(self._pressing_forces())
-        self.areas = self._accepted_areas = self._pressed()
+        force = self.nodes.total(self._pressing_forces())
+        self._accepted = _Accepted(self._travels()[0].copy(), self.now, self.areas, force)
+        self.areas = self._next_areas = self._pressed()
         super().accept()
 
     def _update_pressing(self):
         """Press the areas under the holder now, if they differ by more than `lag`."""
-        if self.lag is None or self._updates == MAX_UPDATES:
+        if self.lag is None or self._updates == self.MAX_UPDATES:
             return False
         now = self._pressed()
         changed, all_of_it = self.nodes.total(np.column_stack([abs(now - self.areas), now]))
         # at first whatever has moved, so that areas depend neither on steps nor on rounding
-        lag = self.lag if self._updates >= FIRST else AT_FIRST * self.lag
+        lag = self.lag if self._updates >= self.FIRST else self.AT_FIRST * self.lag
         if changed <= lag * all_of_it:
             return False
         self.areas, self._updates = now, self._updates + 1
@@ -168,62 +167,63 @@ class BlankHolderPressure(ToolInteraction):
 
     def work(self) -> float:
         """Done on this rank's nodes since the last accepted state, by trapezoids [N mm]."""
-        moved = self._ways().travel - self._from
-        pressed = 0.5 * (self._before + self.now) * float(self.areas @ moved)
+        moved = self._travels()[0] - self._accepted.travel
+        pressed = 0.5 * (self._accepted.pressure + self.now) * float(self.areas @ moved)
         return pressed + self._work_at_edge() + self._friction_work()
 
     def _work_at_edge(self):
         """Work where nodes have left the holder or come under it, beyond that of the present areas
         [N mm]: the ply's face takes it as its pressure changes."""
-        if not (self._face and self.part.is_whole):
+        if not (self._die and self.part.is_whole):
             return 0.0
-        then, now = self.now * self._borne_areas, self.normal_forces()
-        (depth, energy), (depth_now, energy_now) = map(self._face.pressed_by, (then, now))
+        then, now = self.now * self._accepted.areas, self.normal_forces()
+        (depth, energy), (depth_now, energy_now) = map(self._die.pressed_by, (then, now))
         return float((energy_now - energy - now * (depth_now - depth)).sum())
 
     def memory(self) -> dict[str, np.ndarray]:
         """Areas that were pressed in the last accepted state (nodes, 1) [mm^2], without
         friction."""
-        return super().memory() | ({"areas": self._borne_areas[:, None]} if self._face else {})
+        return super().memory() | ({"areas": self._accepted.areas[:, None]} if self._die else {})
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         super().recall(memory)
-        if self._face:
-            self.areas = self._borne_areas = memory["areas"][:, 0]
+        if self._die:
+            self.areas = memory["areas"][:, 0]
+            self._accepted = self._accepted._replace(areas=self.areas)
 
     # -- state
 
     def energies(self) -> dict[str | None, float]:
         """See `Term`: minus the work of the pressure, and what friction took."""
-        return {**super().energies(), None: -float(self.normal_forces() @ self._ways().travel)}
+        return {**super().energies(), None: -float(self.normal_forces() @ self._travels()[0])}
 
     def normal_forces(self) -> np.ndarray:
         return self.now * self.areas
 
     def _pressing_forces(self):
-        return self.normal_forces()[:, None] * self._ways().direction
+        return self.normal_forces()[:, None] * self._travels()[1]
 
     def _blocks(self):
         rubbed = super()._blocks()
-        if not self._face:
+        if not self._die:
             return rubbed
-        turned = -self.normal_forces()[:, None, None] * self._ways().turning
+        turned = -self.normal_forces()[:, None, None] * self._travels()[2]
         return turned if rubbed is None else turned + rubbed
 
-    def _ways(self):
-        """`Ways` of this rank's nodes: along the direction, or the die's normals."""
+    def _travels(self):
+        """How far each node has gone along the direction, or the die's normals (nodes,) [mm], the
+        gradient of that (nodes, 3) and its Hessian (nodes, 3, 3) [1/mm]."""
         u = self.nodes.view()
-        if not self._face:
-            return Ways(u @ self.direction, self._normals(), np.zeros((len(u), 3, 3)))
-        nearest = self._face.nearest(self.nodes.places + u, self.areas > 0)
-        return Ways(*(-each for each in nearest))
+        if not self._die:
+            return u @ self.direction, self._normals(), np.zeros((len(u), 3, 3))
+        return tuple(-each for each in self._die.nearest(self.nodes.places + u, self.areas > 0))
 
     def _normals(self):
         return np.tile(self.direction, (self.nodes.count, 1))
 
     def force(self) -> np.ndarray:
         """See `ToolInteraction`, in the last accepted state."""
-        return self._accepted_force
+        return self._accepted.force
 
     def cell_fields(self) -> dict[str, Value]:
         """Fields of `PlyThickness`, of the face that the holder presses."""

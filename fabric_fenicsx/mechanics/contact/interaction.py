@@ -1,7 +1,6 @@
 """An interaction of a sheet with what it touches: pressure at points, and friction along them."""
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from mpi4py import MPI
@@ -9,18 +8,15 @@ from mpi4py import MPI
 from ...readers.field import Field
 from ...runtime.collective_errors import on_all
 from ...tools.tool import Tool
+from ..materials import sheets_of
 from ..output import Value, joined
 from ..stretching import stretching_stiffness
 from ..term import NO_TANGENT, Term, Triplets
 from .coulomb import Friction, friction_law
-from .friction import FrictionState, Sliding
-from .friction_loops import turned, turned_blocks
+from .friction import FrictionState, SlipMap
 from .nodes import Nodes
-
-# stiffness of a triangle's points that stick, over that of the sheets in their planes: the forces
-# of a stuck sheet then grow to their full size over some three cells
-STICKING = 0.05
-LEAST_USED = 0.01  # share of friction that is worth a word
+from .pressure_law import SheetFace
+from .slip_maps import ToolSlip
 
 
 class Interaction(Term):
@@ -29,20 +25,25 @@ class Interaction(Term):
     from the last accepted state, `accept` ends it.
 
     A subclass gives the pressing part: these methods, with friction's by `super`, `normal_forces`,
-    and the hooks `_update_pressing`, `_sliding` and `_slid_exactly`. It calls `_start_friction` at
-    the end of `set_up`.
+    and three hooks. `_sliding()` makes a `SlipMap` of the points from the present state on;
+    `_stiffness_of_cells()` is that of the touching sheets in their planes over half a cell, times
+    the share of it that a point stands for, of all points or of each [N/mm]; `_update_pressing()`
+    takes the lagged part of what presses anew, if needed, and is true if it was. It calls
+    `_start_friction` at the end of `set_up`.
 
     - coulomb, friction_state: the law of friction and its state; None without friction
     - energy_correction (points,): energy that contact gave as the pressed areas changed, without
       work of a force [N mm]
-    - depth, rigid, thickness: at each point, or one of all: deepest overlap in accepted states
-      [mm], whether that is penetration of a rigid face, and the sheet's thickness [mm]
+    - depth (points,): deepest overlap in accepted states [mm]
+    - face: of the sheet at each point, or one of all
     """
 
     friction_state: FrictionState | None = None
     depth = energy_correction = np.zeros(0)
-    rigid: Any = False
-    thickness: Any = 1.0
+    face = SheetFace()
+    _sliding: Callable[[], SlipMap]
+    _stiffness_of_cells: Callable[[], float | np.ndarray]
+    _update_pressing: Callable[[], bool]
 
     AXES = "xy"  # of a friction that is a field
 
@@ -51,27 +52,6 @@ class Interaction(Term):
 
     def normal_forces(self) -> np.ndarray:
         """Sizes of the forces that press this rank's points, (points,) [N]."""
-        raise NotImplementedError
-
-    def _update_pressing(self) -> bool:
-        """Take the lagged part of what presses anew, if needed; true if it was."""
-        return False
-
-    def _sliding(self) -> Sliding:
-        """Sliding of the points from the present state on."""
-        raise NotImplementedError
-
-    def _slid_exactly(self, sliding: Any) -> np.ndarray:
-        """Sliding since the accepted state, not linear in the displacement, (points, 3) [mm].
-        sliding: what `_sliding` gave in that state."""
-        raise NotImplementedError
-
-    def _forget_balance(self) -> None:
-        """Find the balance of a tool moved by force anew, as friction has changed."""
-
-    def _stiffness_of_cells(self) -> float | np.ndarray:
-        """Stiffness of the touching sheets in their planes over half a cell, times the share of
-        it that a point stands for, of all points or of each [N/mm]."""
         raise NotImplementedError
 
     def _stretching(self, part):
@@ -93,7 +73,8 @@ class Interaction(Term):
     def _start_friction(self):
         """Begin friction in the present state."""
         if self.coulomb:
-            stiffness = 0.0 if self.coulomb.slip else STICKING * self._stiffness_of_cells()
+            # 0.05 of the sheets': forces of a stuck one grow to their full size over three cells
+            stiffness = 0.0 if self.coulomb.slip else 0.05 * self._stiffness_of_cells()
             self.friction_state = FrictionState(
                 self.coulomb,
                 self._coefficient(self.coulomb),
@@ -119,8 +100,13 @@ class Interaction(Term):
     def penetration_of_thickness(self) -> float:
         return self._largest(self._penetrated() / self.thickness)
 
+    @property
+    def thickness(self) -> np.ndarray:
+        """Of the sheet at each point without pressure, or one of all [mm]."""
+        return np.asarray(self.face.thickness)
+
     def _penetrated(self):
-        return np.where(self.rigid, self.depth, 0.0)
+        return np.where(self.face.law.is_rigid, self.depth, 0.0)
 
     def _largest(self, values):
         return self.blank.mesh.comm.allreduce(float(values.max(initial=0.0)), MPI.MAX)
@@ -136,18 +122,12 @@ class Interaction(Term):
 
     def _update_friction(self, normal_forces):
         """Let friction follow these normal forces, if needed; true if it did."""
-        if not self.friction_state:
-            return False
-        exact = self._slid_exactly(self.friction_state.start)
-        if not self.friction_state.update(normal_forces, exact, self._sliding):
-            return False
-        self._forget_balance()
-        return True
+        state = self.friction_state
+        return state.update(normal_forces, self._sliding) if state else False
 
     def accept(self) -> None:
         if self.friction_state:
-            exact = self._slid_exactly(self.friction_state.start)
-            self.friction_state.accept(self.normal_forces(), exact, self._sliding())
+            self.friction_state.accept(self.normal_forces(), self._sliding())
 
     def friction_used(self) -> tuple[float, float]:
         """Means over the friction that points can bear now, of all ranks: of the largest share of
@@ -170,7 +150,7 @@ class Interaction(Term):
     def warnings(self) -> list[str]:
         """See `Term`: if what friction holds never slid."""
         used, slid = self.friction_used()
-        if not used > LEAST_USED > slid:
+        if not used > 0.01 > slid:  # the share that is worth a word
             return []
         return [
             f"friction of {self._rubs_on()} never leaves its elastic slip, of which {used:.2g} is "
@@ -185,58 +165,15 @@ class Interaction(Term):
         return sum(self.energies().values())
 
 
-class ToolSliding:
-    """Sliding of the sheet's faces along a tool since this was made, at the nodes.
-
-    A face slides as its node moves relative to the tool, less the change of the node's offset from
-    the tool, which turns with the surface. The linear part uses the offsets' derivatives in the
-    first state.
-
-    - normals (nodes, 3): unit vectors; offsets (nodes, 3) [mm]: NaN where the tool is far off
-    - derivative (nodes, 3, 3): of the face's place in the node's, symmetric
-    """
-
-    def __init__(
-        self,
-        nodes: Nodes,
-        tool: Tool,
-        normals: np.ndarray,
-        offsets: np.ndarray,
-        derivative: np.ndarray,
-    ) -> None:
-        self.normals, self._offsets, self._derivative = normals, offsets, derivative
-        self._nodes, self._tool = nodes, tool
-        self._place, self._tool_place = nodes.displacement(), tool.displacement.copy()
-
-    def tool_moved(self) -> np.ndarray:
-        """Motion of the tool (3,) [mm]."""
-        return self._tool.displacement - self._tool_place
-
-    def slid(self) -> np.ndarray:
-        return turned(self._moved(), self._derivative)
-
-    def exact(self, offsets: np.ndarray) -> np.ndarray:
-        """Sliding that is not linear, to a state with these offsets (nodes, 3) [mm]."""
-        return self._moved() - np.nan_to_num(offsets - self._offsets)
-
-    def _moved(self):
-        """Motion of the nodes relative to the tool."""
-        return self._nodes.view() - self._place - self.tool_moved()
-
-    def on_nodes(self, forces: np.ndarray) -> np.ndarray:
-        """Forces on the nodes (nodes, 3) of forces on the faces (nodes, 3) [N]."""
-        return turned(forces, self._derivative)
-
-    def on_node_blocks(self, blocks: np.ndarray) -> np.ndarray:
-        """Stiffness at the nodes of stiffness at the faces, (nodes, 3, 3) [N/mm]."""
-        return turned_blocks(blocks, self._derivative)
-
-
 class ToolInteraction(Interaction):
     """An interaction of a `tool` with the sheet's `nodes`.
 
-    A subclass also gives the hooks `_pressing_forces`, `_normals` and, of tools that are not flat,
-    `_offsets`.
+    A subclass also gives three hooks, of this rank's nodes. `_pressing_forces()` are the tool's
+    without friction (nodes, 3) [N]; a tool moved by force is then where its force is balanced, on
+    all ranks. `_normals()` are unit vectors along which nodes are or would be pressed (nodes, 3).
+    `_offsets()`, of tools that are not flat, are those of the nodes from the tool across its
+    surface (nodes, 3) [mm], NaN far from it, and the symmetric derivatives of a node's place less
+    its offset (nodes, 3, 3).
     """
 
     tool: Tool
@@ -244,6 +181,8 @@ class ToolInteraction(Interaction):
     # in the accepted state, before it was accepted and after it was
     _friction_force = _friction_at_start = np.zeros(3)
     _follows = False  # friction is a field
+    _normals: Callable[[], np.ndarray]
+    _pressing_forces: Callable[[], np.ndarray]
 
     AXES = "xyz"
 
@@ -253,18 +192,7 @@ class ToolInteraction(Interaction):
         if self.coulomb:
             self.resists = (*self.resists, "slide")
 
-    def _pressing_forces(self) -> np.ndarray:
-        """Forces of the tool on this rank's nodes, without friction, (nodes, 3) [N]. A tool moved
-        by force is then where its force is balanced, on all ranks."""
-        raise NotImplementedError
-
-    def _normals(self) -> np.ndarray:
-        """Unit vectors along which this rank's nodes are or would be pressed, (nodes, 3)."""
-        raise NotImplementedError
-
-    def _offsets(self) -> tuple[np.ndarray, np.ndarray]:
-        """Offsets of the nodes from the tool across its surface (nodes, 3) [mm], NaN far from it,
-        and the symmetric derivatives of a node's place less its offset (nodes, 3, 3)."""
+    def _offsets(self):
         n = self.nodes.count
         return np.zeros((n, 3)), np.tile(np.eye(3), (n, 1, 1))
 
@@ -272,7 +200,7 @@ class ToolInteraction(Interaction):
 
     def _stiffness_of_cells(self):
         at_nodes = np.zeros((self.nodes.count, 1))
-        for part in list(self.blank.parts.values()) or [self.blank.whole]:
+        for part in sheets_of(self.blank):
             triangles = self.blank.triangles(part.cells).reshape(-1, 3)
             thirds = np.full((*triangles.shape, 1), self._stretching(part) / 3)
             at_nodes += self.blank.summed_at(triangles, thirds)[: self.nodes.count]
@@ -298,10 +226,7 @@ class ToolInteraction(Interaction):
         return x - self.tool.displacement + self.tool.path(0.0)
 
     def _sliding(self):
-        return ToolSliding(self.nodes, self.tool, self._normals(), *self._offsets())
-
-    def _slid_exactly(self, sliding):
-        return sliding.exact(self._offsets()[0])
+        return ToolSlip(self.nodes, self.tool, self._normals(), *self._offsets())
 
     def _friction_forces(self):
         """Forces on this rank's nodes that have the moment of friction at the face (nodes, 3) [N]:

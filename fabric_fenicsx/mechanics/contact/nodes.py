@@ -25,6 +25,15 @@ def shares_at(function: Callable[[np.ndarray], np.ndarray], points: np.ndarray) 
     return np.clip(values_at(function, points, float), 0, 1)
 
 
+def _centres(k):
+    """Barycentric coordinates (k^2, 3) of the centres of the equal triangles that k parts of each
+    side make."""
+    i, j = (3 * each.ravel() for each in np.mgrid[:k, :k])
+    up, down = (np.column_stack([i + n, j + n])[i + j < 3 * (k + 1 - n)] for n in (1, 2))
+    first = np.concatenate([up, down]) / (3 * k)
+    return np.column_stack([1 - first.sum(1), first])
+
+
 class Nodes:
     """This rank's owned nodes of a blank in space, where forces of tools go.
 
@@ -39,27 +48,31 @@ class Nodes:
     that marks no node.
     """
 
+    WITHIN = _centres(5)  # of each triangle
+    BEYOND = 1e-3  # weight of corners that are not borne
+
     def __init__(self, blank: Blank, part: Part | None = None, where: Where | None = None) -> None:
-        mesh, asked = blank.mesh, f"contact of {blank.name} is asked for"
-        if mesh.geometry.dim != 3:
-            raise InputError(f"{asked} in a plane; allowed is a blank made with `spatial=True`")
-        if not np.array_equal(blank.frame, np.eye(3)):
-            raise InputError(f"{asked} along turned axes; allowed are x, y and z")
+        mesh, part = blank.mesh, part or blank.whole
+        cells = blank.degree == 1 or blank.triangulated
+        refused = {
+            "in a plane; allowed is a blank made with `spatial=True`": mesh.geometry.dim != 3,
+            "along turned axes; allowed are x, y and z": (blank.frame != np.eye(3)).any(),
+            "on other cells; allowed are P1, Q1, and P2 with straight sides": not cells,
+        }
+        for words in (words for words, is_refused in refused.items() if is_refused):
+            raise InputError(f"contact of {blank.name} is asked for {words}")
         self.blank, self.comm = blank, mesh.comm
         self.count = blank.V.dofmap.index_map.size_local
         self.places = blank.coordinates()[: self.count]
-        part = part or blank.whole
-        if not (blank.degree == 1 or blank.triangulated):
-            raise InputError(
-                f"{asked} on other cells; allowed are P1, Q1, and P2 with straight sides"
-            )
         self.areas, self.part = _areas(blank, part)[: self.count], part
         self.own = part.nodes
         if where:
             self.own = part.nodes & values_at(where, self.places.T)
             self.areas[~self.own] = 0.0
             if not self.comm.allreduce(int(self.own.sum())):
-                raise InputError(f"{asked} where no node is; allowed are 1 or more")
+                raise InputError(
+                    f"contact of {blank.name} is asked for where no node is; allowed are 1 or more"
+                )
         each = np.arange(self.count)
         alone = CoupledNodes(blank.V.dofmap.index_map.local_range[0] + each, each[:, None])
         self.rows, self.cols = alone.rows, alone.cols
@@ -82,13 +95,14 @@ class Nodes:
         An `under` that tells what it is `over` whole triangles is not asked within them."""
         blank, triangles = self.blank, self.blank.triangles(self.part.cells).reshape(-1, 3)
         x = blank.coordinates() + blank.nodal_displacement()
-        corners, held = x[triangles], shares_at(borne, x.T)[triangles][:, None] + BEYOND
+        corners, held = x[triangles], shares_at(borne, x.T)[triangles][:, None] + self.BEYOND
         over = under.over(corners) if hasattr(under, "over") else np.full(len(corners), np.nan)
         pressed = np.repeat(over[:, None] / 3, 3, 1)
         split = np.isnan(over) | (over > 0) & (np.ptp(held, axis=(1, 2)) > 0)
-        places = np.einsum("kc,nci->ink", WITHIN, corners[split]).reshape(3, -1)
-        weights = WITHIN * held[split]
-        weights *= shares_at(under, places).reshape(-1, len(WITHIN), 1) / weights.sum(2)[..., None]
+        places = np.einsum("kc,nci->ink", self.WITHIN, corners[split]).reshape(3, -1)
+        weights = self.WITHIN * held[split]
+        shares = shares_at(under, places).reshape(-1, len(self.WITHIN), 1)
+        weights *= shares / weights.sum(2)[..., None]
         pressed[split] = weights.mean(1)
         sides = corners[:, 1:] - corners[:, :1]
         areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)[:, None]
@@ -105,19 +119,6 @@ class Nodes:
     def total(self, values: np.ndarray) -> np.ndarray:
         """Sum over all ranks' nodes of values (count, ...)."""
         return self.comm.allreduce(values.sum(0), MPI.SUM)
-
-
-def _centres(k):
-    """Barycentric coordinates (k^2, 3) of the centres of the equal triangles that k parts of each
-    side make."""
-    i, j = (3 * each.ravel() for each in np.mgrid[:k, :k])
-    up, down = (np.column_stack([i + n, j + n])[i + j < 3 * (k + 1 - n)] for n in (1, 2))
-    first = np.concatenate([up, down]) / (3 * k)
-    return np.column_stack([1 - first.sum(1), first])
-
-
-WITHIN = _centres(5)
-BEYOND = 1e-3  # weight of corners that are not borne
 
 
 def _areas(blank, part):

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .pressure_law import PressureLaw, only
+from .pressure_law import FaceLaw
 
 MAX_SECANT_PRESSURE = 4.0  # of the present one, up to which a secant stiffness looks
 
@@ -28,14 +28,14 @@ class Pressed(NamedTuple):
 
 
 def press(
-    law: PressureLaw, areas: np.ndarray, gap: np.ndarray, normal: np.ndarray, curvature: np.ndarray
+    law: FaceLaw, areas: np.ndarray, gap: np.ndarray, normal: np.ndarray, curvature: np.ndarray
 ) -> Pressed:
     """Points of `areas` (n,) [mm^2] pressed by a law at gaps (n,) [mm], with the gaps' gradients
     (n, 3) and Hessians (n, 3, 3) [1/mm]."""
     depth = np.maximum(0.0, -gap)
     energy, pressure, slope = np.zeros((3, len(gap)))
     at = np.flatnonzero(depth != 0)  # those that are not numbers among them
-    energy[at], pressure[at], slope[at] = only(law, at)(depth[at])
+    energy[at], pressure[at], slope[at] = law.at(at)(depth[at])
     forces, blocks = np.zeros((len(gap), 3)), np.zeros((len(gap), 3, 3))
     force, n = (areas * pressure)[at, None], normal[at]
     forces[at] = force * n
@@ -44,7 +44,7 @@ def press(
 
 
 def with_secant_stiffness(
-    law: PressureLaw, areas: np.ndarray, now: Pressed, missing: np.ndarray
+    law: FaceLaw, areas: np.ndarray, now: Pressed, missing: np.ndarray
 ) -> Pressed:
     """The same points with other blocks: of the law's slope up to the pressure that balances the
     other forces. missing (n,): what is missing to that pressure [MPa].
@@ -57,7 +57,7 @@ def with_secant_stiffness(
     balancing = np.clip(p + missing[at], 0.0, MAX_SECANT_PRESSURE * p)
     changes = abs(balancing - p) > 1e-6 * p
     at, p, balancing = at[changes], p[changes], balancing[changes]
-    chord = (balancing - p) / (only(law, at).depth(balancing) - now.depth[at])
+    chord = (balancing - p) / (law.at(at).depth(balancing) - now.depth[at])
     blocks = now.blocks.copy()
     blocks[at] += _across(areas[at] * (chord - now.slope[at]), now.normal[at])
     return now._replace(blocks=blocks)

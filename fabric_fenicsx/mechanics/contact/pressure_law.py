@@ -1,8 +1,7 @@
 """Laws of contact: pressure over the depth to which faces overlap."""
 
-import functools
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -15,6 +14,8 @@ PENALTY_STRAIN = 0.02  # along all directions; its pull over the tightest radius
 PENETRATION = 0.0125  # of the thickness, under the default penalty
 SMOOTHING = 0.3  # of that penetration
 HARD_PRESSURE = 10.0  # MPa, above which fabric is compacted along a straight line
+
+Values = float | np.ndarray
 
 
 def default_penalty(material: Material, radius: float) -> float:
@@ -39,51 +40,94 @@ def _pull(material):
     return float(np.trace(stretched.cauchy[0])) * material.thickness
 
 
-class PressureLaw(Protocol):
-    """Pressure over the depth by which two faces overlap; it grows with the depth, from 0."""
+class FaceLaw(NamedTuple):
+    """Pressure over the depth by which two faces overlap; it grows with the depth, from 0.
+
+    A rigid face has p = k e^2 / (2 s) at depths e up to s; beyond, p grows with the slope k, so the
+    slope is continuous. Compacted fabric has p = p_0 (e^y - 1 - y), y = n ln(L / (L - e)), see
+    `Compaction`; above `HARD_PRESSURE` it grows with the slope that it has there. Each is 0 with
+    the defaults of its numbers. All are numbers, or arrays (points,) where they differ.
+
+    - penalty: k [N/mm^3]; smoothing: s [mm]
+    - length: L [mm], half the thickness without pressure of one ply, or of two added up; exponent:
+      n; onset: p_0 [MPa]; hardest: depth under `HARD_PRESSURE` [mm]
+    - growth: how many times as thick as L or s says the faces are
+    - beside: another fabric that is under the same pressure: both depths add up
+    """
+
+    penalty: Values = 0.0
+    smoothing: Values = 1.0
+    length: Values = 1.0
+    exponent: Values = 2.0
+    onset: Values = 0.0
+    hardest: Values = 0.0
+    growth: Values = 1.0
+    beside: "FaceLaw | None" = None
+
+    @classmethod
+    def compacted(cls, length: float, exponent: float, onset: float) -> Self:
+        """The face of a fabric."""
+        y = log_compaction(np.array(HARD_PRESSURE / onset))
+        hardest = -length * float(np.expm1(-y / exponent))
+        return cls(length=length, exponent=exponent, onset=onset, hardest=hardest)
+
+    @classmethod
+    def of_points(cls, laws: Sequence[Self], which: np.ndarray) -> Self:
+        """One of several single `laws` at each of n points: `which` (n,) counts from 0."""
+        if len(laws) == 1:
+            return laws[0]
+        return cls(*(np.array(each)[which] for each in zip(*(law[:-1] for law in laws))))
+
+    def grown(self, growth: np.ndarray) -> Self:
+        """The law of faces that are `growth` (points,) times as thick."""
+        return self._replace(growth=self.growth * growth)
+
+    def at(self, points: np.ndarray) -> Self:
+        """The law at these `points` (k,), by their numbers."""
+        return type(self)(*(v[points] if isinstance(v, np.ndarray) else v for v in self))
+
+    @property
+    def is_rigid(self) -> np.ndarray:
+        """Whether the face is rigid, of all points, or of each."""
+        return np.greater(self.penalty, 0)
 
     def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Energy per area [N/mm], pressure [MPa] and its slope [N/mm^3] at depths e (n,) from 0
         [mm]."""
+        e = e / self.growth
+        if self.beside:
+            energy, pressure, slope = self._in_series(e, self.beside)
+        elif not np.any(self.is_rigid):
+            energy, pressure, slope = self._compacted(e)
+        else:
+            energy, pressure, slope = self._rigid(e)
+            if not np.all(self.is_rigid):
+                soft = self._compacted(e)
+                energy, pressure, slope = energy + soft[0], pressure + soft[1], slope + soft[2]
+        return energy * self.growth, pressure, slope / self.growth
 
     def depth(self, p: np.ndarray) -> np.ndarray:
         """Depths (n,) [mm] at pressures p (n,) from 0 [MPa]."""
+        if self.beside:
+            return self.growth * (self._alone().depth(p) + self.beside.depth(p))
+        k, s = np.maximum(self.penalty, 1e-300), self.smoothing
+        rigid = np.where(p < k * s / 2, np.sqrt(2 * s * p / k), p / k + s / 2)
+        y = log_compaction(np.minimum(p, HARD_PRESSURE) / np.maximum(self.onset, 1e-300))
+        soft, beyond = -self.length * np.expm1(-y / self.exponent), p - HARD_PRESSURE
+        if np.any(beyond > 0):
+            slope = self._compacted(np.asarray(self.hardest))[2]
+            soft = soft + np.maximum(beyond, 0.0) / np.maximum(slope, 1e-300)
+        return self.growth * np.where(self.is_rigid, rigid, soft)
 
-
-class Rigid(NamedTuple):
-    """A face that is not soft: p = k e^2 / (2 s) at depths e up to s; beyond, p grows with the
-    slope k, so the slope is continuous. penalty: k [N/mm^3]; smoothing: s [mm]."""
-
-    penalty: float
-    smoothing: float
-
-    def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        k, s = self
+    def _rigid(self, e):
+        k, s = self.penalty, self.smoothing
         soft, beyond = np.minimum(e, s), np.maximum(e - s, 0.0)
         energy = k * (soft**3 / (6 * s) + beyond * (s + beyond) / 2)
         return energy, k * (soft**2 / (2 * s) + beyond), k * soft / s
 
-    def depth(self, p: np.ndarray) -> np.ndarray:
-        """See `PressureLaw`."""
-        k, s = self
-        return np.where(p < k * s / 2, np.sqrt(2 * s * p / k), p / k + s / 2)
-
-
-class Compacted(NamedTuple):
-    """Compacted fabric: p = p_0 (e^y - 1 - y), y = n ln(L / (L - e)), at depths e, see
-    `Compaction`; above `HARD_PRESSURE` it grows with the slope that it has there.
-
-    - length: L [mm], half the thickness without pressure of one ply, or of two added up
-    - exponent: n; onset: p_0 [MPa]
-    """
-
-    length: float
-    exponent: float
-    onset: float
-
-    def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        L, n, p_0 = self
-        soft = np.minimum(e, _hardest(self))
+    def _compacted(self, e):
+        L, n, p_0 = self.length, self.exponent, self.onset
+        soft = np.minimum(e, self.hardest)
         beyond = e - soft
         left = L - soft
         log = -np.log1p(-soft / L)
@@ -93,121 +137,73 @@ class Compacted(NamedTuple):
         energy += beyond * (pressure + slope * beyond / 2)
         return energy, pressure + slope * beyond, slope
 
-    def depth(self, p: np.ndarray) -> np.ndarray:
-        """See `PressureLaw`."""
-        beyond = np.maximum(p - HARD_PRESSURE, 0.0)
-        if beyond.any():
-            beyond = beyond / self(np.asarray(_hardest(self)))[2]
-        return self._soft_depth(np.minimum(p, HARD_PRESSURE)) + beyond
+    def _alone(self):
+        return self._replace(growth=1.0, beside=None)
 
-    def _soft_depth(self, p):
-        return -self.length * np.expm1(-log_compaction(p / self.onset) / self.exponent)
-
-
-@functools.cache
-def _hardest(law):
-    """Depth of `Compacted` under `HARD_PRESSURE` [mm]."""
-    return float(law._soft_depth(np.asarray(HARD_PRESSURE)))
-
-
-class InSeries(NamedTuple):
-    """Two faces of different fabrics, under the same pressure: their depths add up."""
-
-    first: Compacted
-    second: Compacted
-
-    def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        mine, others = self._shared(e)
-        (W, p, k), (W_2, _, k_2) = self.first(mine), self.second(others)
-        return W + W_2, p, k * k_2 / np.maximum(k + k_2, 1e-300)
-
-    def depth(self, p: np.ndarray) -> np.ndarray:
-        """See `PressureLaw`."""
-        return self.first.depth(p) + self.second.depth(p)
-
-    def _shared(self, e):
-        """Depths (n,) of the first and of the second, which add up to e."""
-        onset = min(self.first.onset, self.second.onset)
+    def _in_series(self, e, other):
+        """As `_compacted`, of this fabric and another one, whose depths add up to e."""
+        one = self._alone()
+        onset = min(one.onset, other.onset)
         low, high = np.zeros_like(e), np.array(e, dtype=float)
-        mine = e * self.first.length / (self.first.length + self.second.length)
+        depth = e * one.length / (one.length + other.length)
         for _ in range(20):  # of which Newton's method takes four or five
-            (_, p, k), (_, p_2, k_2) = self.first(mine), self.second(e - mine)
-            low, high = np.where(p < p_2, mine, low), np.where(p < p_2, high, mine)
+            (_, p, k), (_, p_2, k_2) = one(depth), other(e - depth)
+            low, high = np.where(p < p_2, depth, low), np.where(p < p_2, high, depth)
             p, p_2 = p + onset, p_2 + onset
             slope = np.maximum(k / p + k_2 / p_2, 1e-300)
-            new = mine + np.log(p_2 / p) / slope  # logarithms are all but straight
-            mine = np.where((low <= new) & (new <= high), new, (low + high) / 2)
-        return mine, e - mine
+            new = depth + np.log(p_2 / p) / slope  # logarithms are all but straight
+            depth = np.where((low <= new) & (new <= high), new, (low + high) / 2)
+        (W, p, k), (W_2, _, k_2) = one(depth), other(e - depth)
+        return W + W_2, p, k * k_2 / np.maximum(k + k_2, 1e-300)
 
 
-class ByPlace:
-    """One of several `laws` at each of n places: `which` (n,) counts from 0."""
+class SheetFace(NamedTuple):
+    """A face of a sheet: its `thickness` without pressure [mm], its `law`, and `thickening`, the
+    power of the area by which a sheared ply is thicker. Numbers, or arrays (points,)."""
 
-    def __init__(self, laws: Sequence[PressureLaw], which: np.ndarray) -> None:
-        self.laws, self.which = list(laws), which
+    thickness: Values = 1.0
+    law: FaceLaw = FaceLaw()
+    thickening: Values = 0.0
 
-    def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        energy, pressure, slope = self._of_each(lambda law: law, e, 3)
-        return energy, pressure, slope
+    @classmethod
+    def of_points(cls, faces: Sequence[Self], which: np.ndarray) -> Self:
+        """One of several `faces` at each of n points: `which` (n,) counts from 0."""
+        thickness, laws, thickening = zip(*faces)
+        law = FaceLaw.of_points(laws, which)
+        return cls(np.array(thickness)[which], law, np.array(thickening)[which])
 
-    def depth(self, p: np.ndarray) -> np.ndarray:
-        """See `PressureLaw`."""
-        return self._of_each(lambda law: law.depth, p, 1)[0]
-
-    def _of_each(self, function, x, count):
-        """`count` values (count, n) of the laws' functions at x, each at its own places."""
-        values, x = np.zeros((count, len(self.which))), np.broadcast_to(x, len(self.which))
-        for k, law in enumerate(self.laws):
-            values[:, self.which == k] = function(law)(x[self.which == k])
-        return values
-
-
-class Grown(NamedTuple):
-    """A law of n places whose faces are `growth` (n,) times as thick as its own."""
-
-    law: PressureLaw
-    growth: np.ndarray
-
-    def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        energy, pressure, slope = self.law(e / self.growth)
-        return energy * self.growth, pressure, slope / self.growth
-
-    def depth(self, p: np.ndarray) -> np.ndarray:
-        """See `PressureLaw`."""
-        return self.law.depth(p) * self.growth
+    def grown(self, growth: np.ndarray) -> Self:
+        """The faces of a sheet that is `growth` (points,) times as thick; rigid ones are as
+        stiff."""
+        law = self.law.grown(np.where(self.law.is_rigid, 1.0, growth))
+        return self._replace(thickness=growth * self.thickness, law=law)
 
 
-def thickening_of(material: Material) -> float:
-    """Power of the area by which a sheared ply is thicker, 0 where its faces are rigid."""
-    compaction = material.compaction if isinstance(material, Law) else None
-    return compaction.thickening if compaction else 0.0
+def rigid_face(thickness: float, penalty: float) -> SheetFace:
+    """A rigid face of a sheet of this thickness [mm] and penalty [N/mm^3]."""
+    return SheetFace(thickness, FaceLaw(penalty, SMOOTHING * PENETRATION * thickness))
 
 
-def face_of(material: Material, radius: float, penalty: float | None = None) -> PressureLaw:
-    """The law of a face of this material on a tool of least `radius` [mm]: `Compacted` fabric, or
-    `Rigid` for metal, and for all if a penalty is given [N/mm^3]."""
+def face_of(material: Material, radius: float, penalty: float | None = None) -> SheetFace:
+    """A face of a sheet on a tool of least `radius` [mm]: compacted fabric, or rigid for metal, and
+    for all if a penalty is given [N/mm^3]."""
     compaction = material.compaction if isinstance(material, Law) else None
     if compaction and not penalty:
-        length = material.thickness_under(0.0) / 2
-        return Compacted(length, compaction.exponent, compaction.onset)
-    t = material.thickness
-    return Rigid(penalty or default_penalty(material, radius), SMOOTHING * PENETRATION * t)
+        t = material.thickness_under(0.0)
+        law = FaceLaw.compacted(t / 2, compaction.exponent, compaction.onset)
+        return SheetFace(t, law, compaction.thickening)
+    return rigid_face(material.thickness, penalty or default_penalty(material, radius))
 
 
-def between_faces(first: PressureLaw, second: PressureLaw) -> PressureLaw:
-    """The law of two faces that press each other. Beside a fabric a rigid face is not pressed in;
-    of two rigid faces the one of the lower penalty counts."""
-    if isinstance(first, Rigid) and isinstance(second, Rigid):
-        return min(first, second)
-    if isinstance(first, Compacted) and isinstance(second, Compacted):
-        if first[1:] == second[1:]:
-            return first._replace(length=first.length + second.length)
-        return InSeries(first, second)
-    return second if isinstance(first, Rigid) else first
-
-
-def only(law: PressureLaw, points: np.ndarray) -> PressureLaw:
-    """The law at these `points` (k,), by their numbers."""
-    if isinstance(law, Grown):
-        return Grown(only(law.law, points), law.growth[points])
-    return ByPlace(law.laws, law.which[points]) if isinstance(law, ByPlace) else law
+def between_faces(one: FaceLaw, other: FaceLaw) -> FaceLaw:
+    """The law of two faces that press each other, each with the same numbers at all points. Beside
+    a fabric a rigid face is not pressed in; of two rigid faces the one of the lower penalty
+    counts."""
+    if one.is_rigid and other.is_rigid:
+        return min(one, other, key=lambda law: law[:2])
+    if one.is_rigid or other.is_rigid:
+        return other if one.is_rigid else one
+    if (one.exponent, one.onset) != (other.exponent, other.onset):
+        return one._replace(beside=other)
+    length, hardest = one.length + other.length, one.hardest + other.hardest
+    return one._replace(length=length, hardest=hardest)

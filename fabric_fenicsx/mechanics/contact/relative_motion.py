@@ -40,7 +40,7 @@ class RelativeMotion:
 
     def relative(self) -> np.ndarray:
         """Displacement of the points relative to the other sheet, (n, 3) [mm]."""
-        return self._moved(self._gathered.displacement())
+        return self._of_points(self._gathered.displacement())
 
     def offsets(self) -> np.ndarray:
         """Vectors from the flat triangle below to that of each point, less those from the triangles
@@ -55,9 +55,9 @@ class RelativeMotion:
     def apart(self, owned: np.ndarray) -> np.ndarray:
         """Values at the points less those on the other sheet below them, (n, 3); owned (nodes, 3):
         the values at this rank's owned nodes."""
-        return self._moved(self._gathered.values(owned))
+        return self._of_points(self._gathered.values(owned))
 
-    def _moved(self, values):
+    def _of_points(self, values):
         of_points = values[self._nodes].reshape(len(self._nodes), 18)
         return np.einsum("naj,nj->na", self._motions, of_points)
 

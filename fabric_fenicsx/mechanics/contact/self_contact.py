@@ -12,12 +12,12 @@ from ...runtime.rules import POSITIVE
 from ...sheets.blank import Part
 from ...sheets.stack import Stack
 from ...tools.facets import facet_normals
-from ..materials import material_of
 from ..output import Value, joined
 from ..shell.morley import Where
 from ..term import SceneFacts
 from .coulomb import Coulomb
 from .faces import MAX_NEIGHBOURS
+from .pressure_law import SheetFace
 from .sheet_contact import LAG, FaceContact
 from .sheet_points import SheetPoints
 
@@ -36,15 +36,14 @@ class SelfPoints(SheetPoints):
 
     SIDES = 2
 
-    def __init__(
-        self, part: Part, rule: int, thickness: float, thickening: float, symmetric: Sequence[Where]
-    ) -> None:
-        super().__init__(part, part, rule, [thickness] * 2, [thickening] * 2, symmetric)
+    def __init__(self, part: Part, rule: int, face: SheetFace, symmetric: Sequence[Where]) -> None:
+        super().__init__(part, part, rule, [face, face], symmetric)
+        thickness = float(face.thickness)
         corners = self._own.X[self._own.triangles]
         self._centres, self._apart = corners.mean(1), np.pi / 2 * thickness
         self._edge = np.linalg.norm(np.diff(corners, axis=1), axis=2).max()
         self._reach = 2 * thickness + self._edge / 2
-        self._sides = np.resize(np.repeat([1.0, -1.0], len(self._places) // 2), self.count)
+        self._sides = np.resize(np.repeat([1.0, -1.0], len(self.places) // 2), self.count)
         # flat places that the points lay over in the accepted state, and last
         self._partners = self._partners_now = np.full((self.count, 3), np.inf)
         self._mirrors: np.ndarray | None = None  # of all points, if some lie at their images
@@ -63,11 +62,11 @@ class SelfPoints(SheetPoints):
     def _mirror(self, below, nodes, normal):
         """Let points that are nearer to their images in a plane of symmetry than to what they lie
         over lie over these. nodes, normal: of the plane."""
-        face, many = self._own, len(self._places)
+        face, many = self._own, len(self.places)
         own = face.own_triangles.repeat(many)
-        off = face.points(self._weights, self._flat) - face.places[nodes].mean(0)
+        off = face.points(*self._on_face) - face.places[nodes].mean(0)
         gap = 2 * off @ normal
-        across = face.flat(self._places, face.normals) @ normal
+        across = face.flat(self.places, face.normals) @ normal
         away = 2 * abs((self._centres - face.X[nodes].mean(0)) @ normal)
         free = (away > self._apart) & ~np.isin(face.triangles, nodes).any(1)
         faces = free[own] & (self._sides * across < -np.sqrt(0.5))
@@ -76,7 +75,7 @@ class SelfPoints(SheetPoints):
             self._mirrors = np.tile(np.eye(3), (self.count, 1, 1))
         self._mirrors[at] = np.eye(3) - 2 * np.outer(normal, normal)
         below.triangle[at], below.gap[at], below.normal[at] = own[at], gap[at], normal
-        below.weights[at], below.curvature[at] = self._places[at % many], 0.0
+        below.weights[at], below.curvature[at] = self.places[at % many], 0.0
 
     def _corners(self, below, at):
         over, others = super()._corners(below, at)
@@ -85,7 +84,7 @@ class SelfPoints(SheetPoints):
 
     def _over_others(self):
         """The `FaceProjection` of all points on other places of the sheet."""
-        face, many = self._own, len(self._places)
+        face, many = self._own, len(self.places)
         triangle, y = np.full(self.count, -1), np.zeros((self.count, 3))
         self._partners_now = np.full((self.count, 3), np.inf)
         corners = face.places[face.triangles]
@@ -96,8 +95,8 @@ class SelfPoints(SheetPoints):
             return face.projection(triangle, y, self._reach)
         rows = (cells[:, None] * many + np.arange(many)).ravel()
         near, sides = near.repeat(many, axis=0), self._sides[rows]
-        points = face.points(self._weights[rows], self._flat[rows])
-        normals = face.flat(self._places, face.normals)
+        points = face.points(*(each[rows] for each in self._on_face))
+        normals = face.flat(self.places, face.normals)
 
         def towards(at, along):
             """Sides of a place with normals `along`, on which points `at` may be."""
@@ -209,28 +208,19 @@ class SelfContact(FaceContact):
         super().__init__("self-contact", penalty, points, lag, symmetric, friction)
         if thickness is not None:
             POSITIVE.check("thickness of the self-contact", thickness)
-        self._given = thickness
+        self._given["thickness"] = thickness
 
     def set_up(self, scene: SceneFacts) -> None:
         part, blank = self.part, self.blank
-        if isinstance(blank, Stack) and part.is_whole:
+        is_stack = isinstance(blank, Stack) and part.is_whole
+        if is_stack or blank.mesh.geometry.dim < 3 or not blank.is_flat():
+            sheet = "a stack" if is_stack else f"{blank.name}, which is curved or in a plane"
             raise InputError(
-                f"{self.name} is asked of a stack; allowed is one sheet, as by "
-                f"`.on({next(iter(blank.parts))!r})`"
+                f"{self.name} is asked of {sheet}; allowed is one flat sheet that is `spatial`, of "
+                'a stack by `.on("NAME")`'
             )
-        if blank.mesh.geometry.dim < 3 or not blank.is_flat():
-            raise InputError(
-                f"{self.name} is asked of {blank.name}, which can't leave its plane or is curved "
-                "as it lies; allowed is a flat sheet that is `spatial`"
-            )
-        material = material_of(scene, part)
-        t = self._given or part.thickness or (material and material.thickness_under(0.0))
-        if not t:
-            raise InputError(f"{self.name} needs a thickness, a number above 0 [mm]")
-        self.thickness, law, thickening = self._face(scene, part, t)
-        rule = self._points_of_cell
-        points = SelfPoints(part, rule, self.thickness, thickening, self.symmetric)
-        self._begin(scene, points, law, law)
+        face = self._face_of(scene, part, self._given["thickness"] or part.thickness)
+        self._begin(scene, SelfPoints(part, self._points_of_cell, face, self.symmetric))
 
     def _totals(self):
         sums, now = super()._totals(), self.faces.now
@@ -248,11 +238,9 @@ class SelfContact(FaceContact):
     def cell_fields(self) -> dict[str, Value]:
         """Mean pressure of the face of each cell that is pressed more, and what `PlyThickness`
         has."""
-        pressure, field = self._pressures()
-        lost = np.zeros(len(self.blank.areas()))
-        lost[self.points.part.cells] = self.points.means(
-            self._depths(self.face_laws[0], pressure, 0)
-        ).sum(1)
+        (pressure, field), lost = self._pressures(), np.zeros(len(self.blank.areas()))
+        depths = self._depths(self.points.faces[0].law, pressure, 0)
+        lost[self.points.part.cells] = self.points.means(depths).sum(1)
         return {"sheet_pressure": field} | self.plies.fields(lost)
 
     def summary(self) -> dict[str, Value]:

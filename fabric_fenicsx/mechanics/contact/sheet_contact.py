@@ -14,20 +14,13 @@ from ..output import Value, joined, largest, size_of
 from ..shell.morley import Where
 from ..term import SceneFacts, Triplets, overrides
 from .coulomb import Coulomb
-from .face_sliding import FaceSliding
 from .interaction import Interaction
 from .lagged_faces import LaggedFaces
 from .pressing import Pressed, press, with_secant_stiffness
-from .pressure_law import (
-    PENETRATION,
-    SMOOTHING,
-    Grown,
-    Rigid,
-    between_faces,
-    face_of,
-    thickening_of,
-)
+from .pressure_law import SheetFace, between_faces, face_of, rigid_face
+from .relative_motion import RelativeMotion
 from .sheet_points import POINTS, ContactPairs, SheetPoints
+from .slip_maps import FaceSlip
 from .thickness import PlyThickness
 
 LAG = 0.01  # of the contact's forces, by which those of the faces as they are may differ
@@ -51,63 +44,54 @@ class FaceContact(Interaction):
         friction: float | Field | Coulomb,
     ) -> None:
         self.name = name
-        for what, value in (("penalty", penalty), ("lag", lag)):
+        self._given = {"penalty": penalty, "lag": lag}
+        for what, value in self._given.items():
             if value is not None:
                 POSITIVE.check(f"{what} of the {name}", value)
         one_of = Rule(f"one of {', '.join(map(str, POINTS))}", lambda v: v in POINTS, int)
         self._points_of_cell = one_of.check(f"points in a cell of the {name}", points)
-        self._penalty, self._lag = penalty, lag
         self.symmetric = [symmetric] if callable(symmetric) else list(symmetric)
         super().__init__(friction, name)
         if self.coulomb and isinstance(self.coulomb.coefficient, Mapping):
             raise InputError(f"{name} has friction of several sheets; allowed is one number from 0")
 
-    def _begin(self, scene, points, *face_laws):
-        """Let the faces of these laws press at the points."""
+    def _begin(self, scene, points):
+        """Let the faces of the sheets press at the points; InputError if they overlap at the
+        start."""
         if any(term.thickness_field for term in scene.terms):
             points.vary(thickness_shares_at_nodes(scene))
-        self.points, self.face_laws = points, face_laws
-        self._law = between_faces(*face_laws)
-        self.rigid = isinstance(self._law, Rigid)
-        self.plies = PlyThickness(scene, rigid=bool(self._penalty))
-        self.faces = LaggedFaces(points, self._lag, 3 * points.nodes.count)
+        self.points, thickness = points, min(face.thickness for face in points.faces)
+        self.face = SheetFace(thickness, between_faces(*(face.law for face in points.faces)))
+        self.plies = PlyThickness(scene, rigid=bool(self._given["penalty"]))
+        self.faces = LaggedFaces(points, self._given["lag"] or LAG, 3 * points.nodes.count)
         self.depth, self._load = np.zeros(points.count), 0.0
         self.energy_correction = self._accepted_correction = np.zeros(points.count)
         # the last displacement and faces, and what was found there
         self._found: tuple[np.ndarray, ContactPairs, Pressed] | None = None
-        # the faces whose nodes are coupled, and their number
-        self._coupled: list[ContactPairs] = []
-        self._pattern = 0
         # in the last accepted state, before faces were taken anew
-        self.totals = self._totals()
-        self._check_start()
-        self._start_friction()
-
-    def _check_start(self):
-        """Raise InputError for faces that overlap at the start."""
-        gap = self.faces.accepted.gap
-        deepest = -self.blank.mesh.comm.allreduce(gap.min(initial=np.inf), MPI.MIN)
+        self.totals, self.first = self._totals(), self.faces.accepted
+        deepest = -self.blank.mesh.comm.allreduce(self.first.gap.min(initial=np.inf), MPI.MIN)
         if deepest > self.thickness / 4:
             raise InputError(
                 f"{self.name} begins with sheets that overlap by {rounded(deepest)} mm; allowed "
                 "are sheets laid on one another with their thicknesses"
             )
+        self._start_friction()
 
-    def _face(self, scene, part, t):
-        """Thickness of a sheet without pressure [mm], of t if its fabric does not say, the law of
-        its face, and its thickening."""
-        k, material = self._penalty, material_of(scene, part)
-        if k:
-            return t, Rigid(k, SMOOTHING * PENETRATION * t), 0.0
-        if not material:
+    def _face_of(self, scene, part, t):
+        """The `SheetFace` of a sheet, of t [mm] if its face is rigid by a penalty."""
+        k, material = self._given["penalty"], material_of(scene, part)
+        t = t or (material.thickness_under(0.0) if material else None)
+        if k and t:
+            return rigid_face(t, k)
+        if k or not material:
             raise InputError(
-                f"{self.name} needs a penalty, a number above 0, as {self.LACKING} a fabric or "
-                "metal"
+                f"{self.name} needs a {'thickness' if k else 'penalty'}, a number above 0, as "
+                f"{self.LACKING} a fabric or metal"
             )
         tools = [term.tool for term in scene.terms if overrides(term, "may_press")]
         radius = min((min(tool.surface.radii) for tool in tools if tool), default=np.inf)
-        law = face_of(material, radius)
-        return material.thickness_under(0.0), law, thickening_of(material)
+        return face_of(material, radius)
 
     def _coefficient(self, law):
         mu = law.coefficient
@@ -127,7 +111,7 @@ class FaceContact(Interaction):
         # relative motion asks all ranks
         if found is None or not self.blank.mesh.comm.allreduce(known, MPI.LAND):
             gap, normal = pairs.paraboloid()
-            law = Grown(self._law, pairs.growth)
+            law = self.face.law.grown(pairs.growth)
             now = press(law, pairs.areas, gap, normal, pairs.curvature)
             self._found = found = u.copy(), pairs, now
         return found[2]
@@ -139,7 +123,7 @@ class FaceContact(Interaction):
 
     def depth_under(self, pressure: float) -> float:
         """Overlap of the faces [mm] under a pressure [MPa]."""
-        return float(self._law.depth(np.array(pressure)))
+        return float(self.face.law.depth(np.array(pressure)))
 
     def _totals(self):
         """Force by which the lower sheet presses the upper one, and sum of normal forces, (4,)."""
@@ -148,25 +132,19 @@ class FaceContact(Interaction):
         return self.blank.mesh.comm.allreduce(np.array(sums))
 
     def _sliding(self):
-        return FaceSliding(self.points, self.faces.now)
+        return FaceSlip(self.points, self.faces.now)
 
     def _stiffness_of_cells(self):
         sheets = [self._stretching(part) for part in self.points.parts]
         series = sheets[0] * sheets[1] / max(sum(sheets), 1e-300)
-        return series / self.points.per_triangle
-
-    def _slid_exactly(self, sliding):
-        return sliding.exact()
+        return series / len(self.points.places)
 
     # -- value, gradient, Hessian
 
     @property
-    def pattern(self) -> int:  # type: ignore[override]
+    def pattern(self) -> list[RelativeMotion]:  # type: ignore[override]
         both = self.faces.now, self.friction_state and self.friction_state.sliding.start
-        coupled = [each for each in both if each and len(each.points)]
-        if list(map(id, coupled)) != list(map(id, self._coupled)):
-            self._coupled, self._pattern = coupled, self._pattern + 1
-        return self._pattern
+        return [each.motion for each in both if each and len(each.points)]
 
     def energies(self) -> dict[str | None, float]:
         """See `Term`: of contact, and what friction took."""
@@ -193,7 +171,7 @@ class FaceContact(Interaction):
         forces = f[: 3 * nodes.count].reshape(-1, 3)
         apart = pairs.motion.apart(forces / nodes.areas[:, None])
         missing = 0.5 * (apart * now.normal).sum(1)
-        law = Grown(self._law, pairs.growth)
+        law = self.face.law.grown(pairs.growth)
         now = with_secant_stiffness(law, pairs.areas, now, missing)
         self._found = self.blank.u.x.array.copy(), pairs, now
 
@@ -275,7 +253,7 @@ class FaceContact(Interaction):
         """Thickness that a face of this law loses at all points, (count,) [mm]; sheet: 0 for the
         one with the points, 1 for the other."""
         growth = self.points.of_all(self.faces.now, self.faces.now.growths[sheet], 1.0)
-        return growth * (0.0 if isinstance(law, Rigid) else law.depth(pressure))
+        return growth * (0.0 if law.is_rigid else law.depth(pressure))
 
 
 class SheetContact(FaceContact):
@@ -305,7 +283,7 @@ class SheetContact(FaceContact):
     symmetric
         As in `Bending`.
     friction
-        Its coefficient, or a `Coulomb`. It acts at the same points, at the faces (`FaceSliding`).
+        Its coefficient, or a `Coulomb`. It acts at the same points, at the faces (`FaceSlip`).
 
     Raises
     ------
@@ -342,15 +320,9 @@ class SheetContact(FaceContact):
                 raise InputError(
                     f"{self.name} is asked of {part.name}, a patch; allowed are sheets of a stack"
                 )
-        sheets = (self._face(scene, part, part.thickness) for part in parts)
-        thicknesses, laws, powers = zip(*sheets)
-        self.thickness = min(thicknesses)
-        faces = thicknesses, powers, self.symmetric
-        self._begin(scene, SheetPoints(lower, upper, self._points_of_cell, *faces), *laws)
-
-    def _check_start(self):
-        self.first = self.faces.accepted
-        super()._check_start()
+        faces = [self._face_of(scene, part, part.thickness) for part in parts]
+        rule = self._points_of_cell
+        self._begin(scene, SheetPoints(lower, upper, rule, faces, self.symmetric))
 
     def force(self) -> np.ndarray:
         """Force by which the lower sheet presses the upper one, of all ranks, (3,) [N]."""
@@ -382,8 +354,8 @@ class SheetContact(FaceContact):
     def _lost(self, pressure):
         """Thickness that both sheets lose on these faces, (owned cells,) [mm]."""
         points = self.points
-        laws = self.face_laws[::-1] if points.side > 0 else self.face_laws
-        above, below = (self._depths(law, pressure, k) for k, law in enumerate(laws))
+        faces = points.faces[::-1] if points.side > 0 else points.faces
+        above, below = (self._depths(face.law, pressure, k) for k, face in enumerate(faces))
         lost = self.blank.cell_means(points.below(self.faces.now, below))
         lost[points.part.cells] += points.means(above)[:, 0]
         return lost

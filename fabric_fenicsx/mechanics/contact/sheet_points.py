@@ -7,10 +7,11 @@ import basix
 import numpy as np
 from mpi4py import MPI
 
-from ...sheets.blank import Part
+from ...sheets.blank import Blank, Part
 from ..shell.morley import Where
 from .faces import Corners, Face
 from .nodes import Nodes
+from .pressure_law import SheetFace
 from .relative_motion import RelativeMotion
 
 POINTS = {1: 1, 3: 2, 6: 4}  # of a cell: degree that they integrate exactly
@@ -68,35 +69,32 @@ class SheetPoints:
 
     The points are in the sheet of smaller cells, in the upper one if they are equal.
 
-    - parts: lower and upper sheet; part: the one with the points; side: 1 if it is the upper
-      one, else -1
+    - parts: lower and upper sheet; part: the one with the points
+    - places (k, 3): barycentric coordinates of the points of each triangle
     - areas (count,): undeformed areas that this rank's `count` points stand for [mm^2]
-    - thickness (lower, upper) [mm]: their mean is the distance of the mid-surfaces where the gap
-      is 0; thickening (lower, upper): powers of the area by which they are thicker
+    - faces (lower, upper): the mean of their thicknesses is the distance of the mid-surfaces where
+      the gap is 0
     - nodes: of the whole blank
     """
 
-    SIDES = 1
+    SIDES = 1  # that points look to
 
     def __init__(
         self,
         lower: Part,
         upper: Part,
         rule: int,
-        thickness: Sequence[float],
-        thickening: Sequence[float],
+        faces: Sequence[SheetFace],
         symmetric: Sequence[Where],
     ) -> None:
-        self.blank, self._lower, self._upper = lower.blank, lower, upper
-        self.parts = parts = lower, upper
-        comm, self._distance = self.blank.mesh.comm, sum(thickness) / 2
-        areas = [self.blank.areas()[part.cells] for part in parts]
+        self.parts, self.faces = (lower, upper), faces
+        comm, areas = self.blank.mesh.comm, [self.blank.areas()[part.cells] for part in self.parts]
         sizes = [comm.allreduce(each.sum()) / comm.allreduce(len(each)) for each in areas]
         over = 1 if sizes[1] <= sizes[0] * (1 + 1e-6) else 0
-        self.part = parts[over]
-        self._share = thickness[over] / sum(thickness)  # of the distance, by which the face is off
-        self.side = 1.0 if over else -1.0  # the face below the points looks at them
-        self._face = Face(parts[1 - over], self.side, list(symmetric))
+        self.part = self.parts[over]
+        # of the distance, by which the face is off
+        self._share = faces[over].thickness / sum(face.thickness for face in faces)
+        self._face = Face(self.parts[1 - over], self.side, list(symmetric))
         self._own = Face(self.part, 1.0, list(symmetric)) if self.SIDES == 1 else self._face
         # other sheets may lie between them, and points rise by the distance where both touch
         apart = abs(self._own.flat_height() - self._face.flat_height())
@@ -105,22 +103,38 @@ class SheetPoints:
         N = np.tile(np.column_stack([1 - places.sum(1), places]), (self.SIDES, 1))
         weights = np.tile(weights, self.SIDES)
         many = self.blank.triangles(self.part.cells).shape[1]
-        self.per_cell, self.per_triangle = many * len(N), len(N)
-        self._weights = self._own.own_weights(N)
-        self._flat, self._places = self._own.flat(N), N
+        self.places, self.per_cell = N, many * len(N)
+        self._on_face = self._own.own_weights(N), self._own.flat(N)
         self.areas = (areas[over][:, None] / many * np.tile(weights / weights.sum(), many)).ravel()
-        self.count = len(self.areas)
         self.nodes = Nodes(self.blank)
-        self._thickens, self._powers = any(thickening), np.zeros(self.nodes.count)
-        self._shares = np.ones(self.nodes.count)  # of the thickness, where that is a field
-        for part, power in zip(parts, thickening):
-            self._powers[part.nodes] = power
+        # of the thickness at nodes, where that is a field; None if no sheet's thickness varies
+        thickens = any(face.thickening for face in faces)
+        self._shares = np.ones(self.nodes.count) if thickens else None
         self._below = np.full(self.count, -1)  # what was found last
         self._found: tuple[np.ndarray, ContactPairs] | None = None
 
+    @property
+    def blank(self) -> Blank:
+        """The stack of both sheets."""
+        return self.parts[0].blank
+
+    @property
+    def count(self) -> int:
+        """Number of this rank's points."""
+        return len(self.areas)
+
+    @property
+    def side(self) -> float:
+        """1 if the upper sheet has the points, else -1."""
+        return 1.0 if self.part is self.parts[1] else -1.0
+
+    @property
+    def _distance(self):
+        return sum(face.thickness for face in self.faces) / 2
+
     def vary(self, shares: np.ndarray) -> None:
         """Let the sheets be `shares` (owned nodes,) as thick as they were made."""
-        self._shares, self._thickens, self._found = shares, True, None
+        self._shares, self._found = shares, None
 
     def pairs(self) -> ContactPairs:
         """The points over the other sheet at the present displacement, on all ranks together."""
@@ -140,47 +154,41 @@ class SheetPoints:
         areas = self.areas[at] * self.blank.area_ratios()[self.part.cells[at // self.per_cell]]
         growths = self._growths(below, at)
         growth = self._share * growths[0] + (1 - self._share) * growths[1]
-        return ContactPairs(
-            at,
-            areas,
-            growth,
-            growths,
-            below.gap[at] - self._distance * growth,
-            below.normal[at],
-            below.curvature[at],
-            motion,
-            motion.relative(),
-            corners,
-        )
+        gap = below.gap[at] - self._distance * growth
+        shape = gap, below.normal[at], below.curvature[at]
+        return ContactPairs(at, areas, growth, growths, *shape, motion, motion.relative(), corners)
 
     def _project(self):
         """The `FaceProjection` of all points."""
         own = self._own
-        points = own.points(self._weights, self._flat)
+        points = own.points(*self._on_face)
         # a sheet that is folded over shows its back to points of the other one
-        ahead = self.side * own.flat(self._places, own.normals)
+        ahead = self.side * own.flat(self.places, own.normals)
         below = self._face.project(points, self._below, self._reach, ahead)
         self._below = below.triangle
         return below
 
     def _growths(self, below, at):
         """`growths` of the `ContactPairs` of the points `at`."""
-        if not self._thickens:
+        if self._shares is None:
             return np.ones((2, len(at)))
-        areas = self.nodes.areas
+        areas, powers = self.nodes.areas, np.zeros(self.nodes.count)
+        for part, face in zip(self.parts, self.faces):
+            powers[part.nodes] = face.thickening
         ratios = np.where(areas > 0, self.nodes.areas_now() / np.maximum(areas, 1e-300), 1.0)
-        thicker = (self._shares * ratios**-self._powers)[:, None]
-        mine = self._own.flat(self._places, self._own.gathered(thicker))[at, 0]
+        thicker = (self._shares * ratios**-powers)[:, None]
+        over = self._own.flat(self.places, self._own.gathered(thicker))[at, 0]
         others = self._face.gathered(thicker)[self._face.triangles[below.triangle[at]], 0]
-        return np.stack([mine, (below.weights[at] * others).sum(1)])
+        return np.stack([over, (below.weights[at] * others).sum(1)])
 
     def _corners(self, below, at):
         """`corners` of the `ContactPairs` of the points `at`."""
         own, face, gap = self._own, self._face, below.gap[at]
-        mine, N = at // len(self._places), self._places[at % len(self._places)]
+        triangles = own.own_triangles[at // len(self.places)]
+        N, share = self.places[at % len(self.places)], self._share
         return (
-            own.corners(own.own_triangles[mine], N, -self._share * gap),
-            face.corners(below.triangle[at], below.weights[at], (1 - self._share) * gap),
+            own.corners(triangles, N, -share * gap),
+            face.corners(below.triangle[at], below.weights[at], (1 - share) * gap),
         )
 
     def of_all(self, pairs: ContactPairs, values: np.ndarray, other: float = 0.0) -> np.ndarray:
@@ -193,12 +201,12 @@ class SheetPoints:
     def flat_places(self) -> np.ndarray:
         """Places of all points in the undeformed sheet, (count, 3) [mm]."""
         corners = self.blank.coordinates()[self.blank.triangles(self.part.cells)]
-        return np.einsum("kc,nmci->nmki", self._places, corners).reshape(self.count, 3)
+        return np.einsum("kc,nmci->nmki", self.places, corners).reshape(self.count, 3)
 
     def means(self, values: np.ndarray) -> np.ndarray:
         """Means of values of all points (count, ...) over each cell, on each side that points look
         to, (cells, SIDES, ...)."""
-        count, many = len(self.part.cells), len(self._places)
+        count, many = len(self.part.cells), len(self.places)
         shape = count, self.per_cell // many, self.SIDES, many // self.SIDES
         return values.reshape(*shape, *values.shape[1:]).mean((1, 3))
 
@@ -225,7 +233,7 @@ class SheetPoints:
         now, forces = self.pairs(), np.zeros(3 * self.nodes.count)
         areas = now.areas
         if above is not None:
-            share = np.where(self._upper.nodes, above / self.nodes.areas_now(), 0.0)
+            share = np.where(self.parts[1].nodes, above / self.nodes.areas_now(), 0.0)
             areas = areas * abs(now.motion.apart(np.tile(share[:, None], 3)))[:, 0]
         now.motion.add(np.tile(areas[:, None], 3), forces)
-        return np.where(self._lower.nodes, abs(forces[::3]), 0.0)
+        return np.where(self.parts[0].nodes, abs(forces[::3]), 0.0)

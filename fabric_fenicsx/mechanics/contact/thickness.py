@@ -3,10 +3,9 @@
 import numpy as np
 
 from ...material.laws.base import Law
-from ..materials import fabric_of, thickness_shares
+from ..materials import fabric_of, sheets_of, thickness_shares
 from ..output import Value, last, total
 from ..term import SceneFacts
-from .pressure_law import thickening_of
 
 
 class PlyThickness:
@@ -24,14 +23,15 @@ class PlyThickness:
         self._flat, self._fibres = np.full((2, len(blank.areas())), np.nan)
         self._thickening, self._shares = np.zeros((2, len(self._flat)))
         self._fabrics: list[tuple[np.ndarray, Law]] = []
-        for part in list(blank.parts.values()) or [blank.whole]:
+        for part in sheets_of(blank):
             if (fabric := fabric_of(scene, part)) and not (rigid and fabric.compaction):
                 shares = thickness_shares(scene, part, blank.centres()[part.cells])
                 self._shares[part.cells] = 1.0 if thickness else shares
                 fabric = fabric.replace(thickness=thickness or fabric.thickness)
                 self._fabrics.append((part.cells, fabric))
                 self._flat[part.cells] = fabric.thickness_under(0.0)
-                self._thickening[part.cells] = thickening_of(fabric)
+                if fabric.compaction:
+                    self._thickening[part.cells] = fabric.compaction.thickening
                 if fabric.fibre_density is not None:
                     self._fibres[part.cells] = fabric.fibre_volume_fraction(1.0)
 

@@ -1,7 +1,6 @@
 """Contact of a sheet with rigid tools: pressure at its nodes."""
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from mpi4py import MPI
@@ -18,13 +17,22 @@ from ..shell.morley import Where
 from ..term import SceneFacts
 from ..work import Work
 from .coulomb import LAG, Friction
+from .force_balance import Resistance, find_balance
 from .interaction import ToolInteraction
 from .nodes import Nodes
 from .pressing import Pressed, press, with_secant_stiffness
-from .pressure_law import PENETRATION, SMOOTHING, ByPlace, Grown, Rigid, face_of, thickening_of
+from .pressure_law import PENETRATION, SMOOTHING, SheetFace, face_of, rigid_face
 from .thickness import PlyThickness
 
-MAX_PROBED = 1000  # nodes of a rank that show how a tool holds the sheet; triangles cost 1 ms each
+
+class _Accepted(NamedTuple):
+    """The last accepted state: travel of the tool [mm], gaps (nodes,) [mm], areas that were pressed
+    (nodes,) [mm^2] and energy correction (nodes,) [N mm]."""
+
+    travel: float
+    gap: np.ndarray
+    areas: np.ndarray
+    correction: np.ndarray
 
 
 class Contact(ToolInteraction):
@@ -77,8 +85,8 @@ class Contact(ToolInteraction):
         where: Where | None = None,
     ) -> None:
         super().__init__(tool, friction, f"contact with {tool.name}")
-        self._face, self.where = {"thickness": thickness, "penalty": penalty}, where
-        for name, value in self._face.items():
+        self._given, self.where = {"thickness": thickness, "penalty": penalty}, where
+        for name, value in self._given.items():
             if value is not None:
                 POSITIVE.check(f"{name} of the contact with {tool.name}", value)
         # the last displacement, and what was found at it
@@ -92,51 +100,38 @@ class Contact(ToolInteraction):
         if len(same) > 1:
             raise InputError(f"{len(same)} contacts with {self.tool.name} given; allowed is one")
         self.nodes = Nodes(scene.blank, self.part, self.where)
-        self._flat_thickness, self._flat_law, self.rigid = self._faces(scene)
-        if any(term.thickness_field for term in scene.terms) and not self._face["thickness"]:
-            shares = thickness_shares_at_nodes(scene)
-            self._flat_thickness = shares * self._flat_thickness
-            self._flat_law = Grown(self._flat_law, np.where(self.rigid, 1.0, shares))
-        self.plies = PlyThickness(scene, self._face["thickness"], bool(self._face["penalty"]))
+        self._flat = self._face_at_nodes(scene)
+        if any(term.thickness_field for term in scene.terms) and not self._given["thickness"]:
+            self._flat = self._flat.grown(thickness_shares_at_nodes(scene))
+        self.plies = PlyThickness(scene, self._given["thickness"], bool(self._given["penalty"]))
         self.depth = np.zeros(self.nodes.count)
-        self._press_on(self.nodes.areas, np.zeros(self.nodes.count))
-        self._accepted_travel = self.tool.travel
+        self._accepted = _Accepted(self.tool.travel, self.depth, self.nodes.areas, self.depth)
+        self._press_on(self.nodes.areas, self.depth)
         self.accept()
         self._start_friction()
 
-    def _faces(self, scene):
-        """Thickness without pressure [mm], the law of the face, and whether it is rigid, at each
-        node."""
-        t, k = self._face.values()
+    def _face_at_nodes(self, scene):
+        t, k = self._given.values()
+        materials, which = materials_at_nodes(scene) or ([], np.zeros(self.nodes.count, int))
         radius = min(self.tool.surface.radii)
-        faces: list[tuple[float, Any]] = []
-        materials, which = materials_at_nodes(scene) or ([], np.zeros(self.nodes.count, dtype=int))
-        if t and k and not materials:
-            faces = [(t, Rigid(k, SMOOTHING * PENETRATION * t))]
-        elif not materials:
+        materials = [each.replace(thickness=t or each.thickness) for each in materials]
+        faces = [face_of(each, radius, k) for each in materials]
+        if not faces and t and k:
+            faces = [rigid_face(t, k)]
+        if not faces:
             raise InputError(
                 f"contact with {self.tool.name} needs a {'penalty' if t else 'thickness'}, a "
                 "number above 0, as no term of the scene has a fabric or metal for each sheet"
             )
-        for material in materials:
-            material = material.replace(thickness=t or material.thickness)
-            thickness = material.thickness if k else material.thickness_under(0.0)
-            faces.append((thickness, face_of(material, radius, k)))
-        thickness = np.array([t for t, _ in faces])[which]
-        is_rigid = np.array([isinstance(law, Rigid) for _, law in faces])[which]
-        laws = [law for _, law in faces]
-        powers = np.array([thickening_of(material) for material in materials] or [0.0])
-        self._thickening = powers[which] * ~is_rigid
-        return thickness, ByPlace(laws, which) if laws[1:] else laws[0], is_rigid
+        return SheetFace.of_points(faces, which)
 
     def _press_on(self, areas, correction):
         """Press on areas (nodes,) [mm^2], where a sheet may be thicker as they shrink."""
         self.areas, self.energy_correction, self._found = areas, correction, None
-        self.thickness, self._law = self._flat_thickness, self._flat_law
-        if self._thickening.any():
+        self.face = self._flat
+        if self._flat.thickening.any():
             ratios = np.where(areas > 0, areas / np.maximum(self.nodes.areas, 1e-300), 1.0)
-            growth = ratios**-self._thickening
-            self.thickness, self._law = growth * self.thickness, Grown(self._law, growth)
+            self.face = self._flat.grown(ratios**-self._flat.thickening)
 
     # -- state
 
@@ -155,7 +150,7 @@ class Contact(ToolInteraction):
         nearest = self._nearest(x)
         gap = nearest.gap - self.thickness / 2
         gap[~self.nodes.own] = np.inf
-        return press(self._law, self.areas, gap, nearest.normal, nearest.curvature)
+        return press(self.face.law, self.areas, gap, nearest.normal, nearest.curvature)
 
     def _nearest(self, x):
         """Of the tool at places x (nodes, 3), found once for the same."""
@@ -195,14 +190,12 @@ class Contact(ToolInteraction):
 
         least = float(self.thickness.min(initial=np.inf))
         reach, soft = least / 4, SMOOTHING * PENETRATION * least
-        for start in (tool.travel, self._accepted_travel):
+        for start in (tool.travel, self._accepted.travel):
             if find_balance(tool.push, look, start, reach, soft):
                 return now
         tool.travel = start
         now = self._state_at(x)
-        return now._replace(
-            energy=np.full_like(now.energy, np.nan), forces=np.full_like(now.forces, np.nan)
-        )
+        return now._replace(energy=np.nan * now.energy, forces=np.nan * now.forces)
 
     def _blocks(self, now=None):
         pressed, rubbed = (now or self.state()).blocks, super()._blocks()
@@ -226,13 +219,13 @@ class Contact(ToolInteraction):
     def depth_under(self, pressure: float) -> np.ndarray:
         """Depth of the tool in the sheet's face at each node under a pressure [MPa], (nodes,)
         [mm]."""
-        return np.broadcast_to(self._law.depth(np.array(pressure)), self.nodes.count)
+        return np.broadcast_to(self.face.law.depth(np.array(pressure)), self.nodes.count)
 
     def pressed_by(self, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Depths of the tool in the sheet's face (nodes,) [mm] under forces on the nodes (nodes,)
         [N], and energies (nodes,) [N mm]."""
-        depth = np.array(self._law.depth(forces / np.maximum(self.areas, 1e-300)))
-        return depth, self.areas * self._law(depth)[0]
+        depth = np.array(self.face.law.depth(forces / np.maximum(self.areas, 1e-300)))
+        return depth, self.areas * self.face.law(depth)[0]
 
     def nearest(self, x: np.ndarray, exact: np.ndarray) -> Nearest:
         """Of the tool at places x (nodes, 3) [mm]: as far off as it may be where `exact` (nodes,)
@@ -261,7 +254,8 @@ class Contact(ToolInteraction):
         pressure that balances the other forces, see `with_secant_stiffness`."""
         now, areas = self.state(), self.areas
         others = (f[: 3 * self.nodes.count].reshape(-1, 3) * now.normal).sum(1)
-        now = with_secant_stiffness(self._law, areas, now, others / np.maximum(areas, 1e-300))
+        missing = others / np.maximum(areas, 1e-300)
+        now = with_secant_stiffness(self.face.law, areas, now, missing)
         self._found = self.nodes.displacement(), now
 
     def compliance(self) -> tuple[np.ndarray, float] | None:
@@ -275,19 +269,18 @@ class Contact(ToolInteraction):
     def set_load(self, load: float) -> None:
         """Move the tool, from where it was in the last accepted state, and drop what was updated
         since."""
-        self._press_on(*self._accepted_areas)
+        self._press_on(self._accepted.areas, self._accepted.correction)
         self._load = load
         self.tool.at(load)
-        self.tool.travel = self._accepted_travel
+        self.tool.travel = self._accepted.travel
         super().set_load(load)
 
     def accept(self) -> None:
         """Take the present place of the tool as the last accepted one."""
         now = self.state()
         self.undefined_at = ""  # where the tool's surface gave no number since
-        self._accepted_travel = self.tool.travel
-        self._accepted_areas = self.areas, self.energy_correction
-        self._accepted_gap = now.gap
+        travel, correction = self.tool.travel, self.energy_correction
+        self._accepted = _Accepted(travel, now.gap, self.areas, correction)
         self._work.accept(self._load, self.force(), self.tool.displacement)
         self._note_depth(self._load, -now.gap)
         super().accept()
@@ -295,9 +288,11 @@ class Contact(ToolInteraction):
     def reject(self) -> None:
         self._work.reject()
 
-    def _forget_balance(self):
-        if self.tool.force:
+    def _update_friction(self, normal_forces):
+        changed = super()._update_friction(normal_forces)
+        if changed and self.tool.force:  # to be balanced anew
             self._found = None
+        return changed
 
     def _update_pressing(self):
         """Press on the areas as they are, if that changes the forces by more than `lag`."""
@@ -322,7 +317,7 @@ class Contact(ToolInteraction):
         moves with the sheet."""
         if self.tool.force:
             return np.zeros(3 * self.nodes.count)
-        now, before = self.state(), self._accepted_gap
+        now, before = self.state(), self._accepted.gap
         gap = np.where(np.isfinite(now.gap), now.gap, 0.0)
         off = np.where(before < 0, before, np.maximum(gap, 0.0)) - gap
         off = np.clip(off, -self.thickness, self.thickness)
@@ -332,18 +327,23 @@ class Contact(ToolInteraction):
         """Travel of the tool and depths [mm], areas [mm^2] and energy correction [N mm],
         (nodes, 1) each, in the last accepted state; what its work is counted from (nodes,
         24), and that of friction."""
-        rows = self._accepted_travel, self._work.memory().ravel()
-        travel, work = (np.tile(row, (self.nodes.count, 1)) for row in rows)
-        areas, correction = self._accepted_areas
+        travel, _, areas, correction = self._accepted
+        rows = {"travel": np.array(travel), "work": self._work.memory().ravel()}
         at_nodes = {"depth": self.depth, "areas": areas, "energy_correction": correction}
-        at_nodes = {name: values[:, None] for name, values in at_nodes.items()}
-        return super().memory() | {"travel": travel, "work": work} | at_nodes
+        return (
+            super().memory()
+            | {name: np.tile(row, (self.nodes.count, 1)) for name, row in rows.items()}
+            | {name: values[:, None] for name, values in at_nodes.items()}
+        )
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         self.depth = memory["depth"][:, 0]
-        self._accepted_areas = memory["areas"][:, 0], memory["energy_correction"][:, 0]
-        self._press_on(*self._accepted_areas)
-        self.tool.travel = self._accepted_travel = float(self.nodes.common(memory["travel"])[0])
+        areas, correction = memory["areas"][:, 0], memory["energy_correction"][:, 0]
+        self.tool.travel = float(self.nodes.common(memory["travel"])[0])
+        self._accepted = self._accepted._replace(
+            travel=self.tool.travel, areas=areas, correction=correction
+        )
+        self._press_on(areas, correction)
         self._work.recall(self.nodes.common(memory["work"]).reshape(3, -1))
         u = self.nodes.displacement()  # not balanced, as what friction bore is not known
         self._found = u, self._state_at(self.nodes.places + u)
@@ -367,24 +367,18 @@ class Contact(ToolInteraction):
 
     def penetration(self) -> float:
         """Largest depth of the tool in rigid faces in the present state, of all ranks [mm]."""
-        return self._largest(0.0 - self.state().gap[self.rigid])
-
-    def touched(self) -> bool:
-        """True if the tool pressed the sheet in any accepted state."""
-        return self.largest_depth() > 0
+        return self._largest(np.where(self.face.law.is_rigid, -self.state().gap, 0.0))
 
     def where_deepest(self) -> str:
         """As in `Term`, with the place in the undeformed sheet."""
         depth, places = self._penetrated(), self.nodes.places
-        i = int(depth.argmax()) if depth.size else None
-        mine = (0.0, ()) if i is None else (depth[i], tuple(places[i]))
-        _, place = max(self.nodes.comm.allgather(mine))
-        at = of_sheet(place[:2] if self.blank.is_flat() else place)
-        return f"{self.tool.name} at {at}"
+        deepest = [(depth[i], *places[i]) for i in np.argsort(depth)[-1:]]
+        _, *place = max(each for rank in self.nodes.comm.allgather(deepest) for each in rank)
+        return f"{self.tool.name} at {of_sheet(place[:2] if self.blank.is_flat() else place)}"
 
     def cell_fields(self) -> dict[str, Value]:
         """Fields of `PlyThickness`."""
-        lost = np.where(self.rigid, 0.0, np.maximum(0.0, -self.state().gap))
+        lost = np.where(self.face.law.is_rigid, 0.0, np.maximum(0.0, -self.state().gap))
         return self.plies.fields(self.blank.cell_means(lost))
 
     def nodal_fields(self) -> dict[str, Value]:
@@ -420,9 +414,10 @@ class Contact(ToolInteraction):
         check_start(self.tool, x, float(self.thickness.max(initial=0.0)), self.nodes.comm)
 
     def may_press(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """See `Term`, at up to twice `MAX_PROBED` nodes that find a nearest point."""
+        """See `Term`, at up to twice 1000 nodes of a rank that find a nearest point: triangles take
+        1 ms each."""
         at_loads, x = [], self.nodes.places[self.nodes.own]
-        x = x[:: max(1, len(x) // MAX_PROBED)]
+        x = x[:: max(1, len(x) // 1000)]
         for load in (0.0, 1.0):
             self.tool.at(load)
             normals = self.tool.evaluate(x).normal
@@ -430,44 +425,3 @@ class Contact(ToolInteraction):
             at_loads.append((x[near], normals[near]))
         self.tool.at(self._load)
         return at_loads
-
-
-class Resistance(NamedTuple):
-    """Resistance to a tool: force along its direction [N], growth of it as the tool travels [N/mm],
-    and distance to the nearest point, 0 in contact [mm]."""
-
-    force: float
-    stiffness: float
-    free: float
-
-
-def find_balance(
-    force: float, look: Callable[[float], Resistance], start: float, reach: float, soft: float
-) -> bool:
-    """Seek the travel at which `look(travel)` resists with `force` [N], by Newton's method between
-    bounds; true if found. `look` was then called last there.
-
-    start: travel to begin with; reach: what the tool may pass a point by, or go back, in one step;
-    soft: step where it touches nothing and none is ahead [mm].
-    """
-    travel, back = start, reach
-    low: float | None = None
-    high: float | None = None
-    for _ in range(100):
-        resistance = look(travel)
-        missing = force - resistance.force
-        if abs(missing) <= 1e-12 * force:
-            return True
-        low, high = (travel, high) if missing > 0 else (low, travel)
-        # without contact as far as no point is passed
-        step = (
-            missing / resistance.stiffness if resistance.stiffness > 0 else resistance.free + soft
-        )
-        new = travel + float(np.clip(step, -back, resistance.free + reach))
-        back = back if high is None or low is not None else 2 * back
-        if low is not None and high is not None and not low < new < high:
-            new = 0.5 * (low + high)
-            if new in (low, high):
-                return True
-        travel = new
-    return False

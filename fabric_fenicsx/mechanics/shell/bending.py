@@ -1,7 +1,7 @@
 """Bending: the yarns' resistance to being curved, out of the sheet and, if wanted, within it."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from mpi4py import MPI
@@ -15,12 +15,10 @@ from ...runtime.errors import InputError
 from ...runtime.rules import FROM_ZERO
 from ..materials import fabric_of, thickness_shares
 from ..term import SceneFacts, Term, Triplets
-from .morley import MorleyCells, Where
+from .morley import Where, morley_cells
+from .shapes import Section, Shape
 from .stencil import Stencil
 from .yarn_friction import KIND
-
-if TYPE_CHECKING:
-    from .metal_cells import Shape
 
 TWIST = np.array([1.0, 1.0, 2.0])  # times x,aa, x,bb, x,ab: the curvatures of a `Shape`
 
@@ -49,7 +47,7 @@ class _State(NamedTuple):
 
     U: np.ndarray
     energy: float
-    shape: "Shape | None" = None
+    shape: Shape | None = None
     moments: np.ndarray | None = None
     section: np.ndarray | None = None
     friction: Response | None = None
@@ -60,7 +58,7 @@ class Bending(Term):
 
     x,aa is the second derivative of the deformed position along yarn a, x,ab the twist. Their parts
     normal to the deformed cell count in full, their parts tangent to it times `in_plane`. Curvature
-    of the undeformed sheet takes no energy. The operator is that of `morley.MorleyCells`, and
+    of the undeformed sheet takes no energy. The operator is that of `morley_cells`, and
     normals are those of the present state, so rigid motions are free of energy, however large. A
     fabric's `bending_friction` acts beside it on the normal curvatures along both yarns, as the
     kind of energy "yarn_friction".
@@ -100,7 +98,8 @@ class Bending(Term):
     """
 
     name = energy_kind = "bending"
-    _measured: MeasuredBending | None = None
+    # and the sheet's weight [N/mm^2]
+    _measured: tuple[MeasuredBending, float] | None = None
 
     def __init__(
         self,
@@ -129,66 +128,57 @@ class Bending(Term):
         }
 
     def set_up(self, scene: SceneFacts) -> None:
-        blank, stiffness, fabric = scene.blank, self._given, fabric_of(scene, self.part)
+        blank, fabric = scene.blank, fabric_of(scene, self.part)
         if blank.mesh.geometry.dim == 2 and not self.in_plane:
             raise InputError(
                 f"bending of {blank.name} needs a blank made with `spatial=True`, or `in_plane` "
                 "above 0"
             )
         blank.check_triangulated("bending")
-        if "modulus" in stiffness:
-            if fabric is None:
-                raise InputError(
-                    f"`modulus` of the bending of {blank.name} needs a fabric, which no term of "
-                    "the scene has; `D_a` needs none"
-                )
-            D = plate_stiffness(stiffness["modulus"], fabric.thickness)
-            self.stiffnesses = np.array(
-                [D, D, 4 * plate_stiffness(stiffness["twist_modulus"], fabric.thickness)]
-            )
-            self._measured = fabric.bending
-            self._weight = fabric.density * fabric.thickness
-            if self._measured:
-                self.stiffnesses[:2] = self._measured.stiffnesses(self._weight)
-        else:
-            self.stiffnesses = np.array(
-                [stiffness["D_a"], stiffness["D_b"], stiffness["D_t"]], float
-            )
-        cells = MorleyCells(blank, *self._edges)
-        operator, curved = cells.curvature(self.stiffnesses)
-        if not self.part.is_whole:
-            here = cells.of(self.part.cells)
-            operator, curved, cells = operator[here], curved[here], cells.only(here)
-        is_curved = np.abs(curved).max(initial=0) * np.sqrt(cells.area.max(initial=0)) > 1e-10
+        self._set_stiffnesses(fabric)
+        cells = morley_cells(self.part, self.stiffnesses, *self._edges)
+        is_curved = np.abs(cells.curved).max(initial=0) * np.sqrt(cells.area.max(initial=0)) > 1e-10
         if blank.mesh.comm.allreduce(bool(is_curved), MPI.LOR) and self.in_plane:
             raise InputError(
                 f"`in_plane` of the bending of {blank.name} needs a sheet that is flat undeformed"
             )
-        self._operator, self._own = operator, curved * is_curved  # but for rounding
+        flat = cells.curved * is_curved  # but for rounding
+        self._cells = cells._replace(curved=flat, spread=TWIST[:, None] * cells.spread)
         self._stencil = Stencil(cells, cells.bends, cells.own * is_curved)
-        self._spread = TWIST[:, None] * cells.spread
-        self._coupled = self._stencil.coupled
         weights = self._weights(scene, cells)
         self._section = (1 - self.in_plane) * weights / TWIST**2
-        self._across = (1 - self.in_plane) * np.tile(cells.area[:, None], 2)
         # stiffness of all second derivatives along each axis, of pairs of nodes
-        both = operator * (self.in_plane * weights)[:, :, None]
-        products = both.swapaxes(1, 2) @ operator
-        pairs, here = self._coupled.places, self._coupled.places >= 0
-        self._within = np.bincount(pairs[here], products[here], self._coupled.count)
-        size = self._stencil.count, self._stencil.count
-        self._matrix = sparse.csr_matrix((self._within, self._coupled.ends), shape=size)
-        self._matrix.eliminate_zeros()  # all, without bending within the sheet
+        both = cells.operator * (self.in_plane * weights)[:, :, None]
+        products, pairs = both.swapaxes(1, 2) @ cells.operator, self._stencil.coupled
+        here, size = pairs.places >= 0, self._stencil.count
+        within = np.bincount(pairs.places[here], products[here], pairs.count)
+        self._matrix = sparse.csr_matrix((within, pairs.ends), shape=(size, size))
+        if not self.in_plane:
+            self._matrix.eliminate_zeros()
         self._rest: np.ndarray | float = 0.0
         self._now: _State | None = None
         self._friction = np.zeros((2, 2, 0))
         if blank.mesh.geometry.dim == 3:
             undeformed = self._stencil.shape(0 * self._stencil.displacement())
             self._rest = self._curvature(_angles(undeformed.curvature)[0])
-            self._friction = _elements(fabric, self._measured)
-        self._area, self._per_cell = cells.area, cells.per_cell
-        self._sliding = np.zeros((len(cells.area), *self._friction.shape[1:]))
-        self._dissipated = 0 * cells.area
+            self._friction = _elements(fabric, self._measured and self._measured[0])
+        sliding = np.zeros((len(cells.area), *self._friction.shape[1:]))
+        self._slid = {"sliding": sliding, "dissipated": 0 * cells.area}
+
+    def _set_stiffnesses(self, fabric):
+        self.stiffnesses = np.array([*self._given.values()], float)
+        if "modulus" not in self._given:
+            return
+        if fabric is None:
+            raise InputError(
+                f"`modulus` of the bending of {self.blank.name} needs a fabric, which no term of "
+                "the scene has; `D_a` needs none"
+            )
+        D, D_t = (plate_stiffness(each, fabric.thickness) for each in self._given.values())
+        self.stiffnesses = np.array([D, D, 4 * D_t])
+        if fabric.bending:
+            self._measured = fabric.bending, fabric.density * fabric.thickness
+            self.stiffnesses[:2] = fabric.bending.stiffnesses(self._measured[1])
 
     def _weights(self, scene, cells):
         """Areas times stiffnesses of the cells (cells, 3), of a sheet as thick as it is there."""
@@ -210,51 +200,50 @@ class Bending(Term):
         """As in `Term`: also of friction between yarns, elastic and dissipated up to now."""
         kinds = super().energies()
         if friction := self._state().friction:
-            kinds[KIND] = float(self._area @ (friction.energy.sum(1) + self._dissipated))
+            dissipated = self._slid["dissipated"]
+            kinds[KIND] = float(self._cells.area @ (friction.energy.sum(1) + dissipated))
         return kinds
 
     def accept(self) -> None:
         """Keep the sliding between yarns, and what it has dissipated."""
         if friction := self._state().friction:
-            dissipated = self._dissipated + friction.dissipated.sum(1)
-            self._sliding, self._dissipated, self._now = friction.sliding, dissipated, None
+            dissipated = self._slid["dissipated"] + friction.dissipated.sum(1)
+            self._slid = {"sliding": friction.sliding, "dissipated": dissipated}
+            self._now = None
 
     def cell_memory(self) -> dict[str, np.ndarray]:
         """Sliding between yarns, and what it has dissipated, of the triangles of each cell."""
         if not self._friction.size:
             return {}
-        arrays = {"sliding": self._sliding, "dissipated": self._dissipated}
-        return {name: self.part.rows(each, self._per_cell) for name, each in arrays.items()}
+        many = self._cells.per_cell
+        return {name: self.part.rows(each, many) for name, each in self._slid.items()}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         if self._friction.size:
-            self._sliding, self._dissipated = (
-                memory[name][self.part.cells].reshape(now.shape)
-                for name, now in (("sliding", self._sliding), ("dissipated", self._dissipated))
-            )
+            self._slid = {
+                name: memory[name][self.part.cells].reshape(now.shape)
+                for name, now in self._slid.items()
+            }
             self._now = None
 
     def add_forces(self, f: np.ndarray) -> None:
         U, _, shape, moments, *_ = self._state()
         forces = self._matrix @ U
         if shape:
-            from . import metal_cells
-
-            stencil = self._stencil
-            forces += metal_cells.bending_forces(shape, moments, stencil.columns, stencil.count)
+            columns, count = self._stencil.columns, self._stencil.count
+            forces += self._stencil.loops.bending_forces(shape, moments, columns, count)
         self._stencil.add_forces(forces, f)
 
     def tangent(self) -> Triplets:
         """As in `Term`, of this rank's owned cells' energy [N/mm]: a cell reaches over two
         neighbours, further than a rank's ghosts."""
         U, _, shape, moments, section, _ = self._state()
-        blocks = np.zeros((self._coupled.count, *2 * U.shape[1:]))
-        if self.in_plane:
-            blocks += self._within[:, None, None] * np.eye(U.shape[1])
+        pairs = self._stencil.coupled
+        blocks = np.zeros((pairs.count, *2 * U.shape[1:]))
+        if self.in_plane:  # of pairs in their order
+            blocks += self._matrix.data[:, None, None] * np.eye(U.shape[1])
         if shape:
-            from . import metal_cells
-
-            metal_cells.add_bending(shape, moments, section, self._coupled.places, blocks)
+            self._stencil.loops.add_bending(shape, moments, section, pairs.places, blocks)
         return self._stencil.triplets(blocks)
 
     def narrow_tangent(self) -> Triplets:
@@ -263,16 +252,14 @@ class Bending(Term):
         if self.in_plane or shape is None:
             self._linear = None
             return self.tangent()
-        from . import metal_cells
-
         hinges, diagonal = self._stencil.hinges, section * np.eye(3)
         bent, mixed = hinges.shape(U), np.zeros_like(section)
         self._linear = (
-            metal_cells.Section(shape, moments, section, mixed),
-            metal_cells.Section(bent, moments, diagonal, mixed),
+            Section(shape, moments, section, mixed),
+            Section(bent, moments, diagonal, mixed),
         )
         blocks = np.zeros((hinges.coupled.count, 3, 3))
-        metal_cells.add_bending(bent, moments, diagonal, hinges.coupled.places, blocks)
+        hinges.loops.add_bending(bent, moments, diagonal, hinges.coupled.places, blocks)
         return hinges.triplets(blocks)
 
     def add_beyond(self, v: np.ndarray, f: np.ndarray) -> None:
@@ -282,7 +269,8 @@ class Bending(Term):
     def curvatures(self) -> np.ndarray:
         """Second derivatives x,aa, x,bb, x,ab in each owned cell along the frame's axes,
         (cells, 3, gdim) [1/mm]."""
-        return self._operator @ self._stencil.displacement()[self._stencil.columns] + self._own
+        U = self._stencil.displacement()[self._stencil.columns]
+        return self._cells.operator @ U + self._cells.curved
 
     # --
 
@@ -303,7 +291,9 @@ class Bending(Term):
         moments = section * bent
         energy = state.energy + 0.5 * float(np.vdot(moments, bent))
         if self._measured:
-            along, area = self._measured.respond(bent[:, :2], self._weight), self._across
+            measured, weight = self._measured
+            along = measured.respond(bent[:, :2], weight)
+            area = (1 - self.in_plane) * np.tile(self._cells.area[:, None], 2)
             energy += float(
                 np.vdot(area, along.energy) - 0.5 * np.vdot(moments[:, :2], bent[:, :2])
             )
@@ -311,19 +301,18 @@ class Bending(Term):
             moments[:, :2], section[:, :2] = area * along.moment, area * along.slope
         if self._friction.size:
             stiffness, slides = self._friction
-            friction = respond(stiffness, slides, bent[:, :2], self._sliding)
-            section = section.copy()
-            moments[:, :2] += self._area[:, None] * friction.stress
-            section[:, :2] += self._area[:, None] * friction.tangent
-        from . import metal_cells
-
-        of_edges = metal_cells.at_edges(self._spread, slope, growth, moments, section)
-        return _State(state.U, energy, shape, *of_edges, friction)
+            friction = respond(stiffness, slides, bent[:, :2], self._slid["sliding"])
+            section, area = section.copy(), self._cells.area[:, None]
+            moments[:, :2] += area * friction.stress
+            section[:, :2] += area * friction.tangent
+        given = self._cells.spread, slope, growth, moments, section
+        moments, section = self._stencil.loops.at_edges(*given)
+        return _State(state.U, energy, shape, moments, section, friction)
 
     def _curvature(self, angles):
         """Curvatures (cells, 3), 11, 22, 2 12, from the angles (cells, 3) by which cells are bent
         at their edges."""
-        return np.einsum("cke,ce->ck", self._spread, angles)
+        return np.einsum("cke,ce->ck", self._cells.spread, angles)
 
 
 def _elements(fabric, measured):

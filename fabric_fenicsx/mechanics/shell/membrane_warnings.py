@@ -2,28 +2,17 @@
 the law's ranges."""
 
 import math
+from functools import partial
 
 import numpy as np
 from mpi4py import MPI
 
 from ...material import kernel, stability
-from ...material.laws import Range
 from ...material.strains import nominal_strain
 from ...runtime.formatting import of_sheet, percent, rounded
+from ...sheets.blank import Blank
 from ...sheets.part import MAX_OFF_YARNS
 from .membrane import Membrane
-
-# share of the strain energy in stretches that neighbouring cells undo, from which cells are
-# doubted: linear ones, these where edges follow the yarns, quadratic ones, and these with inner
-# points
-LOCKED, ALIGNED, COARSE, INNER_COARSE = 2.5e-3, 0.02, 0.01, 0.03
-# by how much a strip's force is too high, over that share: medians of strips at 10 to 45 deg, of
-# which four in five lie between half and twice that
-LINEAR_EXCESS, QUADRATIC_EXCESS, INNER_EXCESS = 12.0, 6.0, 4.0
-SPATIAL = "yarn strains of single cells mean little, and forces may be some per cent too high"
-# strain of yarns all over a sheet, with less energy than which it is not doubted: pressed flat, it
-# has no other strains than those of cells
-NOISE_STRAIN = 1e-4
 
 
 def membrane_warnings(membrane: Membrane) -> list[str]:
@@ -68,60 +57,51 @@ def locking_warning(membrane: Membrane) -> str:
     yarns, and neighbours do so in opposite directions. The energy of this is the measure of
     locking: the strain energy less that of strains which are smoothed over neighbouring cells, at
     the same shear angles. Quadratic cells that yarns cross at a small angle take some of it, too.
-    A sheet whose whole energy is that of yarns strained by `NOISE_STRAIN` is not doubted.
+    A sheet whose whole energy is that of yarns strained by 1e-4 is not doubted: pressed flat, it
+    has no other strains than those of cells.
     """
-    blank = membrane.blank
-    share = alternating_energy(membrane)
-    if share <= min(LOCKED, COARSE) or _is_at_rest(membrane):
+    blank, inner = membrane.blank, membrane.integration == "inner"
+    share, plane = alternating_energy(membrane), blank.mesh.geometry.dim == 2
+    # limits of the share, and by how much a strip's force is too high, over it: medians of strips
+    # at 10 to 45 deg, of which four in five lie between half and twice that
+    if blank.degree > 1:
+        limit, excess, cure = (0.03, 4.0, "finer cells") if inner else (0.01, 6.0, "finer cells")
+        if plane and not inner and blank.degree == 2 and blank.triangulated:
+            cure = 'finer cells or `integration="inner"`'
+    else:
+        off = membrane.part.share_off_the_yarns()
+        # in space strains vary from cell to cell as the tools' curvature does
+        aligned = 0.02 if off and plane else math.inf
+        limit, excess = (2.5e-3 if off > MAX_OFF_YARNS else aligned), 12.0
+        cure = "P2, as by default, or finer cells"
+        if plane:
+            better = 'P2 with `integration="inner"`'
+            cure = f"{better} or P3" if blank.from_file else f'{better}, P3 or `pattern="yarns"`'
+    if share <= limit or _is_at_rest(membrane):
         return ""
+    effect = "yarn strains of single cells mean little, and forces may be some per cent too high"
+    if plane:
+        effect = (
+            f"a strip's force is then about {percent(excess * share)} too high, mostly between "
+            "half and twice that"
+        )
+        effect = "forces say nothing" if share > 0.25 else effect
     stretched = (
         f"{percent(share)} of the strain energy stretches yarns in one cell and compresses them in "
         "the next"
     )
     if blank.degree > 1:
-        inner, plane = membrane.integration == "inner", blank.mesh.geometry.dim == 2
-        if share <= (INNER_COARSE if inner else COARSE):
-            return ""
-        can_be_inner = plane and not inner and blank.degree == 2 and blank.triangulated
-        cure = 'finer cells or `integration="inner"`' if can_be_inner else "finer cells"
-        effect = _excess(share, INNER_EXCESS if inner else QUADRATIC_EXCESS) if plane else SPATIAL
         return f"{stretched}, as cells are coarse for yarns at these angles: {effect}; take {cure}"
-    off = membrane.part.share_off_the_yarns()
-    # in space strains vary from cell to cell as the tools' curvature does
-    aligned = ALIGNED if off and blank.mesh.geometry.dim == 2 else math.inf
-    if share <= (LOCKED if off > MAX_OFF_YARNS else aligned):
-        return ""
-    effect, cure = _of_linear_cells(membrane, share)
     return (
         f"{percent(off)} of the linear cells have no edges along both yarns at their corners, and "
         f"cells lock: {stretched}; {effect}; take {cure}"
     )
 
 
-def _of_linear_cells(membrane, share):
-    """Effect of locking on a result, and a cure, as text."""
-    blank = membrane.blank
-    if blank.mesh.geometry.dim == 2:
-        cure = 'P2 with `integration="inner"`, P3 or `pattern="yarns"`'
-        cure = 'P2 with `integration="inner"` or P3' if blank.from_file else cure
-        return _excess(share, LINEAR_EXCESS), cure
-    return SPATIAL, "P2, as by default, or finer cells"
-
-
-def _excess(share, ratio):
-    """Excess of a strip's force, as text."""
-    if share > 0.25:
-        return "forces say nothing"
-    return (
-        f"a strip's force is then about {percent(ratio * share)} too high, mostly between half and "
-        "twice that"
-    )
-
-
 def _is_at_rest(membrane):
-    """True if the strain energy is at most that of yarns strained by `NOISE_STRAIN` all over."""
+    """True if the strain energy is at most that of yarns strained by 1e-4 all over."""
     energy, areas = membrane.state()[0].energy, membrane.blank.areas()[membrane.part.cells]
-    strains = NOISE_STRAIN * np.eye(3)[:, :2]
+    strains = 1e-4 * np.eye(3)[:, :2]
     most = membrane.fabric.derivatives(*strains, second=False).parts.max()
     sums = np.array([areas @ (energy @ membrane.weights), areas.sum()])
     whole, area = membrane.blank.mesh.comm.allreduce(sums)
@@ -137,12 +117,11 @@ def alternating_energy(membrane: Membrane) -> float:
     stretches, gamma = np.sqrt(state.invariants[..., [0, 2]]), state.invariants[..., 3]
     cells = membrane.part.cells
     corners, nodes = blank.corners()[cells], blank.cell_nodes[cells]
-    ends = (
-        ((1, 0), (2, 0)) if corners.shape[1] == 3 else ((2, 0), (3, 1))
-    )  # two sides, or both diagonals
-    spans = [corners[:, i] - corners[:, j] for i, j in ends]
-    squares = [[(p * q).sum(1) for q in spans] for p in spans]
-    areas = np.sqrt(np.maximum(squares[0][0] * squares[1][1] - squares[0][1] ** 2, 0)) / 2
+    # of two sides, or both diagonals
+    ends = ((1, 0), (2, 0)) if corners.shape[1] == 3 else ((2, 0), (3, 1))
+    p, q = (corners[:, i] - corners[:, j] for i, j in ends)
+    square = (p * p).sum(1) * (q * q).sum(1) - (p * q).sum(1) ** 2
+    areas = np.sqrt(np.maximum(square, 0)) / 2
     means = np.einsum("q,cqk->ck", membrane.weights, stretches) * areas[:, None]
 
     def at_nodes(values):
@@ -158,10 +137,9 @@ def alternating_energy(membrane: Membrane) -> float:
         frame = np.stack([np.broadcast_to([1.0, 0.0], b.shape), b], -1)
         F = np.stack([fa, fb], -1) @ np.linalg.inv(frame)
         fibres = [1.0, 0.0], b.reshape(-1, 2)
-        found = kernel.evaluate(
-            membrane.law_of_points, gradient=F.reshape(-1, 2, 2), fibres=fibres
-        ).energy
-        return float(areas @ (found.reshape(gamma.shape) @ membrane.weights))
+        law, gradient = membrane.law_of_points, F.reshape(-1, 2, 2)
+        density = kernel.evaluate(law, gradient=gradient, fibres=fibres).energy
+        return float(areas @ (density.reshape(gamma.shape) @ membrane.weights))
 
     parts = np.array([energy(stretches), energy(np.broadcast_to(smooth, stretches.shape))])
     whole, smoothed = blank.mesh.comm.allreduce(parts, MPI.SUM)
@@ -169,35 +147,38 @@ def alternating_energy(membrane: Membrane) -> float:
 
 
 def range_warnings(membrane: Membrane) -> list[str]:
-    """A sentence for each of the law's ranges that the present state leaves: in which share of the
-    sheet's area, and how far. Collective."""
-    ranges = membrane.fabric.ranges()
+    """A sentence for each end of the law's ranges that the present state leaves: in which share of
+    the sheet's area, and how far. Collective."""
+    comm, part = membrane.blank.mesh.comm, membrane.part
+    ranges, areas = membrane.fabric.ranges(), membrane.blank.areas()[part.cells]
     if not ranges:
         return []
     I4, _, I8, gamma = np.moveaxis(membrane.invariants_at_points(), -1, 0)
     strains = {"eps_a": nominal_strain(I4), "eps_b": nominal_strain(I8), "gamma": abs(gamma)}
-    return [text for each in ranges for text in _beyond(membrane, each, strains[each.strain])]
+    whole, texts = comm.allreduce(float(areas.sum())), []
+    for limits in ranges:
+        text = _as_angle if limits.strain == "gamma" else partial(percent, digits=4)
+        for sign, end in ((1, limits.high), (-1, limits.low)):
+            beyond = sign * (strains[limits.strain] - end)
+            share = comm.allreduce(float(areas @ ((beyond > 1e-9) @ membrane.weights))) / whole
+            if share > 0:
+                furthest = end + sign * comm.allreduce(beyond.max(initial=-math.inf), MPI.MAX)
+                texts.append(
+                    f"in {percent(share, 3)} of {part.name or membrane.blank.name} "
+                    f"{limits.strain} is beyond {limits.source}, which ends at {text(end)}: it "
+                    f"reaches {text(furthest)}; {limits.beyond}"
+                )
+    return texts
 
 
-def _beyond(membrane, limits, strains):
-    """A sentence for strains (cells, points) above the range `limits`, and one for those below."""
-    comm, part = membrane.blank.mesh.comm, membrane.part
-    areas = membrane.blank.areas()[part.cells]
-    whole = comm.allreduce(float(areas.sum()))
-    for end, sign in ((limits.high, 1), (limits.low, -1)):
-        if not math.isfinite(end):
-            continue
-        out = sign * (strains - end) > 1e-9
-        share = comm.allreduce(float(areas @ (out @ membrane.weights))) / whole
-        furthest = sign * comm.allreduce((sign * strains).max(initial=-math.inf), MPI.MAX)
-        if share > 0:
-            yield (
-                f"in {percent(share, 3)} of {part.name or membrane.blank.name} {limits.strain} is "
-                f"beyond {limits.source}, which ends at {_text(end, limits)}: it reaches "
-                f"{_text(furthest, limits)}; {limits.beyond}"
-            )
+def _as_angle(angle):
+    return f"{rounded(math.degrees(angle), 4)} deg"
 
 
-def _text(strain: float, limits: Range) -> str:
-    angle = limits.strain == "gamma"
-    return f"{rounded(math.degrees(strain), 4)} deg" if angle else percent(strain, 4)
+def size_warning(blank: Blank, source: str) -> str:
+    """A sentence if the sheet's size may be in another unit than mm, else ""."""
+    low, high = blank.extent()
+    if 20 <= (high - low).max() <= 10_000:  # a few yarns, more than looms weave
+        return ""
+    sides = " x ".join(rounded(side, 4) for side in high - low)
+    return f"{source} is {sides} mm; lengths are in mm (metres times 1000, inches times 25.4)"

@@ -16,8 +16,8 @@ from ..output import Value, joined, largest, last, least, on_part
 from ..term import SceneFacts, Term, Triplets
 from . import metal_cells
 from .bending import TWIST, plate_stiffness
-from .metal_cells import Shape
-from .morley import MorleyCells, Where
+from .morley import Where, morley_cells
+from .shapes import Section, Shape
 from .stencil import Stencil
 
 # from strains 11, 22, 2 12 to half the changes of C as mean and shears, see `hencky`
@@ -56,7 +56,7 @@ class SheetMetal(Term):
 
     At a height z along the cell's normal the sheet stretches as C - 2 z (kappa - kappa0) says
     (Kirchhoff and Love). C = F^T F is the cell's; kappa is its normal curvature from
-    `morley.MorleyCells`, on orthonormal axes, with the cell's present normal. So rigid motions are
+    `morley_cells`, on orthonormal axes, with the cell's present normal. So rigid motions are
     free of energy, however large. Strain is logarithmic, E = 1/2 ln C; elastic and plastic strain
     add up [1]_; stress is plane and Kirchhoff's. Within a step the energy is the incremental
     potential of `material.plasticity`. Thickness is that of the undeformed sheet, times the elastic
@@ -113,17 +113,12 @@ class SheetMetal(Term):
                 f"metal of {blank.name} is asked for in a plane or on other cells; allowed are P1, "
                 "and P2 with straight sides, in space"
             )
-        morley = MorleyCells(blank, *self._edges)
-        # how many triangles a cell has, and which of this rank's are of metal
-        self._per_cell, here = morley.per_cell, morley.of(self.part.cells)
-        morley.yarn_b = np.tile([0.0, 1.0], (morley.count, 1))  # orthonormal axes
         D = plate_stiffness(metal.E, metal.thickness) / (1 - metal.nu**2)
         plate = D * np.array([[1, metal.nu, 0], [metal.nu, 1, 0], [0, 0, 2 * (1 - metal.nu)]])
-        operator, own = (a[here] for a in morley.curvature(plate))
-        morley = morley.only(here)
-        self._stencil = Stencil(morley, TWIST[:, None] * operator, TWIST[:, None] * own)
-        self._spread = TWIST[:, None] * morley.spread
-        self._volumes = morley.area[:, None] * metal.thickness * self._weights
+        cells = morley_cells(self.part, plate, *self._edges)
+        curvature = (TWIST[:, None] * each for each in (cells.operator, cells.curved))
+        self._stencil = Stencil(cells, *curvature)
+        self._volumes = cells.area[:, None] * metal.thickness * self._weights
         undeformed = self._stencil.shape(np.zeros_like(self._stencil.displacement()))
         self._rest, shape = undeformed.curvature, self._volumes.shape
         self._elastic, self._plastic = np.zeros((*shape, 3)), np.zeros(shape)
@@ -174,11 +169,12 @@ class SheetMetal(Term):
         state, stencil, hinges = self._state(), self._stencil, self._stencil.hinges
         plane, mixed, bending = self._sections(state)
         bent, none = hinges.shape(stencil.displacement()), np.zeros_like(mixed)
-        moments = np.einsum("cke,ck->ce", self._spread, state.moments)
-        diagonal = self._spread.swapaxes(1, 2) @ bending @ self._spread * np.eye(3)
+        spread = TWIST[:, None] * stencil.cells.spread
+        moments = np.einsum("cke,ck->ce", spread, state.moments)
+        diagonal = spread.swapaxes(1, 2) @ bending @ spread * np.eye(3)
         self._linear = (
-            metal_cells.Section(state.shape, state.moments, bending, mixed),
-            metal_cells.Section(bent, moments, diagonal, none),
+            Section(state.shape, state.moments, bending, mixed),
+            Section(bent, moments, diagonal, none),
         )
         given = bent, stencil.slopes, state.forces, moments, np.stack([plane, none, diagonal])
         blocks = metal_cells.stiffness(*given, hinges.coupled.places, hinges.coupled.count)
@@ -198,7 +194,8 @@ class SheetMetal(Term):
         """Elastic strains (cells, 3 points) and equivalent plastic ones (cells, points) when last
         accepted."""
         arrays = {"elastic": self._elastic, "plastic": self._plastic}
-        return {name: self.part.rows(each, self._per_cell) for name, each in arrays.items()}
+        many = self._stencil.cells.per_cell
+        return {name: self.part.rows(each, many) for name, each in arrays.items()}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         self._elastic, self._plastic = (
@@ -251,7 +248,7 @@ class SheetMetal(Term):
 
     def _of_cells(self, values):
         """Values (triangles,) as rows of the cells (cells, per cell)."""
-        return values.reshape(-1, self._per_cell)
+        return values.reshape(-1, self._stencil.cells.per_cell)
 
     def _thickness(self, shape, elastic):
         volume = volume_change(self.metal, np.einsum("cpk,p->ck", elastic, self._weights))

@@ -1,7 +1,7 @@
 """Nodes of `MorleyCells` beyond the rank: motions in, forces and stiffness out."""
 
 import functools
-from typing import TYPE_CHECKING
+from types import ModuleType
 
 import numpy as np
 from scipy import sparse
@@ -9,9 +9,7 @@ from scipy import sparse
 from ..gathered import CoupledNodes, GatheredNodes
 from ..term import Triplets
 from .morley import MorleyCells
-
-if TYPE_CHECKING:
-    from .metal_cells import Section, Shape
+from .shapes import Section, Shape
 
 
 class Stencil:
@@ -42,15 +40,22 @@ class Stencil:
         couples = (bends[:, :, :, None] & bends[:, :, None]).any(1)
         of_cells = self.columns[:, : operator.shape[2]]
         self.coupled = CoupledNodes(self._nodes, of_cells, couples, self._dim)
-        self.slopes = np.ascontiguousarray(-cells.out2 / cells.height[:, :, None])
+        self.slopes = np.ascontiguousarray(cells.slopes)
         self._undeformed = cells.corners, self.slopes, operator, own
-        self._cells = cells
+        self.cells = cells
 
     @functools.cached_property
     def hinges(self) -> "Stencil":
         """The stencil of each edge as a hinge of the two cells at it, by itself."""
-        operator, own = self._cells.hinges()
-        return Stencil(self._cells, operator, own * self._undeformed[3].any(), apart=True)
+        own = self.cells.hinged * self._undeformed[3].any()
+        return Stencil(self.cells, self.cells.hinges, own, apart=True)
+
+    @functools.cached_property
+    def loops(self) -> ModuleType:
+        """`metal_cells`, which imports numba: a sheet in a plane does without."""
+        from . import metal_cells
+
+        return metal_cells
 
     def displacement(self) -> np.ndarray:
         """Motion of nodes and mirror images along the frame's axes, (count, gdim) [mm]."""
@@ -76,24 +81,17 @@ class Stencil:
         forces[at] = np.einsum("nij,ni->nj", self._mirrors[self._codes[at]], forces[at])
         self._gathered.add(forces, f)
 
-    def shape(self, U: np.ndarray) -> "Shape":
+    def shape(self, U: np.ndarray) -> Shape:
         """The shape of the cells at the `displacement` U (count, 3)."""
-        from . import metal_cells  # imports numba, which a strip does without
+        return self.loops.shape(*self._undeformed, U, self.columns)
 
-        return metal_cells.shape(*self._undeformed, U, self.columns)
-
-    def add_difference(
-        self, one: "Section", other: "Section", v: np.ndarray, f: np.ndarray
-    ) -> None:
+    def add_difference(self, one: Section, other: Section, v: np.ndarray, f: np.ndarray) -> None:
         """Add to f (owned dofs,) what `metal_cells.add_bending_along` gives along v (owned dofs,)
         for one section, less that for another."""
-        from . import metal_cells
-
         motion, forces = self.values(v), np.zeros((self.count, 3))
         for section, factor in ((one, 1.0), (other, -1.0)):
-            metal_cells.add_bending_along(
-                section, self.slopes, self.columns, motion, factor, forces
-            )
+            along = motion, factor, forces
+            self.loops.add_bending_along(section, self.slopes, self.columns, *along)
         self.add_forces(forces, f)
 
     def triplets(self, blocks: np.ndarray) -> Triplets:

@@ -6,22 +6,17 @@ from scipy.optimize import brentq
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.material.homogeneous import nominal
+from fabric_fenicsx.mechanics.contact.force_balance import Resistance, find_balance
 from fabric_fenicsx.mechanics.contact.pressing import press, with_secant_stiffness
-from fabric_fenicsx.mechanics.contact.pressure_law import (
-    ByPlace,
-    Compacted,
-    Grown,
-    InSeries,
-    Rigid,
-    between_faces,
-    face_of,
-)
-from fabric_fenicsx.mechanics.contact.tool_contact import Resistance, find_balance
+from fabric_fenicsx.mechanics.contact.pressure_law import FaceLaw, between_faces, face_of
 
-FACE, SOFT = Rigid(1000.0, 1e-3), Compacted(0.2, 16.0, 1e-3)
-BOTH = InSeries(SOFT, Compacted(0.1, 8.0, 2e-3))
-LAWS = FACE, SOFT, BOTH, ByPlace([FACE, SOFT], np.array([0, 1, 1, 0]))
-LAWS += (Grown(SOFT, np.array([1.0, 1.3, 0.8, 1.1])),)
+FACE, SOFT, THIN = (
+    FaceLaw(1000.0, 1e-3),
+    FaceLaw.compacted(0.2, 16.0, 1e-3),
+    FaceLaw.compacted(0.1, 8.0, 2e-3),
+)
+BOTH, OF_POINTS = between_faces(SOFT, THIN), FaceLaw.of_points([FACE, SOFT], np.arange(4) % 2)
+LAWS = FACE, SOFT, BOTH, OF_POINTS, SOFT.grown(np.array([1.0, 1.3, 0.8, 1.1]))
 AREAS = np.array([1.0, 2.0, 3.0, 4.0])
 UP = np.tile([0.0, 0.0, 1.0], (4, 1))
 FLAT = np.zeros((4, 3, 3))
@@ -82,33 +77,33 @@ FABRIC = ff.load("komeili")
 def test_faces_of_two_fabrics_share_the_pressure():
     e = np.array([0.0, 1e-4, 1e-3, 0.03, 0.1])
     p = BOTH(e)[1]
-    assert BOTH.first.depth(p) + BOTH.second.depth(p) == pytest.approx(e, rel=1e-9, abs=1e-15)
+    assert SOFT.depth(p) + THIN.depth(p) == pytest.approx(e, rel=1e-9, abs=1e-15)
     assert between_faces(SOFT, SOFT)(2 * e)[1] == pytest.approx(SOFT(e)[1])
 
 
 def test_compaction_is_straight_from_10_mpa_on():
     """Before it is p_0 (e^y - 1 - y) at the depth L (1 - e^(-y / n)), also of a grown face."""
-    L, n, p_0 = SOFT
+    L, n, p_0 = 0.2, 16.0, 1e-3
     y = brentq(lambda y: p_0 * (np.exp(y) - 1 - y) - 10.0, 1, 20)
     hard, slope = L * (1 - np.exp(-y / n)), p_0 * n / L * np.exp(y / n) * (np.exp(y) - 1)
     below = L * (1 - np.exp(-(y - 0.01) / n))
     places = np.array([below, hard + 1e-3])
     right = [p_0 * (np.exp(y - 0.01) - 1 - y + 0.01), 10.0 + 1e-3 * slope]
     assert SOFT(places)[1] == pytest.approx(right, rel=1e-9)
-    grown = Grown(SOFT, np.array([2.0, 2.0]))
+    grown = SOFT.grown(np.array([2.0, 2.0]))
     assert grown(2 * places)[1] == pytest.approx(right, rel=1e-9)
-    assert face_of(FABRIC, 10.0).length == pytest.approx(1.07427 / 2, rel=1e-5)
+    assert face_of(FABRIC, 10.0).law.length == pytest.approx(1.07427 / 2, rel=1e-5)
 
 
 def test_rigid_faces():
     """Metal yields nothing to a fabric; nor does a fabric that keeps its thickness."""
-    metal, rigid = face_of(ff.load_metal("dc04"), 10.0), FABRIC.replace(compaction=None)
+    metal, rigid = face_of(ff.load_metal("dc04"), 10.0).law, FABRIC.replace(compaction=None)
     assert between_faces(metal, SOFT) == between_faces(SOFT, metal) == SOFT
     stiffer = metal._replace(penalty=2 * metal.penalty)
     assert between_faces(stiffer, metal) == metal
     assert rigid.thickness_under(0.0) == rigid.thickness_under(5.0) == FABRIC.thickness
-    assert isinstance(face_of(rigid, 10.0), Rigid)
-    assert face_of(FABRIC, 10.0, penalty=700.0).penalty == 700.0
+    assert face_of(rigid, 10.0).law.is_rigid and not face_of(FABRIC, 10.0).law.is_rigid
+    assert face_of(FABRIC, 10.0, penalty=700.0).law.penalty == 700.0
 
 
 @pytest.mark.parametrize("radius, counted", [(8.0, 8.0), (np.inf, 5.0)])
@@ -120,6 +115,6 @@ def test_default_penalty(radius, counted):
     fabric = FABRIC.replace(compaction=None, thickness=0.5)
     pulls = 2 * 500.0 * 0.0405**0.2, nominal(FABRIC, np.array([[0.02, 0.02, 0.0]]))[0].sum() / 1.02
     for material, pull in zip((metal, fabric), pulls):
-        law = face_of(material, radius)
+        law = face_of(material, radius).law
         assert law.penalty == pytest.approx(pull / counted / 0.0125, rel=1e-6)
         assert law.smoothing == pytest.approx(0.3 * 0.0125 * 0.5)

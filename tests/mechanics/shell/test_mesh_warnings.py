@@ -14,8 +14,8 @@ from fabric_fenicsx.mechanics.shell.membrane_warnings import (
     alternating_energy,
     band_warning,
     locking_warning,
+    size_warning,
 )
-from fabric_fenicsx.mechanics.shell.mesh_warnings import size_warning
 from fabric_fenicsx.meshes.specimen import specimen
 
 COMM = MPI.COMM_WORLD
