@@ -18,7 +18,9 @@ with suppress(ModuleNotFoundError):
     import_module("dolfinx_solver")
 
 if TYPE_CHECKING:
-    from .coupons.coupon import BiasExtension, PictureFrame, Tensile
+    from .coupons.bias_extension import BiasExtension
+    from .coupons.picture_frame import PictureFrame
+    from .coupons.tensile import Tensile
     from .forming.holders import (
         ForceHolder,
         GapHolder,
@@ -29,7 +31,6 @@ if TYPE_CHECKING:
     )
     from .forming.interface import Interface
     from .forming.press import Press
-    from .forming.sheet import Sheet
     from .forming.site import HolderSite
     from .forming.stages import Stage
     from .forming.tools import DieOf, PressTool
@@ -62,6 +63,7 @@ if TYPE_CHECKING:
     from .scene.scene import Scene
     from .scene.supports import Support, clamped_ends, frame, rolling_ends
     from .sheets.blank import Blank
+    from .sheets.sheet import Sheet
     from .sheets.stack import Stack
     from .solve.limits import Limits
     from .tools.double_dome import DoubleDome

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from fabric_fenicsx.coupons.coupon import BiasExtension
+from fabric_fenicsx.coupons.bias_extension import BiasExtension
 from fabric_fenicsx.coupons.simulated import simulated_bias
 from fabric_fenicsx.identification import identify_simulated
 from fabric_fenicsx.identification.curves import Curve, Sheet, bias_displacement

@@ -5,7 +5,9 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
-from ..coupons.coupon import BiasExtension, PictureFrame, Tensile
+from ..coupons.bias_extension import BiasExtension
+from ..coupons.picture_frame import PictureFrame
+from ..coupons.tensile import Tensile
 from ..forming.press import Press
 from ..forming.stages import Stage
 from ..material.presets import load

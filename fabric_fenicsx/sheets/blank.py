@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Self, Unpack
+from typing import Any, Self
 
 import numpy as np
 from dolfinx.mesh import Mesh
@@ -13,12 +12,11 @@ from mpi4py import MPI
 from numpy.typing import ArrayLike
 
 from .. import dolfinx_compat as compat
-from ..meshes.specimen import specimen
 from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
-from ..runtime.rules import COUNT, POSITIVE
+from ..runtime.rules import POSITIVE
 from .cells import CELLS
-from .layout import Layout, axes_of, blank_options, moved_sheet, yarns_at
+from .flat import FlatSheet, Outline, Rectangle, moved_sheet
 from .mesh_checks import MeshArrays, checked_mesh
 from .mesh_files import read_mesh
 from .part import Part
@@ -109,22 +107,25 @@ class Blank(SheetMesh):
         """Name `patches` {name: function of the cells' centres (3, n) [mm] to a mask (n,)} as
         `parts`, and `rest` what none of them marks. Raises InputError for a patch without cells,
         for a cell in two, and for a blank that has parts."""
-        if self.parts:
-            known = ", ".join(self.parts)
-            raise InputError(f"{self.name} has parts {known} already: it is divided only once")
         middles = self.mesh.geometry.x[compat.geometry_dofmap(self.mesh)].mean(1).T
         masks = {name: np.asarray(where(middles), bool) for name, where in patches.items()}
         count = np.sum(list(masks.values()), axis=0)
-        if self.mesh.comm.allreduce(int((count > 1).sum())):
-            raise InputError(f"patches of {self.name} overlap; allowed is one for each cell")
-        masks |= {rest: count == 0}
+        cells = self.mesh.comm.allreduce(np.array([m.sum() for m in masks.values()]))
+        empty = [name for name, size in zip(masks, cells) if not size]
+        flaw = ""
+        if self.parts:
+            flaw = f"{self.name} has parts {', '.join(self.parts)} already; allowed is one division"
+        elif self.mesh.comm.allreduce(int((count > 1).sum())):
+            flaw = f"patches of {self.name} overlap; allowed is one for each cell"
+        elif empty:
+            flaw = f"patch {empty[0]} of {self.name} has no cells; allowed are one or more"
+        if flaw:
+            raise InputError(flaw)
+        if self.mesh.comm.allreduce(int((count == 0).sum())):
+            masks |= {rest: count == 0}
         for name, mask in masks.items():
-            if self.mesh.comm.allreduce(int(mask.sum())):
-                at = np.flatnonzero(mask)
-                self.parts[name] = Part(self, name, at, orthogonal=self.orthogonal)
-            elif name != rest:
-                patch = f"patch {name} of {self.name}"
-                raise InputError(f"{patch} has no cells; allowed are one or more")
+            at = np.flatnonzero(mask)
+            self.parts[name] = Part(self, name, at, orthogonal=self.orthogonal)
 
     @classmethod
     def from_arrays(
@@ -176,6 +177,15 @@ class Blank(SheetMesh):
         return blank
 
     @classmethod
+    def of_flat(
+        cls, flat: FlatSheet, spatial: bool = False, comm: MPI.Comm = MPI.COMM_WORLD
+    ) -> Self:
+        """Blank of a flat sheet, whose numbers were checked before."""
+        blank = cls._made(comm, flat.arrays, flat.source, spatial, flat.options())
+        blank.from_file = isinstance(flat, Outline)
+        return blank
+
+    @classmethod
     def rectangle(
         cls,
         length: float,
@@ -186,7 +196,7 @@ class Blank(SheetMesh):
         pattern: str = "crossed",
         spatial: bool = False,
         comm: MPI.Comm = MPI.COMM_WORLD,
-        **layout: Unpack[Layout],
+        **layout: Any,
     ) -> Self:
         """Rectangle in the plane z = 0.
 
@@ -200,38 +210,24 @@ class Blank(SheetMesh):
             How they become cells, one of `meshes.specimen.PATTERNS`.
         spatial : bool
             True: free to leave its plane.
+        turned : float
+            From x to the length [rad]; the blank's frame is then its length and width.
+        centred : bool
+            True: the middle is the origin, otherwise a corner; one for each side if two are given.
         element : {"P1", "P2", "P3", "Q1", "Q2"}
             By default P1 or P2, see `degree` of `Blank`.
         fibre_angle, yarn_angle : float
             From the length to yarns a (0), a `Field`, too, and from there to yarns b (90) [deg].
             Cells along the yarns follow those in the middle.
-        turned : float
-            From x to the length [rad]; the blank's frame is then its length and width.
-        centred : bool
-            True: the middle is the origin, otherwise a corner; one for each side if two are given.
 
         Raises
         ------
         InputError
             For values that are not allowed or do not fit together.
         """
-        options = blank_options(layout)
-        length, width = POSITIVE.check("`length`", length), POSITIVE.check("`width`", width)
-        nx = COUNT.check("`nx`", nx)
-        ny = max(1, round(nx * width / length)) if ny is None else COUNT.check("`ny`", ny)
-        cell = "quadrilateral" if (layout.get("element") or "P")[0] == "Q" else "triangle"
-        centred = np.broadcast_to(layout.get("centred", False), 2)
-        middle = np.where(centred, 0.0, [length / 2, width / 2]) @ axes_of(layout.get("turned", 0))
-
-        def made():
-            yarns = yarns_at(layout, middle)
-            points, cells, kind = specimen(length, width, nx, ny, pattern, cell, *yarns)
-            if layout.get("centred"):
-                points[:, :2] -= np.array([length, width]) / 2 * np.asarray(layout["centred"])
-            points[:, :2] = points[:, :2] @ axes_of(layout.get("turned", 0.0))
-            return MeshArrays(points, cells, kind, [])
-
-        return cls._made(comm, made, "the specimen", spatial, options)
+        sides = POSITIVE.check("`length`", length), POSITIVE.check("`width`", width)
+        flat = Rectangle.checked({"sides": sides}, nx=nx, ny=ny, pattern=pattern, **layout)
+        return cls.of_flat(flat, spatial, comm)
 
     @classmethod
     def outline(
@@ -244,7 +240,7 @@ class Blank(SheetMesh):
         layer: str | None = None,
         spatial: bool = False,
         comm: MPI.Comm = MPI.COMM_WORLD,
-        **layout: Unpack[Layout],
+        **layout: Any,
     ) -> Self:
         """Sheet in the plane z = 0 within an outline with holes, of triangles.
 
@@ -259,10 +255,13 @@ class Blank(SheetMesh):
             `spatial`.
         layer : str
             Of a DXF, or several with commas between them.
-        spatial, **layout
-            As in `rectangle`; the sheet lies as in the file, unless `centred`. planes: axes, 0 or
-            1, to which planes of symmetry through the origin are perpendicular: of an outline on
-            both sides of one the positive side is meshed.
+        centred : bool
+            True: the middle of its extent is the origin; otherwise it lies as in the file.
+        planes : sequence of int
+            Axes, 0 or 1, to which planes of symmetry through the origin are perpendicular: of an
+            outline on both sides of one the positive side is meshed.
+        spatial, turned, element, fibre_angle, yarn_angle
+            As in `rectangle`.
 
         Raises
         ------
@@ -271,42 +270,11 @@ class Blank(SheetMesh):
             that a plane of symmetry does not mirror, and values that are not allowed. What was left
             out stands in `warnings`.
         """
-        from ..meshes.outline import outline_mesh
-        from ..meshes.outline_files import read_outline
-        from ..meshes.rings import centred, mirrored_half, sheet_of
-
-        options, nx = blank_options(layout), COUNT.check("`nx`", nx)
-        if (element := layout.get("element") or "P")[0] != "P":
-            raise InputError(f"`element` is {element}; allowed for an outline are triangles (P)")
         pattern = pattern or ("along" if spatial else "unstructured")
-        given: Any = outline
-        is_file = isinstance(outline, (str, os.PathLike))
-        source = f"outline {outline}" if is_file else "the outline"
-
-        def made():
-            if is_file:
-                sheet, notes = read_outline(given, layer)
-            else:
-                sheet, notes = sheet_of([np.asarray(ring, float) for ring in given], source), []
-            if layout.get("centred"):
-                sheet = centred(sheet)
-            for axis in layout.get("planes", ()):
-                sheet = mirrored_half(sheet, axis, source)
-            low, high = np.reshape(sheet.bounds, (2, 2))
-            angle, between = yarns_at(layout, sheet.centroid.coords[0])
-            angle += layout.get("turned", 0.0)
-            edge = (high - low)[0] / nx if size is None else size
-            try:
-                points, cells, kind, left_out = outline_mesh(
-                    sheet, edge, pattern, (angle, angle + between)
-                )
-            except InputError as error:
-                raise InputError("; ".join([str(error), *notes])) from None
-            return MeshArrays(points, cells, kind, notes + left_out)
-
-        blank = cls._made(comm, made, source, spatial, options)
-        blank.from_file = True
-        return blank
+        shape = {"outline": outline, "size": size, "layer": layer}
+        shape["planes"] = layout.pop("planes", ())
+        flat = Outline.checked(shape, nx=nx, pattern=pattern, **layout)
+        return cls.of_flat(flat, spatial, comm)
 
     @classmethod
     def read(

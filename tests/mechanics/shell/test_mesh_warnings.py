@@ -15,8 +15,8 @@ from fabric_fenicsx.mechanics.shell.membrane_warnings import (
     band_warning,
     locking_warning,
 )
-from fabric_fenicsx.mechanics.shell.mesh_warnings import size_warning
 from fabric_fenicsx.meshes.specimen import specimen
+from fabric_fenicsx.sheets.meshing import size_warning
 
 COMM = MPI.COMM_WORLD
 KOMEILI = ff.load("komeili")
