@@ -25,12 +25,9 @@ class CouponSetup(Setup):
 
     def __init__(self, data: Any, comm: MPI.Comm | None = None) -> None:
         self.comm = comm or MPI.COMM_WORLD
-        self.data, self.blank, self.warnings = mesh_sheet(
-            data,
-            self.comm,
-            data.defaults(data.FULL["nx"]),
-            turned=math.radians(getattr(data, "turned", 0.0)),
-        )
+        sheet = data.filled(**data.defaults(data.FULL["nx"]))
+        turned = math.radians(getattr(data, "turned", 0.0))
+        self.data, self.blank, self.warnings = mesh_sheet(sheet, self.comm, turned=turned)
         self.low, self.high = self.blank.extent()  # corners (2,) [mm]
         weave = data.weave_angle and math.radians(data.weave_angle)
         self.membrane = Membrane(

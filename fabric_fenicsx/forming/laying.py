@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from mpi4py import MPI
@@ -111,7 +111,7 @@ def _as_thick(sheet, blank):
     comm, x = blank.mesh.comm, np.vstack([blank.coordinates(), blank.centres()])
     largest = on_all(comm, lambda: float(sheet.thickness.at(x).max(initial=0.0)))
     largest = comm.allreduce(largest, MPI.MAX)
-    return replace(sheet, fabric=sheet.fabric.replace(thickness=largest))
+    return sheet.filled(fabric=sheet.fabric.replace(thickness=largest))
 
 
 def _first_fabric(sheets):
@@ -131,7 +131,7 @@ def _meshed(sheets, planes, comm, rigid):
         values["metal" if sheet.metal else "fabric"] = sheet.material(rigid)
         free = [axis not in planes for axis in (0, 1)]
         place: Values = {"centred": sheet.centred if sheet.sheet_file else free, "height": 0.0}
-        return mesh_sheet(sheet, comm, values, spatial=True, planes=planes, **place)
+        return mesh_sheet(sheet.filled(**values), comm, spatial=True, planes=planes, **place)
 
     made = [mesh(number, nx=24) for number in range(len(sheets))]
     quadratic = any(blank.degree == 2 for _, blank, _ in made)
@@ -180,7 +180,7 @@ def _mirror_doubt(sheet, blank, planes):
         where, x = f"yarns at {angle:g} and {angle + sheet.yarn_angle:g} deg", np.zeros((1, 3))
 
     def yarns(x):
-        a = angle.at(x) if isinstance(angle, Field) else np.full(len(x), angle)
+        a = sheet.fibre_angles(x)
         return np.stack([a, a + sheet.yarn_angle])
 
     one, two, sheared = np.array([[0.01, 0.02], [0.02, 0.01], [0.1, 0.1]])

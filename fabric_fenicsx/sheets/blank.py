@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
@@ -14,12 +15,13 @@ from numpy.typing import ArrayLike
 from .. import dolfinx_compat as compat
 from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
-from ..runtime.rules import POSITIVE
+from ..runtime.rules import FINITE, POSITIVE
+from . import flat
 from .cells import CELLS
-from .flat import FlatSheet, Outline, Rectangle, moved_sheet
 from .mesh_checks import MeshArrays, checked_mesh
 from .mesh_files import read_mesh
 from .part import Part
+from .sheet import Layout
 from .sheet_mesh import Direction, SheetMesh
 
 
@@ -151,38 +153,36 @@ class Blank(SheetMesh):
         def given():
             return MeshArrays(np.asarray(points, float), np.asarray(cells), str(kind), [])
 
-        return cls._made(comm, given, source, spatial, options)
+        return cls.made(comm, given, source, spatial, options)
 
     @classmethod
-    def _made(cls, comm, make, source, spatial, options, moved=None):
+    def made(
+        cls,
+        comm: MPI.Comm,
+        make: Callable[[], MeshArrays],
+        source: str,
+        spatial: bool,
+        options: Mapping[str, Any],
+        moved: Callable[[np.ndarray], tuple[np.ndarray, list[str]]] | None = None,
+    ) -> Self:
         """Blank of what `make` returns on rank 0, checked and `moved`, a function of points to
-        points and warnings."""
-
-        mine = None
+        points and warnings; others as in `from_arrays`."""
+        local: MeshArrays | None = None
 
         def checked():
-            nonlocal mine
+            nonlocal local
             raw = make()
             mesh = checked_mesh(raw.points, raw.cells, raw.kind, source, spatial)
             points, notes = moved(mesh.points) if moved else (mesh.points, [])
-            mine = mesh._replace(points=points, warnings=[*raw.warnings, *mesh.warnings, *notes])
-            return mine._replace(points=mesh.points[:0], cells=mesh.cells[:0])  # of other ranks
+            local = mesh._replace(points=points, warnings=[*raw.warnings, *mesh.warnings, *notes])
+            return local._replace(points=mesh.points[:0], cells=mesh.cells[:0])  # of other ranks
 
         empty = on_root(comm, checked)
-        points, nodes, kind, warnings = mine or empty
+        points, nodes, kind, warnings = local or empty
         how = CELLS[kind]
         nodes = nodes[:, compat.to_dolfinx_order(how.cell, nodes.shape[1])]
         blank = cls(compat.create_mesh(comm, nodes, points, how.cell, how.degree), **options)
         blank.warnings = warnings
-        return blank
-
-    @classmethod
-    def of_flat(
-        cls, flat: FlatSheet, spatial: bool = False, comm: MPI.Comm = MPI.COMM_WORLD
-    ) -> Self:
-        """Blank of a flat sheet, whose numbers were checked before."""
-        blank = cls._made(comm, flat.arrays, flat.source, spatial, flat.options())
-        blank.from_file = isinstance(flat, Outline)
         return blank
 
     @classmethod
@@ -226,8 +226,11 @@ class Blank(SheetMesh):
             For values that are not allowed or do not fit together.
         """
         sides = POSITIVE.check("`length`", length), POSITIVE.check("`width`", width)
-        flat = Rectangle.checked({"sides": sides}, nx=nx, ny=ny, pattern=pattern, **layout)
-        return cls.of_flat(flat, spatial, comm)
+        turned = FINITE.check("`turned`", layout.pop("turned", 0.0))
+        centred = layout.pop("centred", False)
+        sheet = Layout(nx=nx, ny=ny, pattern=pattern, **layout)
+        make = partial(flat.rectangle, sheet, sides, turned, centred)
+        return cls.made(comm, make, "the specimen", spatial, sheet.options(turned))
 
     @classmethod
     def outline(
@@ -271,10 +274,13 @@ class Blank(SheetMesh):
             out stands in `warnings`.
         """
         pattern = pattern or ("along" if spatial else "unstructured")
-        shape = {"outline": outline, "size": size, "layer": layer}
-        shape["planes"] = layout.pop("planes", ())
-        flat = Outline.checked(shape, nx=nx, pattern=pattern, **layout)
-        return cls.of_flat(flat, spatial, comm)
+        turned = FINITE.check("`turned`", layout.pop("turned", 0.0))
+        place = turned, layout.pop("centred", False), layout.pop("planes", ())
+        sheet, source = Layout(nx=nx, pattern=pattern, **layout), flat.outline_source(outline)
+        make = partial(flat.outline, sheet, outline, (size, layer), *place)
+        blank = cls.made(comm, make, source, spatial, sheet.options(turned))
+        blank.from_file = True
+        return blank
 
     @classmethod
     def read(
@@ -296,9 +302,7 @@ class Blank(SheetMesh):
         or unknown cells, and for a sheet that is not flat and has a `height`.
         """
 
-        def moved(points):
-            return moved_sheet(points, str(path), centred, height)
-
-        blank = cls._made(comm, lambda: read_mesh(path), str(path), spatial, options, moved)
+        moved = partial(flat.moved_sheet, source=str(path), centred=centred, height=height)
+        blank = cls.made(comm, partial(read_mesh, path), str(path), spatial, options, moved)
         blank.from_file = True
         return blank

@@ -1,7 +1,7 @@
 """A sheet's fields made into a blank: a rectangle, an own mesh or an outline."""
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -11,9 +11,9 @@ from ..runtime import timing
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from ..runtime.status import task
+from . import flat
 from .blank import Blank
-from .flat import FlatSheet, Outline, Rectangle
-from .sheet import Layout, SheetFields, Values
+from .sheet import SheetFields, Values
 
 SIZE_TOLERANCE = 1e-3  # of a length, by which an own mesh may differ from what is asked for
 Kind = TypeVar("Kind", bound=SheetFields)
@@ -22,7 +22,6 @@ Kind = TypeVar("Kind", bound=SheetFields)
 def mesh_sheet(
     sheet: Kind,
     comm: MPI.Comm,
-    values: Values,
     *,
     spatial: bool = False,
     turned: float = 0.0,
@@ -32,25 +31,26 @@ def mesh_sheet(
 ) -> tuple[Kind, Blank, list[str]]:
     """The sheet with the values that its mesh has, its blank, and doubts.
 
-    values: of fields, in place of the sheet's, as its `defaults`; spatial: free to leave its plane;
-    turned, centred, planes: as in `Blank.outline`; height: as in `Blank.read`. Raises InputError as
-    `Blank` does, and for fields that do not fit the mesh.
+    sheet: with its `defaults`; spatial: free to leave its plane; turned, centred, planes: as in
+    `Blank.outline`; height: as in `Blank.read`. Raises InputError as `Blank` does, and for fields
+    that do not fit the mesh.
     """
-    given = {each.name: getattr(sheet, each.name) for each in fields(sheet)} | values
-    place: Values = {each.name: given[each.name] for each in fields(Layout)}
-    place |= {"turned": turned, "centred": centred}
-    sides = [*sheet.SIDES][0], [*sheet.SIDES][-1]
-    source = sheet.sheet_file or "the specimen"
+    names, source = [*sheet.SIDES], sheet.sheet_file or "the specimen"
+    sides = names[0], names[-1]
     with timing.phase("setup"), task("meshing the sheet"):
+        options = sheet.options(turned)
         if sheet.mesh:
-            options: Values = {**FlatSheet(**place).options(), "centred": centred, "height": height}
+            options |= {"centred": centred, "height": height}
             blank = Blank.read(sheet.mesh, spatial=spatial, comm=comm, **options)
         elif sheet.outline:
-            cells: Values = {"size": sheet.size, "layer": sheet.layer, "planes": planes}
-            blank = Blank.of_flat(Outline(outline=sheet.outline, **cells, **place), spatial, comm)
+            rim, cells = sheet.outline, (sheet.size, sheet.layer)
+            make = partial(flat.outline, sheet, rim, cells, turned, bool(centred), planes)
+            blank = Blank.made(comm, make, flat.outline_source(rim), spatial, options)
+            blank.from_file = True
         else:
-            modelled = modelled_share(planes) * [given[side] for side in sides]
-            blank = Blank.of_flat(Rectangle(sides=modelled.tolist(), **place), spatial, comm)
+            modelled = modelled_share(planes) * [getattr(sheet, name) for name in sides]
+            make = partial(flat.rectangle, sheet, modelled, turned, centred)
+            blank = Blank.made(comm, make, source, spatial, options)
     if blank.mesh.geometry.dim == 3 and not spatial:
         raise InputError(
             f"{source} is not plane in z; allowed in this study is a sheet in a plane z = const"
@@ -62,16 +62,16 @@ def mesh_sheet(
             "allowed is P on triangles, Q on quadrilaterals"
         )
     doubts = [*blank.warnings, size_warning(blank, source)]
-    final: Values = {**values, "element": f"{kind}{blank.degree}", "integration": sheet.integration}
-    if not sheet.integration:
-        quadratic = blank.degree == 2 and blank.triangulated
-        follow = quadratic and (given["pattern"] == "yarns" or blank.whole.follows_yarns())
-        final["integration"] = sheet.points_of_p2(follow) if quadratic else "full"
+    integration = sheet.integration or "full"
+    if not sheet.integration and blank.degree == 2 and blank.triangulated:
+        follow = sheet.pattern == "yarns" or blank.whole.follows_yarns()
+        integration = sheet.points_of_p2(follow)
+    values: Values = {"element": f"{kind}{blank.degree}", "integration": integration}
     if sheet.sheet_file:
         doubts.append(_idle_warning(sheet))
-        final |= _own_sizes(sheet, sides, blank, planes)
-        final |= dict.fromkeys(("nx", "ny", "pattern") if sheet.mesh else ("ny",))
-    return replace(sheet, **final), blank, [*filter(None, doubts)]
+        values |= _own_sizes(sheet, sides, blank, planes)
+        values |= dict.fromkeys(("nx", "ny", "pattern") if sheet.mesh else ("ny",))
+    return sheet.filled(**values), blank, [*filter(None, doubts)]
 
 
 def modelled_share(planes: Sequence[int]) -> np.ndarray:

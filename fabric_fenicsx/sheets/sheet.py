@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import Any, ClassVar, Self
@@ -20,6 +21,12 @@ from ..runtime.rules import BELOW_180, COUNT, FINITE, FROM_ZERO, POSITIVE, Rule
 
 Values = dict[str, Any]  # of fields, by their names
 FULL_TURN = Rule("an angle from -360 to 360 deg", lambda v: abs(v) <= 360)
+
+
+def axes_of(turned: float) -> np.ndarray:
+    """Directions of length and width of a sheet `turned` from x [rad], as rows (2, 2)."""
+    c, s = math.cos(turned), math.sin(turned)
+    return np.array([[c, s], [-s, c]])
 
 
 def declared_again(kind: type, name: str, **changes: object) -> Any:
@@ -53,6 +60,32 @@ class Layout(KnowsItsFields):
     yarn_angle: float = number(
         90.0, BELOW_180, "from yarns a to yarns b in the flat sheet [deg]", "weave"
     )
+
+    def fibre_angles(self, places: np.ndarray) -> np.ndarray:
+        """`fibre_angle` (n,) [deg] at places (n, 3) [mm]."""
+        angle = self.fibre_angle
+        return angle.at(places) if isinstance(angle, Field) else np.full(len(places), angle)
+
+    def options(self, turned: float = 0.0) -> Values:
+        """Directions of yarns, degree and frame of a `Blank` whose length is `turned` from x
+        [rad]."""
+
+        def direction(more):
+            if isinstance(self.fibre_angle, Field):
+                return lambda x: np.radians(self.fibre_angles(x.T)) + more
+            return math.radians(self.fibre_angle) + more
+
+        degree = int(self.element[1]) if self.element else None
+        options: Values = {"a": direction(turned), "degree": degree}
+        if self.yarn_angle != 90:
+            options["b"] = direction(turned + math.radians(self.yarn_angle))
+        return options | ({"frame": axes_of(turned)} if turned else {})
+
+    def filled(self, **values: Any) -> Self:
+        """The same with values that the program made, which are not checked again."""
+        new = copy(self)
+        vars(new).update(values)
+        return new
 
 
 @dataclass(frozen=True, kw_only=True)
