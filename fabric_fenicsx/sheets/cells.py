@@ -1,6 +1,5 @@
 """Kinds of cells, and checks of their shape: area everywhere."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -9,14 +8,12 @@ from ..runtime.errors import InputError
 
 
 class CellKind(NamedTuple):
-    """A kind of cell: what DOLFINx calls it, its geometric degree, places (k, 2) of its nodes in
-    the reference cell, in gmsh's order with the corners first, and the straight cells, by nodes,
-    that it is cut into to look for neighbours."""
+    """A kind of cell: what DOLFINx calls it, its geometric degree, and places (k, 2) of its nodes
+    in the reference cell, in gmsh's order with the corners first."""
 
     cell: str
     degree: int
     nodes: np.ndarray
-    parts: Sequence[Sequence[int]]
 
     @property
     def corners(self) -> int:
@@ -27,22 +24,14 @@ class CellKind(NamedTuple):
 _TRIANGLE = [(0, 0), (1, 0), (0, 1), (0.5, 0), (0.5, 0.5), (0, 0.5)]
 _QUAD = [(0, 0), (1, 0), (1, 1), (0, 1), (0.5, 0), (1, 0.5), (0.5, 1), (0, 0.5), (0.5, 0.5)]
 CELLS = {
-    "triangle": CellKind("triangle", 1, np.array(_TRIANGLE[:3], float), [(0, 1, 2)]),
-    "triangle6": CellKind(
-        "triangle", 2, np.array(_TRIANGLE), [(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)]
-    ),
-    "quad": CellKind("quadrilateral", 1, np.array(_QUAD[:4], float), [(0, 1, 2, 3)]),
-    "quad9": CellKind(
-        "quadrilateral",
-        2,
-        np.array(_QUAD),
-        [(0, 4, 8, 7), (4, 1, 5, 8), (8, 5, 2, 6), (7, 8, 6, 3)],
-    ),
+    "triangle": CellKind("triangle", 1, np.array(_TRIANGLE[:3], float)),
+    "triangle6": CellKind("triangle", 2, np.array(_TRIANGLE)),
+    "quad": CellKind("quadrilateral", 1, np.array(_QUAD[:4], float)),
+    "quad9": CellKind("quadrilateral", 2, np.array(_QUAD)),
 }
 # corners and degree of cells of which DOLFINx would have more than the checks can judge
-HIGHER = {
-    **{f"triangle{(p + 1) * (p + 2) // 2}": (3, p) for p in range(3, 11)},
-    **{f"quad{(p + 1) ** 2}": (4, p) for p in range(3, 11)},
+HIGHER = {f"triangle{(p + 1) * (p + 2) // 2}": (3, p) for p in range(3, 11)} | {
+    f"quad{(p + 1) ** 2}": (4, p) for p in range(3, 11)
 }
 STRAIGHT_TOLERANCE = 1e-6  # distance of nodes from an edge or a plane, over the edge's length
 AREA_TOLERANCE = 1e-16  # squared area over the longest edge's fourth power: no area below it

@@ -25,6 +25,8 @@ def rectangle(
 ) -> MeshArrays:
     """A rectangle of these sides [mm], `turned` from x [rad], with a corner or, `centred`, its
     middle at the origin. Cells along the yarns follow those in the middle."""
+    if layout.pattern == "along":
+        _check_triangles(layout, "cells along the yarns")
     (length, width), middle = sides, np.array(sides) / 2
     ny = layout.ny or max(1, round(layout.nx * width / length))
     cell = "quadrilateral" if (layout.element or "P")[0] == "Q" else "triangle"
@@ -46,8 +48,7 @@ def outline(
     """The inside of a `rim`, as in `Blank.outline`; cells: their size [mm], and the layer of a DXF.
     Warnings say what was left out."""
     size, layer = cells
-    if (layout.element or "P")[0] != "P":
-        raise InputError(f"`element` is {layout.element}; allowed for an outline are triangles (P)")
+    _check_triangles(layout, "an outline")
     source, notes = outline_source(rim), list[str]()
     if isinstance(rim, str | os.PathLike):
         sheet, notes = read_outline(rim, layer)
@@ -71,6 +72,11 @@ def outline(
 def outline_source(rim: Path | str | Sequence[ArrayLike]) -> str:
     """What messages call an outline."""
     return f"outline {rim}" if isinstance(rim, str | os.PathLike) else "the outline"
+
+
+def _check_triangles(layout, what):
+    if (layout.element or "P")[0] != "P":
+        raise InputError(f"`element` is {layout.element}; allowed for {what} are triangles (P)")
 
 
 def _yarns(layout, place):

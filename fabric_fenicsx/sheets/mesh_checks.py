@@ -1,6 +1,6 @@
 """Checks of a mesh, without which its results mean nothing: of plain arrays, in NumPy and SciPy."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -20,7 +20,7 @@ class MeshArrays(NamedTuple):
 
 
 def checked_mesh(
-    points: np.ndarray, cells: np.ndarray, kind: str | None, source: str, spatial: bool = False
+    points: np.ndarray, cells: np.ndarray, kind: str, source: str, spatial: bool = False
 ) -> MeshArrays:
     """The mesh with only the nodes that are in use, in R^2 if it is plane in z and not `spatial`.
 
@@ -28,27 +28,11 @@ def checked_mesh(
     call the mesh. Cells of a plane mesh that are turned over are turned, and warned of, as are
     slits. Raises InputError, with number and place, for what no sheet has.
     """
-    if kind not in CELLS:
-        raise InputError(f"{source} holds cells of kind {kind}; allowed are {sorted(CELLS)}")
-    if len(cells) == 0:
-        raise InputError(f"{source} is empty: it holds 0 cells; allowed is 1 or more")
+    if flaw := _flaw(points, cells, kind):
+        raise InputError(f"{source} {flaw}")
     how = CELLS[kind]
-    if cells.shape[1:] != (len(how.nodes),):
-        found, right = cells.shape[1:], len(how.nodes)
-        raise InputError(f"{source} has cells of {found} nodes; allowed are {right} for a {kind}")
-    outside = np.flatnonzero((cells < 0).any(1) | (cells >= len(points)).any(1))
-    if outside.size:
-        nodes = cells[outside[0]].tolist()
-        raise InputError(
-            f"{source} has a cell, number {outside[0]}, with nodes {nodes}; allowed are numbers "
-            f"from 0 to {len(points) - 1}"
-        )
     used, numbers = np.unique(cells, return_inverse=True)
     points, cells = points[used], numbers.reshape(cells.shape)
-    if not (finite := np.isfinite(points).all(1)).all():
-        node = used[finite.argmin()]
-        flaw = f"{source} has a coordinate that is not a number at node {node}"
-        raise InputError(f"{flaw}; allowed are finite lengths in mm")
     height, plane = 0.0, points.shape[1] == 2
     # extent in z over the sheet's below which it is plane: files have singles
     if not plane and np.ptp(points[:, 2]) <= 1e-7 * np.ptp(points, axis=0).max():
@@ -60,6 +44,26 @@ def checked_mesh(
     check_shapes(x, cells, how, source)
     warnings += _Neighbours(x, cells, used, how, source).check()
     return MeshArrays(x[:, :2] if plane and not spatial else x, cells, kind, warnings)
+
+
+def _flaw(points, cells, kind):
+    """What makes arrays no mesh, and what is allowed; else ""."""
+    if kind not in CELLS:
+        return f"holds cells of kind {kind}; allowed are {sorted(CELLS)}"
+    if len(cells) == 0:
+        return "is empty: it holds 0 cells; allowed is 1 or more"
+    if cells.shape[1:] != (nodes := len(CELLS[kind].nodes),):
+        return f"has cells of {cells.shape[1:]} nodes; allowed are {nodes} for a {kind}"
+    outside = np.flatnonzero((cells < 0).any(1) | (cells >= len(points)).any(1))
+    if outside.size:
+        return (
+            f"has a cell, number {outside[0]}, with nodes {cells[outside[0]].tolist()}; allowed "
+            f"are numbers from 0 to {len(points) - 1}"
+        )
+    if (bad := cells[~np.isfinite(points[cells]).all(2)]).size:
+        flaw = f"has a coordinate that is not a number at node {bad.min()}"
+        return f"{flaw}; allowed are finite lengths in mm"
+    return ""
 
 
 class _Neighbours:
@@ -135,7 +139,7 @@ class _Neighbours:
         nodes, near = np.unique(ends), {1: 1e-3, 2: 3e-2}[self.how.degree]
         p, q = self.x[ends].swapaxes(0, 1)
         length = np.linalg.norm(q - p, axis=1)
-        beside: Any = cKDTree(self.x[nodes]).query_ball_point((p + q) / 2, (0.5 + near) * length)
+        beside = cKDTree(self.x[nodes]).query_ball_point((p + q) / 2, (0.5 + near) * length)
         edge = np.repeat(np.arange(len(ends)), [len(each) for each in beside])
         node = nodes[np.concatenate([*beside, []]).astype(int)]
         other = (node != ends[edge, 0]) & (node != ends[edge, 1])
