@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -17,7 +16,7 @@ from ..runtime.errors import InputError
 from ..runtime.fields import documented
 from ..runtime.formatting import rounded
 from ..scene.supports import Supports, clamped_ends
-from ..sheets.sheet import YarnBending, declared_again
+from ..sheets.sheet import Values, YarnBending, declared_again
 from .pin_jointed import PinJointedStrip
 from .strip import Strip, StripSetup
 
@@ -98,10 +97,10 @@ class BiasSetup(StripSetup):
         """Grips at both ends."""
         return clamped_ends(self.stroke)
 
-    def quantities(self, result: Result) -> dict[str, Any]:
+    def quantities(self, result: Result) -> Values:
         """Shear angles by zones, beside theory's, and the shear force as a test derives it."""
         rows, gamma, strip = result.rows, np.abs(result.fields["shear_angle"]), self.strip
-        theory, found = [math.nan], dict[str, Any]()
+        theory, found = [math.nan], Values()
         if not self.no_theory:
             theory = [abs(strip.shear_angle(row["displacement_mm"], self.rest)) for row in rows]
             found = self._by_zones(gamma)
@@ -127,7 +126,7 @@ class BiasSetup(StripSetup):
         if self.data.fibre_angle % 90 != 45 or self.data.yarn_angle != 90:
             del zones["half"]  # the two yarns turn by different angles
             zones |= {"only_a_held": a & ~b, "only_b_held": b & ~a}
-        found: dict[str, Any] = {}
+        found: Values = {}
         for name, zone in zones.items():
             inside = zone & (distance > width / 10)
             area = inside * self.blank.areas()

@@ -1,18 +1,17 @@
 """Coupon tests as data: what is tested, and how. `build` makes mesh and scene of it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
+from mpi4py import MPI
+
+from ..job.job import Job
 from ..material.laws import Law
 from ..material.presets import load
 from ..runtime.rules import FINITE
 from ..sheets.sheet import FULL_TURN, SheetFields, Values, declared_again
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
+from .setup import CouponSetup
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,9 +23,9 @@ class Coupon(SheetFields):
 
     NAME: ClassVar[str] = ""
     # of mesh and solver; with P2 and path_tolerance 1e-4 the cheapest with curves right to 0.1 %
-    FULL: ClassVar[Mapping[str, Any]] = {"nx": 32, "steps": 20}
-    QUICK: ClassVar[Mapping[str, Any]] = {"nx": 20, "steps": 5}
-    SOLVER: ClassVar[Mapping[str, Any]] = {}  # other defaults of its `Job`
+    FULL: ClassVar[Mapping[str, object]] = {"nx": 32, "steps": 20}
+    QUICK: ClassVar[Mapping[str, object]] = {"nx": 20, "steps": 5}
+    SOLVER: ClassVar[Mapping[str, object]] = {}  # other defaults of its `Job`
     CHEAP_FROM: ClassVar[int] = 0  # cells from which errors are estimated unasked, 0: never
     HEADLINES: ClassVar[tuple[str, ...]] = ()  # quantities that get an estimated error
 
@@ -39,11 +38,10 @@ class Coupon(SheetFields):
         warm = {"fabric": self.fabric.at(self.temperature), "temperature": None}
         return super().defaults(nx) | warm
 
-    def build(self, comm: MPI.Comm | None = None) -> Any:
-        """The `CouponSetup` of the test: mesh the sheet and make its scene, on the ranks of `comm`
-        (all)."""
+    def build(self, comm: MPI.Comm | None = None) -> CouponSetup:
+        """Mesh the sheet and make its scene, on the ranks of `comm` (all)."""
         raise NotImplementedError
 
-    def job(self, **changes: Any) -> Any:
+    def job(self, **changes: Any) -> Job:
         """The `Job` of the built test; changes: fields of `Job`."""
         return self.build().job(**changes)

@@ -18,7 +18,7 @@ from ..runtime.rules import POSITIVE, Rule
 from ..scene import output as scene_output
 from ..scene.scene import Scene
 from ..scene.supports import Supports, frame
-from ..sheets.sheet import declared_again
+from ..sheets.sheet import Values, declared_again
 from .coupon import Coupon
 from .setup import CouponSetup
 
@@ -119,7 +119,7 @@ class FrameSetup(CouponSetup):
         turned = (1 + strain) * math.cos(math.pi / 4 - gamma / 2)
         return 2 * side * (turned - math.cos(math.pi / 4)), tau * t * side**2 / arm
 
-    def shear_force(self, row: dict[str, Any]) -> tuple[float, float]:
+    def shear_force(self, row: Values) -> tuple[float, float]:
         """Shear angle [deg] and normalised shear force F_s L_frame / L_fabric^2 [N/mm] of a row of
         the history (Cao et al. 2008)."""
         gamma = self.state(row["load"])[1]
@@ -135,7 +135,7 @@ class FrameSetup(CouponSetup):
             tau = tau + friction.respond(gamma, np.zeros(1)).stress
         return tau * self.data.fabric.thickness / ((1 + strain) * np.cos(gamma))
 
-    def quantities(self, result: Result) -> dict[str, Any]:
+    def quantities(self, result: Result) -> Values:
         """Shear angle and normalised shear force, beside the law's."""
         last, fields = result.rows[-1], result.fields
         strain, gamma = self.state(last["load"])

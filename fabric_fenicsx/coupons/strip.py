@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -73,7 +73,7 @@ class StripSetup(CouponSetup):
         """Displacement [mm] and reaction [N] of the moving grip."""
         return load * self.stroke, float(scene.reaction("moving grip")[0])
 
-    def on_other_cells(self) -> Any:
+    def on_other_cells(self) -> Strip | None:
         """Quadratic cells along the yarns, which do not lock; None for outlines, own meshes,
         in-plane bending, and if the run has such cells."""
         data = self.data
@@ -101,10 +101,10 @@ class StripSetup(CouponSetup):
         radius = (self.high - self.low)[1] / 8
         return measures.near(self.comm, self.blank.midpoints(), self.centre, radius)
 
-    def ranges(self, result: Result) -> dict[str, Any]:
+    def ranges(self, result: Result) -> Values:
         """Least and largest strains and shear angles, and those between which 98 % of the area
         lies."""
-        fields, found = result.fields, dict[str, Any]()
+        fields, found = result.fields, Values()
         area = self.blank.areas()
         for name in ("log_eps_11", "log_eps_22", "eps_a", "eps_b", "shear_angle"):
             values, unit = fields[name], ""

@@ -1,7 +1,6 @@
 """Uniaxial tension of a woven strip along its yarns."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -11,7 +10,7 @@ from ..results import measures
 from ..runtime.fields import choice, documented, number
 from ..runtime.rules import FINITE
 from ..scene.supports import Supports, clamped_ends, rolling_ends
-from ..sheets.sheet import declared_again
+from ..sheets.sheet import Values, declared_again
 from .strip import Strip, StripSetup
 
 
@@ -66,7 +65,7 @@ class TensileSetup(StripSetup):
         ends = clamped_ends if self.data.grips == "clamped" else rolling_ends
         return ends(self.stroke)
 
-    def quantities(self, result: Result) -> dict[str, Any]:
+    def quantities(self, result: Result) -> Values:
         """Strains at the middle, of 98 % of the area and extreme, and the width at the middle."""
         near = self.near_centre() * self.blank.areas()
         at_middle = measures.mean(self.comm, result.fields["log_eps_22"], near)
