@@ -139,7 +139,7 @@ def _meshed(sheets, planes, comm, rigid):
         for number, sheet in enumerate(sheets):
             if not (sheet.nx or sheet.size or sheet.mesh):
                 made[number] = mesh(number, nx=12, element="P2")
-    final, blanks, doubts = map(list, zip(*made))
+    final, blanks, doubts = zip(*made)
     mirrors = [_mirror_doubt(*each, planes) for each in zip(final, blanks)]
     return final, blanks, [*filter(None, mirrors), *sum(doubts, [])]
 
@@ -173,33 +173,30 @@ def _mirror_doubt(sheet, blank, planes):
     same kind, otherwise "". A file of points may know of the modelled part alone, and is
     believed."""
     angle, comm = sheet.fibre_angle, blank.mesh.comm
-    if not sheet.fabric or (isinstance(angle, Field) and not callable(angle.source)):
+    is_field = isinstance(angle, Field)
+    if not sheet.fabric or (is_field and not callable(angle.source)):
         return ""
-    where, x = "yarns by a function", blank.centres()
-    if not isinstance(angle, Field):
-        where, x = f"yarns at {angle:g} and {angle + sheet.yarn_angle:g} deg", np.zeros((1, 3))
-
-    def yarns(x):
-        a = sheet.fibre_angles(x)
-        return np.stack([a, a + sheet.yarn_angle])
-
+    x, where = blank.centres(), "yarns by a function"
+    if not is_field:
+        x, where = np.zeros((1, 3)), f"yarns at {angle:g} and {angle + sheet.yarn_angle:g} deg"
+    images = [x * (1 - 2 * np.eye(3)[axis]) for axis in planes]
+    both = on_all(comm, lambda: [sheet.fibre_angles(y) + sheet.fibre_angles(x) for y in images])
     one, two, sheared = np.array([[0.01, 0.02], [0.02, 0.01], [0.1, 0.1]])
-    energies = sheet.fabric.derivatives(one, two, sheared, False).parts.sum(1)
-    for axis in planes:
-        here, image = on_all(comm, lambda: (yarns(x), yarns(x * (1 - 2 * np.eye(3)[axis]))))  # noqa: B023
-        own = all(comm.allgather(_is_multiple_of_180(here + image)))
-        swapped = all(comm.allgather(_is_multiple_of_180(here + image[::-1])))
-        if own or (swapped and math.isclose(*energies)):
-            continue
-        part = ("half", "quarter")[len(planes) - 1]
-        differ = ", as warp and weft differ" if swapped else ""
-        return (
-            f"{where} are not their own mirror images{differ}, so the {part} stands for a ply of "
-            "mirrored ones; take the whole ply"
-        )
+    alike = math.isclose(*sheet.fabric.derivatives(one, two, sheared, False).parts.sum(1))
+    for angles in both:
+        # yarns a and b take each other's place, or each its own
+        swapped = _are_flat(comm, angles + sheet.yarn_angle)
+        own = _are_flat(comm, angles) and _are_flat(comm, angles + 2 * sheet.yarn_angle)
+        if not (own or (swapped and alike)):
+            differ = ", as warp and weft differ" if swapped else ""
+            part = ("half", "quarter")[len(planes) - 1]
+            return (
+                f"{where} are not their own mirror images{differ}, so the {part} stands for a ply "
+                "of mirrored ones; take the whole ply"
+            )
     return ""
 
 
-def _is_multiple_of_180(angles):
-    """Whether all angles are, to 1e-6 deg."""
-    return bool((abs(angles - 180 * np.round(angles / 180)) < 1e-6).all())
+def _are_flat(comm, angles):
+    """Whether all angles [deg], of all ranks, are multiples of 180, to 1e-6."""
+    return all(comm.allgather((abs(angles - 180 * np.round(angles / 180)) < 1e-6).all()))

@@ -107,9 +107,6 @@ class Press(KnowsItsFields):
         if other := [each for each in given if not isinstance(each, Sheet)]:
             raise InputError(f"`sheets` holds {other[0]!r}; allowed are sheets, as `Sheet(...)`")
         object.__setattr__(self, "sheets", tuple(given))
-        for path, sheet in zip(self.paths(), given):
-            with schema.located(path, [each.name for each in dataclasses.fields(Sheet)]):
-                sheet.check_complete()
         if not self.tools:
             raise InputError("`tools` is empty; allowed are one or more")
         for name, tool in self.tools.items():

@@ -21,7 +21,7 @@ from .cells import CELLS
 from .mesh_checks import MeshArrays, checked_mesh
 from .mesh_files import read_mesh
 from .part import Part
-from .sheet import Layout
+from .sheet import Layout, Values
 from .sheet_mesh import Direction, SheetMesh
 
 
@@ -162,7 +162,7 @@ class Blank(SheetMesh):
         make: Callable[[], MeshArrays],
         source: str,
         spatial: bool,
-        options: Mapping[str, Any],
+        options: Values,
         moved: Callable[[np.ndarray], tuple[np.ndarray, list[str]]] | None = None,
     ) -> Self:
         """Blank of what `make` returns on rank 0, checked and `moved`, a function of points to

@@ -4,7 +4,6 @@ import math
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, field, fields, replace
-from types import MappingProxyType
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -97,10 +96,6 @@ class SheetFields(Layout):
 
     SIDES: ClassVar[Mapping[str, float | None]]  # fields of length and width, and defaults [mm]
     OF_OUTLINE: ClassVar[str] = "unstructured"  # default of `pattern` for an outline
-    EXCLUSIVE: ClassVar[tuple[tuple[str, str], ...]] = (("outline", "mesh"), ("nx", "size"))
-    NEEDED: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
-        {"size": ("outline",), "layer": ("outline",)}
-    )
 
     fabric: Law | None = field(kw_only=False, default=None, metadata={"read": load})
     mesh: str | None = text(
@@ -131,18 +126,23 @@ class SheetFields(Layout):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        values = {each.name: getattr(self, each.name) for each in fields(self)}
-        given = {k for k, v in values.items() if not (v is None or v is False or v == "")}
-        for one, other in self.EXCLUSIVE:
-            if {one, other} <= given:
+        of_metal = ("fabric", "metal"), ("temperature", "metal")
+        for one, other in (("outline", "mesh"), ("nx", "size"), *of_metal):
+            if self._has(one) and self._has(other):
                 raise InputError(f"`{one}` is given beside `{other}`; allowed is one of them")
-        for name, needed in self.NEEDED.items():
-            if name in given and given.isdisjoint(needed):
-                raise InputError(f"`{name}` needs {' or '.join(f'`{each}`' for each in needed)}")
+        for name, needed in (("size", "outline"), ("layer", "outline"), ("centred", "sheet_file")):
+            if self._has(name) and not self._has(needed):
+                words = "`outline` or `mesh`" if name == "centred" else f"`{needed}`"
+                raise InputError(f"`{name}` needs {words}")
         if self.fabric is not None:
             at = self.temperature
             coldest = min(checked_fabric("`fabric`", self.fabric).at_temperatures, default=0.0)
             self.fabric.at(coldest if isinstance(at, Field) else at)
+
+    def _has(self, name):
+        """Whether it has this field, and a value of it."""
+        value = getattr(self, name, None)
+        return not (value is None or value is False or value == "")
 
     @property
     def sheet_file(self) -> str:
@@ -219,20 +219,16 @@ class Sheet(SheetFields, YarnBending):
     (45.0, 1.074)
     """
 
-    SIDES = MappingProxyType({"length": None, "width": None})
+    SIDES = {"length": None, "width": None}
     OF_OUTLINE = "along"  # see docs/howto/meshes.md
-    EXCLUSIVE = (*SheetFields.EXCLUSIVE, ("fabric", "metal"), ("temperature", "metal"))
-    NEEDED = MappingProxyType({**SheetFields.NEEDED, "centred": ("outline", "mesh")})
     # field of a ply -> fields of the blank that this ply does not take over
-    REPLACES: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
-        {
-            "mesh": ("outline", "size", "layer", "nx", "ny", "pattern", "length", "width"),
-            "outline": ("mesh", "length", "width", "ny"),
-            "size": ("nx",),
-            "nx": ("size",),
-            "metal": ("fabric", "weave_angle"),
-        }
-    )
+    REPLACES: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        "mesh": ("outline", "size", "layer", "nx", "ny", "pattern", "length", "width"),
+        "outline": ("mesh", "length", "width", "ny"),
+        "size": ("nx",),
+        "nx": ("size",),
+        "metal": ("fabric", "weave_angle"),
+    }
     # Table 2 of Schäfer et al.: of fabric on fabric, and of metal on fabric
     BETWEEN_FABRICS: ClassVar[float] = 0.334
     ON_METAL: ClassVar[float] = 0.25
@@ -256,16 +252,10 @@ class Sheet(SheetFields, YarnBending):
         super().__post_init__()
         if self.metal and isinstance(self.thickness, Field):
             raise InputError("`thickness` of metal is a field; allowed is a number above 0")
-
-    def check_complete(self) -> None:
-        """Raise InputError for a sheet that lacks its material or its size."""
         sized = self.sheet_file or (self.length and self.width)
-        for there, needed in (
-            (self.metal or self.fabric, "`fabric` or `metal`"),
-            (sized, "`length` and `width`, `outline` or `mesh`"),
-        ):
-            if not there:
-                raise InputError(f"a sheet needs {needed}")
+        if not ((self.metal or self.fabric) and sized):
+            lacking = "`length` and `width`, `outline` or `mesh`"
+            raise InputError(f"a sheet needs {'`fabric` or `metal`' if sized else lacking}")
 
     def material(self, rigid: bool = False) -> Material:
         """Its metal or fabric, with the sheet's own thickness if that is a number; rigid: fabric
