@@ -21,48 +21,6 @@ from .pin_jointed import PinJointedStrip
 from .strip import Strip, StripSetup
 
 
-@documented
-@dataclass(frozen=True, kw_only=True)
-class BiasExtension(Strip, YarnBending):
-    """Tension of a woven strip whose yarns lie at +-45 deg to the load.
-
-    Parameters
-    ----------
-    fabric : Law
-        The material, by default the preset `komeili`.
-
-    Raises
-    ------
-    InputError
-        For a value that is not allowed; by `build` for a strip that is too short.
-
-    References
-    ----------
-    Fig. 9 of Schäfer et al.
-
-    Examples
-    --------
-    >>> test = ff.BiasExtension(nx=4, element="P1", strain=0.05)
-    >>> result = test.job(steps=4).run()
-    >>> round(result.summary["quantities"]["theory_shear_angle_deg"], 2)
-    7.92
-    """
-
-    NAME = "bias_extension"
-    FULL = {"nx": 40, "steps": 20}
-    HEADLINES = (
-        "centre_shear_angle_deg",
-        "half_zone_shear_angle_deg",
-        "normalised_shear_force_N_per_mm",
-    )
-
-    fibre_angle: float = declared_again(Strip, "fibre_angle", default=45.0)
-
-    def build(self, comm: MPI.Comm | None = None) -> "BiasSetup":
-        """As in `Coupon`."""
-        return BiasSetup(self, comm)
-
-
 class BiasSetup(StripSetup):
     """A `BiasExtension` on its mesh, beside the theory of inextensible yarns."""
 
@@ -165,3 +123,42 @@ class BiasSetup(StripSetup):
                 series["inextensible yarns"] = (x, np.degrees(np.abs(theory)), "-")
         labels = "position along the axis / mm", "magnitude of the shear angle / deg"
         pictures.curves(folder / "axis.png", series, *labels)
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class BiasExtension(Strip, YarnBending):
+    """Tension of a woven strip whose yarns lie at +-45 deg to the load.
+
+    Parameters
+    ----------
+    fabric : Law
+        The material, by default the preset `komeili`.
+
+    Raises
+    ------
+    InputError
+        For a value that is not allowed; by `build` for a strip that is too short.
+
+    References
+    ----------
+    Fig. 9 of Schäfer et al.
+
+    Examples
+    --------
+    >>> test = ff.BiasExtension(nx=4, element="P1", strain=0.05)
+    >>> result = test.job(steps=4).run()
+    >>> round(result.summary["quantities"]["theory_shear_angle_deg"], 2)
+    7.92
+    """
+
+    SETUP = BiasSetup
+    NAME = "bias_extension"
+    FULL = {"nx": 40, "steps": 20}
+    HEADLINES = (
+        "centre_shear_angle_deg",
+        "half_zone_shear_angle_deg",
+        "normalised_shear_force_N_per_mm",
+    )
+
+    fibre_angle: float = declared_again(Strip, "fibre_angle", default=45.0)

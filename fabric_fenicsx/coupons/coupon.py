@@ -21,6 +21,7 @@ class Coupon(SheetFields):
     A field that is None has a default that depends on others; `build().data` has them all.
     """
 
+    SETUP: ClassVar[type[CouponSetup]]  # what it is when it is built
     NAME: ClassVar[str] = ""
     # of mesh and solver; with P2 and path_tolerance 1e-4 the cheapest with curves right to 0.1 %
     FULL: ClassVar[Mapping[str, object]] = {"nx": 32, "steps": 20}
@@ -38,9 +39,9 @@ class Coupon(SheetFields):
         warm = {"fabric": self.fabric.at(self.temperature), "temperature": None}
         return super().defaults(nx) | warm
 
-    def build(self, comm: MPI.Comm | None = None) -> CouponSetup:
-        """Mesh the sheet and make its scene, on the ranks of `comm` (all)."""
-        raise NotImplementedError
+    def build(self, comm: MPI.Comm | None = None) -> Any:
+        """Its `SETUP`: mesh the sheet and make its scene, on the ranks of `comm` (all)."""
+        return self.SETUP(self, comm)
 
     def job(self, **changes: Any) -> Job:
         """The `Job` of the built test; changes: fields of `Job`."""

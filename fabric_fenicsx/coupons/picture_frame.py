@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 from ..job.job import Job, Result
 from ..material.homogeneous import conjugate, gradient
@@ -21,63 +20,6 @@ from ..scene.supports import Supports, frame
 from ..sheets.sheet import Values, declared_again
 from .coupon import Coupon
 from .setup import CouponSetup
-
-
-@documented
-@dataclass(frozen=True, kw_only=True)
-class PictureFrame(Coupon):
-    """Shear of a woven square in a rigid hinged frame, its yarns along the arms.
-
-    Parameters
-    ----------
-    fabric : Law
-        The material, by default the preset `komeili`.
-
-    Raises
-    ------
-    InputError
-        For a value that is not allowed, and for yarns off the arms.
-
-    Examples
-    --------
-    >>> test = ff.PictureFrame(nx=2, angle=30.0)
-    >>> found = test.job(steps=10).run().summary["quantities"]
-    >>> force, law = found["normalised_shear_force_N_per_mm"], found["closed_form_N_per_mm"]
-    >>> bool(abs(force / law - 1) < 1e-6)  # the state is homogeneous
-    True
-    """
-
-    NAME = "picture_frame"
-    CHEAP_FROM = 1000
-    HEADLINES = ("normalised_shear_force_N_per_mm",)
-    FULL = {"nx": 20, "steps": 40}
-    QUICK = {"nx": 20, "steps": 10}
-    SIDES = {"side": 200.0}
-
-    element: str = declared_again(Coupon, "element", default="P1")
-    side: float = number(None, POSITIVE, "side of the square (200, or the mesh's) [mm]")
-    angle: float = number(
-        45.0,
-        Rule("an angle above 0 and below 85 deg", lambda v: 0 < v < 85),
-        "shear angle at full load [deg]",
-    )
-    pre_tension: float = number(
-        0.0,
-        Rule("a strain from 0 to 0.1", lambda v: 0 <= v <= 0.1),
-        "yarn strain applied first, in the first tenth of the load",
-    )
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.fibre_angle % 90 or self.yarn_angle != 90:
-            raise InputError(
-                f"yarns are at {self.fibre_angle:g} deg to the frame and {self.yarn_angle:g} deg "
-                "to each other; allowed is 0 and 90, along its arms"
-            )
-
-    def build(self, comm: MPI.Comm | None = None) -> "FrameSetup":
-        """As in `Coupon`."""
-        return FrameSetup(self, comm)
 
 
 class FrameSetup(CouponSetup):
@@ -159,3 +101,57 @@ class FrameSetup(CouponSetup):
         series = {"elements": (angles, forces, "o"), "closed form": (np.degrees(gamma), exact, "-")}
         labels = "shear angle / deg", "normalised shear force / (N/mm)"
         pictures.curves(folder / "shear_force.png", series, *labels)
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class PictureFrame(Coupon):
+    """Shear of a woven square in a rigid hinged frame, its yarns along the arms.
+
+    Parameters
+    ----------
+    fabric : Law
+        The material, by default the preset `komeili`.
+
+    Raises
+    ------
+    InputError
+        For a value that is not allowed, and for yarns off the arms.
+
+    Examples
+    --------
+    >>> test = ff.PictureFrame(nx=2, angle=30.0)
+    >>> found = test.job(steps=10).run().summary["quantities"]
+    >>> force, law = found["normalised_shear_force_N_per_mm"], found["closed_form_N_per_mm"]
+    >>> bool(abs(force / law - 1) < 1e-6)  # the state is homogeneous
+    True
+    """
+
+    SETUP = FrameSetup
+    NAME = "picture_frame"
+    CHEAP_FROM = 1000
+    HEADLINES = ("normalised_shear_force_N_per_mm",)
+    FULL = {"nx": 20, "steps": 40}
+    QUICK = {"nx": 20, "steps": 10}
+    SIDES = {"side": 200.0}
+
+    element: str = declared_again(Coupon, "element", default="P1")
+    side: float = number(None, POSITIVE, "side of the square (200, or the mesh's) [mm]")
+    angle: float = number(
+        45.0,
+        Rule("an angle above 0 and below 85 deg", lambda v: 0 < v < 85),
+        "shear angle at full load [deg]",
+    )
+    pre_tension: float = number(
+        0.0,
+        Rule("a strain from 0 to 0.1", lambda v: 0 <= v <= 0.1),
+        "yarn strain applied first, in the first tenth of the load",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.fibre_angle % 90 or self.yarn_angle != 90:
+            raise InputError(
+                f"yarns are at {self.fibre_angle:g} deg to the frame and {self.yarn_angle:g} deg "
+                "to each other; allowed is 0 and 90, along its arms"
+            )

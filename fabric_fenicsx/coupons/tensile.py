@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from mpi4py import MPI
 
 from ..job.job import Result
 from ..results import measures
@@ -12,49 +11,6 @@ from ..runtime.rules import FINITE
 from ..scene.supports import Supports, clamped_ends, rolling_ends
 from ..sheets.sheet import Values, declared_again
 from .strip import Strip, StripSetup
-
-
-@documented
-@dataclass(frozen=True, kw_only=True)
-class Tensile(Strip):
-    """Uniaxial tension of a woven strip along its yarns.
-
-    Parameters
-    ----------
-    fabric : Law
-        The material, by default the preset `komeili`.
-
-    Raises
-    ------
-    InputError
-        For a value that is not allowed; by `build` for a mesh that does not fit.
-
-    References
-    ----------
-    Figs 8 and 10 of Schäfer et al.
-
-    Examples
-    --------
-    >>> test = ff.Tensile(length=100, strain=0.01, nx=4, element="P1")
-    >>> result = test.job(steps=2).run()
-    >>> round(result.summary["reaction_N"], 1)  # N
-    647.6
-    """
-
-    NAME = "tensile"
-    HEADLINES = ("log_eps_22_middle", "width_at_middle_mm", "nominal_stress_MPa")
-
-    strain: float = declared_again(Strip, "strain", default=0.03)
-    grips: str = choice(
-        "clamped",
-        ("clamped", "rollers"),
-        "rollers let the ends narrow: the state is then homogeneous",
-    )
-    turned: float = number(0.0, FINITE, "angle of the whole test in the plane [deg]")
-
-    def build(self, comm: MPI.Comm | None = None) -> "TensileSetup":
-        """As in `Coupon`."""
-        return TensileSetup(self, comm)
 
 
 class TensileSetup(StripSetup):
@@ -91,6 +47,46 @@ class TensileSetup(StripSetup):
         share = a / np.where(a == b, 1.0, a - b)
         edges = measures.extremes(self.comm, start + share * (end - start))
         return edges[1] - edges[0]
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class Tensile(Strip):
+    """Uniaxial tension of a woven strip along its yarns.
+
+    Parameters
+    ----------
+    fabric : Law
+        The material, by default the preset `komeili`.
+
+    Raises
+    ------
+    InputError
+        For a value that is not allowed; by `build` for a mesh that does not fit.
+
+    References
+    ----------
+    Figs 8 and 10 of Schäfer et al.
+
+    Examples
+    --------
+    >>> test = ff.Tensile(length=100, strain=0.01, nx=4, element="P1")
+    >>> result = test.job(steps=2).run()
+    >>> round(result.summary["reaction_N"], 1)  # N
+    647.6
+    """
+
+    SETUP = TensileSetup
+    NAME = "tensile"
+    HEADLINES = ("log_eps_22_middle", "width_at_middle_mm", "nominal_stress_MPa")
+
+    strain: float = declared_again(Strip, "strain", default=0.03)
+    grips: str = choice(
+        "clamped",
+        ("clamped", "rollers"),
+        "rollers let the ends narrow: the state is then homogeneous",
+    )
+    turned: float = number(0.0, FINITE, "angle of the whole test in the plane [deg]")
 
 
 def strains_across(result: Result) -> str:
