@@ -105,6 +105,6 @@ def middle_angles(fabric: WovenFabric) -> list[float]:
         return {"middle_deg": float(np.degrees(gamma[middle].mean()))}
 
     loads = [d / max(MIDDLE) for d in MIDDLE]
-    strip.columns = angle  # type: ignore[method-assign]
+    strip.columns = angle
     rows = strip.job(steps=16, milestones=loads).run(pictures=False).rows
     return [next(r["middle_deg"] for r in rows if r["load"] == load) for load in loads]
