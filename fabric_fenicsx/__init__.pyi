@@ -1,8 +1,8 @@
 """What `import fabric_fenicsx as ff` offers, each name from the module that it lives in."""
 
-from .coupons.coupon import BiasExtension as BiasExtension
-from .coupons.coupon import PictureFrame as PictureFrame
-from .coupons.coupon import Tensile as Tensile
+from .coupons.bias_extension import BiasExtension as BiasExtension
+from .coupons.picture_frame import PictureFrame as PictureFrame
+from .coupons.tensile import Tensile as Tensile
 from .forming.holders import ForceHolder as ForceHolder
 from .forming.holders import GapHolder as GapHolder
 from .forming.holders import Grippers as Grippers
@@ -11,7 +11,6 @@ from .forming.holders import PressureHolder as PressureHolder
 from .forming.holders import SpringHolder as SpringHolder
 from .forming.interface import Interface as Interface
 from .forming.press import Press as Press
-from .forming.sheet import Sheet as Sheet
 from .forming.site import HolderSite as HolderSite
 from .forming.stages import Stage as Stage
 from .forming.tools import DieOf as DieOf
@@ -60,6 +59,7 @@ from .scene.supports import clamped_ends as clamped_ends
 from .scene.supports import frame as frame
 from .scene.supports import rolling_ends as rolling_ends
 from .sheets.blank import Blank as Blank
+from .sheets.sheet import Sheet as Sheet
 from .sheets.stack import Stack as Stack
 from .solve.limits import Limits as Limits
 from .tools.double_dome import DoubleDome as DoubleDome

@@ -2,8 +2,7 @@
 Schäfer et al."""
 
 from fabric_fenicsx.command_line.study import Study, parser, run
-from fabric_fenicsx.coupons.coupon import BiasExtension
-from fabric_fenicsx.coupons.measured import measured_lines
+from fabric_fenicsx.coupons.bias_extension import BiasExtension
 
 
 def options():
@@ -14,8 +13,6 @@ def main(study: Study):
     bias = study.build(study.describe(BiasExtension))
     result = study.run(bias)
     q, theory = result.summary["quantities"], "no theory"
-    for line in measured_lines(result):
-        study.say(line)
     centre = "no cell at the centre"
     if bias.has_centre:
         centre = f"centre shear angle {result.formatted('centre_shear_angle_deg', '.2f')} deg"

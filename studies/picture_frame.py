@@ -2,7 +2,7 @@
 the yarns."""
 
 from fabric_fenicsx.command_line.study import Study, parser, run
-from fabric_fenicsx.coupons.coupon import PictureFrame
+from fabric_fenicsx.coupons.picture_frame import PictureFrame
 
 
 def options():

@@ -2,9 +2,7 @@
 al."""
 
 from fabric_fenicsx.command_line.study import Study, parser, run
-from fabric_fenicsx.coupons.coupon import Tensile
-from fabric_fenicsx.coupons.measured import measured_lines
-from fabric_fenicsx.coupons.tensile import strains_across
+from fabric_fenicsx.coupons.tensile import Tensile, strains_across
 from fabric_fenicsx.material.laws import coupling_variants
 
 
@@ -18,8 +16,6 @@ def options():
 def main(study: Study):
     if not study.args.compare:
         result = study.run(study.build(study.describe(Tensile)))
-        for line in measured_lines(result):
-            study.say(line)
         reaction = result.formatted("reaction_N")
         study.say(f"{result.folder}: reaction {reaction} N, {strains_across(result)}")
         return
@@ -38,10 +34,8 @@ def main(study: Study):
 
         names = "log_eps_11", "log_eps_22", "shear_angle"
         pictures.maps(folder / "compare.png", {k: r.grid for k, r in results.items()}, names)
-        pictures.reactions(folder / "compare_curves.png", results, beside=strip.reference_curves())
+        pictures.reactions(folder / "compare_curves.png", results)
     for name, r in results.items():
-        for line in measured_lines(r):
-            study.say(f"{name:24s} {line}")
         study.say(f"{name:24s} reaction {r.formatted('reaction_N', '9.4f')} N, {strains_across(r)}")
 
 

@@ -42,9 +42,10 @@ def dome_press(
     if fabric:
         sheets = [sheet := replace(sheet, fabric=fabric)]
     if plies is not None:
-        bare = replace(sheet, fabric=None)
         sheets = [
-            replace(bare if "metal" in own else sheet, **{"name": f"ply {k}"} | own)
+            replace(
+                sheet, **{"name": f"ply {k}"} | ({"fabric": None} if "metal" in own else {}) | own
+            )
             for k, own in enumerate(plies, 1)
         ]
     if surface is not None:

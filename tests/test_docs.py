@@ -305,9 +305,7 @@ def test_columns_and_quantities_are_those_that_the_page_on_python_lists():
     size = {"length": 300.0, "width": 200.0, "nx": 6, "stroke": 1.0}
     runs = {
         "Tensile": ff.Tensile(nx=4, strain=1e-3),
-        "BiasExtension": ff.BiasExtension(
-            nx=8, strain=0.15, measured=str(ROOT / "studies/data/glass_pp_115x230")
-        ),
+        "BiasExtension": ff.BiasExtension(nx=8, strain=0.15),
         "PictureFrame": ff.PictureFrame(nx=2, angle=5),
         "Press": dome(**size),
     }

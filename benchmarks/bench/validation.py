@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from fabric_fenicsx.coupons.coupon import BiasExtension
+from fabric_fenicsx.coupons.bias_extension import BiasExtension
 from fabric_fenicsx.coupons.simulated import simulated_bias
 from fabric_fenicsx.identification import identify_simulated
 from fabric_fenicsx.identification.curves import Curve, Sheet, bias_displacement
@@ -104,6 +104,6 @@ def middle_angles(fabric: WovenFabric) -> list[float]:
         return {"middle_deg": float(np.degrees(gamma[middle].mean()))}
 
     loads = [d / max(MIDDLE) for d in MIDDLE]
-    strip.columns = angle  # type: ignore[method-assign]
+    strip.columns = angle
     rows = strip.job(steps=16, milestones=loads).run(pictures=False).rows
     return [next(r["middle_deg"] for r in rows if r["load"] == load) for load in loads]

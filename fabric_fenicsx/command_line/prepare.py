@@ -4,7 +4,10 @@ import logging
 from contextlib import suppress
 from dataclasses import replace
 
-from ..coupons.coupon import BiasExtension, Coupon, PictureFrame, Tensile
+from ..coupons.bias_extension import BiasExtension
+from ..coupons.coupon import Coupon
+from ..coupons.picture_frame import PictureFrame
+from ..coupons.tensile import Tensile
 from ..forming.press import Press
 from ..forming.stages import Stage
 from ..material.presets import load

@@ -4,10 +4,10 @@ from typing import Any
 
 from ..forming.press import Press
 from ..forming.schema import OF_ALL_PLIES, short_forms
-from ..forming.sheet import Sheet
 from ..material.presets import read_laws
 from ..results.result import Result
 from ..runtime.fields import declared
+from ..sheets.sheet import Sheet
 from ..solve.limits import Limits
 from .options import Parser, program, spelled
 from .study import Study, add_material, add_output, add_solver, kind_of_option

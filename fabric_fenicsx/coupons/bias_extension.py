@@ -1,29 +1,31 @@
-"""Bias extension of a woven strip, its yarns at +-45 deg to the load, built."""
+"""Bias extension of a woven strip, its yarns at +-45 deg to the load."""
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
-from ..identification.curves import Curve, bias_displacement, bias_force, bias_normalised
+from ..identification.curves import bias_normalised
 from ..job.job import Result
 from ..mechanics.shell.bending import Bending
 from ..results import measures
 from ..runtime.errors import InputError
+from ..runtime.fields import documented
 from ..runtime.formatting import rounded
 from ..scene.supports import Supports, clamped_ends
+from ..sheets.sheet import Values, YarnBending, declared_again
 from .pin_jointed import PinJointedStrip
-from .strip import StripSetup
+from .strip import Strip, StripSetup
 
 
 class BiasSetup(StripSetup):
     """A `BiasExtension` on its mesh, beside the theory of inextensible yarns."""
 
     def prepare(self) -> None:
-        """Check the length, and set theory, stroke and measured curves."""
+        """Check the length, and set theory and stroke."""
         length, width = self.high - self.low
         if length < 2 * width * (1 - 1e-9):
             raise InputError(
@@ -40,30 +42,6 @@ class BiasSetup(StripSetup):
         self.at_45 = at_45 and not self.no_theory
         super().prepare()
 
-    def is_compared(self, curve: Curve) -> bool:
-        """True for a bias test, and for one of pure shear."""
-        if not self.at_45:
-            raise InputError(
-                f"`measured` {self.data.measured} is compared by shear angle and normalised shear "
-                "force, which are known of a whole rectangle with yarns at +-45 deg; allowed is "
-                "`fibre_angle` 45 with neither `yarn_angle` nor `weave_angle` nor a hole in `mesh`"
-            )
-        sheared = curve.test == "shear" and not curve.strains[:, :2].any()
-        return curve.test == "bias_extension" or sheared
-
-    def as_measured(
-        self, curve: Curve, thickness: float, length: float, width: float
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Curve of the strip with the same normalised shear force."""
-        gamma, (response, *_) = curve.strains[:, 2], curve.responses
-        if curve.test == "bias_extension":
-            sizes = curve.keys["height"], curve.keys["width"]
-            force = bias_normalised(gamma, response.values, *sizes)
-        else:  # gain: from the stress tau to what was measured
-            force = response.values / response.gain * thickness / np.cos(gamma)
-        displacement = bias_displacement(gamma, length, width)
-        return displacement, bias_force(gamma, force, length, width)
-
     def terms(self) -> Sequence[Bending]:
         """In-plane bending of yarns that the grips hold straight, if asked for."""
         data, blank = self.data, self.blank
@@ -77,10 +55,10 @@ class BiasSetup(StripSetup):
         """Grips at both ends."""
         return clamped_ends(self.stroke)
 
-    def quantities(self, result: Result) -> dict[str, Any]:
+    def quantities(self, result: Result) -> Values:
         """Shear angles by zones, beside theory's, and the shear force as a test derives it."""
         rows, gamma, strip = result.rows, np.abs(result.fields["shear_angle"]), self.strip
-        theory, found = [math.nan], dict[str, Any]()
+        theory, found = [math.nan], Values()
         if not self.no_theory:
             theory = [abs(strip.shear_angle(row["displacement_mm"], self.rest)) for row in rows]
             found = self._by_zones(gamma)
@@ -91,7 +69,6 @@ class BiasSetup(StripSetup):
             found["normalised_shear_force_N_per_mm"] = float(force[-1])
         centre = measures.mean(self.comm, gamma, self.near_centre() * self.blank.areas())
         at_centre = math.degrees(centre) if self.has_centre and centre is not None else None
-        found |= self.against_curves(result)
         found["centre_shear_angle_deg"] = at_centre
         found["theory_shear_angle_deg"] = math.degrees(theory[-1]) if known else None
         if not known:
@@ -107,7 +84,7 @@ class BiasSetup(StripSetup):
         if self.data.fibre_angle % 90 != 45 or self.data.yarn_angle != 90:
             del zones["half"]  # the two yarns turn by different angles
             zones |= {"only_a_held": a & ~b, "only_b_held": b & ~a}
-        found: dict[str, Any] = {}
+        found: Values = {}
         for name, zone in zones.items():
             inside = zone & (distance > width / 10)
             area = inside * self.blank.areas()
@@ -134,7 +111,7 @@ class BiasSetup(StripSetup):
 
     def pictures(self, result: Result, folder: Path) -> None:
         """axis.png, beside theory, on rank 0."""
-        from ..plot import pictures
+        from ..plot import pictures  # takes long to import
 
         profile = np.loadtxt(folder / "axis.csv", delimiter=",", skiprows=1, ndmin=2)
         series = {"simulated": (*profile.T, ".")}
@@ -146,3 +123,42 @@ class BiasSetup(StripSetup):
                 series["inextensible yarns"] = (x, np.degrees(np.abs(theory)), "-")
         labels = "position along the axis / mm", "magnitude of the shear angle / deg"
         pictures.curves(folder / "axis.png", series, *labels)
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class BiasExtension(Strip, YarnBending):
+    """Tension of a woven strip whose yarns lie at +-45 deg to the load.
+
+    Parameters
+    ----------
+    fabric : Law
+        The material, by default the preset `komeili`.
+
+    Raises
+    ------
+    InputError
+        For a value that is not allowed; by `build` for a strip that is too short.
+
+    References
+    ----------
+    Fig. 9 of Schäfer et al.
+
+    Examples
+    --------
+    >>> test = ff.BiasExtension(nx=4, element="P1", strain=0.05)
+    >>> result = test.job(steps=4).run()
+    >>> round(result.summary["quantities"]["theory_shear_angle_deg"], 2)
+    7.92
+    """
+
+    SETUP = BiasSetup
+    NAME = "bias_extension"
+    FULL = {"nx": 40, "steps": 20}
+    HEADLINES = (
+        "centre_shear_angle_deg",
+        "half_zone_shear_angle_deg",
+        "normalised_shear_force_N_per_mm",
+    )
+
+    fibre_angle: float = declared_again(Strip, "fibre_angle", default=45.0)

@@ -1,6 +1,7 @@
-"""Shear of a woven square in a rigid picture frame, its yarns along the arms, built."""
+"""Shear of a woven square in a rigid picture frame, its yarns along the arms."""
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,23 +11,28 @@ from ..job.job import Job, Result
 from ..material.homogeneous import conjugate, gradient
 from ..material.laws.base import stresses_of_energy
 from ..results import measures
+from ..runtime.errors import InputError
+from ..runtime.fields import documented, number
+from ..runtime.rules import POSITIVE, Rule
 from ..scene import output as scene_output
 from ..scene.scene import Scene
 from ..scene.supports import Supports, frame
+from ..sheets.sheet import Values, declared_again
+from .coupon import Coupon
 from .setup import CouponSetup
-
-STRETCHED = 0.1  # of the load, in which the yarns are stretched before shear begins
 
 
 class FrameSetup(CouponSetup):
     """A `PictureFrame` on its mesh; its state is homogeneous."""
+
+    STRETCHED = 0.1  # of the load, in which the yarns are stretched before shear begins
 
     def prepare(self) -> None:
         self.side = (self.high - self.low)[0]  # of the square [mm]
 
     def state(self, load: float) -> tuple[float, float]:
         """Yarn strain [-] and shear angle [rad] that the frame prescribes at a load factor."""
-        stretched = STRETCHED if self.data.pre_tension else 0.0
+        stretched = self.STRETCHED if self.data.pre_tension else 0.0
         shear = max(load - stretched, 0) / (1 - stretched)
         strain = self.data.pre_tension * min(load / stretched, 1) if stretched else 0.0
         return strain, math.radians(self.data.angle) * shear
@@ -42,7 +48,7 @@ class FrameSetup(CouponSetup):
     def job(self, **changes: Any) -> Job:
         """The `Job`, which hits the end of the pre-tension, and a state on the way there."""
         if self.data.pre_tension:
-            changes = {"milestones": [STRETCHED / 2, STRETCHED]} | changes
+            changes = {"milestones": [self.STRETCHED / 2, self.STRETCHED]} | changes
         return super().job(**changes)
 
     def measure(self, scene: Scene, load: float) -> tuple[float, float]:
@@ -55,7 +61,7 @@ class FrameSetup(CouponSetup):
         turned = (1 + strain) * math.cos(math.pi / 4 - gamma / 2)
         return 2 * side * (turned - math.cos(math.pi / 4)), tau * t * side**2 / arm
 
-    def shear_force(self, row: dict[str, Any]) -> tuple[float, float]:
+    def shear_force(self, row: Values) -> tuple[float, float]:
         """Shear angle [deg] and normalised shear force F_s L_frame / L_fabric^2 [N/mm] of a row of
         the history (Cao et al. 2008)."""
         gamma = self.state(row["load"])[1]
@@ -71,7 +77,7 @@ class FrameSetup(CouponSetup):
             tau = tau + friction.respond(gamma, np.zeros(1)).stress
         return tau * self.data.fabric.thickness / ((1 + strain) * np.cos(gamma))
 
-    def quantities(self, result: Result) -> dict[str, Any]:
+    def quantities(self, result: Result) -> Values:
         """Shear angle and normalised shear force, beside the law's."""
         last, fields = result.rows[-1], result.fields
         strain, gamma = self.state(last["load"])
@@ -86,7 +92,7 @@ class FrameSetup(CouponSetup):
 
     def pictures(self, result: Result, folder: Path) -> None:
         """shear_force.png: elements beside the law."""
-        from ..plot import pictures
+        from ..plot import pictures  # takes long to import
 
         rows = [r for r in result.rows if not self.data.pre_tension or self.state(r["load"])[1] > 0]
         angles, forces = np.array([self.shear_force(row) for row in rows]).T
@@ -95,3 +101,57 @@ class FrameSetup(CouponSetup):
         series = {"elements": (angles, forces, "o"), "closed form": (np.degrees(gamma), exact, "-")}
         labels = "shear angle / deg", "normalised shear force / (N/mm)"
         pictures.curves(folder / "shear_force.png", series, *labels)
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class PictureFrame(Coupon):
+    """Shear of a woven square in a rigid hinged frame, its yarns along the arms.
+
+    Parameters
+    ----------
+    fabric : Law
+        The material, by default the preset `komeili`.
+
+    Raises
+    ------
+    InputError
+        For a value that is not allowed, and for yarns off the arms.
+
+    Examples
+    --------
+    >>> test = ff.PictureFrame(nx=2, angle=30.0)
+    >>> found = test.job(steps=10).run().summary["quantities"]
+    >>> force, law = found["normalised_shear_force_N_per_mm"], found["closed_form_N_per_mm"]
+    >>> bool(abs(force / law - 1) < 1e-6)  # the state is homogeneous
+    True
+    """
+
+    SETUP = FrameSetup
+    NAME = "picture_frame"
+    CHEAP_FROM = 1000
+    HEADLINES = ("normalised_shear_force_N_per_mm",)
+    FULL = {"nx": 20, "steps": 40}
+    QUICK = {"nx": 20, "steps": 10}
+    SIDES = {"side": 200.0}
+
+    element: str = declared_again(Coupon, "element", default="P1")
+    side: float = number(None, POSITIVE, "side of the square (200, or the mesh's) [mm]")
+    angle: float = number(
+        45.0,
+        Rule("an angle above 0 and below 85 deg", lambda v: 0 < v < 85),
+        "shear angle at full load [deg]",
+    )
+    pre_tension: float = number(
+        0.0,
+        Rule("a strain from 0 to 0.1", lambda v: 0 <= v <= 0.1),
+        "yarn strain applied first, in the first tenth of the load",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.fibre_angle % 90 or self.yarn_angle != 90:
+            raise InputError(
+                f"yarns are at {self.fibre_angle:g} deg to the frame and {self.yarn_angle:g} deg "
+                "to each other; allowed is 0 and 90, along its arms"
+            )

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import Any
 
 from mpi4py import MPI
@@ -12,43 +11,31 @@ from ..mechanics.shell.membrane import Membrane
 from ..mechanics.term import Term
 from ..scene.scene import Scene
 from ..scene.supports import Supports
-from .laying import lay
+from ..sheets.meshing import mesh_sheet
 
 
 class CouponSetup(Setup):
     """A coupon test on the ranks of `comm`; a subclass says what is put on its `blank`.
 
-    `data` is then the description with all defaults filled in. Raises InputError as `lay` does.
+    `data` is then the description with all defaults filled in. Raises InputError as
+    `mesh_sheet` does.
     """
 
     FEWER_STEPS = 4  # as states of coupons do not hang on steps
-    turned = 0.0  # angle from x to the length [rad]
 
     def __init__(self, data: Any, comm: MPI.Comm | None = None) -> None:
         self.comm = comm or MPI.COMM_WORLD
-        self.data = data.with_defaults(data.FULL["nx"], **data.SIDES)
-        warm = self.data.fabric.at(self.data.temperature)
-        self.data = replace(self.data, fabric=warm, temperature=None)
-        self.choose()
-        sides = [*data.SIDES]
-        self.blank, settled, self.warnings = lay(
-            self.data, (sides[0], sides[-1]), self.comm, turned=self.turned
-        )
+        sheet = data.filled(**data.defaults(data.FULL["nx"]))
+        turned = math.radians(getattr(data, "turned", 0.0))
+        self.data, self.blank, self.warnings = mesh_sheet(sheet, self.comm, turned=turned)
         self.low, self.high = self.blank.extent()  # corners (2,) [mm]
-        self.data = replace(self.data, **settled)
-        self.data = replace(self.data, integration=self.integration())
         weave = data.weave_angle and math.radians(data.weave_angle)
-        self.membrane = Membrane(warm, integration=self.data.integration, weave_angle=weave)
+        self.membrane = Membrane(
+            self.data.fabric, integration=self.data.integration, weave_angle=weave
+        )
         self.prepare()
         terms = [self.membrane, *self.terms()]
         super().__init__(Scene(self.blank, terms, self.supports()), self.data, self.warnings)
-
-    def choose(self) -> None:
-        """Set defaults of `data` that depend on other fields."""
-
-    def integration(self) -> str:
-        """Points of P2 cells, by default `full`."""
-        return self.data.integration or "full"
 
     def prepare(self) -> None:
         """Check what belongs together, once blank and membrane are there."""
@@ -69,15 +56,8 @@ class CouponSetup(Setup):
     def coarser(self) -> Any:
         """The data with half the rectangles along each side, of other cells if those are better;
         None for an own mesh."""
-        data = self.data
-        if data.outline:
-            sides = self.high - self.low
-            few = 4 * (data.size or sides[0] / data.nx) > min(sides) * (1 + 1e-9)
-        else:
-            few = not data.nx or data.nx == 1
-        if few:
-            return None
-        return self.on_other_cells() or data.on_coarser_mesh(*data.SIDES)
+        coarse = self.data.coarser(self.high - self.low)
+        return coarse and (self.on_other_cells() or coarse)
 
     def coarser_is_other_kind(self) -> bool:
         """As in `Setup`."""

@@ -1,85 +1,90 @@
-"""Built tests of a strip that a moving grip pulls, with measured curves laid over the run's."""
+"""A strip that a moving grip pulls: what its tests have in common."""
 
 import math
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
-from ..identification.curves import Curve, read
 from ..job.job import Result
 from ..meshes.specimen import can_be_graded
 from ..results import measures
-from ..results.curve import Curves
-from ..runtime.errors import InputError
-from ..runtime.formatting import rounded
+from ..runtime.fields import number
+from ..runtime.rules import POSITIVE, SHARE
 from ..scene.scene import Scene
-from .measured import Measured
+from ..sheets.sheet import SheetFields, Values, declared_again
+from .coupon import Coupon
 from .setup import CouponSetup
 
-GRADED = 0.2  # nominal strain up to which the mesh of a bias test is graded by default
-SAME_ANGLE = 1e-6  # [deg], within which yarns count as at +-45 deg
-SAME = 0.01  # of a length, by which specimens that count as equal may differ
+
+@dataclass(frozen=True, kw_only=True)
+class Strip(Coupon):
+    """A strip of `fabric`, gripped at its ends, of which one moves."""
+
+    CHEAP_FROM = 1000
+    SIDES = {"length": 200.0, "width": 50.0}
+    MAX_GRADED: ClassVar[float] = 0.2  # nominal strain, from where on graded cells would fold
+    ANGLE_TOLERANCE: ClassVar[float] = 1e-6  # [deg], within which yarns count as at +-45 deg
+
+    length: float = number(
+        None, POSITIVE, "of the specimen, along the load (200, or the mesh's) [mm]"
+    )
+    width: float = number(None, POSITIVE, "of the specimen (50, or the mesh's) [mm]")
+    strain: float = number(0.10, SHARE, "nominal strain at full load: 0.1 is 10 %")
+    pattern: str = declared_again(
+        SheetFields,
+        "pattern",
+        default=None,
+        help="how rectangles are divided into cells (crossed with yarns along the length; at +-45 "
+        "deg graded up to 20 % strain, else crossed; yarns at other angles)",
+    )
+
+    def defaults(self, nx: int) -> Values:
+        """As in `Coupon`: also pattern and element, by the yarns."""
+        values = super().defaults(nx)
+        length, width = (values.get(name, getattr(self, name)) for name in self.SIDES)
+        off = math.remainder(self.fibre_angle - 45.0, 90.0), self.yarn_angle - 90.0
+        at_45 = max(map(abs, off)) < self.ANGLE_TOLERANCE
+        if self.pattern is None and not self.sheet_file:
+            values["pattern"] = "crossed" if at_45 or self._has_yarns_along() else "yarns"
+            if at_45 and self.strain <= self.MAX_GRADED and can_be_graded(length, width):
+                values["pattern"] = "graded"
+        bends = getattr(self, "in_plane_bending", 0.0)
+        if bends and not self.element and abs(off[0]) < self.ANGLE_TOLERANCE:
+            values["element"] = "P1"
+        return values
+
+    def points_of_p2(self, cells_follow_yarns: bool) -> str:
+        """Inner where cells off the yarns would lock, but not where yarns lie along the load, as
+        their tension does not lock."""
+        return "full" if cells_follow_yarns or self._has_yarns_along() else "inner"
+
+    def _has_yarns_along(self):
+        """True if yarns lie along the load."""
+        yarns = self.fibre_angle, self.fibre_angle + self.yarn_angle
+        return any(abs(math.remainder(yarn, 180.0)) <= 1.0 for yarn in yarns)
 
 
 class StripSetup(CouponSetup):
     """A strip, gripped at its ends, of which one moves by `stroke` [mm]; a subclass says how its
-    yarns lie. `laid`: the measured curves."""
-
-    def choose(self) -> None:
-        """Choose pattern and element."""
-        data, chosen = self.data, dict[str, str]()
-        off = math.remainder(data.fibre_angle - 45.0, 90.0), data.yarn_angle - 90.0
-        at_45 = max(map(abs, off)) < SAME_ANGLE
-        if data.pattern is None and not data.sheet_file:
-            chosen["pattern"] = "crossed" if at_45 or self._has_yarns_along() else "yarns"
-            if at_45 and data.strain <= GRADED and can_be_graded(data.length, data.width):
-                chosen["pattern"] = "graded"  # thin cells would fold in deep shear
-        if getattr(data, "in_plane_bending", 0.0) and not data.element and abs(off[0]) < SAME_ANGLE:
-            chosen["element"] = "P1"
-        self.data = replace(data, **chosen)
-
-    def _has_yarns_along(self):
-        """True if yarns lie along the load."""
-        yarns = self.data.fibre_angle, self.data.fibre_angle + self.data.yarn_angle
-        return any(abs(math.remainder(yarn, 180.0)) <= 1.0 for yarn in yarns)
+    yarns lie."""
 
     def measure(self, scene: Scene, load: float) -> tuple[float, float]:
         """Displacement [mm] and reaction [N] of the moving grip."""
         return load * self.stroke, float(scene.reaction("moving grip")[0])
 
-    def is_compared(self, curve: Curve) -> bool:
-        """True for a measured curve of this kind of test."""
-        raise NotImplementedError
-
-    def as_measured(
-        self, curve: Curve, thickness: float, length: float, width: float
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Displacement (n,) [mm] and force (n,) [N] of a strip of these sizes [mm] by `curve`, of a
-        sheet of this thickness [mm]; doubts are added to `warnings`."""
-        raise NotImplementedError
-
-    def integration(self) -> str:
-        """Points of P2 cells: inner where cells off the yarns would lock, but not where yarns lie
-        along the load, as their tension does not lock."""
-        data, blank = self.data, self.blank
-        if data.integration or not (blank.degree == 2 and blank.triangulated):
-            return super().integration()
-        follow = data.pattern == "yarns" or blank.whole.follows_yarns()
-        return "full" if self._has_yarns_along() or follow else "inner"
-
-    def on_other_cells(self) -> Any:
+    def on_other_cells(self) -> Strip | None:
         """Quadratic cells along the yarns, which do not lock; None for outlines, own meshes,
         in-plane bending, and if the run has such cells."""
         data = self.data
         follows = data.pattern in ("yarns", "graded")
         if data.sheet_file or follows or getattr(data, "in_plane_bending", 0.0):
             return None
-        coarse = data.on_coarser_mesh(times=4 if self.blank.degree == 1 else 2)
-        return replace(coarse, pattern="yarns", element="P2", integration=None)
+        coarse = data.coarser(self.high - self.low, 4 if self.blank.degree == 1 else 2)
+        return coarse and replace(coarse, pattern="yarns", element="P2", integration=None)
 
     def prepare(self) -> None:
-        """Set stroke, centre and measured curves, with their warnings."""
+        """Set stroke and centre, with their warnings."""
         file, (length, width) = self.data.sheet_file, self.high - self.low
         self.stroke, self.centre = self.data.strain * length, (self.low + self.high) / 2
         self.has_centre = measures.covers(self.blank, self.centre)
@@ -90,60 +95,16 @@ class StripSetup(CouponSetup):
             )
         if not self.has_centre:
             self.warnings.append("the sheet has a hole at its centre, so nothing is known there")
-        self.laid = self._measured(length, width) if self.data.measured else []
-
-    def _measured(self, length, width):
-        """The measured curves; InputError for those that can't be compared."""
-        file, thickness = self.data.measured, self.data.fabric.thickness
-        sheet, found = read(file)
-        fitting = [curve for curve in found if self.is_compared(curve)]
-        if not fitting:
-            tests = " and ".join(sorted({curve.test for curve in found})) or "compaction"
-            raise InputError(
-                f"`measured` {file} has no test for this study but {tests}; "
-                f"allowed is {self.data.COMPARED}"
-            )
-        if abs(sheet.thickness / thickness - 1) > SAME:
-            self.warnings.append(
-                f"`measured` {file} is of a sheet of {sheet.thickness:g} mm, the material "
-                f"of {thickness:g} mm; forces are compared, not stresses"
-            )
-        laid = []
-        for curve in fitting:
-            self.warnings += [f"`measured` {curve.file}: {words}" for words in curve.remarks]
-            self.warnings += filter(None, [self._other_size(curve, length, width)])
-            displacement, force = self.as_measured(curve, sheet.thickness, length, width)
-            first = displacement[np.flatnonzero(force)[0]]
-            if first > self.stroke * (1 + 1e-9):
-                raise InputError(
-                    f"`measured` {curve.file} begins at {rounded(first, 4)} mm, and the run ends "
-                    f"at {rounded(self.stroke, 4)} mm; allowed is a `strain` above "
-                    f"{rounded(first / length)}"
-                )
-            laid.append(Measured(curve.file, curve.test, displacement, force))
-        return laid
-
-    def _other_size(self, curve, length, width):
-        own = {"length": length, "height": length, "width": width}
-        given = {key: size for key, size in curve.keys.items() if key in own}
-        if all(abs(size / own[key] - 1) <= SAME for key, size in given.items()):
-            return ""
-        sizes = " and ".join(f"{key} {size:g} mm" for key, size in given.items())
-        return (
-            f"`measured` {curve.file} is of a strip of {sizes}, the run of one of "
-            f"{length:g} x {width:g} mm; its forces are converted to that size, which strips "
-            "follow only roughly"
-        )
 
     def near_centre(self) -> np.ndarray:
         """Mask of the owned cells within an eighth of the width of the centre (cells,)."""
         radius = (self.high - self.low)[1] / 8
         return measures.near(self.comm, self.blank.midpoints(), self.centre, radius)
 
-    def ranges(self, result: Result) -> dict[str, Any]:
+    def ranges(self, result: Result) -> Values:
         """Least and largest strains and shear angles, and those between which 98 % of the area
         lies."""
-        fields, found = result.fields, dict[str, Any]()
+        fields, found = result.fields, Values()
         area = self.blank.areas()
         for name in ("log_eps_11", "log_eps_22", "eps_a", "eps_b", "shear_angle"):
             values, unit = fields[name], ""
@@ -153,14 +114,3 @@ class StripSetup(CouponSetup):
             found[f"{name}_98_percent{unit}"] = measures.bulk(self.comm, values, area)
         low, high = found["shear_angle_deg"]
         return found | {"shear_angle_max_deg": max(-low, high)}
-
-    def reference_curves(self) -> Curves:
-        """The measured curves."""
-        return {
-            f"measured: {each.file.removesuffix('.csv')}": (each.displacement, each.force)
-            for each in self.laid
-        }
-
-    def against_curves(self, result: Result) -> dict[str, Any]:
-        """Quantities by which the run differs from each measured curve, see `Measured`."""
-        return {"measured": [m.against(result.rows) for m in self.laid]} if self.laid else {}

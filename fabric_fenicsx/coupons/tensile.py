@@ -1,53 +1,27 @@
-"""Uniaxial tension of a woven strip along its yarns, built."""
+"""Uniaxial tension of a woven strip along its yarns."""
 
-import math
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..identification.curves import Curve
 from ..job.job import Result
 from ..results import measures
-from ..runtime.errors import InputError
+from ..runtime.fields import choice, documented, number
+from ..runtime.rules import FINITE
 from ..scene.supports import Supports, clamped_ends, rolling_ends
-from .strip import StripSetup
+from ..sheets.sheet import Values, declared_again
+from .strip import Strip, StripSetup
 
 
 class TensileSetup(StripSetup):
     """A `Tensile` on its mesh."""
-
-    def choose(self) -> None:
-        super().choose()
-        self.turned = math.radians(self.data.turned)
 
     def supports(self) -> Supports:
         """Grips at both ends."""
         ends = clamped_ends if self.data.grips == "clamped" else rolling_ends
         return ends(self.stroke)
 
-    def is_compared(self, curve: Curve) -> bool:
-        """True for a tension test along the yarns that the run pulls."""
-        data = self.data
-        if data.fibre_angle % 90 or data.yarn_angle != 90 or data.weave_angle not in (None, 90):
-            raise InputError(
-                f"`measured` {data.measured} is of yarns along the load and at right angles; "
-                "allowed is `fibre_angle` 0 or 90, with neither `yarn_angle` nor `weave_angle`"
-            )
-        return curve.test == ("uniaxial_b" if data.fibre_angle % 180 else "uniaxial_a")
-
-    def as_measured(
-        self, curve: Curve, thickness: float, length: float, width: float
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Curve of the strip at the same strain of the grips."""
-        if curve.free is None:
-            self.warnings.append(
-                f"`measured` {curve.file} is of held sides (lateral: held), while the sides of the "
-                "run's strip are free, which lowers its force"
-            )
-        force = curve.responses[0].values * thickness * width
-        return curve.strains[:, curve.abscissa] * length, force
-
-    def quantities(self, result: Result) -> dict[str, Any]:
+    def quantities(self, result: Result) -> Values:
         """Strains at the middle, of 98 % of the area and extreme, and the width at the middle."""
         near = self.near_centre() * self.blank.areas()
         at_middle = measures.mean(self.comm, result.fields["log_eps_22"], near)
@@ -59,7 +33,6 @@ class TensileSetup(StripSetup):
             "log_eps_22_min": ranges["log_eps_22"][0],
             "nominal_stress_MPa": result.rows[-1]["reaction_N"] / section,
             "width_at_middle_mm": self._width_at_middle(),
-            **self.against_curves(result),
         }
 
     def _width_at_middle(self):
@@ -74,6 +47,46 @@ class TensileSetup(StripSetup):
         share = a / np.where(a == b, 1.0, a - b)
         edges = measures.extremes(self.comm, start + share * (end - start))
         return edges[1] - edges[0]
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class Tensile(Strip):
+    """Uniaxial tension of a woven strip along its yarns.
+
+    Parameters
+    ----------
+    fabric : Law
+        The material, by default the preset `komeili`.
+
+    Raises
+    ------
+    InputError
+        For a value that is not allowed; by `build` for a mesh that does not fit.
+
+    References
+    ----------
+    Figs 8 and 10 of Schäfer et al.
+
+    Examples
+    --------
+    >>> test = ff.Tensile(length=100, strain=0.01, nx=4, element="P1")
+    >>> result = test.job(steps=2).run()
+    >>> round(result.summary["reaction_N"], 1)  # N
+    647.6
+    """
+
+    SETUP = TensileSetup
+    NAME = "tensile"
+    HEADLINES = ("log_eps_22_middle", "width_at_middle_mm", "nominal_stress_MPa")
+
+    strain: float = declared_again(Strip, "strain", default=0.03)
+    grips: str = choice(
+        "clamped",
+        ("clamped", "rollers"),
+        "rollers let the ends narrow: the state is then homogeneous",
+    )
+    turned: float = number(0.0, FINITE, "angle of the whole test in the plane [deg]")
 
 
 def strains_across(result: Result) -> str:

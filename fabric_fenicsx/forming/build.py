@@ -6,6 +6,7 @@ from itertools import chain
 from mpi4py import MPI
 
 from ..mechanics.contact.self_contact import SelfContact
+from ..mechanics.contact.tool_contact import Contact
 from ..mechanics.shell.bending import Bending
 from ..mechanics.shell.membrane import Membrane
 from ..mechanics.shell.metal import SheetMetal
@@ -16,15 +17,10 @@ from ..scene.scene import Scene
 from ..scene.supports import Support
 from . import stack
 from .forming_scene import FormingScene
-from .laying import PLANE_TOLERANCE, Laid, lay_blank
+from .laying import Laid, lay_blank, on_plane
 from .placement import place
 from .press import Press
 from .site import hold
-
-
-def _plane(axis):
-    """Function of points (3, n) to a mask (n,) of those on a plane of symmetry."""
-    return lambda x: x[axis] < PLANE_TOLERANCE
 
 
 @phase("setup")
@@ -33,10 +29,11 @@ def build(press: Press, comm: MPI.Comm | None = None) -> FormingScene:
     """The `FormingScene` of a press. Raises InputError, on all ranks, for a blank that can't be
     meshed and for tools that can't stand or move as given."""
     comm, warnings, interface = comm or MPI.COMM_WORLD, list[str](), press.interface
-    laid = lay_blank(press, comm, warnings)
+    laid, doubts = lay_blank(press.sheets, press.planes, comm, interface.is_rigid)
+    warnings += doubts
     press = press.replace(sheets=laid.sheets)
     placed = place(press, laid, comm, warnings)
-    sheets, planes = laid.sheets, [_plane(axis) for axis in press.planes]
+    sheets, planes = laid.sheets, [on_plane(axis) for axis in press.planes]
 
     fabrics = [sheet for sheet in sheets if sheet.fabric]
     terms = [laid.on(s, _membrane(s)) for s in fabrics]
@@ -44,7 +41,7 @@ def build(press: Press, comm: MPI.Comm | None = None) -> FormingScene:
     for name, tool in placed.tools.items():
         own = press.tools[name].friction
         friction = interface.on_tools(sheets) if own is None else interface.coulomb(own)
-        terms.append(interface.contact(tool, friction))
+        terms.append(Contact(tool, penalty=interface.penalty, friction=friction))
     terms += [laid.on(s, SheetMetal(s.metal, symmetric=planes)) for s in sheets if s.metal]
     between = stack.between(laid.stack, sheets, interface, planes) if laid.stack else []
     holders, on_die = hold(press, laid, placed, between, warnings)
@@ -92,7 +89,7 @@ def _supports(press: Press, laid: Laid) -> list[Support]:
     """The planes of symmetry, and what keeps the blank from moving and turning in its plane: the
     nodes nearest to its centroid, and without planes to the end of the axis there."""
     supports = [
-        Support(f"plane of symmetry {'xy'[axis]} = 0", _plane(axis), (axis,))
+        Support(f"plane of symmetry {'xy'[axis]} = 0", on_plane(axis), (axis,))
         for axis in press.planes
     ]
     free = tuple(axis for axis in (0, 1) if axis not in press.planes)

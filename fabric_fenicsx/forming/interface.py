@@ -1,23 +1,13 @@
 """How sheets and tools touch: friction, and how stiff the faces are."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from ..mechanics.contact.coulomb import Coulomb
 from ..readers.field import Field, of_place
 from ..runtime.fields import KnowsItsFields, documented, number, switch
 from ..runtime.rules import FROM_ZERO, POSITIVE
-
-if TYPE_CHECKING:
-    from ..mechanics.contact.coulomb import Coulomb
-    from ..mechanics.contact.tool_contact import Contact, Where
-    from ..tools.tool import Tool
-    from .sheet import Sheet
-
-# Table 2 of Schäfer et al.: of fabric on fabric, of metal on fabric; of tools on metal 0.1
-BETWEEN_FABRICS, ON_METAL = 0.334, 0.25
+from ..sheets.sheet import Sheet
 
 
 @documented
@@ -74,8 +64,6 @@ class Interface(KnowsItsFields):
 
     def coulomb(self, coefficient: float | Field | Mapping[str, float | Field]) -> Coulomb:
         """Friction with this coefficient, or with one for each sheet {name: coefficient}."""
-        from ..mechanics.contact.coulomb import Coulomb
-
         return Coulomb(coefficient, self.slip, self.lag)
 
     def on_tools(self, sheets: Sequence[Sheet]) -> Coulomb:
@@ -86,9 +74,3 @@ class Interface(KnowsItsFields):
             return self.coulomb(self.metal_friction)
         by_kind = {True: self.metal_friction, False: self.friction}
         return self.coulomb({sheet.name: by_kind[bool(sheet.metal)] for sheet in sheets})
-
-    def contact(self, tool: Tool, friction: Coulomb, where: Where | None = None) -> Contact:
-        """Contact of all sheets with a tool; where: as in `Contact`."""
-        from ..mechanics.contact.tool_contact import Contact
-
-        return Contact(tool, penalty=self.penalty, friction=friction, where=where)

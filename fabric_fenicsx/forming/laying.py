@@ -1,26 +1,23 @@
 """The blank of a press: sheets of cells, one or a stack."""
 
-import dataclasses
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 
-from ..coupons.laying import lay, modelled
 from ..mechanics.term import Term
 from ..readers.field import Field
 from ..runtime.collective_errors import on_all
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from ..sheets.blank import Blank
+from ..sheets.meshing import mesh_sheet, modelled_share, whole_sides
+from ..sheets.sheet import Sheet, Values
 from ..sheets.stack import Stack
-from .press import Press
-from .sheet import Sheet
 
-DEFAULT_NX = 24  # rectangles along the length, unless a sheet says others
 PLANE_TOLERANCE = 1e-6  # mm off a plane of symmetry up to which nodes lie on it
 
 
@@ -37,7 +34,7 @@ class Laid:
     @property
     def first(self) -> Sheet:
         """The lowest sheet of fabric, or of metal alone."""
-        return self.sheets[first_fabric(self.sheets)]
+        return self.sheets[_first_fabric(self.sheets)]
 
     @property
     def blanks(self) -> list[Blank]:
@@ -70,50 +67,41 @@ class Laid:
             x = part.blank.coordinates()[: len(part.nodes)][part.nodes]
             away = np.hypot(*(x[:, :2] - np.asarray(place)).T).round(6)
             order = np.lexsort((-x[:, 1], -x[:, 0], away))[:1]
-            mine = [(away[k], *-x[k]) for k in order]
-            nodes.append(
-                min(each for rank in self.blank.mesh.comm.allgather(mine) for each in rank)
-            )
+            local = [(away[k], *-x[k]) for k in order]
+            nodes.append(min(sum(self.blank.mesh.comm.allgather(local), [])))
         places = -np.array(nodes)[:, 1:]
         return lambda x: (np.linalg.norm(x.T[:, None] - places, axis=2) < 1e-6).any(1)
 
 
-def lay_blank(press: Press, comm: MPI.Comm, warnings: list[str]) -> Laid:
-    """The blank of a press. Raises InputError for sheets that can't be meshed, and for own meshes
-    that reach beyond planes of symmetry or not to them."""
-    sheets = [s.ready(f"ply {k}", press.interface) for k, s in enumerate(press.sheets, 1)]
-    planes = press.planes
-    made, meshed = _meshed(sheets, planes, comm)
-    for sheet, laid in zip(made, meshed):
-        at, warning = laid.blank.centres(), partial(sheet.mirror_warning, press.modelled, planes)
-        own = on_all(comm, partial(warning, at))
-        warnings += [text for text in comm.allgather(own) if text][:1]
-    for sheet, laid in zip(made, meshed):
-        path = f"ply {sheet.name}" if made[1:] else sheet.sheet_file or "the blank"
-        _check_symmetric(laid.blank, path, planes)
-        warnings += laid.warnings
-    blanks = [each.blank for each in meshed]
-    sheets = [
-        dataclasses.replace(
-            _as_thick(sheet, laid.blank), **laid.settled, integration=sheet.integration or "full"
-        )
-        for sheet, laid in zip(made, meshed)
-    ]
-    low, high = blanks[first_fabric(sheets)].extent()
-    # rounded, to be the same on any number of ranks
-    sides = [float(f"{size:.9g}") for size in (high - low)[:2] / modelled(planes)]
-    blank = blanks[0]
-    if sheets[1:]:
+def on_plane(axis: int) -> Callable[[np.ndarray], np.ndarray]:
+    """Function of points (3, n) to a mask (n,) of those on a plane of symmetry."""
+    return lambda x: x[axis] < PLANE_TOLERANCE
+
+
+def lay_blank(
+    sheets: Sequence[Sheet], planes: Sequence[int], comm: MPI.Comm, rigid: bool = False
+) -> tuple[Laid, list[str]]:
+    """The blank of a press, and doubts. planes: axes to which planes of symmetry are perpendicular;
+    rigid: fabric keeps its thickness under pressure. Raises InputError for sheets that can't be
+    meshed, and for own meshes that reach beyond planes of symmetry or not to them."""
+    final, blanks, doubts = _meshed(sheets, planes, comm, rigid)
+    for sheet, blank in zip(final, blanks):
+        path = f"ply {sheet.name}" if final[1:] else sheet.sheet_file or "the blank"
+        _check_symmetric(blank, path, planes)
+    final = [_as_thick(sheet, blank) for sheet, blank in zip(final, blanks)]
+    sides = whole_sides(blanks[_first_fabric(final)], planes)
+    whole = blanks[0]
+    if final[1:]:
         # the upper face of the last one, on which the die lies, is half of the whole thickness
         # above z = 0
-        heights = [sheet.thickness_under(0.0) for sheet in sheets]
-        names = [sheet.name for sheet in sheets]
-        blank = Stack(list(zip(blanks, heights, names)), -sum(heights) / 2)
-    areas, places = blank.areas(), blank.midpoints()[:2]
+        heights = [sheet.thickness_under(0.0) for sheet in final]
+        names = [sheet.name for sheet in final]
+        whole = Stack(list(zip(blanks, heights, names)), -sum(heights) / 2)
+    areas, places = whole.areas(), whole.midpoints()[:2]
     *sums, area = comm.allreduce(np.append(places @ areas, areas.sum()), MPI.SUM)
     centre = np.array(sums) / area
     centre[list(planes)] = 0.0
-    return Laid(blank, sheets, sides, centre)
+    return Laid(whole, final, sides, centre), doubts
 
 
 def _as_thick(sheet, blank):
@@ -121,50 +109,48 @@ def _as_thick(sheet, blank):
     if not isinstance(sheet.thickness, Field):
         return sheet
     comm, x = blank.mesh.comm, np.vstack([blank.coordinates(), blank.centres()])
-    own = on_all(comm, lambda: float(sheet.thickness.at(x).max(initial=0.0)))
-    most = comm.allreduce(own, MPI.MAX)
-    return dataclasses.replace(sheet, fabric=sheet.fabric.replace(thickness=most))
+    largest = on_all(comm, lambda: float(sheet.thickness.at(x).max(initial=0.0)))
+    largest = comm.allreduce(largest, MPI.MAX)
+    return sheet.filled(fabric=sheet.fabric.replace(thickness=largest))
 
 
-def first_fabric(sheets: Sequence[Sheet]) -> int:
+def _first_fabric(sheets):
     """Number of the lowest sheet of fabric, 0 if all are of metal."""
     return next((k for k, sheet in enumerate(sheets) if sheet.fabric), 0)
 
 
-def _meshed(sheets, planes, comm):
-    """The sheets with their defaults, and each one laid. If cells do not follow the yarns, all
-    are quadratic; by default they are twice as large, so that there are as many nodes."""
-    asked = any(sheet.element for sheet in sheets)
-    made = [_with_nx(sheet, DEFAULT_NX, planes) for sheet in sheets]
-    meshed = [_laid(sheet, planes, comm) for sheet in made]
-    if not asked and made != sheets and max(each.blank.degree for each in meshed) == 2:
-        made = [_with_nx(sheet, DEFAULT_NX // 2, planes, "P2") for sheet in sheets]
-        meshed = [_laid(sheet, planes, comm) for sheet in made]
-    return made, meshed
+def _meshed(sheets, planes, comm, rigid):
+    """The sheets as they are meshed, their blanks, and doubts. If cells do not follow the yarns,
+    all sheets are quadratic; by default these are twice as large, so that there are as many
+    nodes."""
+
+    def mesh(number, nx, element=None):
+        sheet = sheets[number]
+        values = _cells(sheet, nx, planes) | ({"element": element} if element else {})
+        values["name"] = sheet.name or f"ply {number + 1}"
+        values["metal" if sheet.metal else "fabric"] = sheet.material(rigid)
+        free = [axis not in planes for axis in (0, 1)]
+        place: Values = {"centred": sheet.centred if sheet.sheet_file else free, "height": 0.0}
+        return mesh_sheet(sheet.filled(**values), comm, spatial=True, planes=planes, **place)
+
+    made = [mesh(number, nx=24) for number in range(len(sheets))]
+    quadratic = any(blank.degree == 2 for _, blank, _ in made)
+    if quadratic and not any(sheet.element for sheet in sheets):
+        for number, sheet in enumerate(sheets):
+            if not (sheet.nx or sheet.size or sheet.mesh):
+                made[number] = mesh(number, nx=12, element="P2")
+    final, blanks, doubts = zip(*made)
+    mirrors = [_mirror_doubt(*each, planes) for each in zip(final, blanks)]
+    return final, blanks, [*filter(None, mirrors), *sum(doubts, [])]
 
 
-def _with_nx(sheet, nx, planes, element=None):
-    """The sheet with this `nx` and element, unless it says others, and a node at its middle."""
-    usual = not (sheet.nx or sheet.size or sheet.mesh)
-    sheet = dataclasses.replace(sheet, element=element) if usual and element else sheet
-    sheet = sheet.with_defaults(nx + (nx % 2 if usual and 0 not in planes else 0))
-    if 1 in planes or sheet.sheet_file or sheet.ny:
-        return sheet
-    length = modelled(planes)[0] * sheet.length
-    return dataclasses.replace(sheet, ny=2 * max(1, round(sheet.nx * sheet.width / length / 2)))
-
-
-def _laid(sheet, planes, comm):
-    own = [axis not in planes for axis in (0, 1)]
-    return lay(
-        sheet,
-        ("length", "width"),
-        comm,
-        spatial=True,
-        planes=planes,
-        height=0.0,
-        centred=sheet.centred if sheet.sheet_file else own,
-    )
+def _cells(sheet, nx, planes):
+    """Default cells of a sheet, with this `nx` unless it says another, and a node at its middle."""
+    values = sheet.defaults(nx)
+    if not (1 in planes or sheet.sheet_file or sheet.ny):
+        nx, length = sheet.nx or nx, modelled_share(planes)[0] * sheet.length
+        values["ny"] = 2 * max(1, round(nx * sheet.width / length / 2))
+    return values
 
 
 def _check_symmetric(blank, source, planes):
@@ -172,14 +158,45 @@ def _check_symmetric(blank, source, planes):
     low, high = (each[:2] for each in blank.extent())
     for axis in planes:
         name, start, end = "xy"[axis], low[axis], high[axis]
-        reaches = f"{source} reaches from {name} = {rounded(start, 4)} to {rounded(end, 4)} mm"
-        if start < -1e-3 * (end - start):
+        cut = start < -1e-3 * (end - start)
+        if cut or start > PLANE_TOLERANCE:
+            plane = f"plane of symmetry {name} = 0"
             raise InputError(
-                f"{reaches}, beyond the plane of symmetry {name} = 0; allowed is the whole blank, "
-                f"or a mesh of its part {name} >= 0"
+                f"{source} reaches from {name} = {rounded(start, 4)} to {rounded(end, 4)} mm, "
+                f"{f'beyond the {plane}' if cut else f'but not to the {plane}'}; allowed is the "
+                f"whole blank, or a mesh of its part {name} >= 0 with an edge on the plane"
             )
-        if start > PLANE_TOLERANCE:
-            raise InputError(
-                f"{reaches}, but a plane of symmetry is {name} = 0; allowed is a mesh with an edge "
-                "on it, or the whole blank"
+
+
+def _mirror_doubt(sheet, blank, planes):
+    """A warning, on all ranks, if the planes of symmetry don't mirror the yarns into yarns of the
+    same kind, otherwise "". A file of points may know of the modelled part alone, and is
+    believed."""
+    angle, comm = sheet.fibre_angle, blank.mesh.comm
+    is_field = isinstance(angle, Field)
+    if not sheet.fabric or (is_field and not callable(angle.source)):
+        return ""
+    x, where = blank.centres(), "yarns by a function"
+    if not is_field:
+        x, where = np.zeros((1, 3)), f"yarns at {angle:g} and {angle + sheet.yarn_angle:g} deg"
+    images = [x * (1 - 2 * np.eye(3)[axis]) for axis in planes]
+    both = on_all(comm, lambda: [sheet.fibre_angles(y) + sheet.fibre_angles(x) for y in images])
+    one, two, sheared = np.array([[0.01, 0.02], [0.02, 0.01], [0.1, 0.1]])
+    alike = math.isclose(*sheet.fabric.derivatives(one, two, sheared, False).parts.sum(1))
+    for angles in both:
+        # yarns a and b take each other's place, or each its own
+        swapped = _are_flat(comm, angles + sheet.yarn_angle)
+        own = _are_flat(comm, angles) and _are_flat(comm, angles + 2 * sheet.yarn_angle)
+        if not (own or (swapped and alike)):
+            differ = ", as warp and weft differ" if swapped else ""
+            part = ("half", "quarter")[len(planes) - 1]
+            return (
+                f"{where} are not their own mirror images{differ}, so the {part} stands for a ply "
+                "of mirrored ones; take the whole ply"
             )
+    return ""
+
+
+def _are_flat(comm, angles):
+    """Whether all angles [deg], of all ranks, are multiples of 180, to 1e-6."""
+    return all(comm.allgather((abs(angles - 180 * np.round(angles / 180)) < 1e-6).all()))

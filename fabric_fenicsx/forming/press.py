@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 from ..runtime.errors import InputError
 from ..runtime.fields import KnowsItsFields
 from ..runtime.rules import shown, unknown_key
+from ..sheets.sheet import Sheet
 from ..solve.limits import Limits
 from . import schema
 from .holders import Holder, PressureHolder, holders_of
 from .interface import Interface
-from .sheet import Sheet
 from .stages import Schedule, Stage
 from .tools import DieOf, PressTool
 
@@ -107,9 +107,6 @@ class Press(KnowsItsFields):
         if other := [each for each in given if not isinstance(each, Sheet)]:
             raise InputError(f"`sheets` holds {other[0]!r}; allowed are sheets, as `Sheet(...)`")
         object.__setattr__(self, "sheets", tuple(given))
-        for path, sheet in zip(self.paths(), given):
-            with schema.located(path, [each.name for each in dataclasses.fields(Sheet)]):
-                sheet.ready("", self.interface)
         if not self.tools:
             raise InputError("`tools` is empty; allowed are one or more")
         for name, tool in self.tools.items():
@@ -229,8 +226,8 @@ class Press(KnowsItsFields):
 
     def thickness(self, pressure: float = 0.0) -> float:
         """Thickness of all sheets together under a pressure [MPa], [mm]."""
-        ready = (sheet.ready("", self.interface) for sheet in self.sheets)
-        return sum(sheet.thickness_under(pressure) for sheet in ready)
+        rigid = self.interface.is_rigid
+        return sum(sheet.thickness_under(pressure, rigid) for sheet in self.sheets)
 
     def build(self, comm: MPI.Comm | None = None) -> FormingScene:
         """The scene of the press. Raises InputError for tools that can't stand or move as given."""

@@ -21,13 +21,13 @@ from ..readers.field import Field, OfPlace, from_entry
 from ..runtime.errors import InputError
 from ..runtime.files import check_file
 from ..runtime.rules import check_complete, shown, unknown_key
+from ..sheets.sheet import Sheet
 from ..solve.limits import Limits
 from ..tools.double_dome import DoubleDome
 from ..tools.primitives import Block, Cylinder, Plane, Plate, Sphere, Torus
 from ..tools.surfaces import Surface, Turned
 from .holders import KINDS, Holder, Kind, Region
 from .interface import Interface
-from .sheet import OWN, Sheet
 from .stages import Stage
 from .tools import DieOf, PressTool
 
@@ -189,7 +189,7 @@ def _sheets(document, blank, folder):
         name = ply.get("name", f"ply {k}")
         if not isinstance(name, str) or not name.strip():
             raise InputError(f"ply.{k}.name is {shown(name)}; allowed is a word")
-        barred = {other for key in ply for other in OWN.get(key, ())}
+        barred = {other for key in ply for other in Sheet.REPLACES.get(key, ())}
         handed = {key: value for key, value in blank.items() if key not in barred}
         path = f"ply.{ply.get('name', k)}"
         sheets.append(from_table(Sheet, handed | ply | {"name": name}, path, folder))
@@ -309,7 +309,7 @@ def _make_way(table, kind, key, value):
         return
     out: Iterable[str] = ()
     if kind in ("blank", "ply"):
-        out = OWN.get(key, ())
+        out = Sheet.REPLACES.get(key, ())
     elif kind == "stage":
         out = {"moves": ("close",), "close": ("moves",)}.get(key, ())
     elif kind == "tools" and key in SURFACES:
@@ -327,7 +327,7 @@ def _change_all_plies(document, key, value):
         if key in ("nx", "ny") and key in ply and isinstance(value, int):
             ply[key] = max(1, round(ply[key] * value / blank.get(key, ply[key])))
             continue
-        for each in (key, *OWN.get(key, ())):
+        for each in (key, *Sheet.REPLACES.get(key, ())):
             ply.pop(each, None)
     _make_way(blank, "blank", key, value)
     blank[key] = value

@@ -131,7 +131,8 @@ class HolderSite:
 
     def contact(self, tool: Tool, where: Where | None = None) -> Contact:
         """Contact with a tool of the holder, as that with the die; where: as in `Contact`."""
-        return self.interface.contact(tool, self.friction, where)
+        penalty = self.interface.penalty
+        return Contact(tool, penalty=penalty, friction=self.friction, where=where)
 
     def warn(self, *sentences: str) -> None:
         """Add these sentences to the warnings of the run, each once."""

@@ -11,10 +11,10 @@ from ..mechanics.contact.sheet_contact import SheetContact
 from ..mechanics.contact.tool_contact import Contact
 from ..mechanics.shell.morley import Where
 from ..mechanics.term import Term
+from ..sheets.sheet import Sheet
 from ..sheets.stack import Stack
 from ..tools.tool import Tool
 from .interface import Interface
-from .sheet import Sheet
 
 REACH_TOLERANCE = 1e-6  # mm by which a sheet reaches beyond another
 

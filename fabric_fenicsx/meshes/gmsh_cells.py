@@ -2,13 +2,13 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 
 
 @contextmanager
-def own_model(gmsh: Any, **options: float) -> Iterator[None]:
+def own_model(gmsh: ModuleType, **options: float) -> Iterator[None]:
     """A new current model of gmsh with these options; a user's session stays as it was."""
     running = getattr(gmsh, "isInitialized", lambda: False)()
     if not running:
@@ -31,7 +31,7 @@ def own_model(gmsh: Any, **options: float) -> Iterator[None]:
             gmsh.finalize()
 
 
-def meshed(gmsh: Any, corners: int = 3) -> tuple[np.ndarray, np.ndarray]:
+def meshed(gmsh: ModuleType, corners: int = 3) -> tuple[np.ndarray, np.ndarray]:
     """Points (n, 3) and cells (m, corners) of gmsh's current model, meshed in its sizes."""
     gmsh.model.mesh.generate(2)
     tags, x, _ = gmsh.model.mesh.getNodes()

@@ -8,14 +8,9 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 from ..runtime.errors import InputError
-from ..runtime.rules import COUNT, POSITIVE
 from .gmsh_cells import meshed, own_model
 
 PATTERNS = ("crossed", "graded", "left", "right", "along", "unstructured", "yarns")
-CELLS = "triangle", "quadrilateral"
-EDGE = 0.5  # least distance of corners of squares from the sheet's edges, over their size
-SIZES = 0.4, 2.0  # of cells of `yarns` at the yarns through the corners and far off, over `size`
-REACH = 4.0  # sizes from those yarns from where on cells are largest
 
 
 def specimen(
@@ -38,19 +33,12 @@ def specimen(
     cells of about those sizes; `yarns`, too, but with edges along the yarns through the corners,
     where the shear angle jumps, and small cells there.
     """
-    for name, value, allowed in (("pattern", pattern, PATTERNS), ("cell", cell, CELLS)):
-        if value not in allowed:
-            raise InputError(f"{name} is {value!r}; allowed are {', '.join(allowed)}")
-    length, width = POSITIVE.check("length", length), POSITIVE.check("width", width)
-    nx, ny = COUNT.check("nx", nx), COUNT.check("ny", ny)
     if pattern == "graded" and not can_be_graded(length, width):
         raise InputError(
             f"a strip of {length:g} x {width:g} mm is asked for in pattern graded; allowed is a "
             "length that is a multiple of the width"
         )
     if pattern == "along":
-        if cell != "triangle":
-            raise InputError(f"pattern is along and cell {cell}; allowed are triangles")
         return _along(length, width, max(length / nx, width / ny), yarns)
     if pattern in ("unstructured", "yarns"):
         lines = yarns_through_corners(length, width, yarns, between) if pattern == "yarns" else ()
@@ -113,14 +101,14 @@ def _along(
     length: float, width: float, size: float, angle: float
 ) -> tuple[np.ndarray, np.ndarray, str]:
     """Squares along `angle` [rad], each of four triangles by both diagonals, where their corners
-    are `EDGE` of their size off the sheet's edges; other triangles from there to points on the
+    are half of their size off the sheet's edges; other triangles from there to points on the
     edges."""
     sides = np.array([length, width])
     half = math.ceil(math.hypot(length, width) / 2 / size) + 1
     axes = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
     grid = np.indices((2 * half + 1, 2 * half + 1)).reshape(2, -1).T
     places = size * (grid - half - 0.5) @ axes + sides / 2
-    inside = (np.minimum(places, sides - places) > EDGE * size).all(1)
+    inside = (np.minimum(places, sides - places) > size / 2).all(1)
     grid, places = grid[inside], places[inside]
     x, y = (np.linspace(0, side, max(1, round(side / size)) + 1) for side in sides)
     edges = [np.column_stack([x, 0 * x + at]) for at in (0, width)]
@@ -154,7 +142,8 @@ def _unstructured(
 
     # to 1e-6 mm, so that cells do not change with an angle as little as rounding
     lines = np.asarray(lines).reshape(-1, 2, 2).round(6)
-    near, far = (size * each for each in (SIZES if len(lines) else (1.0, 1.0)))
+    # sizes of cells at the yarns through the corners, and from `reach` off them on
+    near, far, reach = (0.4 * size, 2 * size, 4 * size) if len(lines) else (size, size, 0.0)
     options = {"MeshSizeMin": near, "MeshSizeMax": far, "Algorithm": 6.0}
     corners = 4 if cell == "quadrilateral" else 3
     if corners == 4:
@@ -165,12 +154,12 @@ def _unstructured(
 
     def graded_size(_, __, x, y, *___):
         """Size at a place by the distance from lines, in plain floats: gmsh asks so often."""
-        least = REACH * size
+        least = reach
         for x0, y0, dx, dy in segments:
             along = ((x - x0) * dx + (y - y0) * dy) / (dx * dx + dy * dy)
             along = min(1.0, max(0.0, along))
             least = min(least, math.hypot(x - x0 - along * dx, y - y0 - along * dy))
-        return near + (far - near) * least / (REACH * size)
+        return near + (far - near) * least / reach
 
     with own_model(gmsh, **options):
         occ = gmsh.model.occ

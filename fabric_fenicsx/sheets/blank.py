@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any, Self, Unpack
+from typing import Any, Self
 
 import numpy as np
 from dolfinx.mesh import Mesh
@@ -13,15 +13,15 @@ from mpi4py import MPI
 from numpy.typing import ArrayLike
 
 from .. import dolfinx_compat as compat
-from ..meshes.specimen import specimen
 from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
-from ..runtime.rules import COUNT, POSITIVE
+from ..runtime.rules import FINITE, POSITIVE
+from . import flat
 from .cells import CELLS
-from .layout import Layout, axes_of, blank_options, moved_sheet, yarns_at
 from .mesh_checks import MeshArrays, checked_mesh
 from .mesh_files import read_mesh
 from .part import Part
+from .sheet import Layout, Values
 from .sheet_mesh import Direction, SheetMesh
 
 
@@ -109,22 +109,25 @@ class Blank(SheetMesh):
         """Name `patches` {name: function of the cells' centres (3, n) [mm] to a mask (n,)} as
         `parts`, and `rest` what none of them marks. Raises InputError for a patch without cells,
         for a cell in two, and for a blank that has parts."""
-        if self.parts:
-            known = ", ".join(self.parts)
-            raise InputError(f"{self.name} has parts {known} already: it is divided only once")
         middles = self.mesh.geometry.x[compat.geometry_dofmap(self.mesh)].mean(1).T
         masks = {name: np.asarray(where(middles), bool) for name, where in patches.items()}
         count = np.sum(list(masks.values()), axis=0)
-        if self.mesh.comm.allreduce(int((count > 1).sum())):
-            raise InputError(f"patches of {self.name} overlap; allowed is one for each cell")
-        masks |= {rest: count == 0}
+        cells = self.mesh.comm.allreduce(np.array([m.sum() for m in masks.values()]))
+        empty = [name for name, size in zip(masks, cells) if not size]
+        flaw = ""
+        if self.parts:
+            flaw = f"{self.name} has parts {', '.join(self.parts)} already; allowed is one division"
+        elif self.mesh.comm.allreduce(int((count > 1).sum())):
+            flaw = f"patches of {self.name} overlap; allowed is one for each cell"
+        elif empty:
+            flaw = f"patch {empty[0]} of {self.name} has no cells; allowed are one or more"
+        if flaw:
+            raise InputError(flaw)
+        if self.mesh.comm.allreduce(int((count == 0).sum())):
+            masks |= {rest: count == 0}
         for name, mask in masks.items():
-            if self.mesh.comm.allreduce(int(mask.sum())):
-                at = np.flatnonzero(mask)
-                self.parts[name] = Part(self, name, at, orthogonal=self.orthogonal)
-            elif name != rest:
-                patch = f"patch {name} of {self.name}"
-                raise InputError(f"{patch} has no cells; allowed are one or more")
+            at = np.flatnonzero(mask)
+            self.parts[name] = Part(self, name, at, orthogonal=self.orthogonal)
 
     @classmethod
     def from_arrays(
@@ -150,25 +153,32 @@ class Blank(SheetMesh):
         def given():
             return MeshArrays(np.asarray(points, float), np.asarray(cells), str(kind), [])
 
-        return cls._made(comm, given, source, spatial, options)
+        return cls.made(comm, given, source, spatial, options)
 
     @classmethod
-    def _made(cls, comm, make, source, spatial, options, moved=None):
+    def made(
+        cls,
+        comm: MPI.Comm,
+        make: Callable[[], MeshArrays],
+        source: str,
+        spatial: bool,
+        options: Values,
+        moved: Callable[[np.ndarray], tuple[np.ndarray, list[str]]] | None = None,
+    ) -> Self:
         """Blank of what `make` returns on rank 0, checked and `moved`, a function of points to
-        points and warnings."""
-
-        mine = None
+        points and warnings; others as in `from_arrays`."""
+        local: MeshArrays | None = None
 
         def checked():
-            nonlocal mine
+            nonlocal local
             raw = make()
             mesh = checked_mesh(raw.points, raw.cells, raw.kind, source, spatial)
             points, notes = moved(mesh.points) if moved else (mesh.points, [])
-            mine = mesh._replace(points=points, warnings=[*raw.warnings, *mesh.warnings, *notes])
-            return mine._replace(points=mesh.points[:0], cells=mesh.cells[:0])  # of other ranks
+            local = mesh._replace(points=points, warnings=[*raw.warnings, *mesh.warnings, *notes])
+            return local._replace(points=mesh.points[:0], cells=mesh.cells[:0])  # of other ranks
 
         empty = on_root(comm, checked)
-        points, nodes, kind, warnings = mine or empty
+        points, nodes, kind, warnings = local or empty
         how = CELLS[kind]
         nodes = nodes[:, compat.to_dolfinx_order(how.cell, nodes.shape[1])]
         blank = cls(compat.create_mesh(comm, nodes, points, how.cell, how.degree), **options)
@@ -186,7 +196,7 @@ class Blank(SheetMesh):
         pattern: str = "crossed",
         spatial: bool = False,
         comm: MPI.Comm = MPI.COMM_WORLD,
-        **layout: Unpack[Layout],
+        **layout: Any,
     ) -> Self:
         """Rectangle in the plane z = 0.
 
@@ -200,38 +210,27 @@ class Blank(SheetMesh):
             How they become cells, one of `meshes.specimen.PATTERNS`.
         spatial : bool
             True: free to leave its plane.
+        turned : float
+            From x to the length [rad]; the blank's frame is then its length and width.
+        centred : bool
+            True: the middle is the origin, otherwise a corner; one for each side if two are given.
         element : {"P1", "P2", "P3", "Q1", "Q2"}
             By default P1 or P2, see `degree` of `Blank`.
         fibre_angle, yarn_angle : float
             From the length to yarns a (0), a `Field`, too, and from there to yarns b (90) [deg].
             Cells along the yarns follow those in the middle.
-        turned : float
-            From x to the length [rad]; the blank's frame is then its length and width.
-        centred : bool
-            True: the middle is the origin, otherwise a corner; one for each side if two are given.
 
         Raises
         ------
         InputError
             For values that are not allowed or do not fit together.
         """
-        options = blank_options(layout)
-        length, width = POSITIVE.check("`length`", length), POSITIVE.check("`width`", width)
-        nx = COUNT.check("`nx`", nx)
-        ny = max(1, round(nx * width / length)) if ny is None else COUNT.check("`ny`", ny)
-        cell = "quadrilateral" if (layout.get("element") or "P")[0] == "Q" else "triangle"
-        centred = np.broadcast_to(layout.get("centred", False), 2)
-        middle = np.where(centred, 0.0, [length / 2, width / 2]) @ axes_of(layout.get("turned", 0))
-
-        def made():
-            yarns = yarns_at(layout, middle)
-            points, cells, kind = specimen(length, width, nx, ny, pattern, cell, *yarns)
-            if layout.get("centred"):
-                points[:, :2] -= np.array([length, width]) / 2 * np.asarray(layout["centred"])
-            points[:, :2] = points[:, :2] @ axes_of(layout.get("turned", 0.0))
-            return MeshArrays(points, cells, kind, [])
-
-        return cls._made(comm, made, "the specimen", spatial, options)
+        sides = POSITIVE.check("`length`", length), POSITIVE.check("`width`", width)
+        turned = FINITE.check("`turned`", layout.pop("turned", 0.0))
+        centred = layout.pop("centred", False)
+        sheet = Layout(nx=nx, ny=ny, pattern=pattern, **layout)
+        make = partial(flat.rectangle, sheet, sides, turned, centred)
+        return cls.made(comm, make, "the specimen", spatial, sheet.options(turned))
 
     @classmethod
     def outline(
@@ -244,7 +243,7 @@ class Blank(SheetMesh):
         layer: str | None = None,
         spatial: bool = False,
         comm: MPI.Comm = MPI.COMM_WORLD,
-        **layout: Unpack[Layout],
+        **layout: Any,
     ) -> Self:
         """Sheet in the plane z = 0 within an outline with holes, of triangles.
 
@@ -259,10 +258,13 @@ class Blank(SheetMesh):
             `spatial`.
         layer : str
             Of a DXF, or several with commas between them.
-        spatial, **layout
-            As in `rectangle`; the sheet lies as in the file, unless `centred`. planes: axes, 0 or
-            1, to which planes of symmetry through the origin are perpendicular: of an outline on
-            both sides of one the positive side is meshed.
+        centred : bool
+            True: the middle of its extent is the origin; otherwise it lies as in the file.
+        planes : sequence of int
+            Axes, 0 or 1, to which planes of symmetry through the origin are perpendicular: of an
+            outline on both sides of one the positive side is meshed.
+        spatial, turned, element, fibre_angle, yarn_angle
+            As in `rectangle`.
 
         Raises
         ------
@@ -271,40 +273,12 @@ class Blank(SheetMesh):
             that a plane of symmetry does not mirror, and values that are not allowed. What was left
             out stands in `warnings`.
         """
-        from ..meshes.outline import outline_mesh
-        from ..meshes.outline_files import read_outline
-        from ..meshes.rings import centred, mirrored_half, sheet_of
-
-        options, nx = blank_options(layout), COUNT.check("`nx`", nx)
-        if (element := layout.get("element") or "P")[0] != "P":
-            raise InputError(f"`element` is {element}; allowed for an outline are triangles (P)")
         pattern = pattern or ("along" if spatial else "unstructured")
-        given: Any = outline
-        is_file = isinstance(outline, (str, os.PathLike))
-        source = f"outline {outline}" if is_file else "the outline"
-
-        def made():
-            if is_file:
-                sheet, notes = read_outline(given, layer)
-            else:
-                sheet, notes = sheet_of([np.asarray(ring, float) for ring in given], source), []
-            if layout.get("centred"):
-                sheet = centred(sheet)
-            for axis in layout.get("planes", ()):
-                sheet = mirrored_half(sheet, axis, source)
-            low, high = np.reshape(sheet.bounds, (2, 2))
-            angle, between = yarns_at(layout, sheet.centroid.coords[0])
-            angle += layout.get("turned", 0.0)
-            edge = (high - low)[0] / nx if size is None else size
-            try:
-                points, cells, kind, left_out = outline_mesh(
-                    sheet, edge, pattern, (angle, angle + between)
-                )
-            except InputError as error:
-                raise InputError("; ".join([str(error), *notes])) from None
-            return MeshArrays(points, cells, kind, notes + left_out)
-
-        blank = cls._made(comm, made, source, spatial, options)
+        turned = FINITE.check("`turned`", layout.pop("turned", 0.0))
+        place = turned, layout.pop("centred", False), layout.pop("planes", ())
+        sheet, source = Layout(nx=nx, pattern=pattern, **layout), flat.outline_source(outline)
+        make = partial(flat.outline, sheet, outline, (size, layer), *place)
+        blank = cls.made(comm, make, source, spatial, sheet.options(turned))
         blank.from_file = True
         return blank
 
@@ -328,9 +302,7 @@ class Blank(SheetMesh):
         or unknown cells, and for a sheet that is not flat and has a `height`.
         """
 
-        def moved(points):
-            return moved_sheet(points, str(path), centred, height)
-
-        blank = cls._made(comm, lambda: read_mesh(path), str(path), spatial, options, moved)
+        moved = partial(flat.moved_sheet, source=str(path), centred=centred, height=height)
+        blank = cls.made(comm, partial(read_mesh, path), str(path), spatial, options, moved)
         blank.from_file = True
         return blank

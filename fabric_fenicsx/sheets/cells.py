@@ -1,22 +1,21 @@
 """Kinds of cells, and checks of their shape: area everywhere."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
+import basix
 import numpy as np
 
+from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
 
 
 class CellKind(NamedTuple):
-    """A kind of cell: what DOLFINx calls it, its geometric degree, places (k, 2) of its nodes in
-    the reference cell, in gmsh's order with the corners first, and the straight cells, by nodes,
-    that it is cut into to look for neighbours."""
+    """A kind of cell: what DOLFINx calls it, its geometric degree, and places (k, 2) of its nodes
+    in the reference cell, in gmsh's order with the corners first."""
 
     cell: str
     degree: int
     nodes: np.ndarray
-    parts: Sequence[Sequence[int]]
 
     @property
     def corners(self) -> int:
@@ -27,22 +26,14 @@ class CellKind(NamedTuple):
 _TRIANGLE = [(0, 0), (1, 0), (0, 1), (0.5, 0), (0.5, 0.5), (0, 0.5)]
 _QUAD = [(0, 0), (1, 0), (1, 1), (0, 1), (0.5, 0), (1, 0.5), (0.5, 1), (0, 0.5), (0.5, 0.5)]
 CELLS = {
-    "triangle": CellKind("triangle", 1, np.array(_TRIANGLE[:3], float), [(0, 1, 2)]),
-    "triangle6": CellKind(
-        "triangle", 2, np.array(_TRIANGLE), [(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)]
-    ),
-    "quad": CellKind("quadrilateral", 1, np.array(_QUAD[:4], float), [(0, 1, 2, 3)]),
-    "quad9": CellKind(
-        "quadrilateral",
-        2,
-        np.array(_QUAD),
-        [(0, 4, 8, 7), (4, 1, 5, 8), (8, 5, 2, 6), (7, 8, 6, 3)],
-    ),
+    "triangle": CellKind("triangle", 1, np.array(_TRIANGLE[:3], float)),
+    "triangle6": CellKind("triangle", 2, np.array(_TRIANGLE)),
+    "quad": CellKind("quadrilateral", 1, np.array(_QUAD[:4], float)),
+    "quad9": CellKind("quadrilateral", 2, np.array(_QUAD)),
 }
 # corners and degree of cells of which DOLFINx would have more than the checks can judge
-HIGHER = {
-    **{f"triangle{(p + 1) * (p + 2) // 2}": (3, p) for p in range(3, 11)},
-    **{f"quad{(p + 1) ** 2}": (4, p) for p in range(3, 11)},
+HIGHER = {f"triangle{(p + 1) * (p + 2) // 2}": (3, p) for p in range(3, 11)} | {
+    f"quad{(p + 1) ** 2}": (4, p) for p in range(3, 11)
 }
 STRAIGHT_TOLERANCE = 1e-6  # distance of nodes from an edge or a plane, over the edge's length
 AREA_TOLERANCE = 1e-16  # squared area over the longest edge's fourth power: no area below it
@@ -127,38 +118,17 @@ def check_shapes(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str) -
         raise InputError(f"{flaw}; allowed are cells with area")
     if how.degree == 1:
         return
-    fine = _lattice(how.cell, 20)
+    kind = getattr(basix.CellType, how.cell)
+    fine = basix.create_lattice(kind, 20, basix.LatticeType.equispaced, True)
+    variant = basix.LagrangeVariant.equispaced
+    lagrange = basix.create_element(basix.ElementFamily.P, kind, 2, variant)
+    order = np.argsort(compat.to_dolfinx_order(how.cell, len(how.nodes)))
+    values, ds, dt = lagrange.tabulate(1, fine)[..., order, 0]
     for block in np.array_split(np.arange(len(cells)), 1 + len(cells) // 2000):
-        areas = _areas(x, cells[block], how, fine, mean[block])
+        nodes = x[cells[block]]
+        # products of the cells' normals, as long as dA over that of the reference cell, with `mean`
+        areas = (np.cross(ds @ nodes, dt @ nodes) * mean[block, None]).sum(2)
         for k in np.flatnonzero(areas.min(1) <= AREA_TOLERANCE * size[block] ** 2)[:1]:
-            place = _shapes(how, fine[[areas[k].argmin()]])[0] @ x[cells[block[k]]]
-            flaw = (
-                f"number {block[k]}, that its curved edges turn over inside, {at_place(place[0])}"
-            )
+            place = at_place(values[areas[k].argmin()] @ nodes[k])
+            flaw = f"number {block[k]}, that its curved edges turn over inside, {place}"
             raise InputError(f"{source} has a cell, {flaw}; allowed is area everywhere")
-
-
-def _shapes(how, places):
-    """Shape functions (n, k) at `places` (n, 2) of the reference cell, and their derivatives along
-    both axes."""
-    # exponents of the monomials that they are made of
-    i, j = np.round(how.degree * _lattice(how.cell, how.degree)).astype(int).T
-    coefficients = np.linalg.inv(how.nodes[:, [0]] ** i * how.nodes[:, [1]] ** j)
-    s, t = places[:, [0]], places[:, [1]]
-    ds = i * s ** np.maximum(i - 1, 0) * t**j
-    dt = j * s**i * t ** np.maximum(j - 1, 0)
-    return [values @ coefficients for values in (s**i * t**j, ds, dt)]
-
-
-def _areas(x, cells, how, places, mean):
-    """Product (cells, n) of the cells' normals, as long as dA over that of the reference cell, with
-    `mean` (cells, 3)."""
-    _, ds, dt = _shapes(how, places)
-    return (np.cross(ds @ x[cells], dt @ x[cells]) * mean[:, None]).sum(2)
-
-
-def _lattice(cell, n):
-    """Places (k, 2) in the reference cell, n + 1 along an edge."""
-    s, t = (k.ravel() / n for k in np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij"))
-    inside = s + t <= 1 + 1e-9 if cell == "triangle" else s >= 0
-    return np.column_stack([s, t])[inside]

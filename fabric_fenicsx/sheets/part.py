@@ -109,7 +109,7 @@ class Part:
         """Integration over the part, exact for polynomials of this degree on cells with straight
         sides; None: what UFL estimates. drawn: distance of the points from the cells' centres, over
         those of that rule. All parts share a subdomain number: a form must not mix parts."""
-        metadata: dict[str, Any] = {} if degree is None else {"quadrature_degree": degree}
+        metadata: dict[str, object] = {} if degree is None else {"quadrature_degree": degree}
         if degree is not None and drawn != 1:
             points, weights = compat.quadrature(self.blank.mesh, degree, drawn)
             # tuples, as UFL takes the names of forms from their text
@@ -118,9 +118,7 @@ class Part:
                 "quadrature_points": tuple(map(tuple, points.tolist())),
                 "quadrature_weights": tuple(weights.tolist()),
             }
-        on: dict[str, Any] = {}
-        if not self.is_whole:
-            on = {"subdomain_data": self._tags, "subdomain_id": 1}
+        on = {} if self.is_whole else {"subdomain_data": self._tags, "subdomain_id": 1}
         return ufl.Measure("dx", self.blank.mesh, metadata=metadata, **on)
 
     def ds(

@@ -1,7 +1,7 @@
 """The mesh of a sheet with its yarns, its displacement, and numbers at its cells and nodes."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 import ufl
@@ -15,22 +15,22 @@ from ufl.core.expr import Expr
 from .. import dolfinx_compat as compat
 from ..runtime.collective_errors import on_all
 from ..runtime.errors import InputError
-from .layout import FLAT_TOLERANCE
+from .flat import FLAT_TOLERANCE
 
 # an angle, a vector, or a function of points to either; see `Blank`
 Direction = ArrayLike | Callable[[np.ndarray], ArrayLike]
-
-# flat triangles of cells, by their nodes: halves, or the four between a quadratic cell's nodes
-TRIANGLES = {
-    ("triangle", 1): [(0, 1, 2)],
-    ("triangle", 2): [(0, 5, 4), (5, 1, 3), (4, 3, 2), (5, 3, 4)],
-    ("quadrilateral", 1): [(0, 1, 2), (1, 3, 2)],
-}
 
 
 class SheetMesh:
     """A mesh with fibre fields `a0`, `b0` and the displacement `u` in the space `V`, as in
     `Blank`."""
+
+    # flat triangles of cells, by their nodes: halves, or the four between a quadratic cell's nodes
+    TRIANGLES: ClassVar = {
+        ("triangle", 1): [(0, 1, 2)],
+        ("triangle", 2): [(0, 5, 4), (5, 1, 3), (4, 3, 2), (5, 3, 4)],
+        ("quadrilateral", 1): [(0, 1, 2), (1, 3, 2)],
+    }
 
     V: fem.FunctionSpace
     u: fem.Function
@@ -175,7 +175,7 @@ class SheetMesh:
         local `cells` as, (cells, k, 3): a linear triangle itself, halves of a quadrilateral, the
         four between the nodes of a quadratic triangle."""
         cell = compat.cell_name(self.mesh)
-        corners = TRIANGLES.get((cell, self.degree), TRIANGLES[cell, 1])
+        corners = self.TRIANGLES.get((cell, self.degree), self.TRIANGLES[cell, 1])
         nodes = compat.dofmap(self.V)[cells][:, corners]
         # by their places: ranks may turn a cell, and terms remember values in its triangles
         places = np.moveaxis(self.coordinates()[nodes].mean(2).round(6), 2, 0)
@@ -289,12 +289,10 @@ def fibre_fields(
 
 def _midpoints(mesh, up):
     """Centre and unit normal of each local cell, the normal on the side of `up`."""
-    x = mesh.geometry.x[compat.geometry_dofmap(mesh)]
-    if compat.cell_name(mesh) == "triangle":
-        corners, ends = x[:, :3], (1, 0, 2, 0)
-    else:  # in tensor-product order
-        corners, ends = x[:, :4], (3, 0, 2, 1)
-    p, q, r, s = (corners[:, end] for end in ends)
+    is_triangle = compat.cell_name(mesh) == "triangle"
+    corners = mesh.geometry.x[compat.geometry_dofmap(mesh)][:, : 3 if is_triangle else 4]
+    # two edges of a triangle, the diagonals of a quadrilateral in tensor-product order
+    p, q, r, s = corners.swapaxes(0, 1)[[1, 0, 2, 0] if is_triangle else [3, 0, 2, 1]]
     normal = np.cross(p - q, r - s)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     normal[normal @ np.asarray(up, float) < 0] *= -1
@@ -302,30 +300,29 @@ def _midpoints(mesh, up):
 
 
 def _tangent(mesh, centre, normal, direction, name):
-    gdim, n = mesh.geometry.dim, len(centre)
-    if np.ndim(direction) == 0 and not callable(direction) and abs(float(direction)) > 2 * np.pi:
-        found = f"fibre direction {name} is {direction:g}, an angle in radians"
-        raise InputError(f"{found}; allowed is from -2 pi to 2 pi")
-    value: Any = direction
-    if callable(direction):
-        value = on_all(mesh.comm, lambda: direction(centre.T))
-    value = np.asarray(value, dtype=float)
-    if value.ndim == 0 or value.shape == (n,) and callable(direction):
-        value = np.stack(np.broadcast_arrays(np.cos(value), np.sin(value), 0.0), -1)
-    elif callable(direction):
-        value = value.T
-    value = np.broadcast_to(value, (n, value.shape[-1])).astype(float)
-    if value.shape[1] == 2:
-        value = np.column_stack([value, np.zeros(n)])
+    """Unit vectors (cells, 3) along a direction in the cells' planes."""
 
     def refuse(bad, flaw):
         _refuse(mesh, bad, centre, f"fibre direction {name} {flaw}")
 
+    if callable(direction):
+        value = on_all(mesh.comm, lambda: np.asarray(direction(centre.T), float))
+    else:
+        value = np.asarray(direction, float)
+        if value.ndim == 0 and abs(value) > 2 * np.pi:
+            raise InputError(
+                f"fibre direction {name} is {value:g}, an angle in radians; allowed is from -2 pi "
+                "to 2 pi"
+            )
+    if value.ndim < (2 if callable(direction) else 1):
+        value = np.stack(np.broadcast_arrays(np.cos(value), np.sin(value)))
+    value = np.broadcast_to(value.T, (len(centre), len(value)))
+    value = np.pad(value, ((0, 0), (0, 3 - len(value.T))))
     with np.errstate(invalid="ignore", divide="ignore"):
         value = value / np.linalg.norm(value, axis=1, keepdims=True)
         refuse(~np.isfinite(value).all(1), "is zero or not finite")
         out = (value * normal).sum(1)
-    if gdim == 2:
+    if mesh.geometry.dim == 2:
         refuse(abs(out) > 1e-6, "leaves the plane of the plane blank")
     value = value - out[:, None] * normal
     length = np.linalg.norm(value, axis=1)
@@ -336,8 +333,7 @@ def _tangent(mesh, centre, normal, direction, name):
 
 def _refuse(mesh, bad, centre, flaw):
     """Raise the same InputError on all ranks if any rank has a bad cell."""
-    mine = centre[bad][:1].round(6).tolist()
-    found: list = sum(mesh.comm.allgather(mine), [])
-    if found:
-        where = f"in the cell at {tuple(found[0])} mm"
+    places = np.concatenate(mesh.comm.allgather(centre[bad][:1].round(6)))
+    if len(places):
+        where = f"in the cell at {tuple(places[0].tolist())} mm"
         raise InputError(f"{flaw} {where}; allowed are directions in its tangent plane")

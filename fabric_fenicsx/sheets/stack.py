@@ -12,9 +12,8 @@ from ..runtime.rules import FINITE, POSITIVE
 from .blank import Blank, Part
 
 
-class Sheet(NamedTuple):
-    """A flat `blank` in space, its `thickness` [mm], and its `name`, by which `on` puts a term on
-    it."""
+class StackedSheet(NamedTuple):
+    """A flat blank in space, its thickness [mm], and its name, by which `on` puts a term on it."""
 
     blank: Blank
     thickness: float
@@ -46,9 +45,13 @@ class Stack(Blank):
         play: float = 0.0,
         name: str = "stack",
     ) -> None:
-        self.sheets = [_sheet(sheet) for sheet in sheets]
-        _check(self.sheets)
-        self.play = play = FINITE.check("`play` of the stack", play)
+        self.sheets = [
+            StackedSheet(blank, POSITIVE.check(f"thickness of sheet {part} of the stack", t), part)
+            for blank, t, part in sheets
+        ]
+        if flaw := _flaw(self.sheets):
+            raise InputError(flaw)
+        play = FINITE.check("`play` of the stack", play)
         if bottom is not None:
             bottom = FINITE.check("`bottom` of the stack", bottom)
         comm = self.sheets[0].blank.mesh.comm
@@ -81,30 +84,27 @@ class Stack(Blank):
         return sum(sheet.thickness for sheet in self.sheets)
 
 
-def _sheet(sheet):
-    blank, thickness, name = sheet
-    return Sheet(blank, POSITIVE.check(f"thickness of sheet {name} of the stack", thickness), name)
-
-
-def _check(sheets):
+def _flaw(sheets):
+    """Why these sheets make no stack, and what is allowed; else ""."""
     names = [sheet.name for sheet in sheets]
     if len(set(names)) < len(names) or not all(names):
-        raise InputError(f"sheets of the stack are named {names}; allowed are different names")
+        return f"sheets of the stack are named {names}; allowed are different names"
     kinds = {compat.cell_name(sheet.blank.mesh) for sheet in sheets}
     if len(kinds) > 1:
-        raise InputError(f"the stack has sheets of {sorted(kinds)}s; allowed is one kind of cells")
-    for sheet in sheets:
-        blank, where = sheet.blank, f"sheet {sheet.name} of the stack"
+        return f"the stack has sheets of {sorted(kinds)}s; allowed is one kind of cells"
+    for blank, _, name in sheets:
+        where = f"sheet {name} of the stack"
         if blank.mesh.geometry.dim != 3 or not np.array_equal(blank.frame, np.eye(3)):
             flaw = "lies in a plane mesh or along turned axes"
-            raise InputError(f"{where} {flaw}; allowed is a sheet in space (`spatial=True`)")
+            return f"{where} {flaw}; allowed is a sheet in space (`spatial=True`)"
         if not (blank.degree == 1 or blank.triangulated) or compat.geometry_degree(blank.mesh) > 1:
-            raise InputError(f"{where} has other cells; allowed are P1, P2 and Q1, not curved")
+            return f"{where} has other cells; allowed are P1, P2 and Q1, not curved"
         low, high = blank.extent()
         # distance from its plane of a sheet that is flat, over its size
         if high[2] - low[2] > 1e-9 * (high - low).max():
             height = rounded(high[2] - low[2], 4)
-            raise InputError(f"{where} is {height} mm high; allowed is a flat sheet, z = const")
+            return f"{where} is {height} mm high; allowed is a flat sheet, z = const"
+    return ""
 
 
 def _merged(sheets, lifts, comm):

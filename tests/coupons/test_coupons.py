@@ -6,8 +6,8 @@ import meshio
 import pytest
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.coupons.laying import modelled
 from fabric_fenicsx.meshes.specimen import specimen
+from fabric_fenicsx.sheets.meshing import modelled_share
 
 
 def test_a_field_that_is_not_allowed():
@@ -41,4 +41,8 @@ def test_sizes_of_an_own_mesh(tmp_path):
         else:
             with pytest.raises(ff.InputError, match="does not fit .* of 100 mm"):
                 strip.build()
-    assert [modelled(planes).tolist() for planes in ([], [0], [1])] == [[1, 1], [0.5, 1], [1, 0.5]]
+    assert [modelled_share(planes).tolist() for planes in ([], [0], [1])] == [
+        [1, 1],
+        [0.5, 1],
+        [1, 0.5],
+    ]

@@ -7,7 +7,6 @@ import pytest
 from scipy.integrate import trapezoid
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.coupons.measured import Measured
 
 FABRIC = ff.load("komeili").replace(thickness=0.8)
 NAMES = "log_eps_11", "log_eps_22", "eps_a", "eps_b", "shear_angle"
@@ -120,17 +119,6 @@ def test_both_grips_hold_the_direction_of_yarns_that_bend():
     other = np.linalg.norm(x[:, None] + x, axis=2).argmin(1)
     largest = abs(force).max()
     assert largest > 1e-6 and force[other] == pytest.approx(-force, abs=1e-6 * largest)
-
-
-def test_the_distance_of_curves():
-    curve = Measured("f", "t", np.array([0.5, 1.5, 2.5, 3.5]), np.array([6.0, 18.0, 28.0, 99.0]))
-    rows = zip([0, 1, 2, 3], [0, 10, 30, 20])
-    found = curve.against([{"displacement_mm": d, "reaction_N": f} for d, f in rows])
-    assert (found["points"], found["points_covered"]) == (4, 3)
-    assert (found["from_mm"], found["to_mm"]) == (0.5, 2.5)
-    off = found["rms_N"], found["largest_N"]  # of -1, 2, -3
-    assert off == pytest.approx((np.sqrt(14 / 3), 3))
-    assert (found["rms_of_peak"], found["largest_of_peak"]) == pytest.approx(np.array(off) / 28)
 
 
 @pytest.mark.parametrize("tension, weave, friction", [(0, 90, 0), (0.02, 70, 0.02)])

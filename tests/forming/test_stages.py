@@ -95,7 +95,9 @@ def test_pressures_above_10_mpa_are_doubted():
 
 def test_friction_is_that_of_the_paper():
     """Fabric on tools 0.25, metal on tools 0.1; faces lag twenty times as much as friction."""
-    fabric, metal = ff.Sheet(ff.load("komeili"), name="a"), ff.Sheet(metal=ff.load_metal("dc04"))
+    size = {"length": 10, "width": 10}
+    fabric = ff.Sheet(ff.load("komeili"), name="a", **size)
+    metal = ff.Sheet(metal=ff.load_metal("dc04"), **size)
     touch = ff.Interface(lag=1e-3)
     assert touch.on_tools([fabric]).coefficient == 0.25
     assert touch.on_tools([metal]).coefficient == 0.1

@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.command_line.study import Study, parser
-from fabric_fenicsx.coupons.coupon import Tensile
+from fabric_fenicsx.coupons.tensile import Tensile
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.runtime.errors import InputError
 

@@ -6,7 +6,7 @@ from builders import dome
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.command_line.study import Study, parser
-from fabric_fenicsx.coupons.coupon import Tensile
+from fabric_fenicsx.coupons.tensile import Tensile
 
 FABRIC = ff.load("komeili")
 

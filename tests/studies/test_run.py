@@ -19,7 +19,7 @@ import pyvista
 from mpi4py import MPI
 
 from fabric_fenicsx.command_line.study import Study, parser
-from fabric_fenicsx.coupons.coupon import Tensile
+from fabric_fenicsx.coupons.tensile import Tensile
 from fabric_fenicsx.postprocess.states import read_state
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.runtime.files import lock_folder

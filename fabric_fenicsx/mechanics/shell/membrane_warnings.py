@@ -10,7 +10,6 @@ from mpi4py import MPI
 from ...material import kernel, stability
 from ...material.strains import nominal_strain
 from ...runtime.formatting import of_sheet, percent, rounded
-from ...sheets.blank import Blank
 from ...sheets.part import MAX_OFF_YARNS
 from .membrane import Membrane
 
@@ -173,12 +172,3 @@ def range_warnings(membrane: Membrane) -> list[str]:
 
 def _as_angle(angle):
     return f"{rounded(math.degrees(angle), 4)} deg"
-
-
-def size_warning(blank: Blank, source: str) -> str:
-    """A sentence if the sheet's size may be in another unit than mm, else ""."""
-    low, high = blank.extent()
-    if 20 <= (high - low).max() <= 10_000:  # a few yarns, more than looms weave
-        return ""
-    sides = " x ".join(rounded(side, 4) for side in high - low)
-    return f"{source} is {sides} mm; lengths are in mm (metres times 1000, inches times 25.4)"

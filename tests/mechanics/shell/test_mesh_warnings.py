@@ -14,9 +14,9 @@ from fabric_fenicsx.mechanics.shell.membrane_warnings import (
     alternating_energy,
     band_warning,
     locking_warning,
-    size_warning,
 )
 from fabric_fenicsx.meshes.specimen import specimen
+from fabric_fenicsx.sheets.meshing import size_warning
 
 COMM = MPI.COMM_WORLD
 KOMEILI = ff.load("komeili")

@@ -1,0 +1,110 @@
+"""Flat sheets as arrays: rectangles and outlines, in their place."""
+
+import math
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..meshes import rings
+from ..meshes.outline import outline_mesh
+from ..meshes.outline_files import read_outline
+from ..meshes.specimen import specimen
+from ..runtime.errors import InputError
+from ..runtime.formatting import rounded
+from .mesh_checks import MeshArrays
+from .sheet import Layout, axes_of
+
+FLAT_TOLERANCE = 1e-6  # of its size, up to which a sheet is flat
+
+
+def rectangle(
+    layout: Layout, sides: Sequence[float], turned: float, centred: bool | Sequence[bool]
+) -> MeshArrays:
+    """A rectangle of these sides [mm], `turned` from x [rad], with a corner or, `centred`, its
+    middle at the origin. Cells along the yarns follow those in the middle."""
+    if layout.pattern == "along":
+        _check_triangles(layout, "cells along the yarns")
+    (length, width), middle = sides, np.array(sides) / 2
+    ny = layout.ny or max(1, round(layout.nx * width / length))
+    cell = "quadrilateral" if (layout.element or "P")[0] == "Q" else "triangle"
+    axes, shift = axes_of(turned), middle * np.asarray(centred)
+    yarns = _yarns(layout, (middle - shift) @ axes)
+    points, cells, kind = specimen(length, width, layout.nx, ny, layout.pattern, cell, *yarns)
+    points[:, :2] = (points[:, :2] - shift) @ axes
+    return MeshArrays(points, cells, kind, [])
+
+
+def outline(
+    layout: Layout,
+    rim: Path | str | Sequence[ArrayLike],
+    cells: tuple[float | None, str | None],
+    turned: float,
+    centred: bool,
+    planes: Sequence[int],
+) -> MeshArrays:
+    """The inside of a `rim`, as in `Blank.outline`; cells: their size [mm], and the layer of a DXF.
+    Warnings say what was left out."""
+    size, layer = cells
+    _check_triangles(layout, "an outline")
+    source, notes = outline_source(rim), list[str]()
+    if isinstance(rim, str | os.PathLike):
+        sheet, notes = read_outline(rim, layer)
+    else:
+        sheet = rings.sheet_of([np.asarray(ring, float) for ring in rim], source)
+    sheet = rings.centred(sheet) if centred else sheet
+    for axis in planes:
+        sheet = rings.mirrored_half(sheet, axis, source)
+    low, high = np.reshape(sheet.bounds, (2, 2))
+    a, between = _yarns(layout, sheet.centroid.coords[0])
+    size = (high - low)[0] / layout.nx if size is None else size
+    try:
+        points, triangles, kind, left_out = outline_mesh(
+            sheet, size, layout.pattern, (a + turned, a + turned + between)
+        )
+    except InputError as error:
+        raise InputError("; ".join([str(error), *notes])) from None
+    return MeshArrays(points, triangles, kind, notes + left_out)
+
+
+def outline_source(rim: Path | str | Sequence[ArrayLike]) -> str:
+    """What messages call an outline."""
+    return f"outline {rim}" if isinstance(rim, str | os.PathLike) else "the outline"
+
+
+def _check_triangles(layout, what):
+    if (layout.element or "P")[0] != "P":
+        raise InputError(f"`element` is {layout.element}; allowed for {what} are triangles (P)")
+
+
+def _yarns(layout, place):
+    """Angle from the length to yarns a, and from there to yarns b, [rad] at a place (x, y)."""
+    a = layout.fibre_angles(np.array([[*place, 0.0]]))[0]
+    return math.radians(a), math.radians(layout.yarn_angle)
+
+
+def moved_sheet(
+    points: np.ndarray, source: str, centred: bool, height: float | None
+) -> tuple[np.ndarray, list[str]]:
+    """Points (n, 2 or 3) [mm] of a sheet with the middle of its extent at the origin if it is to be
+    `centred`, and at z = `height` unless that is None; with a warning where z changes. Raises
+    InputError for a sheet that is not flat and has a `height`."""
+    points, warnings = points.copy(), list[str]()
+    low, high = points.min(0), points.max(0)
+    if centred:
+        points[:, :2] -= (low + high)[:2] / 2
+    if height is not None and len(low) == 3:
+        if high[2] - low[2] > FLAT_TOLERANCE * (high - low).max():
+            raise InputError(
+                f"{source} reaches from z = {rounded(low[2], 4)} to {rounded(high[2], 4)} mm; "
+                "allowed is a flat sheet, in a plane z = const"
+            )
+        points[:, 2] = height
+        if abs(low[2] - height) > FLAT_TOLERANCE * (high - low).max():
+            warnings.append(
+                f"{source} lies in z = {rounded(low[2], 4)} mm and was put in z = {height:g}, "
+                "where the blank of a press is"
+            )
+    return points, warnings
