@@ -38,7 +38,7 @@ def main(study: Study):
 
         names = "log_eps_11", "log_eps_22", "shear_angle"
         pictures.maps(folder / "compare.png", {k: r.grid for k, r in results.items()}, names)
-        pictures.reactions(folder / "compare_curves.png", results, beside=strip.reference_curves())
+        pictures.reactions(folder / "compare_curves.png", results)
     for name, r in results.items():
         for line in measured_lines(r):
             study.say(f"{name:24s} {line}")

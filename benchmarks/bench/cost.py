@@ -18,7 +18,7 @@ from .reference import reference_curve, reference_grid
 
 FEW_SECONDS = 2.0  # below which a run is timed three times
 FORMED = {  # column of the table -> number of the run
-    "punch_force_N": "punch_force_N",
+    "punch_force_N": "reaction_N",
     "shear_max_deg": "shear_angle_max_deg",
     "shear_99_percent_deg": "shear_angle_99_percent_deg",
     "draw_in_mm": "draw_in.largest_mm",

@@ -195,19 +195,19 @@ class Study:
 
     def take(self, setup: Any) -> Any:
         """The `Setup` itself, whose warnings are told and whose sizes become the options'."""
-        vars(self.args).update(setup.resolved())
+        vars(self.args).update(setup.resolved)
         for doubt in setup.warnings:
             self.warn(doubt)
-        self._title_and_text = setup.title_and_text()
+        self._title_and_text = setup.title, setup.text
         return setup
 
-    def run(self, setup: Setup, part: str = "") -> Result:
+    def run(self, setup: Any, part: str = "") -> Result:
         """The `Result` of a built test with the solver's options, into the subfolder `part`."""
         given, asked = vars(self.args), options_of(Settings, self.args)
         limits = Limits(**{each.name: given[f"max_{each.name}"] for each in declared(Limits)})
         error = setup.has_cheap_error() if self.args.error is None else self.args.error
         job = setup.job(**asked, limits=limits, error=error)
-        self._problem = {**self.problem(setup.data.fabric), **setup.fingerprint()}
+        self._problem = self.problem(setup)
         return self.run_job(job, part)
 
     def run_job(self, job: Job, part: str) -> Result:
@@ -233,11 +233,11 @@ class Study:
         facts = {"command": self.output.command, "options": _in_words(vars(self.args))}
         self.output.facts = facts | {"fabric": self.fabric.dumps()}
 
-    def problem(self, fabric: Law) -> Mapping[str, Any]:
+    def problem(self, setup: Setup) -> dict[str, Any]:
         """Facts in which a checkpoint must agree: the fabric, and all options but the free ones."""
         defining = {k: v for k, v in vars(self.args).items() if k not in self._free}
         name = self.output.name
-        return {"study": name} | _in_words(defining) | {"material": fabric.dumps()}
+        return {"study": name} | _in_words(defining) | {"material": setup.data.fabric.dumps()}
 
     def write_report(self, description: str, ending: str) -> None:
         """Write report.html with the title and text of the test, else this description."""

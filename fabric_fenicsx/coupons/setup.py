@@ -7,6 +7,7 @@ from typing import Any
 
 from mpi4py import MPI
 
+from ..job.job import Job
 from ..job.setup import Setup
 from ..mechanics.shell.membrane import Membrane
 from ..mechanics.term import Term
@@ -21,7 +22,7 @@ class CouponSetup(Setup):
     `data` is then the description with all defaults filled in. Raises InputError as `lay` does.
     """
 
-    FEWER_STEPS = 4  # as states of coupons do not hang on steps
+    fewer_steps = 4  # as states of coupons do not hang on steps
     turned = 0.0  # angle from x to the length [rad]
 
     def __init__(self, data: Any, comm: MPI.Comm | None = None) -> None:
@@ -42,6 +43,9 @@ class CouponSetup(Setup):
         self.prepare()
         terms = [self.membrane, *self.terms()]
         super().__init__(Scene(self.blank, terms, self.supports()), self.data, self.warnings)
+        names = "nx", "ny", "size", "pattern", "element", "integration", *data.SIDES
+        self.resolved = {name: getattr(self.data, name) for name in names}
+        self.coarser_is_other_kind = self.on_other_cells() is not None
 
     def choose(self) -> None:
         """Set defaults of `data` that depend on other fields."""
@@ -61,10 +65,9 @@ class CouponSetup(Setup):
         """Supports of the scene."""
         raise NotImplementedError
 
-    def resolved(self) -> dict[str, Any]:
-        """Mesh and sides of the sheet."""
-        names = "nx", "ny", "size", "pattern", "element", "integration", *self.data.SIDES
-        return {name: getattr(self.data, name) for name in names}
+    def job(self, **changes: Any) -> Job:
+        """The `Job` of this test with its defaults, `changes` in its fields."""
+        return Job.of(self, **changes)
 
     def coarser(self) -> Any:
         """The data with half the rectangles along each side, of other cells if those are better;
@@ -78,10 +81,6 @@ class CouponSetup(Setup):
         if few:
             return None
         return self.on_other_cells() or data.on_coarser_mesh(*data.SIDES)
-
-    def coarser_is_other_kind(self) -> bool:
-        """As in `Setup`."""
-        return self.on_other_cells() is not None
 
     def on_other_cells(self) -> Any:
         """The data on a coarser mesh of cells of another kind; None if the same are as good."""

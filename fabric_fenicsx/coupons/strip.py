@@ -10,7 +10,6 @@ from ..identification.curves import Curve, read
 from ..job.job import Result
 from ..meshes.specimen import can_be_graded
 from ..results import measures
-from ..results.curve import Curves
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from ..scene.scene import Scene
@@ -154,7 +153,7 @@ class StripSetup(CouponSetup):
         low, high = found["shear_angle_deg"]
         return found | {"shear_angle_max_deg": max(-low, high)}
 
-    def reference_curves(self) -> Curves:
+    def reference_curves(self) -> dict[str, tuple]:
         """The measured curves."""
         return {
             f"measured: {each.file.removesuffix('.csv')}": (each.displacement, each.force)

@@ -21,9 +21,6 @@ from .press_pictures import VIEW
 from .space import COLOURS, STEEL, drawing, mirrored
 
 USUAL = "shear_angle", "equivalent_plastic_strain"  # fields, of which the first that is there
-PLY = {"ambient": 0.25, "diffuse": 0.75}
-TOOL = {"color": "#6b7a8f", "opacity": 0.12, "smooth_shading": True, "split_sharp_edges": True}
-BAR = {"vertical": False, "color": "k", "width": 0.5, "position_x": 0.25, "position_y": 0.03}
 
 
 def page(folder: Path | str, field: str | None = None) -> str:
@@ -68,16 +65,20 @@ def _draw(
     limits = np.nanmin(values), np.nanmax(values)
     if field == "shear_angle":
         label, colours, limits = f"magnitude of the {label}", COLOURS, (0.0, limits[1])
-    bar = {"title": label.replace("\n", " "), **BAR}
+    bar = {"title": label.replace("\n", " "), "color": "k", "vertical": False}
+    bar |= {"width": 0.5, "position_x": 0.25, "position_y": 0.03}
+    matt = {"ambient": 0.25, "diffuse": 0.75, "reset_camera": False}
+    clear = {"color": "#6b7a8f", "opacity": 0.12, "reset_camera": False}
+    clear |= {"smooth_shading": True, "split_sharp_edges": True}
     coloured = {"scalars": "shown", "cmap": colours, "clim": limits, "scalar_bar_args": bar}
 
     def update(other: State) -> None:
         surfaces, tools = _surfaces(other, field, factor)
         for name, surface in surfaces.items():
             look = coloured if "shown" in surface.array_names else {"color": STEEL}
-            plotter.add_mesh(surface, name=f"ply {name}", reset_camera=False, **PLY, **look)
+            plotter.add_mesh(surface, name=f"ply {name}", **matt, **look)
         for name, surface in tools.items():
-            plotter.add_mesh(surface, name=f"tool {name}", reset_camera=False, **TOOL)
+            plotter.add_mesh(surface, name=f"tool {name}", **clear)
 
     update(state)
     plotter.set_background("white")
