@@ -12,6 +12,7 @@ from typing import Any, Self
 from ..mechanics.fingerprint import entries
 from ..mechanics.materials import materials_of
 from ..mechanics.output import Fields
+from ..results.fields import FieldSeries
 from ..results.history import ENERGIES, History, energy_balance
 from ..results.output import Output
 from ..results.quantities import waves_that_do_not_form
@@ -194,7 +195,8 @@ class Job(Settings):
         if comm.rank == 0:
             for old in [folder / "summary.json", *folder.glob("*.png")]:
                 old.unlink(missing_ok=True)  # of an earlier run, not of this one
-        series = _series(folder, scene, notes.get("states", ()))
+        with phase("output"):
+            series = FieldSeries(folder, scene, notes.get("states", ()))
         history = History(folder / "history.csv", comm, notes.get("rows", ()))
         states = StateWriter(self, history, series, checkpoint)
         names = folder.name if folder != output.path else "", output.name
@@ -302,7 +304,7 @@ class Job(Settings):
         drawn = scene.comm.bcast((folder / "curve.png").exists())  # which is drawn last
         if self.error and "error" not in result.summary:
             drawn = False
-            self._estimate(output, result, problem, _series(folder, scene, notes["states"]))
+            self._estimate(output, result, problem, FieldSeries(folder, scene, notes["states"]))
         self._show(output, result, pictures and not drawn)
         return result
 
@@ -352,14 +354,6 @@ class Job(Settings):
                 self.setup.pictures(result, result.folder)
             draw_state(output.name, result, self.setup.force_name)
         self.scene.comm.barrier()
-
-
-def _series(folder, scene, states):
-    """`FieldSeries`, whose modules take long to import."""
-    with phase("imports"):
-        from ..results.fields import FieldSeries
-    with phase("output"):
-        return FieldSeries(folder, scene, states)
 
 
 def _material(scene):

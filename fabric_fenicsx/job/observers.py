@@ -9,6 +9,7 @@ from pathlib import Path
 from petsc4py import PETSc
 from tqdm import tqdm
 
+from ..results.fields import FieldSeries
 from ..results.history import History, viscous_warning
 from ..results.output import Output
 from ..results.result import Result
@@ -18,6 +19,7 @@ from ..runtime.formatting import rounded
 from ..runtime.timing import phase
 from ..scene import output as scene_output
 from ..scene.scene import Scene
+from ..solve.checkpoint import Checkpoint
 from ..solve.newton import Newton
 from ..solve.progress import Accepted
 from ..solve.report import Report
@@ -90,7 +92,9 @@ class HistoryWriter(Observer):
 class StateWriter(Observer):
     """Writes the states that `settings` ask for to `series`, and each to the checkpoint."""
 
-    def __init__(self, settings, history, series, checkpoint):
+    def __init__(
+        self, settings: Settings, history: History, series: FieldSeries, checkpoint: Checkpoint
+    ) -> None:
         self.settings, self.rows = settings, history.rows
         self.series, self.checkpoint = series, checkpoint
 

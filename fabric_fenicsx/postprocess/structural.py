@@ -5,8 +5,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+import lazy_loader
 import numpy as np
-import pyvista
 
 from ..runtime.errors import InputError
 from ..runtime.files import ending, replace_file
@@ -14,6 +14,7 @@ from ..tools.facets import unit
 from .ply import SAME, Grid, areas, grid_of, image_of, planes_of
 from .states import save, set_labels
 
+pyvista = lazy_loader.load("pyvista")
 UNITS = dict.fromkeys(("yarn_a", "yarn_b", "normal", "area_ratio", "part"), "-")
 UNITS |= {"shear_angle": "rad", "thickness": "mm"}
 THICKNESS = "thickness_under_pressure", "metal_thickness"  # fields of results
@@ -114,7 +115,7 @@ def export(
     return plies
 
 
-def _joined(plies: Iterable[FormedPly]) -> pyvista.UnstructuredGrid:
+def _joined(plies: Iterable[FormedPly]) -> Grid:
     """All plies as one grid; what a sheet does not have is NaN."""
     grids, fields = [], [name for ply in plies for name in ply.fields]
     for number, ply in enumerate(plies):

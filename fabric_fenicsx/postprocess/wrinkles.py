@@ -4,8 +4,8 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
+import lazy_loader
 import numpy as np
-import pyvista
 from scipy.linalg import toeplitz
 from scipy.ndimage import (
     distance_transform_edt,
@@ -20,6 +20,7 @@ from scipy.ndimage import (
 from .ply import SYMMETRIC, Grid, grid_of, plan_area, ply_of, whole
 from .shape import outline
 
+pyvista = lazy_loader.load("pyvista")
 HEIGHT = "wrinkle_height"
 LENGTH = "wavelength"
 RIPPLE = "ripple_height"

@@ -7,8 +7,8 @@ from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import basix
+import lazy_loader
 import numpy as np
-import pyvista
 import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
@@ -25,6 +25,7 @@ from ..sheets.blank import Blank
 from ..sheets.sheet_mesh import bounds
 from .measures import planes_of_symmetry
 
+pyvista = lazy_loader.load("pyvista")
 # of the arrays that are there with any terms
 UNITS = dict.fromkeys(("u", "yarn_coordinate_a", "yarn_coordinate_b"), "mm")
 UNITS |= dict.fromkeys(("rank", "part", "Normals"), "-")

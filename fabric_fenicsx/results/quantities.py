@@ -16,6 +16,7 @@ import numpy as np
 from ..material.strains import CRUMPLED, SHORTENED, share_name
 from ..mechanics.materials import fabric_of
 from ..mechanics.shell.bending import Bending, shortest_wave
+from ..postprocess import shape
 from ..runtime.collective_errors import on_root
 from ..runtime.formatting import of_sheet, percent, rounded
 from ..scene.scene import Scene
@@ -113,7 +114,6 @@ def middle_of(sheets: Sequence[Any]) -> str:
 
 def middle_quantities(result: Result, name: str) -> dict[str, float]:
     """Shear angle of ply `name` at 45 deg at most, and its `shape.contrast` [deg]."""
-    from ..postprocess import shape
 
     def on_middle():
         grid = result.grids[name]
