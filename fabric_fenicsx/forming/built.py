@@ -1,12 +1,11 @@
 """A press that is built: its scene, and what its job measures."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
-from ..job.setup import Setup
+from ..job.setup import Measured, Setup
 from ..mechanics.contact.interaction import ToolInteraction
 from ..mechanics.contact.tool_contact import Contact
 from ..mechanics.load import EdgeTension
@@ -80,7 +79,7 @@ class BuiltPress(Setup):
         leaders = [name for name in names[: self.schedule.stage_at(load) + 1] if name]
         return self.tools[leaders[-1] if leaders else next(iter(self.tools))]
 
-    def measure(self, scene: Scene, load: float) -> Sequence[Any]:
+    def measure(self, scene: Scene, load: float) -> Measured:
         """Travel [mm] and force [N], towards the blank, of the leading tools; `columns`."""
         tool = self.leader(load)
         force = output.tool_force(scene, tool) @ self.data.tools[tool.name].towards

@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 from ..job.job import Job, Result
 from ..mechanics.fingerprint import plain
 from ..postprocess.wrinkles import HEIGHT, MIN_HEIGHT
+from ..results.verdict import Numbers
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from ..solve.checkpoint import STAGES
@@ -30,7 +30,7 @@ class FormingScene(BuiltPress):
         usual = {"milestones": ends, "limits": self.data.limits, "steps": steps}
         return Job.of(self, **usual | {"stop_when_invalid": self.data.stop_when_invalid} | changes)
 
-    def fingerprint(self) -> dict[str, Any]:
+    def fingerprint(self) -> Numbers:
         """What a checkpoint must agree in: the press as its file says it, without unloading, and
         its steps."""
         from .schema import document_of
@@ -66,11 +66,11 @@ class FormingScene(BuiltPress):
         moved = dataclasses.replace(press.tools[name], at=at)
         return press.replace(tools={**press.tools, name: moved})
 
-    def quantities(self, result: Result) -> dict[str, Any]:
+    def quantities(self, result: Result) -> Numbers:
         """As in `Setup`: forces, penetration, shear, strains, draw-in, thickness and wrinkles."""
         return quantities.all_of(self, result)
 
-    def of_whole(self, numbers: Mapping[str, Any]) -> str:
+    def of_whole(self, numbers: Numbers) -> str:
         """Text that follows the force on a part of the blank, "" for a whole one."""
         whole = numbers["force_of_whole_blank_N"]
         return f", {rounded(whole, 5)} N on all of it" if self.data.planes else ""

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyvista
@@ -15,7 +14,7 @@ from ..mechanics.load import EdgeTension
 from ..mechanics.springs import Springs
 from ..plot import forming_pictures, press_pictures
 from ..plot.pictures import maps
-from ..postprocess.ply import ply_of
+from ..postprocess.ply import Surface, ply_of
 from ..postprocess.wrinkles import HEIGHT
 from ..results.measures import planes_of_symmetry
 from ..results.quantities import middle_of
@@ -38,7 +37,7 @@ def draw_setup(made: BuiltPress, folder: Path) -> None:
 
 def _holders(made, plies):
     """{name: surface} of what holders press, a little away from the blank, and of what pulls."""
-    size, surfaces = float(np.ptp(made.blank.extent(), axis=0).max()), dict[str, Any]()
+    size, surfaces = float(np.ptp(made.blank.extent(), axis=0).max()), dict[str, Surface]()
     owners = {term: name for name, terms in made.holders.items() for term in terms}
     for term in made.scene.terms:
         ply = ply_of(plies[term.part_name] if term.part_name else next(iter(plies.values())))

@@ -1,7 +1,5 @@
 """The quantities of a formed blank, as functions of the built press and the result."""
 
-from typing import Any
-
 import numpy as np
 
 from ..job.job import Result
@@ -12,13 +10,14 @@ from ..postprocess.wrinkles import height_map, wrinkles
 from ..readers.field import Field
 from ..results import measures, quantities
 from ..results.history import energies_of, stretching
+from ..results.verdict import Numbers
 from ..runtime.collective_errors import on_root
 from ..runtime.formatting import share
 from ..scene import output
 from .built import BuiltPress
 
 
-def all_of(made: BuiltPress, result: Result) -> dict[str, Any]:
+def all_of(made: BuiltPress, result: Result) -> Numbers:
     """Forces, penetrations, shear, strains, draw-in, thickness, wrinkles; for metal thinning,
     plastic strain and stress; for a stack the pressure between sheets. Those of a stack are for all
     sheets together; `plies` has those of each sheet."""
@@ -80,7 +79,7 @@ def _of_sheets(made, result):
         [part for sheet, part in zip(made.sheets, parts.values()) if bool(sheet.metal) == is_metal]
         for is_metal in (False, True)
     )
-    plies: dict[str, dict[str, Any]] = {}
+    plies: dict[str, Numbers] = {}
     made.wrinkle_heights = wrinkle_heights(made, result)
     for sheet, (name, part) in zip(made.sheets, parts.items()):
         of_cells = quantities.metal_quantities if sheet.metal else quantities.fabric_quantities

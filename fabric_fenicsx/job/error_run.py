@@ -2,12 +2,12 @@
 
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from ..results import error
 from ..results.history import History
 from ..results.output import Output
 from ..results.result import Result
+from ..results.verdict import Numbers
 from ..runtime.errors import InputError, SolverFailure
 
 
@@ -17,7 +17,7 @@ def estimated(
     output: Output,
     headlines: Sequence[str],
     of_other_kind: bool,
-) -> dict[str, Any]:
+) -> Numbers:
     """Entries of the summary on the errors of `result`: `error` {quantity: absolute error}, and
     facts on the run on the coarser mesh, on cells `of_other_kind` or of the same. Empty, with a
     warning, if that run fails.

@@ -2,7 +2,7 @@
 
 import logging
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -17,7 +17,7 @@ from ..results.history import ENERGIES, History, energy_balance
 from ..results.output import Output
 from ..results.quantities import waves_that_do_not_form
 from ..results.result import Result
-from ..results.verdict import INVALID, Reason
+from ..results.verdict import INVALID, Numbers, Reason
 from ..runtime import status
 from ..runtime.collective_errors import all_or_none
 from ..runtime.errors import NOT_BELIEVED, InputError, Interrupted, SolverFailure
@@ -104,7 +104,7 @@ class Job(Settings):
         resume: bool = False,
         overwrite: bool = False,
         pictures: bool = True,
-        problem: Mapping[str, Any] | None = None,
+        problem: Numbers | None = None,
     ) -> Result:
         """Run to full load, on all ranks.
 
@@ -179,7 +179,7 @@ class Job(Settings):
         checkpoint = Checkpoint(folder / "checkpoint.npz", scene.blank, known_by)
         newton = Newton(scene, self.tolerance, linear_solver=self.linear_solver)
         self._say_assumptions(output)
-        start, notes = None, dict[str, Any]()
+        start, notes = None, Numbers()
         # a part of several that was not begun yet has no checkpoint
         if output.resume and (folder == output.path or comm.bcast(checkpoint.path.exists())):
             start, notes = checkpoint.load(scene.memory())

@@ -6,9 +6,13 @@ from typing import Any
 
 from ..results.curve import default_measure
 from ..results.result import Result
+from ..results.verdict import Numbers
 from ..scene.scene import Scene
 from ..solve.progress import Accepted
 from ..solve.report import Report
+
+# displacement [mm], force [N], and further columns of the history
+Measured = tuple[float, float] | tuple[float, float, dict[str, float]]
 
 
 class Observer:
@@ -84,15 +88,15 @@ class Setup(Observer):
         self.scene, self.data, self.warnings = scene, data, list(warnings)
         self.name: str = data.NAME if data else "job"
         self.headlines: Sequence[str] = data.HEADLINES if data else ()
-        self.resolved: dict[str, Any] = {}
+        self.resolved: Numbers = {}
 
-    def measure(self, scene: Scene, load: float) -> Sequence[Any]:
+    def measure(self, scene: Scene, load: float) -> Measured:
         """Displacement [mm] and force [N] for the history, at a load factor, on all ranks; as a
         third further columns of it {name: value}. By default of the first tool or support that
         moves."""
         return default_measure(scene, load)
 
-    def quantities(self, result: Result) -> dict[str, Any]:
+    def quantities(self, result: Result) -> Numbers:
         """Its own numbers for the summary; their names end with their units."""
         return {}
 

@@ -2,15 +2,14 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from ..mechanics.materials import materials_of
 from ..mechanics.shell.membrane import Membrane
 from ..postprocess.wrinkles import MIN_HEIGHT
-from ..results.history import Row, energy_balance, stretching
+from ..results.history import energy_balance, stretching
 from ..results.quantities import fabric_doubts, limited
 from ..results.result import Result
-from ..results.verdict import Reason
+from ..results.verdict import Numbers, Reason
 from ..runtime.errors import NOT_BELIEVED
 from ..runtime.formatting import of_sheet, percent, rounded, share
 from ..scene import output as scene_output
@@ -82,7 +81,7 @@ def _cure(scene, limit):
 
 
 def beyond_limits_at_end(
-    scene: Scene, limits: Limits, rows: Sequence[Row], energy: Mapping[str, float]
+    scene: Scene, limits: Limits, rows: Sequence[Numbers], energy: Mapping[str, float]
 ) -> list[str]:
     """Sentences on what is wrong with the run as a whole; energy: as in summary.json [N mm]."""
     shares = {
@@ -107,9 +106,7 @@ def warnings_at_start(scene: Scene, formed: bool = False) -> list[str]:
     return [*filter(None, [scene.check_held(), *of_tools])]
 
 
-def doubts(
-    result: Result, energy: Mapping[str, float], quantities: Mapping[str, Any]
-) -> list[Reason]:
+def doubts(result: Result, energy: Mapping[str, float], quantities: Numbers) -> list[Reason]:
     """Doubts about a result though nothing failed: about tools and cells first, then about what is
     formed, the path and the material. energy: as of `beyond_limits_at_end`; quantities: of the
     summary."""
@@ -159,14 +156,14 @@ def _wrinkles(quantities):
     return [ply["wrinkles"] for ply in plies if ply.get("wrinkles")]
 
 
-def coarsest_waves(quantities: Mapping[str, Any]) -> dict[str, float]:
+def coarsest_waves(quantities: Numbers) -> dict[str, float]:
     """Wrinkles of the ply with the fewest cells a wave; {} if none has few."""
     waves = _wrinkles(quantities)
     coarse = [each for each in waves if (each["cells_a_wave"] or MIN_CELLS) < MIN_CELLS]
     return min(coarse, key=lambda each: each["cells_a_wave"], default={})
 
 
-def coarse_waves(quantities: Mapping[str, Any]) -> str:
+def coarse_waves(quantities: Numbers) -> str:
     """A sentence if a ply's wrinkles have few cells. quantities: of the summary."""
     if not (least := coarsest_waves(quantities)):
         return ""
@@ -179,7 +176,7 @@ def coarse_waves(quantities: Mapping[str, Any]) -> str:
     )
 
 
-def ripples(quantities: Mapping[str, Any]) -> str:
+def ripples(quantities: Numbers) -> str:
     """A sentence if a ply has waves that are no wrinkles. quantities: of the summary."""
     most = max(_wrinkles(quantities), key=lambda each: each["ripples_mm"], default=None)
     if most is None or most["ripples_mm"] < MIN_HEIGHT:

@@ -21,7 +21,6 @@ from ..tools.tool import Tool
 from . import space
 
 TOOLS = ("#3b6fb6", "#d9822b", "#5aa469", "#8e5ea2", "#b83a3a", "#6b7a8f")
-BLANK = "#e6d8a8"
 VIEW = 0.45, -1.0, 0.55  # from the blank to the camera
 
 
@@ -97,7 +96,7 @@ def _draw_setup(plotter, scene, motions):
     open_edges = {"manifold_edges": False, "non_manifold_edges": False}
     for surface in scene.plies.values():
         opacity = 1 - 0.6 ** (1 / len(scene.plies))  # of all plies together 0.4
-        plotter.add_mesh(surface, color=BLANK, opacity=opacity, ambient=0.4, diffuse=0.6)
+        plotter.add_mesh(surface, color="#e6d8a8", opacity=opacity, ambient=0.4, diffuse=0.6)
         edges = surface.extract_feature_edges(feature_edges=False, **open_edges)
         plotter.add_mesh(edges, color="k", line_width=3)
     low, high = np.reshape(scene.bounds, (3, 2)).T
@@ -127,7 +126,7 @@ def _middle(scene):
 
 def _legend(scene, motions):
     """A patch for the blank and each tool."""
-    handles = [Patch(facecolor=BLANK, edgecolor="k", label="blank")]
+    handles = [Patch(facecolor="#e6d8a8", edgecolor="k", label="blank")]
     for k, name in enumerate(scene.tools):
         way = float(np.linalg.norm(motions.get(name, 0.0)))
         moves = f", moves {rounded(way)} mm" if way else ""

@@ -15,7 +15,6 @@ else:  # takes half a second
     pyvista = lazy_loader.load("pyvista")
 
 SAME = 1e-6  # mm within which places are the same
-EQUAL = 1e-6  # of a value, by which others are the same
 SYMMETRIC = "planes_of_symmetry"  # field data: axes to which the scene's planes are perpendicular
 
 

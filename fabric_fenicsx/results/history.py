@@ -3,7 +3,6 @@
 import csv
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from mpi4py import MPI
 
@@ -11,6 +10,7 @@ from ..runtime.errors import InputError
 from ..runtime.files import plain
 from ..runtime.formatting import percent, rounded, share
 from ..solve.progress import Accepted
+from .verdict import Numbers
 
 ENERGIES = "strain", "bending", "contact", "friction", "viscous"  # whose columns are always there
 COLUMN = "_energy_Nmm"  # after a kind
@@ -21,7 +21,6 @@ COLUMNS = (
     *("line_search_cuts", "cuts", "negative_pivots", "residual_N", "force_scale_N"),
     *("min_stability", "wall_s"),
 )
-Row = dict[str, Any]
 
 
 class History:
@@ -29,7 +28,7 @@ class History:
     dicts in `rows` on every rank and flushed one by one to `path` on rank 0. rows: those of a run
     that is resumed."""
 
-    def __init__(self, path: Path, comm: MPI.Comm, rows: Iterable[Row] = ()) -> None:
+    def __init__(self, path: Path, comm: MPI.Comm, rows: Iterable[Numbers] = ()) -> None:
         self.rows = list(rows)
         self._file = open(path, "w", newline="") if comm.rank == 0 else None
         for row in self.rows:
@@ -40,7 +39,7 @@ class History:
         accepted: Accepted,
         displacement: float,
         reaction: float,
-        further: Callable[[Collection[str]], Mapping[str, Any]],
+        further: Callable[[Collection[str]], Numbers],
     ) -> None:
         """Append an `Accepted` state at which the grips moved by `displacement` [mm] under
         `reaction` [N]; further: function of the columns that are taken to those that the terms
@@ -88,7 +87,7 @@ class History:
             self._file.close()
 
 
-def energy_balance(rows: Sequence[Row], energy: Mapping[str, float]) -> Row:
+def energy_balance(rows: Sequence[Numbers], energy: Mapping[str, float]) -> Numbers:
     """Agreement of work and energies [N mm] at the end and, over the largest energies, on the way,
     and loads where the path branches; energy: by kind, with `external_work`."""
     stored = sum(energy.values()) - energy["external_work"]
@@ -111,12 +110,12 @@ def stretching(energy: Mapping[str, float]) -> float:
     )
 
 
-def energies_of(row: Row) -> dict[str, float]:
+def energies_of(row: Numbers) -> dict[str, float]:
     """Energies of a row by kind [N mm]."""
     return {k.removesuffix(COLUMN): v for k, v in row.items() if k.endswith(COLUMN)}
 
 
-def viscous_warning(rows: Sequence[Row], load: float) -> str:
+def viscous_warning(rows: Sequence[Numbers], load: float) -> str:
     """A warning when the regularisation's share of the strain energy exceeds 1 %, else ""."""
     shares = [share(row["viscous_energy_Nmm"], stretching(energies_of(row))) for row in rows[-2:]]
     if [each > 0.01 for each in shares] != [False, True]:

@@ -26,7 +26,7 @@ from ..runtime.files import lock_folder, plain, replace_file
 from ..runtime.logs import MARKED, LogFile, log
 from ..runtime.version import __version__
 from . import report
-from .verdict import INVALID, OK, Reason
+from .verdict import INVALID, OK, Numbers, Reason
 
 
 def finite(value: Any) -> Any:
@@ -162,7 +162,7 @@ class Output:
         names = [each for name in self.RESULTS for each in (name, f"*/{name}")]
         return [file for name in names for file in self.path.glob(name)]
 
-    def write_table(self, path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    def write_table(self, path: Path, rows: Sequence[Numbers]) -> None:
         """Write dicts to a CSV file, on rank 0, with a column for each of their keys."""
         if self.comm.rank == 0:
             with open(path, "w", newline="") as file:
@@ -170,7 +170,7 @@ class Output:
                 writer.writeheader()
                 writer.writerows(rows)
 
-    def summarise(self, folder: Path | None, **facts: Any) -> dict[str, Any]:
+    def summarise(self, folder: Path | None, **facts: Any) -> Numbers:
         """`facts` with verdict, costs, warnings and versions, written to summary.json."""
         total = round(time.perf_counter() - self._started, 4)
         wall = {name: round(seconds, 4) for name, seconds in timing.taken().items()}
@@ -185,7 +185,7 @@ class Output:
         summary = {"study": self.name, "ranks": self.comm.size} | facts | self.facts
         return self._write(folder, plain(summary) | self._judged([], []) | costs)
 
-    def amend(self, folder: Path, summary: Mapping[str, Any], **facts: Any) -> dict[str, Any]:
+    def amend(self, folder: Path, summary: Numbers, **facts: Any) -> Numbers:
         """`summary` with `facts` and what was warned of since it was written, written anew."""
         judged = self._judged(summary.get("reasons", []), summary["warnings"])
         return self._write(folder, {**summary, **plain(facts), **judged})

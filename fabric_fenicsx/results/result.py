@@ -2,14 +2,13 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..mechanics.output import Fields
 from ..postprocess import shape, states, structural
-from ..postprocess.ply import Grid
+from ..postprocess.ply import SAME, Grid
 from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded, with_error
@@ -17,6 +16,7 @@ from ..scene import output
 from ..scene.scene import Scene
 from ..tools.tool import Tool
 from . import measures
+from .verdict import Numbers
 
 
 @dataclass
@@ -45,8 +45,8 @@ class Result:
     (True, 3, (16,))
     """
 
-    summary: dict[str, Any]
-    rows: list[dict[str, Any]]
+    summary: Numbers
+    rows: list[Numbers]
     fields: Fields
     folder: Path | None
     scene: Scene
@@ -71,7 +71,7 @@ class Result:
         if there is none."""
         if name == "strain_energy_Nmm":
             return self.summary["energy"]["strain"]
-        found: Any = self.summary if name in self.summary else self.summary["quantities"]
+        found: object = self.summary if name in self.summary else self.summary["quantities"]
         for key in name.split("."):
             found = found.get(key) if isinstance(found, dict) else None
         return found if isinstance(found, (int, float)) else None
@@ -105,7 +105,7 @@ class Result:
             )
         return output.tool_force(scene, asked[0]) if asked else force
 
-    def draw_in(self, sheet: str = "") -> dict[str, Any]:
+    def draw_in(self, sheet: str = "") -> Numbers:
         """Ways [mm] that the edge of the sheet, or of the one of this name in a stack, went inwards
         in plan, by the names of `postprocess.shape.draw_in`, on all ranks. An edge on x = 0 or
         y = 0 that supports hold along its normal alone is a plane of symmetry. Raises InputError
@@ -113,7 +113,7 @@ class Result:
         part, blank = self._sheet("draw-in", sheet), self.scene.blank
         z = blank.coordinates()[: len(part.nodes), 2][part.nodes]
         low, high = measures.extremes(self.scene.comm, z)
-        if high - low > measures.SAME:
+        if high - low > SAME:
             apart = f"{sheet or blank.name} are up to {rounded(high - low, 4)} mm apart along z"
             needs = "draw-in needs a sheet that is flat in z = const"
             raise InputError(f"undeformed nodes of {apart}; {needs}")
