@@ -80,7 +80,7 @@ def compared(study, press):
         from fabric_fenicsx.plot import pictures
 
         compare(made, results, folder)
-        labels = "stroke / mm", f"{made.force_name()} / N"
+        labels = "stroke / mm", f"{made.force_name} / N"
         pictures.reactions(folder / "compare_curves.png", results, *labels)
     least = min(reached.values())
     for reason in failed:
@@ -138,7 +138,7 @@ def _compare(study, press, result, found):
 def tell(study, press, result, folder):
     found = result.summary["quantities"]
     study.say(
-        f"{folder}: {press.force_name()} {result.formatted('force_N', '.5g')} N"
+        f"{folder}: {press.force_name} {result.formatted('reaction_N', '.5g')} N"
         f"{press.of_whole(found)}, largest shear angle "
         f"{result.formatted('shear_angle_max_deg', '.2f')} deg (99 % of the area below "
         f"{result.formatted('shear_angle_99_percent_deg', '.2f')}), draw-in "

@@ -99,7 +99,7 @@ def run_here(patch, script):
 
     patch.setattr(Figure, "savefig", savefig)
     if "--dry-run" not in sys.argv:  # which is looked at there
-        patch.setattr(FormingScene, "first_picture", lambda *_: None)
+        patch.setattr(FormingScene, "begin", lambda *_: None)
     patch.setattr(study, "Output", Noted)
     patch.setattr(study, "traceback", SimpleNamespace(print_exc=unexpected))
     for name in ("level", "propagate"):

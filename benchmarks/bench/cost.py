@@ -13,7 +13,7 @@ from . import strips
 from .reference import reference_curve, reference_grid
 
 FORMED = {  # column of the table -> number of the run
-    "punch_force_N": "punch_force_N",
+    "punch_force_N": "reaction_N",
     "shear_max_deg": "shear_angle_max_deg",
     "shear_99_percent_deg": "shear_angle_99_percent_deg",
     "draw_in_mm": "draw_in.largest_mm",

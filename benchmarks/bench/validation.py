@@ -11,7 +11,9 @@ from fabric_fenicsx.coupons.simulated import simulated_bias
 from fabric_fenicsx.identification import identify_simulated
 from fabric_fenicsx.identification.curves import Curve, Sheet, bias_displacement
 from fabric_fenicsx.identification.curves.forces import response
+from fabric_fenicsx.job.setup import Observer
 from fabric_fenicsx.material.laws.coupled import WovenFabric
+from fabric_fenicsx.solve.progress import Accepted
 
 DATA = Path(__file__).parents[1] / "data"
 # laboratory, width, height [mm] of the test that the law is fitted to
@@ -97,13 +99,13 @@ def middle_angles(fabric: WovenFabric) -> list[float]:
     strip = BiasExtension(
         fabric, length=450, width=150, strain=strain, nx=18, pattern="graded"
     ).build(MPI.COMM_SELF)
-    middle = strip.near_centre()
+    middle, angles = strip.near_centre(), dict[float, float]()
 
-    def angle(_):
-        gamma = np.abs(strip.membrane.invariants_at_points()[..., 3]).mean(1)
-        return {"middle_deg": float(np.degrees(gamma[middle].mean()))}
+    class Middle(Observer):
+        def accept(self, accepted: Accepted) -> None:
+            gamma = np.abs(strip.membrane.invariants_at_points()[..., 3]).mean(1)
+            angles[accepted.load] = float(np.degrees(gamma[middle].mean()))
 
     loads = [d / max(MIDDLE) for d in MIDDLE]
-    strip.columns = angle
-    rows = strip.job(steps=16, milestones=loads).run(pictures=False).rows
-    return [next(r["middle_deg"] for r in rows if r["load"] == load) for load in loads]
+    strip.job(steps=16, milestones=loads, observers=[Middle()]).run(pictures=False)
+    return [angles[load] for load in loads]

@@ -137,7 +137,7 @@ def draw_triangle() -> None:
 
     from ..plot.space import drawing
 
-    with drawing((200, 100)) as plotter:
+    with drawing() as plotter:
         plotter.add_mesh(pyvista.Triangle(), color="red", lighting=False)
         plotter.view_xy()
         image = np.asarray(plotter.screenshot(None, return_img=True))

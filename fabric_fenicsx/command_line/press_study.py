@@ -82,6 +82,10 @@ class PressStudy(Study):
             more |= {"--disturb": whole} | after
         return more
 
+    def problem(self, setup: Any) -> dict[str, Any]:
+        """As in `Study`, with the press."""
+        return super().problem(setup) | setup.fingerprint()
+
     def run(self, setup: Any, part: str = "") -> Result:
         """As in `Study`; the press, as it was read and changed, is kept beside the results."""
         folder = self.output.path / part

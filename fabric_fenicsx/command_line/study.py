@@ -205,19 +205,19 @@ class Study:
         """The `Setup` of a test, whose warnings are told and whose sizes become the options'."""
         with phase("setup"):
             setup = test.build(self.comm)
-        vars(self.args).update(setup.resolved())
+        vars(self.args).update(setup.resolved)
         for doubt in setup.warnings:
             self.warn(doubt)
-        self._title_and_text = setup.title_and_text()
+        self._title_and_text = setup.title, setup.text
         return setup
 
-    def run(self, setup: Setup, part: str = "") -> Result:
+    def run(self, setup: Any, part: str = "") -> Result:
         """The `Result` of a built test with the solver's options, into the subfolder `part`."""
         given = vars(self.args)
         limits = Limits(**{each.name: given[f"max_{each.name}"] for each in declared(Limits)})
         error = setup.has_cheap_error() if self.args.error is None else self.args.error
         job = setup.job(**options_of(Settings, self.args), limits=limits, error=error)
-        self._problem = {**self.problem(setup.data.fabric), **setup.fingerprint()}
+        self._problem = self.problem(setup)
         return self.run_job(job, part)
 
     def run_job(self, job: Job, part: str) -> Result:
@@ -243,10 +243,11 @@ class Study:
         facts = {"command": self.output.command, "options": _in_words(vars(self.args))}
         self.output.facts = facts | {"fabric": self.fabric.dumps()}
 
-    def problem(self, fabric: Law) -> Mapping:
+    def problem(self, setup: Setup) -> dict:
         """Facts in which a checkpoint must agree: the fabric, and all options but the free ones."""
         defining = {k: v for k, v in _in_words(vars(self.args)).items() if k not in self._free}
-        return {"study": self.output.name, **defining, "material": fabric.dumps()}
+        name = self.output.name
+        return {"study": name, **defining, "material": setup.data.fabric.dumps()}
 
     def write_report(self, description: str, ending: str) -> None:
         """Write report.html with the title and text of the test, else this description."""

@@ -92,7 +92,7 @@ class BiasSetup(StripSetup):
                 found[f"{name}_zone_shear_angle_deg"] = math.degrees(mean)
         return found
 
-    def tables(self, result: Result, folder: Path) -> None:
+    def end(self, result: Result, folder: Path) -> None:
         """axis.csv: position [mm] and magnitude of the shear angle [deg] of the cells along the
         strip's axis, those with their middle within a twentieth of the width, or, of a mesh too
         coarse for that, those nearest to it."""

@@ -6,6 +6,7 @@ from typing import Any
 
 from mpi4py import MPI
 
+from ..job.job import Job
 from ..job.setup import Setup
 from ..mechanics.shell.membrane import Membrane
 from ..mechanics.term import Term
@@ -21,7 +22,8 @@ class CouponSetup(Setup):
     `mesh_sheet` does.
     """
 
-    FEWER_STEPS = 4  # as states of coupons do not hang on steps
+    fewer_steps = 4  # as states of coupons do not hang on steps
+    turned = 0.0  # angle from x to the length [rad]
 
     def __init__(self, data: Any, comm: MPI.Comm | None = None) -> None:
         self.comm = comm or MPI.COMM_WORLD
@@ -36,6 +38,9 @@ class CouponSetup(Setup):
         self.prepare()
         terms = [self.membrane, *self.terms()]
         super().__init__(Scene(self.blank, terms, self.supports()), self.data, self.warnings)
+        names = "nx", "ny", "size", "pattern", "element", "integration", *data.SIDES
+        self.resolved = {name: getattr(self.data, name) for name in names}
+        self.coarser_is_other_kind = self.on_other_cells() is not None
 
     def prepare(self) -> None:
         """Check what belongs together, once blank and membrane are there."""
@@ -48,20 +53,15 @@ class CouponSetup(Setup):
         """Supports of the scene."""
         raise NotImplementedError
 
-    def resolved(self) -> dict[str, Any]:
-        """Mesh and sides of the sheet."""
-        names = "nx", "ny", "size", "pattern", "element", "integration", *self.data.SIDES
-        return {name: getattr(self.data, name) for name in names}
+    def job(self, **changes: Any) -> Job:
+        """The `Job` of this test with its defaults, `changes` in its fields."""
+        return Job.of(self, **changes)
 
     def coarser(self) -> Any:
         """The data with half the rectangles along each side, of other cells if those are better;
         None for an own mesh."""
         coarse = self.data.coarser(self.high - self.low)
         return coarse and (self.on_other_cells() or coarse)
-
-    def coarser_is_other_kind(self) -> bool:
-        """As in `Setup`."""
-        return self.on_other_cells() is not None
 
     def on_other_cells(self) -> Any:
         """The data on a coarser mesh of cells of another kind; None if the same are as good."""

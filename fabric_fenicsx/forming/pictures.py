@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyvista
@@ -15,16 +14,16 @@ from ..mechanics.load import EdgeTension
 from ..mechanics.springs import Springs
 from ..plot import forming_pictures, press_pictures
 from ..plot.pictures import maps
-from ..postprocess.ply import ply_of
+from ..postprocess.ply import Surface, ply_of
 from ..postprocess.wrinkles import HEIGHT
 from ..results.measures import planes_of_symmetry
 from ..results.quantities import middle_of
 from ..runtime.logs import MARKED, log
 from ..runtime.status import task
-from .forming_scene import FormingScene
+from .built import BuiltPress
 
 
-def draw_setup(made: FormingScene, folder: Path) -> None:
+def draw_setup(made: BuiltPress, folder: Path) -> None:
     """setup.png: the tools and the flat blank before anything moves; called on all ranks."""
     moves = {name: made.schedule.first_move(name) for name in made.tools}
     motions = {name: move for name, move in moves.items() if move.any()}
@@ -38,7 +37,7 @@ def draw_setup(made: FormingScene, folder: Path) -> None:
 
 def _holders(made, plies):
     """{name: surface} of what holders press, a little away from the blank, and of what pulls."""
-    size, surfaces = float(np.ptp(made.extent, axis=0).max()), dict[str, Any]()
+    size, surfaces = float(np.ptp(made.blank.extent(), axis=0).max()), dict[str, Surface]()
     owners = {term: name for name, terms in made.holders.items() for term in terms}
     for term in made.scene.terms:
         ply = ply_of(plies[term.part_name] if term.part_name else next(iter(plies.values())))
@@ -72,10 +71,8 @@ def _pulls(x, away, size):
     return lines.tube(radius=0.004 * size).triangulate()
 
 
-def draw(made: FormingScene, result: Result, folder: Path) -> None:
-    """The stroke, the formed plies, strain states, paths, thickness and metal; called on rank 0."""
-    with _no_loss("filmstrip.png"):
-        press_pictures.filmstrip(folder / "filmstrip.png", folder, made.schedule.shown())
+def draw(made: BuiltPress, result: Result, folder: Path) -> None:
+    """The formed plies, strain states, paths, thickness and metal; called on rank 0."""
     with _no_loss("formed.png"):
         forming_pictures.draw_plies(folder, result.grids, made.leader().name)
     with _no_loss("wrinkles.png"):
@@ -85,8 +82,8 @@ def draw(made: FormingScene, result: Result, folder: Path) -> None:
     compare(made, {"": result}, folder)
 
 
-def compare(made: FormingScene, results: Mapping[str, Result], folder: Path) -> None:
-    """Draw outlines and paths of runs {label: `Result`} side by side, and the middle ply."""
+def compare(made: BuiltPress, results: Mapping[str, Result], folder: Path) -> None:
+    """Draw paths of runs {label: `Result`} side by side, and the middle ply."""
     grids = {
         " ".join(filter(None, (label, name))): grid
         for label, result in results.items()

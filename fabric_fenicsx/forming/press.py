@@ -77,7 +77,7 @@ class Press(KnowsItsFields):
 
     NAME: ClassVar[str] = "form"
     HEADLINES: ClassVar[tuple[str, ...]] = (
-        *("force_N", "shear_angle_max_deg", "shear_angle_99_percent_deg"),
+        *("shear_angle_max_deg", "shear_angle_99_percent_deg"),
         *("draw_in.largest_mm", "shortening_mean"),
     )
     FULL: ClassVar[Mapping[str, Any]] = {"balance": 0.02}

@@ -1,6 +1,4 @@
-"""The quantities of a formed blank, as functions of the built scene and the result."""
-
-from typing import Any
+"""The quantities of a formed blank, as functions of the built press and the result."""
 
 import numpy as np
 
@@ -9,25 +7,22 @@ from ..mechanics.contact.coulomb import MAX_SLIP
 from ..mechanics.springs import Springs
 from ..postprocess.ply import Grid
 from ..postprocess.wrinkles import height_map, wrinkles
+from ..readers.field import Field
 from ..results import measures, quantities
 from ..results.history import energies_of, stretching
+from ..results.verdict import Numbers
 from ..runtime.collective_errors import on_root
 from ..runtime.formatting import share
 from ..scene import output
-from ..sheets.blank import Part
-from .forming_scene import FormingScene
+from .built import BuiltPress
 
 
-def all_of(made: FormingScene, result: Result) -> dict[str, Any]:
+def all_of(made: BuiltPress, result: Result) -> Numbers:
     """Forces, penetrations, shear, strains, draw-in, thickness, wrinkles; for metal thinning,
     plastic strain and stress; for a stack the pressure between sheets. Those of a stack are for all
     sheets together; `plies` has those of each sheet."""
-    numbers = (
-        force_quantities(made, result)
-        | contact_quantities(made, result)
-        | sheet_quantities(made, result)
-    )
-    if fields := made.fields():
+    numbers = _of_contact(made, result) | _of_sheets(made, result)
+    if fields := field_ranges(made):
         numbers["fields"] = fields
     if "sheet_pressure" in result.fields:  # means of cells on the next sheet
         pressure = np.nan_to_num(result.fields["sheet_pressure"])
@@ -35,32 +30,38 @@ def all_of(made: FormingScene, result: Result) -> dict[str, Any]:
     return numbers
 
 
-def force_quantities(made: FormingScene, result: Result) -> dict[str, Any]:
-    """Forces [N]: of the leading tool towards the blank, as `force_N` and under its name, on the
-    modelled part and on the whole blank; the size of each contact force on the modelled part; the
-    force of each tool along z on the whole blank."""
-    part, force, leader = made.modelled_share(), result.rows[-1]["reaction_N"], made.leader().name
+def field_ranges(made: BuiltPress) -> dict[str, str]:
+    """{name: least to largest value and source} of what is a field; on all ranks."""
+    units = {"fibre_angle": "deg", "thickness": "mm", "temperature": "C"}
+    found = dict[str, tuple[Field, np.ndarray]]()
+    for path, sheet, blank in zip(made.data.paths(), made.sheets, made.laid.blanks):
+        of_sheet = {f"{path}.{name}_{units[name]}": getattr(sheet, name) for name in units}
+        given = {name: value for name, value in of_sheet.items() if isinstance(value, Field)}
+        found |= {name: (value, value.at(blank.centres())) for name, value in given.items()}
+    for term in made.scene.terms:
+        owner = term.tool.name if term.tool else term.name
+        for name, (field, _, values) in term.fields.items():
+            if name.startswith("friction"):
+                found[f"{name} on {owner}"] = field, values
+    extremes = measures.extremes
+    return {n: field.told(*extremes(made.comm, values)) for n, (field, values) in found.items()}
+
+
+def _of_contact(made, result):
+    """Force of the leading tool towards the whole blank; of each tool the force along z on the
+    whole blank and the size of the contact force on the modelled part [N]; forces that are not in
+    balance, penetration, and what else checks the contact."""
+    scene, interface, energies = made.scene, made.data.interface, energies_of(result.rows[-1])
+    part = made.modelled_share
+    forces = [(term.tool.name, output.tool_force(scene, term.tool)) for term in made.pressing]
+    total = sum((force for _, force in forces), np.zeros(3))
+    total += sum((term.force() for term in scene.terms if isinstance(term, Springs)), np.zeros(3))
     return {
-        "force_N": force,
-        "force_of_whole_blank_N": force / part,
-        f"{leader}_force_N": force,
-        f"{leader}_force_of_whole_ply_N": force / part,
+        "force_of_whole_blank_N": result.rows[-1]["reaction_N"] / part,
         "contact_forces_N": {
             term.tool.name: float(np.linalg.norm(term.force())) for term in made.pressing
         },
-        "tool_forces_of_whole_blank_N": {
-            term.tool.name: float(output.tool_force(made.scene, term.tool)[2]) / part
-            for term in made.pressing
-        },
-    }
-
-
-def contact_quantities(made: FormingScene, result: Result) -> dict[str, Any]:
-    """Forces that are not in balance, penetration of tools, and what else checks the contact."""
-    scene, interface, energies = made.scene, made.data.interface, energies_of(result.rows[-1])
-    total = sum((output.tool_force(scene, term.tool) for term in made.pressing), np.zeros(3))
-    total += sum((term.force() for term in scene.terms if isinstance(term, Springs)), np.zeros(3))
-    return {
+        "tool_forces_of_whole_blank_N": {name: float(force[2]) / part for name, force in forces},
         "unbalanced_force_N": float(abs(total[2])),
         "penalty_N_per_mm3": interface.penalty,
         "penetration_mm": max(each.penetration() for each in made.contacts),
@@ -71,20 +72,21 @@ def contact_quantities(made: FormingScene, result: Result) -> dict[str, Any]:
     }
 
 
-def sheet_quantities(made: FormingScene, result: Result) -> dict[str, Any]:
+def _of_sheets(made, result):
     """Quantities of the one sheet, or of all sheets of a stack together and of each."""
     parts = made.blank.parts or {"": made.blank.whole}
-    plies: dict[str, dict[str, Any]] = {}
-    fabrics: list[Part] = []
-    metals: list[Part] = []
+    fabrics, metals = (
+        [part for sheet, part in zip(made.sheets, parts.values()) if bool(sheet.metal) == is_metal]
+        for is_metal in (False, True)
+    )
+    plies: dict[str, Numbers] = {}
     made.wrinkle_heights = wrinkle_heights(made, result)
     for sheet, (name, part) in zip(made.sheets, parts.items()):
-        (metals if sheet.metal else fabrics).append(part)
         of_cells = quantities.metal_quantities if sheet.metal else quantities.fabric_quantities
-        plies[name] = of_cells(result, [part])
         heights = made.wrinkle_heights.get(name)
         waves = on_root(made.comm, lambda: wrinkles(heights) if heights else None)
-        plies[name] |= {"draw_in": result.draw_in(part.name), "wrinkles": waves}
+        shape = {"draw_in": result.draw_in(part.name), "wrinkles": waves}
+        plies[name] = of_cells(result, [part]) | shape
     whole = plies.get("")
     if not whole:
         if name := quantities.middle_of(made.sheets):
@@ -98,28 +100,32 @@ def sheet_quantities(made: FormingScene, result: Result) -> dict[str, Any]:
     return whole
 
 
-def wrinkle_heights(made: FormingScene, result: Result) -> dict[str, Grid]:
+def wrinkle_heights(made: BuiltPress, result: Result) -> dict[str, Grid]:
     """{name of a sheet: its `height_map`}, on rank 0 only. What lies on a sheet on that side is
     between it and the tools."""
-    names = made.blank.parts or [""]
-    parts = made.blank.parts.values() or [made.blank.whole]
-    waves = [quantities.shortest_wave_of(made.scene, part) or 0.0 for part in parts]
+    parts = made.blank.parts or {"": made.blank.whole}
+    waves = {n: quantities.shortest_wave_of(made.scene, part) for n, part in parts.items()}
     if made.comm.rank:
         return {}
-    shortest = {n: wave if np.isfinite(wave) else 0.0 for n, wave in zip(names, waves)}
     thickness = np.array([sheet.thickness_under(0.0) for sheet in made.sheets])
     below = thickness.cumsum() - thickness / 2
+    tools, heights = output.tools(result.scene), {}
+    for (name, wave), z in zip(waves.items(), below):
+        off = _off_tools(tools, z, thickness.sum() - z)
+        shortest = wave if wave and np.isfinite(wave) else 0.0
+        heights[name] = height_map(result.grids[name], off, shortest)
+    return heights
 
-    def distances(below, above):
-        def height(x):
-            least = np.full(len(x), np.inf)
-            for tool in output.tools(result.scene):
-                near = tool.evaluate(x)
-                least = np.fmin(least, near.gap - np.where(near.normal[:, 2] > 0, below, above))
-            return least
 
-        return height
+def _off_tools(tools, below, above):
+    """Function of places (n, 3) of a sheet to their distance from the nearest tool, less what lies
+    below or above the sheet [mm]."""
 
-    over_tools = {n: distances(z, thickness.sum() - z) for n, z in zip(names, below)}
-    plies = result.grids.items()
-    return {name: height_map(grid, over_tools[name], shortest[name]) for name, grid in plies}
+    def height(x):
+        least = np.full(len(x), np.inf)
+        for tool in tools:
+            near = tool.evaluate(x)
+            least = np.fmin(least, near.gap - np.where(near.normal[:, 2] > 0, below, above))
+        return least
+
+    return height

@@ -26,10 +26,6 @@ from ..scene.scene import Scene
 from ..scene.supports import Support
 from ..sheets.blank import Part
 
-NAME = "unloaded"  # of the job, and usually of its folder
-# energies that are no longer in the sheets, or that they can't give back
-SPENT = "plastic", "friction", KIND, "viscous", "external_work", RELEASED
-
 # displacement (dofs,) of formed sheets, as they lie elsewhere once they were unloaded
 _formed: WeakKeyDictionary[Scene, np.ndarray] = WeakKeyDictionary()
 
@@ -50,10 +46,9 @@ def unloading(
     result
         Of any run that reached its full load.
     together
-        True: contact and friction between the sheets of a stack remain, and the sheets are pinned
+        Contact and friction between the sheets of a stack remain, and the sheets are pinned
         together at their fixed nodes. For deeply drawn stacks contact may not converge as it opens.
-        By default each sheet is unloaded separately, and the forces of its neighbours are released,
-        too.
+        By default each sheet is unloaded alone, and the forces of its neighbours are released, too.
     keep
         Names of supports that stay.
     changes
@@ -93,12 +88,7 @@ def unloading(
     planes = list(planes_of_symmetry(blank, before.supports).values())
     kept = [s for s in before.supports if s in planes or s.name in keep]
     own = [term for term in before.terms if _stays(term, together)]
-    memory = memory_of(own)
-    for i, term in enumerate(own):
-        # when the pressure goes, the energy of elastic slip would be lost without being counted
-        if isinstance(term, FaceContact) and term.friction_state:
-            for name in ("slip", "energy"):
-                memory[f"{OF_CELLS}{i} {name}"] *= 0.0
+    memory = _memory_without_pressure(own)
     held = isostatic(blank, kept)
     blank.u.x.array[:] = 0.0  # as terms are made for a sheet that lies as it was laid
     thicknesses = [material.thickness for material in materials_of(before, blank.whole)]
@@ -109,12 +99,28 @@ def unloading(
     scene.recall(scene.memory() | memory)
     scene.set_load(0.0)
     scene.accept()
-    scene.residual(scene.u.duplicate())
-    from_outside = scene.forces.array.copy()
-    for support in kept:  # which still bear theirs
-        from_outside[scene.supports.dofs_of[support.name][:, list(support.components)]] = 0.0
-    forces.take(from_outside)
+    forces.take(_forces_from_outside(scene, kept))
     return Job(Unloading(scene, forces, held), **{"path_tolerance": 1e-6} | changes)
+
+
+def _memory_without_pressure(terms):
+    """What terms remember, but elastic slip: when the pressure goes, its energy would be lost
+    without being counted."""
+    memory = memory_of(terms)
+    for i, term in enumerate(terms):
+        if isinstance(term, FaceContact) and term.friction_state:
+            for name in ("slip", "energy"):
+                memory[f"{OF_CELLS}{i} {name}"] *= 0.0
+    return memory
+
+
+def _forces_from_outside(scene, kept):
+    """Forces (dofs,) [N] that hold the formed state, but those that the supports `kept` bear."""
+    scene.residual(scene.u.duplicate())
+    forces = scene.forces.array.copy()
+    for support in kept:
+        forces[scene.supports.dofs_of[support.name][:, list(support.components)]] = 0.0
+    return forces
 
 
 class _Release(ReleaseForces):
@@ -184,35 +190,34 @@ def _where_it_was(support: Support) -> Support:
 class Unloading(Setup):
     """A scene of formed sheets that are `held` at a few nodes, and the forces that go."""
 
+    # energies that are no longer in the sheets, or that they can't give back
+    SPENT = "plastic", "friction", KIND, "viscous", "external_work", RELEASED
+    force_name = "forces that are left"
+
     def __init__(self, scene: Scene, forces: _Release, held: Sequence[Support]) -> None:
         super().__init__(scene)
-        self.name, self._forces, self._held = NAME, forces, held
+        self.name, self._forces, self._held = "unloaded", forces, held
         self._parts = list(scene.blank.parts.values()) or [scene.blank.whole]
 
     def measure(self, scene: Scene, load: float) -> tuple[float, float]:
         """The largest springback [mm], and the forces that are left [N]."""
         return max(map(self._forces.largest, self._parts)), self._forces.remaining()
 
-    def force_name(self) -> str:
-        return "forces that are left"
-
-    def quantities(self, result: Result) -> dict[str, Any]:
+    def quantities(self, result: Result) -> dict[str, object]:
         """Springback, energies and the forces on fixed nodes."""
         scene, energy = self.scene, result.summary.get("energy") or self.scene.energies()
-        left = {kind: value for kind, value in energy.items() if kind not in SPENT}
         dofs = [scene.supports.dofs_of[s.name][:, list(s.components)] for s in self._held]
         borne = sum(float(abs(scene.forces.array[each]).sum()) for each in dofs)
-        own: dict[str, Any] = {
-            "springback_largest_mm": max(map(self._forces.largest, self._parts)),
-            "energy_left_Nmm": sum(left.values()),
+        largest = {part.name: self._forces.largest(part) for part in self._parts}
+        own: dict[str, object] = {
+            "springback_largest_mm": max(largest.values()),
+            "energy_left_Nmm": sum(energy[kind] for kind in energy if kind not in self.SPENT),
             "energy_released_Nmm": energy[RELEASED],
             "supports_bear_N": scene.comm.allreduce(borne, MPI.SUM),
         }
-        if len(self._parts) > 1:
-            own["sheets"] = {
-                part.name: {"springback_largest_mm": self._forces.largest(part)}
-                for part in self._parts
-            }
+        if len(largest) > 1:
+            sheets = {name: {"springback_largest_mm": most} for name, most in largest.items()}
+            own["sheets"] = sheets
         return own
 
     def pictures(self, result: Result, folder: Path) -> None:
@@ -221,7 +226,6 @@ class Unloading(Setup):
 
         name, grids = "springback", {}
         for title, grid in result.grids.items():
-            size = np.linalg.norm(grid.point_data[name], axis=1)
-            grid.point_data[name] = size
-            grids[title or NAME] = grid.point_data_to_cell_data(pass_point_data=True)
+            grid.point_data[name] = np.linalg.norm(grid.point_data[name], axis=1)
+            grids[title or self.name] = grid.point_data_to_cell_data(pass_point_data=True)
         pictures.maps(folder / f"{name}.png", grids, (name,), 0.0, {name: "mm"})

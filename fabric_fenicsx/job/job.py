@@ -1,25 +1,30 @@
 """A job: brings a scene to full load, and keeps what happened on the way."""
 
-from __future__ import annotations
-
 import logging
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from ..mechanics.fingerprint import entries
 from ..mechanics.materials import materials_of
 from ..mechanics.output import Fields
+from ..results.fields import FieldSeries
+from ..results.history import ENERGIES, History, energy_balance
 from ..results.output import Output
 from ..results.quantities import waves_that_do_not_form
 from ..results.result import Result
+from ..results.verdict import INVALID, Numbers, Reason
+from ..runtime import status
 from ..runtime.collective_errors import all_or_none
-from ..runtime.errors import InputError, Interrupted, SolverFailure
+from ..runtime.errors import NOT_BELIEVED, InputError, Interrupted, SolverFailure
+from ..runtime.fields import declared
 from ..runtime.files import read_summary
 from ..runtime.formatting import rounded
+from ..runtime.signals import StopSignals
 from ..runtime.status import task
 from ..runtime.timing import phase
 from ..scene import output as scene_output
@@ -27,11 +32,14 @@ from ..scene.scene import Scene
 from ..solve.checkpoint import Checkpoint
 from ..solve.newton import Newton
 from ..solve.settings import Settings
+from ..solve.stepping import LoadStepping
+from . import validity
 from .error_run import estimated
-from .run import Run
-from .setup import Setup
+from .observers import HistoryWriter, LimitWatch, ProgressLog, StateWriter
+from .setup import Observer, Setup
 
 log = logging.getLogger("fabric_fenicsx")
+COARSE = "coarse"  # folder of the run for errors, in the run's own
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +56,8 @@ class Job(Settings):
         Estimate errors from the same run on a coarser mesh.
     coarser : callable, optional
         Function that makes this job on a mesh twice as coarse, by default as the `Setup` says.
+    observers : sequence
+        Objects with the methods of an `Observer`, called at each state, as to write own files.
 
     Examples
     --------
@@ -61,11 +71,19 @@ class Job(Settings):
     setup: Any = field(kw_only=False)
     error: bool = False
     coarser: Callable[[], Any] | None = None
+    observers: Sequence[Observer] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if isinstance(self.setup, Scene):
             object.__setattr__(self, "setup", Setup(self.setup))
+
+    @classmethod
+    def of(cls, setup: Setup, **changes: Any) -> Self:
+        """The job of a described test, with the steps and the solver that its data have."""
+        names = [each.name for each in declared(Settings)]
+        usual = {name: value for name, value in setup.data.FULL.items() if name in names}
+        return cls(setup, **usual | dict(setup.data.SOLVER) | changes)
 
     @property
     def scene(self) -> Scene:
@@ -77,13 +95,6 @@ class Job(Settings):
         """Of the study in the summary."""
         return self.setup.name
 
-    def on_coarser_mesh(self) -> Job | None:
-        """The same job on a coarser mesh, None if none is known."""
-        if self.coarser:
-            return self.coarser()
-        data = self.setup.coarser()
-        return data and data.build(self.scene.comm).job()
-
     @phase("setup")
     def run(
         self,
@@ -93,7 +104,7 @@ class Job(Settings):
         resume: bool = False,
         overwrite: bool = False,
         pictures: bool = True,
-        problem: Mapping[str, Any] | None = None,
+        problem: Numbers | None = None,
     ) -> Result:
         """Run to full load, on all ranks.
 
@@ -125,50 +136,50 @@ class Job(Settings):
         Interrupted
             After SIGINT or SIGTERM.
         """
+        self._check(out.resume if isinstance(out, Output) else resume)
+        problem = dict(problem or {"study": self.name, "material": _material(self.scene)})
+        if isinstance(out, Output):
+            return self._run(out, out.folder(part), problem, pictures)
+        comm, is_kept = self.scene.comm, out is not None
+        pictures = pictures and is_kept
+        temporary = nullcontext(out) if is_kept or comm.rank else tempfile.TemporaryDirectory()
+        with all_or_none(comm), temporary as path:  # studies see to that themselves
+            output = Output(
+                self.name, Path(comm.bcast(path)), comm, resume=resume, overwrite=overwrite
+            )
+            output.facts["fabric"] = _material(self.scene)
+            try:
+                return self._run(output, output.folder(part), problem, pictures, is_kept)
+            finally:
+                output.close()
+
+    def _check(self, resume):
+        """Raise InputError for a job that can't be run, before anything is written."""
+        scene = self.scene
         if self.error and not (self.coarser or self.setup.coarser()):
             raise InputError(
                 "`error=True` needs a mesh twice as coarse, and none is known; allowed is a "
                 "rectangle of 2 x 2 or more that the program meshes, an outline with 4 cells "
                 "across, or `coarser` of a `Job`"
             )
-        resume = out.resume if isinstance(out, Output) else resume
-        if self.scene.was_loaded and not resume:
+        if resume:
+            return
+        if scene.was_loaded:
             raise InputError(
-                f"the scene of {self.scene.blank.name} was run before and is not at rest; allowed "
-                "is a new scene, with new terms"
+                f"the scene of {scene.blank.name} was run before and is not at rest; allowed is a "
+                "new scene, with new terms"
             )
-        if not resume:  # before anything is written
-            # as terms are asked, own ones too
-            with all_or_none(self.scene.comm), task("checking the scene"):
-                self.scene.check_start()
-        problem = dict(problem or {"study": self.name, "material": _material(self.scene)})
-        if isinstance(out, Output):
-            return self._run(out, out.folder(part), problem, pictures)
-        comm, is_kept = self.scene.comm, out is not None
-        temporary = nullcontext(out) if is_kept or comm.rank else tempfile.TemporaryDirectory()
-        with all_or_none(comm), temporary as path:  # studies see to that themselves
-            output = Output(
-                self.name, Path(comm.bcast(path)), comm, resume=resume, overwrite=overwrite
-            )
-            output.is_kept = is_kept
-            output.facts["fabric"] = _material(self.scene)
-            try:
-                return self._run(output, output.folder(part), problem, pictures and is_kept)
-            finally:
-                output.close()
+        with all_or_none(scene.comm), task("checking the scene"):  # own terms are asked, too
+            scene.check_start()
 
-    def _run(self, output, folder, problem, pictures):
+    def _run(self, output, folder, problem, pictures, is_kept=True):
         scene, comm = self.scene, self.scene.comm
         parts = [entries(value, name) for name, value in problem.items()]  # first in messages
         known_by = {k: v for part in parts for k, v in part.items()} | problem | scene.fingerprint()
         checkpoint = Checkpoint(folder / "checkpoint.npz", scene.blank, known_by)
         newton = Newton(scene, self.tolerance, linear_solver=self.linear_solver)
-        for material in materials_of(scene, scene.blank.whole):
-            output.say_assumed(material.label, material.assumed_values())
-        if not output.is_quiet:
-            for words in waves_that_do_not_form(scene):
-                output.say(words)
-        start, notes = None, dict[str, Any]()
+        self._say_assumptions(output)
+        start, notes = None, Numbers()
         # a part of several that was not begun yet has no checkpoint
         if output.resume and (folder == output.path or comm.bcast(checkpoint.path.exists())):
             start, notes = checkpoint.load(scene.memory())
@@ -177,31 +188,111 @@ class Job(Settings):
                 if (summary := comm.bcast(summary)).get("converged"):
                     before = Result(summary, notes["rows"], Fields({}), folder, scene)
                     return self._finished_before(output, before, start, notes, problem, pictures)
-        run = Run(self, output, folder, newton, checkpoint, start, notes)
-        if pictures:
-            self.setup.first_picture(folder)
-        result = run.to_full_load()
-        if run.stopped:
-            reached = result.summary["stroke_reached"]
-            raise Interrupted(
-                f"{run.stopped} at load factor {rounded(reached, 6)}; `resume=True` goes on from "
-                "there"
-            )
-        if self.error and not run.wrong:
-            self._estimate(output, result, problem, run.series)
+        for warning in self.setup.warnings:
+            output.warn(warning)
+        for doubt in validity.warnings_at_start(scene):
+            output.tell(doubt)
+        if comm.rank == 0:
+            for old in [folder / "summary.json", *folder.glob("*.png")]:
+                old.unlink(missing_ok=True)  # of an earlier run, not of this one
+        with phase("output"):
+            series = FieldSeries(folder, scene, notes.get("states", ()))
+        history = History(folder / "history.csv", comm, notes.get("rows", ()))
+        states = StateWriter(self, history, series, checkpoint)
+        names = folder.name if folder != output.path else "", output.name
+        stages, load = self.setup.stages, start.load if start else 0.0
+        progress = ProgressLog(history, newton, load, stages, names, output.is_quiet)
+        watch, writer = LimitWatch(scene, self), HistoryWriter(self.setup, history, output)
+        observers = watch, writer, progress, states, self.setup, *self.observers
+        for each in observers:
+            each.begin(folder, pictures)
+        outcome, stopped = self._step_to_full_load(newton, start, observers)
+        result, wrong = self._result(output, outcome, stopped, states, watch.wrong)
+        reached = rounded(result.summary["stroke_reached"], 6)
+        if stopped:
+            words = f"{stopped} at load factor {reached}; `resume=True` goes on from there"
+            raise Interrupted(words)
+        if self.error and not wrong:
+            self._estimate(output, result, problem, series)
         self._show(output, result, pictures)
-        if not output.is_kept:
+        if not is_kept:
             result.forget_folder()
-        if run.wrong:
-            where = output.where(folder, result.summary["stroke_reached"])
-            raise SolverFailure(run.wrong + where, result)
+        if wrong:
+            where = f"; the run ends at load factor {reached}" if outcome.reached < 1 else ""
+            where += f"; the results are in {folder}" if is_kept else ""
+            raise SolverFailure(wrong + where, result)
         return result
+
+    def _say_assumptions(self, output):
+        """Say what numbers and waves of the material no test has determined."""
+        for material in materials_of(self.scene, self.scene.blank.whole):
+            output.say_assumed(material.label, material.assumed_values())
+        for words in [] if output.is_quiet else waves_that_do_not_form(self.scene):
+            output.say(words)
+
+    def _step_to_full_load(self, newton, start, observers):
+        """The `Outcome` of load stepping, and the signal that stopped it, as text, or ""."""
+        watch, writer, progress, *_ = observers
+        signals = StopSignals(self.scene.comm)
+        stepping = LoadStepping(
+            newton,
+            self,
+            start,
+            on_accept=lambda accepted: [each.accept(accepted) for each in observers],
+            on_reject=lambda load, report: [each.reject(load, report) for each in observers],
+            stop=lambda: signals() or watch.reason_to_stop(),
+        )
+        first = self.scene.comm.rank == 0
+        try:
+            with phase("steps"), status.shown(False, first), task(progress.doing):
+                return stepping.run(), signals()
+        finally:
+            signals.forget()
+            writer.history.close()
+
+    @phase("output")
+    def _result(self, output, outcome, stopped, states, wrong_now):
+        """The `Result` of the last state, whose summary is written, and why it is not valid, ""."""
+        scene, rows, folder = self.scene, states.rows, states.series.directory
+        fields = scene_output.cell_fields(scene)
+        if not states.is_written():
+            states.series.write(outcome.reached, fields)
+        result = Result({}, rows, fields, folder, scene)
+        # of the last row, as terms have since taken anew what they held in its solve
+        kinds = {**dict.fromkeys(ENERGIES), **scene.energies()}
+        energy = {kind: rows[-1][f"{kind}_energy_Nmm"] for kind in kinds}
+        energy["external_work"] = rows[-1]["external_work_Nmm"]
+        quantities = self.setup.quantities(result)
+        wrong = validity.not_formed(result, self.limits)
+        wrong += [each for each in wrong_now if each not in wrong]
+        wrong += validity.beyond_limits_at_end(scene, self.limits, rows, energy)
+        reason = outcome.reason or validity.not_believed(wrong)
+        if outcome.reason and not outcome.reason.startswith(NOT_BELIEVED):
+            wrong.append(outcome.reason)
+            reason = outcome.reason if stopped else "; ".join(wrong[::-1])
+        invalid = [Reason(each, verdict=INVALID) for each in wrong]
+        for each in (*invalid, *validity.doubts(result, energy, quantities)):
+            output.doubt(each)
+        result.summary = output.summarise(
+            folder,
+            converged=not reason,
+            stroke_reached=outcome.reached,
+            reason=reason or "full load reached",
+            **scene_output.sizes(scene),
+            **scene_output.summary(scene),
+            steps_accepted=outcome.accepted,
+            steps_rejected=outcome.rejected,
+            newton_iterations=outcome.iterations,
+            energy=energy,
+            reaction_N=rows[-1]["reaction_N"],
+            reaction_is=self.setup.force_name,
+            **energy_balance(rows, energy),
+            quantities=quantities,
+        )
+        return result, reason
 
     def _finished_before(self, output, result, start, notes, problem, pictures):
         """The `Result` of a run whose checkpoint is at full load."""
-        from ..plot.pictures import LAST_PICTURE
-        from ..results.fields import FieldSeries
-
         scene, folder = self.scene, result.folder
         if scene.comm.rank == 0:
             log.warning("%s: full load was reached before, nothing is left to do", folder)
@@ -210,7 +301,7 @@ class Job(Settings):
         scene.recall(start.memory)
         scene.accept()
         result.fields = scene_output.cell_fields(scene)
-        drawn = scene.comm.bcast((folder / LAST_PICTURE).exists())
+        drawn = scene.comm.bcast((folder / "curve.png").exists())  # which is drawn last
         if self.error and "error" not in result.summary:
             drawn = False
             self._estimate(output, result, problem, FieldSeries(folder, scene, notes["states"]))
@@ -220,26 +311,48 @@ class Job(Settings):
     @task("estimating errors")
     def _estimate(self, output, result, problem, series):
         """Add errors to result, history.csv, fields and summary.json."""
-        facts = estimated(self, result, output, problem)
+        of_other_kind = not self.coarser and self.setup.coarser_is_other_kind
+        coarser = partial(self._run_coarser, output, result, problem)
+        facts = estimated(result, coarser, output, self.setup.headlines, of_other_kind)
         result.summary = output.amend(result.folder, result.summary, **facts)
         if facts:
             series.write(1.0, result.fields)
             result.forget_grid()
 
+    def _run_coarser(self, output, result, problem):
+        """The `Result` of the same run on a coarser mesh, in a folder of the run's own."""
+        comm = self.scene.comm
+        made = self.coarser() if self.coarser else self.setup.coarser().build(comm).job()
+        settings = vars(self.coarser_settings(self.setup.fewer_steps))
+        job = replace(made, **settings | {"every": 10**9, "error": False})
+        cells = scene_output.sizes(job.scene)["cells"]
+        output.say(
+            f"the error: the same run on {cells} cells instead of {result.summary['cells']}, in "
+            f"{job.steps:g} steps"
+        )
+        folder = result.folder / COARSE
+        known = output.resume and comm.bcast((folder / "checkpoint.npz").exists())
+        apart = Output(f"{job.name}, coarser", folder, comm, resume=known, overwrite=not known)
+        apart.is_quiet = True
+        try:
+            return job.run(apart, problem=dict(problem) | {"mesh": COARSE}, pictures=False)
+        finally:
+            apart.close()
+
     @phase("output")
     @task("writing tables and pictures")
     def _show(self, output, result, pictures):
-        """Draw the last state; of a run that reached its end write the tables and pictures, too."""
+        """Draw the last state; at full load observers write their files, too."""
         reached = result.summary["stroke_reached"] == 1
         if reached:
-            self.setup.tables(result, result.folder)
+            for each in (self.setup, *self.observers):
+                each.end(result, result.folder)
         if self.scene.comm.rank == 0 and pictures:
             from ..plot.pictures import draw_state
 
             if reached:
                 self.setup.pictures(result, result.folder)
-            beside, force_name = self.setup.reference_curves(), self.setup.force_name()
-            draw_state(output.name, result, result.folder, beside, force_name)
+            draw_state(output.name, result, self.setup.force_name)
         self.scene.comm.barrier()
 
 

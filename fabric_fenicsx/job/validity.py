@@ -2,34 +2,24 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
-from ..mechanics.contact.self_crossing import crossing_warning, self_crossings
 from ..mechanics.materials import materials_of
 from ..mechanics.shell.membrane import Membrane
+from ..postprocess.wrinkles import MIN_HEIGHT
 from ..results.history import energy_balance, stretching
 from ..results.quantities import fabric_doubts, limited
 from ..results.result import Result
-from ..results.verdict import Reason
+from ..results.verdict import Numbers, Reason
 from ..runtime.errors import NOT_BELIEVED
-from ..runtime.formatting import coordinates, of_sheet, percent, rounded, share
+from ..runtime.formatting import of_sheet, percent, rounded, share
 from ..scene import output as scene_output
-from ..scene.isostatic import beyond_planes
 from ..scene.scene import Scene
 from ..solve.limits import EDGES, Limits
 from ..solve.step_criteria import UNBALANCED
 
 MIN_CELLS = 7.0  # cells of a wave, from which on its height is within some per cent
 AIM = 7.5  # cells to be taken, as waves on finer ones may be shorter
-CURES = {
-    "shear": "the ply can't be formed there; other yarn angles, a larger radius or a cut may help",
-    "fibre_share": "there is too much pressure or shear, or the fabric's thickness, `density`, "
-    "`fibre_density` or `compaction` is wrong",
-}
-CURES["shear_99_percent"] = CURES["shear"]
-KERNEL_TOLERANCE = (
-    1e-6  # of stresses of elements and kernel, above which a run warns; usual is 1e-12
-)
+KERNEL_TOLERANCE = 1e-6  # of stresses of elements and kernel; usual is 1e-12
 
 
 def not_believed(wrong: Sequence[str]) -> str:
@@ -37,12 +27,22 @@ def not_believed(wrong: Sequence[str]) -> str:
     return NOT_BELIEVED + "; ".join(wrong) if wrong else ""
 
 
+def _in_space(scene):
+    """Checks of a sheet in space, whose modules those in a plane do without; there None."""
+    if scene.blank.mesh.geometry.dim < 3:
+        return None
+    from . import space_validity
+
+    return space_validity
+
+
+# -- limits
+
+
 def beyond_limits_now(scene: Scene, limits: Limits) -> list[str]:
     """Sentences on what no later state mends: penetration of tools, and stretched yarns."""
     depth, where = scene_output.deepest(scene)
-    wrong = limits.exceeded({"penetration": depth})
-    if wrong:
-        wrong = [f"{wrong[0]}; deepest is {where}"]
+    wrong = [f"{each}; deepest is {where}" for each in limits.exceeded({"penetration": depth})]
     over = scene_output.overstretched(scene, limits.strain)
     if over > EDGES:
         wrong.append(
@@ -54,34 +54,24 @@ def beyond_limits_now(scene: Scene, limits: Limits) -> list[str]:
 
 def not_formed(result: Result, limits: Limits) -> list[str]:
     """Sentences on fabric that can't lie as it does: sheared, filled or shortened too far."""
-    wrong = []
-    for name, values in limited(result):
-        for limit, (value, place) in values.items():
-            for words in limits.exceeded({limit: value}):
-                sheet = f"sheet {name}: " if name else ""
-                cure = CURES.get(limit) or _cure(result.scene)
-                wrong.append(f"{sheet}{words}; most is at {of_sheet(place)}; {cure}")
-    return wrong
+    return [
+        f"{f'sheet {name}: ' if name else ''}{words}; most is at {of_sheet(place)}; "
+        f"{_cure(result.scene, limit)}"
+        for name, values in limited(result)
+        for limit, (value, place) in values.items()
+        for words in limits.exceeded({limit: value})
+    ]
 
 
-def beyond_limits_at_end(
-    scene: Scene, limits: Limits, rows: Sequence[Mapping[str, Any]], energy: Mapping[str, float]
-) -> list[str]:
-    """Sentences on what is wrong with the run as a whole; energy: as in summary.json [N mm]."""
-    shares = {
-        "imbalance": energy_balance(rows, energy)["energy_imbalance"],
-        "viscous": share(energy["viscous"], stretching(energy)),
-        "located": scene.supports.located_share(scene_output.outer_forces(scene)),
-    }
-    if limits.cell_size < math.inf:
-        from ..scene.tool_warnings import cells_over_radius
-
-        shares["cell_size"] = cells_over_radius(scene)
-    return [*_passed_through(scene), *limits.exceeded(shares)]
-
-
-def _cure(scene):
-    """Advice against shortening."""
+def _cure(scene, limit):
+    """Advice where a limit of what can be formed is exceeded."""
+    if limit == "fibre_share":
+        return (
+            "there is too much pressure or shear, or the fabric's thickness, `density`, "
+            "`fibre_density` or `compaction` is wrong"
+        )
+    if limit != "shortening":
+        return "the ply can't be formed there; other yarn angles, a larger radius or a cut may help"
     if scene_output.locking(scene):
         return "cells lock, which shortens yarns, too: take another mesh first"
     fabrics = materials_of(scene, scene.blank.whole)
@@ -90,85 +80,74 @@ def _cure(scene):
     return f"more force of a blank holder may help{rests}"
 
 
-def _passed_through(scene):
-    """Sentences on sheets that passed through themselves or through planes of symmetry."""
-    blank = scene.blank
-    crossings = {part: self_crossings(part) for part in blank.parts.values() or [blank.whole]}
-    wrong = [
-        f"sheet {part.name or blank.name} passes through itself at {len(places)} places, as at "
-        f"{coordinates(places[0])} mm; allowed is none: {_separation(scene)} may help"
-        for part, places in crossings.items()
-        if len(places)
-    ]
-    if blank.mesh.geometry.dim < 3:
-        return wrong
-    return wrong + [
-        f"{blank.name} passes through its image: {count} nodes lie up to {rounded(depth)} mm "
-        f"beyond the plane that support {name!r} holds; allowed is none: "
-        f"{_separation(scene, planes=True)} may help"
-        for name, (count, depth) in beyond_planes(blank, scene.supports).items()
-    ]
+def beyond_limits_at_end(
+    scene: Scene, limits: Limits, rows: Sequence[Numbers], energy: Mapping[str, float]
+) -> list[str]:
+    """Sentences on what is wrong with the run as a whole; energy: as in summary.json [N mm]."""
+    shares = {
+        "imbalance": energy_balance(rows, energy)["energy_imbalance"],
+        "viscous": share(energy["viscous"], stretching(energy)),
+        "located": scene.supports.located_share(scene_output.outer_forces(scene)),
+    }
+    in_space = _in_space(scene)
+    if in_space and limits.cell_size < math.inf:
+        shares["cell_size"] = in_space.cells_over_radius(scene)
+    passed = in_space.passed_through(scene) if in_space else []
+    return [*passed, *limits.exceeded(shares)]
 
 
-def _separation(scene, planes=False):
-    """What keeps a sheet from passing through itself, or through its image in `planes`."""
-    from ..mechanics.contact.self_contact import SelfContact
-
-    own = [term for term in scene.terms if isinstance(term, SelfContact)]
-    if any(term.symmetric or not planes for term in own):
-        return "smaller cells or steps"
-    contact = "`SelfContact(symmetric=...)`" if planes else "`SelfContact`"
-    return f"{contact}, a press's `self = true`,"
+# -- doubts
 
 
 def warnings_at_start(scene: Scene, formed: bool = False) -> list[str]:
     """Warnings of a scene that need no result, before it is loaded or when it is `formed`."""
-    sentences = [scene.check_held()]
-    if scene.blank.mesh.geometry.dim == 3:  # strips do without the tools' modules
-        from ..scene.tool_warnings import tool_warnings
-
-        sentences += tool_warnings(scene, formed)
-    return [words for words in sentences if words]
+    in_space = _in_space(scene)
+    of_tools = in_space.tool_warnings(scene, formed) if in_space else []
+    return [*filter(None, [scene.check_held(), *of_tools])]
 
 
-def doubts(
-    result: Result, energy: Mapping[str, float], quantities: Mapping[str, Any]
-) -> list[Reason]:
+def doubts(result: Result, energy: Mapping[str, float], quantities: Numbers) -> list[Reason]:
     """Doubts about a result though nothing failed: about tools and cells first, then about what is
     formed, the path and the material. energy: as of `beyond_limits_at_end`; quantities: of the
     summary."""
-    scene, untouched = result.scene, ""
-    if scene_output.tools(scene):
-        from ..scene.tool_warnings import untouched_warning
-
-        untouched = untouched_warning(scene)
-    sentences = [
+    scene, in_space = result.scene, _in_space(result.scene)
+    untouched = in_space.untouched_warning(scene) if in_space else ""
+    still = not (untouched or any(energy.values()) or scene.u.norm())
+    found = [
         *warnings_at_start(scene, formed=True),
         *fabric_doubts(result),
         Reason(coarse_waves(quantities), of="wrinkles"),
         Reason(ripples(quantities), of="wrinkles"),
         untouched,
-        _crossing(scene),
+        in_space.plies_crossed(scene) if in_space else "",
         _mismatch(scene),
+        still
+        and "nothing moves or loads the sheet: it stays as it was; a tool, a load or a support "
+        "that moves would, as `clamped_ends(stroke)`",
+        *_of_path(result.rows, energy),
+        *scene_output.warnings(scene),
     ]
-    if not (untouched or any(energy.values()) or scene.u.norm()):
-        sentences.append(
-            "nothing moves or loads the sheet: it stays as it was; a tool, a load or a support "
-            "that moves would, as `clamped_ends(stroke)`"
-        )
-    balance = energy_balance(result.rows, energy)
+    return [each if isinstance(each, Reason) else Reason(each) for each in found if each]
+
+
+def _of_path(rows, energy):
+    """Sentences on branches and on work that is missing."""
+    balance = energy_balance(rows, energy)
     if branches := ", ".join(rounded(load, 6) for load in balance["branches"]):
-        sentences.append(
+        yield (
             f"the path branches at load {branches}: the equilibrium there was a saddle, and "
             "one of the ways down was taken; others may lead to other results"
         )
     if balance["energy_imbalance"] > UNBALANCED:
-        sentences.append(
+        cause = "take smaller steps (`max_step`), unless the sheet snapped"
+        below = [kind for kind in energy if kind != "external_work" and energy[kind] < 0]
+        if below:
+            negative = " and ".join(f"{kind} {rounded(energy[kind])} N mm" for kind in below)
+            cause = f"what should resist drives the sheet, as energies are below 0: {negative}"
+        yield (
             "work of supports and tools and stored energy differ by "
-            f"{percent(balance['energy_imbalance'], 3)}; {_cause(energy)}"
+            f"{percent(balance['energy_imbalance'], 3)}; {cause}"
         )
-    found = [*sentences, *scene_output.warnings(scene)]
-    return [each if isinstance(each, Reason) else Reason(each) for each in found]
 
 
 def _wrinkles(quantities):
@@ -177,14 +156,14 @@ def _wrinkles(quantities):
     return [ply["wrinkles"] for ply in plies if ply.get("wrinkles")]
 
 
-def coarsest_waves(quantities: Mapping[str, Any]) -> dict[str, float]:
+def coarsest_waves(quantities: Numbers) -> dict[str, float]:
     """Wrinkles of the ply with the fewest cells a wave; {} if none has few."""
     waves = _wrinkles(quantities)
     coarse = [each for each in waves if (each["cells_a_wave"] or MIN_CELLS) < MIN_CELLS]
     return min(coarse, key=lambda each: each["cells_a_wave"], default={})
 
 
-def coarse_waves(quantities: Mapping[str, Any]) -> str:
+def coarse_waves(quantities: Numbers) -> str:
     """A sentence if a ply's wrinkles have few cells. quantities: of the summary."""
     if not (least := coarsest_waves(quantities)):
         return ""
@@ -197,10 +176,8 @@ def coarse_waves(quantities: Mapping[str, Any]) -> str:
     )
 
 
-def ripples(quantities: Mapping[str, Any]) -> str:
+def ripples(quantities: Numbers) -> str:
     """A sentence if a ply has waves that are no wrinkles. quantities: of the summary."""
-    from ..postprocess.wrinkles import MIN_HEIGHT
-
     most = max(_wrinkles(quantities), key=lambda each: each["ripples_mm"], default=None)
     if most is None or most["ripples_mm"] < MIN_HEIGHT:
         return ""
@@ -221,26 +198,3 @@ def _mismatch(scene):
         "the law are not those of its `energy` (`check_derivatives` compares them), or a formula "
         "was changed in one of `membrane_energy.py` and `strains.py`"
     )
-
-
-def _crossing(scene):
-    """`crossing_warning`, but of sheets that are unloaded one by one."""
-    if not scene.blank.parts:
-        return ""
-    from ..mechanics.contact.sheet_contact import SheetContact
-    from ..mechanics.release_forces import ReleaseForces
-
-    fading, touching = (
-        any(isinstance(term, kind) for term in scene.terms)
-        for kind in (ReleaseForces, SheetContact)
-    )
-    return "" if fading and not touching else crossing_warning(scene.blank)
-
-
-def _cause(energy):
-    """Likely reason why work and energies differ."""
-    below = [kind for kind in energy if kind != "external_work" and energy[kind] < 0]
-    if not below:
-        return "take smaller steps (`max_step`), unless the sheet snapped"
-    energies = " and ".join(f"{kind} {rounded(energy[kind])} N mm" for kind in below)
-    return f"what should resist drives the sheet, as energies are below 0: {energies}"

@@ -1,11 +1,10 @@
-"""Pictures of formed plies in plan: paths, outlines, strain states, and all that a forming run
-draws of its last state."""
+"""Pictures of formed plies in plan: paths, strain states, and all that a forming run draws of its
+last state."""
 
 import math
 import pathlib
 from collections.abc import Mapping, Sequence
 from itertools import cycle
-from typing import Any
 
 import numpy as np
 from matplotlib.colors import ListedColormap
@@ -29,30 +28,28 @@ STATES = {  # strain_state -> what it is, colour
     4: ("both in compression", "#b83a3a"),
 }
 ANGLES = 0, 45, 90  # of the paths to x [deg]
-PATH_FIELDS = {"log_eps_11": 100, "log_eps_22": 100, "shear_angle": 1}  # factors to units shown
-THICKNESS = "thickness_under_pressure"
-SHORTENING = "shortening_a", "shortening_b"
-METAL = "equivalent_plastic_strain", "metal_thickness", "von_mises_top"
-BETWEEN = "sheet_pressure", "sliding_size"
 
 
 def paths_picture(
-    path: File, runs: Mapping[str, Mapping[float, Path]], marks: Mapping[str, Any] | None = None
+    path: File,
+    runs: Mapping[str, Mapping[float, Path]],
+    marks: Mapping[str, float | Sequence[float]],
 ) -> None:
     """Strains and shear angle over the distance on the flat ply, a row a path, of runs {label:
     `along_paths`}. marks: {label: distances on the paths [mm], or one for all}, drawn as vertical
     lines where that is on the path; NaN for none."""
     angles = list(dict.fromkeys(angle for paths in runs.values() for angle in paths))
-    marks = {label: np.broadcast_to(at, len(angles)) for label, at in (marks or {}).items()}
+    at_angles = {label: np.broadcast_to(at, len(angles)) for label, at in marks.items()}
+    factors = {"log_eps_11": 100, "log_eps_22": 100, "shear_angle": 1}  # to units shown
     size, shared = (11, 2.6 * len(angles) + 0.6), {"sharex": "row", "sharey": "col"}
     with figure(path, size, len(angles), 3, **shared) as (page, axes):
         for row, angle in enumerate(angles):
             here = {label: paths[angle] for label, paths in runs.items() if angle in paths}
             end = max(each.distance[-1] for each in here.values())
-            for ax, (name, factor) in zip(axes[row], PATH_FIELDS.items()):
+            for ax, (name, factor) in zip(axes[row], factors.items()):
                 for label, each in here.items():
                     ax.plot(each.distance, factor * getattr(each, name), lw=1.4, label=label)
-                for style, (label, at) in zip(cycle(("--", ":", "-.")), marks.items()):
+                for style, (label, at) in zip(cycle(("--", ":", "-.")), at_angles.items()):
                     if at[row] <= end:
                         ax.axvline(at[row], label=label, color="0.45", lw=0.9, ls=style)
                 ax.axhline(0, color="k", lw=0.5)
@@ -62,32 +59,12 @@ def paths_picture(
             axes[row, 1].set_title(f"path {along}", fontsize="medium")
         for ax in axes[-1]:
             ax.set_xlabel("distance on the flat ply / mm")
-        legend: dict[str, Any] = {}
-        for ax in axes[:, 0]:
-            legend |= {label: line for line, label in zip(*ax.get_legend_handles_labels())}
+        lines = [each for ax in axes[:, 0] for each in zip(*ax.get_legend_handles_labels())]
+        legend = {label: line for line, label in lines}
         if len(legend) > 1 or (legend and marks):
-            _legend_above(page, list(legend.values()), list(legend))
-
-
-def _legend_above(page, handles, labels):
-    page.get_layout_engine().set(rect=(0, 0, 1, 1 - 0.35 / page.get_figheight()))
-    page.legend(handles, labels, loc="upper center", ncol=len(labels), frameon=False)
-
-
-def outline_picture(path: File, runs: Mapping[str, Grid]) -> None:
-    """The edges of the ply in plan, flat and formed, of runs {label: grid}."""
-    with figure(path, (8, 5)) as (page, ((ax,),)):
-        for k, (label, grid) in enumerate(runs.items()):
-            for n, edge in enumerate(outline(grid)):
-                names = (None, None) if n else ("flat", label or "formed")
-                if k == 0:
-                    flat = {"color": "0.5", "lw": 1.2, "label": names[0]}
-                    ax.plot(*edge.undeformed[:, :2].T, "--", **flat)
-                ax.plot(*edge.formed[:, :2].T, color=f"C{k}", lw=1.6, label=names[1])
-        ax.set_aspect("equal")
-        ax.set(xlabel="x / mm", ylabel="y / mm")
-        ax.grid(alpha=0.25)
-        _legend_above(page, *ax.get_legend_handles_labels())
+            page.get_layout_engine().set(rect=(0, 0, 1, 1 - 0.35 / page.get_figheight()))
+            above = {"loc": "upper center", "ncol": len(legend), "frameon": False}
+            page.legend(list(legend.values()), list(legend), **above)
 
 
 def state_map(path: File, grid: Grid, formed: bool = False, edges: Sequence[Outline] = ()) -> None:
@@ -134,13 +111,15 @@ def draw_plies(folder: pathlib.Path, grids: Mapping[str, Grid], tool: str = "") 
         if paths := _paths(name, grid):
             write_paths(folder / f"paths{end}.csv", paths)
         state_map(folder / f"states{end}.png", grid)
+    thickness, short = "thickness_under_pressure", ("shortening_a", "shortening_b")
     named = {name or "ply": grid for name, grid in fabrics.items()}
-    if pressed := {name: grid for name, grid in named.items() if THICKNESS in grid.cell_data}:
-        maps(folder / "thickness.png", pressed, [THICKNESS], OUTLIERS)
-    if any(grid[field].any() for grid in fabrics.values() for field in SHORTENING):
-        maps(folder / "shortening.png", named, SHORTENING, OUTLIERS)
+    if pressed := {name: grid for name, grid in named.items() if thickness in grid.cell_data}:
+        maps(folder / "thickness.png", pressed, [thickness], OUTLIERS)
+    if any(grid[field].any() for grid in fabrics.values() for field in short):
+        maps(folder / "shortening.png", named, short, OUTLIERS)
     if metals := {name: grid for name, grid in grids.items() if name not in fabrics}:
-        maps(folder / "metal.png", metals, METAL, OUTLIERS)
+        fields = "equivalent_plastic_strain", "metal_thickness", "von_mises_top"
+        maps(folder / "metal.png", metals, fields, OUTLIERS)
     surface = states(folder)[-1].tools()[tool] if tool else None
     formed_picture(folder / "formed.png", list(grids.values()), surface)
 
@@ -156,8 +135,7 @@ def _paths(name, grid):
 
 
 def draw_compared(folder: pathlib.Path, grids: Mapping[str, Grid], punch: Tool) -> None:
-    """Outlines and paths of plies {label: grid} side by side."""
-    outline_picture(folder / "outline.png", grids)
+    """Paths of plies {label: grid} side by side."""
     fabrics = of_fabric(grids).items()
     paths = {label: each for label, grid in fabrics if (each := _paths(label, grid))}
     surface, s, marks = punch.surface, np.arange(0.0, 1e3, 0.1), {}
@@ -181,20 +159,21 @@ def draw_laminate(
         end = f"_{label.replace(' ', '_')}" if label else ""
         edges = outline(grids[metal])
         state_map(folder / f"middle{end}.png", grids[middle], formed=True, edges=edges)
-        between = {name: grid for name, grid in grids.items() if BETWEEN[0] in grid.cell_data}
-        maps(folder / f"between{end}.png", between, BETWEEN, OUTLIERS)
+        fields = "sheet_pressure", "sliding_size"
+        between = {name: grid for name, grid in grids.items() if fields[0] in grid.cell_data}
+        maps(folder / f"between{end}.png", between, fields, OUTLIERS)
     first = next(iter(runs.values()))
     paths = {label: along_paths(grids[middle], ANGLES) for label, grids in runs.items()}
     marks = _laminate_marks(first[middle], first[metal], punch)
     paths_picture(folder / "middle_paths.png", paths, marks)
 
 
-def _laminate_marks(ply: Grid, metal: Grid, punch: Tool) -> dict[str, list[float]]:
+def _laminate_marks(ply, metal, punch):
     """Distances on the flat ply, one for each path of `ANGLES` [mm], at which the formed ply comes
     to the punch's upper rounding, to the end of its fillet and to the metal's edge; NaN where it
     does not, and of a punch that is no `DoubleDome`."""
-    marks: dict[str, list[float]] = {"inner punch radius": [], "outer punch radius": []}
-    marks["edge of the metal"] = []
+    names = "inner punch radius", "outer punch radius", "edge of the metal"
+    marks: dict[str, list[float]] = {name: [] for name in names}
     corners = outline(metal)[0].formed[:, :2]
     if ply_of(metal).planes:  # of a quarter the edge is open
         corners = np.vstack([corners, [0.0, 0.0]])

@@ -3,16 +3,15 @@
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any
+from typing import Any, Protocol
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 import pyvista
+from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
+from matplotlib.colors import Colormap
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 
 from ..postprocess.ply import Grid
 from ..postprocess.states import of_fabric
@@ -34,22 +33,30 @@ SHOWN = {
     "strain_state": ("strain state", 1.0, "Set2"),
 }
 MAPS = "log_eps_11", "log_eps_22", "shear_angle"  # what one looks at first
-LAST_PICTURE = "maps.png"  # where it is, all pictures of a run are
 OUTLIERS = 0.005  # of the cells, as at corners, that are left out of a map's scale
+
+
+class Drawn(Protocol):
+    """What is drawn of a `Result`."""
+
+    rows: list[dict]
+    folder: Path | None
+
+    @property
+    def grids(self) -> dict[str, Grid]:
+        """Sheets by name."""
 
 
 @contextmanager
 def figure(
     path: Path | str, size: tuple[float, float], rows: int = 1, columns: int = 1, **options: Any
-) -> Iterator[tuple[Any, np.ndarray]]:
+) -> Iterator[tuple[Figure, np.ndarray]]:
     """A figure of `size` [inch] and its axes (rows, columns), written to `path` when it is done;
-    options: `dpi` and `bbox_inches` of the file, others of `plt.subplots`."""
+    options: `dpi` and `bbox_inches` of the file, others of `Figure.subplots`."""
     file = {"dpi": options.pop("dpi", 130), "bbox_inches": options.pop("bbox_inches", None)}
-    options |= {"figsize": size, "squeeze": False, "layout": "constrained"}
-    drawn, axes = plt.subplots(rows, columns, **options)
-    yield drawn, axes
+    drawn = Figure(figsize=size, layout="constrained")
+    yield drawn, drawn.subplots(rows, columns, squeeze=False, **options)
     drawn.savefig(path, **file)
-    plt.close(drawn)
 
 
 def shown(name: str, unit: str = "") -> tuple[str, float, str]:
@@ -91,7 +98,11 @@ def cell_polygons(grid: Grid) -> np.ndarray:
 
 
 def draw_cells(
-    ax: Any, polygons: np.ndarray, values: np.ndarray, colours: Any, limits: Sequence[float]
+    ax: Axes,
+    polygons: np.ndarray,
+    values: np.ndarray,
+    colours: str | Colormap,
+    limits: Sequence[float],
 ) -> PolyCollection:
     """Add cells (n, k, 2) [mm] in plan, coloured by `values` (n,) between `limits`."""
     cells = PolyCollection(polygons, array=values, cmap=colours, antialiased=False)
@@ -104,8 +115,10 @@ def draw_cells(
 
 def label_outer(axes: np.ndarray, xlabel: str = "x / mm", ylabel: str = "y / mm") -> None:
     """Label the axes (rows, columns) at the left and the lower edge of a figure."""
-    plt.setp(axes[-1], xlabel=xlabel)
-    plt.setp(axes[:, 0], ylabel=ylabel)
+    for ax in axes[-1]:
+        ax.set_xlabel(xlabel)
+    for ax in axes[:, 0]:
+        ax.set_ylabel(ylabel)
 
 
 def maps(
@@ -113,7 +126,7 @@ def maps(
     variants: Mapping[str, Grid],
     names: Sequence[str],
     outliers: float = 0.0,
-    units: Mapping[str, str] = MappingProxyType({}),
+    units: Mapping[str, str] | None = None,
 ) -> None:
     """Maps of the fields `names` on the deformed sheets {title: grid} of `variants`, one colour
     scale a field, with the least and the largest of a cell above. Several variants make a row each.
@@ -124,13 +137,13 @@ def maps(
     polygons = {title: cell_polygons(grid) for title, grid in variants.items()}
     length, width = max((np.ptp(p.reshape(-1, 2), axis=0) for p in polygons.values()), key=max)
     height = max(1.9, 0.72 * 7.0 * columns**-0.3 * width / length + (0.45 if one else 0.7))
-    size, options = (7.0 * columns**0.7, height * rows), {"sharex": True, "sharey": True}
+    size, shared = (7.0 * columns**0.7, height * rows), {"sharex": True, "sharey": True}
     # tight, as wide sheets push labels out
-    with figure(path, size, rows, columns, bbox_inches="tight", **options) as (page, axes):
+    with figure(path, size, rows, columns, bbox_inches="tight", **shared) as (page, axes):
         for name, mine in zip(names, axes if one else axes.T):
             is_nodal = any(name not in grid.cell_data for grid in variants.values())
             title = f"{name}, mean over each cell" if is_nodal else name
-            label, factor, colours = shown(title, units.get(name, ""))
+            label, factor, colours = shown(title, (units or {}).get(name, ""))
             values = {}
             for title, grid in variants.items():
                 of_cells = grid.point_data_to_cell_data() if is_nodal else grid
@@ -148,20 +161,17 @@ def maps(
         label_outer(axes)
 
 
-def draw_state(
-    name: str, result: Any, folder: Path, beside: Mapping[str, Sequence], force_name: str
-) -> None:
-    """maps.png and curve.png of a `Result`, what one looks at first, and error.png with estimated
-    errors; beside: other curves to draw in curve.png, force_name: what its force is called."""
-    run = {"simulated" if beside else "": result}
-    reactions(folder / "curve.png", run, ylabel=f"{force_name} / N", beside=beside)
-    grids = {part or name.replace("_", " "): grid for part, grid in of_fabric(result.grids).items()}
-    if not grids:  # sheets of metal alone
-        return
-    maps(folder / LAST_PICTURE, grids, MAPS, OUTLIERS)
+def draw_state(name: str, result: Drawn, force_name: str) -> None:
+    """What one looks at first of the run `name`: maps.png, error.png with estimated errors and, at
+    last, curve.png, whose force is called `force_name`."""
+    plies, folder = of_fabric(result.grids), Path(result.folder or ".")
+    grids = {part or name.replace("_", " "): grid for part, grid in plies.items()}
+    if grids:  # not of metal alone
+        maps(folder / "maps.png", grids, MAPS, OUTLIERS)
     errors = [f"error_{field}" for field in MAPS]
-    if all(name in grid.cell_data for grid in grids.values() for name in errors):
+    if grids and all(set(errors) <= set(grid.cell_data) for grid in grids.values()):
         maps(folder / "error.png", grids, errors, OUTLIERS)
+    reactions(folder / "curve.png", {"": result}, ylabel=f"{force_name} / N")
 
 
 # -- diagrams
@@ -173,7 +183,7 @@ def curves(
     xlabel: str,
     ylabel: str,
     scale: str = "linear",
-    bands: Mapping[str, Sequence[float]] | None = None,
+    bands: Mapping[str, ArrayLike] | None = None,
 ) -> None:
     """Curves of {label: (x, y)} or {label: (x, y, matplotlib format)} in one diagram; scale: of
     both axes; bands: half the height of a band around some of them, at each point."""
@@ -183,7 +193,7 @@ def curves(
         for label, (x, y, *style) in series.items():
             (line,) = ax.plot(x, y, *(style or ["o-"]), markersize=3, label=label)
             if bands and label in bands:
-                low, high = np.asarray(y) - bands[label], np.asarray(y) + bands[label]
+                low, high = np.subtract(y, bands[label]), np.add(y, bands[label])
                 ax.fill_between(x, low, high, color=line.get_color(), alpha=0.25, lw=0)
         ax.grid(alpha=0.3)
         if is_wide:
@@ -194,18 +204,17 @@ def curves(
 
 def reactions(
     path: Path,
-    results: Mapping[str, Any],
+    results: Mapping[str, Drawn],
     xlabel: str = "displacement / mm",
     ylabel: str = "reaction / N",
-    beside: Mapping[str, Sequence] = MappingProxyType({}),
 ) -> None:
     """Curves of force over displacement of runs {label: `Result`} in one diagram, with a band of
-    their estimated errors; beside: others {label: (displacements, forces)}, as points."""
-    series: dict[str, Sequence] = {
+    their estimated errors."""
+    series = {
         label: [[row[key] for row in result.rows] for key in ("displacement_mm", "reaction_N")]
         for label, result in results.items()
     }
-    series |= {label: (*curve, "s") for label, curve in beside.items()}
-    errors = {k: [row.get("error_N") for row in run.rows] for k, run in results.items()}
-    bands = {label: each for label, each in errors.items() if None not in each}
+    runs = results.items()
+    known = {label: run for label, run in runs if None not in [r.get("error_N") for r in run.rows]}
+    bands = {label: [row["error_N"] for row in run.rows] for label, run in known.items()}
     curves(path, series, xlabel, ylabel, bands=bands)

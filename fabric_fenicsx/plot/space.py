@@ -3,12 +3,12 @@
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
 
 import numpy as np
 import pyvista
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 from vtkmodules.vtkCommonCore import vtkLogger
 
@@ -16,21 +16,14 @@ from ..postprocess.ply import SAME, Grid, ply_of, whole
 from ..postprocess.shape import File
 from ..runtime.errors import InputError
 from ..tools.facets import unit
-from .pictures import plt
 
-SCREEN = (2400, 1500)  # pixels drawn
 COLOURS = "YlOrRd"  # light, so that the shading shows the shape
-VIEW = 0.4, -1.0, 0.75  # from the ply to the camera
-STEEL, TOOL, YARNS = "#8f9aa8", "#d3d8e0", "#30343b"
-YARN = "yarn_coordinate"  # distance across yarns, at points
-SPACINGS = [10.0**k * n for k in range(-2, 5) for n in (1, 2, 5)]  # mm of these, as people like
-SHEAR = "magnitude of the shear angle / deg"
+STEEL, YARNS = "#8f9aa8", "#30343b"
 
 
 @contextmanager
-def drawing(size: tuple[int, int] = SCREEN) -> Iterator[pyvista.Plotter]:
-    """A plotter of `size` [pixels] without a window, on white. Raises InputError where VTK finds
-    nothing to draw on."""
+def drawing() -> Iterator[pyvista.Plotter]:
+    """A plotter without a window. Raises InputError where VTK finds nothing to draw on."""
     # from 9.4 on it draws without a screen, by EGL
     if not os.environ.get("DISPLAY") and pyvista.vtk_version_info < (9, 4):
         flaw = "this VTK draws on a screen only"
@@ -38,7 +31,7 @@ def drawing(size: tuple[int, int] = SCREEN) -> Iterator[pyvista.Plotter]:
     verbosity = vtkLogger.GetCurrentVerbosityCutoff()
     # VTK warns of no screen before it does without
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
-    plotter = pyvista.Plotter(off_screen=True, window_size=size)
+    plotter = pyvista.Plotter(off_screen=True, window_size=(2400, 1500))
     try:
         plotter.set_background("white")
         yield plotter
@@ -51,11 +44,10 @@ def image(
     draw: Callable[[pyvista.Plotter], None],
     view: Sequence[float],
     bounds: Sequence[float] | None = None,
-    size: tuple[int, int] = SCREEN,
 ) -> np.ndarray:
-    """Pixels (rows, columns, 3) of what `draw` adds to a plotter, seen from the direction `view`;
-    bounds: to show, with bodies that are translucent."""
-    with drawing(size) as plotter:
+    """Pixels (rows, columns, 3) of what `draw` adds to a plotter, seen from the direction `view`,
+    without the white around it; bounds: to show, with bodies that are translucent."""
+    with drawing() as plotter:
         if bounds is not None:
             plotter.disable_anti_aliasing()  # with it depth peeling loses what is translucent
             # not by PyVista, whose check opens a window of its own: that ended the process on
@@ -68,14 +60,10 @@ def image(
         if bounds is not None:
             plotter.reset_camera(bounds=bounds)
             plotter.renderer.ResetCameraClippingRange()  # what is beyond the bounds is drawn, too
-        return plotter.screenshot(None, return_img=True)
-
-
-def cropped(images: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Images of one size without the white around what any of them shows."""
-    drawn = np.any([(pixels < 255).any(2) for pixels in images], axis=0)
+        pixels = plotter.screenshot(None, return_img=True)
+    drawn = (pixels < 255).any(2)
     rows, columns = np.flatnonzero(drawn.any(1)), np.flatnonzero(drawn.any(0))
-    return [each[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] for each in images]
+    return pixels[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
 
 
 # -- plies and tools
@@ -94,11 +82,12 @@ def surface_of(grid: Grid, full: bool = True, formed: bool = True) -> pyvista.Po
     surface.point_data["place"] = ply.x
     surface.point_data["shear_angle"] = ply.at_nodes(shear)
     surface.field_data["planes"] = np.array(planes, dtype=int)
-    if f"{YARN}_a" in grid.point_data and "shear_angle" in grid.cell_data:
+    if "yarn_coordinate_a" in grid.point_data and "shear_angle" in grid.cell_data:
         place = np.where(np.isin(np.arange(3), planes), abs(ply.x), ply.x)
         nearest = cKDTree(grid.points).query(place)[1]
         for family in "ab":
-            surface.point_data[f"yarn_{family}"] = grid.point_data[f"{YARN}_{family}"][nearest]
+            across = grid.point_data[f"yarn_coordinate_{family}"]
+            surface.point_data[f"yarn_{family}"] = across[nearest]
     return surface
 
 
@@ -150,8 +139,9 @@ def draw_plies(
 
 
 def round_length(about: float) -> float:
-    """The length [mm] of `SPACINGS` that is nearest to one."""
-    return min(SPACINGS, key=lambda length: abs(np.log(length / about)))
+    """The length [mm] nearest to one that is 1, 2 or 5 times a power of ten."""
+    lengths = [10.0**k * n for k in range(-2, 5) for n in (1, 2, 5)]
+    return min(lengths, key=lambda length: abs(np.log(length / about)))
 
 
 def extent_of(surfaces: Iterable[pyvista.PolyData]) -> tuple[np.ndarray, np.ndarray]:
@@ -179,13 +169,6 @@ def shear_limit(surfaces: Iterable[pyvista.PolyData]) -> float:
     return max(5.0, 5 * np.ceil(highest / 5))
 
 
-def shear_bar(figure: Any, limit: float, label: str, sizes: tuple[int, int], **place: Any) -> None:
-    """Add the colour bar of shear angles up to `limit` [deg]; sizes: of label and ticks."""
-    bar = figure.colorbar(ScalarMappable(Normalize(0, limit), COLOURS), **place)
-    bar.set_label(label, fontsize=sizes[0])
-    bar.ax.tick_params(labelsize=sizes[1])
-
-
 def formed_picture(
     path: File,
     plies: Sequence[Grid],
@@ -199,7 +182,7 @@ def formed_picture(
     fabrics = [grid["shear_angle"] for grid in plies if "shear_angle" in grid.cell_data]
     largest = max(abs(np.degrees(shear)).max() for shear in fabrics)
     surfaces = [surface_of(grid, full) for grid in plies]
-    limit = shear_limit(surfaces)
+    view, limit = (0.4, -1.0, 0.75), shear_limit(surfaces)
 
     def draw(plotter):
         draw_plies(plotter, surfaces, limit, spacing)
@@ -207,17 +190,19 @@ def formed_picture(
         if tool is not None:
             whole = mirrored(tool, surfaces[0].field_data["planes"])
             # away from the camera, so that it looks the same but does not show through the ply
-            behind = whole.translate(-3 * unit(np.array(VIEW)))
-            look = {"color": TOOL, "ambient": 0.35, "diffuse": 0.75}
+            behind = whole.translate(-3 * unit(np.array(view)))
+            look = {"color": "#d3d8e0", "ambient": 0.35, "diffuse": 0.75}
             plotter.add_mesh(behind, smooth_shading=True, **look)
 
-    figure = plt.figure(figsize=(16, 10))
-    ax = figure.add_axes((0.02, 0.13, 0.96, 0.85))
-    ax.imshow(cropped([image(draw, VIEW)])[0], interpolation="lanczos")
+    page = Figure(figsize=(16, 10))
+    ax = page.add_axes((0.02, 0.13, 0.96, 0.85))
+    ax.imshow(image(draw, view), interpolation="lanczos")
     ax.axis("off")
-    place = {"cax": figure.add_axes((0.3, 0.09, 0.4, 0.022)), "orientation": "horizontal"}
     extend = "max" if largest > limit else "neither"  # as nodes have means over cells
-    label = f"{SHEAR} (largest of a cell: {largest:.2f})"
-    shear_bar(figure, limit, label, (18, 16), extend=extend, **place)
-    figure.savefig(path, dpi=100)
-    plt.close(figure)
+    shown = ScalarMappable(Normalize(0, limit), COLOURS)
+    place = {"cax": page.add_axes((0.3, 0.09, 0.4, 0.022)), "orientation": "horizontal"}
+    bar = page.colorbar(shown, extend=extend, **place)
+    words = f"magnitude of the shear angle / deg (largest of a cell: {largest:.2f})"
+    bar.set_label(words, fontsize=18)
+    bar.ax.tick_params(labelsize=16)
+    page.savefig(path, dpi=100)

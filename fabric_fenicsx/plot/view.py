@@ -20,16 +20,11 @@ from .pictures import shown
 from .press_pictures import VIEW
 from .space import COLOURS, STEEL, drawing, mirrored
 
-USUAL = "shear_angle", "equivalent_plastic_strain"  # fields, of which the first that is there
-PLY = {"ambient": 0.25, "diffuse": 0.75}
-TOOL = {"color": "#6b7a8f", "opacity": 0.12, "smooth_shading": True, "split_sharp_edges": True}
-BAR = {"vertical": False, "color": "k", "width": 0.5, "position_x": 0.25, "position_y": 0.03}
-
 
 def page(folder: Path | str, field: str | None = None) -> str:
     """HTML of the last state in the results `folder`, with all that draws it (vtk.js, out of the
-    package trame-vtk) in it. field: on the plies, by default `USUAL`. Raises InputError without
-    that package, for a folder without states, and for a field that none of its plies has."""
+    package trame-vtk) in it. field: on the plies, by default the shear angle. Raises InputError
+    without that package, for a folder without states, and for a field that no ply has."""
     write_html, serialized = _exporter()
     written = states(folder)
     with drawing() as plotter:
@@ -46,7 +41,7 @@ def page(folder: Path | str, field: str | None = None) -> str:
 
 def show(folder: Path | str, field: str | None = None) -> None:
     """Open a window with the last state in the results `folder` and a slider over all states, until
-    it is closed. field: on the plies, by default `USUAL`. Raises InputError as `page`."""
+    it is closed. field: on the plies, by default the shear angle. Raises InputError as `page`."""
     written = states(folder)
     plotter = pyvista.Plotter(window_size=[1200, 800], title=f"fabric view {folder}")
     update = _draw(plotter, folder, written[-1], field)
@@ -68,16 +63,20 @@ def _draw(
     limits = np.nanmin(values), np.nanmax(values)
     if field == "shear_angle":
         label, colours, limits = f"magnitude of the {label}", COLOURS, (0.0, limits[1])
-    bar = {"title": label.replace("\n", " "), **BAR}
+    bar = {"title": label.replace("\n", " "), "color": "k", "vertical": False}
+    bar |= {"width": 0.5, "position_x": 0.25, "position_y": 0.03}
+    matt = {"ambient": 0.25, "diffuse": 0.75, "reset_camera": False}
+    clear = {"color": "#6b7a8f", "opacity": 0.12, "reset_camera": False}
+    clear |= {"smooth_shading": True, "split_sharp_edges": True}
     coloured = {"scalars": "shown", "cmap": colours, "clim": limits, "scalar_bar_args": bar}
 
     def update(other: State) -> None:
         surfaces, tools = _surfaces(other, field, factor)
         for name, surface in surfaces.items():
             look = coloured if "shown" in surface.array_names else {"color": STEEL}
-            plotter.add_mesh(surface, name=f"ply {name}", reset_camera=False, **PLY, **look)
+            plotter.add_mesh(surface, name=f"ply {name}", **matt, **look)
         for name, surface in tools.items():
-            plotter.add_mesh(surface, name=f"tool {name}", reset_camera=False, **TOOL)
+            plotter.add_mesh(surface, name=f"tool {name}", **clear)
 
     update(state)
     plotter.set_background("white")
@@ -105,7 +104,8 @@ def _known(field, plies):
     data = [each for grid in plies.values() for each in grid.cell_data.items()]
     fields = [name for name, values in data if np.ndim(values) == 1]
     if field is None:
-        return next(name for name in (*USUAL, *fields) if name in fields)
+        usual = "shear_angle", "equivalent_plastic_strain", *fields
+        return next(name for name in usual if name in fields)
     if field not in fields:
         raise unknown_key(field, sorted(fields), f"field {field}")
     return field

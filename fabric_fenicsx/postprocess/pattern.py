@@ -23,7 +23,6 @@ from .ply import SAME, Grid, Ply, areas, edge_sides, grid_of, plan_area, ply_of,
 from .states import save
 
 MAX_BEYOND = 0.05  # of the distance that is allowed, by which a line may be beyond the ply's edge
-OUTLINE, HOLES = "OUTLINE", "HOLES"  # layers of a drawing
 
 
 class Plane(NamedTuple):
@@ -256,7 +255,7 @@ def write_pattern(
     rings = [
         (layer, shapely.get_coordinates(ring)[:-1])  # without the first point again
         for part in parts
-        for layer, own in ((OUTLINE, [part.exterior]), (HOLES, part.interiors))
+        for layer, own in (("OUTLINE", [part.exterior]), ("HOLES", part.interiors))
         for ring in own
     ]
     replace_file(files[0], _drawing(rings))
@@ -276,8 +275,8 @@ def _drawing(rings):
 
     drawing = ezdxf.new()
     drawing.units = ezdxf.units.MM
-    drawing.layers.add(OUTLINE)
-    drawing.layers.add(HOLES, color=1)
+    drawing.layers.add("OUTLINE")
+    drawing.layers.add("HOLES", color=1)
     for layer, points in rings:
         drawing.modelspace().add_lwpolyline(points, close=True, dxfattribs={"layer": layer})
     text = io.StringIO()

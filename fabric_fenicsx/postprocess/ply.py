@@ -1,14 +1,21 @@
 """A formed ply as nodes and triangles, from the grid of a state."""
 
-from typing import NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
+import lazy_loader
 import numpy as np
-import pyvista
+
+if TYPE_CHECKING:
+    import pyvista
+
+    Grid: TypeAlias = pyvista.UnstructuredGrid
+    Surface: TypeAlias = pyvista.PolyData
+else:  # takes half a second
+    Grid = Surface = object
+    pyvista = lazy_loader.load("pyvista")
 
 SAME = 1e-6  # mm within which places are the same
-EQUAL = 1e-6  # of a value, by which others are the same
 SYMMETRIC = "planes_of_symmetry"  # field data: axes to which the scene's planes are perpendicular
-Grid: TypeAlias = pyvista.UnstructuredGrid
 
 
 class Ply(NamedTuple):

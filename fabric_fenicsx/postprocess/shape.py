@@ -9,14 +9,14 @@ it has planes of symmetry, x = 0 or y = 0, its edges there are not free.
 import csv
 import pathlib
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..runtime.errors import InputError
 from ..runtime.formatting import coordinates
-from .ply import EQUAL, SAME, Grid, edge_sides, plan_area, ply_of
+from .ply import SAME, Grid, edge_sides, plan_area, ply_of
 
 File: TypeAlias = pathlib.Path | str
 
@@ -41,61 +41,62 @@ def along_paths(
     `angles_deg` to x; a point each `spacing` [mm] and one at the edge. A value is linear between
     nodes, and there the mean over the cells around by their areas (as in Fig. 16 of the paper).
     Raises InputError if the centroid is not on the ply."""
-    from matplotlib.tri import LinearTriInterpolator, Triangulation  # takes long to import
+    from matplotlib.tri import LinearTriInterpolator  # takes long to import
 
     ply, fine = ply_of(grid), 20  # points of the line on the formed ply for each point of the path
-    plan = Triangulation(*ply.x[:, :2].T, ply.triangles)
-    cell_at = plan.get_trifinder()
+    plan, cell_at = _plan(ply)
     factors = {"log_eps_11": 1.0, "log_eps_22": 1.0, "shear_angle": 180 / np.pi}
     at_nodes = [factor * ply.at_nodes(ply.fields[name]) for name, factor in factors.items()]
     of = [LinearTriInterpolator(plan, v, cell_at) for v in (*ply.formed.T, *at_nodes)]
-    formed, values = of[:3], of[3:]
     middles, paths = ply.x[ply.triangles, :2].mean(1), {}
     centre = np.average(middles, axis=0, weights=plan_area(ply.x, ply.triangles))
     centre[ply.planes] = 0.0
     centre = centre.round(9)
+    if cell_at(*centre) < 0:
+        raise InputError(
+            f"the ply does not cover its centroid, {coordinates(centre)} mm, where paths start; "
+            "allowed is one that does"
+        )
+    most = np.linalg.norm(ply.x[:, :2] - centre, axis=1).max()
     for angle in angles_deg:
         direction = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
         direction *= 1 - 1e-9  # the edge is not outside, by rounding
-        most = np.linalg.norm(ply.x[:, :2] - centre, axis=1).max()
         s = np.arange(0, most + spacing, spacing / fine)
-
-        def at(s):
-            return np.multiply.outer(direction, s) + (centre[:, None] if np.ndim(s) else centre)
-
-        outside = cell_at(*at(s)) < 0
-        if outside[0]:
-            raise InputError(
-                f"the ply does not cover its centroid, {coordinates(centre)} mm, where paths "
-                "start; allowed is one that does"
-            )
-        low, high = s[outside.argmax() - 1 : outside.argmax() + 1]
+        first = (cell_at(*(centre[:, None] + np.outer(direction, s))) < 0).argmax()  # beside it
+        low, high = s[first - 1 : first + 1]
         while high - low > SAME / 10:
             middle = (low + high) / 2
-            low, high = (low, middle) if cell_at(*at(middle)) < 0 else (middle, high)
-        s = np.append(s[: outside.argmax()], low)
-        places = at(s)
-        line = np.column_stack([x(*places) for x in formed])
+            outside = cell_at(*(centre + middle * direction)) < 0
+            low, high = (low, middle) if outside else (middle, high)
+        s = np.append(s[:first], low)
+        places = centre[:, None] + np.outer(direction, s)
+        line = np.column_stack([x(*places) for x in of[:3]])
         length = np.append(0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
         k = np.arange(0, len(s) - 1, fine)
         # no point just before the one at the edge
         k = np.append(k[s[-1] - s[k] > SAME * spacing], len(s) - 1)
-        of_points = {name: np.asarray(v(*places[:, k])) for name, v in zip(factors, values)}
-        paths[angle] = Path(s[k], length[k], **of_points, places=line[k])
+        values = {name: v(*places[:, k]).data for name, v in zip(factors, of[3:])}
+        paths[angle] = Path(s[k], length[k], **values, places=line[k])
     return paths
+
+
+def _plan(ply):
+    """The flat ply as Matplotlib's triangulation, and its function from places to cells."""
+    from matplotlib.tri import Triangulation
+
+    plan = Triangulation(*ply.x[:, :2].T, ply.triangles)
+    return plan, plan.get_trifinder()
 
 
 def value_at(grid: Grid, place: ArrayLike, name: str) -> float:
     """Field `name`, of one number a cell, of the cell at `place` (x, y) [mm] of the flat ply.
     Raises InputError for a place beside it and for a field that it does not have."""
-    from matplotlib.tri import Triangulation
-
     ply = ply_of(grid)
     known = sorted(each for each, values in ply.fields.items() if values.ndim == 1)
     if name not in known:
         raise InputError(f"the sheet has no field {name}; allowed are {', '.join(known)}")
     x, y = np.asarray(place, dtype=float)
-    cell = int(Triangulation(*ply.x[:, :2].T, ply.triangles).get_trifinder()(x, y))
+    cell = int(_plan(ply)[1](x, y))
     if cell < 0:
         raise InputError(f"({x:g}, {y:g}) mm is not on the flat sheet; allowed is a place on it")
     return float(ply.fields[name][cell])
@@ -146,37 +147,36 @@ def outline(grid: Grid) -> list[Outline]:
     return edges
 
 
-def draw_in(grid: Grid) -> dict[str, Any]:
+def draw_in(grid: Grid) -> dict[str, float | list[float]]:
     """Ways of the edge inwards in plan [mm], as in `Outline`: {name: value} at the middle of the
     long and of the short side of the rectangle around the ply and at its corner, as means, at the
     middle of each side of a whole ply, and the largest, with its place (x, y) on the flat ply."""
-    edges = outline(grid)
+    edges, cut = outline(grid), ply_of(grid).planes
     # without the last point of a closed one, which is its first
-    closed = [np.array_equal(edge.formed[0], edge.formed[-1]) for edge in edges]
-    counts = [len(edge.inwards) - c for edge, c in zip(edges, closed)]
-    place = np.concatenate([edge.undeformed[:n] for edge, n in zip(edges, counts)])
-    inwards = np.concatenate([edge.inwards[:n] for edge, n in zip(edges, counts)])
-    undeformed = place[:, :2].round(6) + 0.0
-    place, cut = place[:, :2], ply_of(grid).planes
+    ends = [None if (edge.formed[0] != edge.formed[-1]).any() else -1 for edge in edges]
+    place = np.concatenate([edge.undeformed[:end, :2] for edge, end in zip(edges, ends)])
+    inwards = np.concatenate([edge.inwards[:end] for edge, end in zip(edges, ends)])
     centre = (place.min(0) + place.max(0)) / 2
     centre[cut] = 0
     sides = place - centre
-    place = abs(sides)
-    half = place.max(0)
+    half = abs(sides).max(0)
     # of a square sheet x is the long side, whatever rounding says
     is_along_x = half[0] > half[1] - SAME
     long, short = half * np.eye(2)[[1, 0]] if is_along_x else half * np.eye(2)
     spots = {"middle_of_long_side": long, "middle_of_short_side": short, "corner": half}
-    asked = [(name, place, at) for name, at in spots.items()]
+    asked = [(name, abs(sides), at) for name, at in spots.items()]
     for axis, side in enumerate(half * np.eye(2)):
-        ends = [] if axis in cut else [("low", -side), ("high", side)]
-        asked += [(f"middle_at_{end}_{'xy'[axis]}", sides, at) for end, at in ends]
-    ways = {}
+        if axis not in cut:
+            asked += [
+                (f"middle_at_{end}_{'xy'[axis]}", sides, at)
+                for end, at in (("low", -side), ("high", side))
+            ]
+    ways = dict[str, float | list[float]]()
     for name, places, at in asked:
         distance = np.linalg.norm(places - at, axis=1)
         ways[f"{name}_mm"] = float(inwards[distance < distance.min() + SAME].mean())
     largest = float(inwards.max())
-    there = undeformed[inwards >= largest - EQUAL * abs(largest)].tolist()
+    there = (place.round(6) + 0.0)[inwards >= largest - 1e-6 * abs(largest)].tolist()
     return ways | {"largest_mm": largest, "largest_at_mm": min(there)}
 
 

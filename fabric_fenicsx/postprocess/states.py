@@ -7,14 +7,15 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
 
+import lazy_loader
 import numpy as np
-import pyvista
-from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
 
 from ..runtime.errors import InputError
 from ..runtime.files import replace_file
 from ..tools.tool import Tool
-from .ply import SYMMETRIC, Grid
+from .ply import SYMMETRIC, Grid, Surface
+
+pyvista = lazy_loader.load("pyvista")
 
 MAX_LABEL = 64  # characters of a label, of the 80 that Abaqus reads, so that "_yarns_a" fits behind
 
@@ -31,7 +32,7 @@ class State(NamedTuple):
         names = dict.fromkeys(entry.get("name", "") for entry in sets)
         return sheets_of(read_state(self.folder, self.load), [name for name in names if name])
 
-    def tools(self) -> dict[str, pyvista.PolyData]:
+    def tools(self) -> dict[str, Surface]:
         """Surfaces of the tools, where they are then {name: surface}; empty without tools."""
         if not (self.folder / "tools.pvd").is_file():
             return {}
@@ -140,11 +141,13 @@ def with_known_fields(grid: Grid) -> Grid:
 
 
 def save(
-    path: Path, data: pyvista.DataSet, known: Mapping[str, str], portable: bool = False
+    path: Path, data: Grid | Surface, known: Mapping[str, str], portable: bool = False
 ) -> None:
     """Write a grid or surface to `path`, whole or not at all. known: units of arrays {name: unit};
     in the file a name ends with its unit, and angles are in degrees. portable: without texts and
     LZ4, which meshio cannot read."""
+    from vtkmodules import vtkIOXML
+
     data, units, radians = data.copy(deep=False), [], []
     for arrays in (data.point_data, data.cell_data):
         for name in [each for each in arrays if each in known]:
@@ -161,7 +164,8 @@ def save(
     if radians and not portable:
         data.field_data["radians"] = radians
     is_grid = isinstance(data, pyvista.UnstructuredGrid)
-    writer = vtkXMLUnstructuredGridWriter() if is_grid else vtkXMLPolyDataWriter()
+    kind = "UnstructuredGrid" if is_grid else "PolyData"
+    writer = getattr(vtkIOXML, f"vtkXML{kind}Writer")()
     writer.SetInputData(data)
     # LZ4 takes a third of zlib's time. Not VTK's raw data: ParaView 5.11 with Debian 12's
     # expat can't read it.
@@ -174,7 +178,7 @@ def save(
     replace_file(path, writer.GetOutputString().encode())
 
 
-def triangulated(tool: Tool, low: np.ndarray, high: np.ndarray) -> pyvista.PolyData:
+def triangulated(tool: Tool, low: np.ndarray, high: np.ndarray) -> Surface:
     """Surface of `tool`, before it is moved, around a blank from `low` to `high` (3,) [mm], as far
     as it comes near the blank on its path."""
     size = high - low

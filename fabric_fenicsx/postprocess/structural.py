@@ -5,8 +5,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+import lazy_loader
 import numpy as np
-import pyvista
 
 from ..runtime.errors import InputError
 from ..runtime.files import ending, replace_file
@@ -14,10 +14,7 @@ from ..tools.facets import unit
 from .ply import SAME, Grid, areas, grid_of, image_of, planes_of
 from .states import save, set_labels
 
-UNITS = dict.fromkeys(("yarn_a", "yarn_b", "normal", "area_ratio", "part"), "-")
-UNITS |= {"shear_angle": "rad", "thickness": "mm"}
-THICKNESS = "thickness_under_pressure", "metal_thickness"  # fields of results
-AXES, LENGTH, ANGLE = "yarn_axes", "length", "angle"  # tables of distributions
+pyvista = lazy_loader.load("pyvista")
 
 
 class FormedPly(NamedTuple):
@@ -52,7 +49,7 @@ def formed_ply(grid: Grid, modelled: bool = False) -> FormedPly:
         p, q, r = points[cells[:, 0]], points[cells[:, 1]], points[cells[:, -1]]
         behind = (np.cross(q - p, r - p) * fields["normal"]).sum(1) < 0
         cells[behind] = cells[behind, ::-1]
-    for name in THICKNESS:
+    for name in ("thickness_under_pressure", "metal_thickness"):
         if name in grid.cell_data:
             fields["thickness"] = np.asarray(grid.cell_data[name])
     ply = FormedPly(points, x, cells, fields | {"area_ratio": ratio})
@@ -104,7 +101,9 @@ def export(
     if not any("yarn_a" in ply.fields for ply in plies.values()):
         raise InputError("no sheet has yarns; allowed is at least one ply of fabric")
     if ending(path) == ".vtu":
-        save(path, _joined(plies.values()), UNITS, portable=True)
+        units = dict.fromkeys(("yarn_a", "yarn_b", "normal", "area_ratio", "part"), "-")
+        units |= {"shear_angle": "rad", "thickness": "mm"}
+        save(path, _joined(plies.values()), units, portable=True)
         return plies
     unknown = [name or "the ply" for name, ply in plies.items() if "thickness" not in ply.fields]
     if unknown and ending(path) != ".inp":
@@ -114,7 +113,7 @@ def export(
     return plies
 
 
-def _joined(plies: Iterable[FormedPly]) -> pyvista.UnstructuredGrid:
+def _joined(plies: Iterable[FormedPly]) -> Grid:
     """All plies as one grid; what a sheet does not have is NaN."""
     grids, fields = [], [name for ply in plies for name in ply.fields]
     for number, ply in enumerate(plies):
@@ -146,7 +145,8 @@ def _numbered(
 def _abaqus(plies):
     """Lines of the Abaqus input."""
     yield "** formed plies with their yarn directions, by fabric_fenicsx; mm, deg\n"
-    for name, what in ((AXES, "COORD3D, COORD3D"), (LENGTH, "LENGTH"), (ANGLE, "ANGLE")):
+    tables = {"yarn_axes": "COORD3D, COORD3D", "length": "LENGTH", "angle": "ANGLE"}
+    for name, what in tables.items():
         yield f"*DISTRIBUTION TABLE, NAME={name}\n{what}\n"
     for name, (label, ply, nodes, elements, cells) in zip(plies, _numbered(plies)):
         fields = ply.fields
@@ -157,16 +157,16 @@ def _abaqus(plies):
         yield from _rows(elements, cells)
         if "thickness" in fields:
             own, t = f"{label}_thickness", fields["thickness"]
-            yield from _distribution(own, LENGTH, f"{t.mean():.9g}", elements, t)
+            yield from _distribution(own, "length", f"{t.mean():.9g}", elements, t)
         if "yarn_a" in fields:
             shear = np.degrees(fields["shear_angle"])
-            yield from _distribution(f"{label}_shear_angle", ANGLE, "0.0", elements, shear)
+            yield from _distribution(f"{label}_shear_angle", "angle", "0.0", elements, shear)
             for yarn in "ab":
                 own, along = f"{label}_yarns_{yarn}", fields[f"yarn_{yarn}"]
                 # the second axis so that the third is the normal
                 axes = np.hstack([along, np.cross(fields["normal"], along)])
                 usual = "1.0, 0.0, 0.0, 0.0, 1.0, 0.0"
-                yield from _distribution(own, AXES, usual, elements, axes)
+                yield from _distribution(own, "yarn_axes", usual, elements, axes)
                 yield f"*ORIENTATION, NAME={own}, SYSTEM=RECTANGULAR\n{own}\n3, 0.0\n"
 
 

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
+import lazy_loader
 import numpy as np
-import pyvista
 from scipy.linalg import toeplitz
 from scipy.ndimage import (
     distance_transform_edt,
@@ -20,22 +20,18 @@ from scipy.ndimage import (
 from .ply import SYMMETRIC, Grid, grid_of, plan_area, ply_of, whole
 from .shape import outline
 
-HEIGHT = "wrinkle_height"
-LENGTH = "wavelength"
-RIPPLE = "ripple_height"
-SEEN = "seen_wavelengths"  # field data: the shortest and the longest [mm]
+pyvista = lazy_loader.load("pyvista")
+# of heights as a grid: fields of nodes, and the shortest and the longest wave, field data [mm]
+HEIGHT, LENGTH, RIPPLE, SEEN = "wrinkle_height", "wavelength", "ripple_height", "seen_wavelengths"
 MIN_HEIGHT = 0.1  # mm, the height from which on waves are told of
 MIN_RIDGE = 0.3  # mm by which a ridge of the rim stands out
 MIN_CELLS_SEEN = 4.0  # cells of the shortest wave that a mesh can make
-CUT = 3.5  # standard deviations beyond which places have no weight
 # Of bands of wavelengths: ratio of one to the next, places sampled of each, and directions
 RATIO, PLACES, WAYS = 1.44, 8, 6
 # Standard deviations over the wavelength of a band: what smooths noise, shape, across, normals
 FINE, COARSE, ACROSS, NORMAL = 0.1, 0.68, 0.2, 0.3
 REACH = 0.75  # of a wavelength, in which a wave turns to both sides
-LEAST = 0.7  # share of these two that must be on the ply
-TURN = 0.1, 0.2  # share of its curvature that it has the other way there: none, and full height
-CLEAR = 0.05  # difference of squared stretches, from which on waves along the longer are shape
+CUT = 3.5  # standard deviations beyond which places have no weight
 Heights = Callable[[np.ndarray], np.ndarray]
 
 
@@ -136,7 +132,8 @@ def _along(nodes, spacing, band, step, low, on, x):
     shape = _passed(phase, coarse)
     apart = spacing / step  # places from node to node, between straight
     alternates = np.where(z > 0, _alternates(bend, wave), _alternates(-bend, wave)) * (z * bend < 0)
-    alternates *= uniform_filter1d(on, 2 * round(REACH * wave) + 1, 0, mode="constant") > LEAST
+    # that much of both sides must be on the ply
+    alternates *= uniform_filter1d(on, 2 * round(REACH * wave) + 1, 0, mode="constant") > 0.7
     energy = _mean((z * alternates) ** 2, on, quarter, quarter)
     left_over = (
         (_passed(phase, fine) - shape) * (1 - shape) * np.sinc(apart * phase / 2 / np.pi) ** 2
@@ -145,7 +142,8 @@ def _along(nodes, spacing, band, step, low, on, x):
     longer = maximum_filter1d(longer, 2 * round(REACH * wave) + 1, 0)  # or where it turns back
     nearest = distance_transform_edt(on == 0, return_distances=False, return_indices=True)
     at = ((nodes - low) / step).T
-    values = z * (longer < CLEAR), energy, 2 * np.pi * step / phase
+    # waves along stretches, squared, that are so much longer than across, are shape
+    values = z * (longer < 0.05), energy, 2 * np.pi * step / phase
     return [map_coordinates(each[tuple(nearest)], at, order=1) for each in values]
 
 
@@ -225,14 +223,15 @@ def _passed(phase, sigma):
 
 
 def _alternates(bend, wave):
-    """Share with which a crest counts: 0 where `bend` keeps its sign on one of its sides."""
+    """Share with which a crest counts: 0 where `bend` on one of its sides has less than a tenth of
+    the crest's the other way, 1 from a fifth on."""
     half = round(REACH * wave / 2)
     size = 2 * half + 1
     sides = [maximum_filter1d(bend, size, 0, mode="constant", origin=o) for o in (half, -half)]
     own = maximum_filter1d(-bend, 2 * round(wave / 4) + 1, 0)
     three = np.stack([*sides, own])
     share = three.min(0) / np.maximum(three.max(0), 1e-12)
-    return np.clip((share - TURN[0]) / (TURN[1] - TURN[0]), 0, 1)
+    return np.clip((share - 0.1) / 0.1, 0, 1)
 
 
 def _ridges(z, planes):

@@ -9,7 +9,7 @@ error.
 """
 
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +20,7 @@ from ..sheets.blank import Part
 from . import measures
 from .quantities import crumples
 from .result import Result
+from .verdict import Numbers
 
 OTHER_CELLS = 1.75  # times the difference to a run on cells of another kind
 ENERGY = 0.5  # of the difference to a run on larger cells of the same kind: p of 1.6
@@ -29,7 +30,6 @@ ALIKE = 1e-6  # as in a homogeneous state
 MIN_FORCE = 0.05  # of the largest: smaller forces, as of tools that go back, tell no share
 MAX_SHARE = 0.5  # of a number: an error above that is not told
 FIELDS = "log_eps_11", "log_eps_22", "shear_angle"
-Row = dict[str, Any]
 
 
 class Rule(NamedTuple):
@@ -53,7 +53,7 @@ class Rule(NamedTuple):
 
 
 def rule(
-    rows: Sequence[Row], others: Sequence[Row], *, of_other_kind: bool, lag: float = 0.0
+    rows: Sequence[Numbers], others: Sequence[Numbers], *, of_other_kind: bool, lag: float = 0.0
 ) -> Rule:
     """The rule for a run with these `rows` and another one with `others`, on cells `of_other_kind`
     or on larger ones of the same; lag: share by which contact lags in both."""
@@ -73,7 +73,7 @@ def _curve(rows):
     return np.array([(row["load"], row["reaction_N"]) for row in rows]).T
 
 
-def curve_errors(rows: Sequence[Row], others: Sequence[Row], rule: Rule) -> np.ndarray:
+def curve_errors(rows: Sequence[Numbers], others: Sequence[Numbers], rule: Rule) -> np.ndarray:
     """Errors [N] of the curve of a run at each of its `rows`, (2, rows): of the mesh, by the rows
     of the other run, and of the lines that join its points: their distance from a smooth curve is
     at most h^2 / 8 of its second derivative."""

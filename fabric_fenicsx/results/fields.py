@@ -3,12 +3,11 @@
 from collections.abc import Callable, Iterable, Sequence
 from itertools import product
 from pathlib import Path
-from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import basix
+import lazy_loader
 import numpy as np
-import pyvista
 import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
@@ -16,7 +15,7 @@ from petsc4py import PETSc
 
 from .. import dolfinx_compat as compat
 from ..mechanics.output import Fields
-from ..postprocess.ply import SYMMETRIC
+from ..postprocess.ply import SYMMETRIC, Grid
 from ..postprocess.states import save, triangulated, with_known_fields
 from ..runtime.files import replace_file
 from ..scene import output
@@ -25,6 +24,7 @@ from ..sheets.blank import Blank
 from ..sheets.sheet_mesh import bounds
 from .measures import planes_of_symmetry
 
+pyvista = lazy_loader.load("pyvista")
 # of the arrays that are there with any terms
 UNITS = dict.fromkeys(("u", "yarn_coordinate_a", "yarn_coordinate_b"), "mm")
 UNITS |= dict.fromkeys(("rank", "part", "Normals"), "-")
@@ -94,7 +94,7 @@ class FieldSeries:
         self._ranks = [rank for rank, n in enumerate(self.comm.allgather(len(types))) if n]
         yarns = yarn_coordinates(self.blank)
         self._symmetric = planes_of_symmetry(scene)
-        self._grid: Any = None
+        self._grid: Grid | None = None
         if len(types):
             self._grid = pyvista.UnstructuredGrid(cells, types, self._at_vtk_nodes(points))
             self._grid.cell_data["rank"] = np.full(len(types), self.comm.rank, dtype=np.int32)
@@ -103,7 +103,9 @@ class FieldSeries:
                 for k, part in enumerate(self._parts):
                     number[part.cells] = k
                 self._grid.cell_data["part"] = number
-            self._set_points({f"yarn_coordinate_{k}": yarns[:, i] for i, k in enumerate("ab")})
+            self._set_points(
+                self._grid, {f"yarn_coordinate_{k}": yarns[:, i] for i, k in enumerate("ab")}
+            )
         self._together(self._begin)
 
     def write(self, load: float, fields: Fields | None = None) -> None:
@@ -136,12 +138,12 @@ class FieldSeries:
         moved[cells] = np.einsum("pq,cqk->cpk", at, values[cells])
         return moved
 
-    def _set_points(self, fields):
-        """Give the grid's points the nodal `fields`."""
-        n = self._grid.n_points
+    def _set_points(self, grid, fields):
+        """Give the points of a grid the nodal `fields`."""
+        n = grid.n_points
         for name, values in fields.items():
             columns = self._at_vtk_nodes(values.reshape(len(values), -1))
-            self._grid.point_data[name] = columns[:n].reshape(n, *values.shape[1:])
+            grid.point_data[name] = columns[:n].reshape(n, *values.shape[1:])
 
     def _together(self, act: Callable[[], None]) -> None:
         """Have all ranks act; what OSError any of them meets is raised on all."""
@@ -171,7 +173,7 @@ class FieldSeries:
     def _write(self, number, fields, nodal):
         if self._grid:
             u = self.blank.nodal_displacement()
-            self._set_points(nodal | {"u": np.pad(u, ((0, 0), (0, 3 - u.shape[1])))})
+            self._set_points(self._grid, nodal | {"u": np.pad(u, ((0, 0), (0, 3 - u.shape[1])))})
             self._grid.cell_data.update(fields)
             for k, part in enumerate(self._parts):
                 if not len(part.cells):  # VTK's writer may crash on a grid without cells

@@ -3,7 +3,6 @@
 import csv
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from mpi4py import MPI
 
@@ -11,12 +10,13 @@ from ..runtime.errors import InputError
 from ..runtime.files import plain
 from ..runtime.formatting import percent, rounded, share
 from ..solve.progress import Accepted
+from .verdict import Numbers
 
-ENERGIES = ("strain", "bending", "contact", "friction", "viscous")  # whose columns are always there
+ENERGIES = "strain", "bending", "contact", "friction", "viscous"  # whose columns are always there
 COLUMN = "_energy_Nmm"  # after a kind
 COLUMNS = (
     *("step", "load", "displacement_mm", "reaction_N"),
-    *(f"{kind}_energy_Nmm" for kind in ENERGIES),
+    *(f"{kind}{COLUMN}" for kind in ENERGIES),
     *("external_work_Nmm", "energy_imbalance", "iterations", "saddles", "shifts"),
     *("line_search_cuts", "cuts", "negative_pivots", "residual_N", "force_scale_N"),
     *("min_stability", "wall_s"),
@@ -28,10 +28,9 @@ class History:
     dicts in `rows` on every rank and flushed one by one to `path` on rank 0. rows: those of a run
     that is resumed."""
 
-    def __init__(self, path: Path, comm: MPI.Comm, rows: Iterable[dict[str, Any]] = ()) -> None:
+    def __init__(self, path: Path, comm: MPI.Comm, rows: Iterable[Numbers] = ()) -> None:
         self.rows = list(rows)
         self._file = open(path, "w", newline="") if comm.rank == 0 else None
-        self._writer: csv.DictWriter | None = None
         for row in self.rows:
             self._write(row)
 
@@ -40,15 +39,14 @@ class History:
         accepted: Accepted,
         displacement: float,
         reaction: float,
-        further: Callable[[Collection[str]], Mapping[str, Any]],
+        further: Callable[[Collection[str]], Numbers],
     ) -> None:
         """Append an `Accepted` state at which the grips moved by `displacement` [mm] under
         `reaction` [N]; further: function of the columns that are taken to those that the terms
         add, `scene.output.history`. Raises InputError if these are others than before."""
-        report = accepted.report
-        stored = sum(accepted.energies.values())
+        report, stored = accepted.report, sum(accepted.energies.values())
         imbalance = share(abs(accepted.external_work - stored), stored)
-        row = dict.fromkeys(COLUMNS, None) | {f"{kind}_energy_Nmm": 0.0 for kind in ENERGIES}
+        row = dict.fromkeys(COLUMNS, None) | {f"{kind}{COLUMN}": 0.0 for kind in ENERGIES}
         row |= {
             "step": len(self.rows),
             "load": accepted.load,
@@ -56,17 +54,15 @@ class History:
             "reaction_N": reaction,
             "external_work_Nmm": accepted.external_work,
             "energy_imbalance": imbalance if accepted.load else 0.0,
-            "saddles": report.saddles,
-            "iterations": report.iterations,
-            "shifts": report.shifts,
             "line_search_cuts": report.cuts,
             "cuts": accepted.cuts,
-            "negative_pivots": report.negative_pivots,
             "residual_N": report.residuals[-1] if report.residuals else 0.0,
             "force_scale_N": report.scale,
             "wall_s": round(accepted.wall, 4),
         }
-        row |= {f"{kind}_energy_Nmm": energy for kind, energy in accepted.energies.items()}
+        of_solve = "saddles", "iterations", "shifts", "negative_pivots"
+        row |= {name: getattr(report, name) for name in of_solve}
+        row |= {f"{kind}{COLUMN}": energy for kind, energy in accepted.energies.items()}
         row |= further(row.keys() - {"min_stability"})  # which terms fill
         row = plain(row)
         if self.rows and (other := row.keys() ^ self.rows[0].keys()):
@@ -79,10 +75,10 @@ class History:
 
     def _write(self, row):
         if self._file:
-            if not self._writer:
-                self._writer = csv.DictWriter(self._file, list(row))
-                self._writer.writeheader()
-            self._writer.writerow(row)
+            writer = csv.DictWriter(self._file, list(self.rows[0]))
+            if not self._file.tell():
+                writer.writeheader()
+            writer.writerow(row)
             self._file.flush()
 
     def close(self) -> None:
@@ -91,13 +87,11 @@ class History:
             self._file.close()
 
 
-def energy_balance(
-    rows: Sequence[Mapping[str, Any]], energy: Mapping[str, float]
-) -> dict[str, Any]:
+def energy_balance(rows: Sequence[Numbers], energy: Mapping[str, float]) -> Numbers:
     """Agreement of work and energies [N mm] at the end and, over the largest energies, on the way,
     and loads where the path branches; energy: by kind, with `external_work`."""
     stored = sum(energy.values()) - energy["external_work"]
-    kinds = [f"{kind}_energy_Nmm" for kind in energy if kind != "external_work"]
+    kinds = [f"{kind}{COLUMN}" for kind in energy if kind != "external_work"]
     stores = [abs(sum(row[kind] for kind in kinds)) for row in rows]
     missing = [row["energy_imbalance"] * each for row, each in zip(rows, stores)]
     at = missing.index(max(missing))
@@ -116,12 +110,12 @@ def stretching(energy: Mapping[str, float]) -> float:
     )
 
 
-def energies_of(row: Mapping[str, Any]) -> dict[str, float]:
+def energies_of(row: Numbers) -> dict[str, float]:
     """Energies of a row by kind [N mm]."""
     return {k.removesuffix(COLUMN): v for k, v in row.items() if k.endswith(COLUMN)}
 
 
-def viscous_warning(rows: Sequence[Mapping[str, Any]], load: float) -> str:
+def viscous_warning(rows: Sequence[Numbers], load: float) -> str:
     """A warning when the regularisation's share of the strain energy exceeds 1 %, else ""."""
     shares = [share(row["viscous_energy_Nmm"], stretching(energies_of(row))) for row in rows[-2:]]
     if [each > 0.01 for each in shares] != [False, True]:

@@ -2,16 +2,15 @@
 values at a point."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 
+from ..postprocess.ply import SAME
 from ..scene.scene import Scene
 from ..sheets.blank import Blank, Part
-
-SAME = 1e-6  # mm within which places are the same
+from .verdict import Numbers
 
 
 def covers(blank: Blank, point: ArrayLike) -> bool:
@@ -69,7 +68,7 @@ def where_largest(
 
 def largest_in(
     blank: Blank, parts: Sequence[Part], values: np.ndarray, also: np.ndarray
-) -> tuple[float, dict[str, Any], float]:
+) -> tuple[float, Numbers, float]:
     """Largest of the `values` (n,) in all cells of the `parts`; the place `at_mm` where it
     is, (x, y) of a flat sheet and (x, y, z) of another, and, of several parts, the name of the one
     that it is `in`; and what `also` (n,) is there."""
@@ -78,7 +77,7 @@ def largest_in(
     # to few digits, so that of places that mirror each other the same is named on any ranks
     rows = np.column_stack([part_of, blank.places()[cells].round(6), also])
     largest, (k, *centre, there) = where_largest(blank.mesh.comm, values, rows)
-    place: dict[str, Any] = {"at_mm": [each + 0.0 for each in centre]}
+    place: Numbers = {"at_mm": [each + 0.0 for each in centre]}
     return largest, place | ({"in": parts[int(k)].name} if len(parts) > 1 else {}), there
 
 

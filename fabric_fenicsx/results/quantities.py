@@ -5,9 +5,7 @@ A membrane stores as shortening what a real ply folds into wrinkles. Where yarns
 cells crumple, and the largest shear angle says little.
 """
 
-from __future__ import annotations
-
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -16,19 +14,17 @@ import numpy as np
 from ..material.strains import CRUMPLED, SHORTENED, share_name
 from ..mechanics.materials import fabric_of
 from ..mechanics.shell.bending import Bending, shortest_wave
+from ..postprocess import shape
 from ..runtime.collective_errors import on_root
 from ..runtime.formatting import of_sheet, percent, rounded
 from ..scene.scene import Scene
 from ..sheets.blank import Part
 from . import measures
 from .result import Result
-from .verdict import Reason
-
-SHARES = 0.01, SHORTENED, CRUMPLED  # shortening beyond which shares of the area are listed
-FIELDS = "shear_angle", "shortening_a", "shortening_b"  # of fabric
+from .verdict import Numbers, Reason
 
 
-def fabric_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
+def fabric_quantities(result: Result, parts: Sequence[Part]) -> Numbers:
     """Shear, shortening, strains and thickness of all cells of the `parts`, one ply or several of
     fabric. The largest fibre volume fraction is None without a fibre density."""
     comm, cells = result.scene.comm, _cells(parts)
@@ -57,7 +53,7 @@ def _known(extreme, comm, values):
     return None if np.isnan(number) else float(number)
 
 
-def metal_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
+def metal_quantities(result: Result, parts: Sequence[Part]) -> Numbers:
     """Plastic strain, thickness and von Mises' stress of all cells of the `parts`, of metal."""
     cells, fields = _cells(parts), result.fields
     extremes = partial(measures.extremes, result.scene.comm)
@@ -80,25 +76,18 @@ def _cells(parts):
 
 
 def stack_quantities(
-    result: Result,
-    plies: Mapping[str, Mapping[str, Any]],
-    fabrics: Sequence[Part],
-    metals: Sequence[Part],
-) -> dict[str, Any]:
+    result: Result, plies: Mapping[str, Numbers], fabrics: Sequence[Part], metals: Sequence[Part]
+) -> Numbers:
     """Quantities of a stack: those of cells over all cells of its plies of fabric and of metal, and
     of the shapes of its `plies` {name: quantities} the largest ones. What is of one ply's edge or
     area alone is left out: each ply has it."""
     quantities = fabric_quantities(result, fabrics) if fabrics else {}
     quantities |= metal_quantities(result, metals) if metals else {}
-    largest = {
-        "draw_in": ("largest_mm",),
-        "wrinkles": ("height_mm", "ripples_mm", "rim_mm", "folds"),
-    }
-    for name, keys in largest.items():
+    of_shapes = {"draw_in": "largest_mm", "wrinkles": "height_mm ripples_mm rim_mm folds"}
+    for name, keys in of_shapes.items():
         shapes = [ply[name] for ply in plies.values()]
-        quantities[name] = None
-        if None not in shapes:
-            quantities[name] = {key: max(each[key] for each in shapes) for key in keys}
+        largest = None not in shapes and {k: max(s[k] for s in shapes) for k in keys.split()}
+        quantities[name] = largest or None
     return quantities
 
 
@@ -113,15 +102,12 @@ def middle_of(sheets: Sequence[Any]) -> str:
 
 def middle_quantities(result: Result, name: str) -> dict[str, float]:
     """Shear angle of ply `name` at 45 deg at most, and its `shape.contrast` [deg]."""
-    from ..postprocess import shape
 
     def on_middle():
-        grid = result.grids[name]
-        path = shape.along_paths(grid, (45,))[45]
-        return {
-            "shear_angle_on_45_deg_path_deg": float(abs(path.shear_angle).max()),
-            "shear_contrast_deg": float(np.degrees(shape.contrast(grid, "shear_angle"))),
-        }
+        path = shape.along_paths(result.grids[name], (45,))[45]
+        contrast = np.degrees(shape.contrast(result.grids[name], "shear_angle"))
+        most = float(abs(path.shear_angle).max())
+        return {"shear_angle_on_45_deg_path_deg": most, "shear_contrast_deg": float(contrast)}
 
     return on_root(result.scene.comm, on_middle)
 
@@ -129,7 +115,7 @@ def middle_quantities(result: Result, name: str) -> dict[str, float]:
 # -- shear and shortening
 
 
-def shear_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
+def shear_quantities(result: Result, parts: Sequence[Part]) -> Numbers:
     """Shear of all cells of the `parts`, which are of fabric: the largest magnitude of the angle,
     its place (x, y) of the flat sheet [mm], of several parts with the name of that part, and the
     shortening of yarns there; the angle that 99 % of the area stay below [deg]."""
@@ -151,18 +137,20 @@ def shortening(fields: Mapping[str, np.ndarray]) -> np.ndarray:
     return np.maximum(fields["shortening_a"], fields["shortening_b"])
 
 
-def shortening_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
+def shortening_quantities(result: Result, parts: Sequence[Part]) -> Numbers:
     """Shortening of yarns under compression in all cells of the `parts`, which are of fabric: the
     largest (nominal strain, 0 if there is none) with its place as of `shear_quantities`, the shares
-    of the area in which it is more than each of `SHARES`, and the `excess_length`."""
+    of the area in which it is more than 1 %, `SHORTENED` and `CRUMPLED`, and the `excess_length`.
+    """
     comm, blank, cells = result.scene.comm, result.scene.blank, _cells(parts)
     values, areas = shortening(result.fields)[cells], blank.areas()[cells]
     largest, place, _ = measures.largest_in(blank, parts, values, values)
     lost = [excess_length(result, part) for part in parts]
+    limits = 0.01, SHORTENED, CRUMPLED
     return {
         "shortening_max": largest,
         **{f"shortening_max_{key}": value for key, value in place.items()},
-        **{share_name(k): measures.mean(comm, (values > k) * 1.0, areas) for k in SHARES},
+        **{share_name(k): measures.mean(comm, (values > k) * 1.0, areas) for k in limits},
         "excess_length_mm": None if None in lost else max(filter(None, lost), default=0.0),
     }
 
@@ -194,7 +182,8 @@ def excess_length(result: Result, part: Part) -> float | None:
 def _of_fabric(result):
     """Each part of fabric of a sheet in space, which can fold, with its shear and shortening."""
     blank, fields = result.scene.blank, result.fields
-    if blank.mesh.geometry.dim == 2 or not set(FIELDS) <= set(fields):
+    known = {"shear_angle", "shortening_a", "shortening_b"} <= set(fields)
+    if blank.mesh.geometry.dim == 2 or not known:
         return
     for part in list(blank.parts.values()) or [blank.whole]:
         unknown = int(np.isnan(fields["shear_angle"][part.cells]).sum())
@@ -218,32 +207,54 @@ def limited(result: Result) -> Iterator[tuple[str, dict[str, tuple[float, list[f
         yield part.name, values
 
 
-def crumples(quantities: Mapping[str, Any]) -> bool:
+def crumples(quantities: Mapping[str, float]) -> bool:
     """True if cells crumple where the shear angle is largest, or in more than 1 % of the area."""
     there, share = "shortening_at_shear_angle_max", share_name(CRUMPLED)
     return bool(quantities.get(there, 0.0) > CRUMPLED or quantities.get(share, 0.0) > 0.01)
 
 
+# -- doubts
+
+
 def fabric_doubts(result: Result) -> list[Reason]:
     """Doubts about each part of fabric of a sheet in space: one where yarns are shortened, one
     where cells crumple, so that the largest shear angle depends on mesh and contact."""
-    blank = result.scene.blank
-    return [
-        doubt
-        for part, found in _of_fabric(result)
-        for doubt in _doubts(part.name or blank.name, found, _allowed(result.scene, part))
-    ]
+    doubts = list[Reason]()
+    for part, found in _of_fabric(result):
+        share, lost = found[share_name(SHORTENED)], found["excess_length_mm"]
+        place, most = of_sheet(found["shortening_max_at_mm"]), found["shortening_max"]
+        name = part.name or result.scene.blank.name
+        if share > 0.01:
+            loses = "" if lost is None else f"; a yarn loses up to {rounded(lost)} mm of its length"
+            words = (
+                f"compression shortens yarns of {name} by up to {percent(most, 3)}, as at {place}, "
+                f"and by more than {percent(SHORTENED, 6)} in {percent(share, 3)} of the area"
+                f"{loses}. The law stores as shortening what a real ply folds into wrinkles"
+                f"{_shortest_wave_in_words(result.scene, part)}"
+            )
+            doubts.append(Reason(words))
+        if crumples(found):
+            words = (
+                f"cells of {name} crumple in {percent(found[share_name(CRUMPLED)])} of its area, "
+                f"as at {place}, where yarns are shortened by {percent(most)}: the largest shear "
+                f"angle, {rounded(found['shear_angle_max_deg'])} deg at "
+                f"{of_sheet(found['shear_angle_max_at_mm'])}, depends on mesh and contact; 99 % of "
+                f"the area stay below {rounded(found['shear_angle_99_percent_deg'])} deg"
+            )
+            doubts.append(Reason(words, of="shear_angle_max"))
+    return doubts
 
 
-def _allowed(scene, part):
-    """What waves the law allows, as text."""
+def _shortest_wave_in_words(scene, part):
+    """What waves the law allows, as text; "" if that is not known."""
     if not (length := shortest_wave_of(scene, part)):
         return ""
     fabric = fabric_of(scene, part)
     doubt = ", and no test has determined d" if fabric and "d" in fabric.assumed_values() else ""
-    least = f"no wave shorter than {rounded(length)} mm forms, on any mesh"
-    why = f"stiffness in bending and in compression decide that{doubt}"
-    return f". At {percent(SHORTENED, 6)} {least}: {why}"
+    return (
+        f". At {percent(SHORTENED, 6)} no wave shorter than {rounded(length)} mm forms, on any "
+        f"mesh: stiffness in bending and in compression decide that{doubt}"
+    )
 
 
 def shortest_wave_of(scene: Scene, part: Part) -> float | None:
@@ -266,27 +277,3 @@ def waves_that_do_not_form(scene: Scene) -> list[str]:
         for name, length in lengths.items()
         if length and 60.0 < length < np.inf
     ]
-
-
-def _doubts(name: str, quantities: Mapping[str, Any], wave: str = "") -> Iterable[Reason]:
-    share, lost = quantities[share_name(SHORTENED)], quantities["excess_length_mm"]
-    place, most = (quantities[f"shortening_max{end}"] for end in ("_at_mm", ""))
-    if share > 0.01:
-        wide = f"by more than {percent(SHORTENED, 6)} in {percent(share, 3)} of the area"
-        excess = "" if lost is None else f"; a yarn loses up to {rounded(lost)} mm of its length"
-        law = f"The law stores as shortening what a real ply folds into wrinkles{wave}"
-        yield Reason(
-            f"compression shortens yarns of {name} by up to {percent(most, 3)}, as at "
-            f"{of_sheet(place)}, and {wide}{excess}. {law}"
-        )
-    if crumples(quantities):
-        wide = percent(quantities[share_name(CRUMPLED)])
-        sheared = rounded(quantities["shear_angle_max_deg"])
-        angle = rounded(quantities["shear_angle_99_percent_deg"])
-        yield Reason(
-            f"cells of {name} crumple in {wide} of its area, as at {of_sheet(place)}, where yarns "
-            f"are shortened by {percent(most)}: the largest shear angle, {sheared} deg at "
-            f"{of_sheet(quantities['shear_angle_max_at_mm'])}, depends on mesh and contact; 99 % "
-            f"of the area stay below {angle} deg",
-            of="shear_angle_max",
-        )

@@ -2,15 +2,12 @@
 
 import base64
 import json
+import re
 from collections.abc import Iterable, Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
-import jinja2
-
-from ..material.strains import share_name
-from ..runtime.formatting import percent, rounded, with_error
+from ..runtime.formatting import rounded, with_error
 
 # what a person looks at first, where a run has it
 HEADLINES = {
@@ -24,11 +21,9 @@ HEADLINES = {
 # picture -> what it shows, in the order of a report
 CAPTIONS = {
     "formed": "The formed ply: magnitude of the shear angle, and yarns",
-    "curve": "Force over displacement; a band is its estimated error, squares are measured",
-    "filmstrip": "The stroke: magnitude of the shear angle, yarns and tools in states on the way",
+    "curve": "Force over displacement; a band is its estimated error",
     "maps": "Logarithmic strains, and shear angle (negative where that from yarns a to b grows)",
     "axis": "Magnitude of the shear angle along the strip's axis",
-    "measured": "Normalised shear force, simulated and measured",
     "compare": "Variants of the couplings: strains and shear angle",
     "compare_curves": "Variants of the couplings: reaction over displacement",
     "setup": "Tools and flat blank before anything moves; arrows are as long as the motions",
@@ -37,43 +32,23 @@ CAPTIONS = {
     "shortening": "Shortening of yarns by compression, where a real ply wrinkles",
     "thickness": "Thickness of the plies under the pressure on them",
     "paths": "Strains and shear angle along paths from the centre",
-    "outline": "Outline of the formed ply over the flat one",
     "error": "Estimated errors of strains and shear angle, from a coarser mesh",
-    "front": "Error over cost; the line joins the runs that none beats in both",
 }
-# of a summary, what stands in a report outside its list of numbers
-ELSEWHERE = "verdict reasons reason warnings quantities reaction_N reaction_is command".split()
-ELSEWHERE += "options fabric versions".split()
-RENAMED = {"energy": "energy_Nmm", "error": "estimated_absolute_errors", "wall_s": "seconds"}
-# the end of a name -> its unit, the longest first
-UNITS = {"N_per_mm3": "N/mm^3", "N_per_mm": "N/mm", "Nmm": "N mm"}
-UNITS |= {unit: unit for unit in ("MPa", "MiB", "deg", "mm", "N")}
 # the beginning of a name -> its text, where that is not the name's own
 WORDS = {
     "log_eps_11": "logarithmic strain along yarns a",
     "log_eps_22": "logarithmic strain along yarns b",
     "eps_a": "nominal strain along yarns a",
+    "eps_b": "nominal strain along yarns b",
+    "assumed": "numbers that no test has determined",
     "energy_imbalance": "difference of work and energies, over these",
     "kernel_mismatch": "difference of stresses of elements and of the kernel",
-    "assumed": "numbers that no test has determined",
-    "eps_b": "nominal strain along yarns b",
-    "punch_force_N": "punch force of what is modelled N",
     "contact_forces_N": "contact forces on what is modelled N",
     "penetration_mm": "penetration of tools in the last state mm",
     "penetration_largest_mm": "penetration of tools, largest of the run mm",
     "penetration_of_thickness": "penetration of tools, largest of the run, over the thickness",
-    "sticking_slip_mm": "slip of what sticks, at most mm",
-    "viscous_of_strain_energy": "viscous energy over strain energy",
     "stability_ellipticity_min": "least ellipticity of the law (negative: it allows bands)",
     "cells_that_lost_ellipticity": "cells in which the law allows bands",
-    **{
-        share_name(strain): "share of the area in which compression shortens yarns by more than "
-        f"{percent(strain, 6)}"
-        for strain in (0.01, 0.02, 0.05)
-    },
-    "shortening_max": "shortening of yarns by compression max",
-    "excess_length_mm": "length that a yarn loses by compression mm",
-    "shortening_at_shear_angle_max": "shortening of yarns where the shear angle is largest",
     "share_of_state_1_to_4": "area shares: both yarns in tension, a alone, b alone, none",
 }
 
@@ -100,8 +75,10 @@ def page(
     )
 
 
-def rendered(template: Path, **values: Any) -> str:
+def rendered(template: Path, **values: object) -> str:
     """HTML of a template of `values`, and of the time `now`."""
+    import jinja2
+
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     environment.filters |= {"number": _number, "words": label}
     environment.tests |= {
@@ -123,9 +100,9 @@ def label(name: str) -> str:
     text = WORDS.get(longest, "") + name.removeprefix(longest)
     text = text.replace("_98_percent", ", without 1 % of the area at either end")
     text = text.replace("_99_percent", ", which 99 % of the area stay below")
-    for end, unit in UNITS.items():
-        if text.endswith((f"_{end}", f" {end}")):
-            return f"{text[: -len(end) - 1].replace('_', ' ')} [{unit}]"
+    if found := re.search(r"[_ ](N_per_mm\d?|Nmm|MPa|MiB|deg|mm|N)$", text):
+        unit = re.sub(r"(\d)", r"^\1", found[1].replace("_per_", "/").replace("Nmm", "N mm"))
+        return f"{text[: found.start()].replace('_', ' ')} [{unit}]"
     return text.replace("_", " ")
 
 
@@ -133,19 +110,22 @@ def _shown(name, summary, pictures):
     facts = json.loads(summary.read_text()) if summary.is_file() else {}
     place = {name: k for k, name in enumerate(CAPTIONS)}
     files = sorted(pictures, key=lambda file: (place.get(file.stem, len(place)), file.stem))
-    stems = [file.stem for file in files]
-    captions = [CAPTIONS.get(stem, stem.replace("_", " ")) for stem in stems]
+    captions = [CAPTIONS.get(file.stem, file.stem.replace("_", " ")) for file in files]
     quantities = _with_errors(facts.get("quantities", {}), facts.get("error") or {})
     sheets = {"": quantities} | quantities.get("plies", {})
     headlines = {text: [_headline(q, n) for q in sheets.values()] for n, text in HEADLINES.items()}
+    # of a summary, what stands outside its list of numbers
+    elsewhere = "verdict reasons reason warnings quantities reaction_N reaction_is command".split()
+    elsewhere += ["options", "fabric", "versions"]
+    renamed = {"energy": "energy_Nmm", "error": "estimated_absolute_errors", "wall_s": "seconds"}
     return {
         "name": name,
         "summary": facts,
         "sheets": list(sheets),
         "headlines": {text: values for text, values in headlines.items() if any(values)},
         "quantities": quantities,
-        "facts": {RENAMED.get(k, k): v for k, v in facts.items() if k not in ELSEWHERE},
-        "pictures": [*zip(stems, captions, map(encoded, files))],
+        "facts": {renamed.get(k, k): v for k, v in facts.items() if k not in elsewhere},
+        "pictures": [(f.stem, text, encoded(f)) for f, text in zip(files, captions)],
     }
 
 
@@ -154,7 +134,7 @@ def _headline(quantities, name):
     *outer, name = name.split(".")
     for key in outer:
         quantities = quantities.get(key) or {}
-    place = quantities.get(f"{name.removesuffix('_deg').removesuffix('_mm')}_at_mm", "")
+    place = quantities.get(re.sub("_(deg|mm)$", "", name) + "_at_mm", "")
     text = "" if quantities.get(name) is None else _number(quantities[name])
     return f"{text} at {place} mm" if text and place else text
 

@@ -1,26 +1,22 @@
 """Result of a run: its summary, history and fields, to be asked and drawn."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..mechanics.output import Fields
+from ..postprocess import shape, states, structural
+from ..postprocess.ply import SAME, Grid
 from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded, with_error
 from ..scene import output
 from ..scene.scene import Scene
+from ..tools.tool import Tool
 from . import measures
-
-if TYPE_CHECKING:
-    from ..postprocess.ply import Grid
-    from ..postprocess.shape import Outline
-    from ..tools.tool import Tool
+from .verdict import Numbers
 
 
 @dataclass
@@ -49,8 +45,8 @@ class Result:
     (True, 3, (16,))
     """
 
-    summary: dict[str, Any]
-    rows: list[dict[str, Any]]
+    summary: Numbers
+    rows: list[Numbers]
     fields: Fields
     folder: Path | None
     scene: Scene
@@ -61,25 +57,21 @@ class Result:
         """The whole sheet as it lay at first, with the displacement `u` [mm] to its last state and
         the fields of that state, on rank 0 only: `grid.warp_by_vector("u")` is the formed one."""
         if self._grid is None:
-            from ..postprocess.states import read_state
-
             assert self.folder
-            self._grid = read_state(self.folder)
+            self._grid = states.read_state(self.folder)
         return self._grid
 
     @property
     def grids(self) -> dict[str, Grid]:
         """The last state of each sheet of a stack {name: grid}, or {"": grid}, on rank 0 only."""
-        from ..postprocess.states import sheets_of
-
-        return sheets_of(self.grid, list(self.scene.blank.parts))
+        return states.sheets_of(self.grid, list(self.scene.blank.parts))
 
     def number(self, name: str) -> float | None:
         """A number of the summary or its quantities; of nested ones as "draw_in.largest_mm". None
         if there is none."""
         if name == "strain_energy_Nmm":
             return self.summary["energy"]["strain"]
-        found: Any = self.summary if name in self.summary else self.summary["quantities"]
+        found: object = self.summary if name in self.summary else self.summary["quantities"]
         for key in name.split("."):
             found = found.get(key) if isinstance(found, dict) else None
         return found if isinstance(found, (int, float)) else None
@@ -113,7 +105,7 @@ class Result:
             )
         return output.tool_force(scene, asked[0]) if asked else force
 
-    def draw_in(self, sheet: str = "") -> dict[str, Any]:
+    def draw_in(self, sheet: str = "") -> Numbers:
         """Ways [mm] that the edge of the sheet, or of the one of this name in a stack, went inwards
         in plan, by the names of `postprocess.shape.draw_in`, on all ranks. An edge on x = 0 or
         y = 0 that supports hold along its normal alone is a plane of symmetry. Raises InputError
@@ -121,13 +113,11 @@ class Result:
         part, blank = self._sheet("draw-in", sheet), self.scene.blank
         z = blank.coordinates()[: len(part.nodes), 2][part.nodes]
         low, high = measures.extremes(self.scene.comm, z)
-        if high - low > measures.SAME:
+        if high - low > SAME:
             apart = f"{sheet or blank.name} are up to {rounded(high - low, 4)} mm apart along z"
             needs = "draw-in needs a sheet that is flat in z = const"
             raise InputError(f"undeformed nodes of {apart}; {needs}")
-        from ..postprocess.shape import draw_in
-
-        return on_root(self.scene.comm, lambda: draw_in(self._grid_of(sheet)))
+        return on_root(self.scene.comm, lambda: shape.draw_in(self._grid_of(sheet)))
 
     def _sheet(self, asked, name):
         """The part of that name, of which a quantity is `asked`."""
@@ -141,25 +131,19 @@ class Result:
     def _grid_of(self, sheet):
         return self.grids[sheet] if sheet else self.grid
 
-    def outline(self, sheet: str = "") -> list[Outline]:
+    def outline(self, sheet: str = "") -> list[shape.Outline]:
         """Free edges of the sheet, or of the one of this name in a stack, flat and formed, as of
         `postprocess.shape.outline`; on rank 0, elsewhere none. Raises InputError for a name that is
         none and for a stack without one."""
         self._sheet("outline", sheet)
-        if self.scene.comm.rank:
-            return []
-        from ..postprocess.shape import outline
-
-        return outline(self._grid_of(sheet))
+        return [] if self.scene.comm.rank else shape.outline(self._grid_of(sheet))
 
     def at(self, place: ArrayLike, name: str, sheet: str = "") -> float:
         """Field `name`, of one number a cell, of the cell at `place` (x, y) [mm] of the flat sheet,
         or of the one of this name in a stack, on all ranks. Raises InputError for a place beside it
         and for a field that it does not have."""
         self._sheet("a field", sheet)
-        from ..postprocess.shape import value_at
-
-        return on_root(self.scene.comm, lambda: value_at(self._grid_of(sheet), place, name))
+        return on_root(self.scene.comm, lambda: shape.value_at(self._grid_of(sheet), place, name))
 
     def forget_grid(self) -> None:
         """Read the last state anew when it is asked for, as it was written anew."""
@@ -194,8 +178,6 @@ class Result:
         """Write the formed plies with thickness and yarn directions for a structural analysis, on
         rank 0; the ending of `path` says how, see `postprocess.structural.export`. A quarter is
         mirrored to the whole part, unless `modelled`. Raises InputError for another ending."""
-        from ..postprocess import structural
-
         path = structural.checked(path)
         if self.scene.comm.rank == 0:
             structural.export(self.grids, path, modelled)

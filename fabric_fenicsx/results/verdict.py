@@ -1,7 +1,8 @@
 """The verdict on a result, and its reasons."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
+Numbers: TypeAlias = dict[str, Any]  # as summary.json nests them
 OK, DOUBTFUL, INVALID = "ok", "doubtful", "invalid"
 
 

@@ -59,7 +59,7 @@ def row(
         "log_eps_11_min": q["log_eps_11"][0],
         "log_eps_22_min": q["log_eps_22"][0],
         "draw_in_largest_mm": q["draw_in"]["largest_mm"],
-        "punch_force_N": q["punch_force_N"],
+        "punch_force_N": summary["reaction_N"],
         "reason": reason,
     }
 

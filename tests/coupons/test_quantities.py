@@ -81,7 +81,7 @@ def test_a_bias_test(tmp_path):
     share = (2 * 200 - 3 * 50) * np.cos(g) + 50 * np.cos(g / 2) / 2
     force = (200 / 50 - 1) * 3 * (np.cos(g / 2) - np.sin(g / 2)) / share
     assert q["normalised_shear_force_N_per_mm"] == pytest.approx(force, rel=1e-9)
-    setup.tables(found, tmp_path)
+    setup.end(found, tmp_path)
     told = np.loadtxt(tmp_path / "axis.csv", delimiter=",", skiprows=1)
     axis = abs(y - 25) <= 50 / 20
     expected = np.column_stack([x, np.degrees(-gamma)])[axis]

@@ -41,7 +41,7 @@ def test_cells_of_an_estimate_off_axis(element, nx):
     fields = {"fibre_angle": 30, "pattern": "crossed", "integration": None}
     built = ff.BiasExtension(nx=32, ny=8, element=element, **fields).build()
     coarse = built.coarser()
-    assert built.coarser_is_other_kind()
+    assert built.coarser_is_other_kind
     assert (coarse.nx, coarse.pattern, coarse.element) == (nx, "yarns", "P2")
     assert coarse.integration is None
 

@@ -144,8 +144,8 @@ def test_an_example_runs_from_its_file():
     base = ff.Press.read("box", ["blank.nx=4"])
     moves = {tool: 0.1 * way for tool, way in base.stages[0].moves.items()}
     result = formed(base.replace(stages=ff.Stage(moves=moves, steps=2)))
-    assert result.number("force_N") > 0
-    assert result.number("unbalanced_force_N") < 1e-6 * result.number("force_N")
+    assert result.number("reaction_N") > 0
+    assert result.number("unbalanced_force_N") < 1e-6 * result.number("reaction_N")
 
 
 def test_a_plate_has_the_opening_of_its_die(tmp_path):
@@ -157,7 +157,7 @@ def test_a_plate_has_the_opening_of_its_die(tmp_path):
     forces = result.summary["quantities"]["tool_forces_of_whole_blank_N"]
     assert -100 < forces["punch"] < 0
     # towards the blank, of the modelled quarter
-    assert 4 * result.number("force_N") == pytest.approx(-forces["punch"])
+    assert 4 * result.number("reaction_N") == pytest.approx(-forces["punch"])
 
 
 def test_a_surface_that_faces_away_is_turned_round(tmp_path):
@@ -199,13 +199,12 @@ def test_a_picture_that_fails_loses_no_run(tmp_path, monkeypatch, caplog):
     def fails(*_):
         raise ValueError("Empty meshes cannot be plotted")
 
-    monkeypatch.setattr(press_pictures, "filmstrip", fails)
-    monkeypatch.setattr(press_pictures, "setup_picture", lambda *_: None)  # for time
-    monkeypatch.setattr(forming_pictures, "draw_plies", lambda *_: None)
+    monkeypatch.setattr(press_pictures, "setup_picture", fails)
+    monkeypatch.setattr(forming_pictures, "draw_plies", lambda *_: None)  # for time
     press = hemisphere("blank.nx=2", "stage.1.moves.punch=5")
     result = press.job(steps=1, balance=None).run(tmp_path)
     assert result.summary["converged"] and (tmp_path / "maps.png").exists()
-    assert "filmstrip.png was not drawn: Empty meshes" in caplog.text
+    assert "setup.png was not drawn: Empty meshes" in caplog.text
 
 
 EXAMPLES = sorted(path.stem for path in PRESSES.glob("*.toml"))

@@ -9,7 +9,7 @@ from builders import COARSE, COMM, said
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.job.error_run import FOLDER
+from fabric_fenicsx.job.job import COARSE as FOLDER
 
 
 @pytest.mark.versions

@@ -16,7 +16,7 @@ from dolfinx import fem
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.job import dry_run
-from fabric_fenicsx.job.run import Run, time_left
+from fabric_fenicsx.job.observers import ProgressLog
 from fabric_fenicsx.postprocess.states import states
 from fabric_fenicsx.results.output import Output
 from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT, on_ranks
@@ -121,13 +121,12 @@ def test_a_setup_of_ones_own_is_measured_and_written(folder):
     """Of a quarter, with every fourth state, that of a milestone and the last one in fields.pvd."""
 
     class Own(ff.Setup):
-        def modelled_share(self):
-            return 0.25
+        modelled_share = 0.25
 
         def quantities(self, result):
             return {"mean_eps_a": float(np.mean(result.fields["eps_a"]))}
 
-        def tables(self, result, folder):
+        def end(self, result, folder):
             (folder / "own.txt").write_text("own")
 
     job = ff.Job(Own(ff.Tensile(**COARSE).build().scene), steps=4, every=4, milestones=(0.6,))
@@ -144,33 +143,35 @@ def test_a_setup_of_ones_own_is_measured_and_written(folder):
     assert [state.load for state in states(folder)] == pytest.approx([0, 0.6, 0.85, 1])
 
 
-def test_the_time_that_is_left_is_told_by_the_mean_and_the_last_step():
-    """From a quarter on in 20 s; the last tenth took 10 s, the one under way 12 s up to now."""
-    assert time_left(0.5, 10.0, 20.0) == ", 00:05 to 00:15 left"
-    assert time_left(0.5, 40.0, 20.0) == ", 00:10 to 00:30 left"
-    times = {"_began": 100.0, "_step_began": 120.0, "_last_seconds": 10.0, "_size": 0.1}
-    run = SimpleNamespace(_load=0.5, _from=0.25, **times)
-    assert Run._left(run, 0.0) == ", 00:40 to 01:15 left"
-    assert Run._left(run, 12.0) == ", 00:40 to 01:30 left"
-    assert Run._left(SimpleNamespace(_load=0.25, _from=0.25, **times), 0.0) == ""
-
-
 @pytest.mark.parametrize(
-    "lagged, costs", [(False, ("57 to 110", "92 to 180")), (True, ("100 to 210", "170 to 340"))]
+    "seconds, since, left",
+    [
+        (10.0, 0.0, ", 00:40 to 01:15 left"),
+        (10.0, 12.0, ", 00:40 to 01:30 left"),
+        (2.0, 0.0, ", 00:10 to 01:00 left"),
+    ],
 )
-def test_what_a_run_costs_is_told_by_its_first_step(monkeypatch, folder, lagged, costs):
-    """9 iterations of 2 s and 4 steps, after 10 s: 82 s, or, where something lags, 11.5 sqrt(36)
-    iterations; twice the cells take 2^0.75 times as long, the coarser run half as many steps."""
-    monkeypatch.setattr(dry_run, "_first_step", lambda *_: (9, 2.0, ""))
-    monkeypatch.setattr(dry_run.time, "process_time", lambda: 10.0)
+def test_the_time_that_is_left_is_told_by_the_mean_and_the_last_step(seconds, since, left):
+    """From a quarter on in 20 s; the last tenth took so many, the one under way 12 s up to now."""
+    times = {"began": 100.0, "step_began": 120.0, "seconds": seconds, "size": 0.1}
+    run = SimpleNamespace(load=0.5, start=0.25, MAX_SLOWDOWN=ProgressLog.MAX_SLOWDOWN, **times)
+    assert ProgressLog.left(run, since) == left
+    run.load = run.start
+    assert ProgressLog.left(run, since) == ""
+
+
+def test_what_a_run_costs_is_told_by_its_first_step(monkeypatch, folder):
+    """3 s of 4 steps, after 10 s: 0.6 to 1.5 times 12 s more; twice the cells take twice as long,
+    a quarter of them in the fewest steps, 2, an eighth."""
+    times = iter((100.0, 110.0, 110.0, 113.0))
+    monkeypatch.setattr(dry_run, "_first_step", lambda *_: (9, ""))
+    monkeypatch.setattr(dry_run.time, "process_time", lambda: next(times))
     job = ff.Tensile(**COARSE).job(steps=4, error=True)
-    job.scene.has_lagged_terms = lagged
     lines = dry_run.checked(job, Output("run", folder), "", False, {"the other": 2.0})
-    assert lines[1].startswith(f"the run takes {costs[0]} s, and several times")
-    assert "9 iterations at the first of 4 steps took 2 s each, setup takes about 10 s" in lines[1]
-    coarser = "24 to 48" if lagged else "8.9 to 18"
-    assert lines[2] == f"the run on coarser cells, for errors, takes {coarser} s more"
-    assert lines[3] == f"the other takes {costs[1]} s more"
+    assert lines[1].startswith("the run takes 17 to 28 s, and several times")
+    assert "9 iterations at the first of 4 steps took 3 s, setup took 10 s" in lines[1]
+    assert lines[2] == "the run on coarser cells, for errors, takes 0.9 to 2.2 s more"
+    assert lines[3] == "the other takes 24 to 46 s more"
 
 
 def test_a_last_state_that_is_not_believed_is_told_so():

@@ -16,7 +16,7 @@ def test_a_tool_is_measured_along_its_motion(monkeypatch):
     scene = ff.Scene(sheet(20, 10, 2, 1, spatial=True), terms, ff.clamped_ends(1.0))
     forces = {"a": (9.0, 9.0, 9.0), "b": (1.0, 2.0, 3.0)}
     monkeypatch.setattr("fabric_fenicsx.scene.output.tool_force", lambda _, tool: forces[tool.name])
-    assert default_measure(scene)(scene, 0.5) == pytest.approx((2.5, 3.0))
+    assert default_measure(scene, 0.5) == pytest.approx((2.5, 3.0))
 
 
 def test_of_supports_the_one_that_moves_furthest_is_measured(monkeypatch):
@@ -28,6 +28,6 @@ def test_of_supports_the_one_that_moves_furthest_is_measured(monkeypatch):
     ]
     scene = ff.Scene(sheet(20, 10, 2, 2), [Elastic()], supports)
     monkeypatch.setattr(ff.Scene, "reaction", lambda _, name: {"large": [1.0, 2.0]}[name])
-    assert default_measure(scene)(scene, 0.5) == pytest.approx((2.5, 0.6 + 1.6))
+    assert default_measure(scene, 0.5) == pytest.approx((2.5, 0.6 + 1.6))
     still = ff.Scene(sheet(20, 10, 2, 2), [Elastic()])
-    assert default_measure(still)(still, 1.0) == (0.0, 0.0)
+    assert default_measure(still, 1.0) == (0.0, 0.0)

@@ -20,7 +20,7 @@ def test_a_dry_run_tells_the_size_and_leaves_the_folder_free(launch):
     names = [name.split(",")[0] for name, *_ in told]
     assert names[:3] == ["the run", "the run on coarser cells", "--refine"]
     assert names[3:] == ["--disturb", "--disturb after --refine"]
-    assert all(float(high) == pytest.approx(2 * float(low), rel=0.1) for _, low, high in told)
+    assert all(float(low) < float(high) for _, low, high in told)
     assert "MiB" in checked.out
     assert (checked.folder / "setup.png").stat().st_size > 10_000
     assert not (checked.folder / "history.csv").exists()

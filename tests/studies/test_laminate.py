@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from builders import COMM
 
-from fabric_fenicsx.plot import forming_pictures, press_pictures
+from fabric_fenicsx.plot import forming_pictures
 from fabric_fenicsx.postprocess.states import read_state
 
 SHEETS = ["lower metal", "lower", "middle", "upper", "upper metal"]
@@ -12,8 +12,7 @@ SHEETS = ["lower metal", "lower", "middle", "upper", "upper metal"]
 
 @pytest.mark.versions
 def test_a_laminate_is_formed(launch, monkeypatch):
-    monkeypatch.setattr(press_pictures, "filmstrip", lambda *_: None)  # as of a single ply
-    monkeypatch.setattr(forming_pictures, "draw_compared", lambda *_: None)
+    monkeypatch.setattr(forming_pictures, "draw_compared", lambda *_: None)  # as of a single ply
     # a step of hardly any work: what is missing of it differs from machine to machine
     short = "--set", "stage.1.moves.punch=1.5", "--steps", 1, "--max-imbalance", 0.5
     done = launch("laminate", "--nx", 3, *short, "--balance", 9)

@@ -60,5 +60,5 @@ def quarter(tmp_path, shift=(0, 0, 0)):
 
 
 def test_a_quarter_is_half_as_long_as_its_ply(tmp_path):
-    found = quarter(tmp_path).resolved()
+    found = quarter(tmp_path).resolved
     assert (found["length"], found["width"], found["nx"]) == (400, 240, None)

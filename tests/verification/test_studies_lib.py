@@ -80,8 +80,9 @@ def test_parameters_of_compression(monkeypatch):
     assert grid.cell_data["ellipticity_lost"].tolist() == [1, 0, 0]
     monkeypatch.setattr(shape, "contrast", lambda grid, name: 0.1 if name == "shear_angle" else 0)
     assert parameters.shear_contrast(None) == pytest.approx(np.degrees(0.1))
-    q = {"shear_angle_max_deg": 1, "cells_that_lost_ellipticity": 2, "punch_force_N": 3}
+    q = {"shear_angle_max_deg": 1, "cells_that_lost_ellipticity": 2}
     q |= {"stability_ellipticity_min": 4, "log_eps_11": (5, 0), "log_eps_22": (6, 0)}
     q["draw_in"] = {"largest_mm": 7, "smallest_mm": 0}
-    row = parameters.row("s_C", 10.0, {"quantities": q, "stroke_reached": 8}, 9, "")
+    summary = {"quantities": q, "stroke_reached": 8, "reaction_N": 3}
+    row = parameters.row("s_C", 10.0, summary, 9, "")
     assert list(row.values()) == [14, "s_C", 10.0, 8, 1, 9, 2, 4, 5, 6, 7, 3, ""]
