@@ -34,7 +34,8 @@ def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh
     check_end(path, what)
     kind = ending(path)
     library = _by_meshio
-    if kind in (".msh", ".unv", ".ply2", ".p3d", *NASTRAN):
+    is_gmsh = path.read_bytes().startswith(b"$")  # other .msh are Ansys', or scripts that gmsh runs
+    if kind in (".unv", ".ply2", ".p3d", *NASTRAN) or (kind == ".msh" and is_gmsh):
         library = _by_gmsh
     elif re.fullmatch(r"\.(vt\w+|pv\w+|e|exo|ex2)", kind):
         library = _by_pyvista
@@ -88,8 +89,6 @@ def _by_gmsh(path):
     import gmsh
 
     text = path.read_bytes()
-    if ending(path) == ".msh" and not text.startswith(b"$"):  # gmsh would run it as a script
-        raise ValueError("it has no section that begins with $")
     if ending(path) in NASTRAN:
         _check_coordinate_systems(text.decode("latin-1"))
     gmsh.initialize(readConfigFiles=False)
