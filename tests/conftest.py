@@ -144,16 +144,12 @@ def hang():
 @pytest.fixture(scope="session")
 def by_position():
     """Function that gathers rows of owned nodes or cells on all ranks, in the order of their
-    places: by_position(comm, places, *rows). Two meshes of the same sheet may be shared out
-    differently, so rows of a rank
-    must not be compared."""
+    places: by_position(comm, places, *rows). Ranks share meshes of the same sheet differently."""
 
-    def gather(comm, places, *rows):
-        places, *rows = (
-            np.concatenate(comm.allgather(np.asarray(part))) for part in (places, *rows)
-        )
-        order = np.lexsort((places.round(6) + 0.0).T)
-        return [part[order] for part in (places, *rows)]
+    def gather(comm, *parts):
+        parts = [np.concatenate(comm.allgather(np.asarray(part))) for part in parts]
+        order = np.lexsort((parts[0].round(6) + 0.0).T)
+        return [part[order] for part in parts]
 
     return gather
 
@@ -186,9 +182,8 @@ def random_states():
         a0 = np.stack([np.cos(turn), np.sin(turn)], -1)
         b0 = np.stack([np.cos(turn + angle), np.sin(turn + angle)], -1)
         G = np.linalg.inv(np.stack([a0, b0], -1))
-        metric = np.stack([la**2, la * lb * np.cos(now), la * lb * np.cos(now), lb**2], -1).reshape(
-            -1, 2, 2
-        )
+        I6 = la * lb * np.cos(now)
+        metric = np.stack([la**2, I6, I6, lb**2], -1).reshape(-1, 2, 2)
         C = np.einsum("nki,nkl,nlj->nij", G, metric, G)
         return (C + C.swapaxes(1, 2)) / 2, a0, b0
 
@@ -237,16 +232,10 @@ def launch(shared_path, run_script):
         if out:
             words += ["--out", str(folder)]
             words += ["--overwrite"] if overwrite and "--resume" not in options else []
-        command = [*(on_ranks(ranks) if ranks > 1 else ()), sys.executable, *words]
         if ranks > 1:
-            done = subprocess.run(
-                command,
-                capture_output=True,
-                text=True,
-                cwd=shared_path,
-                env=os.environ | RANKS_ENVIRONMENT,
-                timeout=HANG,
-            )
+            how = {"capture_output": True, "text": True, "env": os.environ | RANKS_ENVIRONMENT}
+            command = [*on_ranks(ranks), sys.executable, *words]
+            done = subprocess.run(command, cwd=shared_path, timeout=HANG, **how)
             status, out_text, err_text = done.returncode, done.stdout, done.stderr
         else:
             status, *texts = run_script(shared_path, *words)
