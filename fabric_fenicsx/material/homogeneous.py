@@ -5,8 +5,6 @@ import numpy as np
 from ..runtime.errors import SolverFailure
 from .laws import Law
 
-NARROWEST = -0.99  # strain across a free tension
-
 
 def gradient(eps_a: np.ndarray, eps_b: np.ndarray, gamma: np.ndarray) -> np.ndarray:
     """F (n, 2, 2) of yarn strains [-] and shear angle [rad], (n,) each, for yarns a0 = e1, b0 = e2,
@@ -45,7 +43,7 @@ def lateral_strain(
 ) -> np.ndarray:
     """Strain (n,) across a tension of `strain` (n,) along yarn a (0) or b (1), where the stress
     across is zero, from -99 % to 0. Raises SolverFailure if a stress is not a number."""
-    across = 1 - along
+    across, narrowest = 1 - along, -0.99
     e = np.zeros((len(strain), 3))
     e[:, along] = strain
     e[:, across] = 0 if start is None else np.clip(start, -0.8, 0)
@@ -57,8 +55,8 @@ def lateral_strain(
             raise SolverFailure("the stress across a free tension is not a number")
         high, low = np.where(pull > 0, before, high), np.where(pull > 0, low, before)
         with np.errstate(divide="ignore", invalid="ignore"):
-            step = np.clip(before - pull / stiffness[:, across], NARROWEST, 0)
-        left, right = np.maximum(low, NARROWEST), np.minimum(high, 0)
+            step = np.clip(before - pull / stiffness[:, across], narrowest, 0)
+        left, right = np.maximum(low, narrowest), np.minimum(high, 0)
         small = np.abs(step - before) < 1e-8  # quadratic, so the next step would be below rounding
         inside = small | ((step > low) & (step < high))
         e[:, across] = np.where(inside, step, (left + right) / 2)

@@ -26,8 +26,6 @@ from ..runtime.errors import InputError
 from .laws import Law
 from .strains import check_weave_angle, in_invariants, nominal_strain, shear_angle
 
-SQUARE = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])  # places of aa, ab, bb, ag, bg, gg
-
 
 class State(NamedTuple):
     """Result of `evaluate` at n points; tensors are in the orthonormal basis in which C, U or F
@@ -89,7 +87,8 @@ def evaluate(
     slid = None
     if sliding is not None:
         W, slid = _with_friction(fabric, W, gamma, sliding)
-    W2 = None if W.second is None else W.second[SQUARE]
+    square = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])  # places of aa, ab, bb, ag, bg, gg
+    W2 = None if W.second is None else W.second[square]
     slopes, bends = in_invariants((I4, I6, I8), 1 / area, W.first, W2)
     # dI/dC in Voigt's 11, 22, 12: dI4/dC = a a, dI6/dC = sym(a b), dI8/dC = b b
     M = np.empty((3, len(C), 3))

@@ -15,7 +15,6 @@ from ..runtime.formatting import rounded
 from .rings import joined, sheet_of
 
 ALLOWED = "a drawing (.dxf), a table of x and y (.csv, .txt), or a mesh"
-TABLES = ".csv", ".txt", ".xy"
 CURVES = "LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE"  # of DXF
 PLANE_TOLERANCE = 1e-6  # extent in z over the others, below which lines lie in a plane
 
@@ -33,7 +32,7 @@ def read_outline(path: Path | str, layer: str | None = None) -> tuple[shapely.Po
     check_file(path, "outline", ALLOWED)
     if layer is not None and kind != ".dxf":
         raise InputError(f"`layer` is allowed only for a .dxf, not for {source}")
-    if kind in TABLES:
+    if kind in (".csv", ".txt", ".xy"):
         return sheet_of(_table(path, source), source), []
     if kind == ".dxf":
         lines, notes, hint = _drawing(path, source, layer)
@@ -59,7 +58,7 @@ def read_trim_line(path: Path | str) -> tuple[list[np.ndarray], list[str]]:
     source, kind, notes = f"trim line {path}", ending(path), []
     allowed = "a table of x, y and z (.csv, .txt), or a drawing (.dxf)"
     check_file(path, "trim line", allowed)
-    if kind in TABLES:
+    if kind in (".csv", ".txt", ".xy"):
         lines = [np.vstack([ring, ring[:1]]) for ring in _table(path, source, ("x", "y", "z"))]
     elif kind == ".dxf":
         lines, notes, _ = _drawing(path, source, None)
@@ -81,7 +80,7 @@ def _table(path, source, names=("x", "y")):
         table = table_of(lines, ("x", "y", "X", "Y").__contains__, names)
         columns = values_of(table, _columns(table, (*names, "ring")), problems)
         problems.stop()
-    except InputError as error:
+    except ValueError as error:
         raise InputError(f"{source}: {error}") from None
     # a comment is no blank line
     blank = [not text.strip(" ,;\t") for text in lines]
@@ -101,12 +100,12 @@ def _columns(table, asked):
         if name in names:
             unit = table.units[names.index(name)] or "mm"
             if unit not in lengths:
-                raise InputError(
+                raise ValueError(
                     f"row {table.top}: unit of {name} is {unit}; allowed is {', '.join(lengths)}"
                 )
             columns[names.index(name)] = name, lengths[unit]
         elif name in ("x", "y"):
-            raise InputError(f"row {table.top}: there is no column {name}; allowed are x and y")
+            raise ValueError(f"row {table.top}: there is no column {name}; allowed are x and y")
     return columns
 
 

@@ -33,18 +33,11 @@ def joined(lines: Sequence[np.ndarray], source: str) -> list[np.ndarray]:
     if loose:
         place, *others = np.concatenate(loose)
         off = np.linalg.norm(others - place, axis=1)
-        nearest = off.argmin()
-        where = coordinates(place)
-        if off[nearest] == 0:
-            fault = f"has more than two lines that meet at {where} mm"
-        else:
-            fault = (
-                f"is open at {where} mm: the nearest other end is {rounded(off[nearest])} mm away, "
-                f"at {coordinates(others[nearest])}"
-            )
+        k = off.argmin()  # at 0 mm where more than two lines meet
         raise InputError(
-            f"{source} {fault}; allowed are closed rings, of lines whose ends are up to "
-            f"{rounded(gap, 1)} mm apart"
+            f"{source} is open at {coordinates(place)} mm: the nearest other end is "
+            f"{rounded(off[k])} mm away, at {coordinates(others[k])}; allowed are closed rings, of "
+            f"two lines at each place, whose ends are up to {rounded(gap, 1)} mm apart"
         )
     return rings
 

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..runtime.errors import InputError
 from .surface_mesh import SurfaceMesh, surface_kind
 
 
@@ -22,13 +21,13 @@ class _Part:
 
 def read_abaqus(path: Path) -> SurfaceMesh:
     """The surface elements of an Abaqus input file [mm], instances where the assembly has them.
-    Raises InputError, without the file's name, ValueError and OSError."""
+    Raises ValueError and OSError with the reason."""
     parts: dict[str, _Part] = {"": _Part()}
     placed: list[tuple[_Part, list[np.ndarray]]] = []
     part = own = parts[""]
     for keyword, options, rows in _blocks(path):
         if keyword in ("ELCOPY", "ELGEN", "NCOPY", "NFILL", "NGEN", "NMAP", "SYSTEM"):
-            raise InputError(f"uses *{keyword}; allowed are nodes and elements as lists")
+            raise ValueError(f"it uses *{keyword}, not nodes and elements as lists")
         if keyword in ("PART", "INSTANCE"):
             part = parts.setdefault(options.get("NAME", "").upper(), _Part())
             if keyword == "INSTANCE":
@@ -38,14 +37,14 @@ def read_abaqus(path: Path) -> SurfaceMesh:
             part = own
         elif keyword == "NODE":
             if (system := options.get("SYSTEM", "R")).upper() != "R":
-                raise InputError(f"has *NODE, SYSTEM={system}; allowed is R, rectangular")
+                raise ValueError(f"it has *NODE, SYSTEM={system}, not rectangular coordinates")
             for row in rows:
                 number, *place = _numbers([row], _length)
                 part.nodes[int(number)] = [*place[:3], 0.0, 0.0, 0.0][:3]
         elif keyword == "ELEMENT":
             _add_elements(part, options.get("TYPE", "").upper(), rows)
     if part is not own:
-        raise InputError("has a part or instance without *END; allowed is a whole file")
+        raise ValueError("it has a part or instance without *END")
     if not placed:
         placed = [(each, []) for each in parts.values() if each is not own]
     return _assembled([(own, []), *placed])
@@ -105,7 +104,7 @@ def _assembled(placed):
         order = np.argsort(own)
         for kind, cells in part.blocks:
             if (lost := np.setdiff1d(cells, own)).size:
-                raise InputError(f"lacks node {lost[0]} of an element; allowed is a whole file")
+                raise ValueError(f"it lacks node {lost[0]} of an element")
             blocks.append((kind, order[np.searchsorted(own, cells, sorter=order)] + start))
         points.append(_moved(np.array(list(part.nodes.values())).reshape(-1, 3), move))
         others |= part.others

@@ -59,7 +59,7 @@ class Field:
             try:
                 self._places, self._values = _read(Path(source), name)
                 self._between = _interpolated(self._places, self._values)
-            except InputError as error:
+            except ValueError as error:  # of the file or of what is in it
                 raise InputError(f"{source}: {error}") from None
             self._nearest = cKDTree(self._places)
 
@@ -182,6 +182,9 @@ def from_entry(value: object, path: str, found: Callable[[object, str], str]) ->
     return Field(found(value.get("file"), f"{path}.file"), str(value.get("field", "")))
 
 
+# Readers raise ValueError with the reason.
+
+
 def _read(path, name):
     """Places (n, 2 or 3) [mm] and values (n,) of the points in a file, each place once."""
     check_file(path, "file", ALLOWED)
@@ -194,7 +197,7 @@ def _read(path, name):
     if apart.any():
         k = apart.argmax()
         both = f"{rounded(others[k], 4)} and {rounded(values[k], 4)}"
-        raise InputError(f"at {coordinates(places[k])} mm there are the values {both}")
+        raise ValueError(f"at {coordinates(places[k])} mm there are the values {both}")
     is_flat = once.shape[1] == 3 and np.ptp(once[:, 2]) < 1e-9
     return once[:, :2] if is_flat else once, values[first]
 
@@ -208,7 +211,7 @@ def _interpolated(places, values):
         return LinearNDInterpolator(places, values)
     except (QhullError, ValueError):
         few = ("area", "3") if places.shape[1] == 2 else ("volume", "4")
-        raise InputError(
+        raise ValueError(
             f"its {len(values)} points span no {few[0]}; allowed are {few[1]} or more that do"
         ) from None
 
@@ -223,7 +226,7 @@ def _of_table(path, name):
         allowed = ("mm",) if each in axes else ("deg", "mm", "deg C", "C", "-")
         if unit not in (None, *allowed):
             words = ", ".join(allowed)
-            raise InputError(f"column {each} is in {unit}; allowed is one of {words}")
+            raise ValueError(f"column {each} is in {unit}; allowed is one of {words}")
     problems = Problems()
     columns = {names.index(each): (each, 1.0) for each in (*axes, name)}
     numbers = values_of(table, columns, problems)
@@ -238,7 +241,7 @@ def _of_mesh(path, name):
         mesh = meshio.read(path)
     except (Exception, SystemExit) as error:  # meshio raises whatever its parsing stumbles on
         words = " ".join(str(error).split())
-        raise InputError(f"can't be read ({words}); allowed is {ALLOWED}") from None
+        raise ValueError(f"can't be read ({words}); allowed is {ALLOWED}") from None
     fields = {k: np.asarray(v, float) for k, v in mesh.point_data.items() if np.ndim(v) == 1}
     values = fields[_chosen(list(fields), name, "field at points")]
     return np.asarray(mesh.points, float), values
@@ -250,4 +253,4 @@ def _chosen(names, name, kind):
         return name or names[0]
     found = f"has the {kind}s {', '.join(names)}" if names else f"has no {kind} of values"
     asked = f", not {name!r}" if name else ""
-    raise InputError(f"{found}{asked}; allowed is one, or one of them that `field` names")
+    raise ValueError(f"{found}{asked}; allowed is one, or one of them that `field` names")

@@ -44,8 +44,6 @@ def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh
             mesh = reader(path)
         else:
             mesh = SurfaceMesh.collected(*in_child(library, path.absolute()))
-    except InputError as error:
-        raise InputError(f"{what} {path} {error}") from None
     except (RuntimeError, ValueError, OSError) as error:
         raise InputError(
             f"{what} {path} cannot be read as {kind or 'a mesh'} ({error}); allowed is {allowed}"
@@ -81,8 +79,8 @@ def _read_obj(path):
     return SurfaceMesh.collected(points.reshape(-1, 3), zip(kinds, cells), {})
 
 
-# Libraries give points (n, 2 or 3), (kind, cells (m, k)) of surface cells, and {kind: dimension} of
-# others. They raise whatever their parsing stumbles on.
+# Libraries' readers give points (n, 2 or 3), (kind, cells (m, k)) of surface cells, and {kind:
+# dimension} of others. They raise whatever their parsing stumbles on.
 
 
 def _by_gmsh(path):

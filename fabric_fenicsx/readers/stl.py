@@ -6,30 +6,24 @@ from pathlib import Path
 
 import numpy as np
 
-from ..runtime.errors import InputError
 from .surface_mesh import SurfaceMesh
 
 
 def read_stl(path: Path) -> SurfaceMesh:
-    """The triangles of an STL file [mm]; corners at one place are one point. Raises InputError,
-    without the file's name, for one that is cut off or no STL, ValueError for what is no number."""
+    """The triangles of an STL file [mm]; corners at one place are one point. Raises ValueError with
+    the reason for one that is cut off or no STL."""
     data = path.read_bytes()
     header, facet = 84, 50  # bytes; a facet is its normal, three corners and two bytes
     count = int.from_bytes(data[header - 4 : header], "little")
     if count and len(data) >= header + facet * count:
         more, rest = (len(data) - header) // facet - count, data[header + facet * count :]
         if more and any(rest):
-            raise InputError(
-                f"counts {count} triangles in its header and holds {count + more}; allowed is the "
-                "same number: save it again"
-            )
+            raise ValueError(f"it counts {count} triangles in its header and holds {count + more}")
         facets = np.frombuffer(data, np.dtype([("x", "<f4", (4, 3)), ("-", "<u2")]), count, header)
         corners = facets["x"][:, 1:].reshape(-1, 3).astype(float)
     elif b"\0" in data and not _facets(data):
-        raise InputError(
-            f"tells of {count} triangles and holds {max(0, len(data) - header)} "
-            f"bytes of them; allowed are {facet} bytes a triangle: it may be cut off"
-        )
+        size = max(0, len(data) - header)
+        raise ValueError(f"it tells of {count} triangles and holds {size} bytes of them: cut off")
     else:
         corners = _text(data)
     points, number = np.unique(corners, axis=0, return_inverse=True)
@@ -45,9 +39,6 @@ def _text(data):
     facets, vertices = len(_facets(data)), re.findall(vertex, data, re.IGNORECASE)
     # letters in which a text ends
     if not facets or len(vertices) != 3 * facets or b"endsolid" not in data[-1000:].lower():
-        raise InputError(
-            f"cannot be read as .stl (it has {len(vertices)} vertices in {facets} facets); allowed "
-            "are three in each, and `endsolid` at the end: it may be cut off"
-        )
+        raise ValueError(f"it has {len(vertices)} vertices in {facets} facets, or no `endsolid`")
     spelled = bytes.maketrans(b",dD", b".ee")  # decimal commas, exponents of Fortran
     return np.array([[word.translate(spelled) for word in each] for each in vertices], float)

@@ -13,7 +13,6 @@ from .surfaces import innermost
 from .tool import Tool
 from .triangulated import TriangulatedSurface
 
-MAX_TURN = 20.0  # [deg] between facets of a surface that is to be smooth
 MIN_SHARE = 0.02  # of a sheet's size, below which a tool is refused as in another unit
 FLANGE = 0.05  # share of the thickness by which a tool may be in the sheet at the start
 MIRRORED = 0.25  # share of the thickness by which a tool and its mirror image may differ
@@ -52,11 +51,11 @@ def check_triangles(
             f"ply's thickness {thickness:g} mm"
         )
     edges, turn = surface.curved.turns()
-    if len(turn) and np.degrees(turn.max()) > MAX_TURN:
+    if len(turn) and np.degrees(turn.max()) > 20.0:
         sharpest = f"{np.degrees(turn.max()):.0f} deg at {middle(edges[turn.argmax()])}"
         warn(
             f"{name} is coarse: its facets turn by {sharpest} where it is to be smooth; beyond "
-            f"{MAX_TURN:g} deg its curvature is a guess"
+            "20 deg its curvature is a guess"
         )
 
 

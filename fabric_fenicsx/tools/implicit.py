@@ -9,10 +9,6 @@ import numpy as np
 from .newton_kernel import advance, search_from
 from .surfaces import Nearest, Surface
 
-# unit vectors (26, 3), one of which is less than 30 deg from any direction
-AROUND = np.stack(np.meshgrid(*3 * [[-1.0, 0.0, 1.0]]), -1).reshape(-1, 3)
-AROUND = AROUND[AROUND.any(1)] / np.linalg.norm(AROUND[AROUND.any(1)], axis=1, keepdims=True)
-
 
 class ImplicitSurface(Surface):
     """Surface F(x) = 0 with F < 0 in the body; the nearest point by Newton's method.
@@ -65,7 +61,10 @@ class ImplicitSurface(Surface):
             self._project(points[part], part, feet)
         lost = near[np.isnan(feet.gap[near])]
         if len(lost) and 0 < reach < math.inf:  # where F has one sign around, the surface is far
-            around = (x[:, lost, None] + 2 * reach * AROUND.T[:, None]).reshape(3, -1)
+            sides = np.stack(np.meshgrid(*3 * [[-1.0, 0.0, 1.0]]), -1).reshape(-1, 3)
+            sides = sides[sides.any(1)]  # 26, one of which is less than 30 deg from any direction
+            sides /= np.linalg.norm(sides, axis=1, keepdims=True)
+            around = (x[:, lost, None] + 2 * reach * sides.T[:, None]).reshape(3, -1)
             signs = self.value(around).reshape(len(lost), -1) * F[lost, None]
             far = lost[(signs > 0).all(1)]
             feet.gap[far] = np.copysign(1.01 * reach, F[far])

@@ -109,18 +109,6 @@ def gmsh(pick, points, cells):
     return pick("\n", "\r\n").join(map(str, [*lines, "$EndElements", ""]))
 
 
-def gmsh_4(pick, points, cells):
-    nodes, kind = numbered(pick, len(points)), {3: 2, 4: 3}[cells.shape[1]]
-    count, numbers = len(points), numbered(pick, len(cells))
-    lines = ["$MeshFormat", "4.1 0 8", "$EndMeshFormat", "$Nodes"]
-    lines += [f"1 {count} {nodes[0]} {nodes[-1]}", f"2 1 0 {count}", *nodes, *rows(pick, points)]
-    lines += ["$EndNodes", "$Elements", f"1 {len(cells)} {numbers[0]} {numbers[-1]}"]
-    lines.append(f"2 1 {kind} {len(cells)}")
-    for number, cell in zip(numbers, nodes[cells].tolist()):
-        lines.append(" ".join(map(str, [number, *cell])))
-    return "\n".join(map(str, [*lines, "$EndElements", ""]))
-
-
 def vtk(pick, points, cells):
     """A legacy file, of a grid or a surface, in text or binary."""
     sized = np.insert(cells, 0, cells.shape[1], axis=1)
@@ -141,25 +129,6 @@ def vtk(pick, points, cells):
     return data
 
 
-def vtu(pick, points, cells):
-    def array(name, kind, values, more=""):
-        text = " ".join(map(repr, np.ravel(values).tolist()))
-        return f'<DataArray type="{kind}" Name="{name}" format="ascii"{more}>{text}</DataArray>'
-
-    ends, kinds = (1 + np.arange(len(cells))) * cells.shape[1], {3: 5, 4: 9}[cells.shape[1]]
-    return (
-        '<?xml version="1.0"?><VTKFile type="UnstructuredGrid" version="0.1" '
-        f'byte_order="LittleEndian"><UnstructuredGrid><Piece NumberOfPoints="{len(points)}" '
-        f'NumberOfCells="{len(cells)}"><Points>'
-        + array("Points", pick("Float32", "Float64"), points, ' NumberOfComponents="3"')
-        + "</Points><Cells>"
-        + array("connectivity", pick("Int32", "Int64"), cells)
-        + array("offsets", "Int64", ends)
-        + array("types", "UInt8", [kinds] * len(cells))
-        + "</Cells></Piece></UnstructuredGrid></VTKFile>\n"
-    )
-
-
 def obj(pick, points, cells):
     tail, corner = pick("", " 1.0", " 0.5 0.5 0.5", " 1.0 0.5 0.5 0.5"), pick("{}", "{0}//1")
     lines = ["# a tool", "o tool"] if pick(0, 1) else []
@@ -167,22 +136,6 @@ def obj(pick, points, cells):
     lines += ["vn 0 0 1"] * (corner != "{}")
     lines += [f"f {' '.join(corner.format(k + 1) for k in cell)}" for cell in cells.tolist()]
     return "\n".join([*lines, ""])
-
-
-def ply(pick, points, cells):
-    form = pick("ascii", "binary_little_endian", "binary_big_endian")
-    kind, count = pick("float", "double"), cells.shape[1]
-    head = f"ply\nformat {form} 1.0\nelement vertex {len(points)}\n"
-    head += "".join(f"property {kind} {axis}\n" for axis in "xyz")
-    head += f"element face {len(cells)}\nproperty list uchar int vertex_indices\nend_header\n"
-    if form == "ascii":
-        faces = [" ".join(map(str, [count, *cell])) for cell in cells.tolist()]
-        return head + "\n".join([*rows(pick, points), *faces, ""])
-    order = "<" if "little" in form else ">"
-    data = points.astype(order + {"float": "f4", "double": "f8"}[kind]).tobytes()
-    return (
-        head.encode() + data + b"".join(struct.pack(f"{order}B{count}i", count, *c) for c in cells)
-    )
 
 
 def stl(pick, points, cells):
@@ -196,39 +149,14 @@ def stl(pick, points, cells):
     return case(pick("\n", "\r\n").join([*lines, "endsolid tool", ""]))
 
 
-def unv(pick, points, cells):
-    nodes, count = numbered(pick, len(points)), cells.shape[1]
-    lines = ["    -1", "  2411"]
-    for node, x in zip(nodes, points):
-        numbers = "".join(f"{each:25.16E}" for each in x)
-        lines += [f"{node:10d}{1:10d}{1:10d}{11:10d}", numbers.replace("E", pick("E", "D"))]
-    lines += ["    -1", "    -1", "  2412"]
-    for number, cell in zip(numbered(pick, len(cells)), nodes[cells]):
-        head = number, {3: 91, 4: 94}[count], 1, 1, 7, count
-        lines += ["".join(f"{each:10d}" for each in head), "".join(f"{each:10d}" for each in cell)]
-    return "\n".join([*lines, "    -1", ""])
-
-
-def medit(pick, points, cells):
-    kind = {3: "Triangles", 4: "Quadrilaterals"}[cells.shape[1]]
-    lines = ["MeshVersionFormatted 2", "Dimension 3", "Vertices", str(len(points))]
-    lines += [f"{row} 0" for row in rows(pick, points)] + [kind, str(len(cells))]
-    return "\n".join([*lines, *(" ".join(map(str, [*1 + c, 1])) for c in cells), "End", ""])
-
-
 # how a surface is written, whether quadrilaterals may be, and numbers of examples
 SURFACES = [
     (".inp", abaqus, True, 12),
     (".bdf", nastran, True, 10),
     (".msh", gmsh, True, 10),
-    (".msh", gmsh_4, True, 10),
     (".vtk", vtk, True, 12),
-    (".vtu", vtu, True, 10),
     (".obj", obj, True, 10),
-    (".ply", ply, True, 12),
     (".stl", stl, False, 12),
-    (".unv", unv, True, 2),
-    (".mesh", medit, True, 10),
 ]
 
 

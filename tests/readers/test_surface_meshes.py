@@ -173,6 +173,9 @@ WHOLE = {
     "strip.vtk": 0.9,
     "strip.obj": 0.97,
     "strip.vtu": 0.5,
+    "strip.ply": 0.97,
+    "strip.unv": 0.97,
+    "strip.mesh": 0.9,
     "strip.msh": 0.9,
     "strip.inp": 0.6,
 }

@@ -233,7 +233,7 @@ def read_table(path: Path, columns: Mapping[str, Mapping[str, float]]) -> Curve:
     InputError by file and row."""
     try:
         return _curve(read_lines(path), columns)
-    except InputError as error:
+    except ValueError as error:
         raise InputError(f"{path}: {error}") from None
 
 
@@ -243,7 +243,7 @@ def _curve(lines, columns):
     heads = [*zip(table.names, table.units)]
     if sorted(table.names) != sorted(columns) or any(u not in columns[name] for name, u in heads):
         head = ", ".join(name if unit is None else f"{name} [{unit}]" for name, unit in heads)
-        raise InputError(f"row {table.top} is {head!r}; allowed is {allowed}")
+        raise ValueError(f"row {table.top} is {head!r}; allowed is {allowed}")
     factors_of = {i: (name, columns[name][unit]) for i, (name, unit) in enumerate(heads)}
     problems = Problems()
     found = values_of(table, factors_of, problems)
@@ -258,4 +258,4 @@ def _curve(lines, columns):
         message = str(error)
         if match := re.match(r"point (\d+)", message):
             message = f"row {table.rows[int(match[1]) - 1]}{message[match.end() :]}"
-        raise InputError(message) from None
+        raise ValueError(message) from None
