@@ -44,8 +44,8 @@ def on_terminal() -> bool:
 @contextmanager
 def shown(lines: bool = True, first: bool = True, seconds: float = 3.0) -> Iterator[None]:
     """Show the tasks while it is open, unless they are shown already: on a terminal in one line
-    that renews itself, elsewhere, with `lines`, in a new line after each so many `seconds`. first:
-    whether this is the rank that speaks."""
+    that renews itself, elsewhere, with `lines`, in a new line after each so many `seconds` if there
+    is something new. first: whether this is the rank that speaks."""
     renews = on_terminal()
     if not (first and (lines or renews) and _shown.acquire(blocking=False)):
         yield
@@ -54,11 +54,13 @@ def shown(lines: bool = True, first: bool = True, seconds: float = 3.0) -> Itera
     bar = tqdm(bar_format="{desc}", file=out, leave=False, dynamic_ncols=True, disable=not renews)
 
     def tell():
+        before = ""
         while not ended.wait(0.5 if renews else seconds):
             if renews:
                 bar.set_description_str(doing())
-            elif text := doing():
+            elif (text := doing()) != before:
                 print(text, file=out, flush=True)
+                before = text
 
     thread = threading.Thread(target=tell, daemon=True)
     thread.start()

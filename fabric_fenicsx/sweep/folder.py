@@ -163,18 +163,16 @@ class SweepFolder:
                 raise InputError(f"{flaw}; allowed is a folder of a sweep, an empty or a new one")
             return
         before, now = json.loads(file.read_text()), self.state
-        old, new = ({"": each["press"]["text"]} | each["press"]["files"] for each in (before, now))
-        wrong = [
-            f"runs of another press ({name or press} has changed since)"
-            for name in {**old, **new}
-            if old.get(name) != new.get(name)
-        ]
-        if before["keys"] != now["keys"]:
-            keys = ", ".join(before["keys"])
-            wrong.append(f"a sweep over {keys}, now it is {', '.join(now['keys'])}")
-        if wrong and not overwrite:
-            allowed = "another --out, or --overwrite, which loses the runs there"
-            raise InputError(f"--out {self.path} has {wrong[0]}; allowed is {allowed}")
+        if before == {**before, **now} or overwrite:
+            return
+        wrong = "a sweep of another version of this program"
+        if before.get("format") == now["format"]:
+            wrong = f"a sweep over {', '.join(before['keys'])}, now it is {', '.join(now['keys'])}"
+            old, new = ({"": s["press"]["text"]} | s["press"]["files"] for s in (before, now))
+            for name in (name for name in {**old, **new} if old.get(name) != new.get(name)):
+                wrong = f"runs of another press ({name or press} has changed since)"
+        allowed = "another --out, or --overwrite, which loses the runs there"
+        raise InputError(f"--out {self.path} has {wrong}; allowed is {allowed}")
 
     def run(self, values: Values) -> Run:
         """The run with these values, one of before or new."""

@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ..plot.pictures import cell_polygons, colour_scale, curves, draw_cells, figure
+from ..plot.pictures import curves, figure, maps
 from ..postprocess import states
 from .folder import Run, force_name
 from .scatter import BOUNDS
 from .varied import is_wide, label, number
 
-MAX_PANELS = 6  # quantities whose trends are drawn, and maps side by side
+MAX_TRENDS = 6  # quantities whose trends are drawn
+MAX_MAPS = 24  # plies in rows of one picture
 
 
 def draw(
@@ -25,7 +26,7 @@ def draw(
     for file in files.values():
         file.unlink(missing_ok=True)
     _draw_curves(files["curves"], runs, scatter)
-    _draw_trends(files["trends"], runs, dict(list(names.items())[:MAX_PANELS]))
+    _draw_trends(files["trends"], runs, dict(list(names.items())[:MAX_TRENDS]))
     if not scatter:
         _draw_maps(files["maps"], runs)
 
@@ -87,41 +88,12 @@ def _draw_trend(ax, runs, key, name, most=8):
     ax.grid(alpha=0.3)
 
 
-def _sheet(folder):
-    """Polygons and fields {label: values} of the cells of the last state, the uppermost last."""
-    grid = states.read_state(folder)
-    cells = grid.cells.reshape(grid.n_cells, -1)[:, 1:]
-    heights = (grid.points[:, 2] + grid.point_data["u"][:, 2])[cells].mean(1)
-    order = np.argsort(heights, kind="stable")
-    unknown = np.full(grid.n_cells, np.nan)  # as of metal
-    names = "shear_angle", "shortening_a", "shortening_b"
-    shear, a, b = (np.asarray(grid.cell_data.get(name, unknown))[order] for name in names)
-    fields = {"shear angle / deg": abs(np.degrees(shear))}
-    fields["shortening of yarns / %"] = 100 * np.maximum(a, b)
-    return cell_polygons(grid)[order], fields
-
-
 def _draw_maps(path, runs):
-    runs = [run for run in runs if (run.results / "fields.pvd").is_file()]
-    sheets = [_sheet(run.results) for run in runs]
-    fields = {name: [f[name] for _, f in sheets] for name in (sheets[0][1] if sheets else ())}
-    fields = {name: f for name, f in fields.items() if np.isfinite(np.concatenate(f)).any()}
-    if not fields:
-        return
-    columns = min(MAX_PANELS, len(runs))
-    rows = -(-len(runs) // columns)
-    sides = [np.ptp(polygons.reshape(-1, 2), axis=0) for polygons, _ in sheets]
-    length, width = np.max(sides, axis=0)
-    size = 2.6 * columns + 1.0, (2.5 * width / length + 0.45) * rows * len(fields) + 0.5
-    shared = {"sharex": True, "sharey": True, "dpi": 120}
-    with figure(path, size, rows * len(fields), columns, **shared) as (page, axes):
-        for panels, (name, values) in zip(np.split(axes, len(fields)), fields.items()):
-            colours = "viridis" if name.startswith("shear") else "magma_r"
-            _, *limits = colour_scale(colours, 0.0, float(np.nanmax(np.concatenate(values))))
-            for ax, run, (polygons, _), each in zip(panels.flat, runs, sheets, values):
-                cells = draw_cells(ax, polygons, each, colours, limits)
-                words = "" if run.is_believed() else f" ({run.verdict()})"
-                ax.set_title(run.label + words, fontsize="x-small")
-            for ax in panels.flat[len(runs) :]:
-                ax.set_axis_off()
-            page.colorbar(cells, ax=list(panels.flat), label=name, shrink=0.9)
+    """A row of maps for each ply of each run."""
+    grids = {}
+    for run in (run for run in runs if (run.results / "fields.pvd").is_file()):
+        words = run.label + ("" if run.is_believed() else f" ({run.verdict()})")
+        for ply, grid in states.of_fabric(states.read_grids(run.results)).items():
+            grids[", ".join(filter(None, (words, ply)))] = grid
+    if 0 < len(grids) <= MAX_MAPS:
+        maps(path, grids, ("shear_angle", "shortening_a", "shortening_b"))

@@ -17,7 +17,7 @@ from .varied import number, short_names
 CAPTIONS = {
     "trends": "Headline quantities of runs at full load; a cross is one that is not believed",
     "curves": "Force over displacement of all runs; dashed is one that is not believed",
-    "maps": "Magnitude of the shear angle, and larger shortening of both yarns, seen from above",
+    "maps": "Shear angle, and shortening of both yarns",
 }
 
 

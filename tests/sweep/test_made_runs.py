@@ -6,9 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import pyvista
 
-from fabric_fenicsx.postprocess import states
 from fabric_fenicsx.runtime.errors import SolverFailure
 from fabric_fenicsx.sweep import pictures, results, scatter
 from fabric_fenicsx.sweep.folder import Run
@@ -176,26 +174,3 @@ def test_curves_of_a_scatter_are_mean_and_quantiles_at_each_displacement(made, m
     assert [*forces] == ["mean", "5 % of runs below", "95 % of runs below"]
     wanted = np.array([[0, 5, 10], [0, 0.5, 1], [0, 9.5, 19]])
     assert np.array([*forces.values()]) == pytest.approx(wanted)
-
-
-def test_maps_show_degrees_and_the_larger_shortening_of_the_upper_cells_last(made, monkeypatch):
-    points = np.array([[x, y, 0] for x in (0, 1, 2) for y in (0, 1)], float)
-    grid = pyvista.UnstructuredGrid({9: np.array([[0, 2, 3, 1], [2, 4, 5, 3]])}, points)
-    grid.point_data["u"] = np.outer([3, 3, 2, 2, 0, 0], [0, 0, 1.0])  # the first cell is above
-    for name, of in {"shear_angle": (0.1, -0.2), "shortening_a": (0.01, 0.03)}.items():
-        grid.cell_data[name] = np.array(of)
-    grid.cell_data["shortening_b"] = np.array([0.02, 0.0])
-    monkeypatch.setattr(states, "read_state", lambda _: grid)
-    run, drawn = made({"k.x": 1}), []
-    (run.folder / "fields.pvd").touch()
-    draw = pictures.draw_cells
-
-    def spy(ax, polygons, values, colours, limits):
-        drawn.append((polygons[:, :, 0].min(1).tolist(), values))
-        return draw(ax, polygons, values, colours, limits)
-
-    monkeypatch.setattr(pictures, "draw_cells", spy)
-    pictures._draw_maps(run.folder / "maps.png", [run])
-    assert [left for left, _ in drawn] == [[1, 0]] * 2
-    assert drawn[0][1] == pytest.approx([math.degrees(0.2), math.degrees(0.1)])
-    assert drawn[1][1] == pytest.approx([3, 2])
