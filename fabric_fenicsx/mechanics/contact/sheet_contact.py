@@ -100,8 +100,6 @@ class FaceContact(Interaction):
     def where_deepest(self) -> str:
         return self.name
 
-    # -- state
-
     def state(self, pairs: ContactPairs | None = None) -> Pressed:
         """The points of `pairs`, by default those of the present solve, as they are pressed at the
         present displacement."""
@@ -117,7 +115,6 @@ class FaceContact(Interaction):
         return found[2]
 
     def normal_forces(self) -> np.ndarray:
-        """See `Interaction`, 0 where a point lies over nothing."""
         now = self.faces.now
         return self.points.of_all(now, self.state().pressure * now.areas)
 
@@ -139,15 +136,12 @@ class FaceContact(Interaction):
         series = sheets[0] * sheets[1] / max(sum(sheets), 1e-300)
         return series / len(self.points.places)
 
-    # -- value, gradient, Hessian
-
     @property
     def pattern(self) -> list[RelativeMotion]:  # type: ignore[override]
         both = self.faces.now, self.friction_state and self.friction_state.sliding.start
         return [each.motion for each in both if each and len(each.points)]
 
     def energies(self) -> dict[str | None, float]:
-        """See `Term`: of contact, and what friction took."""
         stored = float(self.state().energy.sum() + self.energy_correction.sum())
         return {"contact": stored, **super().energies()}
 
@@ -174,8 +168,6 @@ class FaceContact(Interaction):
         law = self.face.law.grown(pairs.growth)
         now = with_secant_stiffness(law, pairs.areas, now, missing)
         self._found = self.blank.u.x.array.copy(), pairs, now
-
-    # -- steps
 
     def set_load(self, load: float) -> None:
         """Go back to the faces and normal forces of the last accepted state."""
@@ -239,8 +231,6 @@ class FaceContact(Interaction):
         self.faces.accept()
         if self.friction_state:
             self.friction_state.recall(arrays, self._sliding())
-
-    # -- output
 
     def _pressures(self):
         """Pressures of all points (count,) [MPa], and the field of the largest of both faces of
@@ -327,8 +317,6 @@ class SheetContact(FaceContact):
     def force(self) -> np.ndarray:
         """Force by which the lower sheet presses the upper one, of all ranks, (3,) [N]."""
         return self._totals()[:3]
-
-    # -- output
 
     def sliding(self) -> np.ndarray:
         """Distance by which the face at each point has slid along that of the other sheet from the
