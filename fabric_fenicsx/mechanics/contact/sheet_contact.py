@@ -1,6 +1,6 @@
 """Contact of two sheets: pressure at points of one over the smooth face of the other."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from mpi4py import MPI
@@ -32,6 +32,7 @@ class FaceContact(Interaction):
     `_begin`. penalty, points, lag, friction: as in `SheetContact`."""
 
     energy_kind = "contact"
+    _lost: Callable[[np.ndarray], np.ndarray]
     LACKING = "not both sheets have"
 
     def __init__(
@@ -159,8 +160,8 @@ class FaceContact(Interaction):
         return rows, cols, values
 
     def use_secant_stiffness(self, f: np.ndarray) -> None:
-        """See `Term`: until the sheets move, let `tangent` be the law's slope up to the
-        pressure that balances the other forces on both of them, see `with_secant_stiffness`."""
+        """See `Term` and `with_secant_stiffness`, until the sheets move: the pressure balances the
+        other forces on both of them."""
         now, pairs, nodes = self.state(), self.faces.now, self.points.nodes
         forces = f[: 3 * nodes.count].reshape(-1, 3)
         apart = pairs.motion.apart(forces / nodes.areas[:, None])
@@ -232,12 +233,13 @@ class FaceContact(Interaction):
         if self.friction_state:
             self.friction_state.recall(arrays, self._sliding())
 
-    def _pressures(self):
-        """Pressures of all points (count,) [MPa], and the field of the largest of both faces of
-        each cell."""
+    def cell_fields(self) -> dict[str, Value]:
+        """Mean pressure of the face of each cell that is pressed more, and what `PlyThickness` has.
+        A subclass gives `_lost(pressure)`, the thickness lost on these faces in each cell [mm]."""
         points = self.points
         pressure = points.of_all(self.faces.now, self.state().pressure)
-        return pressure, largest(points.part.spread(points.means(pressure).max(1)), "MPa")
+        field = largest(points.part.spread(points.means(pressure).max(1)), "MPa")
+        return {"sheet_pressure": field} | self.plies.fields(self._lost(pressure))
 
     def _depths(self, law, pressure, sheet):
         """Thickness that a face of this law loses at all points, (count,) [mm]; sheet: 0 for the
@@ -331,16 +333,12 @@ class SheetContact(FaceContact):
     def cell_fields(self) -> dict[str, Value]:
         """Means over the cells of the sheet that has the points: pressure, and the sliding on the
         other sheet, as a vector and its size; of two other sheets the larger."""
-        points, (pressure, field) = self.points, self._pressures()
-        slid = points.means(np.nan_to_num(self.sliding()))[:, 0]
-        return {
-            "sheet_pressure": field,
-            "sliding": largest(points.part.spread(slid), "mm"),
-            "sliding_size": size_of("sliding", "mm"),
-        } | self.plies.fields(self._lost(pressure))
+        slid = self.points.means(np.nan_to_num(self.sliding()))[:, 0]
+        field = largest(self.points.part.spread(slid), "mm")
+        sliding = {"sliding": field, "sliding_size": size_of("sliding", "mm")}
+        return super().cell_fields() | sliding
 
     def _lost(self, pressure):
-        """Thickness that both sheets lose on these faces, (owned cells,) [mm]."""
         points = self.points
         faces = points.faces[::-1] if points.side > 0 else points.faces
         above, below = (self._depths(face.law, pressure, k) for k, face in enumerate(faces))
