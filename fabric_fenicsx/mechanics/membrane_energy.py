@@ -73,7 +73,6 @@ def integral(values: Expr, rules: Quadratures) -> Form:
 
 
 # -- Derivatives by hand, as tangents by `ufl.derivative` take 1.8 to 2.3 times as long to assemble;
-# -- both agree to 1e-12 (tests/mechanics/test_membrane_energy.py).
 
 
 def variations(

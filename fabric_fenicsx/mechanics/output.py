@@ -55,14 +55,8 @@ class Fields(dict[str, np.ndarray]):
 
 
 def least(value: Content, unit: str = "") -> Value:
-    """Value of which the least of all terms counts.
-
-    Parameters
-    ----------
-    value : number or array
-        Of arrays entry by entry.
-    unit : str
-        Unit of a field.
+    """Value, a number or an array, of which the least of all terms counts, entry by entry; with the
+    unit of a field.
 
     Examples
     --------
@@ -74,14 +68,8 @@ def least(value: Content, unit: str = "") -> Value:
 
 
 def largest(value: Content, unit: str = "") -> Value:
-    """Value of which the largest of all terms counts.
-
-    Parameters
-    ----------
-    value : number or array, (n,) or (n, 3)
-        Of arrays the number or vector of the largest size; NaN has none.
-    unit : str
-        Unit of a field.
+    """Value of which the largest of all terms counts: a number, or an array (n,) or (n, 3), of
+    which the numbers or vectors of the largest size; NaN has none. With the unit of a field.
 
     Examples
     --------
@@ -93,14 +81,8 @@ def largest(value: Content, unit: str = "") -> Value:
 
 
 def total(value: Content, unit: str = "") -> Value:
-    """Value of which the sum over the terms counts; the sum over ranks is the term's.
-
-    Parameters
-    ----------
-    value : number or array
-        Of this term.
-    unit : str
-        Unit of a field.
+    """Value, a number or an array, of which the sum over the terms counts; the sum over ranks is
+    the term's. With the unit of a field.
 
     Examples
     --------

@@ -72,8 +72,6 @@ class ReleaseForces(Term):
         sizes = np.linalg.norm(self._forces.reshape(self._count, -1), axis=1)
         return self.blank.mesh.comm.allreduce(float(sizes.sum()), MPI.SUM)
 
-    # -- what a scene calls
-
     def set_load(self, load: float) -> None:
         """Set the load factor."""
         # a sheet gets soft as the forces go that keep it tight
@@ -101,7 +99,6 @@ class ReleaseForces(Term):
         f[: len(self._forces)] -= self._share * (self._forces - self._stiffness * self._moved())
 
     def tangent(self) -> Triplets:
-        """As in `Term`: of the springs, at each degree of freedom [N/mm]."""
         first = self.blank.V.dofmap.index_map.local_range[0] * self.blank.mesh.geometry.dim
         dofs = (first + np.arange(len(self._u))).astype(PETSc.IntType)
         return dofs, dofs, np.full(len(dofs), self._share * self._stiffness)

@@ -184,8 +184,6 @@ class Newton:
         if self.scene.comm.rank == 0:
             log.debug("    %s", text)
 
-    # -- for load stepping
-
     def memory(self) -> dict[str, float]:
         """State for `recall` by a later solver."""
         tangent = self.tangent

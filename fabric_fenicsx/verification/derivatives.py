@@ -63,16 +63,9 @@ def check_derivatives(
     size
         Displacement of the sheet for a term [mm], by default 1/1000 of a cell.
 
-    Returns
-    -------
-    str
-        Table of the differences, with a remark if an energy of a term is below 0.
-
-    Raises
-    ------
-    InputError
-        With the table, if a difference is above 1e-4; 2 % of the states of laws and surfaces may
-        be. Also where an energy or a gap is not a number.
+    Returns a table of the differences, with a remark if an energy of a term is below 0. Raises
+    InputError, with the table, if a difference is above 1e-4; 2 % of the states of laws and
+    surfaces may be. Also where an energy or a gap is not a number.
 
     Examples
     --------
@@ -95,6 +88,10 @@ def check_derivatives(
             f"no derivatives of {thing!r} can be checked at {at!r}; allowed are a law, a surface "
             "with points near it, (n, 3), and a term with its scene"
         )
+    return _table(name, rows, remarks)
+
+
+def _table(name, rows, remarks):
     table = "\n".join(f"{row.names:<45} {row.off:9.1e}  {row.where}" for row in rows)
     for row in rows:  # the first, as what follows from it is off, too
         if not row.off <= DIFFERENCE_TOLERANCE:
@@ -256,12 +253,12 @@ def _stiffness(term, assembly, d, like):
 
 def _check_places(term, move):
     """InputError if places of the tangent change with the displacement but not `pattern`."""
-    before, changed = None, False
+    known = []
     for share in (0.0, -1.0, 1.0):
         move(0.0, share)
-        now = term.pattern, np.array(term.tangent()[:2])
-        before = before or now
-        changed |= now[0] == before[0] and not np.array_equal(now[1], before[1])
+        known.append((term.pattern, np.array(term.tangent()[:2])))
+    pattern, places = known[0]
+    changed = any(p == pattern and not np.array_equal(at, places) for p, at in known)
     if term.blank.mesh.comm.allreduce(changed, MPI.LOR):
         raise InputError(
             f"`tangent` of term {term.name} gives other places where the sheet is elsewhere; "

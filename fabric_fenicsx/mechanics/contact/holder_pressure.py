@@ -136,8 +136,6 @@ class BlankHolderPressure(ToolInteraction):
                 return term
         return None
 
-    # -- steps
-
     def set_load(self, load: float) -> None:
         """Set the pressure; InputError if it is not a number from 0 there."""
         self.now = at_load(self.PRESSURE, FROM_ZERO, self._pressure, load)
@@ -191,10 +189,7 @@ class BlankHolderPressure(ToolInteraction):
             self.areas = memory["areas"][:, 0]
             self._accepted = self._accepted._replace(areas=self.areas)
 
-    # -- state
-
     def energies(self) -> dict[str | None, float]:
-        """See `Term`: minus the work of the pressure, and what friction took."""
         return {**super().energies(), None: -float(self.normal_forces() @ self._travels()[0])}
 
     def normal_forces(self) -> np.ndarray:
@@ -222,7 +217,6 @@ class BlankHolderPressure(ToolInteraction):
         return np.tile(self.direction, (self.nodes.count, 1))
 
     def force(self) -> np.ndarray:
-        """See `ToolInteraction`, in the last accepted state."""
         return self._accepted.force
 
     def cell_fields(self) -> dict[str, Value]:

@@ -161,7 +161,6 @@ class Interaction(Term):
         return {"friction": self.friction_state.energy()} if self.friction_state else {}
 
     def stored(self) -> float:
-        """See `Term`, energy taken by friction included."""
         return sum(self.energies().values())
 
 
@@ -195,8 +194,6 @@ class ToolInteraction(Interaction):
     def _offsets(self):
         n = self.nodes.count
         return np.zeros((n, 3)), np.tile(np.eye(3), (n, 1, 1))
-
-    # -- friction
 
     def _stiffness_of_cells(self):
         at_nodes = np.zeros((self.nodes.count, 1))
@@ -251,8 +248,6 @@ class ToolInteraction(Interaction):
         work = 0.5 * ends @ self.friction_state.start.tool_moved()
         return float(work) if self.nodes.comm.rank == 0 else 0.0
 
-    # -- asked by a scene
-
     def accept(self) -> None:
         if self.friction_state:
             self._friction_force = self.nodes.total(self._friction_forces())
@@ -269,7 +264,6 @@ class ToolInteraction(Interaction):
         return (forces + self._friction_forces() if self.friction_state else forces).ravel()
 
     def tangent(self) -> Triplets:
-        """See `Term`, (9 nodes,) each [N/mm]."""
         blocks = self._blocks()
         return NO_TANGENT if blocks is None else (self.nodes.rows, self.nodes.cols, blocks.ravel())
 

@@ -235,18 +235,14 @@ class SelfContact(FaceContact):
         super().accept()
         self.points.remember()
 
-    def cell_fields(self) -> dict[str, Value]:
-        """Mean pressure of the face of each cell that is pressed more, and what `PlyThickness`
-        has."""
-        (pressure, field), lost = self._pressures(), np.zeros(len(self.blank.areas()))
+    def _lost(self, pressure):
+        lost = np.zeros(len(self.blank.areas()))
         depths = self._depths(self.points.faces[0].law, pressure, 0)
         lost[self.points.part.cells] = self.points.means(depths).sum(1)
-        return {"sheet_pressure": field} | self.plies.fields(lost)
+        return lost
 
     def summary(self) -> dict[str, Value]:
         """Normal force and penetration."""
-        facts = {
-            "normal_force_N": float(self.totals[3]),
-            "penetration_of_thickness": self.penetration_of_thickness(),
-        }
+        deep = self.penetration_of_thickness()
+        facts = {"normal_force_N": float(self.totals[3]), "penetration_of_thickness": deep}
         return {"self_contact": joined({self.part.name or self.blank.name: facts})}

@@ -1,6 +1,6 @@
 """Contact of two sheets: pressure at points of one over the smooth face of the other."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from mpi4py import MPI
@@ -32,6 +32,7 @@ class FaceContact(Interaction):
     `_begin`. penalty, points, lag, friction: as in `SheetContact`."""
 
     energy_kind = "contact"
+    _lost: Callable[[np.ndarray], np.ndarray]
     LACKING = "not both sheets have"
 
     def __init__(
@@ -100,8 +101,6 @@ class FaceContact(Interaction):
     def where_deepest(self) -> str:
         return self.name
 
-    # -- state
-
     def state(self, pairs: ContactPairs | None = None) -> Pressed:
         """The points of `pairs`, by default those of the present solve, as they are pressed at the
         present displacement."""
@@ -117,7 +116,6 @@ class FaceContact(Interaction):
         return found[2]
 
     def normal_forces(self) -> np.ndarray:
-        """See `Interaction`, 0 where a point lies over nothing."""
         now = self.faces.now
         return self.points.of_all(now, self.state().pressure * now.areas)
 
@@ -139,15 +137,12 @@ class FaceContact(Interaction):
         series = sheets[0] * sheets[1] / max(sum(sheets), 1e-300)
         return series / len(self.points.places)
 
-    # -- value, gradient, Hessian
-
     @property
     def pattern(self) -> list[RelativeMotion]:  # type: ignore[override]
         both = self.faces.now, self.friction_state and self.friction_state.sliding.start
         return [each.motion for each in both if each and len(each.points)]
 
     def energies(self) -> dict[str | None, float]:
-        """See `Term`: of contact, and what friction took."""
         stored = float(self.state().energy.sum() + self.energy_correction.sum())
         return {"contact": stored, **super().energies()}
 
@@ -165,8 +160,8 @@ class FaceContact(Interaction):
         return rows, cols, values
 
     def use_secant_stiffness(self, f: np.ndarray) -> None:
-        """See `Term`: until the sheets move, let `tangent` be the law's slope up to the
-        pressure that balances the other forces on both of them, see `with_secant_stiffness`."""
+        """See `Term` and `with_secant_stiffness`, until the sheets move: the pressure balances the
+        other forces on both of them."""
         now, pairs, nodes = self.state(), self.faces.now, self.points.nodes
         forces = f[: 3 * nodes.count].reshape(-1, 3)
         apart = pairs.motion.apart(forces / nodes.areas[:, None])
@@ -174,8 +169,6 @@ class FaceContact(Interaction):
         law = self.face.law.grown(pairs.growth)
         now = with_secant_stiffness(law, pairs.areas, now, missing)
         self._found = self.blank.u.x.array.copy(), pairs, now
-
-    # -- steps
 
     def set_load(self, load: float) -> None:
         """Go back to the faces and normal forces of the last accepted state."""
@@ -240,14 +233,13 @@ class FaceContact(Interaction):
         if self.friction_state:
             self.friction_state.recall(arrays, self._sliding())
 
-    # -- output
-
-    def _pressures(self):
-        """Pressures of all points (count,) [MPa], and the field of the largest of both faces of
-        each cell."""
+    def cell_fields(self) -> dict[str, Value]:
+        """Mean pressure of the face of each cell that is pressed more, and what `PlyThickness` has.
+        A subclass gives `_lost(pressure)`, the thickness lost on these faces in each cell [mm]."""
         points = self.points
         pressure = points.of_all(self.faces.now, self.state().pressure)
-        return pressure, largest(points.part.spread(points.means(pressure).max(1)), "MPa")
+        field = largest(points.part.spread(points.means(pressure).max(1)), "MPa")
+        return {"sheet_pressure": field} | self.plies.fields(self._lost(pressure))
 
     def _depths(self, law, pressure, sheet):
         """Thickness that a face of this law loses at all points, (count,) [mm]; sheet: 0 for the
@@ -328,8 +320,6 @@ class SheetContact(FaceContact):
         """Force by which the lower sheet presses the upper one, of all ranks, (3,) [N]."""
         return self._totals()[:3]
 
-    # -- output
-
     def sliding(self) -> np.ndarray:
         """Distance by which the face at each point has slid along that of the other sheet from the
         place that it lay on at the start, (points, 3) [mm]; NaN where it lay or lies over none."""
@@ -343,16 +333,12 @@ class SheetContact(FaceContact):
     def cell_fields(self) -> dict[str, Value]:
         """Means over the cells of the sheet that has the points: pressure, and the sliding on the
         other sheet, as a vector and its size; of two other sheets the larger."""
-        points, (pressure, field) = self.points, self._pressures()
-        slid = points.means(np.nan_to_num(self.sliding()))[:, 0]
-        return {
-            "sheet_pressure": field,
-            "sliding": largest(points.part.spread(slid), "mm"),
-            "sliding_size": size_of("sliding", "mm"),
-        } | self.plies.fields(self._lost(pressure))
+        slid = self.points.means(np.nan_to_num(self.sliding()))[:, 0]
+        field = largest(self.points.part.spread(slid), "mm")
+        sliding = {"sliding": field, "sliding_size": size_of("sliding", "mm")}
+        return super().cell_fields() | sliding
 
     def _lost(self, pressure):
-        """Thickness that both sheets lose on these faces, (owned cells,) [mm]."""
         points = self.points
         faces = points.faces[::-1] if points.side > 0 else points.faces
         above, below = (self._depths(face.law, pressure, k) for k, face in enumerate(faces))

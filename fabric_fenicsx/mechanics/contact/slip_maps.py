@@ -4,6 +4,7 @@ import numpy as np
 
 from ...tools.tool import Tool
 from ..term import Triplets
+from .friction_loops import turned
 from .nodes import Nodes
 from .relative_motion import RelativeMotion
 from .sheet_points import ContactPairs, SheetPoints
@@ -49,7 +50,7 @@ class ToolSlip:
 
     def on_nodes(self, forces: np.ndarray) -> np.ndarray:
         """Forces on the nodes (nodes, 3) of forces on the faces (nodes, 3) [N]."""
-        return np.einsum("nij,nj->ni", self._derivative, forces)
+        return turned(forces, self._derivative)
 
     def on_node_blocks(self, blocks: np.ndarray) -> np.ndarray:
         """Stiffness at the nodes of stiffness at the faces, (nodes, 3, 3) [N/mm]."""

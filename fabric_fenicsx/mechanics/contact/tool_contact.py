@@ -133,8 +133,6 @@ class Contact(ToolInteraction):
             ratios = np.where(areas > 0, areas / np.maximum(self.nodes.areas, 1e-300), 1.0)
             self.face = self._flat.grown(ratios**-self._flat.thickening)
 
-    # -- state
-
     def state(self) -> Pressed:
         """This rank's nodes as they are pressed at the sheet's present displacement."""
         u = self.nodes.view()
@@ -153,7 +151,6 @@ class Contact(ToolInteraction):
         return press(self.face.law, self.areas, gap, nearest.normal, nearest.curvature)
 
     def _nearest(self, x):
-        """Of the tool at places x (nodes, 3), found once for the same."""
         off = x - self.tool.displacement
         if self._seen and np.array_equal(off, self._seen[0]):
             return self._seen[1]
@@ -162,8 +159,7 @@ class Contact(ToolInteraction):
         nearest = self.tool.evaluate(x, reach)
         deep = np.flatnonzero(nearest.gap < -0.9 * reach)
         if len(deep):  # their gaps may be bounds, of which forces are no derivatives
-            for value, exact in zip(nearest, self.tool.evaluate(x[deep])):
-                value[deep] = exact
+            _evaluate_at(nearest, self.tool, x, deep)
         lost = np.flatnonzero(np.isnan(nearest.gap) & np.isfinite(x).all(1))
         if len(lost):
             self.undefined_at = f"{coordinates(x[lost[0]])} mm"
@@ -217,8 +213,7 @@ class Contact(ToolInteraction):
         return self.areas * self.state().pressure
 
     def depth_under(self, pressure: float) -> np.ndarray:
-        """Depth of the tool in the sheet's face at each node under a pressure [MPa], (nodes,)
-        [mm]."""
+        """Depth of the tool in the face at each node under a pressure [MPa], (nodes,) [mm]."""
         return np.broadcast_to(self.face.law.depth(np.array(pressure)), self.nodes.count)
 
     def pressed_by(self, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -230,32 +225,24 @@ class Contact(ToolInteraction):
     def nearest(self, x: np.ndarray, exact: np.ndarray) -> Nearest:
         """Of the tool at places x (nodes, 3) [mm]: as far off as it may be where `exact` (nodes,)
         is true, and elsewhere where it is near."""
-        nearest = self._nearest(x)
+        nearest = Nearest(*(each.copy() for each in self._nearest(x)))
         far = np.flatnonzero(exact & (nearest.gap > 0.9 * self.thickness.max(initial=0.0)))
-        if not len(far):
-            return nearest
-        nearest = Nearest(*(each.copy() for each in nearest))
-        for value, there in zip(nearest, self.tool.evaluate(x[far])):
-            value[far] = there
+        if len(far):
+            _evaluate_at(nearest, self.tool, x, far)
         return nearest
 
-    # -- value and stiffness
-
     def energies(self) -> dict[str | None, float]:
-        """See `Term`: of contact, what friction took, and on rank 0 minus the work of the
-        force that moves the tool."""
+        """See `Term`; on rank 0 also minus the work of the force that moves the tool."""
         stored = float((self.state().energy + self.energy_correction).sum())
         kinds = {"contact": stored, **super().energies()}
         by_force = self.tool.force and self.nodes.comm.rank == 0
         return kinds | {None: -self.tool.push * self.tool.travel if by_force else 0.0}
 
     def use_secant_stiffness(self, f: np.ndarray) -> None:
-        """See `Term`: until the sheet moves, let `tangent` be the law's slope up to the
-        pressure that balances the other forces, see `with_secant_stiffness`."""
-        now, areas = self.state(), self.areas
-        others = (f[: 3 * self.nodes.count].reshape(-1, 3) * now.normal).sum(1)
-        missing = others / np.maximum(areas, 1e-300)
-        now = with_secant_stiffness(self.face.law, areas, now, missing)
+        """See `Term` and `with_secant_stiffness`, until the sheet moves."""
+        now, others = self.state(), f[: 3 * self.nodes.count].reshape(-1, 3)
+        missing = (others * now.normal).sum(1) / np.maximum(self.areas, 1e-300)
+        now = with_secant_stiffness(self.face.law, self.areas, now, missing)
         self._found = self.nodes.displacement(), now
 
     def compliance(self) -> tuple[np.ndarray, float] | None:
@@ -264,11 +251,8 @@ class Contact(ToolInteraction):
         pushed = self._blocks() @ self.tool.direction
         return -pushed.ravel(), float(self.nodes.total(pushed) @ self.tool.direction)
 
-    # -- steps
-
     def set_load(self, load: float) -> None:
-        """Move the tool, from where it was in the last accepted state, and drop what was updated
-        since."""
+        """Move the tool, from where it was in the last accepted state."""
         self._press_on(self._accepted.areas, self._accepted.correction)
         self._load = load
         self.tool.at(load)
@@ -295,7 +279,6 @@ class Contact(ToolInteraction):
         return changed
 
     def _update_pressing(self):
-        """Press on the areas as they are, if that changes the forces by more than `lag`."""
         now, areas, u = self.state(), self.nodes.areas_now(), self.nodes.displacement()
         pressed = np.column_stack([abs(areas - self.areas), areas]) * now.pressure[:, None]
         changed, total = self.nodes.total(pressed)
@@ -313,9 +296,8 @@ class Contact(ToolInteraction):
         return (work if self.nodes.comm.rank == 0 else 0.0) + self._friction_work()
 
     def motion_to_gaps(self) -> np.ndarray:
-        """See `Term`, by a thickness at most; none at a tool that a force moves, as this
-        moves with the sheet."""
-        if self.tool.force:
+        """See `Term`, by a thickness at most."""
+        if self.tool.force:  # which moves with the sheet
             return np.zeros(3 * self.nodes.count)
         now, before = self.state(), self._accepted.gap
         gap = np.where(np.isfinite(now.gap), now.gap, 0.0)
@@ -324,36 +306,24 @@ class Contact(ToolInteraction):
         return np.nan_to_num(off[:, None] * now.normal).ravel()
 
     def memory(self) -> dict[str, np.ndarray]:
-        """Travel of the tool and depths [mm], areas [mm^2] and energy correction [N mm],
-        (nodes, 1) each, in the last accepted state; what its work is counted from (nodes,
-        24), and that of friction."""
+        """Of the last accepted state and of friction; what work is counted from (nodes, 24)."""
         travel, _, areas, correction = self._accepted
         rows = {"travel": np.array(travel), "work": self._work.memory().ravel()}
         at_nodes = {"depth": self.depth, "areas": areas, "energy_correction": correction}
-        return (
-            super().memory()
-            | {name: np.tile(row, (self.nodes.count, 1)) for name, row in rows.items()}
-            | {name: values[:, None] for name, values in at_nodes.items()}
-        )
+        memory = {name: np.tile(row, (self.nodes.count, 1)) for name, row in rows.items()}
+        memory |= {name: values[:, None] for name, values in at_nodes.items()}
+        return super().memory() | memory
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         self.depth = memory["depth"][:, 0]
         areas, correction = memory["areas"][:, 0], memory["energy_correction"][:, 0]
-        self.tool.travel = float(self.nodes.common(memory["travel"])[0])
-        self._accepted = self._accepted._replace(
-            travel=self.tool.travel, areas=areas, correction=correction
-        )
+        self.tool.travel = travel = float(self.nodes.common(memory["travel"])[0])
+        self._accepted = _Accepted(travel, self._accepted.gap, areas, correction)
         self._press_on(areas, correction)
         self._work.recall(self.nodes.common(memory["work"]).reshape(3, -1))
         u = self.nodes.displacement()  # not balanced, as what friction bore is not known
         self._found = u, self._state_at(self.nodes.places + u)
         super().recall(memory)
-
-    # -- output
-
-    def tractions(self) -> np.ndarray:
-        """Tractions of the tool on the nodes, (nodes, 3) [MPa]."""
-        return self.state().forces / np.maximum(self.areas, 1e-300)[:, None]
 
     def gap(self) -> np.ndarray:
         """Gap from the sheet's face to the tool at the nodes, below 0 inside, (nodes,) [mm]."""
@@ -370,21 +340,19 @@ class Contact(ToolInteraction):
         return self._largest(np.where(self.face.law.is_rigid, -self.state().gap, 0.0))
 
     def where_deepest(self) -> str:
-        """As in `Term`, with the place in the undeformed sheet."""
         depth, places = self._penetrated(), self.nodes.places
         deepest = [(depth[i], *places[i]) for i in np.argsort(depth)[-1:]]
         _, *place = max(each for rank in self.nodes.comm.allgather(deepest) for each in rank)
         return f"{self.tool.name} at {of_sheet(place[:2] if self.blank.is_flat() else place)}"
 
     def cell_fields(self) -> dict[str, Value]:
-        """Fields of `PlyThickness`."""
         lost = np.where(self.face.law.is_rigid, 0.0, np.maximum(0.0, -self.state().gap))
         return self.plies.fields(self.blank.cell_means(lost))
 
     def nodal_fields(self) -> dict[str, Value]:
         """Traction (nodes, 3) of all tools together, which is 0 where two press a ply from both
         sides; the pressure, of several tools the largest; and the gap to the nearest tool."""
-        traction = self.tractions()
+        traction = self.state().forces / np.maximum(self.areas, 1e-300)[:, None]
         return {
             "contact_traction": total(traction, "MPa"),
             "contact_pressure": largest(np.linalg.norm(traction, axis=1), "MPa"),
@@ -393,17 +361,10 @@ class Contact(ToolInteraction):
 
     def warnings(self) -> list[str]:
         """See `Term`: if the tool's surface gave no number, which may be why steps failed."""
-        lost = next(filter(None, self.nodes.comm.allgather(self.undefined_at)), "")
-        if not lost:
-            return super().warnings()
-        surface = type(self.tool.surface).__name__
-        return [
-            *super().warnings(),
-            f"the surface {surface} of {self.tool.name} gives no number at {lost}; "
-            "`check_derivatives` tells what is wrong with a surface of your own",
-        ]
-
-    # -- checks of a scene
+        lost = [place for place in self.nodes.comm.allgather(self.undefined_at) if place][:1]
+        surface = f"the surface {type(self.tool.surface).__name__} of {self.tool.name}"
+        cure = "`check_derivatives` tells what is wrong with a surface of your own"
+        return [*super().warnings(), *(f"{surface} gives no number at {x}; {cure}" for x in lost)]
 
     def check_start(self) -> None:
         """See `Term`: for a tool whose body the sheet's nodes are in, and one whose path or
@@ -425,3 +386,9 @@ class Contact(ToolInteraction):
             at_loads.append((x[near], normals[near]))
         self.tool.at(self._load)
         return at_loads
+
+
+def _evaluate_at(nearest, tool, x, nodes):
+    """Fill in `nearest` what the tool gives at some `nodes`, however far off."""
+    for values, there in zip(nearest, tool.evaluate(x[nodes])):
+        values[nodes] = there

@@ -190,8 +190,6 @@ class Bending(Term):
         measured = np.array([True, True, False]) & bool(self._measured)
         return weights * np.where(measured, 1.0, cubes)
 
-    # -- what a scene calls
-
     def stored(self) -> float:
         """Energy of this rank's owned cells [N mm]."""
         return self._state().energy
@@ -271,8 +269,6 @@ class Bending(Term):
         (cells, 3, gdim) [1/mm]."""
         U = self._stencil.displacement()[self._stencil.columns]
         return self._cells.operator @ U + self._cells.curved
-
-    # --
 
     def _state(self):
         """The state at the present displacement, computed once."""

@@ -106,8 +106,6 @@ class FabricStates(Term):
         """Quadrature weights over the points of a cell (points,), summing to one."""
         return self._points.weights / self._points.weights.sum()
 
-    # -- results
-
     def cell_fields(self) -> dict[str, Value]:
         """Means over the part's cells, (cells,) or (cells, 3).
 

@@ -181,10 +181,7 @@ class Membrane(FabricStates):
             forms = [each + other for each, other in zip(forms, friction)]
         return forms
 
-    # -- friction between the yarns, if there is any
-
     def energies(self) -> dict[str | None, float]:
-        """As in `Term`: of friction between the yarns."""
         return super().energies() | ({KIND: self._rubbing.stored()} if self._rubbing else {})
 
     def accept(self) -> None:
@@ -199,8 +196,6 @@ class Membrane(FabricStates):
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         if self._rubbing:
             self._rubbing.recall(memory["sliding"])
-
-    # --
 
     def _constants(self, mesh):
         """The fabric, a0 and b0 where they are constant and the cosine of a weave angle that is

@@ -129,8 +129,6 @@ class SheetMetal(Term):
         """The metal."""
         return self.metal
 
-    # -- what a scene calls
-
     def accept(self) -> None:
         """Keep elastic and plastic strains, and take places through the thickness anew."""
         state = self._state()
@@ -157,7 +155,6 @@ class SheetMetal(Term):
         self._stencil.add_forces(self._stencil.summed(metal_cells.forces(*given)), f)
 
     def tangent(self) -> Triplets:
-        """As in `Term`, of this rank's cells [N/mm]."""
         state, stencil = self._state(), self._stencil
         given = state.shape, stencil.slopes, state.forces, state.moments, self._sections(state)
         blocks = metal_cells.stiffness(*given, stencil.coupled.places, stencil.coupled.count)
@@ -204,8 +201,6 @@ class SheetMetal(Term):
         )
         self._count_from(self._stencil.shape(self._stencil.displacement()))
 
-    # -- results
-
     def history(self) -> dict[str, Value]:
         """`max_plastic_strain` and `min_metal_thickness_mm`, of all metal of the scene."""
         comm, plastic = self.blank.mesh.comm, self._state().response.plastic
@@ -243,8 +238,6 @@ class SheetMetal(Term):
         state = self._state()
         elastic = state.response.elastic.reshape(self._elastic.shape)
         return self._thickness(state.shape, elastic)
-
-    # --
 
     def _of_cells(self, values):
         """Values (triangles,) as rows of the cells (cells, per cell)."""
