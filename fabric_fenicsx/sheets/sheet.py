@@ -250,12 +250,15 @@ class Sheet(SheetFields, YarnBending):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.metal and isinstance(self.thickness, Field):
-            raise InputError("`thickness` of metal is a field; allowed is a number above 0")
-        sized = self.sheet_file or (self.length and self.width)
-        if not ((self.metal or self.fabric) and sized):
-            lacking = "`length` and `width`, `outline` or `mesh`"
-            raise InputError(f"a sheet needs {'`fabric` or `metal`' if sized else lacking}")
+        flaw = ""
+        if not (self.metal or self.fabric):
+            flaw = "a sheet needs `fabric` or `metal`"
+        elif not (self.sheet_file or (self.length and self.width)):
+            flaw = "a sheet needs `length` and `width`, `outline` or `mesh`"
+        elif self.metal and isinstance(self.thickness, Field):
+            flaw = "`thickness` of metal is a field; allowed is a number above 0"
+        if flaw:
+            raise InputError(flaw)
 
     def material(self, rigid: bool = False) -> Material:
         """Its metal or fabric, with the sheet's own thickness if that is a number; rigid: fabric
