@@ -103,9 +103,9 @@ def one_sense(
     return cells, [f"{flaw}; they were turned to agree with the others"]
 
 
-def check_shapes(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str) -> None:
-    """Raise InputError for a cell that is flat, not convex or turned over somewhere. x: points (n,
-    3) [mm]; cells: (m, k), of kind `how`; source: what errors call the mesh."""
+def bad_shape(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str) -> str:
+    """What is wrong with a cell that is flat, not convex or turned over somewhere, and what is
+    allowed; else "". x: points (n, 3) [mm]; cells: (m, k), of kind `how`; source: of the mesh."""
     corners = x[cells[:, : how.corners]]
     edges = np.roll(corners, -1, 1) - corners
     # twice the area of the triangle at each corner
@@ -115,9 +115,9 @@ def check_shapes(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str) -
     if flat.size:
         where = f"number {flat[0]} {at_place(corners[flat[0]].mean(0))}"
         flaw = f"{source} has a degenerate or non-convex cell, {where}"
-        raise InputError(f"{flaw}; allowed are cells with area")
+        return f"{flaw}; allowed are cells with area"
     if how.degree == 1:
-        return
+        return ""
     kind = getattr(basix.CellType, how.cell)
     fine = basix.create_lattice(kind, 20, basix.LatticeType.equispaced, True)
     variant = basix.LagrangeVariant.equispaced
@@ -131,4 +131,5 @@ def check_shapes(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str) -
         for k in np.flatnonzero(areas.min(1) <= AREA_TOLERANCE * size[block] ** 2)[:1]:
             place = at_place(values[areas[k].argmin()] @ nodes[k])
             flaw = f"number {block[k]}, that its curved edges turn over inside, {place}"
-            raise InputError(f"{source} has a cell, {flaw}; allowed is area everywhere")
+            return f"{source} has a cell, {flaw}; allowed is area everywhere"
+    return ""

@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from ..runtime.errors import InputError
 from ..runtime.graph import connected
-from .cells import CELLS, at_place, check_shapes, one_sense
+from .cells import CELLS, at_place, bad_shape, one_sense
 
 
 class MeshArrays(NamedTuple):
@@ -41,9 +41,9 @@ def checked_mesh(
     x = np.column_stack([points[:, :2], np.full(len(points), height)]) if plane else points
     if plane:
         cells, warnings = one_sense(x, cells, how, source)
-    check_shapes(x, cells, how, source)
     edges = _Edges(x, cells, how)
-    if flaw := _torn(x, edges, source) or _hanging(x, edges, used, how, source):
+    flaw = bad_shape(x, cells, how, source) or _torn(x, edges, source)
+    if flaw := flaw or _hanging(x, edges, used, how, source):
         raise InputError(flaw)
     warnings += _slits(x, edges, source)
     return MeshArrays(x[:, :2] if plane and not spatial else x, cells, kind, warnings)

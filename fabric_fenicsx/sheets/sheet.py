@@ -39,26 +39,20 @@ def declared_again(kind: type, name: str, **changes: object) -> Any:
 class Layout(KnowsItsFields):
     """Cells of a sheet and directions of its yarns."""
 
-    nx: int = number(
-        None, COUNT, "rectangles along the length, with symmetry along its modelled half", "mesh"
-    )
-    ny: int | None = number(
-        None, COUNT, "rectangles across the width (square ones by default)", "mesh"
-    )
+    nx: int = number(None, COUNT, "rectangles along the length that is modelled", "mesh")
+    ny: int | None = number(None, COUNT, "rectangles across the width (square ones)", "mesh")
     pattern: str = choice("crossed", PATTERNS, "how rectangles are divided into cells", "mesh")
     element: str | None = choice(
         None,
         ("P1", "P2", "P3", "Q1", "Q2"),
         "triangles (P) or quadrilaterals (Q), and their degree (P2; P1 where cells of a press "
-        "follow the yarns, or yarns of a bias test bend in the plane)",
+        "follow the yarns, or yarns bend in the plane of a bias test)",
         "mesh",
     )
     fibre_angle: float | Field = number(
         0.0, of_place(FULL_TURN), "from the length to yarns a [deg]", "mesh"
     )
-    yarn_angle: float = number(
-        90.0, BELOW_180, "from yarns a to yarns b in the flat sheet [deg]", "weave"
-    )
+    yarn_angle: float = number(90.0, BELOW_180, "from yarns a to b as they lie [deg]", "weave")
 
     def fibre_angles(self, places: np.ndarray) -> np.ndarray:
         """`fibre_angle` (n,) [deg] at places (n, 3) [mm]."""
@@ -98,30 +92,24 @@ class SheetFields(Layout):
     OF_OUTLINE: ClassVar[str] = "unstructured"  # default of `pattern` for an outline
 
     fabric: Law | None = field(kw_only=False, default=None, metadata={"read": load})
-    mesh: str | None = text(
-        None, "sheet from a file, as of gmsh or Abaqus [mm], not a rectangle", "FILE", "mesh"
-    )
+    mesh: str | None = text(None, "cells of the sheet from a file [mm]", "FILE", "mesh")
     outline: str | None = text(
         None, "outline of the sheet with holes: DXF, CSV of x and y [mm], or a mesh", "FILE", "mesh"
     )
-    size: float = number(
-        None, POSITIVE, "of the cells in an outline (its length over `nx`) [mm]", "mesh"
-    )
-    layer: str | None = text(
-        None, "layer of a DXF outline, or several with commas between them (all)", "NAME", "mesh"
-    )
+    size: float = number(None, POSITIVE, "of cells in an outline (length / nx) [mm]", "mesh")
+    layer: str | None = text(None, "layers of a DXF outline, as `A,B` (all)", "NAME", "mesh")
     integration: str = choice(
         None,
         ("full", "inner"),
-        "points of P2: full, or inner: nearer to a cell's centre (by default of strips, where "
-        "cells don't follow the yarns)",
+        "points of P2: full, or inner: nearer to a cell's centre (of strips, where cells don't "
+        "follow the yarns)",
         "mesh",
     )
     temperature: float | Field | None = number(
         None, of_place(FINITE), "of fabric that has numbers at temperatures [deg C]", "weave"
     )
     weave_angle: float | None = number(
-        None, BELOW_180, "that where the weave is free of shear (the yarn angle) [deg]", "weave"
+        None, BELOW_180, "yarn angle without shear (that of the flat sheet) [deg]", "weave"
     )
 
     def __post_init__(self) -> None:
@@ -237,9 +225,7 @@ class Sheet(SheetFields, YarnBending):
     name: str = ""
     length: float | None = number(None, POSITIVE, "of the whole sheet, along x [mm]")
     width: float | None = number(None, POSITIVE, "of the whole sheet, along y [mm]")
-    thickness: float | Field | None = number(
-        None, of_place(POSITIVE), "in place of the material's [mm]"
-    )
+    thickness: float | Field | None = number(None, of_place(POSITIVE), "if not the material's [mm]")
     centred: bool = switch("put the middle of an outline or mesh at the origin")
     twist_modulus: float = number(1.0, FROM_ZERO, "twisting modulus of the sheet [MPa]")
     friction: float | Field | None = number(
@@ -250,12 +236,15 @@ class Sheet(SheetFields, YarnBending):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.metal and isinstance(self.thickness, Field):
-            raise InputError("`thickness` of metal is a field; allowed is a number above 0")
-        sized = self.sheet_file or (self.length and self.width)
-        if not ((self.metal or self.fabric) and sized):
-            lacking = "`length` and `width`, `outline` or `mesh`"
-            raise InputError(f"a sheet needs {'`fabric` or `metal`' if sized else lacking}")
+        flaw = ""
+        if not (self.metal or self.fabric):
+            flaw = "a sheet needs `fabric` or `metal`"
+        elif not (self.sheet_file or (self.length and self.width)):
+            flaw = "a sheet needs `length` and `width`, `outline` or `mesh`"
+        elif self.metal and isinstance(self.thickness, Field):
+            flaw = "`thickness` of metal is a field; allowed is a number above 0"
+        if flaw:
+            raise InputError(flaw)
 
     def material(self, rigid: bool = False) -> Material:
         """Its metal or fabric, with the sheet's own thickness if that is a number; rigid: fabric
