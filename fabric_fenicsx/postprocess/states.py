@@ -70,7 +70,6 @@ def read_state(folder: Path, load: float | None = None) -> Grid:
 
 
 def _symmetric(grid):
-    """The field data of a grid on planes of symmetry."""
     return {name: grid.field_data[name] for name in {SYMMETRIC} & set(grid.field_data)}
 
 
