@@ -36,10 +36,10 @@ def unloading(
     """Job that unloads the sheets of a result, without tools, holders and loads.
 
     The forces that these, and supports, exerted on the nodes in the formed state are released in
-    proportion to the load, see `ReleaseForces`. The sheets keep their history, as metal its plastic
-    strains and fabric the sliding of its yarns. Planes of symmetry stay. Rigid motions that are
-    left are fixed at a few nodes of each sheet, see `isostatic`, where forces are 0 in the end. The
-    run moves the sheets of `result.scene`, so its output is then that of the unloaded state.
+    proportion to the load, see `ReleaseForces`. The sheets keep their history, as plastic strains
+    and the sliding of yarns, and planes of symmetry stay. Rigid motions that are left are fixed at
+    a few nodes of each sheet, see `isostatic`, where forces are 0 in the end. The run moves the
+    sheets of `result.scene`, so its output is then that of the unloaded state.
 
     Parameters
     ----------
@@ -57,9 +57,8 @@ def unloading(
     Returns
     -------
     Job
-        Its quantities: the largest `springback` [mm], for a stack also of each sheet; the energies
-        that are left in the sheets and that are released [N mm]; the sum of the sizes of the forces
-        on fixed nodes [N].
+        Its quantities: the largest `springback` [mm], for a stack also of each sheet; energies that
+        are left in the sheets and released [N mm]; the sizes of forces on fixed nodes in sum [N].
 
     Raises
     ------
@@ -78,29 +77,39 @@ def unloading(
             "unloading needs a run that reached full load; this one reached "
             f"{result.summary.get('stroke_reached')} of it"
         )
-    blank, names = before.blank, [support.name for support in before.supports]
-    if lost := [name for name in keep if name not in names]:
-        raise InputError(
-            f"`keep` names {lost[0]!r}; allowed are supports of the scene: {', '.join(names)}"
-        )
-    formed = _formed.setdefault(before, blank.u.x.array.copy())
-    blank.u.x.array[:] = formed
-    planes = list(planes_of_symmetry(blank, before.supports).values())
-    kept = [s for s in before.supports if s in planes or s.name in keep]
-    own = [term for term in before.terms if _stays(term, together)]
-    memory = _memory_without_pressure(own)
+    blank = before.blank
+    blank.u.x.array[:] = _formed.setdefault(before, blank.u.x.array.copy())
+    kept = _kept(before, keep)
     held = isostatic(blank, kept)
-    blank.u.x.array[:] = 0.0  # as terms are made for a sheet that lies as it was laid
     thicknesses = [material.thickness for material in materials_of(before, blank.whole)]
     forces = _Release(min(thicknesses, default=1e-3 * float(np.ptp(blank.extent(), 0).max())))
-    terms = [copy(term.unbound) for term in own]
-    scene = Scene(blank, [*terms, forces], [*map(_where_it_was, kept), *held])
+    own = [term for term in before.terms if _stays(term, together)]
+    scene = _formed_scene(blank, own, forces, [*map(_where_it_was, kept), *held])
+    forces.take(_forces_from_outside(scene, kept))
+    return Job(Unloading(scene, forces, held), **{"path_tolerance": 1e-6} | changes)
+
+
+def _formed_scene(blank, own, forces, supports):
+    """The scene of formed sheets, of copies of their `own` terms, which remember what those do."""
+    memory, formed = _memory_without_pressure(own), blank.u.x.array.copy()
+    blank.u.x.array[:] = 0.0  # as terms are made for a sheet that lies as it was laid
+    scene = Scene(blank, [*(copy(term.unbound) for term in own), forces], supports)
     blank.u.x.array[:] = formed
     scene.recall(scene.memory() | memory)
     scene.set_load(0.0)
     scene.accept()
-    forces.take(_forces_from_outside(scene, kept))
-    return Job(Unloading(scene, forces, held), **{"path_tolerance": 1e-6} | changes)
+    return scene
+
+
+def _kept(scene, keep):
+    """Supports of a scene that stay: planes of symmetry, and those of the names in `keep`."""
+    names = [support.name for support in scene.supports]
+    if lost := [name for name in keep if name not in names]:
+        raise InputError(
+            f"`keep` names {lost[0]!r}; allowed are supports of the scene: {', '.join(names)}"
+        )
+    planes = list(planes_of_symmetry(scene.blank, scene.supports).values())
+    return [each for each in scene.supports if each in planes or each.name in keep]
 
 
 def _memory_without_pressure(terms):

@@ -357,6 +357,5 @@ class Job(Settings):
 
 
 def _material(scene):
-    """Materials of a scene's terms as texts of files, "" of none."""
     materials = materials_of(scene, scene.blank.whole)
     return "\n".join(dict.fromkeys(material.dumps() for material in materials))

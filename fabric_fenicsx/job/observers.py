@@ -83,7 +83,6 @@ class HistoryWriter(Observer):
         self.output.doubt(Reason(viscous_warning(rows, accepted.load)))
 
     def _columns(self, force, further, taken):
-        """Columns of a row beside those `taken`."""
         share = self.setup.modelled_share
         whole = {} if share == 1 else {"reaction_of_whole_N": force / share}
         return whole | scene_output.history(self.setup.scene, taken) | further
@@ -175,7 +174,6 @@ class ProgressLog(Observer):
         return f", {tqdm.format_interval(low)} to {tqdm.format_interval(high)} left"
 
     def _name(self):
-        """What the run is called at the last load factor."""
         part, usual = self.names
         stage = next((name for end, name in self.stages if self.load <= end), "")
         return ", ".join(filter(None, [part, stage])) or usual

@@ -131,7 +131,6 @@ def doubts(result: Result, energy: Mapping[str, float], quantities: Numbers) -> 
 
 
 def _of_path(rows, energy):
-    """Sentences on branches and on work that is missing."""
     balance = energy_balance(rows, energy)
     if branches := ", ".join(rounded(load, 6) for load in balance["branches"]):
         yield (
@@ -151,7 +150,6 @@ def _of_path(rows, energy):
 
 
 def _wrinkles(quantities):
-    """Wrinkles of each ply that has some."""
     plies = quantities.get("plies", {"": quantities}).values()
     return [ply["wrinkles"] for ply in plies if ply.get("wrinkles")]
 

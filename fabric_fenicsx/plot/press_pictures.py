@@ -125,7 +125,6 @@ def _middle(scene):
 
 
 def _legend(scene, motions):
-    """A patch for the blank and each tool."""
     handles = [Patch(facecolor="#e6d8a8", edgecolor="k", label="blank")]
     for k, name in enumerate(scene.tools):
         way = float(np.linalg.norm(motions.get(name, 0.0)))

@@ -100,7 +100,6 @@ def _surfaces(state, field, factor):
 
 
 def _known(field, plies):
-    """The field to show, checked."""
     data = [each for grid in plies.values() for each in grid.cell_data.items()]
     fields = [name for name, values in data if np.ndim(values) == 1]
     if field is None:

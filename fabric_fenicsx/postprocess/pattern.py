@@ -270,7 +270,6 @@ def write_pattern(
 
 
 def _drawing(rings):
-    """The text of a drawing."""
     import ezdxf
 
     drawing = ezdxf.new()

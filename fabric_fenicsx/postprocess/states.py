@@ -3,6 +3,7 @@
 import re
 import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain, count
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -69,7 +70,6 @@ def read_state(folder: Path, load: float | None = None) -> Grid:
 
 
 def _symmetric(grid):
-    """The field data of a grid on planes of symmetry."""
     return {name: grid.field_data[name] for name in {SYMMETRIC} & set(grid.field_data)}
 
 
@@ -203,9 +203,8 @@ def set_labels(names: Iterable[str]) -> dict[str, str]:
         plain = re.sub(r"(?<![^\W_])([+-])(?=\d)", lambda sign: "pm"[sign[1] == "-"], plain)
         plain = re.sub(r"[\W_]+", "_", plain, flags=re.ASCII).strip("_")
         plain = plain if plain[:1].isalpha() else f"ply_{plain}".rstrip("_")
-        others, label, again = {each.lower() for each in labels.values()}, plain[:MAX_LABEL], 1
-        while label.lower() in others:
-            again += 1
-            label = f"{plain[: MAX_LABEL - len(str(again)) - 1]}_{again}"
-        labels[name] = label
+        taken = {each.lower() for each in labels.values()}
+        endings = chain([""], (f"_{again}" for again in count(2)))
+        tried = (plain[: MAX_LABEL - len(end)] + end for end in endings)
+        labels[name] = next(label for label in tried if label.lower() not in taken)
     return labels

@@ -143,7 +143,6 @@ def _numbered(
 
 
 def _abaqus(plies):
-    """Lines of the Abaqus input."""
     yield "** formed plies with their yarn directions, by fabric_fenicsx; mm, deg\n"
     tables = {"yarn_axes": "COORD3D, COORD3D", "length": "LENGTH", "angle": "ANGLE"}
     for name, what in tables.items():

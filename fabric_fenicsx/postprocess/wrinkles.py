@@ -83,7 +83,6 @@ def wrinkles(heights: Grid) -> dict[str, Any]:
 
 
 def _edge(ply):
-    """Mean length of the cells' edges [mm]."""
     corners = ply.x[ply.triangles]
     return float(np.linalg.norm(corners - np.roll(corners, 1, 1), axis=2).mean())
 
@@ -173,7 +172,6 @@ def _sampled(flat, nodes, turn, bands, steps):
 
 
 def _turn(x):
-    """Second differences of values along the first axis, 0 at its ends."""
     turn = np.zeros_like(x)
     turn[1:-1] = x[2:] - 2 * x[1:-1] + x[:-2]
     return turn
@@ -202,7 +200,6 @@ def _fitted(values, weights, sigma):
 
 @lru_cache(8)
 def _gaussian(n, sigma):
-    """Matrix (n, n) of a Gaussian filter of n places."""
     return gaussian_filter1d(np.eye(n), sigma, 0) if sigma else np.eye(n)
 
 

@@ -69,7 +69,6 @@ def rule(
 
 
 def _curve(rows):
-    """Load factors and forces [N] of a history, (2, rows)."""
     return np.array([(row["load"], row["reaction_N"]) for row in rows]).T
 
 
@@ -169,6 +168,5 @@ def lag_of(scene: Scene) -> float:
 
 
 def _root(result, values):
-    """Root mean square of a field over the area."""
     squares, areas = np.nan_to_num(values) ** 2, result.scene.blank.areas()
     return float(np.sqrt(measures.mean(result.scene.comm, squares, areas) or 0.0))

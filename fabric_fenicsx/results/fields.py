@@ -121,7 +121,6 @@ class FieldSeries:
         self._together(self._list)
 
     def _file(self, number, rank, part):
-        """File of a state, a rank and, if there are several, a part."""
         return f"fields/{number:04d}_{rank}" + (f"_{part}" if self.blank.parts else "") + ".vtu"
 
     def _at_vtk_nodes(self, values):
@@ -139,7 +138,6 @@ class FieldSeries:
         return moved
 
     def _set_points(self, grid, fields):
-        """Give the points of a grid the nodal `fields`."""
         n = grid.n_points
         for name, values in fields.items():
             columns = self._at_vtk_nodes(values.reshape(len(values), -1))
@@ -216,7 +214,6 @@ class FieldSeries:
 
 
 def _list_of(kind, version, entries):
-    """A file of VTK that lists others."""
     lines = "\n".join(f"<DataSet {entry}/>" for entry in entries)
     return (
         f'<?xml version="1.0"?>\n<VTKFile type="{kind}" version="{version}">\n'

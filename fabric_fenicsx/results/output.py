@@ -158,7 +158,6 @@ class Output:
         self._open.callback(log.removeHandler, handler)
 
     def _results(self):
-        """Files in the folder by which it is known to hold results."""
         names = [each for name in self.RESULTS for each in (name, f"*/{name}")]
         return [file for name in names for file in self.path.glob(name)]
 

@@ -162,7 +162,6 @@ def _are_rows(values):
 
 
 def _number(value):
-    """A value as a person would write it."""
     if isinstance(value, bool) or value is None:
         return {True: "yes", False: "no", None: "-"}[value]
     if isinstance(value, float):

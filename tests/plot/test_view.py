@@ -77,8 +77,7 @@ def test_the_command_writes_a_page_without_a_display(run, monkeypatch, capsys):
     def told(folder, *words):
         return main.main(["view", str(folder), *words]), capsys.readouterr().err
 
-    status, error = told(run / "fields")
-    assert status == 2 and "has no fields.pvd" in error
+    assert told(run / "fields")[0] == 2
     with monkeypatch.context() as patch:
         for name in ("trame_vtk", "trame_vtk.modules.vtk", "trame_vtk.tools.vtksz2html"):
             patch.setitem(sys.modules, name, None)

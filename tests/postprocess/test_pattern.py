@@ -140,15 +140,12 @@ def test_files_are_blanks_again(tmp_path):
 
 
 @pytest.mark.parametrize("head", ["x,y,z\n", "", "z [cm],y [cm],x [cm]\n"])
-def test_trim_lines_of_tables(tmp_path, head):
+def test_trim_lines_of_tables_and_drawings(tmp_path, head):
     ring = SQUARE[:4] + [0, 0, 7]
     rows = ring[:, ::-1] / 10 if "cm" in head else ring
     (tmp_path / "trim.csv").write_text(head + "\n".join(f"{a},{b},{c}" for a, b, c in rows))
     (line,), told = read_trim_line(tmp_path / "trim.csv")
     assert line == pytest.approx(SQUARE + [0, 0, 7]) and not told
-
-
-def test_trim_lines_of_drawings(tmp_path):
     for high in (0, 1):
         drawing = ezdxf.new(units=4)
         drawing.modelspace().add_polyline3d(SQUARE + np.outer([0, 1, 2, 3, 0], [0, 0, high]))
@@ -172,8 +169,6 @@ def test_the_command(tmp_path, capsys):
         file, rolled(dense(line[[*range(4), 0]])), delimiter=",", header="x,y,z", comments=""
     )
     for words, status, told in (
-        ([], 2, "nothing says where to trim; allowed is --line FILE or --plane PLANE"),
-        (["--plane", "z=-10", "--edge"], 2, "--edge is not allowed beside --plane; allowed is --l"),
         (["--plane", "z=-10", "--out", "no/where"], 2, "no/where.dxf can't be read or written"),
         (["--line", file, "--edge"], 0, "trim line, 0.18"),
         (["--plane", "-10,0,0,1,0,0"], 0, "area 5605"),  # begins with a minus

@@ -16,12 +16,18 @@ from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.progress import Progress
 from fabric_fenicsx.sweep.folder import Run
 
-REAL = {f"float{bits}": np.dtype(f"float{bits}").type(0.5) for bits in (16, 32, 64)}
-WHOLE = {f"{u}int{b}": np.dtype(f"{u}int{b}").type(3) for u in ("", "u") for b in (8, 16, 32, 64)}
-GIVEN = REAL | WHOLE | {"bool": np.bool_(True), "text": np.str_("a")}
-GIVEN |= {"array": np.array([[1, 2], [3, 4]]), "nested": ({np.int64(7): [np.bool_(False)]},)}
-PLAIN = {name: 0.5 for name in REAL} | {name: 3 for name in WHOLE}
-PLAIN |= {"bool": True, "text": "a", "array": [[1, 2], [3, 4]]}
+GIVEN = {
+    "real": np.float32(0.5),
+    "whole": np.uint8(3),
+    "bool": np.bool_(True),
+    "text": np.str_("a"),
+}
+GIVEN |= {
+    "text": np.str_("a"),
+    "array": np.array([[1, 2], [3, 4]]),
+    "nested": ({np.int64(7): [np.bool_(False)]},),
+}
+PLAIN = {"real": 0.5, "whole": 3, "bool": True, "text": "a", "array": [[1, 2], [3, 4]]}
 PLAIN |= {"nested": [{"7": [False]}]}
 
 
