@@ -1,14 +1,18 @@
-"""Materials of a scene's sheets, as their terms know them."""
+"""Materials of a scene's sheets, as their terms know them, and their stiffness."""
 
 from collections.abc import Iterator
 
 import numpy as np
+from dolfinx import fem
 
+from .. import dolfinx_compat as compat
 from ..material.laws import Law
 from ..material.laws.base import Material
+from ..material.metal import Metal
 from ..runtime.collective_errors import on_all
 from ..sheets.blank import Blank, Part
 from .term import SceneFacts, Term
+from .term_checks import bind
 
 
 def sheets_of(blank: Blank) -> list[Part]:
@@ -65,3 +69,29 @@ def materials_at_nodes(scene: SceneFacts) -> tuple[list[Material], np.ndarray] |
     for number, part in enumerate(parts):
         which[part.nodes] = number
     return (materials, which) if len(materials) == len(parts) else None
+
+
+def stretching_stiffness(scene: SceneFacts, part: Part) -> float:
+    """Tension over the strain of a part that is stretched, or shortened, by 1e-4 along all
+    directions, 0 without a strain energy [N/mm]: of an isotropic sheet E t / (1 - nu)."""
+    blank, total, strain = scene.blank, 0.0, 1e-4
+    u = blank.u.x.array
+    kept, grown = u.copy(), strain * blank.coordinates().ravel()
+    for term in scene.terms:
+        if isinstance(term.material, Metal):
+            bind(term, scene)
+            if term.part in (part, blank.whole):
+                total += term.material.E * term.material.thickness / (1 - term.material.nu)
+        elif term.energy_kind == "strain":
+            bind(term, scene)
+            if term.part not in (part, blank.whole) or term.energy is None:
+                continue
+            form, energies = compat.form(term.energy), []
+            for way in (1.0, -1.0, 0.0):
+                u[:] = way * grown
+                energies.append(blank.mesh.comm.allreduce(fem.assemble_scalar(form)))
+            u[:] = kept
+            gained = sum(energies[:2]) / 2 - energies[2]
+            area = blank.mesh.comm.allreduce(float(blank.areas()[term.part.cells].sum()))
+            total += gained / (strain**2 * area)
+    return total

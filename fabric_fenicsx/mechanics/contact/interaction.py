@@ -8,9 +8,8 @@ from mpi4py import MPI
 from ...readers.field import Field
 from ...runtime.collective_errors import on_all
 from ...tools.tool import Tool
-from ..materials import sheets_of
+from ..materials import sheets_of, stretching_stiffness
 from ..output import Value, joined
-from ..stretching import stretching_stiffness
 from ..term import NO_TANGENT, Term, Triplets
 from .coulomb import Friction, friction_law
 from .friction import FrictionState, SlipMap

@@ -6,6 +6,12 @@ from ...runtime.compiled import compiled
 from .shapes import Section, Shape
 
 
+@compiled
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@compiled
 def shape(
     corners: np.ndarray,
     slopes: np.ndarray,
@@ -22,16 +28,6 @@ def shape(
     motion), less what n turns: n . motion's slope, along x,ab. x,ab is `own` (cells, 3, 3) plus
     `operator` (cells, 3, nodes) times the motion.
     """
-    return Shape(*_shape(corners, slopes, operator, own, U, columns))
-
-
-@compiled
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@compiled
-def _shape(corners, slopes, operator, own, U, columns):
     n = len(corners)
     base, normal, gradients = np.zeros((n, 3, 2)), np.empty((n, 3)), np.zeros((n, 3, 3))
     bends, curvature = operator.copy(), np.zeros((n, 3))
@@ -63,7 +59,7 @@ def _shape(corners, slopes, operator, own, U, columns):
             for i in range(3):
                 for x in range(3):
                     bends[c, k, i] -= curved[k, x] * gradients[c, i, x]
-    return base, normal, gradients, bends, curvature
+    return Shape(base, normal, gradients, bends, curvature)
 
 
 def forces(
