@@ -66,7 +66,6 @@ class Scene:
                 f"the scene of {blank.name} has no elastic term; it needs one, as a membrane"
             )
         self._assembly = Assembly(blank, self.terms)
-        self.has_lagged_terms = any(overrides(term, "update_lagged") for term in self.terms)
         self.keeping = [term for term in self.terms if overrides(term, "motion_to_gaps")]
         self._checked = False
         self._fixed_in_matrix: dict[bool, np.ndarray] = {}  # and in the narrow one
@@ -77,18 +76,27 @@ class Scene:
         # a viscous drag [N/mm] on the nodes' displacement since `origin`
         self.drag, self.origin = 0.0, None
         self.forces, self._free = self.u.duplicate(), self.u.duplicate()
-        self._set_fixed_dofs()
+        self._mark_free()
 
-    def _set_fixed_dofs(self):
-        self.fixed_dofs = self.supports.dofs
+    def _mark_free(self):
         self._free.set(1.0)
         self._free.array[self.fixed_dofs] = 0.0
+
+    @property
+    def fixed_dofs(self) -> np.ndarray:
+        """This rank's degrees of freedom that supports fix now, (fixed,)."""
+        return self.supports.dofs
+
+    @property
+    def has_lagged_terms(self) -> bool:
+        """True if terms update something between solves."""
+        return any(overrides(term, "update_lagged") for term in self.terms)
 
     def release_locating_supports(self) -> None:
         """Drop supports that only locate, if friction holds the sheet in its accepted state."""
         if self.supports.locates and is_held_by_friction(self.blank, self.terms):
             self.supports.release_locating_supports()
-            self._set_fixed_dofs()
+            self._mark_free()
 
     def check_held(self) -> str:
         """Raise InputError, naming the motion, if the blank can move as a rigid body; a warning if
