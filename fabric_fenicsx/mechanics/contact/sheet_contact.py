@@ -33,7 +33,6 @@ class FaceContact(Interaction):
 
     energy_kind = "contact"
     _lost: Callable[[np.ndarray], np.ndarray]
-    LACKING = "not both sheets have"
 
     def __init__(
         self,
@@ -87,8 +86,8 @@ class FaceContact(Interaction):
             return rigid_face(t, k)
         if k or not material:
             raise InputError(
-                f"{self.name} needs a {'thickness' if k else 'penalty'}, a number above 0, as "
-                f"{self.LACKING} a fabric or metal"
+                f"{self.name} needs a {'thickness' if k else 'penalty'}, a number above 0, as no "
+                f"term has a fabric or metal for {part.name or self.blank.name}"
             )
         tools = [term.tool for term in scene.terms if overrides(term, "may_press")]
         radius = min((min(tool.surface.radii) for tool in tools if tool), default=np.inf)
