@@ -27,8 +27,8 @@ def terms_on(scene: SceneFacts, part: Part) -> Iterator[Term]:
 
 
 def materials_of(scene: SceneFacts, part: Part) -> Iterator[Material]:
-    """Fabrics and metals that terms on a part, or on all of the blank, know; of the whole blank
-    those of all terms."""
+    """Fabrics and metals of terms on a part or all of the blank; of all of it those of all
+    terms."""
     terms = scene.terms if part.is_whole else terms_on(scene, part)
     return (term.material for term in terms if term.material is not None)
 
@@ -44,8 +44,7 @@ def fabric_of(scene: SceneFacts, part: Part) -> Law | None:
 
 
 def thickness_shares(scene: SceneFacts, part: Part, x: np.ndarray) -> np.ndarray:
-    """Thickness at places x (n, 3) of the undeformed part over that of its material, (n,); on all
-    ranks together."""
+    """Thickness (n,) at flat places x (n, 3) over that of the material; on all ranks together."""
     for term in terms_on(scene, part):
         if (field := term.thickness_field) and (material := term.material):
             return on_all(scene.blank.mesh.comm, lambda: field.at(x)) / material.thickness
@@ -62,8 +61,7 @@ def thickness_shares_at_nodes(scene: SceneFacts) -> np.ndarray:
 
 
 def materials_at_nodes(scene: SceneFacts) -> tuple[list[Material], np.ndarray] | None:
-    """The materials of the blank's parts, and which of them each owned node has (nodes,); None if
-    one is not known."""
+    """Materials of the parts, and which each owned node has (nodes,); None if one is not known."""
     parts, which = sheets_of(scene.blank), np.zeros(scene.blank.whole.nodes.size, dtype=int)
     materials = [each for part in parts if (each := material_of(scene, part))]
     for number, part in enumerate(parts):

@@ -159,8 +159,7 @@ class Term:
         return NO_TANGENT
 
     def narrow_tangent(self) -> Triplets:
-        """Triplets near to those of `tangent` at fewer places, as a preconditioner, with
-        `add_beyond`."""
+        """As `tangent`, nearly, at fewer places: a preconditioner, with `add_beyond`."""
         return self.tangent()
 
     def add_beyond(self, v: np.ndarray, f: np.ndarray) -> None:
@@ -178,12 +177,11 @@ class Term:
         raise NotImplementedError
 
     def use_secant_stiffness(self, f: np.ndarray) -> None:
-        """Give the next `tangent` by secant stiffnesses up to the state that the residual f (owned
-        dofs,) [N] leads to."""
+        """Give the next `tangent` by secants to where the residual f (owned dofs,) [N] leads."""
 
     def compliance(self) -> tuple[np.ndarray, float] | None:
-        """c (owned dofs,) and k [N/mm] of a tool moved by force, by which it takes c c^T / k from
-        the tangent."""
+        """c (owned dofs,), k [N/mm] of a tool moved by force, which softens the tangent by c c^T /
+        k."""
         return None
 
     # -- load steps
@@ -195,8 +193,7 @@ class Term:
         """Set the load factor, and go back to the last accepted state in all else."""
 
     def on_prediction(self) -> None:
-        """See the predicted state from which a step's solution begins, to hold what is as it is
-        there."""
+        """See the predicted state with which a step's solution begins, to hold what is there."""
 
     def update_lagged(self) -> bool:
         """Update, after a solve, what was held during it, if that is off by more than allowed. True
@@ -204,9 +201,9 @@ class Term:
         return False
 
     def motion_to_gaps(self) -> np.ndarray:
-        """Motion of the nodes from where they are, (owned dofs,) [mm], with which a step begins:
-        those that a tool pressed in the last accepted state are then as deep in it as there, and no
-        others are in it."""
+        """Motion of the nodes (owned dofs,) [mm] with which a step begins: those that a tool
+        pressed in the last accepted state are then as deep in it as there, and no others are in
+        it."""
         raise NotImplementedError
 
     def accept(self) -> None:

@@ -119,7 +119,7 @@ class FixedDofs:
         return share(sum(self._located(sizes).values()), sum(sizes.values()))
 
     def locating_warning(self, sizes: dict[str, float]) -> str:
-        """A warning if supports that only locate the sheet bear a force, else ""; sizes: as in
+        """A warning if supports that only locate bear a force, else ""; sizes: as in
         `located_share`."""
         most = 0.005 * sum(sizes.values())
         borne = {name: force for name, force in self._located(sizes).items() if force > most}

@@ -99,8 +99,7 @@ def _membranes(scene):
 
 def virial(scene: Scene) -> np.ndarray:
     """Virial of the nodal forces after `Scene.residual`: sum of force times undeformed position,
-    (gdim, gdim) [N mm]. In equilibrium it is the first Piola-Kirchhoff stress integrated over the
-    blank's volume."""
+    (gdim, gdim) [N mm]: in equilibrium the volume integral of the first Piola-Kirchhoff stress."""
     blank = scene.blank
     owned, gdim = blank.V.dofmap.index_map.size_local, blank.mesh.geometry.dim
     places = blank.along(blank.coordinates()[:owned].T).T
@@ -108,8 +107,8 @@ def virial(scene: Scene) -> np.ndarray:
 
 
 def outer_forces(scene: Scene) -> dict[str, float]:
-    """Sums of the sizes of nodal forces after `Scene.residual` [N]: of supports by their names, and
-    "" of all else."""
+    """Sums of the sizes of nodal forces after `Scene.residual` [N]: of supports by name, "" of all
+    else."""
     of_supports = scene.supports.dofs_of.items()
     sizes = {name: abs(scene.forces.array[dofs]).sum() for name, dofs in of_supports}
     sizes[""] = sum(abs(given).sum() for given in scene.applied_forces())

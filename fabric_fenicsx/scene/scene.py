@@ -173,8 +173,7 @@ class Scene:
 
     @phase("assemble")
     def energy(self) -> float:
-        """Energy and potential of loads at the present displacement [N mm], `INVERTED` if a cell is
-        turned inside out."""
+        """Energy and potential of loads now [N mm], `INVERTED` if a cell is turned inside out."""
         if self._inverted and self.comm.allreduce(fem.assemble_scalar(self._inverted)) > 0:
             return self.INVERTED
         return sum(self._assembly.energies().values()) + self.drag_energy()
@@ -190,8 +189,7 @@ class Scene:
 
     @phase("assemble")
     def residual(self, r: PETSc.Vec) -> None:
-        """Make r the internal forces on free degrees of freedom, 0 on fixed ones [N]; all of them
-        are kept in `forces`."""
+        """Make r the internal forces, 0 at fixed degrees of freedom [N]; `forces` keeps all."""
         self._assembly.residual(self.forces)
         self.forces.copy(r)
         r.array[self.fixed_dofs] = 0
@@ -222,15 +220,14 @@ class Scene:
 
     @phase("contact")
     def motion_to_gaps(self) -> np.ndarray:
-        """Sum of the terms' motions to the gaps of the last accepted state, 0 at supports (owned
-        dofs,) [mm]."""
+        """Sum of the terms' motions to the last accepted gaps, 0 at supports (owned dofs,) [mm]."""
         motion = np.sum([term.motion_to_gaps() for term in self.keeping], 0)
         motion[self.fixed_dofs] = 0.0
         return motion
 
     def places_changed(self, narrow: bool = False) -> bool:
-        """True if `tangent` has other places than the matrix made last, on any rank; a matrix lacks
-        those at supports."""
+        """True if `tangent`, or what supports fix, has other places than the last matrix, on any
+        rank."""
         fixed = self._fixed_in_matrix.get(narrow)
         return self.fixed_dofs is not fixed or self._assembly.places_changed(narrow)
 
@@ -247,7 +244,7 @@ class Scene:
     @phase("assemble")
     def force_scale(self) -> float:
         """Norm of the nodal forces of supports, loads and tools, after `residual`, with which a
-        residual is compared [N]. Forces that meet in a node, as under a blank holder, cancel, but
+        residual is compared [N]. Forces that meet in a node cancel, as under a blank holder, but
         for `PINCH` of them."""
         net, pinch = np.zeros(self.forces.local_size), 0.0
         for given in self.applied_forces():

@@ -27,8 +27,8 @@ MIN_CELLS = 5
 
 def tool_warnings(scene: Scene, formed: bool = False) -> list[str]:
     """Sentences on too few cells, or too large ones for the tools, on friction that may be in per
-    cent, and on tools in other units than mm or with holes. formed: ask only tools that touched the
-    sheet for their radii."""
+    cent, and on tools in other units than mm or with holes. formed: ask only tools that touched for
+    radii."""
     blank, tools = scene.blank, output.tools(scene)
     asked = [tool for tool in tools if not formed or _touched(scene, tool)]
     sentences = [few_cells_warning(scene) or _cell_size_warning(blank, asked)]

@@ -217,8 +217,8 @@ class LoadStepping:
         return step_criteria.missing_work(trial.work, rise, stored, contact)
 
     def _measure_on_the_way(self, trial, part):
-        """Measure the step's work anew with the state at this part of it; the trial of that state,
-        None if it is not found."""
+        """Measure the work anew with the state at this part of the step; its trial, None if not
+        found."""
         solution, iterations = self.newton.x.copy(), trial.report.iterations
         load = self.progress.load + part * trial.size
         values = self.scene.supports.values(load)

@@ -101,8 +101,7 @@ class Coulomb:
         stiffness: float | np.ndarray = 0.0,
     ) -> np.ndarray:
         """Second derivatives of the energies (n, 3, 3) [N/mm]: mu P / max(|z|, s) times the
-        projector on the plane across `normal` (n, 3), of a sliding point less the direction of
-        its slip."""
+        projector across `normal` (n, 3), of a sliding point less the direction of its slip."""
         return loops.blocks(z, limit, normal, self.slips(limit, stiffness))
 
     def elastic(

@@ -84,8 +84,7 @@ class Interaction(Term):
             )
 
     def _note_depth(self, load, depth):
-        """Keep the deepest overlap. At load 0 the last state counts, as those before it were not in
-        equilibrium."""
+        """Keep the deepest overlap; at load 0 the last one, as others were not in equilibrium."""
         self.depth = np.fmax(self.depth if load else 0.0, depth)
 
     def largest_depth(self) -> float:
@@ -232,15 +231,13 @@ class ToolInteraction(Interaction):
         return self.friction_state.sliding.on_nodes(self.friction_state.forces())
 
     def _blocks(self):
-        """Decrease of all forces as nodes move (nodes, 3, 3) [N/mm]: those of friction; None if
-        there are none."""
+        """Decrease of friction as nodes move (nodes, 3, 3) [N/mm]; None without friction."""
         return self.friction_state and self.friction_state.sliding.on_node_blocks(
             self.friction_state.blocks()
         )
 
     def _friction_work(self):
-        """Work of the tool's motion against friction since the accepted state, by trapezoids, on
-        rank 0 [N mm]."""
+        """Work against friction since the accepted state, by trapezoids, on rank 0 [N mm]."""
         if not self.friction_state:
             return 0.0
         ends = self._friction_at_start + self.nodes.total(self._friction_forces())

@@ -12,9 +12,8 @@ MAX_SECANT_PRESSURE = 4.0  # of the present one, up to which a secant stiffness 
 class Pressed(NamedTuple):
     """n points pressed into a face: gap (n,) [mm] between both, below 0 where they overlap, its
     gradient `normal` (n, 3) and Hessian `curvature` (n, 3, 3) [1/mm], depth (n,) [mm] to which the
-    face is pressed in, pressure (n,) [MPa] and its slope (n,) [N/mm^3], forces on the points
-    (n, 3) [N], `blocks` (n, 3, 3) [N/mm] by which these fall as points move, and energy (n,)
-    [N mm]."""
+    face is pressed in, pressure (n,) [MPa] and its slope (n,) [N/mm^3], forces (n, 3) [N], `blocks`
+    (n, 3, 3) [N/mm] by which these fall as points move, and energy (n,) [N mm]."""
 
     gap: np.ndarray
     normal: np.ndarray

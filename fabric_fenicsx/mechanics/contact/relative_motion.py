@@ -62,8 +62,7 @@ class RelativeMotion:
         return np.einsum("naj,nj->na", self._motions, of_points)
 
     def add(self, forces: np.ndarray, f: np.ndarray) -> None:
-        """Add forces (n, 3) on the points and their reactions to f, this rank's degrees of freedom
-        [N]."""
+        """Add forces (n, 3) on the points, and their reactions, to f (this rank's dofs,) [N]."""
         borne = np.einsum("naj,na->nj", self._motions, forces).reshape(-1, 3)
         self._gathered.add(self._on_nodes @ borne, f)
 
@@ -72,8 +71,8 @@ class RelativeMotion:
         return CoupledNodes(self._known, self._nodes)
 
     def triplets(self, blocks: np.ndarray) -> Triplets:
-        """As `Term.tangent` gives them. blocks (n, 3, 3): growth of the force on each point as it
-        moves [N/mm]."""
+        """As of `Term.tangent`. blocks (n, 3, 3): growth of each point's force as it moves
+        [N/mm]."""
         coupled = self._coupled
         values = _stiffness(self._motions, blocks, coupled.places, coupled.count)
         return coupled.rows, coupled.cols, values.ravel()

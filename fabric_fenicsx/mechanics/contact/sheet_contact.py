@@ -56,8 +56,7 @@ class FaceContact(Interaction):
             raise InputError(f"{name} has friction of several sheets; allowed is one number from 0")
 
     def _begin(self, scene, points):
-        """Let the faces of the sheets press at the points; InputError if they overlap at the
-        start."""
+        """Let the faces press at the points; InputError if they overlap at the start."""
         if any(term.thickness_field for term in scene.terms):
             points.vary(thickness_shares_at_nodes(scene))
         self.points, thickness = points, min(face.thickness for face in points.faces)
@@ -101,8 +100,7 @@ class FaceContact(Interaction):
         return self.name
 
     def state(self, pairs: ContactPairs | None = None) -> Pressed:
-        """The points of `pairs`, by default those of the present solve, as they are pressed at the
-        present displacement."""
+        """The points of `pairs`, by default those of this solve, as they are pressed now."""
         pairs, u = pairs or self.faces.now, self.blank.u.x.array
         found = self._found
         known = found is not None and found[1] is pairs and np.array_equal(u, found[0])
@@ -179,8 +177,7 @@ class FaceContact(Interaction):
         self.faces.on_prediction()
 
     def update_lagged(self) -> bool:
-        """See `Term`. Friction follows the normal forces in balance, which on faces taken anew they
-        are not yet."""
+        """See `Term`. Friction follows the forces in balance, which new faces do not have yet."""
         normal_forces = self.normal_forces()
         changed = self._update_pressing()
         return self._update_friction(normal_forces) or changed

@@ -204,15 +204,13 @@ class SheetPoints:
         return np.einsum("kc,nmci->nmki", self.places, corners).reshape(self.count, 3)
 
     def means(self, values: np.ndarray) -> np.ndarray:
-        """Means of values of all points (count, ...) over each cell, on each side that points look
-        to, (cells, SIDES, ...)."""
+        """Means over cells of values of all points (count, ...), by side (cells, SIDES, ...)."""
         count, many = len(self.part.cells), len(self.places)
         shape = count, self.per_cell // many, self.SIDES, many // self.SIDES
         return values.reshape(*shape, *values.shape[1:]).mean((1, 3))
 
     def of_cells(self, rows: np.ndarray) -> np.ndarray:
-        """Values of all points by `rows` of the blank's owned cells, (count, k), or (count,) of one
-        number a point."""
+        """Values of all points (count, k), or (count,), by `rows` of the blank's owned cells."""
         values = rows[self.part.cells]
         wide = values.shape[1] // self.per_cell
         return values.reshape((self.count, wide) if wide > 1 else self.count)

@@ -367,16 +367,14 @@ class Contact(ToolInteraction):
         return [*super().warnings(), *(f"{surface} gives no number at {x}; {cure}" for x in lost)]
 
     def check_start(self) -> None:
-        """See `Term`: for a tool whose body the sheet's nodes are in, and one whose path or
-        surface can't be."""
+        """See `Term`: also for a tool's path or surface that can't be."""
         self.tool.at(1.0)
         self.tool.at(0.0)
         x = (self.nodes.places + self.nodes.displacement())[self.nodes.own]
         check_start(self.tool, x, float(self.thickness.max(initial=0.0)), self.nodes.comm)
 
     def may_press(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """See `Term`, at up to twice 1000 nodes of a rank that find a nearest point: triangles take
-        1 ms each."""
+        """See `Term`, at up to twice 1000 nodes of a rank: triangles take 1 ms each."""
         at_loads, x = [], self.nodes.places[self.nodes.own]
         x = x[:: max(1, len(x) // 1000)]
         for load in (0.0, 1.0):

@@ -84,8 +84,8 @@ def at_edges(
 ) -> tuple[np.ndarray, np.ndarray]:
     """What is conjugate to slopes at the edges (cells, 3) and its derivative (cells, 3, 3), of
     `moments` (cells, 3) and the diagonal `section` (cells, 3) of curvatures that are `spread`
-    (cells, 3, 3) times angles, which have first and second derivatives `slope` and `growth`
-    (cells, 3) by the slopes."""
+    (cells, 3, 3) times angles, whose first and second derivatives are `slope` and `growth` (cells,
+    3)."""
     of_edges, sections = np.zeros((len(spread), 3)), np.zeros((len(spread), 3, 3))
     for c in range(len(spread)):
         for e in range(3):
@@ -104,8 +104,7 @@ def at_edges(
 def bending_forces(
     shape: Shape, moments: np.ndarray, columns: np.ndarray, count: int
 ) -> np.ndarray:
-    """Forces (count, 3) [N] from `moments` alone, summed at the nodes that `columns` (cells, 12)
-    gives."""
+    """Forces (count, 3) [N] from `moments` alone, summed at nodes `columns` (cells, 12)."""
     nodal = np.zeros((count, 3))
     for c in range(len(moments)):
         n, B, M = shape.normal[c], shape.bends[c], moments[c]

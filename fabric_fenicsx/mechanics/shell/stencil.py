@@ -75,8 +75,7 @@ class Stencil:
         return self._on_nodes @ forces.reshape(-1, self._dim)
 
     def add_forces(self, forces: np.ndarray, f: np.ndarray) -> None:
-        """Add forces (count, gdim) [N], which this overwrites, to f (local dofs,) of whatever rank
-        their nodes are."""
+        """Add forces (count, gdim) [N], which this overwrites, to f (local dofs,) on any rank."""
         at = self._mirrored
         forces[at] = np.einsum("nij,ni->nj", self._mirrors[self._codes[at]], forces[at])
         self._gathered.add(forces, f)
