@@ -127,8 +127,7 @@ class Assembly:
         A.assemble()
 
     def add_beyond(self, v: PETSc.Vec, f: PETSc.Vec, free: PETSc.Vec) -> None:
-        """Add to f what the tangent gives along v beyond the last narrow one, where it is
-        `free`."""
+        """Add to f what the tangent gives along v beyond the last narrow one, where `free`."""
         more, along = np.zeros(f.local_size), v.array_r * free.array_r
         for term in self._narrowing:
             term.add_beyond(along, more)

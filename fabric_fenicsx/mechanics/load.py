@@ -32,8 +32,7 @@ def check_over_load(name: str, rule: Rule, given: float | Callable[[float], floa
 
 
 def at_load(name: str, rule: Rule, given: float | Callable[[float], float], load: float) -> float:
-    """A number, or what a function of the load factor gives there; InputError, which calls it
-    `name`, unless that is a number by `rule`."""
+    """A number, or a function's at a load factor; InputError unless that is one by `rule`."""
     if not callable(given):
         return float(given)
     return rule.check(f"{name} at load {load:g}", given(load))

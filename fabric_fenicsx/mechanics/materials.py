@@ -27,8 +27,7 @@ def terms_on(scene: SceneFacts, part: Part) -> Iterator[Term]:
 
 
 def materials_of(scene: SceneFacts, part: Part) -> Iterator[Material]:
-    """Fabrics and metals of terms on a part or all of the blank; of all of it those of all
-    terms."""
+    """Fabrics and metals of terms on a part or all of the blank; of the whole, of all terms."""
     terms = scene.terms if part.is_whole else terms_on(scene, part)
     return (term.material for term in terms if term.material is not None)
 

@@ -99,8 +99,7 @@ class Scene:
             self._mark_free()
 
     def check_held(self) -> str:
-        """Raise InputError, naming the motion, if the blank can move as a rigid body; a warning if
-        only the shapes of tools may hold it, else ""."""
+        """See `rigid_motions.check_held`."""
         return check_held(self.blank, self.terms, self.supports)
 
     def check_start(self) -> None:
@@ -206,8 +205,8 @@ class Scene:
 
     @phase("assemble")
     def tangent(self, A: PETSc.Mat, with_supports: bool = True, narrow: bool = False) -> None:
-        """Make A the second derivative of the energy [N/mm], or the narrow one near it, with unit
-        rows and columns at the supports."""
+        """Make A the energy's second derivative [N/mm], or the narrow one, with unit rows at
+        supports."""
         bcs, free = (self.supports.bcs, self._free) if with_supports else ((), None)
         self._assembly.tangent(A, bcs, free, narrow)
         if self.drag:
@@ -226,8 +225,7 @@ class Scene:
         return motion
 
     def places_changed(self, narrow: bool = False) -> bool:
-        """True if `tangent`, or what supports fix, has other places than the last matrix, on any
-        rank."""
+        """True if the last matrix, on any rank, lacks places or was made for other supports."""
         fixed = self._fixed_in_matrix.get(narrow)
         return self.fixed_dofs is not fixed or self._assembly.places_changed(narrow)
 

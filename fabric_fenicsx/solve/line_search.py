@@ -12,8 +12,7 @@ ROUNDING = 1e-12  # of the energy, below which its differences are noise
 
 
 class Objective:
-    """Energy of a scene at fixed supports; `r`: its gradient, the residual, where asked last
-    [N]."""
+    """Energy of a scene at fixed supports; `r`: its gradient, where asked last [N]."""
 
     INVERTED = Scene.INVERTED  # the energy where a cell is turned inside out
 

@@ -116,8 +116,7 @@ Friction = float | Field | Mapping[str, float | Field] | Coulomb
 
 
 def friction_law(friction: Friction, owner: str, axes: str) -> Coulomb | None:
-    """Law of a term's `friction`, None if all coefficients are 0. owner: the term, named in
-    errors; axes: of its fields."""
+    """Law of a term's `friction`, None if that is 0. owner: in errors; axes: of its fields."""
     try:
         law = friction if isinstance(friction, Coulomb) else Coulomb(friction)
         law = law.of("coefficient of friction", axes)

@@ -152,8 +152,7 @@ class Face:
         return edges.reshape(-1, 3), bulges.tocsr()
 
     def own_weights(self, N: np.ndarray) -> sparse.csr_matrix:
-        """Matrix (cells k, nodes) from places to those of the face in this rank's cells, at the
-        barycentric coordinates N (k, 3) in each."""
+        """Matrix (cells k, nodes) from nodes to the face at barycentric coordinates N (k, 3)."""
         triangle = np.repeat(self.own_triangles, len(N))
         n, N = len(triangle), np.tile(N, (len(self.own_triangles), 1))
         starts = np.arange(0, 3 * n + 1, 3)
@@ -254,8 +253,7 @@ class Face:
         return triangle, y
 
     def projection(self, triangle: np.ndarray, y: np.ndarray, reach: float) -> FaceProjection:
-        """The places below points up to `reach` [mm] away, from what `seek` gives (n,) and (n,
-        3)."""
+        """The places below points up to `reach` [mm] away, from what `seek` gives."""
         n = len(triangle)
         empty = np.zeros((n, 3)), np.full(n, np.inf), np.zeros((n, 3)), np.zeros((n, 3, 3))
         below = FaceProjection(triangle, *empty)

@@ -63,8 +63,7 @@ class FrictionState:
         self.begin()
 
     def begin(self, normal_forces: np.ndarray | None = None) -> None:
-        """Go back to the accepted state, or to it under other normal forces. The energy that
-        changes because they do is a correction."""
+        """Go back to the accepted state, under other normal forces without a change of energy."""
         self._limit = self.limit if normal_forces is None else self.coefficient * normal_forces
         # what the elastic slip does not hold
         self._energy_correction = (

@@ -29,8 +29,7 @@ class Pressed(NamedTuple):
 def press(
     law: FaceLaw, areas: np.ndarray, gap: np.ndarray, normal: np.ndarray, curvature: np.ndarray
 ) -> Pressed:
-    """Points of `areas` (n,) [mm^2] pressed by a law at gaps (n,) [mm], with the gaps' gradients
-    (n, 3) and Hessians (n, 3, 3) [1/mm]."""
+    """Points of `areas` (n,) [mm^2] pressed at gaps (n,) [mm], with gradients and Hessians."""
     depth = np.maximum(0.0, -gap)
     energy, pressure, slope = np.zeros((3, len(gap)))
     at = np.flatnonzero(depth != 0)  # those that are not numbers among them

@@ -157,8 +157,7 @@ class FaceContact(Interaction):
         return rows, cols, values
 
     def use_secant_stiffness(self, f: np.ndarray) -> None:
-        """See `Term` and `with_secant_stiffness`, until the sheets move: the pressure balances the
-        other forces on both of them."""
+        """See `Term` and `with_secant_stiffness`, with forces on both sheets, until they move."""
         now, pairs, nodes = self.state(), self.faces.now, self.points.nodes
         forces = f[: 3 * nodes.count].reshape(-1, 3)
         apart = pairs.motion.apart(forces / nodes.areas[:, None])
@@ -238,8 +237,7 @@ class FaceContact(Interaction):
         return {"sheet_pressure": field} | self.plies.fields(self._lost(pressure))
 
     def _depths(self, law, pressure, sheet):
-        """Thickness that a face of this law loses at all points, (count,) [mm]; sheet: 0 for the
-        one with the points, 1 for the other."""
+        """Thickness that a face loses at all points, (count,) [mm]; sheet: 0 has the points."""
         growth = self.points.of_all(self.faces.now, self.faces.now.growths[sheet], 1.0)
         return growth * (0.0 if law.is_rigid else law.depth(pressure))
 

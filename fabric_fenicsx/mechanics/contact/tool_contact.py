@@ -217,8 +217,7 @@ class Contact(ToolInteraction):
         return np.broadcast_to(self.face.law.depth(np.array(pressure)), self.nodes.count)
 
     def pressed_by(self, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Depths of the tool in the sheet's face (nodes,) [mm] under forces on the nodes (nodes,)
-        [N], and energies (nodes,) [N mm]."""
+        """Depths in the face [mm] and energies [N mm] under forces on the nodes [N], (nodes,)."""
         depth = np.array(self.face.law.depth(forces / np.maximum(self.areas, 1e-300)))
         return depth, self.areas * self.face.law(depth)[0]
 

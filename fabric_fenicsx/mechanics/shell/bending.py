@@ -232,8 +232,7 @@ class Bending(Term):
         self._stencil.add_forces(forces, f)
 
     def tangent(self) -> Triplets:
-        """As in `Term`, of this rank's owned cells' energy [N/mm]: a cell reaches over two
-        neighbours, further than a rank's ghosts."""
+        """As in `Term` [N/mm]: a cell reaches over two neighbours, beyond a rank's ghosts."""
         U, _, shape, moments, section, _ = self._state()
         pairs = self._stencil.coupled
         blocks = np.zeros((pairs.count, *2 * U.shape[1:]))

@@ -190,8 +190,7 @@ class FabricStates(Term):
         }
 
     def overstretched(self, strain: float) -> float:
-        """Share of the area, 0 to 1, of all ranks, in which the larger mean of a cell's two yarns
-        is stretched by more than the nominal `strain`."""
+        """Share of the area, 0 to 1, in whose cells a yarn is stretched by more than `strain`."""
         stretches = np.sqrt(self.invariants_at_points()[..., [0, 2]])
         return self._share(np.einsum("q,cqk->ck", self.weights, stretches).max(1) - 1 > strain)
 

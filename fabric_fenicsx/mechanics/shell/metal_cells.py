@@ -232,8 +232,8 @@ def add_bending_along(
     factor: float,
     forces: np.ndarray,
 ) -> None:
-    """Add to `forces` (count, 3) `factor` times what the stiffness of `section`, but that of
-    stretching alone, gives along the motion v (count, 3)."""
+    """Add to `forces` (count, 3) `factor` times what a section's stiffness gives along v, without
+    that of stretching alone."""
     shape, moments, bending, mixed = section
     nodes = shape.bends.shape[2]
     by_node, turned, rest = np.empty(nodes), np.empty(3), np.empty(3)
