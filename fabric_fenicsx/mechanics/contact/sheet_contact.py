@@ -246,8 +246,8 @@ class SheetContact(FaceContact):
     """Contact of two sheets of a stack, by an energy of points of one over the other.
 
     Without pressure a sheet's face is half its thickness off its smooth `Face`. The pressure
-    follows from the depth to which both faces overlap, see `between_faces`: fabric is `Compacted`,
-    metal is `Rigid`. It acts at points of the sheet of smaller cells, the upper one if they are
+    follows from the depth to which both faces overlap, see `between_faces`: fabric is compacted,
+    metal is rigid. It acts at points of the sheet of smaller cells, the upper one if they are
     equal, over their areas, and reacts on the corners of the triangle below each point,
     so that forces balance exactly. Uniform pressure loads the nodes of the one sheet exactly, those
     of the other as well as the points integrate it: with cells in the ratio 1 : 1.37, 6 points are

@@ -39,7 +39,7 @@ class Contact(ToolInteraction):
     """Contact of a sheet with a rigid tool, by an energy of its nodes.
 
     The pressure follows from the depth of the tool in the sheet's face: fabric is compacted, by
-    half on each face (`Compacted`), and metal is `Rigid`. It acts over the node's area, which
+    half on each face, and metal is rigid (`FaceLaw`). It acts over the node's area, which
     follows the sheet but is lagged during a solve. The sheet is on the side to which the tool's
     normal points. Without pressure its faces are half a thickness off the mesh. A tool moved by
     force stands where contact and friction balance the force, at any displacement of the sheet.
