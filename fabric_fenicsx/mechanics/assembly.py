@@ -29,8 +29,7 @@ def _owned(form):
 
 
 def triplets(terms: Iterable[Term], narrow: bool = False) -> Triplets:
-    """Rows, columns and values (k,) of the tangents of all terms that are no forms, or of their
-    narrow ones."""
+    """Rows, columns and values (k,) of the tangents, or narrow ones, of terms that are no forms."""
     parts = [
         [np.asarray(part) for part in (term.narrow_tangent() if narrow else term.tangent())]
         for term in terms
@@ -71,15 +70,13 @@ class Assembly:
         self._made: dict[bool, tuple[list[int], TripletPlaces | None]] = {}
 
     def energies(self) -> dict[str | None, float]:
-        """Energy of each kind at the present displacement, of all ranks {kind: N mm}; None: minus
-        the work of loads."""
+        """Energy of each kind now, of all ranks {kind: N mm}; None: minus the work of loads."""
         mine = [{kind: fem.assemble_scalar(form)} for kind, form in self._energies]
         mine += [term.energies() for term in self._terms]
         return _summed(self._comm.allgather(_summed(mine)))
 
     def applied_forces(self) -> list[np.ndarray]:
-        """Forces of each tool and load (owned dofs,) [N], beside which a residual is to be
-        small."""
+        """Forces of each tool and load (owned dofs,) [N], with which a residual is compared."""
         forces = [term.applied_forces() for term in self._loaded]
         return forces + [-_owned(form) for form in self._loads]
 
@@ -120,8 +117,7 @@ class Assembly:
         narrow: bool = False,
     ) -> None:
         """Make A the second derivative of all energies [N/mm], or the narrow one near it, with unit
-        rows and columns where `bcs` hold. free: 0 at degrees of freedom that they hold, 1 at
-        others."""
+        rows and columns where `bcs` hold. free: 0 at what they hold, 1 elsewhere."""
         A.zeroEntries()
         self._assemble(A, bcs)
         if extra := self._made[narrow][1]:
@@ -131,8 +127,7 @@ class Assembly:
         A.assemble()
 
     def add_beyond(self, v: PETSc.Vec, f: PETSc.Vec, free: PETSc.Vec) -> None:
-        """Add to f what the tangent gives along v beyond the narrow one that was made last, among
-        what is `free`."""
+        """Add to f what the tangent gives along v beyond the last narrow one, where `free`."""
         more, along = np.zeros(f.local_size), v.array_r * free.array_r
         for term in self._narrowing:
             term.add_beyond(along, more)

@@ -9,8 +9,7 @@ from ..sheets.blank import Blank
 
 
 class GatheredNodes:
-    """Nodes of a blank by their global numbers (n,), of whatever rank. All ranks make
-    and use it together."""
+    """Nodes of a blank by their global numbers (n,), of any rank. All ranks use it together."""
 
     def __init__(self, blank: Blank, nodes: np.ndarray) -> None:
         self._u = compat.petsc_vector(blank.u)

@@ -6,10 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 import ufl
-from dolfinx import fem
 from numpy.typing import ArrayLike
 
-from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
 from ..runtime.rules import FINITE, Rule
 from ..sheets.blank import Blank
@@ -34,18 +32,25 @@ def check_over_load(name: str, rule: Rule, given: float | Callable[[float], floa
 
 
 def at_load(name: str, rule: Rule, given: float | Callable[[float], float], load: float) -> float:
-    """A number, or what a function of the load factor gives there; InputError, which calls it
-    `name`, unless that is a number by `rule`."""
+    """A number, or a function's at a load factor; InputError unless that is one by `rule`."""
     if not callable(given):
         return float(given)
     return rule.check(f"{name} at load {load:g}", given(load))
 
 
 class _DeadLoad(Term):
-    """A load whose work is its size `_now` times `_travel`."""
+    """A load of fixed direction whose size depends on the load factor alone. A subclass gives its
+    linear form of unit size to `_start`, and `_size(load)`."""
 
-    _load: float
-    _now: float
+    def _start(self, form: ufl.Form) -> None:
+        self._forces, self._u = assembled(form), self.blank.u  # at owned degrees of freedom
+        self._work = Work(follows=True)
+        self.set_load(0.0)
+        self.accept()
+
+    def set_load(self, load: float) -> None:
+        """Set the load factor."""
+        self._load, self._now = load, self._size(load)
 
     def accept(self) -> None:
         """Count `work` from the present state."""
@@ -59,13 +64,21 @@ class _DeadLoad(Term):
         done = self._work.since(*self._state())
         return done if self.blank.mesh.comm.rank == 0 else 0.0
 
-    def _travel(self) -> float:
+    def stored(self) -> float:
+        return -self._now * self._travel()
+
+    def add_forces(self, f: np.ndarray) -> None:
+        f[: len(self._forces)] -= self.applied_forces()
+
+    def applied_forces(self) -> np.ndarray:
+        return self._now * self._forces
+
+    def _size(self, load: float) -> float:
         raise NotImplementedError
 
-    def _start(self):
-        self._work = Work(follows=True)
-        self.set_load(0.0)
-        self.accept()
+    def _travel(self):
+        """Travel of this rank's part of what is loaded, times its size [mm^2 or mm^3]."""
+        return float(self._forces @ self._u.x.array[: len(self._forces)])
 
     def _state(self):
         travel = self.blank.mesh.comm.allreduce(self._travel())
@@ -73,9 +86,8 @@ class _DeadLoad(Term):
 
 
 class DeadPressure(_DeadLoad):
-    """Pressure per undeformed area along a fixed direction, growing with the load factor.
-
-    The energy is a UFL form: minus int p u . n dA.
+    """Pressure per undeformed area along a fixed direction, growing with the load factor. Its
+    potential is minus int p u . n dA.
 
     Parameters
     ----------
@@ -108,21 +120,11 @@ class DeadPressure(_DeadLoad):
         self._direction = direction
 
     def set_up(self, scene: SceneFacts) -> None:
-        blank = scene.blank
-        self._constant = fem.Constant(blank.mesh, 0.0)
-        unit = vector_on(blank, f"direction of {self.name}", self._direction, unit=True)
-        moved = ufl.dot(blank.displacement, ufl.as_vector(unit.tolist())) * self.part.dx()
-        self.energy = -self._constant * moved
-        self._moved = compat.form(moved)
-        self._start()
+        along = _along(scene.blank, f"direction of {self.name}", self._direction)
+        self._start(along * self.part.dx())
 
-    def set_load(self, load: float) -> None:
-        """Set the load factor."""
-        self._load = load
-        self._now = self._constant.value = load * self._pressure
-
-    def _travel(self):
-        return fem.assemble_scalar(self._moved)
+    def _size(self, load):
+        return load * self._pressure
 
 
 class EdgeTension(_DeadLoad):
@@ -164,32 +166,20 @@ class EdgeTension(_DeadLoad):
         self._tension, self.direction, self.edge = tension, direction, edge
 
     def set_up(self, scene: SceneFacts) -> None:
-        blank = scene.blank
-        name = f"direction of {self.name} on {blank.name}"
-        unit = vector_on(blank, name, self.direction, unit=True)
-        along = ufl.dot(blank.in_space(ufl.TestFunction(blank.V)), ufl.as_vector(unit.tolist()))
+        along = _along(
+            scene.blank, f"direction of {self.name} on {scene.blank.name}", self.direction
+        )
         try:
             ds = self.part.ds(self.edge)
         except InputError as error:
             raise InputError(f"{self.name}: {error}") from error
-        # of the edge at each owned degree of freedom
-        self._lengths, self._u = assembled(along * ds), blank.u
-        self._start()
+        self._start(along * ds)
 
-    def set_load(self, load: float) -> None:
-        """Set the load factor; InputError if the tension there is not finite."""
-        self._load = load
-        self._now = at_load(f"{self.name} [N/mm]", FINITE, self._tension, load)
+    def _size(self, load):
+        return at_load(f"{self.name} [N/mm]", FINITE, self._tension, load)
 
-    def stored(self) -> float:
-        return -self._now * self._travel()
 
-    def add_forces(self, f: np.ndarray) -> None:
-        f[: len(self._lengths)] -= self._now * self._lengths
-
-    def applied_forces(self) -> np.ndarray:
-        return self._now * self._lengths
-
-    def _travel(self):
-        """Travel of this rank's part of the edge, times its length [mm^2]."""
-        return float(self._lengths @ self._u.x.array[: len(self._lengths)])
+def _along(blank, name, direction):
+    """Component of UFL's test function along a direction."""
+    unit = vector_on(blank, name, direction, unit=True)
+    return ufl.dot(blank.in_space(ufl.TestFunction(blank.V)), ufl.as_vector(unit.tolist()))

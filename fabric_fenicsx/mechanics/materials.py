@@ -1,14 +1,18 @@
-"""Materials of a scene's sheets, as their terms know them."""
+"""Materials of a scene's sheets, as their terms know them, and their stiffness."""
 
 from collections.abc import Iterator
 
 import numpy as np
+from dolfinx import fem
 
+from .. import dolfinx_compat as compat
 from ..material.laws import Law
 from ..material.laws.base import Material
+from ..material.metal import Metal
 from ..runtime.collective_errors import on_all
 from ..sheets.blank import Blank, Part
 from .term import SceneFacts, Term
+from .term_checks import bind
 
 
 def sheets_of(blank: Blank) -> list[Part]:
@@ -23,8 +27,7 @@ def terms_on(scene: SceneFacts, part: Part) -> Iterator[Term]:
 
 
 def materials_of(scene: SceneFacts, part: Part) -> Iterator[Material]:
-    """Fabrics and metals that terms on a part, or on all of the blank, know; of the whole blank
-    those of all terms."""
+    """Fabrics and metals of terms on a part or all of the blank; of the whole, of all terms."""
     terms = scene.terms if part.is_whole else terms_on(scene, part)
     return (term.material for term in terms if term.material is not None)
 
@@ -40,8 +43,7 @@ def fabric_of(scene: SceneFacts, part: Part) -> Law | None:
 
 
 def thickness_shares(scene: SceneFacts, part: Part, x: np.ndarray) -> np.ndarray:
-    """Thickness at places x (n, 3) of the undeformed part over that of its material, (n,); on all
-    ranks together."""
+    """Thickness (n,) at flat places x (n, 3) over that of the material; on all ranks together."""
     for term in terms_on(scene, part):
         if (field := term.thickness_field) and (material := term.material):
             return on_all(scene.blank.mesh.comm, lambda: field.at(x)) / material.thickness
@@ -58,10 +60,35 @@ def thickness_shares_at_nodes(scene: SceneFacts) -> np.ndarray:
 
 
 def materials_at_nodes(scene: SceneFacts) -> tuple[list[Material], np.ndarray] | None:
-    """The materials of the blank's parts, and which of them each owned node has (nodes,); None if
-    one is not known."""
+    """Materials of the parts, and which each owned node has (nodes,); None if one is not known."""
     parts, which = sheets_of(scene.blank), np.zeros(scene.blank.whole.nodes.size, dtype=int)
     materials = [each for part in parts if (each := material_of(scene, part))]
     for number, part in enumerate(parts):
         which[part.nodes] = number
     return (materials, which) if len(materials) == len(parts) else None
+
+
+def stretching_stiffness(scene: SceneFacts, part: Part) -> float:
+    """Tension over the strain of a part that is stretched, or shortened, by 1e-4 along all
+    directions, 0 without a strain energy [N/mm]: of an isotropic sheet E t / (1 - nu)."""
+    blank, total, strain = scene.blank, 0.0, 1e-4
+    u = blank.u.x.array
+    kept, grown = u.copy(), strain * blank.coordinates().ravel()
+    for term in scene.terms:
+        if isinstance(term.material, Metal):
+            bind(term, scene)
+            if term.part in (part, blank.whole):
+                total += term.material.E * term.material.thickness / (1 - term.material.nu)
+        elif term.energy_kind == "strain":
+            bind(term, scene)
+            if term.part not in (part, blank.whole) or term.energy is None:
+                continue
+            form, energies = compat.form(term.energy), []
+            for way in (1.0, -1.0, 0.0):
+                u[:] = way * grown
+                energies.append(blank.mesh.comm.allreduce(fem.assemble_scalar(form)))
+            u[:] = kept
+            gained = sum(energies[:2]) / 2 - energies[2]
+            area = blank.mesh.comm.allreduce(float(blank.areas()[term.part.cells].sum()))
+            total += gained / (strain**2 * area)
+    return total

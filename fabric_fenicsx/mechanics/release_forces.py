@@ -60,8 +60,7 @@ class ReleaseForces(Term):
             )
 
     def springback(self) -> np.ndarray:
-        """Motion of this rank's nodes since the forces were taken, along the frame's axes, (owned
-        nodes, gdim) [mm]."""
+        """Motion since the forces were taken, along the frame's axes, (owned nodes, gdim) [mm]."""
         return self._moved().reshape(self._count, -1)
 
     def remaining(self) -> float:
@@ -104,8 +103,7 @@ class ReleaseForces(Term):
         return dofs, dofs, np.full(len(dofs), self._share * self._stiffness)
 
     def applied_forces(self) -> np.ndarray:
-        """As in `Term`: those at the start, as none are left in the end, and a residual must be
-        small beside something."""
+        """As in `Term`: those at the start, as in the end no force is left to compare with."""
         return self._forces
 
     def memory(self) -> dict[str, np.ndarray]:

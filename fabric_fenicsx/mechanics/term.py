@@ -159,13 +159,11 @@ class Term:
         return NO_TANGENT
 
     def narrow_tangent(self) -> Triplets:
-        """Triplets near to those of `tangent` at fewer places, as a preconditioner, with
-        `add_beyond`."""
+        """As `tangent`, nearly, at fewer places: a preconditioner, with `add_beyond`."""
         return self.tangent()
 
     def add_beyond(self, v: np.ndarray, f: np.ndarray) -> None:
-        """Add to f (owned dofs,), along v (owned dofs,), what `tangent` had beyond `narrow_tangent`
-        when that was asked for last."""
+        """Add to f (owned dofs,), along v, what `tangent` has beyond the last `narrow_tangent`."""
 
     def variations(self, v: Expr, w: Expr) -> Sequence[ufl.Form]:
         """First variation of the form `energy` in v, and second in v and w (UFL arguments)."""
@@ -173,17 +171,14 @@ class Term:
         return first, ufl.derivative(first, self.blank.u, w)
 
     def applied_forces(self) -> np.ndarray:
-        """Forces of a load or tool (owned dofs,) [N], beside which a residual is to be small. A
-        load that is a form does without."""
+        """Forces of a load or tool that is no form (owned dofs,) [N], to compare residuals with."""
         raise NotImplementedError
 
     def use_secant_stiffness(self, f: np.ndarray) -> None:
-        """Give the next `tangent` by secant stiffnesses up to the state that the residual f (owned
-        dofs,) [N] leads to."""
+        """Give the next `tangent` by secants to where the residual f (owned dofs,) [N] leads."""
 
     def compliance(self) -> tuple[np.ndarray, float] | None:
-        """c (owned dofs,) and k [N/mm] of a tool moved by force, by which it takes c c^T / k from
-        the tangent."""
+        """c (owned dofs,), k [N/mm] of a tool moved by force: the tangent less c c^T / k counts."""
         return None
 
     # -- load steps
@@ -195,18 +190,16 @@ class Term:
         """Set the load factor, and go back to the last accepted state in all else."""
 
     def on_prediction(self) -> None:
-        """See the predicted state from which a step's solution begins, to hold what is as it is
-        there."""
+        """See the predicted state with which a step's solution begins, to hold what is there."""
 
     def update_lagged(self) -> bool:
-        """Update, after a solve, what was held during it, if that is off by more than allowed. True
-        on all ranks if so: the solve is repeated."""
+        """Update, after a solve, what was held in it, if that is off; true on all ranks if so."""
         return False
 
     def motion_to_gaps(self) -> np.ndarray:
-        """Motion of the nodes from where they are, (owned dofs,) [mm], with which a step begins:
-        those that a tool pressed in the last accepted state are then as deep in it as there, and no
-        others are in it."""
+        """Motion of the nodes (owned dofs,) [mm] with which a step begins: those that a tool
+        pressed in the last accepted state are then as deep in it as there, and no others are in
+        it."""
         raise NotImplementedError
 
     def accept(self) -> None:
@@ -247,8 +240,7 @@ class Term:
         raise NotImplementedError
 
     def penetration_of_thickness(self) -> float:
-        """Deepest overlap of sheet and tool, or of two sheets, in any accepted state, over the
-        sheet's thickness, of all ranks."""
+        """Deepest overlap with a tool or sheet in any accepted state, over the thickness."""
         return 0.0
 
     def where_deepest(self) -> str:

@@ -72,8 +72,7 @@ class Work:
         self._states = [(load, state[:, points]) for load, state in self._states]
 
     def memory(self) -> np.ndarray:
-        """Load, force and place of the states that are remembered, (states, 2 + 2 n); the first
-        column is 0 where there is none yet."""
+        """Whether there is a state (1 or 0), its load, force and place, (states, 2 + 2 n)."""
         rows = np.zeros((self._most, 2 + (self._states[0][1].size if self._states else 0)))
         for row, (load, state) in zip(rows, self._states):
             row[:] = 1.0, load, *state.ravel()
@@ -85,8 +84,7 @@ class Work:
 
 
 def _polynomial_work(known, follows):
-    """Work from the first of the `known` states to the last, by polynomials in the load, or in load
-    and travel if places `follows` from forces."""
+    """Work over the `known` states, by polynomials in load, or load and travel (`follows`)."""
     loads, values = (np.array(each) for each in zip(*known))
     at = (loads - loads[0]) / (loads[-1] - loads[0])
     if follows:

@@ -91,8 +91,7 @@ class FixedDofs:
         return self.blank.mesh.comm.allreduce(forces.array[self.dofs_of[name]].sum(0), MPI.SUM)
 
     def memory(self) -> np.ndarray:
-        """The memory of `work` as rows of this rank's nodes, (owned nodes, k): of each state 1 if
-        it is known, load, force and place."""
+        """The memory of `work` at this rank's nodes, (owned nodes, k)."""
         states = self.work.memory()
         nodal = np.zeros((self._owned * self._gdim, len(states), 4))
         nodal[:, :, :2] = states[:, :2]
@@ -114,13 +113,11 @@ class FixedDofs:
         return {s.name: sizes[s.name] for s in self if s.locates and self.locates}
 
     def located_share(self, sizes: dict[str, float]) -> float:
-        """Share of all forces that supports bear which only locate the sheet; sizes: of nodal
-        forces added up, by supports and "" of all else [N]."""
+        """Share of all forces that supports bear which only locate; sizes: see `outer_forces`."""
         return share(sum(self._located(sizes).values()), sum(sizes.values()))
 
     def locating_warning(self, sizes: dict[str, float]) -> str:
-        """A warning if supports that only locate the sheet bear a force, else ""; sizes: as in
-        `located_share`."""
+        """A warning if supports that only locate bear a force, else ""; sizes: as before."""
         most = 0.005 * sum(sizes.values())
         borne = {name: force for name, force in self._located(sizes).items() if force > most}
         if not borne:

@@ -51,8 +51,7 @@ def beyond_planes(blank: Blank, supports: Iterable[Support]) -> dict[str, tuple[
 def isostatic(blank: Blank, kept: Sequence[Support]) -> list[Support]:
     """Supports of few nodes of each sheet of `blank`, where these are now, that hold the rigid
     motions which the `kept` ones leave, firmly as it lies now and as it was laid: of the node that
-    those hold most, or nearest to the sheet's centre, and of nodes far from each other in either
-    shape."""
+    those hold most, or nearest to the centre, and of nodes far from each other in either shape."""
     parts = [part for part in blank.parts.values() if part.thickness] or [blank.whole]
     return [support for part in parts for support in _of_sheet(blank, part, kept)]
 

@@ -32,8 +32,8 @@ def rescale_loads(memory: Mapping[str, np.ndarray], share: float) -> None:
 
 
 def recall(term: Term, number: int, memory: dict[str, np.ndarray]) -> None:
-    """Give the term of that number back its part of `memory`. Raises InputError, on all ranks, if
-    its memory is another one then."""
+    """Give a term back its part of `memory`. Raises InputError, on all ranks, if it did not take
+    it."""
     given = {key: memory[f"{place}{number} {key}"] for place, key in _memory(term)}
     try:
         term.recall(given)

@@ -78,8 +78,7 @@ def deepest(scene: Scene) -> tuple[float, str]:
 
 
 def overstretched(scene: Scene, strain: float) -> float:
-    """Share of the sheet's area, 0 to 1, in which yarns are stretched by more than `strain`; of
-    several sheets the largest."""
+    """Largest share of a sheet's area in which yarns are stretched by more than `strain`."""
     return max((term.overstretched(strain) for term in _membranes(scene)), default=0.0)
 
 
@@ -99,8 +98,7 @@ def _membranes(scene):
 
 def virial(scene: Scene) -> np.ndarray:
     """Virial of the nodal forces after `Scene.residual`: sum of force times undeformed position,
-    (gdim, gdim) [N mm]. In equilibrium it is the first Piola-Kirchhoff stress integrated over the
-    blank's volume."""
+    (gdim, gdim) [N mm]: in equilibrium the volume integral of the first Piola-Kirchhoff stress."""
     blank = scene.blank
     owned, gdim = blank.V.dofmap.index_map.size_local, blank.mesh.geometry.dim
     places = blank.along(blank.coordinates()[:owned].T).T
@@ -108,8 +106,7 @@ def virial(scene: Scene) -> np.ndarray:
 
 
 def outer_forces(scene: Scene) -> dict[str, float]:
-    """Sums of the sizes of nodal forces after `Scene.residual` [N]: of supports by their names, and
-    "" of all else."""
+    """Sums of sizes of nodal forces after `Scene.residual` [N], by support, "" of all else."""
     of_supports = scene.supports.dofs_of.items()
     sizes = {name: abs(scene.forces.array[dofs]).sum() for name, dofs in of_supports}
     sizes[""] = sum(abs(given).sum() for given in scene.applied_forces())

@@ -55,8 +55,8 @@ def check_held(blank: Blank, terms: Sequence[Term], supports: FixedDofs) -> str:
 
 def is_held_by_friction(blank: Blank, terms: Sequence[Term]) -> bool:
     """True if the largest friction of tools in the accepted state holds the blank in its plane,
-    against turning not only near one point. A stack's sheets may slide on one another, so of it
-    this is not known."""
+    against turning not only near one point; of a stack, whose sheets slide on one another, not
+    known."""
     contacts = [term.rubbed() for term in terms if overrides(term, "rubbed")]
     if blank.parts or not contacts:
         return False
@@ -77,8 +77,7 @@ def free_motion(
 ) -> str:
     """The rigid motion, such as "turn about its length", that neither terms (`resisted`) hold nor
     points of this rank at `places` (k, 3) [mm] along axes of the frame or vectors `along` (k, 3);
-    "" if there is none. least: stiffness from which a motion is held, of unit vectors that move all
-    of the blank."""
+    "" if there is none. least: stiffness from which a motion is held, of unit vectors."""
     gdim = blank.mesh.geometry.dim
     low, high = (corner[:, None] for corner in blank.extent())
     x = (blank.along(places.T) - (low + high) / 2) / (high - low).max()

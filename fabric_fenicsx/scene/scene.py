@@ -66,7 +66,6 @@ class Scene:
                 f"the scene of {blank.name} has no elastic term; it needs one, as a membrane"
             )
         self._assembly = Assembly(blank, self.terms)
-        self.has_lagged_terms = any(overrides(term, "update_lagged") for term in self.terms)
         self.keeping = [term for term in self.terms if overrides(term, "motion_to_gaps")]
         self._checked = False
         self._fixed_in_matrix: dict[bool, np.ndarray] = {}  # and in the narrow one
@@ -77,22 +76,30 @@ class Scene:
         # a viscous drag [N/mm] on the nodes' displacement since `origin`
         self.drag, self.origin = 0.0, None
         self.forces, self._free = self.u.duplicate(), self.u.duplicate()
-        self._set_fixed_dofs()
+        self._mark_free()
 
-    def _set_fixed_dofs(self):
-        self.fixed_dofs = self.supports.dofs
+    def _mark_free(self):
         self._free.set(1.0)
         self._free.array[self.fixed_dofs] = 0.0
+
+    @property
+    def fixed_dofs(self) -> np.ndarray:
+        """This rank's degrees of freedom that supports fix now, (fixed,)."""
+        return self.supports.dofs
+
+    @property
+    def has_lagged_terms(self) -> bool:
+        """True if terms update something between solves."""
+        return any(overrides(term, "update_lagged") for term in self.terms)
 
     def release_locating_supports(self) -> None:
         """Drop supports that only locate, if friction holds the sheet in its accepted state."""
         if self.supports.locates and is_held_by_friction(self.blank, self.terms):
             self.supports.release_locating_supports()
-            self._set_fixed_dofs()
+            self._mark_free()
 
     def check_held(self) -> str:
-        """Raise InputError, naming the motion, if the blank can move as a rigid body; a warning if
-        only the shapes of tools may hold it, else ""."""
+        """See `rigid_motions.check_held`."""
         return check_held(self.blank, self.terms, self.supports)
 
     def check_start(self) -> None:
@@ -165,8 +172,7 @@ class Scene:
 
     @phase("assemble")
     def energy(self) -> float:
-        """Energy and potential of loads at the present displacement [N mm], `INVERTED` if a cell is
-        turned inside out."""
+        """Energy and potential of loads now [N mm], `INVERTED` if a cell is turned inside out."""
         if self._inverted and self.comm.allreduce(fem.assemble_scalar(self._inverted)) > 0:
             return self.INVERTED
         return sum(self._assembly.energies().values()) + self.drag_energy()
@@ -182,8 +188,7 @@ class Scene:
 
     @phase("assemble")
     def residual(self, r: PETSc.Vec) -> None:
-        """Make r the internal forces on free degrees of freedom, 0 on fixed ones [N]; all of them
-        are kept in `forces`."""
+        """Make r the internal forces, 0 at fixed degrees of freedom [N]; `forces` keeps all."""
         self._assembly.residual(self.forces)
         self.forces.copy(r)
         r.array[self.fixed_dofs] = 0
@@ -200,8 +205,8 @@ class Scene:
 
     @phase("assemble")
     def tangent(self, A: PETSc.Mat, with_supports: bool = True, narrow: bool = False) -> None:
-        """Make A the second derivative of the energy [N/mm], or the narrow one near it, with unit
-        rows and columns at the supports."""
+        """Make A the energy's second derivative [N/mm], or the narrow one, with unit rows at
+        supports."""
         bcs, free = (self.supports.bcs, self._free) if with_supports else ((), None)
         self._assembly.tangent(A, bcs, free, narrow)
         if self.drag:
@@ -214,15 +219,13 @@ class Scene:
 
     @phase("contact")
     def motion_to_gaps(self) -> np.ndarray:
-        """Sum of the terms' motions to the gaps of the last accepted state, 0 at supports (owned
-        dofs,) [mm]."""
+        """Sum of the terms' motions to the last accepted gaps, 0 at supports (owned dofs,) [mm]."""
         motion = np.sum([term.motion_to_gaps() for term in self.keeping], 0)
         motion[self.fixed_dofs] = 0.0
         return motion
 
     def places_changed(self, narrow: bool = False) -> bool:
-        """True if `tangent` has other places than the matrix made last, on any rank; a matrix lacks
-        those at supports."""
+        """True if the last matrix, on any rank, lacks places or was made for other supports."""
         fixed = self._fixed_in_matrix.get(narrow)
         return self.fixed_dofs is not fixed or self._assembly.places_changed(narrow)
 
@@ -239,7 +242,7 @@ class Scene:
     @phase("assemble")
     def force_scale(self) -> float:
         """Norm of the nodal forces of supports, loads and tools, after `residual`, with which a
-        residual is compared [N]. Forces that meet in a node, as under a blank holder, cancel, but
+        residual is compared [N]. Forces that meet in a node cancel, as under a blank holder, but
         for `PINCH` of them."""
         net, pinch = np.zeros(self.forces.local_size), 0.0
         for given in self.applied_forces():

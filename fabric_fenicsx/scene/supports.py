@@ -59,8 +59,7 @@ class Support:
             object.__setattr__(self, "value", (*vector.tolist(), 0.0)[:3])
 
     def at(self, x: np.ndarray, load: float) -> np.ndarray:
-        """Displacements [mm] of the points x (3, n) at a load factor, a row for each axis, (2 or 3,
-        n)."""
+        """Displacements (2 or 3, n) [mm] of points x (3, n) at a load factor."""
         if not callable(self.value):
             return load * np.outer(self.value, np.ones(x.shape[1]))
         return np.asarray(self.value(x, load), float)

@@ -27,8 +27,8 @@ MIN_CELLS = 5
 
 def tool_warnings(scene: Scene, formed: bool = False) -> list[str]:
     """Sentences on too few cells, or too large ones for the tools, on friction that may be in per
-    cent, and on tools in other units than mm or with holes. formed: ask only tools that touched the
-    sheet for their radii."""
+    cent, and on tools in other units than mm or with holes. formed: ask only tools that touched for
+    radii."""
     blank, tools = scene.blank, output.tools(scene)
     asked = [tool for tool in tools if not formed or _touched(scene, tool)]
     sentences = [few_cells_warning(scene) or _cell_size_warning(blank, asked)]
@@ -80,8 +80,7 @@ def _cell_length(blank):
 
 
 def _cells_over_radius(blank: Blank, tools: Iterable[Tool]) -> tuple[float, float, str]:
-    """Length of the cells, or of a quadratic one's halves, over the least radius of the tools, the
-    length [mm], and the name of the tool with that radius."""
+    """Length of cells, or their halves, over the least radius, length [mm], and tool's name."""
     length = _cell_length(blank)
     # over a quarter of a cell its tool's curvature counts
     radii = [(radius_over(tool, 0.25 * length), tool.name) for tool in tools]
@@ -109,8 +108,7 @@ def _cell_size_warning(blank, tools):
 
 
 def untouched_warning(scene: Scene) -> str:
-    """A sentence that names the tools on paths which have moved, and in no accepted state touched
-    the sheet, else ""."""
+    """A sentence on tools that moved on a path but never touched the sheet, else ""."""
     told = []
     for tool in output.tools(scene):
         along_path = tool.displacement - tool.travel * tool.direction - tool.path(0.0)

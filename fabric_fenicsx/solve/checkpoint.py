@@ -154,8 +154,7 @@ class Checkpoint:
         return meta, arrays, share
 
     def _share(self, before):
-        """Share of the load now that the stages of the problem `before` take: 1, unless stages were
-        added. Raises InputError for another problem."""
+        """Share of the load that the stages `before` take; InputError for another problem."""
         known, steps = (list(each.get(STAGES, {}).values()) for each in (before, self.problem))
         # what may be another then: the entry `press` says how tools and holders move
         moves, count = re.compile(r"(\S+\.)?(path|force|pressure) of term "), len(known)

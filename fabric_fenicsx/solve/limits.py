@@ -66,8 +66,7 @@ class Limits:
         check_fields(self, "`Limits.{}`".format)
 
     def exceeded(self, values: Mapping[str, float]) -> list[str]:
-        """One sentence for each limit that is exceeded; values: by the names above, without
-        strain."""
+        """A sentence for each limit that is exceeded; values: by the names above, not strain."""
         return [
             self._sentence(name, value)
             for name, value in values.items()

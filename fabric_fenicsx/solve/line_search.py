@@ -12,8 +12,7 @@ ROUNDING = 1e-12  # of the energy, below which its differences are noise
 
 
 class Objective:
-    """Energy of a scene at fixed supports; `r`: its gradient, the residual, at the displacement
-    evaluated last [N]."""
+    """Energy of a scene at fixed supports; `r`: its gradient, where asked last [N]."""
 
     INVERTED = Scene.INVERTED  # the energy where a cell is turned inside out
 
@@ -53,8 +52,8 @@ class LineSearch:
         self, x: PETSc.Vec, energy: float, d: PETSc.Vec, shifted: bool, report: Report
     ) -> float:
         """Move x along d; the energy there [N mm]. energy: at x, evaluated last; shifted: d is not
-        the tangent's own direction. Counts cuts in the report. Raises SolveFailed where no state
-        along d is good enough."""
+        the tangent's own direction. Counts cuts in the report. Raises SolveFailed where no state is
+        good enough."""
         r = self._objective.r
         start = Point(0.0, energy, r.dot(d), r.norm())
         if not start.slope < 0:  # only solvers that do not count negative pivots get here

@@ -92,7 +92,6 @@ class Newton:
     ) -> None:
         self.scene, self.tolerance, self.max_iterations = scene, tolerance, max_iterations
         self._size = scene.blank.diameter()
-        self.smallest = self.RESOLUTION * self._size
         self.x, self._d = scene.u.duplicate(), scene.u.duplicate()
         self.objective = Objective(scene)
         self.tangent = Tangent(scene, linear_solver)
@@ -101,6 +100,11 @@ class Newton:
         self.saddles = Saddles(self.objective, self.tangent, self.smallest)
         # of the solve under way, or of the last one
         self.report, self._fall, self._most = Report(), 0.0, np.inf
+
+    @property
+    def smallest(self) -> float:
+        """Displacement that counts as 0 [mm]."""
+        return self.RESOLUTION * self._size
 
     def solve(
         self,

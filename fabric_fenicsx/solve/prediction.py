@@ -28,8 +28,7 @@ def predict(newton: Newton, progress: Progress, size: float, values: np.ndarray)
 
 
 def keep_contact(scene: Scene, x: PETSc.Vec) -> bool:
-    """Move nodes of the prediction x out of the tools that it goes through; False if that does not
-    lower the energy."""
+    """Move nodes of the prediction x out of tools; False if that does not lower the energy."""
     scene.set(x)
     energy, motion = scene.energy(), scene.motion_to_gaps()
     x.array[:] += motion

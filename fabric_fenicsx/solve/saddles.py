@@ -10,8 +10,7 @@ from .tangent import Tangent
 
 class Saddles:
     """Tells saddles from minima by the tangent's negative pivots, and leaves them along a direction
-    of negative curvature that depends on neither the ranks nor chance. smallest: displacement that
-    counts as 0 [mm]."""
+    of negative curvature that depends on neither ranks nor chance. smallest: as of `Newton`."""
 
     MOST = 5  # to be left in one solve
     EASY = 5  # iterations, within which a solve counts as easy

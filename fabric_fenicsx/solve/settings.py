@@ -70,8 +70,7 @@ class Settings:
             LOAD_FACTOR.check("one of `milestones`", each)
 
     def coarser_settings(self, fewer: int = 2) -> "Settings":
-        """The settings of the same run on a coarser mesh, with `fewer` times fewer
-        steps, at least 2."""
+        """Settings for a coarser mesh, with `fewer` times fewer steps, at least 2."""
         path, limits = self.path_tolerance, dataclasses.asdict(self.limits)
         looser = 4.0  # a mesh twice as coarse is off by as much
         own = {each.name: getattr(self, each.name) for each in dataclasses.fields(Settings)}

@@ -217,8 +217,7 @@ class LoadStepping:
         return step_criteria.missing_work(trial.work, rise, stored, contact)
 
     def _measure_on_the_way(self, trial, part):
-        """Measure the step's work anew with the state at this part of it; the trial of that state,
-        None if it is not found."""
+        """Measure work anew with the state at this part of the step: its trial, if found."""
         solution, iterations = self.newton.x.copy(), trial.report.iterations
         load = self.progress.load + part * trial.size
         values = self.scene.supports.values(load)
@@ -283,8 +282,7 @@ class LoadStepping:
         return min(GROWTH * progress.step, self.largest)
 
     def _back_off(self, trial):
-        """Return to the last accepted state, and strengthen the drag or halve the step; the reason
-        to give up if neither is possible, or ""."""
+        """Return, and strengthen the drag or halve the step; the reason to give up, or ""."""
         progress, viscosity = self.progress, self.progress.viscosity
         progress.rejected += 1
         self._cuts += 1

@@ -116,8 +116,7 @@ class Tangent:
 
     def _subtract_compliances(self, d):
         """Make d, which `ksp` solved for, the solution with A less c c^T / k of each tool that a
-        force moves (Woodbury's formula). False, and d unchanged, if that is not positive
-        definite."""
+        force moves (Woodbury's formula). False, d unchanged, if that is not definite."""
         compliances = self._scene.compliances()
         if not compliances:
             return True

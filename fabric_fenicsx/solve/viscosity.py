@@ -26,8 +26,7 @@ class Viscosity:
         return True
 
     def note_accepted(self, uncut: bool, at_rest: bool) -> None:
-        """Count an accepted step, and weaken the drag if it is due; at rest, where the load does
-        not change, it always is."""
+        """Count an accepted step, and weaken the drag if it is due; at rest it always is."""
         if not self.drag:
             return
         self.easy_steps = self.easy_steps + 1 if uncut else 0

@@ -20,8 +20,7 @@ DIFFERENCE_TOLERANCE = 1e-4  # over the largest of its kind
 
 
 class Row(NamedTuple):
-    """Names of the compared quantities, their largest difference over the largest of its kind (NaN
-    where there is no number) and its place."""
+    """Compared quantities, their difference over the largest (NaN: no number), and its place."""
 
     names: str
     off: float

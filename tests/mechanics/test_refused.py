@@ -38,7 +38,7 @@ REFUSED = [
     (lambda: alone(square(**TURNED), contact()), "along turned axes; allowed are x, y and z"),
     (lambda: ff.Tool(PLANE, force=lambda s: (1 - s, 0, s)), "0 is .* along that at full load"),
     (lambda: between(stack(-0.5 * T), pair()), "sheets that overlap by 0.537 mm; allowed"),
-    (lambda: between(stack(), pair(None), Elastic()), "a penalty, a number above 0, as not both"),
+    (lambda: between(stack(), pair(None), Elastic()), "a penalty, a number above 0, as no term"),
     (lambda: ff.Coulomb({"a": 0.1, "b": -1}), "coefficient of friction is -1"),
     (lambda: between(stack(), ff.SelfContact(T, penalty=1.0)), "asked of a stack; allowed is one"),
     (lambda: alone(square(), ff.Springs(END, 1.0)), "springs need one of `anchor` and `arm`"),

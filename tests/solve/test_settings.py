@@ -15,14 +15,6 @@ def test_a_value_that_is_refused_is_named():
         ff.Limits(strain=0)
 
 
-def test_what_is_not_given_is_usual():
-    usual = {"steps": 20, "max_step": None, "tolerance": 1e-8, "path_tolerance": 1e-4, "every": 5}
-    usual |= {"viscosity": "auto", "accuracy": None, "balance": None, "stop_when_invalid": False}
-    assert usual.items() <= vars(Settings()).items()
-    limits = ff.Limits()
-    assert (limits.strain, limits.cell_size) == (0.1, float("inf"))
-
-
 def test_a_job_has_every_setting_and_the_coarser_run_takes_them_all():
     """Of what a mesh twice as coarse is off by, some are looser: 2 or 4 times."""
     given = {"viscosity": "off", "linear_solver": "mumps-lu", "milestones": (0.5,), "every": 7}

@@ -101,8 +101,7 @@ class Coulomb:
         stiffness: float | np.ndarray = 0.0,
     ) -> np.ndarray:
         """Second derivatives of the energies (n, 3, 3) [N/mm]: mu P / max(|z|, s) times the
-        projector on the plane across `normal` (n, 3), of a sliding point less the direction of
-        its slip."""
+        projector across `normal` (n, 3), of a sliding point less the direction of its slip."""
         return loops.blocks(z, limit, normal, self.slips(limit, stiffness))
 
     def elastic(
@@ -117,8 +116,7 @@ Friction = float | Field | Mapping[str, float | Field] | Coulomb
 
 
 def friction_law(friction: Friction, owner: str, axes: str) -> Coulomb | None:
-    """Law of a term's `friction`, None if all coefficients are 0. owner: the term, named in
-    errors; axes: of its fields."""
+    """Law of a term's `friction`, None if that is 0. owner: in errors; axes: of its fields."""
     try:
         law = friction if isinstance(friction, Coulomb) else Coulomb(friction)
         law = law.of("coefficient of friction", axes)

@@ -152,8 +152,7 @@ class Face:
         return edges.reshape(-1, 3), bulges.tocsr()
 
     def own_weights(self, N: np.ndarray) -> sparse.csr_matrix:
-        """Matrix (cells k, nodes) from places to those of the face in this rank's cells, at the
-        barycentric coordinates N (k, 3) in each."""
+        """Matrix (cells k, nodes) from nodes to the face at barycentric coordinates N (k, 3)."""
         triangle = np.repeat(self.own_triangles, len(N))
         n, N = len(triangle), np.tile(N, (len(self.own_triangles), 1))
         starts = np.arange(0, 3 * n + 1, 3)
@@ -167,8 +166,7 @@ class Face:
         return (corners + between @ self._bulges).tocsr()
 
     def corners(self, triangle: np.ndarray, N: np.ndarray, offset: np.ndarray) -> Corners:
-        """`Corners` of triangles (n,) with points at barycentric coordinates N (n, 3), and offsets
-        (n,)."""
+        """`Corners` of triangles (n,), with barycentric coordinates N (n, 3) and offsets (n,)."""
         nodes = self.triangles[triangle]
         return Corners(self.nodes[nodes], self.places[nodes], N, offset)
 
@@ -205,8 +203,7 @@ class Face:
         return self._bulges @ self.displacement
 
     def points(self, weights: sparse.csr_matrix, flat: np.ndarray) -> np.ndarray:
-        """Places (n, 3) [mm] on the face, now, of points with these `weights` that lay at `flat`
-        (n, 3)."""
+        """Places (n, 3) [mm] now of points with these `weights` that lay at `flat` (n, 3)."""
         return flat + weights @ self.displacement
 
     def project(
@@ -256,8 +253,7 @@ class Face:
         return triangle, y
 
     def projection(self, triangle: np.ndarray, y: np.ndarray, reach: float) -> FaceProjection:
-        """The places below points up to `reach` [mm] away, over y (n, 3) of triangles (n,) as
-        `seek` gives them."""
+        """The places below points up to `reach` [mm] away, from what `seek` gives."""
         n = len(triangle)
         empty = np.zeros((n, 3)), np.full(n, np.inf), np.zeros((n, 3)), np.zeros((n, 3, 3))
         below = FaceProjection(triangle, *empty)
@@ -366,8 +362,7 @@ def _cross(a, b):
 
 
 def _plane(places, on):
-    """Numbers of the places (n, 3) on an edge of symmetry, and the plane's normal (3,) towards the
-    others."""
+    """Numbers of the places (n, 3) on an edge of symmetry, and the plane's inward normal (3,)."""
     at = np.flatnonzero(on)
     if not len(at):
         return at, UP

@@ -7,8 +7,7 @@ import numpy as np
 
 
 class Resistance(NamedTuple):
-    """Resistance to a tool: force along its direction [N], growth of it as the tool travels [N/mm],
-    and distance to the nearest point, 0 in contact [mm]."""
+    """Force along a tool's direction [N], its growth [N/mm], and the distance to touch [mm]."""
 
     force: float
     stiffness: float

@@ -22,8 +22,7 @@ class SlipMap(Protocol):
         """Motion to the present displacement, in which it is linear, (n, 3) [mm]."""
 
     def exact(self, now: Self) -> np.ndarray:
-        """Motion that is not linear, to the present state, in which the map `now` was made, (n, 3)
-        [mm]."""
+        """Exact motion to the present state, in which the map `now` was made, (n, 3) [mm]."""
 
 
 class FrictionState:
@@ -64,8 +63,7 @@ class FrictionState:
         self.begin()
 
     def begin(self, normal_forces: np.ndarray | None = None) -> None:
-        """Go back to the accepted state, or to it under other normal forces. The energy that
-        changes because they do is a correction."""
+        """Go back to the accepted state, under other normal forces without a change of energy."""
         self._limit = self.limit if normal_forces is None else self.coefficient * normal_forces
         # what the elastic slip does not hold
         self._energy_correction = (
@@ -81,8 +79,7 @@ class FrictionState:
     def update(self, normal_forces: np.ndarray, sliding: Callable[[], SlipMap]) -> bool:
         """Take the present normal forces and tangent planes, and exact sliding since the start, if
         that changes friction by more than the law's `lag` of what there can be; true if so, the
-        same on all ranks. sliding: makes that from the present state on. With an infinite `lag`
-        nothing is taken."""
+        same on all ranks. sliding: makes that from now on. An infinite `lag` takes nothing."""
         if np.isinf(self.law.lag):
             return False
         limit = self.coefficient * normal_forces
@@ -102,8 +99,7 @@ class FrictionState:
         return bool(is_taken)
 
     def accept(self, normal_forces: np.ndarray, sliding: SlipMap) -> None:
-        """Take the present state as the accepted one: keep the elastic part of the slip. sliding:
-        from it on."""
+        """Take the present state as accepted: keep the elastic slip. sliding: from it on."""
         slip = self._slip_at(self.start.exact(sliding), self.sliding)
         self._accepted_energy = self._energy_correction + self._potential(slip, self._limit)[0]
         now = np.linalg.norm(slip, axis=1) / self.law.slips(self._limit, self._stiffness)
@@ -127,8 +123,7 @@ class FrictionState:
         )
 
     def memory(self) -> dict[str, np.ndarray]:
-        """Elastic slip (n, 3) [mm] and energy taken (n, 1) [N mm] in the accepted state, and
-        `used` (n, 1)."""
+        """Accepted elastic slip (n, 3) [mm] and energy (n, 1) [N mm], and `used` (n, 1)."""
         used, energy = self.used[:, None], self._accepted_energy[:, None]
         return {"slip": self._slip, "energy": energy, "used": used}
 
@@ -170,8 +165,7 @@ class FrictionState:
 
 
 def _turned(slip, limit, normals):
-    """The slip turned into the planes across `normals`, as long as before; 0 where nothing
-    presses."""
+    """The slip turned into the planes across `normals`; 0 where nothing presses."""
     length = np.linalg.norm(slip, axis=1)
     flat = slipped(np.zeros_like(slip), slip, normals)
     flat *= (length / np.maximum(np.linalg.norm(flat, axis=1), 1e-300))[:, None]

@@ -179,8 +179,7 @@ class BlankHolderPressure(ToolInteraction):
         return float((energy_now - energy - now * (depth_now - depth)).sum())
 
     def memory(self) -> dict[str, np.ndarray]:
-        """Areas that were pressed in the last accepted state (nodes, 1) [mm^2], without
-        friction."""
+        """Areas pressed in the last accepted state (nodes, 1) [mm^2], if without friction."""
         return super().memory() | ({"areas": self._accepted.areas[:, None]} if self._die else {})
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:

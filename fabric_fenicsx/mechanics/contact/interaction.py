@@ -8,9 +8,8 @@ from mpi4py import MPI
 from ...readers.field import Field
 from ...runtime.collective_errors import on_all
 from ...tools.tool import Tool
-from ..materials import sheets_of
+from ..materials import sheets_of, stretching_stiffness
 from ..output import Value, joined
-from ..stretching import stretching_stiffness
 from ..term import NO_TANGENT, Term, Triplets
 from .coulomb import Friction, friction_law
 from .friction import FrictionState, SlipMap
@@ -85,8 +84,7 @@ class Interaction(Term):
             )
 
     def _note_depth(self, load, depth):
-        """Keep the deepest overlap. At load 0 the last state counts, as those before it were not in
-        equilibrium."""
+        """Keep the deepest overlap; at load 0 the last one, as others were not in equilibrium."""
         self.depth = np.fmax(self.depth if load else 0.0, depth)
 
     def largest_depth(self) -> float:
@@ -233,15 +231,13 @@ class ToolInteraction(Interaction):
         return self.friction_state.sliding.on_nodes(self.friction_state.forces())
 
     def _blocks(self):
-        """Decrease of all forces as nodes move (nodes, 3, 3) [N/mm]: those of friction; None if
-        there are none."""
+        """Decrease of friction as nodes move (nodes, 3, 3) [N/mm]; None without friction."""
         return self.friction_state and self.friction_state.sliding.on_node_blocks(
             self.friction_state.blocks()
         )
 
     def _friction_work(self):
-        """Work of the tool's motion against friction since the accepted state, by trapezoids, on
-        rank 0 [N mm]."""
+        """Work against friction since the accepted state, by trapezoids, on rank 0 [N mm]."""
         if not self.friction_state:
             return 0.0
         ends = self._friction_at_start + self.nodes.total(self._friction_forces())

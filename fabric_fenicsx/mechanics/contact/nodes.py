@@ -26,8 +26,7 @@ def shares_at(function: Callable[[np.ndarray], np.ndarray], points: np.ndarray) 
 
 
 def _centres(k):
-    """Barycentric coordinates (k^2, 3) of the centres of the equal triangles that k parts of each
-    side make."""
+    """Barycentric coordinates (k^2, 3) of the centres of k^2 equal triangles."""
     i, j = (3 * each.ravel() for each in np.mgrid[:k, :k])
     up, down = (np.column_stack([i + n, j + n])[i + j < 3 * (k + 1 - n)] for n in (1, 2))
     first = np.concatenate([up, down]) / (3 * k)

@@ -12,9 +12,8 @@ MAX_SECANT_PRESSURE = 4.0  # of the present one, up to which a secant stiffness 
 class Pressed(NamedTuple):
     """n points pressed into a face: gap (n,) [mm] between both, below 0 where they overlap, its
     gradient `normal` (n, 3) and Hessian `curvature` (n, 3, 3) [1/mm], depth (n,) [mm] to which the
-    face is pressed in, pressure (n,) [MPa] and its slope (n,) [N/mm^3], forces on the points
-    (n, 3) [N], `blocks` (n, 3, 3) [N/mm] by which these fall as points move, and energy (n,)
-    [N mm]."""
+    face is pressed in, pressure (n,) [MPa] and its slope (n,) [N/mm^3], forces (n, 3) [N], `blocks`
+    (n, 3, 3) [N/mm] by which these fall as points move, and energy (n,) [N mm]."""
 
     gap: np.ndarray
     normal: np.ndarray
@@ -30,8 +29,7 @@ class Pressed(NamedTuple):
 def press(
     law: FaceLaw, areas: np.ndarray, gap: np.ndarray, normal: np.ndarray, curvature: np.ndarray
 ) -> Pressed:
-    """Points of `areas` (n,) [mm^2] pressed by a law at gaps (n,) [mm], with the gaps' gradients
-    (n, 3) and Hessians (n, 3, 3) [1/mm]."""
+    """Points of `areas` (n,) [mm^2] pressed at gaps (n,) [mm], with gradients and Hessians."""
     depth = np.maximum(0.0, -gap)
     energy, pressure, slope = np.zeros((3, len(gap)))
     at = np.flatnonzero(depth != 0)  # those that are not numbers among them

@@ -92,8 +92,7 @@ class FaceLaw(NamedTuple):
         return np.greater(self.penalty, 0)
 
     def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Energy per area [N/mm], pressure [MPa] and its slope [N/mm^3] at depths e (n,) from 0
-        [mm]."""
+        """Energy [N/mm], pressure [MPa] and its slope [N/mm^3] at depths e (n,) from 0 [mm]."""
         e = e / self.growth
         if self.beside:
             energy, pressure, slope = self._in_series(e, self.beside)
@@ -173,8 +172,7 @@ class SheetFace(NamedTuple):
         return cls(np.array(thickness)[which], law, np.array(thickening)[which])
 
     def grown(self, growth: np.ndarray) -> Self:
-        """The faces of a sheet that is `growth` (points,) times as thick; rigid ones are as
-        stiff."""
+        """Faces of a sheet `growth` (points,) times as thick; rigid ones are as stiff."""
         law = self.law.grown(np.where(self.law.is_rigid, 1.0, growth))
         return self._replace(thickness=growth * self.thickness, law=law)
 
@@ -196,9 +194,8 @@ def face_of(material: Material, radius: float, penalty: float | None = None) -> 
 
 
 def between_faces(one: FaceLaw, other: FaceLaw) -> FaceLaw:
-    """The law of two faces that press each other, each with the same numbers at all points. Beside
-    a fabric a rigid face is not pressed in; of two rigid faces the one of the lower penalty
-    counts."""
+    """The law of two faces that press each other, each the same at all points. Beside a fabric a
+    rigid face is not pressed in; of two rigid faces that of the lower penalty counts."""
     if one.is_rigid and other.is_rigid:
         return min(one, other, key=lambda law: law[:2])
     if one.is_rigid or other.is_rigid:

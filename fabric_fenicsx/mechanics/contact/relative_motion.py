@@ -43,8 +43,7 @@ class RelativeMotion:
         return self._of_points(self._gathered.displacement())
 
     def offsets(self) -> np.ndarray:
-        """Vectors from the flat triangle below to that of each point, less those from the triangles
-        to their touching faces, (n, 3) [mm]. Needs `normals`."""
+        """Offsets of the touching faces from their triangles, less those below, (n, 3) [mm]."""
         moved = self._gathered.displacement() - self._before
         over, below = (
             each.offset[:, None] * _unit_normals(each.places + moved[nodes], self._normals)
@@ -53,8 +52,7 @@ class RelativeMotion:
         return over - below
 
     def apart(self, owned: np.ndarray) -> np.ndarray:
-        """Values at the points less those on the other sheet below them, (n, 3); owned (nodes, 3):
-        the values at this rank's owned nodes."""
+        """Values at the points less those below them, (n, 3), from those at owned nodes."""
         return self._of_points(self._gathered.values(owned))
 
     def _of_points(self, values):
@@ -62,8 +60,7 @@ class RelativeMotion:
         return np.einsum("naj,nj->na", self._motions, of_points)
 
     def add(self, forces: np.ndarray, f: np.ndarray) -> None:
-        """Add forces (n, 3) on the points and their reactions to f, this rank's degrees of freedom
-        [N]."""
+        """Add forces (n, 3) on the points, and their reactions, to f (this rank's dofs,) [N]."""
         borne = np.einsum("naj,na->nj", self._motions, forces).reshape(-1, 3)
         self._gathered.add(self._on_nodes @ borne, f)
 
@@ -72,8 +69,7 @@ class RelativeMotion:
         return CoupledNodes(self._known, self._nodes)
 
     def triplets(self, blocks: np.ndarray) -> Triplets:
-        """As `Term.tangent` gives them. blocks (n, 3, 3): growth of the force on each point as it
-        moves [N/mm]."""
+        """As of `Term.tangent`. blocks (n, 3, 3): growth of each point's force [N/mm]."""
         coupled = self._coupled
         values = _stiffness(self._motions, blocks, coupled.places, coupled.count)
         return coupled.rows, coupled.cols, values.ravel()

@@ -194,8 +194,6 @@ class SelfContact(FaceContact):
     'self-contact of upper'
     """
 
-    LACKING = "the sheet has not"
-
     def __init__(
         self,
         thickness: float | None = None,

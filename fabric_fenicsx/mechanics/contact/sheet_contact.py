@@ -33,7 +33,6 @@ class FaceContact(Interaction):
 
     energy_kind = "contact"
     _lost: Callable[[np.ndarray], np.ndarray]
-    LACKING = "not both sheets have"
 
     def __init__(
         self,
@@ -57,8 +56,7 @@ class FaceContact(Interaction):
             raise InputError(f"{name} has friction of several sheets; allowed is one number from 0")
 
     def _begin(self, scene, points):
-        """Let the faces of the sheets press at the points; InputError if they overlap at the
-        start."""
+        """Let the faces press at the points; InputError if they overlap at the start."""
         if any(term.thickness_field for term in scene.terms):
             points.vary(thickness_shares_at_nodes(scene))
         self.points, thickness = points, min(face.thickness for face in points.faces)
@@ -87,8 +85,8 @@ class FaceContact(Interaction):
             return rigid_face(t, k)
         if k or not material:
             raise InputError(
-                f"{self.name} needs a {'thickness' if k else 'penalty'}, a number above 0, as "
-                f"{self.LACKING} a fabric or metal"
+                f"{self.name} needs a {'thickness' if k else 'penalty'}, a number above 0, as no "
+                f"term has a fabric or metal for {part.name or self.blank.name}"
             )
         tools = [term.tool for term in scene.terms if overrides(term, "may_press")]
         radius = min((min(tool.surface.radii) for tool in tools if tool), default=np.inf)
@@ -102,8 +100,7 @@ class FaceContact(Interaction):
         return self.name
 
     def state(self, pairs: ContactPairs | None = None) -> Pressed:
-        """The points of `pairs`, by default those of the present solve, as they are pressed at the
-        present displacement."""
+        """The points of `pairs`, by default those of this solve, as they are pressed now."""
         pairs, u = pairs or self.faces.now, self.blank.u.x.array
         found = self._found
         known = found is not None and found[1] is pairs and np.array_equal(u, found[0])
@@ -160,8 +157,7 @@ class FaceContact(Interaction):
         return rows, cols, values
 
     def use_secant_stiffness(self, f: np.ndarray) -> None:
-        """See `Term` and `with_secant_stiffness`, until the sheets move: the pressure balances the
-        other forces on both of them."""
+        """See `Term` and `with_secant_stiffness`, with forces on both sheets, until they move."""
         now, pairs, nodes = self.state(), self.faces.now, self.points.nodes
         forces = f[: 3 * nodes.count].reshape(-1, 3)
         apart = pairs.motion.apart(forces / nodes.areas[:, None])
@@ -180,8 +176,7 @@ class FaceContact(Interaction):
         self.faces.on_prediction()
 
     def update_lagged(self) -> bool:
-        """See `Term`. Friction follows the normal forces in balance, which on faces taken anew they
-        are not yet."""
+        """See `Term`. Friction follows the forces in balance, which new faces do not have yet."""
         normal_forces = self.normal_forces()
         changed = self._update_pressing()
         return self._update_friction(normal_forces) or changed
@@ -242,8 +237,7 @@ class FaceContact(Interaction):
         return {"sheet_pressure": field} | self.plies.fields(self._lost(pressure))
 
     def _depths(self, law, pressure, sheet):
-        """Thickness that a face of this law loses at all points, (count,) [mm]; sheet: 0 for the
-        one with the points, 1 for the other."""
+        """Thickness that a face loses at all points, (count,) [mm]; sheet: 0 has the points."""
         growth = self.points.of_all(self.faces.now, self.faces.now.growths[sheet], 1.0)
         return growth * (0.0 if law.is_rigid else law.depth(pressure))
 
@@ -252,8 +246,8 @@ class SheetContact(FaceContact):
     """Contact of two sheets of a stack, by an energy of points of one over the other.
 
     Without pressure a sheet's face is half its thickness off its smooth `Face`. The pressure
-    follows from the depth to which both faces overlap, see `between_faces`: fabric is `Compacted`,
-    metal is `Rigid`. It acts at points of the sheet of smaller cells, the upper one if they are
+    follows from the depth to which both faces overlap, see `between_faces`: fabric is compacted,
+    metal is rigid. It acts at points of the sheet of smaller cells, the upper one if they are
     equal, over their areas, and reacts on the corners of the triangle below each point,
     so that forces balance exactly. Uniform pressure loads the nodes of the one sheet exactly, those
     of the other as well as the points integrate it: with cells in the ratio 1 : 1.37, 6 points are

@@ -51,8 +51,7 @@ class ContactPairs(NamedTuple):
         return (below.offset - over.offset)[:, None] * self.unit_normals()
 
     def paraboloid(self) -> tuple[np.ndarray, np.ndarray]:
-        """Gap (n,) [mm] and its gradient (n, 3) at the present displacement, from place, gradient
-        and Hessian of then: without kinks."""
+        """Gap (n,) [mm] and its gradient (n, 3) now, by the Hessian of then: without kinks."""
         moved = self.moved()
         turned = np.einsum("nij,nj->ni", self.curvature, moved)
         gap = self.gap + ((self.normal + 0.5 * turned) * moved).sum(1)
@@ -192,8 +191,7 @@ class SheetPoints:
         )
 
     def of_all(self, pairs: ContactPairs, values: np.ndarray, other: float = 0.0) -> np.ndarray:
-        """Values (n, ...) at the points of `pairs` as values of all points (count, ...), `other` at
-        those that lie over nothing."""
+        """Values (n, ...) of `pairs` as those of all points (count, ...), `other` over nothing."""
         result = np.full((self.count, *values.shape[1:]), other)
         result[pairs.points] = values
         return result
@@ -204,22 +202,19 @@ class SheetPoints:
         return np.einsum("kc,nmci->nmki", self.places, corners).reshape(self.count, 3)
 
     def means(self, values: np.ndarray) -> np.ndarray:
-        """Means of values of all points (count, ...) over each cell, on each side that points look
-        to, (cells, SIDES, ...)."""
+        """Means over cells of values of all points (count, ...), by side (cells, SIDES, ...)."""
         count, many = len(self.part.cells), len(self.places)
         shape = count, self.per_cell // many, self.SIDES, many // self.SIDES
         return values.reshape(*shape, *values.shape[1:]).mean((1, 3))
 
     def of_cells(self, rows: np.ndarray) -> np.ndarray:
-        """Values of all points by `rows` of the blank's owned cells, (count, k), or (count,) of one
-        number a point."""
+        """Values of all points (count, k), or (count,), by `rows` of the blank's owned cells."""
         values = rows[self.part.cells]
         wide = values.shape[1] // self.per_cell
         return values.reshape((self.count, wide) if wide > 1 else self.count)
 
     def below(self, pairs: ContactPairs, values: np.ndarray) -> np.ndarray:
-        """Values of all points (count,) as means at the nodes of the sheet below them, 0 at nodes
-        with no points over them, (owned nodes,)."""
+        """Means of values (count,) at owned nodes of the sheet below, 0 with no points above."""
         areas = pairs.areas
         weighed = np.column_stack([areas * values[pairs.points], areas, 0 * areas])
         sums_at_nodes = np.zeros(3 * self.nodes.count)

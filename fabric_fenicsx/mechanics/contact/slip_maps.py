@@ -88,6 +88,5 @@ class FaceSlip:
         self._motion.add(forces[self.start.points], f)
 
     def triplets(self, blocks: np.ndarray) -> Triplets:
-        """As `Term.tangent` gives them. blocks (count, 3, 3): growth of the force on each point's
-        face as it slides [N/mm]."""
+        """As of `Term.tangent`. blocks (count, 3, 3): growth of each face's force [N/mm]."""
         return self._motion.triplets(blocks[self.start.points])

@@ -39,7 +39,7 @@ class Contact(ToolInteraction):
     """Contact of a sheet with a rigid tool, by an energy of its nodes.
 
     The pressure follows from the depth of the tool in the sheet's face: fabric is compacted, by
-    half on each face (`Compacted`), and metal is `Rigid`. It acts over the node's area, which
+    half on each face, and metal is rigid (`FaceLaw`). It acts over the node's area, which
     follows the sheet but is lagged during a solve. The sheet is on the side to which the tool's
     normal points. Without pressure its faces are half a thickness off the mesh. A tool moved by
     force stands where contact and friction balance the force, at any displacement of the sheet.
@@ -217,8 +217,7 @@ class Contact(ToolInteraction):
         return np.broadcast_to(self.face.law.depth(np.array(pressure)), self.nodes.count)
 
     def pressed_by(self, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Depths of the tool in the sheet's face (nodes,) [mm] under forces on the nodes (nodes,)
-        [N], and energies (nodes,) [N mm]."""
+        """Depths in the face [mm] and energies [N mm] under forces on the nodes [N], (nodes,)."""
         depth = np.array(self.face.law.depth(forces / np.maximum(self.areas, 1e-300)))
         return depth, self.areas * self.face.law(depth)[0]
 
@@ -367,16 +366,14 @@ class Contact(ToolInteraction):
         return [*super().warnings(), *(f"{surface} gives no number at {x}; {cure}" for x in lost)]
 
     def check_start(self) -> None:
-        """See `Term`: for a tool whose body the sheet's nodes are in, and one whose path or
-        surface can't be."""
+        """See `Term`: also for a tool's path or surface that can't be."""
         self.tool.at(1.0)
         self.tool.at(0.0)
         x = (self.nodes.places + self.nodes.displacement())[self.nodes.own]
         check_start(self.tool, x, float(self.thickness.max(initial=0.0)), self.nodes.comm)
 
     def may_press(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """See `Term`, at up to twice 1000 nodes of a rank that find a nearest point: triangles take
-        1 ms each."""
+        """See `Term`, at up to twice 1000 nodes of a rank: triangles take 1 ms each."""
         at_loads, x = [], self.nodes.places[self.nodes.own]
         x = x[:: max(1, len(x) // 1000)]
         for load in (0.0, 1.0):

@@ -24,8 +24,7 @@ TWIST = np.array([1.0, 1.0, 2.0])  # times x,aa, x,bb, x,ab: the curvatures of a
 
 
 def plate_stiffness(modulus: float, thickness: float) -> float:
-    """Bending stiffness E t^3 / 12 [N mm] of a strip, per width, of `modulus` E [MPa] and
-    `thickness` t [mm]."""
+    """Bending stiffness E t^3 / 12 [N mm] per width, of `modulus` E [MPa] and thickness t [mm]."""
     return modulus * thickness**3 / 12
 
 
@@ -233,8 +232,7 @@ class Bending(Term):
         self._stencil.add_forces(forces, f)
 
     def tangent(self) -> Triplets:
-        """As in `Term`, of this rank's owned cells' energy [N/mm]: a cell reaches over two
-        neighbours, further than a rank's ghosts."""
+        """As in `Term` [N/mm]: a cell reaches over two neighbours, beyond a rank's ghosts."""
         U, _, shape, moments, section, _ = self._state()
         pairs = self._stencil.coupled
         blocks = np.zeros((pairs.count, *2 * U.shape[1:]))
@@ -265,8 +263,7 @@ class Bending(Term):
             self._stencil.add_difference(*self._linear, v, f)
 
     def curvatures(self) -> np.ndarray:
-        """Second derivatives x,aa, x,bb, x,ab in each owned cell along the frame's axes,
-        (cells, 3, gdim) [1/mm]."""
+        """x,aa, x,bb, x,ab in each owned cell along the frame's axes, (cells, 3, gdim) [1/mm]."""
         U = self._stencil.displacement()[self._stencil.columns]
         return self._cells.operator @ U + self._cells.curved
 
@@ -306,8 +303,7 @@ class Bending(Term):
         return _State(state.U, energy, shape, moments, section, friction)
 
     def _curvature(self, angles):
-        """Curvatures (cells, 3), 11, 22, 2 12, from the angles (cells, 3) by which cells are bent
-        at their edges."""
+        """Curvatures (cells, 3), 11, 22, 2 12, from angles (cells, 3) at the cells' edges."""
         return np.einsum("cke,ce->ck", self._cells.spread, angles)
 
 

@@ -41,8 +41,7 @@ class FabricStates(Term):
 
     @cached_property
     def law_of_points(self) -> Law:
-        """The fabric, or the law of all quadrature points of the part's cells, each with its own
-        numbers."""
+        """The fabric, or the law of all quadrature points, each with its own numbers."""
         if self._warm is None or self._numbers is None:
             return self.fabric
         many = len(compat.quadrature(self.blank.mesh, self.degree)[1])
@@ -67,8 +66,7 @@ class FabricStates(Term):
 
     def at_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """F (cells, points, 3, 2) on the basis (a0, perpendicular), b0 (cells, points, 2) there and
-        UFL's S as 11, 22, 12 (cells, points, 3) [MPa] at each quadrature point of the part's
-        cells."""
+        UFL's S as 11, 22, 12 (cells, points, 3) [MPa] at all quadrature points."""
         u = self.blank.u.x.array
         if self._evaluated is None or not np.array_equal(u, self._evaluated[0]):
             self._evaluated = u.copy(), self._points()
@@ -192,8 +190,7 @@ class FabricStates(Term):
         }
 
     def overstretched(self, strain: float) -> float:
-        """Share of the area, 0 to 1, of all ranks, in which the larger mean of a cell's two yarns
-        is stretched by more than the nominal `strain`."""
+        """Share of the area, 0 to 1, in whose cells a yarn is stretched by more than `strain`."""
         stretches = np.sqrt(self.invariants_at_points()[..., [0, 2]])
         return self._share(np.einsum("q,cqk->ck", self.weights, stretches).max(1) - 1 > strain)
 

@@ -217,8 +217,7 @@ class Membrane(FabricStates):
         return law, directions, next(entries, None)
 
     def _numbers_of_cells(self):
-        """The numbers of the law in the part's cells (cells, numbers), None if they are the same in
-        all."""
+        """The numbers of the law in the cells (cells, numbers), None if all have the same."""
         if not (self._warm or self.thickness_field):
             return None
         x, comm = self.blank.centres()[self.part.cells], self.blank.mesh.comm
@@ -235,8 +234,7 @@ class Membrane(FabricStates):
         return numbers
 
     def _fibres(self):
-        """a0, b0: where they vary, on cells without one tangent plane projected anew at each
-        point."""
+        """a0, b0 where they vary, on cells without one tangent plane projected at each point."""
         mesh, fibres = self.blank.mesh, (self.blank.a0, self.blank.b0)
         if mesh.geometry.dim == 2 or compat.is_affine(mesh):
             return fibres

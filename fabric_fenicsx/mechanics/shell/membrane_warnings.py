@@ -108,8 +108,7 @@ def _is_at_rest(membrane):
 
 
 def alternating_energy(membrane: Membrane) -> float:
-    """Share of the strain energy that goes when yarn strains are smoothed over neighbouring cells;
-    0 at rest."""
+    """Share of the strain energy that goes when yarn strains are smoothed over neighbours."""
     blank = membrane.blank
     state, _, _, _ = membrane.state()
     _, b, _ = membrane.at_points()

@@ -161,8 +161,7 @@ class SheetMetal(Term):
         return stencil.triplets(blocks)
 
     def narrow_tangent(self) -> Triplets:
-        """See `Term`: each edge as a hinge of the two cells at it, by itself, and by itself from
-        stretching."""
+        """See `Term`: each edge as a hinge of two cells, apart from others and stretching."""
         state, stencil, hinges = self._state(), self._stencil, self._stencil.hinges
         plane, mixed, bending = self._sections(state)
         bent, none = hinges.shape(stencil.displacement()), np.zeros_like(mixed)
@@ -188,8 +187,7 @@ class SheetMetal(Term):
         return metal_cells.sections(first, 2 * response.tangent, second, self._volumes, self._z)
 
     def cell_memory(self) -> dict[str, np.ndarray]:
-        """Elastic strains (cells, 3 points) and equivalent plastic ones (cells, points) when last
-        accepted."""
+        """Accepted elastic strains (cells, 3 points), and equivalent plastic (cells, points)."""
         arrays = {"elastic": self._elastic, "plastic": self._plastic}
         many = self._stencil.cells.per_cell
         return {name: self.part.rows(each, many) for name, each in arrays.items()}

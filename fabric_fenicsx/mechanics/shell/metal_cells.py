@@ -6,6 +6,12 @@ from ...runtime.compiled import compiled
 from .shapes import Section, Shape
 
 
+@compiled
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@compiled
 def shape(
     corners: np.ndarray,
     slopes: np.ndarray,
@@ -22,16 +28,6 @@ def shape(
     motion), less what n turns: n . motion's slope, along x,ab. x,ab is `own` (cells, 3, 3) plus
     `operator` (cells, 3, nodes) times the motion.
     """
-    return Shape(*_shape(corners, slopes, operator, own, U, columns))
-
-
-@compiled
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@compiled
-def _shape(corners, slopes, operator, own, U, columns):
     n = len(corners)
     base, normal, gradients = np.zeros((n, 3, 2)), np.empty((n, 3)), np.zeros((n, 3, 3))
     bends, curvature = operator.copy(), np.zeros((n, 3))
@@ -63,7 +59,7 @@ def _shape(corners, slopes, operator, own, U, columns):
             for i in range(3):
                 for x in range(3):
                     bends[c, k, i] -= curved[k, x] * gradients[c, i, x]
-    return base, normal, gradients, bends, curvature
+    return Shape(base, normal, gradients, bends, curvature)
 
 
 def forces(
@@ -88,8 +84,8 @@ def at_edges(
 ) -> tuple[np.ndarray, np.ndarray]:
     """What is conjugate to slopes at the edges (cells, 3) and its derivative (cells, 3, 3), of
     `moments` (cells, 3) and the diagonal `section` (cells, 3) of curvatures that are `spread`
-    (cells, 3, 3) times angles, which have first and second derivatives `slope` and `growth`
-    (cells, 3) by the slopes."""
+    (cells, 3, 3) times angles, whose first and second derivatives are `slope` and `growth` (cells,
+    3)."""
     of_edges, sections = np.zeros((len(spread), 3)), np.zeros((len(spread), 3, 3))
     for c in range(len(spread)):
         for e in range(3):
@@ -108,8 +104,7 @@ def at_edges(
 def bending_forces(
     shape: Shape, moments: np.ndarray, columns: np.ndarray, count: int
 ) -> np.ndarray:
-    """Forces (count, 3) [N] from `moments` alone, summed at the nodes that `columns` (cells, 12)
-    gives."""
+    """Forces (count, 3) [N] from `moments` alone, summed at nodes `columns` (cells, 12)."""
     nodal = np.zeros((count, 3))
     for c in range(len(moments)):
         n, B, M = shape.normal[c], shape.bends[c], moments[c]
@@ -237,8 +232,8 @@ def add_bending_along(
     factor: float,
     forces: np.ndarray,
 ) -> None:
-    """Add to `forces` (count, 3) `factor` times what the stiffness of `section`, but that of
-    stretching alone, gives along the motion v (count, 3)."""
+    """Add to `forces` (count, 3) `factor` times what a section's stiffness gives along v, without
+    that of stretching alone."""
     shape, moments, bending, mixed = section
     nodes = shape.bends.shape[2]
     by_node, turned, rest = np.empty(nodes), np.empty(3), np.empty(3)

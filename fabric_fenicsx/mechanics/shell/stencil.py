@@ -75,8 +75,7 @@ class Stencil:
         return self._on_nodes @ forces.reshape(-1, self._dim)
 
     def add_forces(self, forces: np.ndarray, f: np.ndarray) -> None:
-        """Add forces (count, gdim) [N], which this overwrites, to f (local dofs,) of whatever rank
-        their nodes are."""
+        """Add forces (count, gdim) [N], which this overwrites, to f (local dofs,) on any rank."""
         at = self._mirrored
         forces[at] = np.einsum("nij,ni->nj", self._mirrors[self._codes[at]], forces[at])
         self._gathered.add(forces, f)
@@ -86,8 +85,7 @@ class Stencil:
         return self.loops.shape(*self._undeformed, U, self.columns)
 
     def add_difference(self, one: Section, other: Section, v: np.ndarray, f: np.ndarray) -> None:
-        """Add to f (owned dofs,) what `metal_cells.add_bending_along` gives along v (owned dofs,)
-        for one section, less that for another."""
+        """Add to f (owned dofs,) what a section's stiffness gives along v, less that of another."""
         motion, forces = self.values(v), np.zeros((self.count, 3))
         for section, factor in ((one, 1.0), (other, -1.0)):
             along = motion, factor, forces

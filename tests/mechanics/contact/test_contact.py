@@ -91,9 +91,6 @@ def test_tool_pushed_past_the_sheet_is_no_state():
     assert math.isnan(contact.stored())
 
 
-# -- what is told of a made state
-
-
 def test_what_is_told_of_a_pressed_face():
     """A rigid face 3 s deep in a slanted plane, and 2 mm off another, as the sheet is stretched by
     10 % along x; its energy stays while the areas grow."""
@@ -143,9 +140,6 @@ def test_areas_are_taken_anew_where_they_change_forces_by_one_per_cent(growth, t
     u = blank.u.x.array.reshape(-1, 3)
     u[:, 0], u[:, 2] = growth / (1 - growth) * blank.coordinates()[:, 0], -S
     assert contact._update_pressing() == taken
-
-
-# -- forces, pressures, positions
 
 
 def over_a_bar(nx, pattern, penalty=1e4, tension=5.0):

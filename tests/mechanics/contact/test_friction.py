@@ -73,9 +73,6 @@ def test_derivatives(distance, pushed):
     assert off_differences(contact) < 1e-6
 
 
-# -- a patch on a plane
-
-
 def on_table(**options):
     """That patch alone, and its contact with a table."""
     blank = sheet(20, 10, 4, 2)
@@ -202,9 +199,6 @@ def test_a_resumed_run_knows_what_no_displacement_tells(shared_path):
     assert newton.memory()["negative_pivots_met"] and newton.memory()["shift"] > 0
 
 
-# -- the law and what is told of it
-
-
 def test_elastic_slip():
     """By default what sticks is as stiff as told, from 0.1 micrometres to 0.1 mm."""
     limit = np.array([1e-3, 0.02, 5.0, 50.0])
@@ -288,9 +282,6 @@ def test_a_friction_that_is_a_field_is_that_of_the_place_on_the_tool():
         contact.accept()
         mu = 0.3 + 0.01 * (x - 3.0 * load) - 0.1 * T / 2
         assert contact.friction_state.coefficient == pytest.approx(mu)
-
-
-# -- what lags
 
 
 @pytest.mark.parametrize("growth, taken", [(1.09, False), (1.13, True)])

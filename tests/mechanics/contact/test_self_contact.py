@@ -125,9 +125,6 @@ def test_forces_and_tangent_are_derivatives(fold, friction, degree):
     assert (contact.state().pressure > 0).any()
 
 
-# -- a strip whose clamped ends are pushed together until it touches itself
-
-
 L, W, D = 100.0, 8.0, 8.33
 START, END = 40.0, 17.0  # mm between the ends
 EULER = (2 * np.pi / L) ** 2  # load of the flat strip over D

@@ -64,8 +64,6 @@ def test_columns_of_three_sheets_between_two_plates():
         assert T - pair.largest_depth() == pytest.approx(FABRIC.thickness_under(most), rel=1e-3)
 
 
-# -- two sheets of two thicknesses, in made states
-
 LOW, HIGH = 1.2, 0.4  # thickness of the lower and of the upper sheet [mm]
 BOTH = 0.5 * (LOW + HIGH)
 STEEL = ff.Metal(186600.0, 0.3, ff.Swift(500.0, 0.0005, 0.2), thickness=1.0)

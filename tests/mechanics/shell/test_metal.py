@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
-from fabric_fenicsx.mechanics.stretching import stretching_stiffness
+from fabric_fenicsx.mechanics.materials import stretching_stiffness
 from fabric_fenicsx.scene import output as reports
 
 DC04 = ff.load_metal("dc04")
