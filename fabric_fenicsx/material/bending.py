@@ -87,10 +87,11 @@ class MeasuredBending(Parameters):
         if all(lengths) and not any(curves):
             return
         counts = {len(each) for each in curves}
-        if any(lengths) or len(counts) > 1 or min(counts) < 2:
+        if any(lengths) or len(counts) > 1 or min(counts) < 2 or not any(self.curvature):
             raise InputError(
                 "bending is incomplete, or told twice; allowed are cantilever_a and cantilever_b, "
-                "or curvature and moment_a, and moment_b if it differs, of as many numbers"
+                "or curvature, not of 0 alone, and moment_a, and moment_b if it differs, of as "
+                "many numbers"
             )
         parts = [
             _parted(np.array(self.curvature), np.array(getattr(self, name)), name)
@@ -143,8 +144,6 @@ def _parted(curvature, moment, name):
             f"bending.{name} less its threshold is {low} and {high}; allowed is one that rises "
             "through 0 (thin out what scatters)"
         )
-    if len(curvature) < 3:
-        raise InputError("bending.curvature is 0 alone; allowed are others, too")
     return (curvature, moment), threshold
 
 

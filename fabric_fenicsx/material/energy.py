@@ -8,11 +8,6 @@ from numpy.typing import ArrayLike
 from ..runtime.errors import InputError
 from .hyperdual import HyperDual, Number
 
-ALLOWED = (
-    "allowed are three parts, written with + - * / **, abs and the functions of "
-    "`material.functions`, as where(eps > 0, x, y) for `if`"
-)
-
 
 class Derivatives(NamedTuple):
     """The energy at n states and its derivatives in (eps_a, eps_b, gamma) [MPa].
@@ -58,16 +53,20 @@ class Energy:
 
     def parts(self, eps_a: Number, eps_b: Number, gamma: Number) -> tuple[Number, ...]:
         """The parts of `energy`; InputError if that fails or gives something else than three."""
+        allowed = (
+            "allowed are three parts, written with + - * / **, abs and the functions of "
+            "`material.functions`, as where(eps > 0, x, y) for `if`"
+        )
         try:
             a, b, shear = self.energy(eps_a, eps_b, gamma)
         except InputError:
             raise
         except Exception as error:
             words = f"fails ({type(error).__name__}: {error})"
-            raise InputError(f"energy of law {self.law} {words}; {ALLOWED}") from error
+            raise InputError(f"energy of law {self.law} {words}; {allowed}") from error
         # where NumPy takes numbers for objects it gives an array
         if np.ndarray in map(type, (a, b, shear)) and not isinstance(eps_a, np.ndarray):
-            raise InputError(f"energy of law {self.law} has a part of type ndarray; {ALLOWED}")
+            raise InputError(f"energy of law {self.law} has a part of type ndarray; {allowed}")
         return a, b, shear
 
     def derivatives(

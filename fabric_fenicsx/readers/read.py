@@ -34,8 +34,9 @@ def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh
     check_end(path, what)
     kind = ending(path)
     library = _by_meshio
-    is_gmsh = path.read_bytes().startswith(b"$")  # other .msh are Ansys', or scripts that gmsh runs
-    if kind in (".unv", ".ply2", ".p3d", *NASTRAN) or (kind == ".msh" and is_gmsh):
+    # gmsh would run a .msh that does not begin with $, as those of Ansys, as a script
+    is_gmsh = kind == ".msh" and path.read_bytes().startswith(b"$")
+    if is_gmsh or kind in (".unv", ".ply2", ".p3d", *NASTRAN):
         library = _by_gmsh
     elif re.fullmatch(r"\.(vt\w+|pv\w+|e|exo|ex2)", kind):
         library = _by_pyvista
@@ -86,9 +87,8 @@ def _read_obj(path):
 def _by_gmsh(path):
     import gmsh
 
-    text = path.read_bytes()
     if ending(path) in NASTRAN:
-        _check_coordinate_systems(text.decode("latin-1"))
+        _check_coordinate_systems(path.read_text("latin-1"))
     gmsh.initialize(readConfigFiles=False)
     with TemporaryDirectory() as folder:
         # gmsh does not know OptiStruct's name, and few in capitals

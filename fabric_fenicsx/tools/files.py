@@ -13,7 +13,6 @@ from ..runtime.files import check_file, ending
 from ..runtime.formatting import coordinates
 from ..runtime.status import task
 
-FORMATS = f"STEP, IGES, BREP, or {READ}, as STL, MSH, VTP"
 # endings of models, and what gmsh calls their formats
 CAD = {".step": "step", ".stp": "step", ".iges": "iges", ".igs": "iges", ".brep": "brep"}
 MAX_TURN = 0.35  # rad, by which the faces of CAD models turn along an edge
@@ -22,10 +21,11 @@ MAX_TURN = 0.35  # rad, by which the faces of CAD models turn along an edge
 def read_triangles(path: Path, chord: float) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """Points (n, 3) [mm] and triangles (m, 3) in a file, and of CAD models the normals at the
     triangles' corners (m, 3, 3)."""
+    allowed = f"STEP, IGES, BREP, or {READ}, as STL, MSH, VTP"
     if ending(path) not in CAD:
-        mesh = read_surface_mesh(path, "surface file", FORMATS)
+        mesh = read_surface_mesh(path, "surface file", allowed)
         return mesh.points, _triangles(mesh), None
-    check_file(path, "surface file", FORMATS)
+    check_file(path, "surface file", allowed)
     check_end(path, "surface file")
     try:
         import gmsh
@@ -36,7 +36,7 @@ def read_triangles(path: Path, chord: float) -> tuple[np.ndarray, np.ndarray, np
             return kept_arrays(path, how, made)
     except RuntimeError as error:
         flaw = f"cannot be read as {path.suffix} ({error}): the model may be broken"
-        raise InputError(f"surface file {path} {flaw}; allowed is {FORMATS}") from None
+        raise InputError(f"surface file {path} {flaw}; allowed is {allowed}") from None
 
 
 def _triangles(mesh):

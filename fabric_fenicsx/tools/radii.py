@@ -8,8 +8,6 @@ from scipy.spatial import cKDTree
 from .curved_triangles import CurvedTriangles
 from .projection import curvatures
 
-SEEDS = 2000  # places on a surface, at which its mean turning is asked for
-
 
 def least_radii(surface: CurvedTriangles, length: float = 0.0) -> tuple[float, float]:
     """Least radius of curvature [mm] as seen from inside the body and from outside; infinite where
@@ -47,8 +45,8 @@ def _mean_turning(surface, length):
     surface: the turn at the edges within a `length`, over the area there (D. Cohen-Steiner, J.-M.
     Morvan, Restricted Delaunay triangulations and normal cycle, SoCG 2003)."""
     whole, random = surface.areas.sum(), np.random.default_rng(0)
-    within = 25  # points in a circle of that length
-    n = int(np.clip(within * whole / (math.pi * length**2), SEEDS, 60_000))
+    count, within = 2000, 25  # places that are asked for, and points in a circle of that length
+    n = int(np.clip(within * whole / (math.pi * length**2), count, 60_000))
     length = max(length, math.sqrt(within * whole / (math.pi * n)))
     ends = np.cumsum(surface.areas)
     t = np.searchsorted(ends, (np.arange(n) + 0.5) / n * ends[-1])
@@ -66,16 +64,16 @@ def _mean_turning(surface, length):
     along = (np.arange(len(of)) - np.repeat(np.cumsum(pieces) - pieces, pieces) + 0.5) / pieces[of]
     at = surface.points[foot][of] + along[:, None] * step[of]
     tensor = np.einsum("n,ni,nj->nij", weight / pieces, step, step)[of].reshape(-1, 9)
-    seeds = np.linspace(0, n - 1, SEEDS).astype(int)
+    seeds = np.linspace(0, n - 1, count).astype(int)
 
     def summed(places, normals, values):
         """Values (k, m) at places about the seeds, of facets that look to the same side."""
         neighbours = cKDTree(places).query_ball_point(on[seeds], length)
-        row = np.repeat(np.arange(SEEDS), [len(each) for each in neighbours])
+        row = np.repeat(np.arange(count), [len(each) for each in neighbours])
         near = np.concatenate(neighbours).astype(int)
         away = ((places[near] - on[seeds][row]) ** 2).sum(1) / length**2
         share = (1 - away) ** 2 * ((normals[near] * normal[seeds][row]).sum(1) > 0)
-        return np.stack([np.bincount(row, share * v[near], SEEDS) for v in values.T], 1)
+        return np.stack([np.bincount(row, share * v[near], count) for v in values.T], 1)
 
     area = summed(on, normal, np.full((n, 1), whole / n))
     bend = np.linalg.eigvalsh((summed(at, facets[one][of], tensor) / area).reshape(-1, 3, 3))
