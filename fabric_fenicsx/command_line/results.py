@@ -22,8 +22,8 @@ PLANE = '"z=5" (what is above it), or "x,y,z,nx,ny,nz": a point [mm] and the nor
 
 def run(command: str, words: Sequence[str]) -> None:
     """Run a command with these words. Raises InputError, and OSError for files."""
-    how, description = COMMANDS[command]
-    parser = Parser(prog=f"fabric {command}", description=description)
+    how = {"export": _export, "pattern": _pattern, "view": _view}[command]
+    parser = Parser(prog=f"fabric {command}", description=how.__doc__)
     parser.add_argument("folder", metavar="DIR", help="results of a run")
     args = how(parser, words)
     if reason := failure_reason(Path(args.folder) / "summary.json"):
@@ -31,6 +31,7 @@ def run(command: str, words: Sequence[str]) -> None:
 
 
 def _export(parser, words):
+    """Formed plies with thickness and yarns, for a structural analysis."""
     kinds = ".vtu (VTK), .inp (Abaqus), .k or .key (LS-DYNA), .bdf or .nas (Nastran)"
     parser.add_argument("file", metavar="FILE", help=f"to write, as its ending says: {kinds}")
     modelled = "what was modelled, as a quarter (default: the whole part)"
@@ -49,6 +50,7 @@ def _export(parser, words):
 
 
 def _view(parser, words):
+    """Formed plies and tools in a window, or as a page for a browser."""
     page = "write a page that needs no network, in place of a window (without a display: "
     parser.add_argument("--html", metavar="FILE", help=f"{page}DIR/view.html)")
     field = "field of the cells to show (default: shear_angle)"
@@ -65,6 +67,7 @@ def _view(parser, words):
 
 
 def _pattern(parser, words):
+    """The flat pattern of a trimmed part, of the results of a forming run."""
     trim = parser.add_mutually_exclusive_group(required=True)
     line = "closed trim line on the formed ply: x, y and z in a .csv, or a .dxf; without z it is "
     trim.add_argument("--line", metavar="FILE", help=f"{line}projected along z; inner rings: holes")
@@ -134,10 +137,3 @@ def _thickness(grid):
         if name in grid.cell_data and np.isfinite(grid.cell_data[name]).any():
             return float(np.nanmax(grid.cell_data[name]))
     return 1.0
-
-
-COMMANDS = {
-    "export": (_export, "Formed plies with thickness and yarns, for a structural analysis."),
-    "pattern": (_pattern, "The flat pattern of a trimmed part, of the results of a forming run."),
-    "view": (_view, "Formed plies and tools in a window, or as a page for a browser."),
-}

@@ -58,7 +58,7 @@ def shown(lines: bool = True, first: bool = True, seconds: float = 3.0) -> Itera
         while not ended.wait(0.5 if renews else seconds):
             if renews:
                 bar.set_description_str(doing())
-            elif (text := doing()) != before:
+            elif (text := doing()) and text != before:
                 print(text, file=out, flush=True)
                 before = text
 

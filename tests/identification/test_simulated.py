@@ -5,8 +5,7 @@ import pytest
 from synthetic_curves import bias_test
 
 from fabric_fenicsx.identification import identify, identify_simulated
-from fabric_fenicsx.identification.curves import Curve, Sheet
-from fabric_fenicsx.identification.curves.forces import response
+from fabric_fenicsx.identification.curves import Sheet
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.runtime.errors import SolverFailure
 
@@ -54,10 +53,3 @@ def test_specimens_give_their_fabric_back():
         for told, fabric in ((fit.off_homogeneous, start.fabric), (fit.off, found.fabric)):
             off = np.sqrt(np.mean((specimen(fabric, None)[0] - force) ** 2)) / force.max()
             assert told == {"bias.csv": pytest.approx(off, rel=1e-6)}
-
-
-def test_nothing_raw_nothing_simulated():
-    g = np.linspace(0.05, 0.8, 10)
-    shear = response("tau", 0.05 * g, g, "shear", {}, 1.2)
-    curve = Curve("shear.csv", "shear", np.outer(g, [0, 0, 1]), (shear,), np.arange(10), 2)
-    assert identify_simulated(SHEET, [curve], None).simulated is None

@@ -28,15 +28,9 @@ from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT, on_ranks
 COMM = MPI.COMM_WORLD
 ROOT = Path(__file__).parents[2]
 OPTIONS = "--quick", "--steps", 60, "--no-pictures"
-KEPT = (
-    "load",
-    "displacement_mm",
-    "reaction_N",
-    "strain_energy_Nmm",
-    "external_work_Nmm",
-    "min_stability",
-)
+KEPT = "load displacement_mm reaction_N strain_energy_Nmm external_work_Nmm min_stability".split()
 KILLS = int(os.environ.get("KILLS", 2))
+PIPES = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
 
 
 def history(folder):
@@ -65,20 +59,12 @@ def command(*options):
 
 
 def begun(folder, *options):
-    return subprocess.Popen(
-        command("--out", folder, *options),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    return subprocess.Popen(command("--out", folder, *options), **PIPES)
 
 
 def rows_written(folder):
-    return (
-        (folder / "history.csv").read_text().count("\n") - 1
-        if (folder / "history.csv").exists()
-        else 0
-    )
+    file = folder / "history.csv"
+    return file.read_text().count("\n") - 1 if file.exists() else 0
 
 
 def wait_for_rows(process, folder, rows=5):
@@ -150,14 +136,8 @@ def test_ends_after_its_step_if_asked_and_goes_on(launch, tmp_path, whole, hang)
 
 @pytest.mark.versions
 def test_ranks_end_together_if_asked_and_one_goes_on(launch, tmp_path, whole, hang):
-    folder = tmp_path / "out"
-    process = subprocess.Popen(
-        [*on_ranks(2), *command("--out", folder)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=os.environ | RANKS_ENVIRONMENT,
-    )
+    folder, words = tmp_path / "out", [*on_ranks(2), *command("--out", tmp_path / "out")]
+    process = subprocess.Popen(words, **PIPES, env=os.environ | RANKS_ENVIRONMENT)
     wait_for_rows(process, folder)
     process.send_signal(signal.SIGTERM)
     process.communicate(timeout=hang)
@@ -180,9 +160,8 @@ def test_pictures_that_a_finished_run_lacks_are_drawn(launch):
     done = launch("bias_extension", "--quick", "--no-pictures")
     again = launch("bias_extension", "--quick", "--resume")
     assert again.status == 0 and again.summary == done.summary
-    assert {"maps.png", "curve.png", "axis.png"} <= {
-        file.name for file in done.folder.glob("*.png")
-    }
+    drawn = {file.name for file in done.folder.glob("*.png")}
+    assert {"maps.png", "curve.png", "axis.png"} <= drawn
 
 
 def test_killed_at_any_moment_it_goes_on(launch, tmp_path, whole):
@@ -195,10 +174,7 @@ def test_killed_at_any_moment_it_goes_on(launch, tmp_path, whole):
 
     while killed < KILLS:
         process, before = begun(folder, more()), rows_written(folder)
-        further, patience = (
-            chance.choice([0, 1, 5, 20]),
-            time.monotonic() + chance.uniform(0.2, 1.0),
-        )
+        further, patience = chance.choice([0, 1, 5, 20]), time.monotonic() + chance.uniform(0.2, 1)
         while process.poll() is None and (
             rows_written(folder) < before + further if further else time.monotonic() < patience
         ):
@@ -237,14 +213,11 @@ def test_full_disk(launch, tmp_path, whole, limit):
     is space."""
     folder = tmp_path / "out"
     python, script, *options = command("--out", folder)
-    done = subprocess.run(
-        [python, "-c", SMALL_DISK, script, str(limit), *options], capture_output=True, text=True
-    )
+    words = [python, "-c", SMALL_DISK, script, str(limit), *options]
+    done = subprocess.run(words, capture_output=True, text=True)
     assert done.returncode == 2, done.stderr
-    assert re.fullmatch(
-        r"studies/tensile.py: error: \S+ can't be .*\(File too large\); allowed is .*\n",
-        done.stderr,
-    )
+    told = r"studies/tensile.py: error: \S+ can't be .*\(File too large\); allowed is .*\n"
+    assert re.fullmatch(told, done.stderr)
     assert not list(folder.glob("*.part"))
     if (folder / "checkpoint.npz").exists():
         assert launch("tensile", *OPTIONS, "--resume").status == 0
@@ -269,10 +242,8 @@ def test_every_output_is_that_of_any_number_of_ranks(launch):
     for ranks in (1, 3):
         done = launch("bias_extension", "--nx", 12, "--steps", 2, *exact, ranks=ranks)
         assert done.status == 0, done.err
-        summary = {
-            k: done.summary[k]
-            for k in ("dofs", "cells", "steps_accepted", "energy", "reaction_N", "quantities")
-        }
+        names = "dofs", "cells", "steps_accepted", "energy", "reaction_N", "quantities"
+        summary = {k: done.summary[k] for k in names}
         rows = [{k: float(v) for k, v in row.items() if k in KEPT} for row in history(done.folder)]
         grid = read_state(done.folder)
         order = np.lexsort(np.round(grid.cell_centers().points.T, 6))
