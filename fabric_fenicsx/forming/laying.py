@@ -88,7 +88,6 @@ def lay_blank(
     for sheet, blank in zip(final, blanks):
         path = f"ply {sheet.name}" if final[1:] else sheet.sheet_file or "the blank"
         _check_symmetric(blank, path, planes)
-    final = [_as_thick(sheet, blank) for sheet, blank in zip(final, blanks)]
     sides = whole_sides(blanks[_first_fabric(final)], planes)
     whole = blanks[0]
     if final[1:]:
@@ -104,16 +103,6 @@ def lay_blank(
     return Laid(whole, final, sides, centre), doubts
 
 
-def _as_thick(sheet, blank):
-    """The sheet; the fabric of one whose thickness is a field has the largest on this blank."""
-    if not isinstance(sheet.thickness, Field):
-        return sheet
-    comm, x = blank.mesh.comm, np.vstack([blank.coordinates(), blank.centres()])
-    largest = on_all(comm, lambda: float(sheet.thickness.at(x).max(initial=0.0)))
-    largest = comm.allreduce(largest, MPI.MAX)
-    return sheet.filled(fabric=sheet.fabric.replace(thickness=largest))
-
-
 def _first_fabric(sheets):
     """Number of the lowest sheet of fabric, 0 if all are of metal."""
     return next((k for k, sheet in enumerate(sheets) if sheet.fabric), 0)
@@ -123,34 +112,34 @@ def _meshed(sheets, planes, comm, rigid):
     """The sheets as they are meshed, their blanks, and doubts. If cells do not follow the yarns,
     all sheets are quadratic; by default these are twice as large, so that there are as many
     nodes."""
-
-    def mesh(number, nx, element=None):
-        sheet = sheets[number]
-        values = _cells(sheet, nx, planes) | ({"element": element} if element else {})
-        values["name"] = sheet.name or f"ply {number + 1}"
-        values["metal" if sheet.metal else "fabric"] = sheet.material(rigid)
-        free = [axis not in planes for axis in (0, 1)]
-        place: Values = {"centred": sheet.centred if sheet.sheet_file else free, "height": 0.0}
-        return mesh_sheet(sheet.filled(**values), comm, spatial=True, planes=planes, **place)
-
-    made = [mesh(number, nx=24) for number in range(len(sheets))]
+    made = [_mesh(sheet, number, 24, planes, comm, rigid) for number, sheet in enumerate(sheets, 1)]
     quadratic = any(blank.degree == 2 for _, blank, _ in made)
     if quadratic and not any(sheet.element for sheet in sheets):
-        for number, sheet in enumerate(sheets):
+        for k, sheet in enumerate(sheets):
             if not (sheet.nx or sheet.size or sheet.mesh):
-                made[number] = mesh(number, nx=12, element="P2")
+                sheet = sheet.filled(element="P2")
+                made[k] = _mesh(sheet, k + 1, 12, planes, comm, rigid)
     final, blanks, doubts = zip(*made)
     mirrors = [_mirror_doubt(*each, planes) for each in zip(final, blanks)]
     return final, blanks, [*filter(None, mirrors), *sum(doubts, [])]
 
 
-def _cells(sheet, nx, planes):
-    """Default cells of a sheet, with this `nx` unless it says another, and a node at its middle."""
-    values = sheet.defaults(nx)
+def _mesh(sheet, number, nx, planes, comm, rigid):
+    """As `mesh_sheet`: with this `nx` unless it says another, and a node at its middle."""
+    values = sheet.defaults(nx) | {"name": sheet.name or f"ply {number}"}
     if not (1 in planes or sheet.sheet_file or sheet.ny):
         nx, length = sheet.nx or nx, modelled_share(planes)[0] * sheet.length
         values["ny"] = 2 * max(1, round(nx * sheet.width / length / 2))
-    return values
+    values["metal" if sheet.metal else "fabric"] = sheet.material(rigid)
+    centred = sheet.centred if sheet.sheet_file else [axis not in planes for axis in (0, 1)]
+    place: Values = {"centred": centred, "planes": planes, "height": 0.0}
+    final, blank, doubts = mesh_sheet(sheet.filled(**values), comm, spatial=True, **place)
+    if isinstance(sheet.thickness, Field):  # the fabric has the largest one
+        x = np.vstack([blank.coordinates(), blank.centres()])
+        largest = on_all(comm, lambda: float(sheet.thickness.at(x).max(initial=0.0)))
+        largest = comm.allreduce(largest, MPI.MAX)
+        final = final.filled(fabric=final.fabric.replace(thickness=largest))
+    return final, blank, doubts
 
 
 def _check_symmetric(blank, source, planes):

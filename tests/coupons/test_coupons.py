@@ -1,7 +1,5 @@
 """Tests as dataclasses: their fields are checked."""
 
-import dataclasses
-
 import meshio
 import pytest
 
@@ -10,24 +8,19 @@ from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.sheets.meshing import modelled_share
 
 
-def test_a_field_that_is_not_allowed():
+def test_a_strip_of_less_than_two_widths_is_refused():
     with pytest.raises(ff.InputError, match="allowed is a length of 2 widths or more"):
         ff.BiasExtension(length=99).build()
-    with pytest.raises(ff.InputError, match="allowed is 0 and 90, along its arms"):
-        ff.PictureFrame(fibre_angle=30).build()
 
 
 @pytest.mark.parametrize("kind", [ff.Tensile, ff.BiasExtension, ff.PictureFrame])
 def test_a_coupon_is_data(kind):
-    """It compares, is replaced field by field, and stays as it was given when it is built."""
+    """It stays as it was given when it is built, and what is built of it builds the same."""
     test = kind(nx=4)
-    assert test == kind(nx=4) == dataclasses.replace(kind(nx=5), nx=4) != kind(nx=5)
     built = test.build()
     assert test == kind(nx=4) and test.integration is None
     assert (built.data.nx, built.data.integration) == (4, "full")
     assert built.data.build().data == built.data
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        test.nx = 5
 
 
 def test_sizes_of_an_own_mesh(tmp_path):
