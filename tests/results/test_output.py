@@ -17,15 +17,8 @@ from fabric_fenicsx.solve.progress import Progress
 from fabric_fenicsx.sweep.folder import Run
 
 GIVEN = {
-    "real": np.float32(0.5),
-    "whole": np.uint8(3),
-    "bool": np.bool_(True),
-    "text": np.str_("a"),
-}
-GIVEN |= {
-    "text": np.str_("a"),
-    "array": np.array([[1, 2], [3, 4]]),
-    "nested": ({np.int64(7): [np.bool_(False)]},),
+    **{"real": np.float32(0.5), "whole": np.uint8(3), "bool": np.bool_(True), "text": np.str_("a")},
+    **{"array": np.array([[1, 2], [3, 4]]), "nested": ({np.int64(7): [np.bool_(False)]},)},
 }
 PLAIN = {"real": 0.5, "whole": 3, "bool": True, "text": "a", "array": [[1, 2], [3, 4]]}
 PLAIN |= {"nested": [{"7": [False]}]}
