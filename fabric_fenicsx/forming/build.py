@@ -1,61 +1,68 @@
 """The scene of a press: the blank is laid, the tools are placed, terms and supports are made."""
 
 import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import chain
 
 from mpi4py import MPI
 
+from ..mechanics.contact.holder_pressure import BlankHolderPressure
 from ..mechanics.contact.self_contact import SelfContact
+from ..mechanics.contact.tool_contact import Contact
 from ..mechanics.shell.bending import Bending
 from ..mechanics.shell.membrane import Membrane
 from ..mechanics.shell.metal import SheetMetal
+from ..mechanics.term import Term
 from ..readers.field import Field
+from ..runtime.errors import InputError
+from ..runtime.rules import unknown_key
 from ..runtime.status import task
 from ..runtime.timing import phase
 from ..scene.scene import Scene
 from ..scene.supports import Support
+from ..tools.tool import Tool
 from . import stack
+from .flange import Flange
 from .forming_scene import FormingScene
-from .laying import PLANE_TOLERANCE, Laid, lay_blank
-from .placement import place
-from .press import Press
-from .site import hold
-
-
-def _plane(axis):
-    """Function of points (3, n) to a mask (n,) of those on a plane of symmetry."""
-    return lambda x: x[axis] < PLANE_TOLERANCE
+from .holders import segments
+from .laying import Laid, lay_blank, on_plane
+from .placement import place_tools
+from .press_data import PressData
+from .site import HolderSite
+from .stages import Schedule
 
 
 @phase("setup")
 @task("building the press")
-def build(press: Press, comm: MPI.Comm | None = None) -> FormingScene:
+def build(press: PressData, comm: MPI.Comm | None = None) -> FormingScene:
     """The `FormingScene` of a press. Raises InputError, on all ranks, for a blank that can't be
     meshed and for tools that can't stand or move as given."""
-    comm, warnings, interface = comm or MPI.COMM_WORLD, list[str](), press.interface
-    laid = lay_blank(press, comm, warnings)
+    comm, interface = comm or MPI.COMM_WORLD, press.interface
+    laid, warnings = lay_blank(press.sheets, press.planes, comm, interface.is_rigid)
     press = press.replace(sheets=laid.sheets)
-    placed = place(press, laid, comm, warnings)
-    sheets, planes = laid.sheets, [_plane(axis) for axis in press.planes]
+    tools, schedule, doubts = place_tools(press, laid)
+    sheets, planes = laid.sheets, [on_plane(axis) for axis in press.planes]
 
     fabrics = [sheet for sheet in sheets if sheet.fabric]
     terms = [laid.on(s, _membrane(s)) for s in fabrics]
     terms += [laid.on(s, _bending(s, planes)) for s in fabrics if s.bending_modulus]
-    for name, tool in placed.tools.items():
+    for name, tool in tools.items():
         own = press.tools[name].friction
         friction = interface.on_tools(sheets) if own is None else interface.coulomb(own)
-        terms.append(interface.contact(tool, friction))
+        terms.append(Contact(tool, penalty=interface.penalty, friction=friction))
     terms += [laid.on(s, SheetMetal(s.metal, symmetric=planes)) for s in sheets if s.metal]
     between = stack.between(laid.stack, sheets, interface, planes) if laid.stack else []
-    holders, on_die = hold(press, laid, placed, between, warnings)
-    terms += [*chain(*holders.values()), *between]
+    held, on_die, more = hold(press, laid, tools, schedule, between)
+    terms += [*chain(*held.values()), *between]
     if interface.self:
         terms += [laid.on(s, _folds(s, press, planes)) for s in sheets]
 
     scene = Scene(laid.blank, terms, _supports(press, laid))
     if laid.stack:
         stack.press(laid.stack, sheets, scene.terms, on_die)
-    return FormingScene(press, scene, warnings, laid, placed, holders)
+    warnings = list(dict.fromkeys([*warnings, *doubts, *more]))
+    return FormingScene(press, scene, warnings, laid, tools, schedule, held)
 
 
 def _membrane(sheet):
@@ -88,11 +95,11 @@ def _folds(sheet, press, planes):
     )
 
 
-def _supports(press: Press, laid: Laid) -> list[Support]:
+def _supports(press: PressData, laid: Laid) -> list[Support]:
     """The planes of symmetry, and what keeps the blank from moving and turning in its plane: the
     nodes nearest to its centroid, and without planes to the end of the axis there."""
     supports = [
-        Support(f"plane of symmetry {'xy'[axis]} = 0", _plane(axis), (axis,))
+        Support(f"plane of symmetry {'xy'[axis]} = 0", on_plane(axis), (axis,))
         for axis in press.planes
     ]
     free = tuple(axis for axis in (0, 1) if axis not in press.planes)
@@ -103,3 +110,94 @@ def _supports(press: Press, laid: Laid) -> list[Support]:
         end = laid.nearest_nodes(laid.centre + [laid.sides[0] / 2, 0.0])
         supports.append(Support("end of the axis", end, (1,), locates=True))
     return supports
+
+
+# -- holders
+
+
+def hold(
+    press: PressData,
+    laid: Laid,
+    tools: Mapping[str, Tool],
+    schedule: Schedule,
+    between: Sequence[Term],
+) -> tuple[dict[str, list[Term]], Tool | None, list[str]]:
+    """{name of a holder or segment: its terms}, the last tool on which one presses, and doubts.
+    between: contacts of the sheets of a stack."""
+    held, on_die, doubts = dict[str, list[Term]](), None, list[str]()
+    sheets, taken = laid.sheets, dict[str, dict[str, Callable]]()
+    of_stack = {}
+    if laid.stack:
+        of_stack = {
+            "sheets": [sheet.name for sheet in sheets],
+            "against": stack.neighbours(between, sheets),
+            "rims": stack.rims(laid.stack, sheets),
+        }
+    for name, holder in _segments(press, schedule):
+        die = _die_of(name, holder, press, laid, tools, schedule)
+        site = HolderSite(
+            name=name,
+            laid=laid,
+            planes=press.planes,
+            share=press.share,
+            die=die,
+            up=-press.tools[die.name].towards,
+            thickness=press.thickness(),
+            interface=press.interface,
+            friction=press.interface.on_tools(sheets),
+            taken=taken,
+            **of_stack,
+        )
+        terms = holder.terms(site)
+        if not isinstance(terms, (list, tuple)) or not all(isinstance(t, Term) for t in terms):
+            kind = type(terms).__name__
+            raise InputError(f"{site.path}: `terms` returns {kind}; allowed is a list of terms")
+        unnamed = [term.tool for term in terms if term.tool and term.tool.name == term.name]
+        for k, tool in enumerate(unnamed, 1):
+            tool.name = name if len(unnamed) == 1 else f"{name}, {k}"
+        held[name], doubts = list(terms), doubts + site.warnings
+        on_die = die if getattr(holder, "presses", True) else on_die
+        for term in terms:
+            if isinstance(term, BlankHolderPressure) and term.direction @ site.up < 0:
+                doubts.append(
+                    f"the pressure of {name} is directed away from the die: towards it is "
+                    f"(0, 0, {site.up[2]:g})"
+                )
+    return held, on_die, doubts
+
+
+def _segments(press, schedule):
+    """Name and holder of each segment, with the pressure over all stages."""
+    for name, given in press.holders.items():
+        for k, holder in enumerate(segments(name, given)):
+            if k == 0 and (pressure := schedule.pressure(name)):
+                holder = replace(holder, pressure=pressure)
+            yield (f"{name} {k + 1}" if k else name), holder
+
+
+def _die_of(name, holder, press, laid, tools, schedule):
+    """The tool on which a holder presses the blank."""
+    asked, path = getattr(holder, "against", ""), f"holders.{name}"
+    if asked and asked not in tools:
+        raise unknown_key(asked, tools, f"{path}.against {asked}")
+    still = [n for n in ([asked] if asked else tools) if not schedule.is_moved(n)]
+    flat = [n for n in still if _is_flat(tools[n], press, laid)]
+    if not getattr(holder, "presses", True):
+        return tools[(flat or list(tools))[0]]
+    if asked and not still:
+        raise InputError(
+            f"{path}.against is {asked}, which moves; allowed is a tool that stands still, or "
+            "a holder that is a tool with a force"
+        )
+    if len(flat) != 1:
+        raise InputError(
+            f"{path} presses the blank on the flat face of a tool that stands still; such tools "
+            f"are {', '.join(flat) or 'not there'}; allowed is one, or `against` that names it"
+        )
+    return tools[flat[0]]
+
+
+def _is_flat(tool, press, laid):
+    up = -press.tools[tool.name].towards[2]
+    share = Flange(tool, press.thickness(), up, laid.blank.extent())(laid.flat_nodes().T)
+    return bool(laid.blank.mesh.comm.allreduce(int((share > 0).sum())))

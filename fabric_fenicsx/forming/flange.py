@@ -1,11 +1,13 @@
 """The share to which a place lies on the die's flange, where a blank holder presses."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import ndimage
 
+from ..runtime.formatting import rounded
 from ..tools.tool import Tool
 
 SPACING = 2.0  # mm, of the lattice that tells where the die need not be asked
@@ -79,6 +81,30 @@ class Flange:
         share, near = self._least[at], ~inside | (self._least[at] != self._most[at])
         share[near] = self._flat(places[near])
         return np.where(finite, share, 0.0)
+
+    def loose_ends(
+        self, extents: Sequence[np.ndarray], centre: np.ndarray, planes: Sequence[int]
+    ) -> list[str]:
+        """A sentence on each end of the smallest sheet, on the axes through its centre (2,), that
+        lies over the die's opening, where no blank holder presses it. extents: two corners of each
+        sheet [mm]; planes: axes to which planes of symmetry are perpendicular."""
+        low, high = (np.array(end) for end in zip(*extents))
+        ends = [(axis, 1, high[:, axis].min()) for axis in (0, 1)]
+        ends += [(axis, -1, low[:, axis].max()) for axis in (0, 1) if axis not in planes]
+        doubts, reach = list[str](), np.arange(200)  # mm, within which the flange is looked for
+        for axis, way, end in ends:
+            x = np.append(centre, 0.0)[:, None] + np.zeros(len(reach))
+            x[axis] = end + way * reach
+            pressed = np.flatnonzero(self(x))
+            if len(pressed) and not pressed[0]:
+                continue
+            away = f"{pressed[0]} mm" if len(pressed) else f"more than {len(reach)} mm"
+            doubts.append(
+                f"the smallest sheet ends over the die's opening at {'xy'[axis]} = "
+                f"{rounded(end, 4)} mm, {away} from the flange: the blank holder does not press it "
+                "there"
+            )
+        return doubts
 
     def _flat(self, points):
         """The share (n,) of points (n, 2)."""

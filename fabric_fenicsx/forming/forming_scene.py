@@ -26,8 +26,8 @@ from ..scene.scene import Scene
 from ..solve.checkpoint import STAGES
 from ..tools.tool import Tool
 from .laying import Laid
-from .placement import Placed
-from .press import Press
+from .press_data import PressData
+from .stages import Schedule
 
 
 class FormingScene(Setup):
@@ -40,22 +40,23 @@ class FormingScene(Setup):
     - wrinkle_heights: {name of a sheet: `height_map`} of the last result, on rank 0
     """
 
-    data: Press
+    data: PressData
 
     def __init__(
         self,
-        data: Press,
+        data: PressData,
         scene: Scene,
         warnings: list[str],
         laid: Laid,
-        placed: Placed,
+        tools: Mapping[str, Tool],
+        schedule: Schedule,
         holders: Mapping[str, Sequence[Term]],
     ) -> None:
         super().__init__(scene, data, warnings)
         self.holders = holders
         self.laid, self.blank, self.sheets = laid, laid.blank, laid.sheets
-        self.tools, self.schedule = placed.tools, placed.schedule
-        self.thickness, self.comm = placed.thickness, scene.comm
+        self.tools, self.schedule = tools, schedule
+        self.thickness, self.comm = data.thickness(), scene.comm
         self.extent = laid.blank.extent()
         self.pressing = [term for term in scene.terms if isinstance(term, ToolInteraction)]
         self.contacts = [term for term in self.pressing if isinstance(term, Contact)]
@@ -151,16 +152,16 @@ class FormingScene(Setup):
         first = {name: getattr(self.laid.first, name) for name in names}
         return first | dict(zip(("length", "width"), self.laid.sides))
 
-    def coarser(self) -> Press | None:
+    def coarser(self) -> PressData | None:
         """As in `Setup`: for rectangles and outlines, which the program meshes."""
         coarse = [sheet.coarser(each) for sheet, each in zip(self.sheets, self.laid.extents())]
         return None if None in coarse else self.data.replace(sheets=coarse)
 
-    def finer(self, times: float) -> Press:
+    def finer(self, times: float) -> PressData:
         """The press with `times` as many cells along each side; InputError for a mesh's file."""
         return self.data.replace(sheets=[sheet.finer(times) for sheet in self.sheets])
 
-    def disturbed(self, aside: float) -> Press:
+    def disturbed(self, aside: float) -> PressData:
         """The press of the whole blank with its leading tool moved `aside` [mm], along no axis:
         what symmetry hides shows there. Raises InputError for a part from a file."""
         press, name = self.data, self.leader().name

@@ -17,7 +17,6 @@ from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from ..sheets.blank import Blank
 from ..sheets.stack import Stack
-from .press import Press
 from .sheet import Sheet
 
 DEFAULT_NX = 24  # rectangles along the length, unless a sheet says others
@@ -78,14 +77,22 @@ class Laid:
         return lambda x: (np.linalg.norm(x.T[:, None] - places, axis=2) < 1e-6).any(1)
 
 
-def lay_blank(press: Press, comm: MPI.Comm, warnings: list[str]) -> Laid:
-    """The blank of a press. Raises InputError for sheets that can't be meshed, and for own meshes
-    that reach beyond planes of symmetry or not to them."""
-    sheets = [s.ready(f"ply {k}", press.interface) for k, s in enumerate(press.sheets, 1)]
-    planes = press.planes
+def on_plane(axis: int) -> Callable[[np.ndarray], np.ndarray]:
+    """Function of points (3, n) to a mask (n,) of those on a plane of symmetry."""
+    return lambda x: x[axis] < PLANE_TOLERANCE
+
+
+def lay_blank(
+    sheets: Sequence[Sheet], planes: Sequence[int], comm: MPI.Comm, rigid: bool = False
+) -> tuple[Laid, list[str]]:
+    """The blank of a press, and doubts. planes: axes to which planes of symmetry are perpendicular;
+    rigid: fabric keeps its thickness under pressure. Raises InputError for sheets that can't be
+    meshed, and for own meshes that reach beyond planes of symmetry or not to them."""
+    sheets, warnings = [s.ready(f"ply {k}", rigid) for k, s in enumerate(sheets, 1)], list[str]()
     made, meshed = _meshed(sheets, planes, comm)
+    part = ("whole", "half", "quarter")[len(planes)]
     for sheet, laid in zip(made, meshed):
-        at, warning = laid.blank.centres(), partial(sheet.mirror_warning, press.modelled, planes)
+        at, warning = laid.blank.centres(), partial(sheet.mirror_warning, part, planes)
         own = on_all(comm, partial(warning, at))
         warnings += [text for text in comm.allgather(own) if text][:1]
     for sheet, laid in zip(made, meshed):
@@ -113,7 +120,7 @@ def lay_blank(press: Press, comm: MPI.Comm, warnings: list[str]) -> Laid:
     *sums, area = comm.allreduce(np.append(places @ areas, areas.sum()), MPI.SUM)
     centre = np.array(sums) / area
     centre[list(planes)] = 0.0
-    return Laid(blank, sheets, sides, centre)
+    return Laid(blank, sheets, sides, centre), warnings
 
 
 def _as_thick(sheet, blank):

@@ -18,7 +18,7 @@ from ..runtime.fields import choice, documented, number, switch
 from ..runtime.rules import COUNT, FINITE, FROM_ZERO, POSITIVE
 from ..sheets.layout import FULL_TURN
 from ..sheets.sheet_fields import ELEMENTS, SheetFields
-from .interface import BETWEEN_FABRICS, ON_METAL, Interface
+from .interface import BETWEEN_FABRICS, ON_METAL
 
 # field of a ply -> fields of the blank that this ply does not take over
 OWN = {
@@ -125,14 +125,17 @@ class Sheet(SheetFields):
         own = self.thickness and not isinstance(self.thickness, Field)
         return material.replace(thickness=self.thickness) if own else material
 
-    def ready(self, name: str, interface: Interface) -> Self:
-        """The sheet as it is built, with name and material; InputError without material or size."""
+    def check_complete(self) -> None:
+        """Raise InputError for a sheet that lacks its material or its size."""
         if not (self.metal or self.fabric):
             raise InputError("a sheet needs `fabric` or `metal`")
         if not (self.sheet_file or (self.length and self.width)):
             raise InputError("a sheet needs `length` and `width`, `outline` or `mesh`")
+
+    def ready(self, name: str, rigid: bool) -> Self:
+        """The sheet as it is built, with name and material; rigid: fabric keeps its thickness."""
         made: dict[str, Any] = {"metal" if self.metal else "fabric": self.material}
-        if self.fabric and interface.is_rigid:
+        if self.fabric and rigid:
             made["fabric"] = self.material.replace(compaction=None)
         return dataclasses.replace(self, **made, name=self.name or name)
 
@@ -155,9 +158,12 @@ class Sheet(SheetFields):
             self, **more | (dict.fromkeys(("length", "width")) if self.outline else {})
         )
 
-    def thickness_under(self, pressure: float) -> float:
-        """Thickness under a pressure [MPa], [mm]."""
-        return self.material.thickness_under(pressure)
+    def thickness_under(self, pressure: float, rigid: bool = False) -> float:
+        """Thickness under a pressure [MPa], [mm]; rigid: of fabric that keeps its thickness."""
+        material = self.material
+        if self.fabric and rigid:
+            material = material.replace(compaction=None)
+        return material.thickness_under(pressure)
 
     def friction_to(self, upper: "Sheet") -> float | Field:
         """Coefficient of friction with a sheet above it."""

@@ -91,7 +91,7 @@ def test_the_force_of_a_tool_is_that_on_the_whole_blank(tmp_path):
             ["tools.punch.at=[0, 0, -50.478]"],
             r"cuts into the blank by 0.05913 mm .*allowed is z of `at` up to -50.5371",
         ),
-        (["tools.ring.turn=[180, 0, 0]"], r"body between its face .*or turn = \[180, 0, 0\]"),
+        (["tools.ring.turn=[180, 0, 0]"], r"body between its face .*, turn = \[180, 0, 0\]"),
         (["tools.ring.length=60"], "punch and ring go 13.* mm through one another at the end of f"),
         (["holder.against=punch"], "holder.against is punch, which moves; allowed is a tool"),
         (
@@ -160,15 +160,18 @@ def test_a_plate_has_the_opening_of_its_die(tmp_path):
     assert 4 * result.number("force_N") == pytest.approx(-forces["punch"])
 
 
-def test_a_surface_that_faces_away_is_turned_round(tmp_path):
+def test_a_surface_that_faces_away_is_refused(tmp_path):
+    """A cap of a ball as it is stands; with normals into the body it does not."""
     ball = pyvista.Sphere(radius=50, theta_resolution=90, phi_resolution=90)
-    cap = ball.clip(normal=(0, 0, 1), origin=(0, 0, 10), invert=True)
-    cap = cap.extract_surface().triangulate().flip_faces()
-    cap.save(tmp_path / "cap.stl")
+    cap = ball.clip(normal=(0, 0, 1), origin=(0, 0, 10), invert=True).extract_surface()
     path = changed(tmp_path, ('shape = "sphere"\nradius = 50', 'file = "cap.stl"'))
-    press = hemisphere("blank.nx=4", "tools.punch.turn=[180, 0, 0]", file=path)
-    assert any("tools.punch: the normals of its surface point away" in w for w in press.warnings)
+    turned = "blank.nx=4", "tools.punch.turn=[180, 0, 0]"
+    cap.triangulate().save(tmp_path / "cap.stl")
+    press = hemisphere(*turned, file=path)
     assert press.tools["punch"].path(0)[2] == pytest.approx(-50 - press.thickness / 2, abs=0.05)
+    cap.triangulate().flip_faces().save(tmp_path / "cap.stl")
+    with pytest.raises(ff.InputError, match="tools.punch has its body between .* normals point"):
+        hemisphere(*turned, file=path)
 
 
 @pytest.mark.parametrize("turn", [0, 180])
@@ -264,7 +267,7 @@ def test_what_no_file_can_say_is_named(tmp_path):
         segment.write(tmp_path / "press.toml")
     with pytest.raises(ff.InputError, match="field `stage` of Press is unknown .did you mean st"):
         press.replace(stage=())
-    with pytest.raises(ff.InputError, match="`sheets` holds 0; allowed are sheets"):
+    with pytest.raises(ff.InputError, match="`sheets` holds 0; allowed is a `Sheet"):
         press.replace(sheets=[0])
 
 

@@ -1,0 +1,136 @@
+"""What a press is, as data: sheets, tools, holders and stages; no mesh, no MPI."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Self
+
+from ..material.laws import Law
+from ..material.metal import Metal
+from ..runtime.errors import InputError
+from ..runtime.fields import KnowsItsFields, check_fields, choice, switch
+from ..runtime.rules import shown, unknown_key
+from ..runtime.tables import located
+from ..solve.limits import Limits
+from .holders import Holder, segments
+from .interface import Interface
+from .sheet import Sheet
+from .stages import Schedule, Stage
+from .tools import DieOf, PressTool
+
+# field -> its path in a file, where it is not its name
+PATHS = {"symmetry": "blank.symmetry", "stop_when_invalid": "limits.stop_when_invalid"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class PressData(KnowsItsFields):
+    """The fields of a `Press`. Raises InputError for parts that do not fit together."""
+
+    sheets: Sequence[Sheet]
+    symmetry: str = choice("none", ("none", "x", "y", "xy"), "planes of symmetry")
+    interface: Interface = Interface()
+    tools: Mapping[str, PressTool] = field(default_factory=dict)
+    holders: Mapping[str, Holder | Sequence[Holder]] = field(default_factory=dict)
+    stages: Sequence[Stage] = ()
+    limits: Limits = Limits()
+    stop_when_invalid: bool = switch("the run ends at the step where the ply can't be formed")
+    title: str = ""
+
+    def __post_init__(self) -> None:
+        check_fields(self, PATHS.__getitem__)
+        for name, kind in (("sheets", Sheet), ("stages", Stage)):
+            object.__setattr__(self, name, _all_of(kind, name, getattr(self, name)))
+        _all_of(PressTool, "tools", list(self.tools.values()))
+        for name, holder in self.holders.items():
+            segments(name, holder)
+        for path, sheet in zip(self.paths(), self.sheets):
+            with located(path, [each.name for each in fields(Sheet)]):
+                sheet.check_complete()
+        self._check_sides()
+        self.schedule(dict.fromkeys(self.dies().values(), 0.0), 0.0)
+
+    def _check_sides(self):
+        if len({tool.side for tool in self.tools.values()}) == 1 and not self.holders:
+            side = next(iter(self.tools.values())).side
+            raise InputError(
+                f"all tools stand {side} the blank, and nothing resists them; allowed is a tool on "
+                "the other side, or a holder, as springs at the edges"
+            )
+        surfaces = [name for name in self.tools if name not in self.dies()]
+        for name, of in self.dies().items():
+            if of not in surfaces:
+                raise unknown_key(of, surfaces, f"tools.{name}.die_of {of}")
+            if self.tools[of].side == (side := self.tools[name].side):
+                raise InputError(
+                    f"tools.{name}.side is {side}, the side of {of}, whose die it is; allowed is "
+                    "the other side"
+                )
+
+    @property
+    def planes(self) -> tuple[int, ...]:
+        """Axes to which the planes of symmetry are perpendicular: 0 for x, 1 for y."""
+        return tuple(axis for axis in (0, 1) if "xy"[axis] in self.symmetry)
+
+    @property
+    def share(self) -> float:
+        """Share of the whole blank that is modelled."""
+        return 0.5 ** len(self.planes)
+
+    @property
+    def modelled(self) -> str:
+        """Name of what is modelled of the blank."""
+        return ("whole", "half", "quarter")[len(self.planes)]
+
+    @property
+    def fabric(self) -> Law | Metal | None:
+        """The first sheet's fabric, or metal."""
+        return next((sheet.fabric for sheet in self.sheets if sheet.fabric), self.sheets[0].metal)
+
+    def paths(self) -> list[str]:
+        """The path of each sheet's table in a file."""
+        names = [sheet.name.removeprefix("ply ") for sheet in self.sheets]
+        return [f"ply.{name or k}" for k, name in enumerate(names, 1)] if names[1:] else ["blank"]
+
+    def replace(self, **changes: object) -> Self:
+        """The press with other fields."""
+        return replace(self, **changes)
+
+    def with_fabrics(self, change: Callable[[Law], Law]) -> Self:
+        """The press with `change` made in the fabric of each sheet."""
+        changed = [sheet.fabric and change(sheet.fabric) for sheet in self.sheets]
+        if all(new is sheet.fabric for new, sheet in zip(changed, self.sheets)):
+            return self
+        return self.replace(sheets=[replace(s, fabric=f) for s, f in zip(self.sheets, changed)])
+
+    def dies(self) -> dict[str, str]:
+        """{name of a die: the tool that it is the die of}."""
+        surfaces = {name: tool.surface for name, tool in self.tools.items()}
+        return {name: s.tool for name, s in surfaces.items() if isinstance(s, DieOf)}
+
+    def tool(self, name: str) -> PressTool:
+        """The tool of this name with its `at`, of a die by default that of its tool."""
+        tool = self.tools[name]
+        if tool.at is not None:
+            return tool
+        of = self.tools.get(self.dies().get(name, ""), tool)
+        return replace(tool, at=(of.at or (0.0, 0.0))[:2])
+
+    def schedule(self, reach: Mapping[str, float], thickness: float) -> Schedule:
+        """What tools and holders do over the load factor; reach, thickness: as in `Schedule`."""
+        return Schedule(self.stages, self.tools, self.holders, reach, thickness)
+
+    def thickness(self, pressure: float = 0.0) -> float:
+        """Thickness of all sheets together under a pressure [MPa], [mm]."""
+        rigid = self.interface.is_rigid
+        return sum(sheet.thickness_under(pressure, rigid) for sheet in self.sheets)
+
+
+def _all_of(kind, name, values):
+    """One object of a kind, or several, as a tuple. Raises InputError for others."""
+    values = (values,) if isinstance(values, kind) else tuple(values)
+    if other := [each for each in values if not isinstance(each, kind)]:
+        raise InputError(
+            f"`{name}` holds {shown(other[0])}; allowed is a `{kind.__name__}(...)` or several"
+        )
+    if not values and name != "stages":  # which name their table themselves
+        raise InputError(f"`{name}` is empty; allowed are one or more")
+    return values
