@@ -242,7 +242,7 @@ def test_the_command_exports_the_whole_part(tmp_path, capsys, plies):
         ((folder, tmp_path / "ply.k"), 2, f"the thickness of {name} is not", 1),
         ((folder, "ply.stl"), 2, "the ending of ply.stl is unknown; allowed are .vtu", 1),
         ((tmp_path, "ply.inp"), 2, "has no fields.pvd; allowed is the folder of a run's", 1),
-        ((folder,), 2, "FILE is missing; see --help", 1),
+        ((folder,), 2, "required: FILE; --help tells", 1),
     ):
         assert main.main(["export", *map(str, words)]) == status
         assert "".join(capsys.readouterr()).count(told) >= count
