@@ -64,8 +64,9 @@ class PressStudy(Study):
             self.warn(doubt)
         if args.quick:
             made = press.build(self.comm)
-            press, stages = made.coarser() or press, made.schedule.stages
-            args.steps = args.steps or max(len(stages), made.schedule.steps // 3)
+            if coarser := made.coarser():
+                press = press.replace(sheets=coarser.sheets)
+            args.steps = args.steps or max(len(made.schedule.stages), made.schedule.steps // 3)
         return press
 
     def more_runs(self, setup: Any) -> dict[str, float]:

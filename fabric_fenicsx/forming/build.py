@@ -1,7 +1,7 @@
 """The scene of a press: the blank is laid, the tools are placed, terms and supports are made."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 
@@ -25,10 +25,11 @@ from ..tools.tool import Tool
 from . import stack
 from .flange import Flange
 from .forming_scene import FormingScene
-from .holders import segments
+from .holders import PressureHolder, segments
 from .laying import Laid, lay_blank, on_plane
 from .placement import place_tools
 from .press_data import PressData
+from .regions import Where
 from .site import HolderSite
 from .stages import Schedule
 
@@ -56,7 +57,7 @@ def build(press: PressData, comm: MPI.Comm | None = None) -> FormingScene:
     held, on_die, more = hold(press, laid, tools, schedule, between)
     terms += [*chain(*held.values()), *between]
     if interface.self:
-        terms += [laid.on(s, _folds(s, press, planes)) for s in sheets]
+        terms += [laid.on(s, _folds(s, interface, planes)) for s in sheets]
 
     scene = Scene(laid.blank, terms, _supports(press, laid))
     if laid.stack:
@@ -66,11 +67,10 @@ def build(press: PressData, comm: MPI.Comm | None = None) -> FormingScene:
 
 
 def _membrane(sheet):
-    weave = None if sheet.weave_angle is None else math.radians(sheet.weave_angle)
     return Membrane(
         sheet.fabric,
         integration=sheet.integration,
-        weave_angle=weave,
+        weave_angle=None if sheet.weave_angle is None else math.radians(sheet.weave_angle),
         temperature=sheet.temperature,
         thickness=sheet.thickness if isinstance(sheet.thickness, Field) else None,
     )
@@ -85,13 +85,12 @@ def _bending(sheet, planes):
     )
 
 
-def _folds(sheet, press, planes):
-    """Contact of a sheet with itself."""
+def _folds(sheet, interface, planes):
     return SelfContact(
-        penalty=press.interface.penalty,
-        lag=press.interface.lag_of_faces,
+        penalty=interface.penalty,
+        lag=interface.lag_of_faces,
         symmetric=planes,
-        friction=press.interface.coulomb(sheet.friction_to(sheet)),
+        friction=interface.coulomb(sheet.friction_to(sheet)),
     )
 
 
@@ -125,16 +124,10 @@ def hold(
     """{name of a holder or segment: its terms}, the last tool on which one presses, and doubts.
     between: contacts of the sheets of a stack."""
     held, on_die, doubts = dict[str, list[Term]](), None, list[str]()
-    sheets, taken = laid.sheets, dict[str, dict[str, Callable]]()
-    of_stack = {}
-    if laid.stack:
-        of_stack = {
-            "sheets": [sheet.name for sheet in sheets],
-            "against": stack.neighbours(between, sheets),
-            "rims": stack.rims(laid.stack, sheets),
-        }
+    taken: dict[str, dict[str, Where]] = {}
     for name, holder in _segments(press, schedule):
         die = _die_of(name, holder, press, laid, tools, schedule)
+        on_die = die if getattr(holder, "presses", True) else on_die
         site = HolderSite(
             name=name,
             laid=laid,
@@ -144,9 +137,9 @@ def hold(
             up=-press.tools[die.name].towards,
             thickness=press.thickness(),
             interface=press.interface,
-            friction=press.interface.on_tools(sheets),
+            friction=press.interface.on_tools(laid.sheets),
+            against=stack.neighbours(between, laid.sheets) if laid.stack else [],
             taken=taken,
-            **of_stack,
         )
         terms = holder.terms(site)
         if not isinstance(terms, (list, tuple)) or not all(isinstance(t, Term) for t in terms):
@@ -156,48 +149,46 @@ def hold(
         for k, tool in enumerate(unnamed, 1):
             tool.name = name if len(unnamed) == 1 else f"{name}, {k}"
         held[name], doubts = list(terms), doubts + site.warnings
-        on_die = die if getattr(holder, "presses", True) else on_die
-        for term in terms:
-            if isinstance(term, BlankHolderPressure) and term.direction @ site.up < 0:
-                doubts.append(
-                    f"the pressure of {name} is directed away from the die: towards it is "
-                    f"(0, 0, {site.up[2]:g})"
-                )
+        pressures = [term for term in terms if isinstance(term, BlankHolderPressure)]
+        if any(term.direction @ site.up < 0 for term in pressures):
+            doubts.append(
+                f"the pressure of {name} is directed away from the die: towards it is "
+                f"(0, 0, {site.up[2]:g})"
+            )
     return held, on_die, doubts
 
 
 def _segments(press, schedule):
     """Name and holder of each segment, with the pressure over all stages."""
     for name, given in press.holders.items():
-        for k, holder in enumerate(segments(name, given)):
-            if k == 0 and (pressure := schedule.pressure(name)):
-                holder = replace(holder, pressure=pressure)
-            yield (f"{name} {k + 1}" if k else name), holder
+        for k, holder in enumerate(segments(name, given), 1):
+            changing = schedule.pressure(name)
+            if changing and isinstance(holder, PressureHolder):
+                holder = replace(holder, pressure=changing)
+            yield (f"{name} {k}" if k > 1 else name), holder
 
 
 def _die_of(name, holder, press, laid, tools, schedule):
     """The tool on which a holder presses the blank."""
-    asked, path = getattr(holder, "against", ""), f"holders.{name}"
+    path, asked = f"holders.{name}.against", getattr(holder, "against", "")
     if asked and asked not in tools:
-        raise unknown_key(asked, tools, f"{path}.against {asked}")
-    still = [n for n in ([asked] if asked else tools) if not schedule.is_moved(n)]
-    flat = [n for n in still if _is_flat(tools[n], press, laid)]
+        raise unknown_key(asked, tools, f"{path} {asked}")
+    if asked and schedule.is_moved(asked):
+        raise InputError(f"{path} is {asked}, which moves; allowed is a tool that stands still")
+
+    def is_flat(tool):
+        up = -press.tools[tool.name].towards[2]
+        share = Flange(tool, press.thickness(), up, laid.blank.extent())(laid.flat_nodes().T)
+        return laid.blank.mesh.comm.allreduce(int((share > 0).sum())) > 0
+
+    still = [tools[n] for n in ([asked] if asked else tools) if not schedule.is_moved(n)]
+    flat = [tool for tool in still if is_flat(tool)]
     if not getattr(holder, "presses", True):
-        return tools[(flat or list(tools))[0]]
-    if asked and not still:
-        raise InputError(
-            f"{path}.against is {asked}, which moves; allowed is a tool that stands still, or "
-            "a holder that is a tool with a force"
-        )
+        return (flat or list(tools.values()))[0]
     if len(flat) != 1:
+        names = ", ".join(tool.name for tool in flat)
         raise InputError(
-            f"{path} presses the blank on the flat face of a tool that stands still; such tools "
-            f"are {', '.join(flat) or 'not there'}; allowed is one, or `against` that names it"
+            f"{path} must name a tool that stands still and has a flat face on the blank: "
+            f"{names or 'there is none'}; allowed is also a tool with a force in place of a holder"
         )
-    return tools[flat[0]]
-
-
-def _is_flat(tool, press, laid):
-    up = -press.tools[tool.name].towards[2]
-    share = Flange(tool, press.thickness(), up, laid.blank.extent())(laid.flat_nodes().T)
-    return bool(laid.blank.mesh.comm.allreduce(int((share > 0).sum())))
+    return flat[0]

@@ -1,7 +1,7 @@
 """Checks of a press: whether its tools leave room for the blank, and are symmetric if only a
 part of the blank is modelled."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from itertools import combinations
 
@@ -29,6 +29,11 @@ def clearance_doubts(
     `pressed` thickness [mm] at the end of a stage. Raises InputError for two on either side of it
     that go through one another. The place of tools that a force moves is not known."""
     doubts: list[str] = []
+    if len(sides := {press.tools[name].side for name in tools}) == 1 < len(tools):
+        doubts.append(
+            f"{' and '.join(tools)} stand {sides.pop()} the blank, and only holders resist them: "
+            "`side` says where a tool stands"
+        )
     whens = ["before anything moves", *(f"at the end of {s.name}" for s in schedule.stages)]
     for one, two in combinations([tool for tool in tools.values() if not tool.force], 2):
         opposite = press.tools[one.name].side != press.tools[two.name].side
@@ -56,13 +61,13 @@ def clearance_doubts(
     return doubts
 
 
-def _distance_of(press, schedule, one, two, extent) -> Callable[[float], tuple[float, np.ndarray]]:
+def _distance_of(press, schedule, one, two, extent):
     """Function of the load factor to the least distance of two tools over the blank [mm], and its
     place."""
-    for die, of in press.dies().items():
-        if {die, of} == {one.name, two.name} and schedule.closes_straight(of, die):
+    for name, die in press.dies().items():
+        if {name, die.tool} == {one.name, two.name} and schedule.closes_straight(die.tool, name):
             # where both are flat, in the middle
-            return lambda load: (schedule.distance(of, load), np.zeros(3))
+            return lambda load: (schedule.distance(die.tool, load), np.zeros(3))
     return partial(_least_distance, one, two, extent)
 
 

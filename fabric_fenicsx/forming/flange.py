@@ -83,7 +83,7 @@ class Flange:
         return np.where(finite, share, 0.0)
 
     def loose_ends(
-        self, extents: Sequence[np.ndarray], centre: np.ndarray, planes: Sequence[int]
+        self, extents: Sequence[ArrayLike], centre: np.ndarray, planes: Sequence[int]
     ) -> list[str]:
         """A sentence on each end of the smallest sheet, on the axes through its centre (2,), that
         lies over the die's opening, where no blank holder presses it. extents: two corners of each

@@ -327,7 +327,7 @@ HOLDERS: Mapping[str, type[Kind]] = MappingProxyType(
 def segments(name: str, given: Holder | Sequence[Holder]) -> list[Holder]:
     """The holder of this name in a press, or its segments, as a list. Raises InputError for what
     is no holder, and for an empty list."""
-    holders = list(given) if isinstance(given, (list, tuple)) else [given]
+    holders: list = list(given) if isinstance(given, (list, tuple)) else [given]
     for each in holders or [given]:
         if not holders or isinstance(each, type) or not callable(getattr(each, "terms", None)):
             raise InputError(

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Self
+from typing import Any, Self
 
 from ..material.laws import Law
 from ..material.metal import Metal
@@ -37,8 +37,8 @@ class PressData(KnowsItsFields):
 
     def __post_init__(self) -> None:
         check_fields(self, PATHS.__getitem__)
-        for name, kind in (("sheets", Sheet), ("stages", Stage)):
-            object.__setattr__(self, name, _all_of(kind, name, getattr(self, name)))
+        object.__setattr__(self, "sheets", _all_of(Sheet, "plies", self.sheets))
+        object.__setattr__(self, "stages", _all_of(Stage, "stages", self.stages))
         _all_of(PressTool, "tools", list(self.tools.values()))
         for name, holder in self.holders.items():
             segments(name, holder)
@@ -46,7 +46,7 @@ class PressData(KnowsItsFields):
             with located(path, [each.name for each in fields(Sheet)]):
                 sheet.check_complete()
         self._check_sides()
-        self.schedule(dict.fromkeys(self.dies().values(), 0.0), 0.0)
+        self.schedule({die.tool: 0.0 for die in self.dies().values()}, 0.0)
 
     def _check_sides(self):
         if len({tool.side for tool in self.tools.values()}) == 1 and not self.holders:
@@ -56,8 +56,8 @@ class PressData(KnowsItsFields):
                 "the other side, or a holder, as springs at the edges"
             )
         surfaces = [name for name in self.tools if name not in self.dies()]
-        for name, of in self.dies().items():
-            if of not in surfaces:
+        for name, die in self.dies().items():
+            if (of := die.tool) not in surfaces:
                 raise unknown_key(of, surfaces, f"tools.{name}.die_of {of}")
             if self.tools[of].side == (side := self.tools[name].side):
                 raise InputError(
@@ -81,16 +81,17 @@ class PressData(KnowsItsFields):
         return ("whole", "half", "quarter")[len(self.planes)]
 
     @property
-    def fabric(self) -> Law | Metal | None:
+    def fabric(self) -> Law | Metal:
         """The first sheet's fabric, or metal."""
-        return next((sheet.fabric for sheet in self.sheets if sheet.fabric), self.sheets[0].metal)
+        found: list = [sheet.fabric for sheet in self.sheets if sheet.fabric]
+        return [*found, self.sheets[0].metal][0]
 
     def paths(self) -> list[str]:
         """The path of each sheet's table in a file."""
         names = [sheet.name.removeprefix("ply ") for sheet in self.sheets]
         return [f"ply.{name or k}" for k, name in enumerate(names, 1)] if names[1:] else ["blank"]
 
-    def replace(self, **changes: object) -> Self:
+    def replace(self, **changes: Any) -> Self:
         """The press with other fields."""
         return replace(self, **changes)
 
@@ -101,18 +102,16 @@ class PressData(KnowsItsFields):
             return self
         return self.replace(sheets=[replace(s, fabric=f) for s, f in zip(self.sheets, changed)])
 
-    def dies(self) -> dict[str, str]:
-        """{name of a die: the tool that it is the die of}."""
+    def dies(self) -> dict[str, DieOf]:
+        """{name of a die: what it is the die of}."""
         surfaces = {name: tool.surface for name, tool in self.tools.items()}
-        return {name: s.tool for name, s in surfaces.items() if isinstance(s, DieOf)}
+        return {name: s for name, s in surfaces.items() if isinstance(s, DieOf)}
 
     def tool(self, name: str) -> PressTool:
         """The tool of this name with its `at`, of a die by default that of its tool."""
         tool = self.tools[name]
-        if tool.at is not None:
-            return tool
-        of = self.tools.get(self.dies().get(name, ""), tool)
-        return replace(tool, at=(of.at or (0.0, 0.0))[:2])
+        of = self.tools[tool.surface.tool] if isinstance(tool.surface, DieOf) else tool
+        return tool if tool.at else replace(tool, at=(of.at or (0.0, 0.0))[:2])
 
     def schedule(self, reach: Mapping[str, float], thickness: float) -> Schedule:
         """What tools and holders do over the load factor; reach, thickness: as in `Schedule`."""
@@ -124,13 +123,15 @@ class PressData(KnowsItsFields):
         return sum(sheet.thickness_under(pressure, rigid) for sheet in self.sheets)
 
 
-def _all_of(kind, name, values):
-    """One object of a kind, or several, as a tuple. Raises InputError for others."""
+def _all_of(kind, what, values):
+    """One object of a kind, or several, as a tuple. Raises InputError for others, for none, and for
+    two of one name."""
     values = (values,) if isinstance(values, kind) else tuple(values)
-    if other := [each for each in values if not isinstance(each, kind)]:
-        raise InputError(
-            f"`{name}` holds {shown(other[0])}; allowed is a `{kind.__name__}(...)` or several"
-        )
-    if not values and name != "stages":  # which name their table themselves
-        raise InputError(f"`{name}` is empty; allowed are one or more")
+    other = [each for each in values if not isinstance(each, kind)]
+    if other or not values:
+        flaw = f"one of the {what} is {shown(other[0])}" if other else f"there are no {what}"
+        raise InputError(f"{flaw}; allowed is `{kind.__name__}(...)`, or several")
+    names = [name for each in values if (name := getattr(each, "name", ""))]
+    if twice := next((name for name in names if names.count(name) > 1), ""):
+        raise InputError(f"two {what} are called {twice}; allowed are different names")
     return values

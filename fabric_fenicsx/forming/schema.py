@@ -2,10 +2,11 @@
 
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import tomli_w
@@ -42,7 +43,7 @@ SURFACES = "shape", "file", "die_of"  # keys of a tool, one of which it has
 # -- reading
 
 
-def read(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> dict[str, object]:
+def read(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> dict[str, Any]:
     """The fields of a `PressData` from a file. changes: of its entries, texts "KEY=VALUE", as
     "tools.punch.radius=40"; one that excludes others replaces them. Raises InputError that names
     file, table and key."""
@@ -81,7 +82,7 @@ def _fields(document, folder):
         "tools": {name: _tool(table, f"tools.{name}", convert) for name, table in tools.items()},
         "holders": {n: _holder(table, f"holders.{n}", convert) for n, table in holders.items()},
         "stages": [
-            tables.read(Stage, {"name": f"stage {k}"} | each, f"stage.{each.get('name', k)}", convert)
+            tables.read(Stage, each, f"stage.{each.get('name', k)}", convert)
             for k, each in enumerate(as_list(document.get("stage"), "stage"), 1)
         ],
     }
@@ -101,20 +102,20 @@ def _sheets(document, blank, convert):
 
 
 def _tool(table, path, convert):
-    table, common = as_table(table, path), names_of(PressTool)[1:]
-    kind, side = key_of(SURFACES, table, path), table.get("side")
-    given = {key: table.pop(key) for key in common if key in table}
-    value = table.pop(kind)
+    table, common = as_table(table, path), names_of(PressTool)
+    kind, side = key_of(SURFACES, table, path), table.get("side", "below")
+    own: dict[str, Any] = {key: table.pop(key) for key in [*table] if key not in common}
+    value = own.pop(kind)
     if kind == "shape":
         if value not in SHAPES:
             raise unknown_key(value, SHAPES, f"{path}.shape {value}")
-        surface = SHAPES[value].read(table, path, side)
+        table["surface"] = SHAPES[value].read(own, path, side)
     elif kind == "die_of":
-        surface = tables.read(DieOf, {"tool": value} | table, path, convert)
-        given = {"side": "above"} | given
+        die = tables.read(DieOf, {"tool": value} | own, path, convert)
+        table = {"surface": die, "side": "above"} | table
     else:
-        surface, given = convert(value, {"metavar": "FILE"}, f"{path}.file"), table | given
-    return tables.read(PressTool, {"surface": surface} | given, path, convert)
+        table |= {"surface": convert(value, {"metavar": "FILE"}, f"{path}.file")} | own
+    return tables.read(PressTool, table, path, convert)
 
 
 def _holder(table, path, convert):
@@ -173,18 +174,18 @@ def _opened(names, entry):
     return {} if entry is None and may_begin else entry
 
 
-def _excluded(names: Sequence[str], table: Mapping[str, object]) -> Iterable[str]:
+def _excluded(names, table):
     """Keys of a table that a new entry at this path replaces."""
     kind, key = names[0], names[-1]
-    if key in table or len(names) != (2 if kind == "blank" else 3):
-        return {*table} - {"shape", *names_of(PressTool)} if key == "shape" else ()
-    if kind in ("blank", "ply"):
-        return OWN.get(key, ())
+    if key in table and key != "shape":
+        return ()
     if kind == "stage":
         return {"moves": ("close",), "close": ("moves",)}.get(key, ())
     if kind == "tools" and key in SURFACES:
         return {*table} - {*names_of(PressTool)}
-    return {*table} - {*names_of(HOLDERS[key])} if kind == "holders" and key in HOLDERS else ()
+    if kind == "holders" and key in HOLDERS:
+        return {*table} - {*names_of(HOLDERS[key])}
+    return OWN.get(key, ()) if kind in ("blank", "ply") else ()
 
 
 def _change_all_plies(document, key, value):
@@ -200,19 +201,17 @@ def _change_all_plies(document, key, value):
 
 
 def _change_material(document, names, value):
-    """Change numbers of the one fabric, or metal, of all sheets: of "fabric.s1=0.03"."""
-    kind = names[0]
-    paths = {("blank",): document.get("blank", {})}
-    paths |= {("ply", str(k)): ply for k, ply in enumerate(document.get("ply", ()), 1)}
-    named = {path: table[kind] for path, table in paths.items() if kind in table}
-    if len({str(each) for each in named.values()}) != 1 or len(names) != 2:
-        keys = " and ".join(".".join((*path, kind)) for path in named) or "none"
+    """Change a number of the one fabric, or metal, of all sheets: of "fabric.s1=0.03"."""
+    kind, plies = names[0], enumerate(document.get("ply", ()), 1)
+    sheets = {"blank": document.get("blank", {})} | {f"ply.{k}": ply for k, ply in plies}
+    named = {path: sheet[kind] for path, sheet in sheets.items() if kind in sheet}
+    if len({str(each) for each in named.values()}) != 1:
         raise InputError(
-            f"change of {'.'.join(names)} is of one {kind} of all sheets, and the file has "
-            f"{keys}; allowed is {kind}.NUMBER=VALUE for one material, or with the path of a ply"
+            f"{'.'.join(names)} is of one {kind} of all sheets, and the file has "
+            f"{', '.join(f'{path}.{kind}' for path in named) or 'none'}; allowed is the path of one"
         )
     for path in named:
-        tables.put(document, [*path, *names], value, _opened, _excluded)
+        tables.put(document, [*path.split("."), *names], value, _opened, _excluded)
 
 
 def short_forms(options: Mapping[str, object]) -> list[str]:
@@ -249,7 +248,8 @@ def _tool_table(tool):
     entries = tables.entries(tool)
     surface = entries.pop("surface")
     if isinstance(surface, DieOf):  # whose side has another default in a file
-        return {"die_of": surface.tool, "side": tool.side} | tables.entries(surface) | entries
+        die = {"die_of": surface.tool, "side": tool.side, "clearance": surface.clearance}
+        return {key: value for key, value in die.items() if value is not None} | entries
     for name, shape in SHAPES.items():
         if (numbers := shape.entries(surface, tool.side)) is not None:
             return {"shape": name} | numbers | entries
@@ -257,13 +257,13 @@ def _tool_table(tool):
 
 
 def _holder_table(holder):
-    key = next((key for key, kind in HOLDERS.items() if type(holder) is kind), "")
-    if not key:
-        return holder
-    entries = {key: getattr(holder, key)} | tables.entries(holder)
-    if isinstance(entries.get("where"), Region):
-        entries["where"] = dict(entries["where"].limits)
-    return entries
+    for key, kind in HOLDERS.items():
+        if type(holder) is kind:
+            entries = {key: getattr(holder, key)} | tables.entries(holder)
+            if isinstance(region := entries.get("where"), Region):
+                entries["where"] = dict(region.limits)
+            return entries
+    return holder
 
 
 def write(press: PressData, path: str | os.PathLike[str]) -> None:

@@ -13,6 +13,7 @@ from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from ..sheets.blank import Blank
 from ..tools.tool import Tool
+from . import stack
 from .flange import Flange
 from .interface import Interface
 from .laying import Laid
@@ -27,20 +28,16 @@ class HolderSite:
     ----------
     name
         A name for the holder's tool.
-    laid
-        The blank as it is laid.
-    planes, share
-        Axes to which the planes of symmetry are perpendicular, and the share of the whole blank
-        that is modelled.
-    die, up
-        The tool on which the holder presses the blank, and the direction (3,) towards it.
-    thickness
-        Of all that lies between die and holder [mm].
+    laid, planes, share
+        The blank as it is laid, the axes to which planes of symmetry are perpendicular, and the
+        share of the whole blank that is modelled.
+    die, up, thickness
+        The tool on which the holder presses the blank, the direction (3,) towards it, and the
+        thickness of all that lies between it and the holder [mm].
     interface, friction
         How tools touch the blank, and their friction.
-    sheets, against, rims
-        Of a stack: names of its sheets, the lowest first; the contacts of each with the next; names
-        of those that reach beyond all sheets below them.
+    against
+        Of a stack: the contacts of each sheet with the next.
     taken
         By holders before this one: {place: {name of a holder: where it acts there}}.
 
@@ -63,9 +60,7 @@ class HolderSite:
     thickness: float
     interface: Interface
     friction: Coulomb
-    sheets: Sequence[str] = ()
     against: Sequence[SheetContact] = ()
-    rims: Sequence[str] = ()
     taken: dict[str, dict[str, Where]] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
 
@@ -88,6 +83,16 @@ class HolderSite:
     def lag(self) -> float:
         """Share of areas and normal forces, by which these may lag behind the state."""
         return self.interface.lag
+
+    @property
+    def sheets(self) -> list[str]:
+        """Names of the sheets of a stack, the lowest first."""
+        return [sheet.name for sheet in self.laid.sheets] if self.laid.stack else []
+
+    @property
+    def rims(self) -> list[str]:
+        """Names of the sheets of a stack that reach beyond all sheets below them."""
+        return stack.rims(self.laid.stack, self.laid.sheets) if self.laid.stack else []
 
     def contact(self, tool: Tool, where: Where | None = None) -> Contact:
         """Contact with a tool of the holder, as that with the die; where: as in `Contact`."""

@@ -111,9 +111,6 @@ class Schedule:
             for name, holder in holders.items()
             if isinstance(holder, PressureHolder) and not callable(holder.pressure)
         }
-        names = [stage.name for stage in self.stages]
-        if twice := next((name for name in names if names.count(name) > 1), ""):
-            raise InputError(f"two stages are called {twice}; allowed are different names")
         for stage in self.stages:
             self._add(stage, f"stage.{stage.name.removeprefix('stage ')}")
         for name in tools:

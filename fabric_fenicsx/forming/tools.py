@@ -1,5 +1,6 @@
 """The tools of a press as data: what each is, and where it stands before anything moves."""
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from inspect import signature
@@ -11,7 +12,7 @@ import numpy as np
 from ..readers.field import Field, of_place
 from ..runtime.errors import InputError
 from ..runtime.fields import KnowsItsFields, choice, documented, number
-from ..runtime.rules import FROM_ZERO, POSITIVE, check_complete, unknown_key
+from ..runtime.rules import FROM_ZERO, POSITIVE, check_complete, shown, unknown_key
 from ..runtime.tables import names_of
 from ..tools.double_dome import DoubleDome
 from ..tools.primitives import Block, Cylinder, Plane, Plate, Sphere, Torus
@@ -97,6 +98,11 @@ class PressTool(KnowsItsFields):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if not isinstance(self.surface, (Surface, str, os.PathLike, DieOf)):
+            raise InputError(
+                f"`surface` is {shown(self.surface)}; allowed is a surface, as `Sphere(50)`, a "
+                "file's name, or `DieOf` another tool"
+            )
         turn, at = checked_vector("`turn`", self.turn), self.at
         if at is not None:
             at = tuple(checked_vector("`at`", at, size=2 if length_of(at) == 2 else 3).tolist())

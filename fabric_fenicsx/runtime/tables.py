@@ -17,7 +17,7 @@ Convert = Callable[[object, Mapping, str], object]
 
 def names_of(kind: type) -> list[str]:
     """Names of the fields of a dataclass that its table may have."""
-    return [each.name for each in dataclasses.fields(kind) if each.init]  # type: ignore[arg-type]
+    return [each.name for each in dataclasses.fields(kind) if each.init]
 
 
 def as_table(value: object, path: str, allowed: str = "a table") -> dict:

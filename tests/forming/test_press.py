@@ -267,7 +267,7 @@ def test_what_no_file_can_say_is_named(tmp_path):
         segment.write(tmp_path / "press.toml")
     with pytest.raises(ff.InputError, match="field `stage` of Press is unknown .did you mean st"):
         press.replace(stage=())
-    with pytest.raises(ff.InputError, match="`sheets` holds 0; allowed is a `Sheet"):
+    with pytest.raises(ff.InputError, match="one of the plies is 0; allowed is `Sheet"):
         press.replace(sheets=[0])
 
 
