@@ -7,6 +7,7 @@ from itertools import chain
 
 from mpi4py import MPI
 
+from ..mechanics.contact.coulomb import Coulomb
 from ..mechanics.contact.holder_pressure import BlankHolderPressure
 from ..mechanics.contact.self_contact import SelfContact
 from ..mechanics.contact.tool_contact import Contact
@@ -48,13 +49,14 @@ def build(press: PressData, comm: MPI.Comm | None = None) -> FormingScene:
     fabrics = [sheet for sheet in sheets if sheet.fabric]
     terms = [laid.on(s, _membrane(s)) for s in fabrics]
     terms += [laid.on(s, _bending(s, planes)) for s in fabrics if s.bending_modulus]
+    usual = interface.on_tools(sheets)
     for name, tool in tools.items():
         own = press.tools[name].friction
-        friction = interface.on_tools(sheets) if own is None else interface.coulomb(own)
+        friction = usual if own is None else interface.coulomb(own)
         terms.append(Contact(tool, penalty=interface.penalty, friction=friction))
     terms += [laid.on(s, SheetMetal(s.metal, symmetric=planes)) for s in sheets if s.metal]
     between = stack.between(laid.stack, sheets, interface, planes) if laid.stack else []
-    held, on_die, more = hold(press, laid, tools, schedule, between)
+    held, on_die, more = hold(press, laid, tools, schedule, usual, between)
     terms += [*chain(*held.values()), *between]
     if interface.self:
         terms += [laid.on(s, _folds(s, interface, planes)) for s in sheets]
@@ -119,10 +121,11 @@ def hold(
     laid: Laid,
     tools: Mapping[str, Tool],
     schedule: Schedule,
+    friction: Coulomb,
     between: Sequence[Term],
 ) -> tuple[dict[str, list[Term]], Tool | None, list[str]]:
     """{name of a holder or segment: its terms}, the last tool on which one presses, and doubts.
-    between: contacts of the sheets of a stack."""
+    friction: of tools; between: contacts of the sheets of a stack."""
     held, on_die, doubts = dict[str, list[Term]](), None, list[str]()
     taken: dict[str, dict[str, Where]] = {}
     for name, holder in _segments(press, schedule):
@@ -137,7 +140,7 @@ def hold(
             up=-press.tools[die.name].towards,
             thickness=press.thickness(),
             interface=press.interface,
-            friction=press.interface.on_tools(laid.sheets),
+            friction=friction,
             against=stack.neighbours(between, laid.sheets) if laid.stack else [],
             taken=taken,
         )

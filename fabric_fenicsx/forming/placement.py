@@ -33,7 +33,7 @@ def place_tools(press: PressData, laid: Laid) -> tuple[dict[str, Tool], Schedule
     blank = _FlatBlank(laid.flat_nodes(), extent, thickness, comm)
     given, dies = {name: press.tool(name) for name in press.tools}, press.dies()
     clearances = {name: die.clearance or 1.2 * thickness for name, die in dies.items()}
-    usual_off = {d.tool: max(0.0, clearances[name] - thickness) for name, d in dies.items()}
+    usual_off = {d.tool: max(0.0, clearances[n] - thickness) for n, d in dies.items()}
     surfaces, starts, doubts = dict[str, Surface](), dict[str, np.ndarray](), list[str]()
     for name in (n for n in given if n not in dies):
         surfaces[name], more = _surface_of(name, given[name], blank)

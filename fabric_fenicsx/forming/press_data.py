@@ -98,7 +98,7 @@ class PressData(KnowsItsFields):
     def with_fabrics(self, change: Callable[[Law], Law]) -> Self:
         """The press with `change` made in the fabric of each sheet."""
         changed = [sheet.fabric and change(sheet.fabric) for sheet in self.sheets]
-        if all(new is sheet.fabric for new, sheet in zip(changed, self.sheets)):
+        if changed == [sheet.fabric for sheet in self.sheets]:
             return self
         return self.replace(sheets=[replace(s, fabric=f) for s, f in zip(self.sheets, changed)])
 
