@@ -24,14 +24,12 @@ from ..scene.scene import Scene
 from ..scene.supports import Support
 from ..tools.tool import Tool
 from . import stack
-from .flange import Flange
 from .forming_scene import FormingScene
 from .holders import PressureHolder, segments
 from .laying import Laid, lay_blank, on_plane
 from .placement import place_tools
 from .press_data import PressData
-from .regions import Where
-from .site import HolderSite
+from .site import Flange, HolderSite, Where
 from .stages import Schedule
 
 

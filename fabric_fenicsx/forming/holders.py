@@ -19,8 +19,7 @@ from ..runtime.rules import FROM_ZERO, POSITIVE, shown
 from ..tools.primitives import Plane
 from ..tools.tool import Tool
 from ..tools.values import checked_vector
-from .regions import EDGES, Region, Where, check_edges
-from .site import HolderSite
+from .site import EDGES, HolderSite, Region, Where, check_edges
 
 
 class Holder(Protocol):

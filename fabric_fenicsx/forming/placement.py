@@ -1,6 +1,9 @@
-"""The places of the tools of a press before anything moves."""
+"""The places of the tools of a press before anything moves, and whether they leave room for it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
+from itertools import combinations
 
 import numpy as np
 from mpi4py import MPI
@@ -10,17 +13,18 @@ from ..runtime.errors import InputError
 from ..runtime.files import ending
 from ..runtime.formatting import coordinates, rounded
 from ..runtime.status import task
-from ..tools.checks import FLANGE, MIN_SHARE, check_triangles, unit_doubt
+from ..tools.checks import FLANGE, MIN_SHARE, MIRRORED, check_triangles, unit_doubt
 from ..tools.files import CAD
 from ..tools.surfaces import Offset, Reversed, Surface, Turned
 from ..tools.tool import Tool
 from ..tools.triangulated import TriangulatedSurface
-from .checks import CHECK_PRESSURE, clearance_doubts, symmetry_doubts
 from .laying import Laid
 from .press_data import PressData
 from .stages import Schedule
 
-MAX_DISTANCE = 1e3  # sizes of the blank beyond a tool's radii, within which its face must be
+CHECK_PRESSURE = 1.0  # MPa, under which the blank must fit between closed tools
+POINTS_ACROSS = 60  # points across the blank at which the distance of two tools is found
+
 TOUCH_TOLERANCE = 1e-9  # of the thickness: a tool so near touches the blank
 
 
@@ -150,10 +154,10 @@ class _FlatBlank:
         does not meet the blank, or only with its back."""
         place, up, points = np.array(tool.at)[:2], tool.towards[2], _points_of(surface)
         away, between, rounding = self.size, np.empty((0, 3)), 1e-9 * self.size
-        if points is None:
-            far = MAX_DISTANCE * self.size + sum(r for r in surface.radii if np.isfinite(r))
-        else:
+        if points is not None:  # how far away its face may be
             far = 4 * (abs(points).max() + self.size)
+        else:
+            far = 1e3 * self.size + sum(r for r in surface.radii if np.isfinite(r))
         while self._least(surface, [*place, -up * away], between)[0] <= 0:
             if away >= far:
                 raise InputError(
@@ -251,3 +255,102 @@ def _points_of(surface):
     """Points (n, 3) of a surface of triangles in its place [mm], None for other surfaces."""
     triangles, turn = _triangles(surface)
     return None if triangles is None else triangles.points @ turn.T
+
+
+# -- checks of tools in their places
+
+
+def clearance_doubts(
+    press: PressData,
+    tools: Mapping[str, Tool],
+    schedule: Schedule,
+    extent: np.ndarray,
+    pressed: float,
+) -> list[str]:
+    """Sentences on tools that leave the blank, with corners `extent` (2, 3) [mm], less than its
+    `pressed` thickness [mm] at the end of a stage. Raises InputError for two on either side of it
+    that go through one another. The place of tools that a force moves is not known."""
+    doubts: list[str] = []
+    if len(sides := {press.tools[name].side for name in tools}) == 1 < len(tools):
+        doubts.append(
+            f"{' and '.join(tools)} stand {sides.pop()} the blank, and only holders resist them: "
+            "`side` says where a tool stands"
+        )
+    whens = ["before anything moves", *(f"at the end of {s.name}" for s in schedule.stages)]
+    thickness = f"the blank's thickness under {CHECK_PRESSURE:g} MPa, {rounded(pressed, 4)} mm"
+    for one, two in combinations([tool for tool in tools.values() if not tool.force], 2):
+        if press.tools[one.name].side == press.tools[two.name].side:
+            continue
+        distance, both = (
+            _distance_of(press, schedule, one, two, extent),
+            f"{one.name} and {two.name}",
+        )
+        for load, when in zip(schedule.joints, whens):
+            apart, place = distance(load)
+            at = f"{when}, at {coordinates(place)} mm"
+            if apart < 0:
+                raise InputError(
+                    f"tools {both} go {rounded(-apart, 4)} mm through one another {at}; allowed is "
+                    f"a distance from {thickness}: less travel, or another place (`at`)"
+                )
+            if load and apart < (1 - 1e-6) * pressed:
+                doubts.append(
+                    f"tools {both} are {rounded(apart, 4)} mm apart {at}, less than {thickness}: "
+                    "they crush it there"
+                )
+    return doubts
+
+
+def _distance_of(press, schedule, one, two, extent):
+    """Function of the load factor to the least distance of two tools over the blank [mm], and its
+    place."""
+    for name, die in press.dies().items():
+        if {name, die.tool} == {one.name, two.name} and schedule.closes_straight(die.tool, name):
+            # where both are flat, in the middle
+            return lambda load: (schedule.distance(die.tool, load), np.zeros(3))
+    return partial(_least_distance, one, two, extent)
+
+
+def _least_distance(one, two, extent, load):
+    """The least distance [mm] of two tools over the blank, and its place; inf if there is none."""
+    x = _points(one, extent, load)
+    gap = two.surface.evaluate(x - np.asarray(two.path(load))).gap
+    gap = np.append(np.where(np.isfinite(gap), gap, np.inf), np.inf)
+    worst = int(gap.argmin())
+    return float(gap[worst]), np.vstack([x, np.zeros(3)])[worst]
+
+
+def _points(tool, extent, load):
+    """Points (n, 3) [mm] of a tool's surface over or under the blank at a load factor."""
+    low, high = extent
+    size, place = float((high - low).max()), np.asarray(tool.path(load))
+    room = np.array([0.0, 0.0, 2 * size])
+    points, _, _ = tool.surface.mesh(low - room - place, high + room - place, size / POINTS_ACROSS)
+    x = points + place
+    return x[((x >= low - 1e-6) & (x <= high + 1e-6))[:, :2].all(1)]
+
+
+def symmetry_doubts(
+    press: PressData, tools: Mapping[str, Tool], extent: np.ndarray, thickness: float
+) -> list[str]:
+    """A sentence on each tool that is not its own mirror image in the planes of symmetry, within
+    `MIRRORED` thicknesses, in its places at the start and at the end."""
+    doubts: dict[str, str] = {}
+    for tool, load in ((tool, load) for tool in tools.values() for load in (0.0, 1.0)):
+        sideways = np.subtract(tool.path(1.0), tool.path(0.0))[:2].any()
+        if tool.name in press.dies() or (load and not sideways):  # as symmetric as its tool
+            continue
+        x, place = _points(tool, extent, load), np.asarray(tool.path(load))
+        for axis in press.planes if len(x) else ():
+            mirror = 1.0 - 2.0 * np.eye(3)[axis]
+            off = np.nan_to_num(abs(tool.surface.evaluate(x * mirror - place).gap))
+            worst = int(off.argmax())
+            if off[worst] > MIRRORED * thickness and tool.name not in doubts:
+                doubts[tool.name] = (
+                    f"tools.{tool.name} is not its own mirror image in {'xy'[axis]} = 0: it is at "
+                    f"{coordinates(x[worst])}, but {rounded(off[worst])} mm off "
+                    f"{coordinates(x[worst] * mirror)}; so the {press.modelled} stands for "
+                    f"{1 / press.share:g} mirrored ones; take the whole blank "
+                    '(`symmetry = "none"`)'
+                )
+    return list(doubts.values())

@@ -17,9 +17,6 @@ from .sheet import Sheet
 from .stages import Schedule, Stage
 from .tools import DieOf, PressTool
 
-# field -> its path in a file, where it is not its name
-PATHS = {"symmetry": "blank.symmetry", "stop_when_invalid": "limits.stop_when_invalid"}
-
 
 @dataclass(frozen=True, kw_only=True)
 class PressData(KnowsItsFields):
@@ -36,7 +33,8 @@ class PressData(KnowsItsFields):
     title: str = ""
 
     def __post_init__(self) -> None:
-        check_fields(self, PATHS.__getitem__)
+        paths = {"symmetry": "blank.symmetry", "stop_when_invalid": "limits.stop_when_invalid"}
+        check_fields(self, paths.__getitem__)
         object.__setattr__(self, "sheets", _all_of(Sheet, "plies", self.sheets))
         object.__setattr__(self, "stages", _all_of(Stage, "stages", self.stages))
         _all_of(PressTool, "tools", list(self.tools.values()))

@@ -30,7 +30,6 @@ from .stages import Stage
 from .tools import SHAPES, DieOf, PressTool
 
 TABLES = "blank", "contact", "limits", "tools", "holders"
-MATERIALS = "fabric", "metal"  # as {material = "komeili", s1 = 0.03}
 # option of a study -> entry of a sheet: a change without a table, as "nx=8", is of all plies
 OF_ALL_PLIES = {"material": "fabric"} | {
     name: name
@@ -160,7 +159,7 @@ def _change(document, names, value):
         names[:1] = ["holders", next(iter(document["holders"]))]
     if len(names) == 1 and names[0] in OF_ALL_PLIES.values():
         _change_all_plies(document, names[0], value)
-    elif names[0] in MATERIALS:
+    elif names[0] in ("fabric", "metal"):
         _change_material(document, names, value)
     else:
         tables.put(document, names, value, _opened, _excluded)
@@ -168,7 +167,7 @@ def _change(document, names, value):
 
 def _opened(names, entry):
     """The table at a path within which an entry is changed."""
-    if names[-1] in MATERIALS and isinstance(entry, str):
+    if names[-1] in ("fabric", "metal") and isinstance(entry, str):
         return {"material": entry}
     may_begin = names[0] in TABLES if len(names) == 1 else names[0] == "stage" and len(names) == 3
     return {} if entry is None and may_begin else entry

@@ -1,23 +1,187 @@
-"""The place where a blank holder acts, and the holders of a press on their places."""
+"""The place where a blank holder acts: the die's flange, and parts of the blank."""
 
-from collections.abc import Iterator, Sequence
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy import ndimage
 
+from ..material.files import Interval
 from ..mechanics.contact.coulomb import Coulomb
 from ..mechanics.contact.nodes import values_at
 from ..mechanics.contact.sheet_contact import SheetContact
 from ..mechanics.contact.tool_contact import Contact
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
+from ..runtime.rules import FINITE, shown, unknown_key
 from ..sheets.blank import Blank
 from ..tools.tool import Tool
+from ..tools.values import checked_vector
 from . import stack
-from .flange import Flange
 from .interface import Interface
 from .laying import Laid
-from .regions import EDGES, Region, Where
+
+Where = Callable[[np.ndarray], np.ndarray]  # function of points (3, n) [mm] to a mask (n,)
+# edge of a rectangle around the blank -> axis, and which end of it
+EDGES = {"low x": (0, 0), "high x": (0, 1), "low y": (1, 0), "high y": (1, 1)}
+
+
+@dataclass(frozen=True)
+class Region:
+    """Function of points (3, n) [mm] to a mask (n,), True where they lie within all `limits`.
+
+    limits: {name: (low, high)} of x, y [mm], and of r [mm] and angle (to x) [deg], polar
+    coordinates about the point `at` (x, y), by default the blank's centroid when a holder is built.
+    Raises InputError for others.
+    """
+
+    limits: Mapping[str, Sequence[float]]
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.limits, Mapping) or not self.limits:
+            raise InputError(f"`where` is {shown(self.limits)}; allowed is a table, as x = [0, 50]")
+        for name, ends in self.limits.items():
+            if name == "at":
+                checked_vector("`where`.at", ends, size=2)
+            elif name in ("x", "y", "r", "angle"):
+                Interval(FINITE).check(f"`where`.{name}", ends)
+            else:
+                raise unknown_key(name, ("x", "y", "r", "angle", "at"), f"`where`.{name}")
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        """The mask (n,)."""
+        rounding = 1e-6  # mm or deg, by which a node may lie beyond a limit
+        arm = x[:2] - np.reshape(self.limits.get("at", (0.0, 0.0)), (2, 1))
+        angle = np.degrees(np.arctan2(arm[1], arm[0]))
+        values = {"x": x[0], "y": x[1], "r": np.hypot(*arm), "angle": angle}
+        inside = np.ones(x.shape[1], dtype=bool)
+        for name in values.keys() & self.limits.keys():
+            low, high = self.limits[name]
+            over = values[name] - low + rounding
+            over = over % 360 if name == "angle" else over
+            inside &= (over >= 0) & (over <= high - low + 2 * rounding)
+        return inside
+
+    def about(self, centre: np.ndarray) -> Region:
+        """The region with `at` (2,) [mm] unless it has its own."""
+        return Region({"at": centre.tolist()} | dict(self.limits))
+
+
+def check_edges(names: object) -> None:
+    """Raise InputError unless `names` is a list of some of `EDGES`."""
+    if not isinstance(names, (list, tuple)) or any(each not in EDGES for each in names):
+        raise InputError(f"`edges` is {shown(names)}; allowed is a list of some of {[*EDGES]}")
+
+
+class Flange:
+    """Function of places (3, n) to the share (n,) to which each lies on the die's flange: 1 where
+    the die is flat, 0 beyond, and less than 1 where its radius begins; it depends only on x and y.
+
+    Where a lattice over the `extent` of the blank, two corners, is flat everywhere or nowhere about
+    a place, so is the place: smaller parts of the flange may be missed. thickness: of all that lies
+    between die and holder [mm]; up: 1 for a die above the blank, -1 below it.
+    """
+
+    spacing = 2.0  # mm, of the lattice that tells where the die need not be asked
+    beyond = 2  # points of it beyond a place's square, as the end may be curved
+    # height over the thickness, and 1 less the normal's part along z: up to the first a face is
+    # flat, from the second on it is not
+    limits = 1e-3, 1e-2
+
+    def __init__(self, die: Tool, thickness: float, up: float, extent: ArrayLike) -> None:
+        self.die, self.thickness, self.up = die, thickness, up
+        low, high = np.asarray(extent)[:, :2]
+        self._axes = [
+            np.arange(
+                math.floor(start / self.spacing) - self.beyond,
+                math.ceil(end / self.spacing) + self.beyond + 1,
+            )
+            for start, end in zip(low, high)
+        ]
+        self._begin_anew()
+
+    def _begin_anew(self):
+        self._seen = self.die.displacement
+        lattice = np.stack(np.meshgrid(*self._axes, indexing="ij"), -1).astype(float)
+        flat = self._flat(self.spacing * lattice.reshape(-1, 2)).reshape(lattice.shape[:2])
+        self._least, self._most = (
+            find(flat, 2 * self.beyond + 2, origin=-1)
+            for find in (ndimage.minimum_filter, ndimage.maximum_filter)
+        )
+        # how many squares before each have share 0 everywhere, and 1
+        self._counts = [
+            np.pad(each.cumsum(0).cumsum(1), ((1, 0), (1, 0)))
+            for each in (self._most == 0, self._least == 1)
+        ]
+
+    def _follow_die(self):
+        if not np.array_equal(self.die.displacement, self._seen):
+            self._begin_anew()
+
+    def over(self, x: np.ndarray) -> np.ndarray:
+        """The share (n,) of each triangle with corners x (n, 3, 3) [mm] that is 0 or 1 all over it;
+        nan where it may differ, and has to be asked for at places."""
+        self._follow_die()
+        first, last = np.array([axis[[0, -1]] for axis in self._axes]).T
+        low, high = (np.floor(ends / self.spacing) for ends in (x.min(1)[:, :2], x.max(1)[:, :2]))
+        known = ((low >= first) & (high <= last)).all(1)
+        (a, b), (c, d) = (
+            (np.where(known[:, None], end - first, 0).astype(int) + n).T
+            for n, end in enumerate((low, high))
+        )
+        squares, share = (c - a) * (d - b), np.full(len(x), np.nan)
+        for value, sums in enumerate(self._counts):
+            share[known & (sums[c, d] - sums[a, d] - sums[c, b] + sums[a, b] == squares)] = value
+        return share
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        """The share (n,) of places x (3, n) [mm]."""
+        self._follow_die()
+        finite = np.isfinite(x[:2]).all(0)
+        places = np.where(finite, x[:2], 0.0).T
+        first, count = np.array([axis[[0, -1]] for axis in self._axes]).T
+        square = np.floor(places / self.spacing).clip(first, count) - first
+        at = tuple(square.astype(int).T)
+        inside = ((places / self.spacing >= first) & (places / self.spacing <= count)).all(1)
+        share, near = self._least[at], ~inside | (self._least[at] != self._most[at])
+        share[near] = self._flat(places[near])
+        return np.where(finite, share, 0.0)
+
+    def loose_ends(
+        self, extents: Sequence[ArrayLike], centre: np.ndarray, planes: Sequence[int]
+    ) -> list[str]:
+        """A sentence on each end of the smallest sheet, on the axes through its centre (2,), that
+        lies over the die's opening, where no blank holder presses it. extents: two corners of each
+        sheet [mm]; planes: axes to which planes of symmetry are perpendicular."""
+        low, high = (np.array(end) for end in zip(*extents))
+        ends = [(axis, 1, high[:, axis].min()) for axis in (0, 1)]
+        ends += [(axis, -1, low[:, axis].max()) for axis in (0, 1) if axis not in planes]
+        doubts, reach = list[str](), np.arange(200)  # mm, within which the flange is looked for
+        for axis, way, end in ends:
+            x = np.append(centre, 0.0)[:, None] + np.zeros(len(reach))
+            x[axis] = end + way * reach
+            pressed = np.flatnonzero(self(x))
+            if len(pressed) and not pressed[0]:
+                continue
+            away = f"{pressed[0]} mm" if len(pressed) else f"more than {len(reach)} mm"
+            doubts.append(
+                f"the smallest sheet ends over the die's opening at {'xy'[axis]} = "
+                f"{rounded(end, 4)} mm, {away} from the flange: the blank holder does not press it "
+                "there"
+            )
+        return doubts
+
+    def _flat(self, points):
+        """The share (n,) of points (n, 2)."""
+        t, at = self.thickness, np.column_stack([points, np.zeros(len(points))])
+        gap, normal, _ = self.die.evaluate(at, reach=t)
+        off = np.fmax(abs(gap - t / 2) / t, 1 + self.up * normal[:, 2])
+        flat, not_flat = self.limits
+        return np.clip((not_flat - off) / (not_flat - flat), 0, 1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,30 +287,20 @@ class HolderSite:
     def gripped(self, name: str, edge: Where, where: Where | None) -> Where | None:
         """Where this holder acts on an edge; None if at most a corner is marked."""
         x, mask = self.laid.flat_nodes().T, self._checked(where)
-
-        def grips(x):
-            return edge(x) & mask(x)
-
-        def nodes(mask):
-            return self.blank.mesh.comm.allreduce(int(mask(x).sum()))
-
-        if nodes(grips) <= 1:
+        nodes, grips = np.ones(x.shape[1]), lambda x: edge(x) & mask(x)
+        if self._sum(nodes, x, grips) <= 1:
             return None
-        self._take(name, grips, nodes, 1, f"nodes of the edge {name}")
+        self._take(name, grips, x, nodes, 1, f"nodes of the edge {name}")
         return grips
 
     def pressed(self, where: Where | None) -> Where | None:
         """Function of points (3, n) to a mask (n,) of what this holder presses on the die's face
         and none before it does, None for all of it: a node at the common limit of two segments is
         the first one's. Raises InputError where they overlap by more than that."""
-        blank, mask = self.laid.blanks[0], self._checked(where)
-        x, flange = blank.midpoints(), self.on_flange()
-        areas = np.where(flange(x) > 0, blank.areas() / self.share, 0.0)
-
-        def area(mask):
-            return blank.mesh.comm.allreduce(float(areas[mask(x)].sum()))
-
-        others = self._take(f"face of {self.die.name}", mask, area, 0.0, "mm2 of the blank")
+        blank, mask, face = self.laid.blanks[0], self._checked(where), f"face of {self.die.name}"
+        x = blank.midpoints()
+        areas = np.where(self.on_flange()(x) > 0, blank.areas() / self.share, 0.0)
+        others = self._take(face, mask, x, areas, 0, "mm2 of the blank")
         if where is None and not others:
             return None
         return lambda x: np.all([mask(x), *(~other(x) for other in others)], axis=0)
@@ -155,21 +309,25 @@ class HolderSite:
         """`where` of a holder, None for everywhere, as a function that checks each mask."""
         if where is None:
             return lambda x: np.ones(x.shape[1], dtype=bool)
-        given, name = where.about(self.centre) if isinstance(where, Region) else where, self.path
-        marked = int(values_at(given, self.laid.flat_nodes().T).sum())
-        if not self.blank.mesh.comm.allreduce(marked):
-            raise InputError(f"`where` of {name} marks no node; allowed is a mask true on some")
+        given = where.about(self.centre) if isinstance(where, Region) else where
+        x = self.laid.flat_nodes().T
+        if not self._sum(np.ones(x.shape[1]), x, lambda x: values_at(given, x)):
+            raise InputError(f"`where` of {self.path} marks no node; allowed is a mask of some")
         return lambda x: values_at(given, x)
 
-    def _take(self, place, mask, size, most, unit):
+    def _sum(self, weights, x, *masks):
+        """Of all ranks, of the weights where all masks are true."""
+        own = weights[np.all([mask(x) for mask in masks], axis=0)].sum()
+        return self.blank.mesh.comm.allreduce(float(own))
+
+    def _take(self, place, mask, x, weights, most, unit):
         """Note that the holder acts on a `place` where a mask is true; the masks of the holders
-        before it there. Raises InputError where two overlap by more than `most`: they would act
-        twice, and two plates or grippers can't be at one place; size: function of a mask."""
+        before it there. Raises InputError where two overlap by more than `most`, as a sum of
+        weights at x: they would act twice, and two plates or grippers can't be at one place."""
         earlier = self.taken.setdefault(place, {})
         others = list(earlier.values())
         for name, other in earlier.items():
-            shared = size(lambda x, other=other: mask(x) & other(x))
-            if shared > most:
+            if (shared := self._sum(weights, x, mask, other)) > most:
                 raise InputError(
                     f"holders.{name} and {self.path} overlap on {rounded(shared, 4)} {unit}, "
                     "where both would act; allowed are segments beside each other (`where`)"

@@ -19,9 +19,6 @@ from ..tools.primitives import Block, Cylinder, Plane, Plate, Sphere, Torus
 from ..tools.surfaces import Surface, Turned
 from ..tools.values import checked_vector, length_of
 
-SIDES = {"below": 1.0, "above": -1.0}  # of the blank -> the direction along z from there to it
-OVER = (180.0, 0.0, 0.0)  # angles that turn a shape's face down
-
 
 @documented
 @dataclass(frozen=True)
@@ -79,7 +76,9 @@ class PressTool(KnowsItsFields):
     """
 
     surface: Surface | str | DieOf
-    side: str = choice("below", tuple(SIDES), "below or above the blank, which is then up or down")
+    side: str = choice(
+        "below", ("below", "above"), "below or above the blank, which is then up or down"
+    )
     at: Sequence[float] | None = None
     off: float | None = number(
         None,
@@ -114,7 +113,7 @@ class PressTool(KnowsItsFields):
     @property
     def towards(self) -> np.ndarray:
         """The direction from it to the blank (3,)."""
-        return np.array([0.0, 0.0, SIDES[self.side]])
+        return np.array([0.0, 0.0, 1.0 if self.side == "below" else -1.0])
 
 
 class Shape(NamedTuple):
@@ -136,7 +135,7 @@ class Shape(NamedTuple):
             surface = self.kind(**{**self.usual, **table})
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
-        return Turned(surface, OVER) if side == "above" else surface
+        return Turned(surface, (180.0, 0.0, 0.0)) if side == "above" else surface
 
     def entries(self, surface: Surface, side: str) -> dict[str, float] | None:
         """The table that is read as this surface, None if there is none."""
