@@ -94,10 +94,7 @@ def test_the_force_of_a_tool_is_that_on_the_whole_blank(tmp_path):
         (["tools.ring.turn=[180, 0, 0]"], r"body between its face .*, turn = \[180, 0, 0\]"),
         (["tools.ring.length=60"], "punch and ring go 13.* mm through one another at the end of f"),
         (["holder.against=punch"], "holder.against is punch, which moves; allowed is a tool"),
-        (
-            ["holder.gap=0.53"],
-            "holders.holder.gap is 0.53, which crushes the blank; allowed is from",
-        ),
+        (["holder.gap=0.53"], "holder.gap is 0.53, which crushes the blank; allowed is from"),
     ],
 )
 def test_tools_that_cannot_stand_or_move_as_given(changes, words):
@@ -108,13 +105,9 @@ def test_tools_that_cannot_stand_or_move_as_given(changes, words):
 @pytest.mark.parametrize(
     "changes, words",
     [
-        (["tools.punch.radios=3"], r"tools.punch.radios is unknown \(did you mean radius\?\)"),
         (["stage.1.moves.punch=-30"], "tools.punch only moves away from the blank"),
-        (["stage.forming.forces={punch=3}"], "forming.forces.punch needs a `force` from the start"),
         (["stage.1.close=1.2"], "close needs a tool with a die, as die_of"),
         (["holder={pressure=1, force=3}"], "has pressure and force; allowed is one of pressure, f"),
-        (["holder.where={x=[2, 1]}"], r"x is .*; allowed are two numbers, .lowest, highest"),
-        (["blank.outline=none.dxf"], "no file; allowed is one beside the press file"),
         (["ply=[{}, {}]", "blank={fabric='komeili'}"], "ply.1.length and ply.1.width"),
         (["holders={}", "tools.ring.side=below"], "stand below the blank, and nothing resists"),
     ],
@@ -161,17 +154,15 @@ def test_a_plate_has_the_opening_of_its_die(tmp_path):
 
 
 def test_a_surface_that_faces_away_is_refused(tmp_path):
-    """A cap of a ball as it is stands; with normals into the body it does not."""
+    """A ball stands as it is; with normals into the body it does not."""
     ball = pyvista.Sphere(radius=50, theta_resolution=90, phi_resolution=90)
-    cap = ball.clip(normal=(0, 0, 1), origin=(0, 0, 10), invert=True).extract_surface()
-    path = changed(tmp_path, ('shape = "sphere"\nradius = 50', 'file = "cap.stl"'))
-    turned = "blank.nx=4", "tools.punch.turn=[180, 0, 0]"
-    cap.triangulate().save(tmp_path / "cap.stl")
-    press = hemisphere(*turned, file=path)
+    path = changed(tmp_path, ('shape = "sphere"\nradius = 50', 'file = "ball.stl"'))
+    ball.save(tmp_path / "ball.stl")
+    press = hemisphere("blank.nx=4", file=path)
     assert press.tools["punch"].path(0)[2] == pytest.approx(-50 - press.thickness / 2, abs=0.05)
-    cap.triangulate().flip_faces().save(tmp_path / "cap.stl")
+    ball.flip_faces().save(tmp_path / "ball.stl")
     with pytest.raises(ff.InputError, match="tools.punch has its body between .* normals point"):
-        hemisphere(*turned, file=path)
+        hemisphere("blank.nx=4", file=path)
 
 
 @pytest.mark.parametrize("turn", [0, 180])
@@ -224,13 +215,6 @@ def test_a_press_is_data_that_a_file_holds(name, tmp_path):
     assert press == again == press.replace() != press.replace(title="another")
     with pytest.raises(dataclasses.FrozenInstanceError):
         press.symmetry = "none"
-
-
-def test_a_press_is_disturbed_along_no_axis():
-    """By 2 mm at 30 deg, of the whole blank with as large cells."""
-    other = hemisphere("blank.nx=4").disturbed(2.0)
-    assert other.tools["punch"].at[:2] == pytest.approx((np.sqrt(3), 1.0))
-    assert (other.symmetry, other.sheets[0].nx) == ("none", 8)
 
 
 def test_a_blank_has_its_centroid_by_area_from_which_springs_pull(tmp_path):

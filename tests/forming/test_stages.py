@@ -34,10 +34,8 @@ def test_tools_go_and_push_in_proportion_to_the_steps():
     path = made.path("punch", np.array([1.0, 2, -5]))
     assert path(0.5)[:2].tolist() == [1, 2]
     assert [path(load)[2] for load in loads] == pytest.approx([-5, 0, 5, 5, 5, 0, -5])
-    slide = made.path("slide", np.zeros(3))
-    assert np.array([slide(load) for load in (0.375, 0.4375, 1)]) == pytest.approx(
-        np.array([[0, 0, -4], [1.5, 0, -6], [3, 0, -8]])
-    )
+    slide = np.array([made.path("slide", np.zeros(3))(load) for load in (0.375, 0.4375, 1)])
+    assert slide == pytest.approx(np.array([[0, 0, -4], [1.5, 0, -6], [3, 0, -8]]))
     force, pressure = made.force("ring", 0.5), made.pressure("holder")
     down = [-2 * force(at)[2] for at in (*loads, 0.625)]
     assert down == pytest.approx([100, 100, 100, 150, 300, 300, 300, 250])
@@ -59,9 +57,8 @@ def test_a_stage_closes_what_is_left():
     """From 62 mm to 1.5 thicknesses of 2 mm, after 20 mm."""
     stages = [ff.Stage("on", moves={"punch": 20}, steps=1), ff.Stage(close=1.5, steps=1)]
     made = schedule(stages, {"punch": 62.0})
-    assert [made.distance("punch", at) for at in (0, 0.5, 0.75, 1)] == pytest.approx(
-        [62, 42, 22.5, 3]
-    )
+    distances = [made.distance("punch", at) for at in (0, 0.5, 0.75, 1)]
+    assert distances == pytest.approx([62, 42, 22.5, 3])
     assert made.path("punch", np.zeros(3))(1)[2] == pytest.approx(59)
 
 
@@ -74,8 +71,9 @@ def test_places_within_limits():
     assert Region({"angle": [-100, 10]})(x).tolist() == [True, False, False, True]
     about = Region({"r": [0, 31], "angle": [-10, 10]}).about(np.array([0.0, 40]))
     assert about(x).tolist() == [False, True, False, False]
-    assert Region({"at": [30, 0], "r": [0, 1]}).about(np.zeros(2))(x).tolist() == [True] + 3 * [
-        False
+    assert Region({"at": [30, 0], "r": [0, 1]}).about(np.zeros(2))(x).tolist() == [
+        True,
+        *3 * [False],
     ]
 
 
