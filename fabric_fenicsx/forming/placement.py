@@ -2,8 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
-from itertools import combinations
+from itertools import product
 
 import numpy as np
 from mpi4py import MPI
@@ -68,7 +67,7 @@ def place_tools(press: PressData, laid: Laid) -> tuple[dict[str, Tool], Schedule
         tools[name] = Tool(surfaces[name], path, force=force, name=name)
 
     def checked():
-        doubts = clearance_doubts(press, tools, schedule, extent, pressed)
+        doubts = clearance_doubts(press, tools, schedule, extent)
         return doubts + symmetry_doubts(press, tools, extent, thickness)
 
     return tools, schedule, doubts + on_root(comm, checked)
@@ -261,54 +260,49 @@ def _points_of(surface):
 
 
 def clearance_doubts(
-    press: PressData,
-    tools: Mapping[str, Tool],
-    schedule: Schedule,
-    extent: np.ndarray,
-    pressed: float,
+    press: PressData, tools: Mapping[str, Tool], schedule: Schedule, extent: np.ndarray
 ) -> list[str]:
     """Sentences on tools that leave the blank, with corners `extent` (2, 3) [mm], less than its
-    `pressed` thickness [mm] at the end of a stage. Raises InputError for two on either side of it
+    thickness under pressure at the end of a stage. Raises InputError for two on either side of it
     that go through one another. The place of tools that a force moves is not known."""
-    doubts: list[str] = []
-    if len(sides := {press.tools[name].side for name in tools}) == 1 < len(tools):
-        doubts.append(
-            f"{' and '.join(tools)} stand {sides.pop()} the blank, and only holders resist them: "
-            "`side` says where a tool stands"
-        )
-    whens = ["before anything moves", *(f"at the end of {s.name}" for s in schedule.stages)]
+    below, above = (
+        [name for name, tool in press.tools.items() if tool.side == side]
+        for side in ("below", "above")
+    )
+    if len(tools) > 1 and not (below and above):
+        return [
+            f"{' and '.join(tools)} stand {'below' if below else 'above'} the blank, and only "
+            "holders resist them: `side` says where a tool stands"
+        ]
+    pressed, doubts = press.thickness(CHECK_PRESSURE), list[str]()
     thickness = f"the blank's thickness under {CHECK_PRESSURE:g} MPa, {rounded(pressed, 4)} mm"
-    for one, two in combinations([tool for tool in tools.values() if not tool.force], 2):
-        if press.tools[one.name].side == press.tools[two.name].side:
-            continue
-        distance, both = (
-            _distance_of(press, schedule, one, two, extent),
-            f"{one.name} and {two.name}",
-        )
+    whens = ["before anything moves", *(f"at the end of {s.name}" for s in schedule.stages)]
+    straight = {
+        frozenset((die.tool, name)): die.tool
+        for name, die in press.dies().items()
+        if schedule.closes_straight(die.tool, name)
+    }
+    for pair in product(below, above):
         for load, when in zip(schedule.joints, whens):
-            apart, place = distance(load)
-            at = f"{when}, at {coordinates(place)} mm"
+            if any(tools[name].force for name in pair):
+                continue
+            if punch := straight.get(frozenset(pair)):  # where both are flat, in the middle
+                apart, place = schedule.distance(punch, load), np.zeros(3)
+            else:
+                one, two = (tools[name] for name in pair)
+                apart, place = _least_distance(one, two, extent, load)
+            words, at = f"tools {' and '.join(pair)}", f"{when}, at {coordinates(place)} mm"
             if apart < 0:
                 raise InputError(
-                    f"tools {both} go {rounded(-apart, 4)} mm through one another {at}; allowed is "
-                    f"a distance from {thickness}: less travel, or another place (`at`)"
+                    f"{words} go {rounded(-apart, 4)} mm through one another {at}; allowed is a "
+                    f"distance from {thickness}: less travel, or another place (`at`)"
                 )
             if load and apart < (1 - 1e-6) * pressed:
                 doubts.append(
-                    f"tools {both} are {rounded(apart, 4)} mm apart {at}, less than {thickness}: "
-                    "they crush it there"
+                    f"{words} are {rounded(apart, 4)} mm apart {at}, less than {thickness}: they "
+                    "crush it there"
                 )
     return doubts
-
-
-def _distance_of(press, schedule, one, two, extent):
-    """Function of the load factor to the least distance of two tools over the blank [mm], and its
-    place."""
-    for name, die in press.dies().items():
-        if {name, die.tool} == {one.name, two.name} and schedule.closes_straight(die.tool, name):
-            # where both are flat, in the middle
-            return lambda load: (schedule.distance(die.tool, load), np.zeros(3))
-    return partial(_least_distance, one, two, extent)
 
 
 def _least_distance(one, two, extent, load):
@@ -336,21 +330,19 @@ def symmetry_doubts(
     """A sentence on each tool that is not its own mirror image in the planes of symmetry, within
     `MIRRORED` thicknesses, in its places at the start and at the end."""
     doubts: dict[str, str] = {}
-    for tool, load in ((tool, load) for tool in tools.values() for load in (0.0, 1.0)):
+    alone = [tool for name, tool in tools.items() if name not in press.dies()]
+    for tool, load, axis in product(alone, (0.0, 1.0), press.planes):
         sideways = np.subtract(tool.path(1.0), tool.path(0.0))[:2].any()
-        if tool.name in press.dies() or (load and not sideways):  # as symmetric as its tool
+        if tool.name in doubts or (load and not sideways):
             continue
-        x, place = _points(tool, extent, load), np.asarray(tool.path(load))
-        for axis in press.planes if len(x) else ():
-            mirror = 1.0 - 2.0 * np.eye(3)[axis]
-            off = np.nan_to_num(abs(tool.surface.evaluate(x * mirror - place).gap))
-            worst = int(off.argmax())
-            if off[worst] > MIRRORED * thickness and tool.name not in doubts:
-                doubts[tool.name] = (
-                    f"tools.{tool.name} is not its own mirror image in {'xy'[axis]} = 0: it is at "
-                    f"{coordinates(x[worst])}, but {rounded(off[worst])} mm off "
-                    f"{coordinates(x[worst] * mirror)}; so the {press.modelled} stands for "
-                    f"{1 / press.share:g} mirrored ones; take the whole blank "
-                    '(`symmetry = "none"`)'
-                )
+        x, mirror = _points(tool, extent, load), 1.0 - 2.0 * np.eye(3)[axis]
+        off = np.nan_to_num(abs(tool.surface.evaluate(x * mirror - tool.path(load)).gap))
+        worst = int(np.append(off, 0.0).argmax())
+        if off[worst:].max(initial=0.0) > MIRRORED * thickness:
+            doubts[tool.name] = (
+                f"tools.{tool.name} is not its own mirror image in {'xy'[axis]} = 0: it is at "
+                f"{coordinates(x[worst])}, but {rounded(off[worst])} mm off "
+                f"{coordinates(x[worst] * mirror)}; so the {press.modelled} stands for "
+                f'{1 / press.share:g} mirrored ones; take the whole blank (`symmetry = "none"`)'
+            )
     return list(doubts.values())

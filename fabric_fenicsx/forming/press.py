@@ -1,21 +1,18 @@
 """A press: the blank, its tools and holders, and the stages in which it is formed."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import Any, ClassVar, Self
 
+from mpi4py import MPI
+
+from ..job.job import Job
 from ..runtime.errors import InputError
 from . import schema
+from .build import build
+from .forming_scene import FormingScene
 from .press_data import PressData
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ..job.job import Job
-    from .forming_scene import FormingScene
 
 EXAMPLES = Path(__file__).parents[1] / "studies" / "presses"
 
@@ -95,10 +92,8 @@ class Press(PressData):
 
     def build(self, comm: MPI.Comm | None = None) -> FormingScene:
         """The scene of the press. Raises InputError for tools that can't stand or move as given."""
-        from .build import build  # DOLFINx; a press is read without it
-
         return build(self, comm)
 
-    def job(self, **changes: object) -> Job:
+    def job(self, **changes: Any) -> Job:
         """The `Job` of the built press, with `changes` in its fields."""
         return self.build().job(**changes)

@@ -20,7 +20,7 @@ def test_tools_close_to_the_clearance_that_is_asked():
         way = made.tools["punch"].path(1.0) - made.tools["punch"].path(0.0)
         assert way[2] == pytest.approx(60.0, abs=1e-6)
         assert made.schedule.distance("punch", 1.0) == pytest.approx(clearance)
-    words = "tools die and punch go .* through one another at the end of forming"
+    words = "tools punch and die go .* through one another at the end of forming"
     with pytest.raises(ff.InputError, match=words):
         dome(nx=4, stroke=62.0)
 
