@@ -280,9 +280,8 @@ class SpringHolder(Kind):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_edges(self.edges)
-        if not isinstance(self.at, (list, tuple, np.ndarray)):
-            raise InputError(f"`at` is {shown(self.at)}; allowed is a list of points (x, y)")
-        points = tuple(tuple(checked_vector("`at`", each, size=2).tolist()) for each in self.at)
+        given = self.at if np.iterable(self.at) else [self.at]
+        points = tuple(tuple(checked_vector("`at`", each, size=2).tolist()) for each in given)
         object.__setattr__(self, "at", points)  # so that holders compare
         if not (points or self.edges):
             raise InputError("a `SpringHolder` needs `edges` or points `at`")

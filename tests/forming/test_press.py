@@ -132,15 +132,6 @@ def test_what_is_doubted_of_a_press(change, words):
     assert any(words in each for each in warnings) if words else not warnings
 
 
-def test_an_example_runs_from_its_file():
-    """The beginning of its first stage: tools and holders are in balance."""
-    base = ff.Press.read("box", ["blank.nx=4"])
-    moves = {tool: 0.1 * way for tool, way in base.stages[0].moves.items()}
-    result = formed(base.replace(stages=ff.Stage(moves=moves, steps=2)))
-    assert result.number("force_N") > 0
-    assert result.number("unbalanced_force_N") < 1e-6 * result.number("force_N")
-
-
 def test_a_plate_has_the_opening_of_its_die(tmp_path):
     """A ball that comes down through the ring meets no plate beneath it."""
     by_force = "pressure = 0.02       # on what lies on the ring [MPa]", "force = 400"
