@@ -12,16 +12,9 @@ from typing import Any, NoReturn
 from ..readers.field import OfPlace
 from ..runtime.errors import NOT_BELIEVED, InputError, Interrupted
 from ..runtime.ranks import on_ranks
-from ..runtime.rules import Rule, did_you_mean
+from ..runtime.rules import Rule
 
 STUDIES = Path(__file__).parents[1] / "studies"  # a link in the repository, a copy where installed
-
-
-# what most runs are told, first in the help of a study
-USUAL = (
-    *("--material", "--length", "--width", "--strain", "--nx", "--steps", "--quick"),
-    *("--out", "--overwrite", "--resume"),
-)
 
 
 def asks_for_help(words: Sequence[str]) -> bool:
@@ -68,16 +61,17 @@ def spelled(name: str) -> str:
     return "--" + name.replace("_", "-")
 
 
-def option_type(rule: Rule) -> Callable[[str], Any]:
+def option_type(rule: Rule) -> Callable[[str], object]:
     """An argparse type of the numbers that `rule` allows, or of files of points where it does."""
 
-    def convert(text: str) -> Any:
+    def convert(text: str) -> object:
         if isinstance(rule, OfPlace) and os.path.isfile(text):
             return os.path.abspath(text)
         try:
             return rule.check("", float(text))
         except (ValueError, InputError):
-            raise argparse.ArgumentTypeError(f"is {text}; allowed is {rule.allowed}") from None
+            flaw = f"{text} is not allowed; allowed is {rule.allowed}"
+            raise argparse.ArgumentTypeError(flaw) from None
 
     return convert
 
@@ -86,14 +80,15 @@ class Parser(argparse.ArgumentParser):
     """An argument parser that raises InputError, where argparse would print its usage and leave.
     `free`: names of the options that a resumed run may change; all others define the problem."""
 
-    # what messages say of a parameter: `name`, `name=value` or, of what is believed, `Limits.name`
-    PARAMETER = re.compile(r'`(Limits\.)?(\w+)(?:=(\w+|"[^"`]*"))?`')
+    # what most runs are told, first in the help of a study
+    USUAL = (
+        *("--material", "--length", "--width", "--strain", "--nx", "--steps", "--quick"),
+        *("--out", "--overwrite", "--resume"),
+    )
 
     def __init__(self, **settings: Any) -> None:
-        usual: dict[str, Any] = {"allow_abbrev": False, "formatter_class": HelpFormatter}
-        super().__init__(**usual | settings)
+        super().__init__(allow_abbrev=False, formatter_class=HelpFormatter, **settings)
         self.free: set[str] = set()
-        self._names: set[str] = set()
         self._groups: dict[str, Any] = {}
         self._group: Any = self
 
@@ -103,18 +98,10 @@ class Parser(argparse.ArgumentParser):
             self._groups[title] = self.add_argument_group(title)
         self._group = self._groups[title]
 
-    def format_help(self) -> str:
-        """Argparse's help, with parameters as options; a group `usual` is in the order of USUAL."""
-        if "usual" in self._groups:
-            usual = self._groups["usual"]._group_actions
-            usual.sort(key=lambda action: USUAL.index(action.option_strings[0]))
-        return self.translated(super().format_help())
-
     def option(self, *names: str, free: bool = False, **settings: Any) -> None:
         """Add an option, as argparse's add_argument; free: a resumed run may change it."""
-        group = self._groups.get("usual") if names[0] in USUAL else None
+        group = self._groups.get("usual") if names[0] in self.USUAL else None
         action = (group or self._group).add_argument(*names, **settings)
-        self._names.add(action.dest)
         if free:
             self.free.add(action.dest)
 
@@ -122,47 +109,25 @@ class Parser(argparse.ArgumentParser):
         """Add an option without a value, which a resumed run may change."""
         self.option(name, action="store_true", help=words, free=True)
 
-    def change(self, name: str, **settings: Any) -> None:
-        """Give an option that is there other settings, as its help."""
-        vars(self._option_string_actions[name]).update(settings)
+    def format_help(self) -> str:
+        """Argparse's help, with parameters as options."""
+        return self.translated(super().format_help())
 
     def translated(self, text: str) -> str:
-        """A message with its parameters, `resume=True`, as options, --resume; other words stay."""
+        """A message with its parameters as options: `resume=True` as --resume, `steps=3` as
+        --steps 3 and `Limits.strain` as --max-strain; other words stay."""
 
         def option(match: re.Match[str]) -> str:
-            name = ("max_" if match[1] else "") + match[2]
-            if name not in self._names:
+            name = spelled(("max_" if match[1] else "") + match[2])
+            if name not in self._option_string_actions:
                 return match[0]
-            value = (match[3] or "True").strip('"')
-            return spelled(name) if value == "True" else f"{spelled(name)} {value}"
+            return name if match[3] in (None, "True") else f"{name} {match[3]}".replace('"', "")
 
-        return self.PARAMETER.sub(option, text)
+        return re.sub(r'`(Limits\.)?(\w+)(?:=(\w+|"[^"`]*"))?`', option, text)
 
     def error(self, message: str) -> NoReturn:
-        """Raise InputError with what argparse says, in the form of all messages."""
-        allowed = "allowed are those that --help tells"
-        if match := re.fullmatch(r"unrecognized arguments: (.*)", message):
-            word = match[1].split()[0].split("=")[0]
-            if not word.startswith("-"):
-                raise InputError(f"word {word} belongs to no option; {allowed}")
-            near = did_you_mean(word.replace("_", "-"), self._option_string_actions)
-            raise InputError(f"option {word} is unknown{near}; {allowed}")
-        if match := re.fullmatch(r"the following arguments are required: (.*)", message):
-            raise InputError(f"{match[1]} is missing; see --help")
-        if match := re.match(r"argument (\S+): ignored explicit argument", message):
-            raise InputError(f"{match[1]} is given a value; allowed is {match[1]} alone")
-        wrong = re.match(r"argument (\S+): (invalid (.*?)(?: value)?: |expected)(\S*)", message)
-        if not wrong:
-            raise InputError(message.removeprefix("argument ").replace(": is ", " is ", 1))
-        option, kind, value = wrong[1], wrong[3], wrong[4].strip("'\"")
-        if not kind:
-            raise InputError(f"{option} has no value; allowed is one after it")
-        if kind != "choice":
-            words = {"int": "a whole number", "float": "a number"}.get(kind, f"a {kind}")
-            raise InputError(f"{option} is {value}; allowed is {words}")
-        choices = list(map(str, self._option_string_actions[option.split("/")[0]].choices or ()))
-        flaw = f"{option} is {value}{did_you_mean(value, choices)}"
-        raise InputError(f"{flaw}; allowed is one of {', '.join(choices)}")
+        """Raise InputError with what argparse says."""
+        raise InputError(f"{message}; --help tells what is allowed")
 
 
 class HelpFormatter(argparse.ArgumentDefaultsHelpFormatter):

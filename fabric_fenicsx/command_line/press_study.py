@@ -17,9 +17,8 @@ def press_parser(description: str | None, name: str = Press.NAME, press: str = "
     """The parser of a study of the example `press`, by default of the press that is named."""
     usage = f"%(prog)s {'' if press else 'press.toml '}[option ...]"
     p = Parser(prog=program(name), usage=usage, description=description)
-    if press:
-        p.set_defaults(file=press)
-    else:
+    p.set_defaults(file=press)
+    if not press:
         words = "the press: blank, tools, holders, stages; or the name of one in studies/presses"
         p.option("file", metavar="press.toml", help=words, free=True)
     p.group("usual")
@@ -35,20 +34,17 @@ def press_parser(description: str | None, name: str = Press.NAME, press: str = "
     add_material(p, None)
     add_solver(p, Press)
     add_output(p, name)
-    words = "load steps of all stages together (by default those of the stages)"
-    p.change("--steps", default=None, help=words)
-    p.set_defaults(_sizes={False: Press.FULL, True: Press.QUICK}, **dict(Press.SOLVER))
-    for each in declared(Limits):
-        words = each.metadata["help"].replace("%", "%%")
-        words += f" (the press's, or {each.default:g})"
-        p.change(spelled(f"max_{each.name}"), default=None, help=words)
+    # which the press says
+    from_press = dict.fromkeys(["steps", *(f"max_{each.name}" for each in declared(Limits))])
+    sizes = {False: Press.FULL, True: Press.QUICK}
+    p.set_defaults(_sizes=sizes, **dict(Press.SOLVER) | from_press)
     return p
 
 
 class PressStudy(Study):
     """A running study of a press, whose file names the fabric."""
 
-    def read_fabric(self) -> Any:
+    def read_fabric(self) -> None:
         """None: the fabric is known when the press is read."""
         if self.args.law_file:
             read_laws(self.args.law_file)
@@ -59,18 +55,18 @@ class PressStudy(Study):
         args = self.args
         changes = *changes, *short_forms(vars(args)), *args.set
         press = Press.read(args.file, changes).with_fabrics(self.coupled)
-        for each in declared(Limits):
-            name = f"max_{each.name}"
-            if getattr(args, name) is None:
-                setattr(args, name, getattr(press.limits, each.name))
+        asked = {name: value for name, value in vars(args).items() if value is not None}
+        limits = {f"max_{each.name}": getattr(press.limits, each.name) for each in declared(Limits)}
+        vars(args).update(limits | asked)
         args.stop_when_invalid |= press.stop_when_invalid
         self.fabric = press.fabric
         for doubt in press.fabric.plausibility_warnings():
             self.warn(doubt)
         if args.quick:
             made = press.build(self.comm)
-            press, stages = made.coarser() or press, made.schedule.stages
-            args.steps = args.steps or max(len(stages), made.schedule.steps // 3)
+            if coarser := made.coarser():
+                press = press.replace(sheets=coarser.sheets)
+            args.steps = args.steps or max(len(made.schedule.stages), made.schedule.steps // 3)
         return press
 
     def more_runs(self, setup: Any) -> dict[str, float]:

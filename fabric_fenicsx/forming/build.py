@@ -1,66 +1,76 @@
 """The scene of a press: the blank is laid, the tools are placed, terms and supports are made."""
 
 import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import chain
 
 from mpi4py import MPI
 
+from ..mechanics.contact.coulomb import Coulomb
+from ..mechanics.contact.holder_pressure import BlankHolderPressure
 from ..mechanics.contact.self_contact import SelfContact
 from ..mechanics.contact.tool_contact import Contact
 from ..mechanics.shell.bending import Bending
 from ..mechanics.shell.membrane import Membrane
 from ..mechanics.shell.metal import SheetMetal
+from ..mechanics.term import Term
 from ..readers.field import Field
+from ..runtime.errors import InputError
+from ..runtime.rules import unknown_key
 from ..runtime.status import task
 from ..runtime.timing import phase
 from ..scene.scene import Scene
 from ..scene.supports import Support
+from ..tools.tool import Tool
 from . import stack
 from .forming_scene import FormingScene
+from .holders import PressureHolder, segments
 from .laying import Laid, lay_blank, on_plane
-from .placement import place
-from .press import Press
-from .site import hold
+from .placement import place_tools
+from .press_data import PressData
+from .site import Flange, HolderSite, Where
+from .stages import Schedule
 
 
 @phase("setup")
 @task("building the press")
-def build(press: Press, comm: MPI.Comm | None = None) -> FormingScene:
+def build(press: PressData, comm: MPI.Comm | None = None) -> FormingScene:
     """The `FormingScene` of a press. Raises InputError, on all ranks, for a blank that can't be
     meshed and for tools that can't stand or move as given."""
-    comm, warnings, interface = comm or MPI.COMM_WORLD, list[str](), press.interface
-    laid, doubts = lay_blank(press.sheets, press.planes, comm, interface.is_rigid)
-    warnings += doubts
+    comm, interface = comm or MPI.COMM_WORLD, press.interface
+    laid, warnings = lay_blank(press.sheets, press.planes, comm, interface.is_rigid)
     press = press.replace(sheets=laid.sheets)
-    placed = place(press, laid, comm, warnings)
+    tools, schedule, doubts = place_tools(press, laid)
     sheets, planes = laid.sheets, [on_plane(axis) for axis in press.planes]
 
     fabrics = [sheet for sheet in sheets if sheet.fabric]
     terms = [laid.on(s, _membrane(s)) for s in fabrics]
     terms += [laid.on(s, _bending(s, planes)) for s in fabrics if s.bending_modulus]
-    for name, tool in placed.tools.items():
+    usual = interface.on_tools(sheets)
+    for name, tool in tools.items():
         own = press.tools[name].friction
-        friction = interface.on_tools(sheets) if own is None else interface.coulomb(own)
+        friction = usual if own is None else interface.coulomb(own)
         terms.append(Contact(tool, penalty=interface.penalty, friction=friction))
     terms += [laid.on(s, SheetMetal(s.metal, symmetric=planes)) for s in sheets if s.metal]
     between = stack.between(laid.stack, sheets, interface, planes) if laid.stack else []
-    holders, on_die = hold(press, laid, placed, between, warnings)
-    terms += [*chain(*holders.values()), *between]
+    held, on_die, more = hold(press, laid, tools, schedule, usual, between)
+    terms += [*chain(*held.values()), *between]
     if interface.self:
-        terms += [laid.on(s, _folds(s, press, planes)) for s in sheets]
+        terms += [laid.on(s, _folds(s, interface, planes)) for s in sheets]
 
     scene = Scene(laid.blank, terms, _supports(press, laid))
     if laid.stack:
         stack.press(laid.stack, sheets, scene.terms, on_die)
-    return FormingScene(press, scene, warnings, laid, placed, holders)
+    warnings = list(dict.fromkeys([*warnings, *doubts, *more]))
+    return FormingScene(press, scene, warnings, laid, tools, schedule, held)
 
 
 def _membrane(sheet):
-    weave = None if sheet.weave_angle is None else math.radians(sheet.weave_angle)
     return Membrane(
         sheet.fabric,
         integration=sheet.integration,
-        weave_angle=weave,
+        weave_angle=None if sheet.weave_angle is None else math.radians(sheet.weave_angle),
         temperature=sheet.temperature,
         thickness=sheet.thickness if isinstance(sheet.thickness, Field) else None,
     )
@@ -75,17 +85,16 @@ def _bending(sheet, planes):
     )
 
 
-def _folds(sheet, press, planes):
-    """Contact of a sheet with itself."""
+def _folds(sheet, interface, planes):
     return SelfContact(
-        penalty=press.interface.penalty,
-        lag=press.interface.lag_of_faces,
+        penalty=interface.penalty,
+        lag=interface.lag_of_faces,
         symmetric=planes,
-        friction=press.interface.coulomb(sheet.friction_to(sheet)),
+        friction=interface.coulomb(sheet.friction_to(sheet)),
     )
 
 
-def _supports(press: Press, laid: Laid) -> list[Support]:
+def _supports(press: PressData, laid: Laid) -> list[Support]:
     """The planes of symmetry, and what keeps the blank from moving and turning in its plane: the
     nodes nearest to its centroid, and without planes to the end of the axis there."""
     supports = [
@@ -100,3 +109,87 @@ def _supports(press: Press, laid: Laid) -> list[Support]:
         end = laid.nearest_nodes(laid.centre + [laid.sides[0] / 2, 0.0])
         supports.append(Support("end of the axis", end, (1,), locates=True))
     return supports
+
+
+# -- holders
+
+
+def hold(
+    press: PressData,
+    laid: Laid,
+    tools: Mapping[str, Tool],
+    schedule: Schedule,
+    friction: Coulomb,
+    between: Sequence[Term],
+) -> tuple[dict[str, list[Term]], Tool | None, list[str]]:
+    """{name of a holder or segment: its terms}, the last tool on which one presses, and doubts.
+    friction: of tools; between: contacts of the sheets of a stack."""
+    held, on_die, doubts = dict[str, list[Term]](), None, list[str]()
+    taken: dict[str, dict[str, Where]] = {}
+    for name, holder in _segments(press, schedule):
+        die = _die_of(name, holder, press, laid, tools, schedule)
+        on_die = die if getattr(holder, "presses", True) else on_die
+        site = HolderSite(
+            name=name,
+            laid=laid,
+            planes=press.planes,
+            share=press.share,
+            die=die,
+            up=-press.tools[die.name].towards,
+            thickness=press.thickness(),
+            interface=press.interface,
+            friction=friction,
+            against=stack.neighbours(between, laid.sheets) if laid.stack else [],
+            taken=taken,
+        )
+        terms = holder.terms(site)
+        if not isinstance(terms, (list, tuple)) or not all(isinstance(t, Term) for t in terms):
+            kind = type(terms).__name__
+            raise InputError(f"{site.path}: `terms` returns {kind}; allowed is a list of terms")
+        unnamed = [term.tool for term in terms if term.tool and term.tool.name == term.name]
+        for k, tool in enumerate(unnamed, 1):
+            tool.name = name if len(unnamed) == 1 else f"{name}, {k}"
+        held[name], doubts = list(terms), doubts + site.warnings
+        pressures = [term for term in terms if isinstance(term, BlankHolderPressure)]
+        if any(term.direction @ site.up < 0 for term in pressures):
+            doubts.append(
+                f"the pressure of {name} is directed away from the die: towards it is "
+                f"(0, 0, {site.up[2]:g})"
+            )
+    return held, on_die, doubts
+
+
+def _segments(press, schedule):
+    """Name and holder of each segment, with the pressure over all stages."""
+    for name, given in press.holders.items():
+        for k, holder in enumerate(segments(name, given), 1):
+            changing = schedule.pressure(name)
+            if changing and isinstance(holder, PressureHolder):
+                holder = replace(holder, pressure=changing)
+            yield (f"{name} {k}" if k > 1 else name), holder
+
+
+def _die_of(name, holder, press, laid, tools, schedule):
+    """The tool on which a holder presses the blank."""
+    path, asked = f"holders.{name}.against", getattr(holder, "against", "")
+    if asked and asked not in tools:
+        raise unknown_key(asked, tools, f"{path} {asked}")
+    if asked and schedule.is_moved(asked):
+        raise InputError(f"{path} is {asked}, which moves; allowed is a tool that stands still")
+
+    def is_flat(tool):
+        up = -press.tools[tool.name].towards[2]
+        share = Flange(tool, press.thickness(), up, laid.blank.extent())(laid.flat_nodes().T)
+        return laid.blank.mesh.comm.allreduce(int((share > 0).sum())) > 0
+
+    still = [tools[n] for n in ([asked] if asked else tools) if not schedule.is_moved(n)]
+    flat = [tool for tool in still if is_flat(tool)]
+    if not getattr(holder, "presses", True):
+        return (flat or list(tools.values()))[0]
+    if len(flat) != 1:
+        names = ", ".join(tool.name for tool in flat)
+        raise InputError(
+            f"{path} must name a tool that stands still and has a flat face on the blank: "
+            f"{names or 'there is none'}; allowed is also a tool with a force in place of a holder"
+        )
+    return flat[0]

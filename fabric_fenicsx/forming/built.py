@@ -18,8 +18,8 @@ from ..sheets.blank import Blank
 from ..sheets.stack import Stack
 from ..tools.tool import Tool
 from .laying import Laid
-from .placement import Placed
-from .press import Press
+from .press_data import PressData
+from .stages import Schedule
 
 
 class BuiltPress(Setup):
@@ -32,21 +32,22 @@ class BuiltPress(Setup):
     - wrinkle_heights: {name of a sheet: `height_map`} of the last result, on rank 0
     """
 
-    data: Press
+    data: PressData
 
     def __init__(
         self,
-        data: Press,
+        data: PressData,
         scene: Scene,
         warnings: list[str],
         laid: Laid,
-        placed: Placed,
+        tools: Mapping[str, Tool],
+        schedule: Schedule,
         holders: Mapping[str, Sequence[Term]],
     ) -> None:
         super().__init__(scene, data, warnings)
         self.laid, self.sheets, self.holders = laid, laid.sheets, holders
-        self.tools, self.schedule = placed.tools, placed.schedule
-        self.thickness = placed.thickness
+        self.tools, self.schedule = tools, schedule
+        self.thickness = data.thickness()
         self.pressing = [term for term in scene.terms if isinstance(term, ToolInteraction)]
         self.contacts = [term for term in self.pressing if isinstance(term, Contact)]
         self.wrinkle_heights: dict[str, Grid] = {}

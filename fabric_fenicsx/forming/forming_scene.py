@@ -16,7 +16,8 @@ from ..runtime.formatting import rounded
 from ..solve.checkpoint import STAGES
 from . import quantities
 from .built import BuiltPress
-from .press import Press
+from .press_data import PressData
+from .schema import document_of
 
 
 class FormingScene(BuiltPress):
@@ -33,23 +34,21 @@ class FormingScene(BuiltPress):
     def fingerprint(self) -> Numbers:
         """What a checkpoint must agree in: the press as its file says it, without unloading, and
         its steps."""
-        from .schema import document_of
-
         press = plain(document_of(self.data))
         press["stage"] = [each for each in press["stage"] if not each.get("unload")]
         steps = {k: stage.steps for k, stage in enumerate(self.schedule.stages, 1)}
         return {"press": press, STAGES: steps}
 
-    def coarser(self) -> Press | None:
+    def coarser(self) -> PressData | None:
         """As in `Setup`: for rectangles and outlines, which the program meshes."""
         coarse = [sheet.coarser(each) for sheet, each in zip(self.sheets, self.laid.extents())]
         return None if None in coarse else self.data.replace(sheets=coarse)
 
-    def finer(self, times: float) -> Press:
+    def finer(self, times: float) -> PressData:
         """The press with `times` as many cells along each side; InputError for a mesh's file."""
         return self.data.replace(sheets=[sheet.finer(times) for sheet in self.sheets])
 
-    def disturbed(self, aside: float) -> Press:
+    def disturbed(self, aside: float) -> PressData:
         """The press of the whole blank with its leading tool moved `aside` [mm], along no axis:
         what symmetry hides shows there. Raises InputError for a part from a file."""
         press, name = self.data, self.leader().name

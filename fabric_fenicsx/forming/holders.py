@@ -1,79 +1,25 @@
 """Blank holders: each kind is one class, with its numbers and the terms with which it acts."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import ClassVar, Protocol
 
 import numpy as np
 
-from ..material.files import Interval
+from ..mechanics.contact.holder_pressure import BlankHolderPressure
+from ..mechanics.load import EdgeTension
+from ..mechanics.springs import Springs
+from ..mechanics.term import Term
 from ..runtime.errors import InputError
 from ..runtime.fields import KnowsItsFields, check_fields, documented, number
 from ..runtime.formatting import coordinates
-from ..runtime.rules import FINITE, FROM_ZERO, POSITIVE, shown, unknown_key
+from ..runtime.rules import FROM_ZERO, POSITIVE, shown
 from ..tools.primitives import Plane
 from ..tools.tool import Tool
 from ..tools.values import checked_vector
-
-if TYPE_CHECKING:
-    from ..mechanics.term import Term
-    from .site import HolderSite
-
-# mechanics are imported when terms are made: a press is read without them
-
-MAX_PRESSURE = 10.0, "pressures are in MPa (Pa over 1e6)"  # above which a run warns
-# edge of a rectangle around the blank -> axis, and which end of it
-EDGES = {"low x": (0, 0), "high x": (0, 1), "low y": (1, 0), "high y": (1, 1)}
-LIMIT_TOLERANCE = 1e-6  # mm or deg, by which rounding may put a node beyond a limit
-# name of a coordinate -> function of points (3, n) to its values (n,)
-MEASURES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
-    "x": lambda x: x[0],
-    "y": lambda x: x[1],
-    "r": lambda x: np.hypot(x[0], x[1]),
-    "angle": lambda x: np.degrees(np.arctan2(x[1], x[0])),
-}
-Where = Callable[[np.ndarray], np.ndarray]  # function of points (3, n) [mm] to a mask (n,)
-
-
-@dataclass(frozen=True)
-class Region:
-    """Function of points (3, n) [mm] to a mask (n,), True where they lie within all `limits`.
-
-    limits: {name: (low, high)} of x, y [mm], and of r [mm] and angle (to x) [deg], polar
-    coordinates about the point `at` (x, y), by default the blank's centroid when a holder is built.
-    Raises InputError for others.
-    """
-
-    limits: Mapping[str, Sequence[float]]
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.limits, Mapping) or not self.limits:
-            raise InputError(f"`where` is {shown(self.limits)}; allowed is a table, as x = [0, 50]")
-        for name, ends in self.limits.items():
-            if name == "at":
-                checked_vector("`where`.at", ends, size=2)
-                continue
-            if name not in MEASURES:
-                raise unknown_key(name, (*MEASURES, "at"), f"`where`.{name}")
-            Interval(FINITE).check(f"`where`.{name}", ends)
-
-    def __call__(self, x: np.ndarray) -> np.ndarray:
-        """The mask (n,)."""
-        inside = np.ones(x.shape[1], dtype=bool)
-        arm = x[:2] - np.reshape(self.limits.get("at", (0.0, 0.0)), (2, 1))
-        for name, (low, high) in ((n, ends) for n, ends in self.limits.items() if n != "at"):
-            polar = name in ("r", "angle")
-            over = MEASURES[name](arm if polar else x) - low + LIMIT_TOLERANCE
-            over = over % 360 if name == "angle" else over
-            inside &= (over >= 0) & (over <= high - low + 2 * LIMIT_TOLERANCE)
-        return inside
-
-    def about(self, centre: np.ndarray) -> Region:
-        """The region with `at` (2,) [mm] unless it has its own."""
-        return Region({"at": centre.tolist()} | dict(self.limits))
+from .site import EDGES, HolderSite, Region, Where, check_edges
 
 
 class Holder(Protocol):
@@ -92,15 +38,15 @@ class Holder(Protocol):
         """The terms with which it acts on the blank, new ones in each call."""
 
 
+def _mask():
+    """A field: function of points (3, n) [mm] to a mask (n,), in a file a table of a `Region`."""
+    return field(default=None, metadata={"table": Region})
+
+
 class Kind(KnowsItsFields):
     """A kind of holder of the package: a dataclass whose first field is its key in a file."""
 
     presses: ClassVar[bool] = True  # the blank on a die; otherwise it pulls
-
-    @classmethod
-    def key(cls) -> str:
-        """The entry of a file that tells the kind."""
-        return dataclasses.fields(cls)[0].name  # type: ignore[arg-type]
 
 
 @documented
@@ -129,9 +75,10 @@ class PressureHolder(Kind):
     """
 
     pressure: float | Callable[[float], float] = number(
-        2.0, FROM_ZERO, "pressure on what lies on the flange [MPa]", doubt=MAX_PRESSURE
+        *(2.0, FROM_ZERO, "pressure on what lies on the flange [MPa]"),
+        doubt=(10.0, "pressures are in MPa (Pa over 1e6)"),
     )
-    where: Where | None = None
+    where: Where | None = _mask()
     against: str = ""
 
     def __post_init__(self) -> None:
@@ -140,13 +87,13 @@ class PressureHolder(Kind):
 
     def terms(self, site: HolderSite) -> list[Term]:
         """As in `Holder`; a stack is pressed where all its sheets lie on one another."""
-        from ..mechanics.contact.holder_pressure import BlankHolderPressure
-
         if not callable(self.pressure):
             site.warn(*check_fields(self, lambda name: f"{site.path}.{name}"))
-            site.warn_of_zero("pressure", self.pressure)
-        flange, where = site.on_flange(), site.claim_face(self.where)
-        site.warn_of_loose_ends(flange)
+            if self.pressure == 0:
+                site.warn(f"{site.path}.pressure is 0: it does not hold the rim")
+        flange, where = site.on_flange(), site.pressed(self.where)
+        extents = [blank.extent() for blank in site.laid.blanks]
+        site.warn(*flange.loose_ends(extents, site.centre, site.planes))
         pressure = BlankHolderPressure(
             self.pressure,
             site.up,
@@ -195,15 +142,12 @@ class ForceHolder(Kind):
     """
 
     force: float = number(1e5, POSITIVE, "force on the whole ply [N]")
-    where: Where | None = None
+    where: Where | None = _mask()
     against: str = ""
 
     def terms(self, site: HolderSite) -> list[Term]:
         """As in `Holder`."""
-        force = self.force * site.press.share
-        plate = Plane(-site.thickness / 2 * site.up, site.up)
-        tool = Tool(plate, force=lambda load: force * site.up, name=site.name)
-        return [site.contact(tool, site.at_plate(self.where))]
+        return [_plate(site, site.thickness / 2, self.where, self.force * site.share)]
 
 
 @documented
@@ -229,7 +173,7 @@ class GapHolder(Kind):
     """
 
     gap: float | None = number(None, POSITIVE, "distance of holder and die (1.1 thicknesses) [mm]")
-    where: Where | None = None
+    where: Where | None = _mask()
     against: str = ""
 
     def terms(self, site: HolderSite) -> list[Term]:
@@ -241,8 +185,16 @@ class GapHolder(Kind):
                 f"{site.path}.gap is {gap:g}, which crushes the blank; allowed is from "
                 f"{t / 2:g} mm, half its thickness"
             )
-        tool = Tool(Plane((t / 2 - gap) * site.up, site.up), name=site.name)
-        return [site.contact(tool, site.at_plate(self.where))]
+        return [_plate(site, gap - t / 2, self.where)]
+
+
+def _plate(site, depth, where, force=0.0):
+    """Contact with a plate whose face is so far below the blank's middle, as seen from the die: it
+    touches what lies on the die's flat face, since it has the die's opening."""
+    flange, mask = site.on_flange(), site.pressed(where)
+    push = (lambda load: force * site.up) if force else None
+    tool = Tool(Plane(-depth * site.up, site.up), force=push, name=site.name)
+    return site.contact(tool, lambda x: (flange(x) > 0) & (mask(x) if mask else True))
 
 
 @documented
@@ -269,7 +221,7 @@ class Grippers(Kind):
     """
 
     tension: float = number(5.0, FROM_ZERO, "pull at the edges of the ply [N/mm]")
-    where: Where | None = None
+    where: Where | None = _mask()
     edges: Sequence[str] = tuple(EDGES)
     presses: ClassVar[bool] = False
 
@@ -279,14 +231,11 @@ class Grippers(Kind):
 
     def terms(self, site: HolderSite) -> list[Term]:
         """As in `Holder`. Raises InputError if no edge is gripped."""
-        from ..mechanics.load import EdgeTension
-
-        site.warn_of_zero("tension", self.tension)
-        where = site.checked(self.where)
+        if self.tension == 0:
+            site.warn(f"{site.path}.tension is 0: it does not hold the rim")
         pulls: list[Term] = []
         for name, outwards, edge in site.edges(self.edges):
-            gripped = site.claim_edge(name, edge, where)
-            if gripped:
+            if gripped := site.gripped(name, edge, self.where):
                 pulls.append(EdgeTension(self.tension, outwards, gripped))
                 pulls[-1].name = f"{site.name}, {name}"
         if not pulls:
@@ -331,13 +280,10 @@ class SpringHolder(Kind):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_edges(self.edges)
-        if not isinstance(self.at, (list, tuple, np.ndarray)):
-            raise InputError(f"`at` is {shown(self.at)}; allowed is a list of points (x, y)")
-        for each in self.at:
-            checked_vector("`at`", each, size=2)
-        points = tuple(tuple(np.asarray(each).tolist()) for each in self.at)
-        object.__setattr__(self, "at", points)  # as lists and arrays, so that holders compare
-        if not (self.at or self.edges):
+        given = self.at if np.iterable(self.at) else [self.at]
+        points = tuple(tuple(checked_vector("`at`", each, size=2).tolist()) for each in given)
+        object.__setattr__(self, "at", points)  # so that holders compare
+        if not (points or self.edges):
             raise InputError("a `SpringHolder` needs `edges` or points `at`")
 
     def terms(self, site: HolderSite) -> list[Term]:
@@ -347,26 +293,19 @@ class SpringHolder(Kind):
         for name, way, edge in site.edges(self.edges):
             cut = sum(not way[axis] for axis in planes)  # by planes across the edge
             springs.append(self._spring(site, name, edge, 0.5**cut, way))
-        for k, place in enumerate(self.at, 1):
-            x = np.append(np.asarray(place, dtype=float), 0.0)
-            if beyond := " and ".join("xy"[axis] for axis in planes if x[axis] < 0):
+        for k, place in enumerate(np.array(self.at).reshape(-1, 2), 1):
+            away = place - site.centre
+            if (place[planes] < 0).any() or not away.any():
                 raise InputError(
-                    f"{site.path}.at has the point {coordinates(x[:2])} mm, beyond a plane of "
-                    f"symmetry; allowed is {beyond} from 0"
+                    f"{site.path}.at has the point {coordinates(place)} mm; allowed are points on "
+                    "the modelled part, but the blank's centroid, from which springs pull away"
                 )
-            away = x - np.append(site.centre, 0.0)
-            if not (length := np.linalg.norm(away)):
-                raise InputError(
-                    f"{site.path}.at has the blank's centroid, {coordinates(x[:2])} mm, from which "
-                    "springs pull away; allowed are other points"
-                )
-            share, near = 0.5 ** int((x[planes] == 0).sum()), site.laid.nearest_nodes(x[:2])
-            springs.append(self._spring(site, f"point {k}", near, share, away / length))
+            share, near = 0.5 ** int((place[planes] == 0).sum()), site.laid.nearest_nodes(place)
+            way = np.append(away, 0.0) / np.linalg.norm(away)
+            springs.append(self._spring(site, f"point {k}", near, share, way))
         return springs
 
     def _spring(self, site, name, where, share, direction):
-        from ..mechanics.springs import Springs
-
         return Springs(
             where,
             share * self.stiffness,
@@ -376,19 +315,17 @@ class SpringHolder(Kind):
         )
 
 
-KINDS: tuple[type[Kind], ...] = PressureHolder, ForceHolder, GapHolder, Grippers, SpringHolder
+_KINDS: tuple[type[Kind], ...] = PressureHolder, ForceHolder, GapHolder, Grippers, SpringHolder
+# entry of a file -> the kind of holder that has it
+HOLDERS: Mapping[str, type[Kind]] = MappingProxyType(
+    {dataclasses.fields(kind)[0].name: kind for kind in _KINDS}  # type: ignore[arg-type]
+)
 
 
-def check_edges(names: Any) -> None:
-    """Raise InputError unless `names` is a list of some of `EDGES`."""
-    if not isinstance(names, (list, tuple)) or any(each not in EDGES for each in names):
-        raise InputError(f"`edges` is {shown(names)}; allowed is a list of some of {[*EDGES]}")
-
-
-def holders_of(name: str, given: Holder | Sequence[Holder]) -> list[Holder]:
+def segments(name: str, given: Holder | Sequence[Holder]) -> list[Holder]:
     """The holder of this name in a press, or its segments, as a list. Raises InputError for what
     is no holder, and for an empty list."""
-    holders: list[Any] = list(given) if isinstance(given, (list, tuple)) else [given]
+    holders: list = list(given) if isinstance(given, (list, tuple)) else [given]
     for each in holders or [given]:
         if not holders or isinstance(each, type) or not callable(getattr(each, "terms", None)):
             raise InputError(

@@ -1,352 +1,238 @@
-"""The places of the tools of a press before anything moves."""
+"""The places of the tools of a press before anything moves, and whether they leave room for it."""
 
-import dataclasses
-import os
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from itertools import product
 
 import numpy as np
 from mpi4py import MPI
 
+from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
 from ..runtime.files import ending
 from ..runtime.formatting import coordinates, rounded
 from ..runtime.status import task
-from ..tools.checks import FLANGE, MIN_SHARE, check_triangles, unit_doubt
+from ..tools.checks import FLANGE, MIN_SHARE, MIRRORED, check_triangles, unit_doubt
 from ..tools.files import CAD
 from ..tools.surfaces import Offset, Reversed, Surface, Turned
 from ..tools.tool import Tool
 from ..tools.triangulated import TriangulatedSurface
-from ..tools.values import length_of
-from .checks import CHECK_PRESSURE, check_clearances, symmetry_warnings
 from .laying import Laid
-from .press import Press
+from .press_data import PressData
 from .stages import Schedule
-from .tools import DieOf, PressTool
 
-MAX_DISTANCE = 1e3  # sizes of the blank beyond a tool's radii, within which its face must be
+CHECK_PRESSURE = 1.0  # MPa, under which the blank must fit between closed tools
+POINTS_ACROSS = 60  # points across the blank at which the distance of two tools is found
+
 TOUCH_TOLERANCE = 1e-9  # of the thickness: a tool so near touches the blank
 
 
-@dataclass(frozen=True)
-class Placed:
-    """Tools in their places: tools {name: `Tool`}, which the `schedule` moves, and the thickness of
-    the blank without pressure [mm]."""
-
-    tools: dict[str, Tool]
-    schedule: Schedule
-    thickness: float
-
-
 @task("placing the tools")
-def place(press: Press, laid: Laid, comm: MPI.Comm, warnings: list[str]) -> Placed:
-    """The tools of a press in their places at its blank. Raises InputError, on all ranks, for tools
-    that can't stand or move as given."""
-    nodes, thickness, pressed = (
-        laid.flat_nodes(),
-        press.thickness(),
-        press.thickness(CHECK_PRESSURE),
-    )
-    at, dies = Placement(nodes, thickness, comm, warnings, press.planes), press.dies()
-    given = {name: tool.surface for name, tool in press.tools.items()}
-    clearances = {
-        name: surface.clearance or 1.2 * thickness
-        for name, surface in given.items()
-        if isinstance(surface, DieOf)
-    }
-    usual_off = {of: max(0.0, clearances[name] - thickness) for name, of in dies.items()}
-    stood: dict[str, tuple[Surface, np.ndarray]] = {}
-    for name in (n for n in press.tools if n not in dies):
-        stood[name] = at.stand(name, press.tool(name), usual_off.get(name, 0.0))
-    for name, of in dies.items():
-        face = face_of(stood[of][0], press.tools[of].towards)
-        at.check_matched(of, face, press.planes)
+def place_tools(press: PressData, laid: Laid) -> tuple[dict[str, Tool], Schedule, list[str]]:
+    """The tools of a press {name: tool} in their places at its blank, what moves them, and doubts.
+    Raises InputError, on all ranks, for tools that can't stand or move as given."""
+    thickness, pressed = press.thickness(), press.thickness(CHECK_PRESSURE)
+    extent, comm = np.array(laid.blank.extent()), laid.blank.mesh.comm
+    blank = _FlatBlank(laid.flat_nodes(), extent, thickness, comm)
+    given, dies = {name: press.tool(name) for name in press.tools}, press.dies()
+    clearances = {name: die.clearance or 1.2 * thickness for name, die in dies.items()}
+    usual_off = {d.tool: max(0.0, clearances[n] - thickness) for n, d in dies.items()}
+    surfaces, starts, doubts = dict[str, Surface](), dict[str, np.ndarray](), list[str]()
+    for name in (n for n in given if n not in dies):
+        surfaces[name], more = _surface_of(name, given[name], blank)
+        doubts += more
+        touching = blank.touching(name, given[name], surfaces[name])
+        starts[name] = blank.start(name, given[name], touching, usual_off.get(name, 0.0))
+    for name, die in dies.items():
+        face = face_of(surfaces[die.tool], given[die.tool].towards)
+        _check_covered(die.tool, face, extent, press.planes)
         check_clearance(f"tools.{name}.clearance", clearances[name], pressed, face)
-        surface = Reversed(Offset(face, clearances[name]))
+        surfaces[name] = _turned(Reversed(Offset(face, clearances[name])), given[name])
         try:
-            die = dataclasses.replace(press.tool(name), surface=surface)
-            stood[name] = at.stand(name, die, is_die=True)
+            touching = blank.touching(name, given[name], surfaces[name])
         except InputError as error:
             raise InputError(
-                f"tools.{name} can't be the die of {of}; allowed is the die of an open surface, as "
-                f"double_dome or a file, not of a closed one, as a ball ({error})"
+                f"tools.{name} can't be the die of {die.tool}; allowed is the die of an open "
+                f"surface, as double_dome or a file, not of a closed one, as a ball ({error})"
             ) from None
-    reach = {
-        of: float((stood[name][1] - stood[of][1]) @ press.tools[of].towards) + clearances[name]
-        for name, of in dies.items()
-    }
-    schedule = press.schedule(reach, thickness)
-    tools = {name: _tool(press, name, *stood[name], schedule) for name in press.tools}
-    placed = Placed(tools, schedule, thickness)
-    check_clearances(press, laid, placed, pressed, warnings)
-    warnings += symmetry_warnings(press, laid, placed)
-    sides = {tool.side for tool in press.tools.values()}
-    if len(sides) == 1 and len(press.tools) > 1:
-        warnings.append(
-            f"{' and '.join(press.tools)} stand {next(iter(sides))} the blank, and only "
-            "holders resist them: `side` says where a tool stands"
-        )
-    return placed
+        touching += blank.to_flange(given[name], surfaces[name], touching)
+        starts[name] = blank.start(name, given[name], touching)
+    reach = dict[str, float]()
+    for name, die in dies.items():
+        apart = float((starts[name] - starts[die.tool]) @ given[die.tool].towards)
+        reach[die.tool] = apart + clearances[name]
+    schedule, tools = press.schedule(reach, thickness), dict[str, Tool]()
+    for name in given:
+        path, force = schedule.path(name, starts[name]), schedule.force(name, press.share)
+        tools[name] = Tool(surfaces[name], path, force=force, name=name)
 
+    def checked():
+        doubts = clearance_doubts(press, tools, schedule, extent)
+        return doubts + symmetry_doubts(press, tools, extent, thickness)
 
-def _tool(press, name, surface, start, schedule):
-    given, force = press.tools[name], None
-    if given.force is not None:
-        size = schedule.force(name)
-
-        def force(load):
-            return press.share * size(load) * given.towards
-
-    return Tool(surface, schedule.path(name, start), force=force, name=name)
+    return tools, schedule, doubts + on_root(comm, checked)
 
 
 def check_clearance(path: str, clearance: float, pressed: float, surface: Surface) -> None:
     """InputError for a clearance below the `pressed` thickness or from the concave radius on."""
-    radius = surface.radii[1]
-    if clearance < pressed:
+    if not pressed <= clearance < surface.radii[1]:
         raise InputError(
-            f"{path} is {rounded(clearance, 6)}, less than the blank's thickness under "
-            f"{CHECK_PRESSURE:g} MPa; allowed is from {rounded(pressed)} mm"
+            f"{path} is {rounded(clearance, 6)}; allowed is from {rounded(pressed)} mm, the "
+            f"blank's thickness under {CHECK_PRESSURE:g} MPa, to below {surface.radii[1]:g} mm, "
+            "the tool's least concave radius"
         )
-    if clearance >= radius:
+
+
+def _surface_of(name, tool, blank):
+    """The tool's surface, read and turned, and doubts; of a CAD model whose facets are coarse one
+    of a smaller `chord`."""
+    surface, words, doubts = tool.surface, f"tools.{name}.surface", list[str]()
+    if isinstance(surface, Surface):
+        if isinstance(surface, TriangulatedSurface):
+            doubts = _triangle_doubts(words, surface, blank)
+        return _turned(surface, tool), doubts
+    words, is_model = f"tools.{name}, {surface},", ending(surface) in CAD
+    for finer in (1, 2, 5) if is_model else (1,):
+        read = TriangulatedSurface.read(surface, tool.chord / finer, comm=blank.comm)
+        try:
+            return _turned(read, tool), _triangle_doubts(words, read, blank)
+        except InputError as error:
+            wrong = error
+    raise InputError(f"{wrong}{', or a smaller `chord`' if is_model else ''}")
+
+
+def _triangle_doubts(words, surface, blank):
+    doubts, size = list[str](), float(np.ptp(surface.points, axis=0).max())
+    if doubt := unit_doubt(size, blank.size, MIN_SHARE):
+        raise InputError(f"{words} {doubt}; allowed is a surface in mm")
+    check_triangles(surface, words, blank.thickness, doubts.append)
+    return doubts
+
+
+def _turned(surface, tool):
+    return Turned(surface, tool.turn) if any(tool.turn) else surface
+
+
+def _check_covered(name, surface, extent, planes):
+    """Raise InputError for the surface of triangles of a tool with a die that has an opening
+    beneath the blank, or beneath its mirror images in `planes` of symmetry."""
+    triangles, turn = _triangles(surface)
+    if triangles is None:
+        return
+    low, high = extent[:, :2]
+    low = np.where(np.isin([0, 1], planes), -high, low)
+    whole = float((high - low).max())
+    margin, middle = 1e-6 * whole, (triangles.points @ turn.T)[triangles.rim].mean(1)
+    within = ((middle[:, :2] > low + margin) & (middle[:, :2] < high - margin)).all(1)
+    if within.any():
         raise InputError(
-            f"{path} is {rounded(clearance, 6)}, which is not below the tool's least concave radius"
-            f"; allowed is from {rounded(pressed)} to below {radius:g} mm"
+            f"tools.{name} is open at {coordinates(middle[within.argmax()])} mm, beneath the blank;"
+            f" allowed is a surface in mm that reaches beyond the blank of {rounded(whole, 4)} mm, "
+            "without holes and cracks"
         )
 
 
-class Placement:
-    """Brings tools to a flat blank, whose nodes of this rank are at x (n, 3) [mm] in z = 0.
+@dataclass(frozen=True)
+class _FlatBlank:
+    """A flat blank to which tools are brought: nodes x (n, 3) of this rank in z = 0, corners
+    `extent` (2, 3), thickness [mm]."""
 
-    thickness: of the blank [mm]; warnings: list to which warnings are added; planes: of symmetry.
-    Raises InputError, on all ranks, for a tool that can't stand where it should.
-    """
+    x: np.ndarray
+    extent: np.ndarray
+    thickness: float
+    comm: MPI.Comm
 
-    def __init__(
-        self,
-        x: np.ndarray,
-        thickness: float,
-        comm: MPI.Comm,
-        warnings: list[str],
-        planes: Sequence[int] = (),
-    ) -> None:
-        self._x, self._t, self._comm, self._warnings = x, thickness, comm, warnings
-        low, high = (
-            getattr(np, least)(comm.allgather(getattr(x, least)(0, initial=start)), axis=0)
-            for least, start in (("min", np.inf), ("max", -np.inf))
-        )
-        self._low, self._high = low[:2], high[:2]
-        self._middle = (self._low + self._high) / 2
-        self._middle[list(planes)] = 0.0
-        self._size = float((self._high - self._low).max())
+    @property
+    def size(self) -> float:
+        """The longer side [mm]."""
+        return float(np.ptp(self.extent[:, :2], axis=0).max())
 
-    def surface(self, name: str, tool: PressTool) -> Surface:
-        """The tool's surface, read and turned, with its face towards the blank."""
-        surface, file = tool.surface, f"tools.{name}.surface"
-        if isinstance(surface, (str, os.PathLike)):
-            file = f"tools.{name}, {surface},"
-            surface = self._read(file, str(surface), tool.chord)
-        elif not isinstance(surface, Surface):
-            raise InputError(
-                f"{file} is {surface!r}; allowed is a surface, as `Sphere(50)`, or a file's name"
-            )
-        elif isinstance(surface, TriangulatedSurface):
-            self._check_units(file, surface)
-            check_triangles(surface, file, self._t, self._warnings.append)
-        if any(tool.turn):
-            surface = Turned(surface, tool.turn)
-        return surface
-
-    def _read(self, name, path, chord):
-        """The surface in a file; of a CAD model with a smaller `chord` if its facets are coarse."""
-        is_model = ending(path) in CAD
-        for finer in (1, 2, 5) if is_model else (1,):
-            surface = TriangulatedSurface.read(path, chord / finer, comm=self._comm)
-            doubts: list[str] = []
-            self._check_units(name, surface)
-            words = f"{name.split(',')[0]} with chord = {chord / finer:g}" if is_model else name
-            try:
-                check_triangles(surface, words, self._t, doubts.append)
-            except InputError as error:
-                wrong = error
-            else:
-                self._warnings += doubts
-                return surface
-        raise InputError(f"{wrong}{', or a smaller `chord`' if is_model else ''}")
-
-    def _check_units(self, name, surface):
-        size = float(np.ptp(surface.points, axis=0).max())
-        if doubt := unit_doubt(size, self._size, MIN_SHARE):
-            raise InputError(f"{name} {doubt}; allowed is a surface in mm")
-
-    def check_matched(self, name: str, surface: Surface, planes: Sequence[int] = ()) -> None:
-        """Raise InputError for the surface of triangles of a tool with a die that has an opening
-        beneath the blank, or beneath its mirror images in `planes` of symmetry."""
-        triangles, turn = _triangles(surface)
-        if triangles is None:
-            return
-        low, high = np.where(np.isin([0, 1], planes), -self._high, self._low), self._high
-        whole, x = float((high - low).max()), triangles.points @ turn.T
-        needed = f"a surface in mm that reaches beyond the blank of {rounded(whole, 4)} mm"
-        middle = x[triangles.rim].mean(1)
-        margin = 1e-6 * whole
-        within = (middle[:, :2] > low + margin) & (middle[:, :2] < high - margin)
-        if within.all(1).any():
-            place = coordinates(middle[within.all(1).argmax()])
-            raise InputError(
-                f"tools.{name} is open at {place} mm, beneath the blank; allowed is {needed}, "
-                "without holes and cracks"
-            )
-
-    def stand(
-        self, name: str, tool: PressTool, usual_off: float = 0.0, is_die: bool = False
-    ) -> tuple[Surface, np.ndarray]:
-        """The tool's surface, and the place of its origin at the start (3,) [mm]; usual_off: the
-        default of its `off` [mm]; is_die: it is a die, whose flat face lies on the blank."""
-        surface = self.surface(name, tool)
-        start = np.append(np.asarray(tool.at, dtype=float)[:2], 0.0)
-        touching = self._touching(name, tool, surface, start)
-        if touching is None and _of_triangles(surface) is not None:
-            turned = _turned_round(surface)
-            touching = self._touching(name, tool, turned, start)
-            if touching is not None:
-                surface = turned
-                self._warnings.append(
-                    f"tools.{name}: the normals of its surface point away from the blank, so it "
-                    "was turned round"
-                )
-        if touching is None:
-            raise InputError(
-                f"tools.{name} has its body between its face and the blank, which is "
-                f"{'above' if tool.side == 'below' else 'below'} it; allowed is the other side, or "
-                f"turn = [180, 0, 0]{_added(tool)}"
-            )
-        if is_die:
-            touching += self._to_flange(surface, start + [0, 0, touching], tool.towards[2])
-        if length_of(tool.at) == 3:
-            z = float(np.asarray(tool.at)[2])
-            self._check_height(name, tool, z, touching)
+    def touching(self, name, tool, surface):
+        """The height (z) of the tool's origin at which it touches the blank. It moves by its least
+        distance each time, so it never cuts in. Raises InputError, on all ranks, for a tool that
+        does not meet the blank, or only with its back."""
+        place, up, points = np.array(tool.at)[:2], tool.towards[2], _points_of(surface)
+        away, between, rounding = self.size, np.empty((0, 3)), 1e-9 * self.size
+        if points is not None:  # how far away its face may be
+            far = 4 * (abs(points).max() + self.size)
         else:
-            z = touching - (usual_off if tool.off is None else tool.off) * tool.towards[2]
-        self._doubt_back(name, tool, surface)
-        return surface, start + [0, 0, z]
-
-    def _touching(self, name, tool, surface, start):
-        """The height (z) of the tool's origin at which it touches the blank, None if its body is on
-        the wrong side. The tool moves by its least distance each time, so it never cuts in."""
-        up, away, between = tool.towards[2], self._size, np.empty((0, 3))
-        points = _of_triangles(surface)
-        if points is None:
-            far = MAX_DISTANCE * self._size + sum(r for r in surface.radii if np.isfinite(r))
-        else:
-            far = 4 * (abs(points).max() + self._size)
-        while self._least(surface, start, -up * away, between)[0] <= 0:
+            far = 1e3 * self.size + sum(r for r in surface.radii if np.isfinite(r))
+        while self._least(surface, [*place, -up * away], between)[0] <= 0:
             if away >= far:
-                return None
+                raise InputError(
+                    f"tools.{name} has its body between its face and the blank, which is "
+                    f"{'above' if tool.side == 'below' else 'below'} it; allowed is the other "
+                    "side, turn = [180, 0, 0] on top of its own turn, or triangles whose normals "
+                    "point out of the body"
+                )
             away = min(2 * away, far)
+        low, high = self.extent[:, :2]
         for _ in range(500):
-            gap, place, top = self._least(surface, start, -up * away, between)
-            if abs(gap) < TOUCH_TOLERANCE * self._t:
+            gap, top = self._least(surface, [*place, -up * away], between)
+            if abs(gap) < TOUCH_TOLERANCE * self.thickness:
                 return -up * away
             away -= gap
-            # the tool's top may lie between nodes
-            if (self._low <= top).all() and (top <= self._high).all():
-                between = np.vstack([between, [*top, 0.0]])[-10:]
+            if (low - rounding <= top).all() and (top <= high + rounding).all():
+                between = np.vstack([between, [*top, 0.0]])[-10:]  # the top is between nodes
             if away < -far:
                 break
-        raise InputError(self._beside(name, tool, surface, place))
+        reach = place + (np.zeros((1, 2)) if points is None else points[:, :2])
+        ends = reach.min(0), reach.max(0)
+        beside = np.linalg.norm(np.maximum(0, np.maximum(low - ends[1], ends[0] - high)))
+        raise InputError(
+            f"tools.{name} does not meet the blank when it is moved along z, "
+            f"{rounded(float(beside), 6)} mm beside it: it reaches from {coordinates(ends[0])} to "
+            f"{coordinates(ends[1])} mm, the blank from {coordinates(low)} to {coordinates(high)} "
+            "mm; allowed is `at` that puts it there, and a surface in mm"
+        )
 
-    def _to_flange(self, surface, place, towards):
+    def to_flange(self, tool, surface, touching):
         """Distance along z [mm] by which a die that touches the blank must move so that its flat
         face at the blank's edge lies on it: facets of a fillet may bulge out of this face."""
-        side = np.linspace(0, 1, 21)
-        ends = np.array([self._low, self._high])
-        along = self._low + side[:, None] * (self._high - self._low)
-        edges = [np.column_stack([along[:, 0], 0 * side + y]) for y in ends[:, 1]]
-        edges += [np.column_stack([0 * side + x, along[:, 1]]) for x in ends[:, 0]]
-        x = np.vstack(edges)
-        nearest = surface.evaluate(np.column_stack([x, 0 * x[:, 0]]) - place)
-        gap = nearest.gap - self._t / 2
-        flat = (abs(nearest.normal[:, 2]) > 0.99) & (abs(gap) < FLANGE * self._t)
-        return towards * float(np.median(gap[flat])) if flat.any() else 0.0
+        (x, y), share = self.extent[:, :2].T, np.linspace(0, 1, 21)
+        along = [np.interp(share, [0, 1], ends) for ends in (x, y)]
+        edges = [(along[0], np.full(21, end)) for end in y]
+        edges += [(np.full(21, end), along[1]) for end in x]
+        nodes = np.column_stack([np.hstack(edges).T, np.zeros(84)])
+        nearest = surface.evaluate(nodes - [*tool.at[:2], touching])
+        gap = nearest.gap - self.thickness / 2
+        flat = (abs(nearest.normal[:, 2]) > 0.99) & (abs(gap) < FLANGE * self.thickness)
+        return tool.towards[2] * float(np.median(gap[flat])) if flat.any() else 0.0
 
-    def _least(self, surface, start, height, between):
-        """The least gap [mm] of all ranks between the blank's face, at its nodes and at points
-        `between` them (k, 3), and a tool with its origin at this height; the place of the least
-        gap, and the place (x, y) of the tool's top, by the curvature there."""
-        places = np.vstack([self._x, between])
-        nearest = surface.evaluate(places - (start + [0, 0, height]))
-        gap = np.where(np.isfinite(nearest.gap), nearest.gap - self._t / 2, np.inf)
-        mine: tuple[float, list[float], list[float]] = (np.inf, [], [])
-        if len(gap):
-            i = int(gap.argmin())
-            bend, slope = nearest.curvature[i][:2, :2], nearest.normal[i][:2]
-            top = places[i][:2] - np.linalg.lstsq(bend, slope, rcond=1e-9)[0]
-            mine = float(gap[i]), places[i].tolist(), top.tolist()
-        return min(self._comm.allgather(mine))
-
-    def _beside(self, name, tool, surface, place):
-        points = _of_triangles(surface)
-        at = np.asarray(tool.at[:2], dtype=float)
-        reach = np.zeros((1, 2)) if points is None else points[:, :2]
-        low, high = at + reach.min(0), at + reach.max(0)
-        words = f"tools.{name} does not meet the blank when it is moved along z"
-        if away := np.linalg.norm(np.maximum(0, np.maximum(self._low - high, low - self._high))):
-            words += f", {rounded(float(away), 6)} mm beside it"
-        if points is not None:
-            shift = at + self._middle - (low + high) / 2
-            words += (
-                f": it reaches from {coordinates(low)} to {coordinates(high)} mm, the blank from "
-                f"{coordinates(self._low)} to {coordinates(self._high)} mm"
-            )
-            if np.linalg.norm(shift - at) > 1e-3 * self._size:
-                over = ", ".join(rounded(float(each), 6) for each in shift)
-                return f"{words}; allowed is a tool over it, as with at = [{over}]"
-            return f"{words}; allowed is one in mm that is over the blank (is it in cm or inches?)"
-        return f"{words}, nearest to {coordinates(place)}; allowed is `at` that puts it there"
-
-    def _check_height(self, name, tool, z, touching):
-        """Raise InputError for a tool that would stand in the blank."""
-        deep = (z - touching) * tool.towards[2]
-        if deep > FLANGE * self._t:
+    def start(self, name, tool, touching, usual=0.0):
+        """The place of a tool's origin at the start (3,) [mm]. touching: z at which it touches the
+        blank; usual: the default of its `off` [mm]. Raises InputError for one that would stand in
+        the blank."""
+        x, y, *z = tool.at
+        off = usual if tool.off is None else tool.off
+        height = z[0] if z else touching - off * tool.towards[2]
+        deep = (height - touching) * tool.towards[2]
+        if deep > FLANGE * self.thickness:
             raise InputError(
                 f"tools.{name} cuts into the blank by {rounded(deep, 4)} mm before anything moves; "
                 f"allowed is z of `at` {'up to' if tool.side == 'below' else 'from'} "
                 f"{rounded(touching, 6)}, where it touches, or `at` without z"
             )
+        return np.array([x, y, height])
 
-    def _doubt_back(self, name, tool, surface):
-        """Warn of a tool from CAD whose flat back looks towards the blank."""
-        inner, turn = _triangles(surface)
-        if inner is None or len(inner.rim):  # what is open has no back
-            return
-        points = inner.points @ turn.T
-        z = tool.towards[2] * points[:, 2]
-        size = float(np.ptp(points, axis=0).max())
-        near = z > z.max() - 1e-3 * size
-        extent = float(np.ptp(points[near][:, :2], axis=0).max()) if near.any() else 0.0
-        back = z < z.min() + 1e-3 * size
-        behind = float(np.ptp(points[back][:, :2], axis=0).max()) if back.any() else 0.0
-        if extent > 0.98 * size and behind < 0.5 * extent and np.ptp(z) > 0.05 * size:
-            self._warnings.append(
-                f"tools.{name} has a flat face towards the blank and its shape on the other side: "
-                f"turn = [180, 0, 0]{_added(tool)} would turn it over"
-            )
-
-
-def _added(tool):
-    return " on top of its own turn" if any(tool.turn) else ""
+    def _least(self, surface, origin, between):
+        """The least gap [mm] of all ranks between the blank's face, at its nodes and at points
+        `between` them (k, 3), and a tool with this origin; and the place (x, y) of the tool's top,
+        by the curvature there."""
+        places = np.vstack([self.x, between])
+        nearest = surface.evaluate(places - origin)
+        gap = np.where(np.isfinite(nearest.gap), nearest.gap - self.thickness / 2, np.inf)
+        local: tuple[float, list[float], list[float]] = (np.inf, [], [])
+        if len(gap):
+            i = int(gap.argmin())
+            bend, slope = nearest.curvature[i][:2, :2], nearest.normal[i][:2]
+            top = places[i][:2] - np.linalg.lstsq(bend, slope, rcond=1e-9)[0]
+            local = float(gap[i]), places[i].tolist(), top.tolist()
+        least, _, top = min(self.comm.allgather(local))  # of equal gaps that of the first place
+        return least, np.array(top)
 
 
-def _turned_round(surface: Any) -> Surface:
-    """A surface of triangles with its body on the other side."""
-    if isinstance(surface, Turned):
-        return Turned(_turned_round(surface.surface), surface.angles)
-    return surface.turned_round()
-
-
-def face_of(surface: Any, towards: np.ndarray) -> Surface:
+def face_of(surface: Surface, towards: np.ndarray) -> Surface:
     """The face of a closed surface of triangles that looks `towards` the blank (3,), with the walls
     within it; other surfaces as they are."""
     inner, turn = _triangles(surface)
@@ -356,7 +242,7 @@ def face_of(surface: Any, towards: np.ndarray) -> Surface:
     return Turned(face, surface.angles) if isinstance(surface, Turned) else face
 
 
-def _triangles(surface: Surface) -> tuple[TriangulatedSurface | None, np.ndarray]:
+def _triangles(surface):
     """The triangles of a surface, None for others, and what turns them into their place (3, 3)."""
     turn = np.eye(3)
     if isinstance(surface, Turned):
@@ -364,7 +250,99 @@ def _triangles(surface: Surface) -> tuple[TriangulatedSurface | None, np.ndarray
     return (surface if isinstance(surface, TriangulatedSurface) else None), turn
 
 
-def _of_triangles(surface: Surface) -> np.ndarray | None:
+def _points_of(surface):
     """Points (n, 3) of a surface of triangles in its place [mm], None for other surfaces."""
     triangles, turn = _triangles(surface)
     return None if triangles is None else triangles.points @ turn.T
+
+
+# -- checks of tools in their places
+
+
+def clearance_doubts(
+    press: PressData, tools: Mapping[str, Tool], schedule: Schedule, extent: np.ndarray
+) -> list[str]:
+    """Sentences on tools that leave the blank, with corners `extent` (2, 3) [mm], less than its
+    thickness under pressure at the end of a stage. Raises InputError for two on either side of it
+    that go through one another. The place of tools that a force moves is not known."""
+    below, above = (
+        [name for name, tool in press.tools.items() if tool.side == side]
+        for side in ("below", "above")
+    )
+    if len(tools) > 1 and not (below and above):
+        return [
+            f"{' and '.join(tools)} stand {'below' if below else 'above'} the blank, and only "
+            "holders resist them: `side` says where a tool stands"
+        ]
+    pressed, doubts = press.thickness(CHECK_PRESSURE), list[str]()
+    thickness = f"the blank's thickness under {CHECK_PRESSURE:g} MPa, {rounded(pressed, 4)} mm"
+    whens = ["before anything moves", *(f"at the end of {s.name}" for s in schedule.stages)]
+    straight = {
+        frozenset((die.tool, name)): die.tool
+        for name, die in press.dies().items()
+        if schedule.closes_straight(die.tool, name)
+    }
+    for pair in product(below, above):
+        for load, when in zip(schedule.joints, whens):
+            if any(tools[name].force for name in pair):
+                continue
+            if punch := straight.get(frozenset(pair)):  # where both are flat, in the middle
+                apart, place = schedule.distance(punch, load), np.zeros(3)
+            else:
+                one, two = (tools[name] for name in pair)
+                apart, place = _least_distance(one, two, extent, load)
+            words, at = f"tools {' and '.join(pair)}", f"{when}, at {coordinates(place)} mm"
+            if apart < 0:
+                raise InputError(
+                    f"{words} go {rounded(-apart, 4)} mm through one another {at}; allowed is a "
+                    f"distance from {thickness}: less travel, or another place (`at`)"
+                )
+            if load and apart < (1 - 1e-6) * pressed:
+                doubts.append(
+                    f"{words} are {rounded(apart, 4)} mm apart {at}, less than {thickness}: they "
+                    "crush it there"
+                )
+    return doubts
+
+
+def _least_distance(one, two, extent, load):
+    """The least distance [mm] of two tools over the blank, and its place; inf if there is none."""
+    x = _points(one, extent, load)
+    gap = two.surface.evaluate(x - np.asarray(two.path(load))).gap
+    gap = np.append(np.where(np.isfinite(gap), gap, np.inf), np.inf)
+    worst = int(gap.argmin())
+    return float(gap[worst]), np.vstack([x, np.zeros(3)])[worst]
+
+
+def _points(tool, extent, load):
+    """Points (n, 3) [mm] of a tool's surface over or under the blank at a load factor."""
+    low, high = extent
+    size, place = float((high - low).max()), np.asarray(tool.path(load))
+    room = np.array([0.0, 0.0, 2 * size])
+    points, _, _ = tool.surface.mesh(low - room - place, high + room - place, size / POINTS_ACROSS)
+    x = points + place
+    return x[((x >= low - 1e-6) & (x <= high + 1e-6))[:, :2].all(1)]
+
+
+def symmetry_doubts(
+    press: PressData, tools: Mapping[str, Tool], extent: np.ndarray, thickness: float
+) -> list[str]:
+    """A sentence on each tool that is not its own mirror image in the planes of symmetry, within
+    `MIRRORED` thicknesses, in its places at the start and at the end."""
+    doubts: dict[str, str] = {}
+    alone = [tool for name, tool in tools.items() if name not in press.dies()]
+    for tool, load, axis in product(alone, (0.0, 1.0), press.planes):
+        sideways = np.subtract(tool.path(1.0), tool.path(0.0))[:2].any()
+        if tool.name in doubts or (load and not sideways):
+            continue
+        x, mirror = _points(tool, extent, load), 1.0 - 2.0 * np.eye(3)[axis]
+        off = np.nan_to_num(abs(tool.surface.evaluate(x * mirror - tool.path(load)).gap))
+        worst = int(np.append(off, 0.0).argmax())
+        if off[worst:].max(initial=0.0) > MIRRORED * thickness:
+            doubts[tool.name] = (
+                f"tools.{tool.name} is not its own mirror image in {'xy'[axis]} = 0: it is at "
+                f"{coordinates(x[worst])}, but {rounded(off[worst])} mm off "
+                f"{coordinates(x[worst] * mirror)}; so the {press.modelled} stands for "
+                f'{1 / press.share:g} mirrored ones; take the whole blank (`symmetry = "none"`)'
+            )
+    return list(doubts.values())

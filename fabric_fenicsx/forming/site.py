@@ -1,37 +1,190 @@
-"""The place where a blank holder acts, and the holders of a press on their places."""
+"""The place where a blank holder acts: the die's flange, and parts of the blank."""
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy import ndimage
 
+from ..material.files import Interval
 from ..mechanics.contact.coulomb import Coulomb
-from ..mechanics.contact.holder_pressure import BlankHolderPressure
 from ..mechanics.contact.nodes import values_at
 from ..mechanics.contact.sheet_contact import SheetContact
 from ..mechanics.contact.tool_contact import Contact
-from ..mechanics.term import Term
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
-from ..runtime.rules import unknown_key
+from ..runtime.rules import FINITE, shown, unknown_key
 from ..sheets.blank import Blank
 from ..tools.tool import Tool
+from ..tools.values import checked_vector
 from . import stack
-from .flange import Flange
-from .holders import EDGES, Holder, Region, Where, holders_of
 from .interface import Interface
 from .laying import Laid
-from .placement import Placed
-from .press import Press
 
-MAX_OPENING = 200  # mm, within which the flange is looked for from the blank's edge
+Where = Callable[[np.ndarray], np.ndarray]  # function of points (3, n) [mm] to a mask (n,)
+# edge of a rectangle around the blank -> axis, and which end of it
+EDGES = {"low x": (0, 0), "high x": (0, 1), "low y": (1, 0), "high y": (1, 1)}
 
 
 @dataclass(frozen=True)
+class Region:
+    """Function of points (3, n) [mm] to a mask (n,), True where they lie within all `limits`.
+
+    limits: {name: (low, high)} of x, y [mm], and of r [mm] and angle (to x) [deg], polar
+    coordinates about the point `at` (x, y), by default the blank's centroid when a holder is built.
+    Raises InputError for others.
+    """
+
+    limits: Mapping[str, Sequence[float]]
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.limits, Mapping) or not self.limits:
+            raise InputError(f"`where` is {shown(self.limits)}; allowed is a table, as x = [0, 50]")
+        for name, ends in self.limits.items():
+            if name == "at":
+                checked_vector("`where`.at", ends, size=2)
+            elif name in ("x", "y", "r", "angle"):
+                Interval(FINITE).check(f"`where`.{name}", ends)
+            else:
+                raise unknown_key(name, ("x", "y", "r", "angle", "at"), f"`where`.{name}")
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        """The mask (n,)."""
+        rounding = 1e-6  # mm or deg, by which a node may lie beyond a limit
+        arm = x[:2] - np.reshape(self.limits.get("at", (0.0, 0.0)), (2, 1))
+        angle = np.degrees(np.arctan2(arm[1], arm[0]))
+        values = {"x": x[0], "y": x[1], "r": np.hypot(*arm), "angle": angle}
+        inside = np.ones(x.shape[1], dtype=bool)
+        for name in values.keys() & self.limits.keys():
+            low, high = self.limits[name]
+            over = values[name] - low + rounding
+            over = over % 360 if name == "angle" else over
+            inside &= (over >= 0) & (over <= high - low + 2 * rounding)
+        return inside
+
+    def about(self, centre: np.ndarray) -> Region:
+        """The region with `at` (2,) [mm] unless it has its own."""
+        return Region({"at": centre.tolist()} | dict(self.limits))
+
+
+def check_edges(names: object) -> None:
+    """Raise InputError unless `names` is a list of some of `EDGES`."""
+    if not isinstance(names, (list, tuple)) or any(each not in EDGES for each in names):
+        raise InputError(f"`edges` is {shown(names)}; allowed is a list of some of {[*EDGES]}")
+
+
+class Flange:
+    """Function of places (3, n) to the share (n,) to which each lies on the die's flange: 1 where
+    the die is flat, 0 beyond, and less than 1 where its radius begins; it depends only on x and y.
+
+    Where a lattice over the `extent` of the blank, two corners, is flat everywhere or nowhere about
+    a place, so is the place: smaller parts of the flange may be missed. thickness: of all that lies
+    between die and holder [mm]; up: 1 for a die above the blank, -1 below it.
+    """
+
+    spacing = 2.0  # mm, of the lattice that tells where the die need not be asked
+    beyond = 2  # points of it beyond a place's square, as the end may be curved
+    # height over the thickness, and 1 less the normal's part along z: up to the first a face is
+    # flat, from the second on it is not
+    limits = 1e-3, 1e-2
+
+    def __init__(self, die: Tool, thickness: float, up: float, extent: ArrayLike) -> None:
+        self.die, self.thickness, self.up = die, thickness, up
+        low, high = np.asarray(extent)[:, :2]
+        self._axes = [
+            np.arange(
+                math.floor(start / self.spacing) - self.beyond,
+                math.ceil(end / self.spacing) + self.beyond + 1,
+            )
+            for start, end in zip(low, high)
+        ]
+        self._begin_anew()
+
+    def _begin_anew(self):
+        self._seen = self.die.displacement
+        lattice = np.stack(np.meshgrid(*self._axes, indexing="ij"), -1).astype(float)
+        flat = self._flat(self.spacing * lattice.reshape(-1, 2)).reshape(lattice.shape[:2])
+        self._least, self._most = (
+            find(flat, 2 * self.beyond + 2, origin=-1)
+            for find in (ndimage.minimum_filter, ndimage.maximum_filter)
+        )
+        # how many squares before each have share 0 everywhere, and 1
+        self._counts = [
+            np.pad(each.cumsum(0).cumsum(1), ((1, 0), (1, 0)))
+            for each in (self._most == 0, self._least == 1)
+        ]
+
+    def _follow_die(self):
+        if not np.array_equal(self.die.displacement, self._seen):
+            self._begin_anew()
+
+    def over(self, x: np.ndarray) -> np.ndarray:
+        """The share (n,) of each triangle with corners x (n, 3, 3) [mm] that is 0 or 1 all over it;
+        nan where it may differ, and has to be asked for at places."""
+        self._follow_die()
+        first, last = np.array([axis[[0, -1]] for axis in self._axes]).T
+        low, high = (np.floor(ends / self.spacing) for ends in (x.min(1)[:, :2], x.max(1)[:, :2]))
+        known = ((low >= first) & (high <= last)).all(1)
+        (a, b), (c, d) = (
+            (np.where(known[:, None], end - first, 0).astype(int) + n).T
+            for n, end in enumerate((low, high))
+        )
+        squares, share = (c - a) * (d - b), np.full(len(x), np.nan)
+        for value, sums in enumerate(self._counts):
+            share[known & (sums[c, d] - sums[a, d] - sums[c, b] + sums[a, b] == squares)] = value
+        return share
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        """The share (n,) of places x (3, n) [mm]."""
+        self._follow_die()
+        finite = np.isfinite(x[:2]).all(0)
+        places = np.where(finite, x[:2], 0.0).T
+        first, count = np.array([axis[[0, -1]] for axis in self._axes]).T
+        square = np.floor(places / self.spacing).clip(first, count) - first
+        at = tuple(square.astype(int).T)
+        inside = ((places / self.spacing >= first) & (places / self.spacing <= count)).all(1)
+        share, near = self._least[at], ~inside | (self._least[at] != self._most[at])
+        share[near] = self._flat(places[near])
+        return np.where(finite, share, 0.0)
+
+    def loose_ends(
+        self, extents: Sequence[ArrayLike], centre: np.ndarray, planes: Sequence[int]
+    ) -> list[str]:
+        """A sentence on each end of the smallest sheet, on the axes through its centre (2,), that
+        lies over the die's opening, where no blank holder presses it. extents: two corners of each
+        sheet [mm]; planes: axes to which planes of symmetry are perpendicular."""
+        low, high = (np.array(end) for end in zip(*extents))
+        ends = [(axis, 1, high[:, axis].min()) for axis in (0, 1)]
+        ends += [(axis, -1, low[:, axis].max()) for axis in (0, 1) if axis not in planes]
+        doubts, reach = list[str](), np.arange(200)  # mm, within which the flange is looked for
+        for axis, way, end in ends:
+            x = np.append(centre, 0.0)[:, None] + np.zeros(len(reach))
+            x[axis] = end + way * reach
+            pressed = np.flatnonzero(self(x))
+            if len(pressed) and not pressed[0]:
+                continue
+            away = f"{pressed[0]} mm" if len(pressed) else f"more than {len(reach)} mm"
+            doubts.append(
+                f"the smallest sheet ends over the die's opening at {'xy'[axis]} = "
+                f"{rounded(end, 4)} mm, {away} from the flange: the blank holder does not press it "
+                "there"
+            )
+        return doubts
+
+    def _flat(self, points):
+        """The share (n,) of points (n, 2)."""
+        t, at = self.thickness, np.column_stack([points, np.zeros(len(points))])
+        gap, normal, _ = self.die.evaluate(at, reach=t)
+        off = np.fmax(abs(gap - t / 2) / t, 1 + self.up * normal[:, 2])
+        flat, not_flat = self.limits
+        return np.clip((not_flat - off) / (not_flat - flat), 0, 1)
+
+
+@dataclass(frozen=True, kw_only=True)
 class HolderSite:
     """The place where a blank holder acts: what it needs to make its terms.
 
@@ -39,17 +192,18 @@ class HolderSite:
     ----------
     name
         A name for the holder's tool.
-    press, laid
-        The press, and its blank as it is laid.
-    die
-        The tool on which the holder presses the blank.
-    between
-        Of a stack: the contacts of its sheets.
-    warnings
-        Those of the run, see `warn`.
-    claims
-        Of holders before this one: name, place, and function of points (3, n) to a mask (n,) of
-        where they act there.
+    laid, planes, share
+        The blank as it is laid, the axes to which planes of symmetry are perpendicular, and the
+        share of the whole blank that is modelled.
+    die, up, thickness
+        The tool on which the holder presses the blank, the direction (3,) towards it, and the
+        thickness of all that lies between it and the holder [mm].
+    interface, friction
+        How tools touch the blank, and their friction.
+    against
+        Of a stack: the contacts of each sheet with the next.
+    taken
+        By holders before this one: {place: {name of a holder: where it acts there}}.
 
     Examples
     --------
@@ -62,12 +216,17 @@ class HolderSite:
     """
 
     name: str
-    press: Press
     laid: Laid
+    planes: tuple[int, ...]
+    share: float
     die: Tool
-    between: Sequence[Term]
-    warnings: list[str]
-    claims: list[tuple[str, str, Where]]
+    up: np.ndarray
+    thickness: float
+    interface: Interface
+    friction: Coulomb
+    against: Sequence[SheetContact] = ()
+    taken: dict[str, dict[str, Where]] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
 
     @property
     def path(self) -> str:
@@ -85,31 +244,6 @@ class HolderSite:
         return self.laid.centre
 
     @property
-    def planes(self) -> tuple[int, ...]:
-        """Axes to which the planes of symmetry are perpendicular."""
-        return self.press.planes
-
-    @property
-    def up(self) -> np.ndarray:
-        """The direction (3,) towards the die."""
-        return -self.press.tools[self.die.name].towards
-
-    @property
-    def thickness(self) -> float:
-        """Thickness of all that lies between die and holder [mm]."""
-        return self.press.thickness()
-
-    @property
-    def interface(self) -> Interface:
-        """How tools touch the blank."""
-        return self.press.interface
-
-    @property
-    def friction(self) -> Coulomb:
-        """The friction of tools."""
-        return self.interface.on_tools(self.laid.sheets)
-
-    @property
     def lag(self) -> float:
         """Share of areas and normal forces, by which these may lag behind the state."""
         return self.interface.lag
@@ -124,196 +258,79 @@ class HolderSite:
         """Names of the sheets of a stack that reach beyond all sheets below them."""
         return stack.rims(self.laid.stack, self.laid.sheets) if self.laid.stack else []
 
-    @property
-    def against(self) -> list[SheetContact]:
-        """The contacts of each sheet of a stack with the next."""
-        return stack.neighbours(self.between, self.laid.sheets) if self.laid.stack else []
-
     def contact(self, tool: Tool, where: Where | None = None) -> Contact:
         """Contact with a tool of the holder, as that with the die; where: as in `Contact`."""
         penalty = self.interface.penalty
         return Contact(tool, penalty=penalty, friction=self.friction, where=where)
 
     def warn(self, *sentences: str) -> None:
-        """Add these sentences to the warnings of the run, each once."""
-        self.warnings.extend(words for words in sentences if words not in self.warnings)
-
-    def warn_of_zero(self, field: str, value: float) -> None:
-        """Warn of a holder that does not hold."""
-        if value == 0:
-            self.warn(f"{self.path}.{field} is 0: it does not hold the rim")
-
-    def warn_of_loose_ends(self, flange: Flange) -> None:
-        """Warn of each end of the smallest sheet, on the axes through its centre, that lies over
-        the die's opening, where no holder presses it."""
-        low, high = (np.array(end) for end in zip(*(each.extent() for each in self.laid.blanks)))
-        ends = [(axis, 1, high[:, axis].min()) for axis in (0, 1)]
-        # there is no low end where a plane of symmetry is
-        ends += [(axis, -1, low[:, axis].max()) for axis in (0, 1) if axis not in self.planes]
-        for axis, way, end in ends:
-            x = np.append(self.centre, 0.0)[:, None] + np.zeros(MAX_OPENING)
-            x[axis] = end + way * np.arange(MAX_OPENING)
-            pressed = np.flatnonzero(flange(x))
-            if len(pressed) and not pressed[0]:
-                continue
-            away = f"{pressed[0]} mm" if len(pressed) else f"more than {MAX_OPENING} mm"
-            self.warn(
-                f"the smallest sheet ends over the die's opening at {'xy'[axis]} = "
-                f"{rounded(end, 4)} mm, {away} from the flange: the blank holder does not press it "
-                "there"
-            )
+        """Add these sentences to the warnings of the run."""
+        self.warnings.extend(sentences)
 
     def on_flange(self) -> Flange:
         """Function of positions (3, n) to the share (n,) of each that is on the die's flange."""
         return Flange(self.die, self.thickness, self.up[2], self.blank.extent())
 
-    def edges(self, names: Sequence[str]) -> list[tuple[str, np.ndarray, Where]]:
+    def edges(self, names: Sequence[str]) -> Iterator[tuple[str, np.ndarray, Where]]:
         """The modelled ones of the edges: name, direction outwards (3,), and mask of points."""
-        extent, edges = self.blank.extent(), list[tuple[str, np.ndarray, Where]]()
+        extent = self.blank.extent()
         for name in names:
             axis, end = EDGES[name]
-            place = extent[end][axis]
             if end or axis not in self.planes:
+                place = extent[end][axis]
 
                 def edge(x, axis=axis, place=place):
                     return abs(x[axis] - place) < 1e-6
 
-                edges.append((name, (2 * end - 1) * np.eye(3)[axis], edge))
-        return edges
+                yield name, (2 * end - 1) * np.eye(3)[axis], edge
 
-    def checked(self, where: Where | None) -> Where | None:
-        """`where` of a holder, if given, as a function that checks each mask. Raises InputError if
-        no node of the flat blank is marked."""
+    def gripped(self, name: str, edge: Where, where: Where | None) -> Where | None:
+        """Where this holder acts on an edge; None if at most a corner is marked."""
+        x, mask = self.laid.flat_nodes().T, self._checked(where)
+        nodes, grips = np.ones(x.shape[1]), lambda x: edge(x) & mask(x)
+        if self._sum(nodes, x, grips) <= 1:
+            return None
+        self._take(name, grips, x, nodes, 1, f"nodes of the edge {name}")
+        return grips
+
+    def pressed(self, where: Where | None) -> Where | None:
+        """Function of points (3, n) to a mask (n,) of what this holder presses on the die's face
+        and none before it does, None for all of it: a node at the common limit of two segments is
+        the first one's. Raises InputError where they overlap by more than that."""
+        blank, mask, face = self.laid.blanks[0], self._checked(where), f"face of {self.die.name}"
+        x = blank.midpoints()
+        areas = np.where(self.on_flange()(x) > 0, blank.areas() / self.share, 0.0)
+        others = self._take(face, mask, x, areas, 0, "mm2 of the blank")
+        if where is None and not others:
+            return None
+        return lambda x: np.all([mask(x), *(~other(x) for other in others)], axis=0)
+
+    def _checked(self, where):
+        """`where` of a holder, None for everywhere, as a function that checks each mask."""
         if where is None:
-            return None
+            return lambda x: np.ones(x.shape[1], dtype=bool)
         given = where.about(self.centre) if isinstance(where, Region) else where
-        x, name = self.laid.flat_nodes().T, f"`where` of {self.path}"
+        x = self.laid.flat_nodes().T
+        if not self._sum(np.ones(x.shape[1]), x, lambda x: values_at(given, x)):
+            raise InputError(f"`where` of {self.path} marks no node; allowed is a mask of some")
+        return lambda x: values_at(given, x)
 
-        def mask(x):
-            return values_at(given, x)
+    def _sum(self, weights, x, *masks):
+        """Of all ranks, of the weights where all masks are true."""
+        own = weights[np.all([mask(x) for mask in masks], axis=0)].sum()
+        return self.blank.mesh.comm.allreduce(float(own))
 
-        if not self.blank.mesh.comm.allreduce(int(mask(x).sum())):
-            raise InputError(f"{name} marks no node; allowed is a mask that is true on some")
-        return mask
-
-    def claim_edge(self, name: str, edge: Where, where: Where | None) -> Where | None:
-        """Where a gripper acts on an edge, None if at most a corner is marked."""
-        x, comm = self.laid.flat_nodes().T, self.blank.mesh.comm
-
-        def gripped(x):
-            return edge(x) & (where(x) if where else True)
-
-        if comm.allreduce(int(gripped(x).sum())) <= 1:
-            return None
-        both = lambda other: int((gripped(x) & other(x)).sum())  # noqa: E731
-        self._claim(name, gripped, both, 1, f"nodes of the edge {name}")
-        return gripped
-
-    def claim_face(self, where: Where | None) -> Where | None:
-        """Function of points (3, n) to a mask (n,) of what this holder presses and none before it
-        does, None for all: a node at the common limit of two segments is the first one's. Raises
-        InputError where they overlap by more than that."""
-        given, flange, blank = self.checked(where), self.on_flange(), self.laid.blanks[0]
-        x, areas = blank.midpoints(), blank.areas() / self.press.share
-        mask = given or (lambda x: np.ones(x.shape[1], dtype=bool))
-
-        def overlap(other):
-            return float(areas[mask(x) & other(x) & (flange(x) > 0)].sum())
-
-        place = f"the face of {self.die.name}"
-        if others := self._claim(place, mask, overlap, 0.0, "mm2 of the blank"):
-            return lambda x: mask(x) & ~np.any([other(x) for other in others], axis=0)
-        return given
-
-    def at_plate(self, where: Where | None) -> Where:
-        """Function of points of the flat blank to whether a plate touches them: on the die's flat
-        face, since the plate has the die's opening, and where its segment is."""
-        flange, mask = self.on_flange(), self.claim_face(where)
-        return lambda x: (flange(x) > 0) & (mask(x) if mask else True)
-
-    def _claim(self, place, where, overlap, most, unit):
-        """Note that the holder acts on a `place` where a function says so; the functions of the
-        holders before it there. Raises InputError where two overlap by more than `most`: they would
-        act twice, and two plates or grippers can't be at one place; overlap: function of another
-        holder's function to this rank's share of it."""
-        earlier = {name: other for name, at, other in self.claims if at == place}
+    def _take(self, place, mask, x, weights, most, unit):
+        """Note that the holder acts on a `place` where a mask is true; the masks of the holders
+        before it there. Raises InputError where two overlap by more than `most`, as a sum of
+        weights at x: they would act twice, and two plates or grippers can't be at one place."""
+        earlier = self.taken.setdefault(place, {})
+        others = list(earlier.values())
         for name, other in earlier.items():
-            shared = self.blank.mesh.comm.allreduce(overlap(other))
-            if shared > most:
+            if (shared := self._sum(weights, x, mask, other)) > most:
                 raise InputError(
                     f"holders.{name} and {self.path} overlap on {rounded(shared, 4)} {unit}, "
                     "where both would act; allowed are segments beside each other (`where`)"
                 )
-        self.claims.append((self.name, place, where))
-        return list(earlier.values())
-
-
-def hold(
-    press: Press, laid: Laid, placed: Placed, between: Sequence[Term], warnings: list[str]
-) -> tuple[dict[str, list[Term]], Tool | None]:
-    """{name of a holder or segment: its terms}, and the last tool on which one presses."""
-    held, claims, on_die = dict[str, list[Term]](), list[tuple[str, str, Where]](), None
-    holder: Any
-    for name, given in press.holders.items():
-        for k, holder in enumerate(holders_of(name, given)):
-            segment = name if k == 0 else f"{name} {k + 1}"
-            die = _die_of(segment, holder, press, laid, placed)
-            site = HolderSite(segment, press, laid, die, between, warnings, claims)
-            if segment in press.pressures() and not placed.schedule.is_constant(segment):
-                holder = dataclasses.replace(holder, pressure=placed.schedule.pressure(segment))
-            held[segment] = _terms_of(holder, site)
-            on_die = die if getattr(holder, "presses", True) else on_die
-            for term in held[segment]:
-                if isinstance(term, BlankHolderPressure) and term.direction @ site.up < 0:
-                    site.warn(
-                        f"the pressure of {segment} is directed away from the die: towards it is "
-                        f"(0, 0, {site.up[2]:g})"
-                    )
-    return held, on_die
-
-
-def _terms_of(holder, site):
-    """The terms of a holder. Pressures without a tool of their own get its name."""
-    terms = holder.terms(site)
-    if not isinstance(terms, (list, tuple)) or not all(isinstance(each, Term) for each in terms):
-        kind = type(terms).__name__
-        raise InputError(f"{site.path}: `terms` returns {kind}; allowed is a list of terms")
-    unnamed = [term.tool for term in terms if term.tool and term.tool.name == term.name]
-    for k, tool in enumerate(unnamed, 1):
-        tool.name = site.name if len(unnamed) == 1 else f"{site.name}, {k}"
-    return list(terms)
-
-
-def _die_of(name: str, holder: Holder, press: Press, laid: Laid, placed: Placed) -> Tool:
-    """The tool on which a holder presses the blank."""
-    tools, path = placed.tools, f"holders.{name}"
-    asked = getattr(holder, "against", "")
-    if asked and asked not in tools:
-        raise unknown_key(asked, tools, f"{path}.against {asked}")
-    still = [n for n in tools if not placed.schedule.is_moved(n)]
-    if asked and asked not in still:
-        raise InputError(
-            f"{path}.against is {asked}, which moves; allowed is a tool that stands still, or "
-            "a holder that is a tool with a force"
-        )
-    flat = [n for n in ([asked] if asked else still) if _is_flat(tools[n], press, laid)]
-    if not getattr(holder, "presses", True):
-        return tools[(flat or list(tools))[0]]
-    if not flat:
-        which = f"{asked} has" if asked else "no tool that stands still has"
-        raise InputError(
-            f"{path} has nothing to press the blank on: {which} a flat face on it; allowed is "
-            "a tool with one, or a holder that is a tool with a force"
-        )
-    if len(flat) > 1:
-        raise InputError(
-            f"{path} needs `against`, the name of the tool that it presses the blank on: "
-            f"{' or '.join(flat)}"
-        )
-    return tools[flat[0]]
-
-
-def _is_flat(tool, press, laid):
-    up = -press.tools[tool.name].towards[2]
-    share = Flange(tool, press.thickness(), up, laid.blank.extent())(laid.flat_nodes().T)
-    return bool(laid.blank.mesh.comm.allreduce(int((share > 0).sum())))
+        earlier[self.name] = mask
+        return others

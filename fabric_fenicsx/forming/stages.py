@@ -1,8 +1,7 @@
 """The stages of a press: which tools move, and how, one stage after the other."""
 
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -10,6 +9,8 @@ from ..runtime.errors import InputError
 from ..runtime.fields import KnowsItsFields, documented, number, switch
 from ..runtime.rules import COUNT, FINITE, FROM_ZERO, POSITIVE, shown, unknown_key
 from ..tools.values import checked_vector
+from .holders import Holder, PressureHolder
+from .tools import PressTool
 
 
 @documented
@@ -55,116 +56,96 @@ class Stage(KnowsItsFields):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for kind, rule in (("forces", POSITIVE), ("pressures", FROM_ZERO)):
-            for name, value in _table(self, kind).items():
-                rule.check(f"`{kind}`.{name}", value)
-        for name, value in _table(self, "moves").items():
-            is_vector = isinstance(value, (list, tuple, np.ndarray))
-            (checked_vector if is_vector else FINITE.check)(f"`moves`.{name}", value)
-        names = self.leave if isinstance(self.leave, (list, tuple)) else [None]
-        if not all(isinstance(each, str) for each in names):
+        for kind, rule in (("moves", FINITE), ("forces", POSITIVE), ("pressures", FROM_ZERO)):
+            table = getattr(self, kind)
+            if not isinstance(table, Mapping):
+                raise InputError(f"`{kind}` is {shown(table)}; allowed is a table of names")
+            for name, value in table.items():
+                is_vector = kind == "moves" and np.ndim(value) == 1
+                (checked_vector if is_vector else rule.check)(f"`{kind}`.{name}", value)
+        if not isinstance(self.leave, (list, tuple)):
             raise InputError(f"`leave` is {shown(self.leave)}; allowed is a list of names of tools")
         moves = any(np.any(way) for way in self.moves.values())
-        moving = moves or self.forces or self.pressures or self.leave or self.close
-        if self.unload and moving:
-            raise InputError("`unload` needs a stage of its own, in which nothing moves")
-        if not self.unload and not moving:
+        if self.unload == bool(moves or self.forces or self.pressures or self.leave or self.close):
             raise InputError(
-                "a stage needs `moves` other than 0, `close`, `forces`, `pressures` or `leave`"
+                "a stage needs `moves` other than 0, `close`, `forces`, `pressures` or `leave`; or "
+                "`unload` alone"
             )
-
-
-def _table(stage, kind):
-    table = getattr(stage, kind)
-    if not isinstance(table, Mapping):
-        raise InputError(f"`{kind}` is {shown(table)}; allowed is a table of names")
-    return table
 
 
 class Schedule:
     """What tools and holders do over the load factor, from 0 to 1 over all `stages` in proportion
-    to their steps.
+    to their steps; `joints`: load factors at their ends.
 
-    towards: {name of a tool: direction to the blank (3,)}; forces, pressures: {name: value} at the
-    start, of tools that a force moves [N] and of holders with a pressure [MPa]; reach: {name of a
-    tool with a die: distance that it moves until it touches the die} [mm]; thickness: of the blank
-    [mm]. Raises InputError for stages that name what is not there.
+    reach: {name of a tool with a die: distance that it moves until it touches the die} [mm];
+    thickness: of the blank [mm]. Raises InputError for stages that name what is not there.
     """
 
     def __init__(
         self,
         stages: Sequence[Stage],
-        towards: Mapping[str, np.ndarray],
-        forces: Mapping[str, float],
-        pressures: Mapping[str, float],
+        tools: Mapping[str, PressTool],
+        holders: Mapping[str, Holder | Sequence[Holder]],
         reach: Mapping[str, float],
         thickness: float,
     ) -> None:
-        self._towards, self._reach, self._thickness = towards, reach, thickness
+        self._tools, self._reach, self._thickness = tools, reach, thickness
         self.stages = [
-            dataclasses.replace(stage, name=stage.name or f"stage {k}")
+            replace(stage, name=stage.name or f"stage {k}") if not stage.name else stage
             for k, stage in enumerate(stages, 1)
             if not stage.unload
         ]
-        if not self.stages:
+        if not self.stages or any(stage.unload for stage in list(stages)[:-1]):
             raise InputError(
-                "stage is empty; allowed are one or more stages that form, as [[stage]]"
+                "stage needs one or more stages that form, as [[stage]]; `unload` is allowed only "
+                "in the last"
             )
-        if any(stage.unload for stage in list(stages)[:-1]):
-            raise InputError("`unload` is allowed only in the last stage")
         self.unloads = bool(stages[-1].unload)
         self.steps = sum(stage.steps for stage in self.stages)
         self.joints = np.append(0, np.cumsum([s.steps for s in self.stages])) / self.steps
-        self._places = {name: [np.zeros(3)] for name in towards}
-        self._forces = {name: [value] for name, value in forces.items()}
-        self._pressures = {name: [value] for name, value in pressures.items()}
-        names = [stage.name for stage in self.stages]
-        if twice := next((name for name in names if names.count(name) > 1), ""):
-            raise InputError(f"two stages are called {twice}; allowed are different names")
+        # places of tools from the start, forces of tools and pressures of holders, at the joints
+        self._places = {name: [np.zeros(3)] for name in tools}
+        self._forces = {n: [float(t.force)] for n, t in tools.items() if t.force is not None}
+        self._pressures = {
+            name: [float(holder.pressure)]
+            for name, holder in holders.items()
+            if isinstance(holder, PressureHolder) and not callable(holder.pressure)
+        }
         for stage in self.stages:
-            self._add(stage, f"stage.{stage.name.removeprefix('stage ')}", towards)
-        for name, places in self._places.items():
-            ways = [float(place @ towards[name]) for place in places]
-            if min(ways) < 0 and max(ways) <= 0:
+            self._add(stage, f"stage.{stage.name.removeprefix('stage ')}")
+        for name in tools:
+            gone = self._gone(name)
+            if min(gone) < 0 and max(gone) <= 0:
                 raise InputError(
                     f"tools.{name} only moves away from the blank; allowed is a tool that moves "
                     "towards it: numbers above 0 in `moves`"
                 )
 
-    def _add(self, stage, label, towards):
+    def _add(self, stage, label):
         for kind, series in (("forces", self._forces), ("pressures", self._pressures)):
             given = getattr(stage, kind)
             if other := next((name for name in given if name not in series), ""):
-                has = f"`{kind[:-1]}` from the start"
                 raise InputError(
-                    f"{label}.{kind}.{other} needs a {has}; those that have one are "
-                    f"{', '.join(series) or 'none here'}"
+                    f"{label}.{kind}.{other} needs a `{kind[:-1]}` from the start; those that have "
+                    f"one are {', '.join(series) or 'none here'}"
                 )
             for name, values in series.items():
                 values.append(given.get(name, values[-1]))
-        moves = dict(stage.moves) | self._closing(stage, label, towards)
+        moves = dict(stage.moves) | self._closing(stage, label)
         for name in (*moves, *stage.leave):
-            if name not in towards:
-                raise unknown_key(name, towards, f"{label}: tool {name}")
-            if name in self._forces:
+            if name not in self._tools:
+                raise unknown_key(name, self._tools, f"{label}: tool {name}")
+            if name in self._forces or (name in moves and name in stage.leave):
                 raise InputError(
-                    f"{label} moves {name}, which moves by its force; allowed is "
-                    f"{label}.forces.{name}"
+                    f"{label} moves {name} twice; a tool moves by its force, in `forces`, by "
+                    "`moves`, or goes back by `leave`"
                 )
         for name, places in self._places.items():
-            if name in stage.leave:
-                if name in moves:
-                    raise InputError(
-                        f"{label}.leave names {name}, which moves in this stage; allowed is a tool "
-                        "that does not"
-                    )
-                places.append(np.zeros(3))
-                continue
-            move = moves.get(name, 0.0)
-            along = towards[name] * move if np.ndim(move) == 0 else np.asarray(move, dtype=float)
-            places.append(places[-1] + along)
+            move = np.asarray(moves.get(name, 0.0), dtype=float)
+            along = move if move.ndim else move * self._tools[name].towards
+            places.append(np.zeros(3) if name in stage.leave else places[-1] + along)
 
-    def _closing(self, stage, label, towards):
+    def _closing(self, stage, label):
         """{name: distance} that tools with a die move in a stage that closes them [mm]."""
         if stage.close is None:
             return {}
@@ -173,44 +154,40 @@ class Schedule:
         if both := next((name for name in self._reach if name in stage.moves), ""):
             raise InputError(f"{label}.moves.{both} is not allowed beside `close`, which moves it")
         left = stage.close * self._thickness
-        return {
-            name: reach - left - float(self._places[name][-1] @ towards[name])
-            for name, reach in self._reach.items()
-        }
+        return {name: reach - left - self._gone(name)[-1] for name, reach in self._reach.items()}
+
+    def _gone(self, name):
+        """How far a tool has gone towards the blank at the joints [mm]."""
+        return [float(place @ self._tools[name].towards) for place in self._places[name]]
 
     def path(self, name: str, start: np.ndarray) -> Callable[[float], np.ndarray]:
         """Function of the load factor to where the tool's origin is, (3,) [mm]; start (3,)."""
         places = np.array(self._places[name]) + start
+        return lambda load: np.array([np.interp(load, self.joints, axis) for axis in places.T])
 
-        def place(load):
-            return np.array([np.interp(load, self.joints, axis) for axis in places.T])
+    def force(self, name: str, share: float) -> Callable[[float], np.ndarray] | None:
+        """Function of the load factor to the force (3,) [N] of a tool on this share of the blank,
+        None if it has none."""
+        if name not in self._forces:
+            return None
+        whole, towards = self._forces[name], self._tools[name].towards
+        return lambda load: share * float(np.interp(load, self.joints, whole)) * towards
 
-        return place
-
-    def force(self, name: str) -> Callable[[float], float]:
-        """Function of the load factor to a tool's force on the whole blank [N]."""
-        return lambda load: float(np.interp(load, self.joints, self._forces[name]))
-
-    def pressure(self, name: str) -> Callable[[float], float]:
-        """Function of the load factor to a holder's pressure [MPa]."""
-        return lambda load: float(np.interp(load, self.joints, self._pressures[name]))
-
-    def is_constant(self, name: str) -> bool:
-        """Whether a holder's pressure is the same all the time."""
-        return len(set(self._pressures[name])) == 1
+    def pressure(self, name: str) -> Callable[[float], float] | None:
+        """Function of the load factor to a holder's pressure [MPa], if stages change it."""
+        values = self._pressures.get(name, [])
+        if len(set(values)) < 2:
+            return None
+        return lambda load: float(np.interp(load, self.joints, values))
 
     def closes_straight(self, name: str, die: str) -> bool:
         """Whether a tool moves only along z and by no force, and its die does not move."""
-        return not (
-            self.is_moved(die)
-            or name in self._forces
-            or np.any(self._places[name], axis=0)[:2].any()
-        )
+        sideways = np.any(self._places[name], axis=0)[:2].any()
+        return not (self.is_moved(die) or name in self._forces or sideways)
 
     def distance(self, name: str, load: float) -> float:
         """Distance of a tool from its die at a load factor, where both are flat [mm]."""
-        gone = [float(place @ self._towards[name]) for place in self._places[name]]
-        return self._reach[name] - float(np.interp(load, self.joints, gone))
+        return self._reach[name] - float(np.interp(load, self.joints, self._gone(name)))
 
     def is_moved(self, name: str) -> bool:
         """Whether any stage moves the tool, or a force does."""
@@ -219,8 +196,7 @@ class Schedule:
     def first_move(self, name: str) -> np.ndarray:
         """Displacement of the tool in the first stage that moves it (3,) [mm]."""
         steps = np.diff(self._places[name], axis=0)
-        moved = steps[steps.any(1)]
-        return moved[0] if len(moved) else np.zeros(3)
+        return steps[steps.any(1).argmax()]
 
     def shown(self) -> np.ndarray:
         """Load factors of about six pictures: ends of stages, and equally many within each."""
@@ -233,12 +209,11 @@ class Schedule:
         furthest, else the one whose force changes most, or "" if none does."""
         leaders = []
         for k in range(len(self.stages)):
-            for of_tools in (self._places, self._forces):
+            leaders.append("")
+            for of_tools in (self._forces, self._places):
                 goes = {n: float(np.linalg.norm(v[k + 1] - v[k])) for n, v in of_tools.items()}
                 farthest = max(goes, key=lambda name: goes[name], default="")
-                if goes.get(farthest):
-                    break
-            leaders.append(farthest if goes.get(farthest) else "")
+                leaders[k] = farthest if goes.get(farthest) else leaders[k]
         return leaders
 
     def stage_at(self, load: float) -> int:
@@ -247,11 +222,8 @@ class Schedule:
 
     def travel(self, load: float) -> float:
         """Travel of the leading tools in all stages up to a load factor [mm]."""
-        total = 0.0
-        for k, name in enumerate(self.leaders()):
-            low, high = self.joints[k : k + 2]
-            share = np.clip((load - low) / (high - low), 0, 1)
-            if name:
-                before, after = self._places[name][k : k + 2]
-                total += share * float(np.linalg.norm(after - before))
-        return total
+        moves = [
+            float(np.linalg.norm(self._places[n][k + 1] - self._places[n][k])) if n else 0.0
+            for k, n in enumerate(self.leaders())
+        ]
+        return float(np.interp(load, self.joints, np.append(0.0, np.cumsum(moves))))

@@ -1,18 +1,23 @@
 """The tools of a press as data: what each is, and where it stands before anything moves."""
 
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from inspect import signature
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
 from ..readers.field import Field, of_place
 from ..runtime.errors import InputError
 from ..runtime.fields import KnowsItsFields, choice, documented, number
-from ..runtime.rules import FROM_ZERO, POSITIVE
-from ..tools.surfaces import Surface
+from ..runtime.rules import FROM_ZERO, POSITIVE, check_complete, shown, unknown_key
+from ..runtime.tables import names_of
+from ..tools.double_dome import DoubleDome
+from ..tools.primitives import Block, Cylinder, Plane, Plate, Sphere, Torus
+from ..tools.surfaces import Surface, Turned
 from ..tools.values import checked_vector, length_of
-
-SIDES = {"below": 1.0, "above": -1.0}  # of the blank -> the direction along z from there to it
 
 
 @documented
@@ -71,7 +76,9 @@ class PressTool(KnowsItsFields):
     """
 
     surface: Surface | str | DieOf
-    side: str = choice("below", tuple(SIDES), "below or above the blank, which is then up or down")
+    side: str = choice(
+        "below", ("below", "above"), "below or above the blank, which is then up or down"
+    )
     at: Sequence[float] | None = None
     off: float | None = number(
         None,
@@ -90,16 +97,62 @@ class PressTool(KnowsItsFields):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        checked_vector("`turn`", self.turn)
-        if self.at is not None:
-            checked_vector("`at`", self.at, size=2 if length_of(self.at) == 2 else 3)
-        for name in ("at", "turn"):  # as lists and arrays, so that tools compare
-            if (value := getattr(self, name)) is not None:
-                object.__setattr__(self, name, tuple(np.asarray(value).tolist()))
-        if self.off is not None and length_of(self.at) == 3:
+        if not isinstance(self.surface, (Surface, str, os.PathLike, DieOf)):
+            raise InputError(
+                f"`surface` is {shown(self.surface)}; allowed is a surface, as `Sphere(50)`, a "
+                "file's name, or `DieOf` another tool"
+            )
+        turn, at = checked_vector("`turn`", self.turn), self.at
+        if at is not None:
+            at = tuple(checked_vector("`at`", at, size=2 if length_of(at) == 2 else 3).tolist())
+        for name, value in (("at", at), ("turn", tuple(turn.tolist()))):  # so that tools compare
+            object.__setattr__(self, name, value)
+        if self.off is not None and length_of(at) == 3:
             raise InputError("`off` is not allowed beside a z in `at`")
 
     @property
     def towards(self) -> np.ndarray:
         """The direction from it to the blank (3,)."""
-        return np.array([0.0, 0.0, SIDES[self.side]])
+        return np.array([0.0, 0.0, 1.0 if self.side == "below" else -1.0])
+
+
+class Shape(NamedTuple):
+    """A kind of surface that a press file names, with the numbers `keys`; its face is up, its
+    origin at `PressTool.at`. usual: other arguments of the kind, and defaults."""
+
+    kind: Callable[..., Surface]
+    keys: tuple[str, ...]
+    usual: Mapping[str, Sequence[float]] = MappingProxyType({})
+
+    def read(self, table: Mapping[str, float], path: str, side: str) -> Surface:
+        """The surface of a table at a path, turned over on a `side` above. Raises InputError."""
+        for key in table:
+            if key not in self.keys:
+                raise unknown_key(key, (*self.keys, *names_of(PressTool)[1:]), f"{path}.{key}")
+        needed = (p.name for p in signature(self.kind).parameters.values() if p.default is p.empty)
+        check_complete({**table, **self.usual}, needed, f"{path}.", f"in [{path}]")
+        try:
+            surface = self.kind(**{**self.usual, **table})
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+        return Turned(surface, (180.0, 0.0, 0.0)) if side == "above" else surface
+
+    def entries(self, surface: Surface, side: str) -> dict[str, float] | None:
+        """The table that is read as this surface, None if there is none."""
+        inner = surface.surface if side == "above" and isinstance(surface, Turned) else surface
+        if type(inner) is not self.kind:
+            return None
+        table = {key: np.asarray(getattr(inner, key)).tolist() for key in self.keys}
+        return table if self.read(table, "", side) == surface else None
+
+
+_ORIGIN, _UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+SHAPES = {
+    "sphere": Shape(Sphere, ("radius",)),
+    "cylinder": Shape(Cylinder, ("radius", "axis"), {"point": _ORIGIN, "axis": (0.0, 1.0, 0.0)}),
+    "plane": Shape(Plane, (), {"point": _ORIGIN, "normal": _UP}),
+    "torus": Shape(Torus, ("ring", "tube"), {"centre": _ORIGIN, "axis": _UP}),
+    "plate": Shape(Plate, ("length", "width", "corner", "entry")),
+    "block": Shape(Block, ("length", "width", "height", "radius", "corner")),
+    "double_dome": Shape(DoubleDome, tuple(names_of(DoubleDome))),
+}

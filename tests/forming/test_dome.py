@@ -20,7 +20,7 @@ def test_tools_close_to_the_clearance_that_is_asked():
         way = made.tools["punch"].path(1.0) - made.tools["punch"].path(0.0)
         assert way[2] == pytest.approx(60.0, abs=1e-6)
         assert made.schedule.distance("punch", 1.0) == pytest.approx(clearance)
-    words = "tools die and punch go .* through one another at the end of forming"
+    words = "tools punch and die go .* through one another at the end of forming"
     with pytest.raises(ff.InputError, match=words):
         dome(nx=4, stroke=62.0)
 
@@ -52,19 +52,15 @@ def test_a_stage_may_close_a_die_that_comes_later():
     two = press.replace(stages=stages).build()
     heights = [two.tools["punch"].path(load)[2] for load in (0, 0.5, 1)]
     assert np.diff(heights) == pytest.approx([20, 40])
-    with pytest.raises(ff.InputError, match="stage.1.moves.punch is not allowed beside"):
-        press.replace(stages=[ff.Stage(close=1.2, moves={"punch": 3})])
 
 
-def test_a_punch_with_a_crack_beneath_the_ply_in_inches_or_closed_is_refused():
+def test_a_punch_with_a_crack_beneath_the_ply_or_in_inches_is_refused():
     points, triangles = double_dome(size=20, turn=15)
     whole = (abs(points[triangles].mean(1)[:, :2]) > 30).any(1)
     with pytest.raises(ff.InputError, match="tools.punch is open at .* beneath the blank; allowed"):
         dome(surface=ff.TriangulatedSurface(points, triangles[whole]), nx=4)
     with pytest.raises(ff.InputError, match="tools.punch is open at .* is a surface in mm"):
         dome(surface=ff.TriangulatedSurface(points / 25.4, triangles), nx=4)
-    with pytest.raises(ff.InputError, match="allowed is the die of an open surface"):
-        dome(surface=ff.Sphere(5, (0, 0, -5)), nx=4)
 
 
 @pytest.mark.mpi

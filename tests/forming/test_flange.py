@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fabric_fenicsx.forming.flange import Flange
+from fabric_fenicsx.forming.site import Flange
 from fabric_fenicsx.tools.primitives import Plate
 from fabric_fenicsx.tools.surfaces import Flipped
 from fabric_fenicsx.tools.tool import Tool

@@ -91,13 +91,10 @@ def test_the_force_of_a_tool_is_that_on_the_whole_blank(tmp_path):
             ["tools.punch.at=[0, 0, -50.478]"],
             r"cuts into the blank by 0.05913 mm .*allowed is z of `at` up to -50.5371",
         ),
-        (["tools.ring.turn=[180, 0, 0]"], r"body between its face .*or turn = \[180, 0, 0\]"),
+        (["tools.ring.turn=[180, 0, 0]"], r"body between its face .*, turn = \[180, 0, 0\]"),
         (["tools.ring.length=60"], "punch and ring go 13.* mm through one another at the end of f"),
         (["holder.against=punch"], "holder.against is punch, which moves; allowed is a tool"),
-        (
-            ["holder.gap=0.53"],
-            "holders.holder.gap is 0.53, which crushes the blank; allowed is from",
-        ),
+        (["holder.gap=0.53"], "holder.gap is 0.53, which crushes the blank; allowed is from"),
     ],
 )
 def test_tools_that_cannot_stand_or_move_as_given(changes, words):
@@ -108,13 +105,9 @@ def test_tools_that_cannot_stand_or_move_as_given(changes, words):
 @pytest.mark.parametrize(
     "changes, words",
     [
-        (["tools.punch.radios=3"], r"tools.punch.radios is unknown \(did you mean radius\?\)"),
         (["stage.1.moves.punch=-30"], "tools.punch only moves away from the blank"),
-        (["stage.forming.forces={punch=3}"], "forming.forces.punch needs a `force` from the start"),
         (["stage.1.close=1.2"], "close needs a tool with a die, as die_of"),
         (["holder={pressure=1, force=3}"], "has pressure and force; allowed is one of pressure, f"),
-        (["holder.where={x=[2, 1]}"], r"x is .*; allowed are two numbers, .lowest, highest"),
-        (["blank.outline=none.dxf"], "no file; allowed is one beside the press file"),
         (["ply=[{}, {}]", "blank={fabric='komeili'}"], "ply.1.length and ply.1.width"),
         (["holders={}", "tools.ring.side=below"], "stand below the blank, and nothing resists"),
     ],
@@ -139,15 +132,6 @@ def test_what_is_doubted_of_a_press(change, words):
     assert any(words in each for each in warnings) if words else not warnings
 
 
-def test_an_example_runs_from_its_file():
-    """The beginning of its first stage: tools and holders are in balance."""
-    base = ff.Press.read("box", ["blank.nx=4"])
-    moves = {tool: 0.1 * way for tool, way in base.stages[0].moves.items()}
-    result = formed(base.replace(stages=ff.Stage(moves=moves, steps=2)))
-    assert result.number("reaction_N") > 0
-    assert result.number("unbalanced_force_N") < 1e-6 * result.number("reaction_N")
-
-
 def test_a_plate_has_the_opening_of_its_die(tmp_path):
     """A ball that comes down through the ring meets no plate beneath it."""
     by_force = "pressure = 0.02       # on what lies on the ring [MPa]", "force = 400"
@@ -160,15 +144,16 @@ def test_a_plate_has_the_opening_of_its_die(tmp_path):
     assert 4 * result.number("reaction_N") == pytest.approx(-forces["punch"])
 
 
-def test_a_surface_that_faces_away_is_turned_round(tmp_path):
+def test_a_surface_that_faces_away_is_refused(tmp_path):
+    """A ball stands as it is; with normals into the body it does not."""
     ball = pyvista.Sphere(radius=50, theta_resolution=90, phi_resolution=90)
-    cap = ball.clip(normal=(0, 0, 1), origin=(0, 0, 10), invert=True)
-    cap = cap.extract_surface().triangulate().flip_faces()
-    cap.save(tmp_path / "cap.stl")
-    path = changed(tmp_path, ('shape = "sphere"\nradius = 50', 'file = "cap.stl"'))
-    press = hemisphere("blank.nx=4", "tools.punch.turn=[180, 0, 0]", file=path)
-    assert any("tools.punch: the normals of its surface point away" in w for w in press.warnings)
+    path = changed(tmp_path, ('shape = "sphere"\nradius = 50', 'file = "ball.stl"'))
+    ball.save(tmp_path / "ball.stl")
+    press = hemisphere("blank.nx=4", file=path)
     assert press.tools["punch"].path(0)[2] == pytest.approx(-50 - press.thickness / 2, abs=0.05)
+    ball.flip_faces().save(tmp_path / "ball.stl")
+    with pytest.raises(ff.InputError, match="tools.punch has its body between .* normals point"):
+        hemisphere("blank.nx=4", file=path)
 
 
 @pytest.mark.parametrize("turn", [0, 180])
@@ -222,13 +207,6 @@ def test_a_press_is_data_that_a_file_holds(name, tmp_path):
         press.symmetry = "none"
 
 
-def test_a_press_is_disturbed_along_no_axis():
-    """By 2 mm at 30 deg, of the whole blank with as large cells."""
-    other = hemisphere("blank.nx=4").disturbed(2.0)
-    assert other.tools["punch"].at[:2] == pytest.approx((np.sqrt(3), 1.0))
-    assert (other.symmetry, other.sheets[0].nx) == ("none", 8)
-
-
 def test_a_blank_has_its_centroid_by_area_from_which_springs_pull(tmp_path):
     """Of two columns of cells, 90 and 210 mm wide."""
     x, y = (each.ravel() for each in np.meshgrid([0.0, 90, 300], [0.0, 200]))
@@ -263,7 +241,7 @@ def test_what_no_file_can_say_is_named(tmp_path):
         segment.write(tmp_path / "press.toml")
     with pytest.raises(ff.InputError, match="field `stage` of Press is unknown .did you mean st"):
         press.replace(stage=())
-    with pytest.raises(ff.InputError, match="`sheets` holds 0; allowed are sheets"):
+    with pytest.raises(ff.InputError, match="one of the plies is 0; allowed is `Sheet"):
         press.replace(sheets=[0])
 
 

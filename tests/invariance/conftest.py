@@ -5,7 +5,7 @@ import logging
 import pytest
 import pyvista
 
-from fabric_fenicsx.forming import checks
+from fabric_fenicsx.forming import placement
 from fabric_fenicsx.results import fields
 
 
@@ -13,4 +13,4 @@ from fabric_fenicsx.results import fields
 def undrawn(monkeypatch):
     monkeypatch.setattr(logging.getLogger("fabric_fenicsx"), "disabled", True)
     monkeypatch.setattr(fields, "triangulated", lambda tool, *_: pyvista.Plane())
-    monkeypatch.setattr(checks, "POINTS_ACROSS", 12)
+    monkeypatch.setattr(placement, "POINTS_ACROSS", 12)

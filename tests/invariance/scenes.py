@@ -84,7 +84,8 @@ def bump():
     """A punch of triangles that is its own mirror image nowhere: place (x, y) to height."""
     x, y = np.meshgrid(np.linspace(-30, 30, 25), np.linspace(-30, 30, 25))
     z = -((x / 30) ** 2 + (y / 24) ** 2) * 8 + 1.5 * np.exp(-((x - 8) ** 2 + (y - 5) ** 2) / 200)
-    return pyvista.StructuredGrid(x, y, z).extract_surface(algorithm=None).triangulate()
+    grid = pyvista.StructuredGrid(x, y, z)
+    return grid.extract_surface(algorithm=None).triangulate().flip_faces()  # up
 
 
 def of_file(folder):

@@ -55,7 +55,7 @@ def test_a_material_is_not_lost(launch, tmp_path):
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        ((), "--data is missing; see --help"),
+        ((), "required: --data; --help tells"),
         (("--data", DATA / "komeili_paper", "--out", "/proc/none/x.toml"), "can't be written to"),
     ],
 )

@@ -1,0 +1,135 @@
+"""Tables of TOML and the dataclasses that they describe, both ways; and changes by path."""
+
+import dataclasses
+import re
+import tomllib
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from typing import TypeVar
+
+from .errors import InputError
+from .rules import shown, unknown_key
+
+Kind = TypeVar("Kind")
+# of an entry, its field's metadata and the entry's path: the value of the field
+Convert = Callable[[object, Mapping, str], object]
+
+
+def names_of(kind: type) -> list[str]:
+    """Names of the fields of a dataclass that its table may have."""
+    return [each.name for each in dataclasses.fields(kind) if each.init]
+
+
+def as_table(value: object, path: str, allowed: str = "a table") -> dict:
+    """A copy of the table at a path. Raises InputError for anything else."""
+    if not isinstance(value, Mapping):
+        raise InputError(f"{path} is {shown(value)}; allowed is {allowed}")
+    return dict(value)
+
+
+def as_list(value: object, path: str) -> list[dict]:
+    """The tables [[path]]. Raises InputError for anything else, and for none."""
+    if not (isinstance(value, list) and value and all(isinstance(each, dict) for each in value)):
+        raise InputError(f"{path} is {shown(value)}; allowed is a table [[{path}]] for each")
+    return value
+
+
+def key_of(keys: Collection[str], table: Mapping, path: str) -> str:
+    """The key that tells of which kind a table is: the one that it has of `keys`."""
+    found = [key for key in keys if key in table]
+    if len(found) != 1:
+        flaw = f"has {' and '.join(found)}" if found else "does not say what it is"
+        raise InputError(f"{path} {flaw}; allowed is one of {', '.join(keys)}")
+    return found[0]
+
+
+def read(kind: type[Kind], table: Mapping, path: str, convert: Convert) -> Kind:
+    """The dataclass object that the table at a path describes. Raises InputError by path."""
+    fields = {each.name: each for each in dataclasses.fields(kind) if each.init}  # type: ignore
+    given = {}
+    with located(path, fields):
+        for key, value in table.items():
+            if key not in fields:
+                raise unknown_key(key, fields, f"{path}.{key}")
+            given[key] = convert(value, fields[key].metadata, f"{path}.{key}")
+        return kind(**given)
+
+
+@contextmanager
+def located(path: str, names: Collection[str]) -> Iterator[None]:
+    """Put the path of a table into messages: `x`, one of these names, becomes path.x."""
+    try:
+        yield
+    except InputError as error:
+        words = re.sub(
+            r"`(\w+)`", lambda m: f"{path}.{m[1]}" if m[1] in names else m[0], str(error)
+        )
+        raise InputError(words if path in words else f"{path}: {words}") from None
+
+
+def entries(owner: object) -> dict:
+    """The fields of a dataclass object that differ from their defaults and from None."""
+    found = {}
+    for each in dataclasses.fields(owner):  # type: ignore[arg-type]
+        value, usual = getattr(owner, each.name), each.default
+        if each.default_factory is not dataclasses.MISSING:
+            usual = each.default_factory()
+        same = value is usual or (isinstance(value, type(usual)) and value == usual)
+        if not (same or value is None):
+            found[each.name] = value
+    return found
+
+
+# -- changes
+
+
+def key_and_value(change: str) -> tuple[list[str], object]:
+    """Names of the path and the value that a change "a.b.c=VALUE" gives; what is no value of TOML
+    is a text."""
+    key, equals, text = change.partition("=")
+    names = key.strip().split(".")
+    if not equals or not all(names):
+        raise InputError(
+            f"change {shown(change)} is no KEY=VALUE; allowed is for example blank.nx=8"
+        )
+    with suppress(tomllib.TOMLDecodeError):
+        return names, tomllib.loads(f"value = {text.strip()}")["value"]
+    return names, text.strip()
+
+
+def put(
+    document: dict,
+    names: Sequence[str],
+    value: object,
+    opened: Callable[[Sequence[str], object], object],
+    excluded: Callable[[Sequence[str], Mapping], Iterable[str]],
+) -> None:
+    """Set the entry at a path; tables of a list have their name, or their number from 1.
+
+    opened: function of a path within it and the entry there, None if there is none, to the table
+    in place of that entry; excluded: of the path and the table that gets the entry, to the keys
+    that this may not have beside it. Raises InputError for a path that leads nowhere.
+    """
+    table: object = document
+    for depth, name in enumerate(names[:-1], 1):
+        known: dict = table if isinstance(table, dict) else {}
+        if isinstance(table, list):
+            known = {str(k): each for k, each in enumerate(table, 1)}
+            known |= {each["name"]: each for each in table if "name" in each}
+        inner = opened(names[:depth], known.get(name))
+        if not isinstance(inner, (dict, list)):
+            of = ".".join(names[: depth - 1]) or "the file"
+            raise unknown_key(name, known, f"{'.'.join(names)}: {name} of {of}")
+        if isinstance(table, dict) and inner is not known.get(name):
+            _set(table, names[:depth], inner, excluded)
+        table = inner
+    if not isinstance(table, dict):
+        path = ".".join(names)
+        raise InputError(f"{path} names no entry; allowed is {'.'.join(names[:-1])}.NAME.KEY")
+    _set(table, names, value, excluded)
+
+
+def _set(table, names, value, excluded):
+    for each in excluded(names, table):
+        table.pop(each, None)
+    table[names[-1]] = value
