@@ -106,9 +106,9 @@ def _tool(table, path, convert):
     own: dict[str, Any] = {key: table.pop(key) for key in [*table] if key not in common}
     value = own.pop(kind)
     if kind == "shape":
-        if value not in SHAPES:
+        if not (shape := SHAPES.get(str(value))):
             raise unknown_key(value, SHAPES, f"{path}.shape {value}")
-        table["surface"] = SHAPES[value].read(own, path, side)
+        table["surface"] = shape.read(own, path, side)
     elif kind == "die_of":
         die = tables.read(DieOf, {"tool": value} | own, path, convert)
         table = {"surface": die, "side": "above"} | table

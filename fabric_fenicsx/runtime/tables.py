@@ -51,7 +51,10 @@ def read(kind: type[Kind], table: Mapping, path: str, convert: Convert) -> Kind:
         for key, value in table.items():
             if key not in fields:
                 raise unknown_key(key, fields, f"{path}.{key}")
-            given[key] = convert(value, fields[key].metadata, f"{path}.{key}")
+            meta, is_text = fields[key].metadata, fields[key].type in (str, "str")
+            if is_text and not isinstance(value, str) and "choices" not in meta:
+                raise InputError(f"{path}.{key} is {shown(value)}; allowed is a text")
+            given[key] = convert(value, meta, f"{path}.{key}")
         return kind(**given)
 
 
