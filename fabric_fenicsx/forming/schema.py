@@ -132,7 +132,7 @@ def _value(value, meta, path, folder):
         beside = folder / source
         with located(path, ()):
             return meta["read"](str(beside) if beside.is_file() else source).changed(numbers)
-    if isinstance(meta.get("rule"), OfPlace):
+    if isinstance(meta.get("rule"), OfPlace) and isinstance(value, (str, Mapping)):
         with located(path, ()):
             return from_entry(value, path, lambda file, at: _file(file, at, folder))
     if meta.get("metavar") == "FILE":
