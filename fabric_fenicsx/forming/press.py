@@ -8,7 +8,6 @@ from typing import Any, ClassVar, Self
 from mpi4py import MPI
 
 from ..job.job import Job
-from ..runtime.errors import InputError
 from . import schema
 from .build import build
 from .forming_scene import FormingScene
@@ -79,11 +78,7 @@ class Press(PressData):
         """
         example = EXAMPLES / f"{path}.toml"
         file = example if not os.path.isfile(path) and example.is_file() else Path(path)
-        fields = schema.read(file, changes)
-        try:
-            return cls(**fields)
-        except InputError as error:
-            raise InputError(f"{file}: {error}") from None
+        return schema.read(cls, file, changes)
 
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write a file that `read` reads; materials that are no presets go into files beside it.

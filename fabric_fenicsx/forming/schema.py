@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import tomli_w
@@ -29,6 +29,7 @@ from .press_data import PressData
 from .stages import Stage
 from .tools import SHAPES, DieOf, PressTool
 
+P = TypeVar("P", bound=PressData)
 TABLES = "blank", "contact", "limits", "tools", "holders"
 # option of a study -> entry of a sheet: a change without a table, as "nx=8", is of all plies
 OF_ALL_PLIES = {"material": "fabric"} | {
@@ -42,18 +43,17 @@ SURFACES = "shape", "file", "die_of"  # keys of a tool, one of which it has
 # -- reading
 
 
-def read(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> dict[str, Any]:
-    """The fields of a `PressData` from a file. changes: of its entries, texts "KEY=VALUE", as
-    "tools.punch.radius=40"; one that excludes others replaces them. Raises InputError that names
-    file, table and key."""
-    check_file(Path(path), "press file", "a TOML file of a press")
+def read(kind: type[P], path: Path, changes: Sequence[str] = ()) -> P:
+    """The press in a file. changes: of its entries, texts "KEY=VALUE", as "tools.punch.radius=40";
+    one that excludes others replaces them. Raises InputError that names file, table and key."""
+    check_file(path, "press file", "a TOML file of a press")
 
-    def fields(document):
+    def made(document):
         for change in changes:
             _change(document, *tables.key_and_value(change))
-        return {"title": Path(path).stem.replace("_", " ")} | _fields(document, Path(path).parent)
+        return kind(**{"title": path.stem.replace("_", " ")} | _fields(document, path.parent))
 
-    return read_toml(path, fields)
+    return read_toml(path, made)
 
 
 def _fields(document, folder):
@@ -106,9 +106,9 @@ def _tool(table, path, convert):
     own: dict[str, Any] = {key: table.pop(key) for key in [*table] if key not in common}
     value = own.pop(kind)
     if kind == "shape":
-        if value not in SHAPES:
+        if not (shape := SHAPES.get(str(value))):
             raise unknown_key(value, SHAPES, f"{path}.shape {value}")
-        table["surface"] = SHAPES[value].read(own, path, side)
+        table["surface"] = shape.read(own, path, side)
     elif kind == "die_of":
         die = tables.read(DieOf, {"tool": value} | own, path, convert)
         table = {"surface": die, "side": "above"} | table
@@ -132,7 +132,7 @@ def _value(value, meta, path, folder):
         beside = folder / source
         with located(path, ()):
             return meta["read"](str(beside) if beside.is_file() else source).changed(numbers)
-    if isinstance(meta.get("rule"), OfPlace):
+    if isinstance(meta.get("rule"), OfPlace) and isinstance(value, (str, Mapping)):
         with located(path, ()):
             return from_entry(value, path, lambda file, at: _file(file, at, folder))
     if meta.get("metavar") == "FILE":

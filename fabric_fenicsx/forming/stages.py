@@ -8,6 +8,7 @@ import numpy as np
 from ..runtime.errors import InputError
 from ..runtime.fields import KnowsItsFields, documented, number, switch
 from ..runtime.rules import COUNT, FINITE, FROM_ZERO, POSITIVE, shown, unknown_key
+from ..runtime.tables import as_table
 from ..tools.values import checked_vector
 from .holders import Holder, PressureHolder
 from .tools import PressTool
@@ -57,10 +58,7 @@ class Stage(KnowsItsFields):
     def __post_init__(self) -> None:
         super().__post_init__()
         for kind, rule in (("moves", FINITE), ("forces", POSITIVE), ("pressures", FROM_ZERO)):
-            table = getattr(self, kind)
-            if not isinstance(table, Mapping):
-                raise InputError(f"`{kind}` is {shown(table)}; allowed is a table of names")
-            for name, value in table.items():
+            for name, value in as_table(getattr(self, kind), f"`{kind}`", "a table").items():
                 is_vector = kind == "moves" and np.ndim(value) == 1
                 (checked_vector if is_vector else rule.check)(f"`{kind}`.{name}", value)
         if not isinstance(self.leave, (list, tuple)):
@@ -91,7 +89,7 @@ class Schedule:
     ) -> None:
         self._tools, self._reach, self._thickness = tools, reach, thickness
         self.stages = [
-            replace(stage, name=stage.name or f"stage {k}") if not stage.name else stage
+            stage if stage.name else replace(stage, name=f"stage {k}")
             for k, stage in enumerate(stages, 1)
             if not stage.unload
         ]
@@ -131,14 +129,15 @@ class Schedule:
                 )
             for name, values in series.items():
                 values.append(given.get(name, values[-1]))
-        moves = dict(stage.moves) | self._closing(stage, label)
-        for name in (*moves, *stage.leave):
+        closing = self._closing(stage, label)
+        moves, moved = dict(stage.moves) | closing, [*stage.moves, *closing, *stage.leave]
+        for name in moved:
             if name not in self._tools:
                 raise unknown_key(name, self._tools, f"{label}: tool {name}")
-            if name in self._forces or (name in moves and name in stage.leave):
+            if name in self._forces or moved.count(name) > 1:
                 raise InputError(
-                    f"{label} moves {name} twice; a tool moves by its force, in `forces`, by "
-                    "`moves`, or goes back by `leave`"
+                    f"{label} moves {name} twice; a tool moves by its force, in `forces`, or by "
+                    "one of `moves`, `close` and `leave`"
                 )
         for name, places in self._places.items():
             move = np.asarray(moves.get(name, 0.0), dtype=float)
@@ -151,8 +150,6 @@ class Schedule:
             return {}
         if not self._reach:
             raise InputError(f"{label}.close needs a tool with a die, as die_of")
-        if both := next((name for name in self._reach if name in stage.moves), ""):
-            raise InputError(f"{label}.moves.{both} is not allowed beside `close`, which moves it")
         left = stage.close * self._thickness
         return {name: reach - left - self._gone(name)[-1] for name, reach in self._reach.items()}
 

@@ -13,7 +13,7 @@ from ..readers.field import Field, of_place
 from ..runtime.errors import InputError
 from ..runtime.fields import KnowsItsFields, choice, documented, number
 from ..runtime.rules import FROM_ZERO, POSITIVE, check_complete, shown, unknown_key
-from ..runtime.tables import names_of
+from ..runtime.tables import located, names_of
 from ..tools.double_dome import DoubleDome
 from ..tools.primitives import Block, Cylinder, Plane, Plate, Sphere, Torus
 from ..tools.surfaces import Surface, Turned
@@ -131,10 +131,8 @@ class Shape(NamedTuple):
                 raise unknown_key(key, (*self.keys, *names_of(PressTool)[1:]), f"{path}.{key}")
         needed = (p.name for p in signature(self.kind).parameters.values() if p.default is p.empty)
         check_complete({**table, **self.usual}, needed, f"{path}.", f"in [{path}]")
-        try:
+        with located(path, ()):
             surface = self.kind(**{**self.usual, **table})
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
         return Turned(surface, (180.0, 0.0, 0.0)) if side == "above" else surface
 
     def entries(self, surface: Surface, side: str) -> dict[str, float] | None:

@@ -11,7 +11,7 @@ from .errors import InputError
 from .rules import shown, unknown_key
 
 Kind = TypeVar("Kind")
-# of an entry, its field's metadata and the entry's path: the value of the field
+# of an entry that is no number, its field's metadata and the entry's path: the field's value
 Convert = Callable[[object, Mapping, str], object]
 
 
@@ -51,7 +51,11 @@ def read(kind: type[Kind], table: Mapping, path: str, convert: Convert) -> Kind:
         for key, value in table.items():
             if key not in fields:
                 raise unknown_key(key, fields, f"{path}.{key}")
-            given[key] = convert(value, fields[key].metadata, f"{path}.{key}")
+            meta, is_text = fields[key].metadata, fields[key].type in (str, "str")
+            if is_text and not isinstance(value, str) and "choices" not in meta:
+                raise InputError(f"{path}.{key} is {shown(value)}; allowed is a text")
+            is_number = "rule" in meta and isinstance(value, (int, float))
+            given[key] = value if is_number else convert(value, meta, f"{path}.{key}")
         return kind(**given)
 
 
