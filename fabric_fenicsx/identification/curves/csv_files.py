@@ -237,11 +237,11 @@ def _table(cells, keys, sheet, problems):
             known = units(column, sheet.thickness)
             if column not in allowed:
                 raise unknown_key(column, allowed, f"{place}: column {column} of {keys.test}")
-            if unit is None:
-                example = f"{column} [{unit_inside(column)}], for example, or a row of units below"
-                raise InputError(f"{place}: the column {column} has no unit; allowed is {example}")
             if unit not in known:
-                raise unknown_key(unit, known, f"{place}: unit [{unit}] of column {column}")
+                example = f"{column} [{unit_inside(column)}], for example, or a row of units below"
+                none = InputError(f"{place}: the column {column} has no unit; allowed is {example}")
+                label = f"{place}: unit [{unit}] of column {column}"
+                raise unknown_key(unit, known, label) if unit else none
             factors[i] = column, known[unit]
     problems += [f"{place}: {words}" for words in _of_columns(keys, header, unread)]
     while cells.rows and not any(
