@@ -178,7 +178,6 @@ class Problem:
         return sd
 
     def _yarns(self, name):
-        """The yarns, 0 or 1, whose parameter this is."""
         return {"warp": (0,), "weft": (1,)}.get(name.rpartition(".")[0], (0, 1))
 
     def has_contraction(self, name: str) -> bool:

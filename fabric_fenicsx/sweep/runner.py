@@ -150,7 +150,6 @@ def _last_words(run, own="fabric form: "):
 
 
 def _note(run, status):
-    """Note in a run's folder how its process ended."""
     run.status, run.reason = status, ""
     if status < 0:
         name = signal.Signals(-status).name
@@ -166,7 +165,6 @@ def _note(run, status):
 
 
 def _line(run, seconds):
-    """The line that tells of a run that ended."""
     summary = run.summary()
     if not run.is_believed():
         reached = summary.get("stroke_reached", 0)

@@ -106,20 +106,10 @@ def _curve(file, table, keys, thickness, remarks):
             angles, (column,) = less.columns[runs] - loose, measured
             back = angles, response(column, less.columns[column], angles, *specimen)
             notes.append(f"friction is fitted to the way back, to row {less.rows[-1]}")
-    return Curve(
-        file,
-        keys.test,
-        strains,
-        tuple(responses),
-        np.array(table.rows),
-        STRAINS.index(runs),
-        keys.free,
-        _noise(keys.texts, responses, thickness),
-        keys.lengths,
-        (*remarks, *notes),
-        back,
-        columns["displacement"] if "displacement" in raw.values() else None,
-    )
+    rows, noise = np.array(table.rows), _noise(keys.texts, responses, thickness)
+    moved_by = columns["displacement"] if "displacement" in raw.values() else None
+    what = file, keys.test, strains, tuple(responses), rows, STRAINS.index(runs), keys.free
+    return Curve(*what, noise, keys.lengths, (*remarks, *notes), back, moved_by)
 
 
 def _compaction_test(file, table, keys, remarks):
