@@ -72,9 +72,7 @@ def _bias_strip(lengths):
     return H, W
 
 
-def of_fabric(
-    column: str, values: np.ndarray, test: str, lengths: Lengths, t: float
-) -> np.ndarray:
+def of_fabric(column: str, values: np.ndarray, test: str, lengths: Lengths, t: float) -> np.ndarray:
     """A test's strain, shear angle [rad] or stress [MPa], (n,), from what the machine wrote: a
     `displacement` [mm] or a force `F` [N]; lengths and t as for `response`."""
     if column == "F":
