@@ -58,7 +58,6 @@ def _tell(name, act, well):
 
 
 def _versions():
-    """{name: function that returns its version}."""
 
     def version(module):
         return import_module(module).__version__
@@ -104,7 +103,6 @@ def _blas():
 
 
 def _jit():
-    """Compile the area of a square and assemble it."""
     import ufl
     from dolfinx import fem, mesh
     from mpi4py import MPI

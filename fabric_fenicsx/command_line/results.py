@@ -116,7 +116,6 @@ def _pattern(parser, words):
 
 
 def _plane(text):
-    """The plane of an option's text."""
     try:
         axis, _, place = text.replace(" ", "").partition("=")
         if place:
@@ -132,7 +131,6 @@ def _plane(text):
 
 
 def _thickness(grid):
-    """The largest thickness of a ply [mm]."""
     for name in ("thickness_under_pressure", "metal_thickness"):
         if name in grid.cell_data and np.isfinite(grid.cell_data[name]).any():
             return float(np.nanmax(grid.cell_data[name]))

@@ -7,7 +7,7 @@ import traceback
 from argparse import BooleanOptionalAction, Namespace
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from mpi4py import MPI
 
@@ -41,19 +41,7 @@ log = logging.getLogger("fabric_fenicsx")
 Test = TypeVar("Test", bound=Coupon)
 
 
-class Described(Protocol):
-    """A class of descriptions of a run, a coupon test or `Press`: what it says of its options."""
-
-    NAME: ClassVar[str]
-    FULL: ClassVar[Mapping[str, Any]]
-    QUICK: ClassVar[Mapping[str, Any]]
-    SOLVER: ClassVar[Mapping[str, Any]]
-    CHEAP_FROM: ClassVar[int]
-
-
-def parser(
-    test: type[Described], description: str | None, name: str = "", **defaults: object
-) -> Parser:
+def parser(test: Any, description: str | None, name: str = "", **defaults: object) -> Parser:
     """The parser of study `name` (the test's own by default): the fields of the class `test`, and
     the options that all studies share; `defaults` override theirs. An option that a resumed run may
     change says `free=True` where it is declared; all others define the problem."""
@@ -83,7 +71,7 @@ def add_material(p: Parser, default: str | None) -> None:
     p.option("--without", **several, help=couplings, free=True)
 
 
-def add_solver(p: Parser, test: type[Described]) -> None:
+def add_solver(p: Parser, test: Any) -> None:
     """Add the options of solver, errors and limits, with the defaults of the class `test`."""
     add_fields(p, Settings, test, free=True)
     p.group("solver")
@@ -96,9 +84,7 @@ def add_solver(p: Parser, test: type[Described]) -> None:
     add_fields(p, Limits, test, prefix="max_", free=True)
 
 
-def add_fields(
-    p: Parser, owner: type, test: type[Described], prefix: str = "", free: bool = False
-) -> None:
+def add_fields(p: Parser, owner: type, test: Any, prefix: str = "", free: bool = False) -> None:
     """Add an option for each field of the dataclass `owner` that has a help text; test: class whose
     sizes and limits are defaults, prefix: of the options' names."""
     for each in declared(owner):

@@ -108,7 +108,6 @@ def _sweep(args, passed, form, argv):
 
 
 def _planned(args, passed, form):
-    """The ranges of --scatter, and the values of all runs, checked."""
     given = "--set", "--out", "--resume", "--overwrite"  # to each run, by the sweep
     if own := [word for word in passed if word.split("=")[0] in given]:
         allowed = f"options of fabric form but {', '.join(given)}"
@@ -143,7 +142,6 @@ def _planned(args, passed, form):
 
 
 def _announce(values, runner):
-    """Say what is to be done, and what is there already."""
     runs, passed = [runner.folder.run(each) for each in values], runner.program.options
     done = [run for run in runs if run.is_done(passed)]
     where = f"{min(runner.jobs, len(runs))} at a time; folder {runner.folder.path}"

@@ -98,7 +98,6 @@ def fit_compaction(sheet: Sheet) -> CompactionFit:
 
 
 def _factor(number):
-    """The factor by which an interval is wide, to either side."""
     return number.interval[1] / number.value
 
 

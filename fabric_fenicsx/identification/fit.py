@@ -62,26 +62,12 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         *(friction.warnings() if friction else untold),
         *fabric.plausibility_warnings(),
     ]
-    return Identification(
-        fabric,
-        determined,
-        assumed,
-        fit.correlation,
-        fits,
-        fit.dof,
-        fit.variance,
-        estimated,
-        softest,
-        convex,
-        warnings,
-        sheet.areal_weight,
-        compaction,
-        friction,
-    )
+    quality = fit.correlation, fits, fit.dof, fit.variance, estimated, softest, convex, warnings
+    others = sheet.areal_weight, compaction, friction
+    return Identification(fabric, determined, assumed, *quality, *others)
 
 
 def _determined(problem, k, value, staged, error, half, at_bound):
-    """Parameter k, fitted."""
     high = value + half
     if base(problem.names[k]) == "c":  # the larger it is the less the force depends on it
         high = max(high, value * math.exp(min(half / max(value, 1e-300), 50)))
@@ -103,9 +89,8 @@ def _assumptions(problem, sheet):
         if not math.isfinite(problem.natural[k]):
             reason[k] = "no test depends on it"
         elif base(name) == "p_min" and not problem.has_contraction(name):
-            reason[k] = (
-                "no test shows tension with a negative strain across; c is fitted for this value"
-            )
+            reason[k] = "no test shows tension with a negative strain across; "
+            reason[k] += "c is fitted for this value"
         elif base(name) == "p_min" and problem.rests_on_form(name):
             # of all that follow free strips the value with which held ones are softest: k_TC <= 1
             reason[k] = "tests of free strips without the strain across do not tell it"
@@ -122,11 +107,10 @@ def _check_yarns(sheet, names, reason, source):
     for yarn, other, i in (("warp", "weft", "a"), ("weft", "warp", "b")):
         missing = [n for n in "ab" if f"{yarn}.{n}" not in numbers]
         if missing and f"{other}.b" in numbers:
+            flaw = f"balanced is false, but no test tells the {yarn}'s {' and '.join(missing)}"
             raise InputError(
-                f"sheet.toml: balanced is false, but no test tells the {yarn}'s "
-                f"{' and '.join(missing)}; "
-                f"allowed is a test uniaxial_{i} or biaxial, values in [assumed.{yarn}], "
-                f"or balanced = true, which gives the {yarn} the parameters of the {other}"
+                f"sheet.toml: {flaw}; allowed is a test uniaxial_{i} or biaxial, values in "
+                f"[assumed.{yarn}], or balanced = true, which gives the {yarn} those of the {other}"
             )
 
 
@@ -218,10 +202,9 @@ def _physics(problem, fabric):
 def _fit_warnings(problem, fit, softest, convex, determined, assumed):
     limit = stats.chi2.ppf(0.999, fit.dof) / fit.dof
     if all(c.noise for c in problem.curves) and fit.variance > limit:
-        yield (
-            f"the curves lie {rounded(math.sqrt(fit.variance), 2)} times their stated noise from "
-            "the law, and the intervals are widened by that"
-        )
+        times = rounded(math.sqrt(fit.variance), 2)
+        text = f"the curves lie {times} times their stated noise from the law"
+        yield f"{text}, and the intervals are widened by that"
     if softest is not None and softest <= 0:
         yield f"the shear stiffness falls to {rounded(softest)} MPa over the measured angles"
     if convex is False:

@@ -31,7 +31,6 @@ def _figure(width, height):
 
 
 def _panels(result, draw_one):
-    """A figure with one picture for each measured column."""
     n = len(result.fits)
     across = min(4, n)
     down = -(-n // across)
@@ -78,7 +77,6 @@ def _correlation(result):
 
 
 def _compaction(fit):
-    """Measured and fitted thickness over pressure."""
     figure = _figure(4.4, 3.2)
     ax = figure.subplots()
     for test, measured, fitted in fit.tests:

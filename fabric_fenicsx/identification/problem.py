@@ -150,10 +150,8 @@ class Problem:
     def jacobian(self, theta: np.ndarray, free: Sequence[int]) -> np.ndarray:
         """d(predict)/d(theta) (N, len(free)) by central differences."""
         steps = 1e-5 * np.diag(self.sizes(theta))
-        columns = [
-            (self.predict(theta + steps[k]) - self.predict(theta - steps[k])) / (2 * steps[k, k])
-            for k in free
-        ]
+        pairs = [(self.predict(theta + steps[k]), self.predict(theta - steps[k])) for k in free]
+        columns = [(high - low) / (2 * steps[k, k]) for k, (high, low) in zip(free, pairs)]
         return np.array(columns).T.reshape(len(self.points.measured), len(free))
 
     def rescale(self, theta: np.ndarray) -> None:
@@ -178,7 +176,6 @@ class Problem:
         return sd
 
     def _yarns(self, name):
-        """The yarns, 0 or 1, whose parameter this is."""
         return {"warp": (0,), "weft": (1,)}.get(name.rpartition(".")[0], (0, 1))
 
     def has_contraction(self, name: str) -> bool:

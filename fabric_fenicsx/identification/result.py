@@ -125,20 +125,18 @@ def result_lines(result: Identification) -> Iterator[str]:
         yield f"{name:20s} {assumed.value:12.6g} {assumed.unit:4s} {assumed}"
     report = result.report()
     for curve in report["curves"]:
-        yield (
-            f"{curve['file']}: r.m.s. error of {curve['column']} {curve['rms_error']:.4g} "
-            f"{curve['unit']}, {percent(curve['rms_error_of_peak'])} of its peak"
-        )
+        error = f"{curve['rms_error']:.4g} {curve['unit']}"
+        share = f"{percent(curve['rms_error_of_peak'])} of its peak"
+        yield f"{curve['file']}: r.m.s. error of {curve['column']} {error}, {share}"
     for test in (report["compaction"] or {"tests": []})["tests"]:
         yield f"{test['file']}: r.m.s. error of thickness {test['rms_error_mm']:.3g} mm"
     if fit := result.simulated:
         shear = ", ".join(f"{name} {value:.4g} MPa" for name, value in fit.homogeneous.items())
         yield f"specimens of bias tests were simulated; by homogeneous shear: {shear}"
         for file, off in fit.off.items():
-            yield (
-                f"{file}: the simulated force is {percent(off)} of its peak off r.m.s., and "
-                f"{percent(fit.off_homogeneous[file])} with the fit of homogeneous shear"
-            )
+            before = f"{percent(fit.off_homogeneous[file])} with the fit of homogeneous shear"
+            share = f"{percent(off)} of its peak"
+            yield f"{file}: the simulated force is {share} off r.m.s., and {before}"
     if result.areal_weight is not None:
         density = f"{result.fabric.density:.4g} g/cm3"
         yield f"density {density} = areal weight {result.areal_weight:g} g/m2 / thickness"

@@ -29,7 +29,6 @@ def phase(name: str) -> Iterator[None]:
 
 
 def _count():
-    """Add the time since the innermost phase was counted last."""
     if _open:
         name, since = _open[-1]
         _open[-1][1] = now = time.perf_counter()

@@ -126,12 +126,7 @@ class SweepFolder:
     sweep wrote, or is in use; OSError if it can't be written to."""
 
     def __init__(
-        self,
-        path: Path,
-        press: Path,
-        keys: Sequence[str],
-        overwrite: bool = False,
-        shared: bool = False,
+        self, path: Path, press: Path, keys: Sequence[str], overwrite: bool, shared: bool
     ) -> None:
         text = press.read_text()
         self.path, self.title = path, str(tomllib.loads(text).get("title", press.name))

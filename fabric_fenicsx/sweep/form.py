@@ -8,9 +8,8 @@ from pathlib import Path
 from ..forming.press import Press
 from ..forming.schema import OF_ALL_PLIES, short_forms
 from ..material.presets import read_laws
-from ..runtime.errors import InputError
 from ..runtime.ranks import on_ranks
-from .varied import Range, Values, changes, label
+from .varied import Range, Values, changes
 
 
 class Form:
@@ -34,12 +33,8 @@ class Form:
         return [*ranks, *start, *settings, "--out", str(folder), *self.options]
 
     def read(self, values: Values) -> Press:
-        """The press with these values; InputError, which names them, if it cannot have them."""
-        try:
-            return Press.read(self.press, [*self._short_forms, *changes(values)])
-        except InputError as error:
-            run = f"run {label(values)}: " if values else ""
-            raise InputError(f"{run}{error}") from None
+        """The press with these values; InputError if it cannot have them."""
+        return Press.read(self.press, [*self._short_forms, *changes(values)])
 
     def scatter(self) -> list[Range]:
         """The intervals of the press's materials; one for all sheets of one fabric or metal."""

@@ -44,7 +44,6 @@ def below(runs: Sequence[Run], quantity: str, limit: float) -> str:
 
 
 def _why(run, quantity):
-    """Why a run has no value that is believed."""
     if not run.is_believed():
         return "not believed"
     return "doubted, see the table" if run.doubts(quantity) else "without a value"
@@ -73,7 +72,6 @@ def _where(x, y, limit, name):
 
 
 def _accuracy(runs, quantity):
-    """Sentence on the error of the cells."""
     errors = [run.summary().get("error", {}).get(quantity) for run in runs if run.is_believed()]
     sizes = [abs(error) for error in errors if error is not None]
     if not sizes:

@@ -13,7 +13,6 @@ from .folder import Run, force_name
 from .scatter import BOUNDS
 from .varied import is_wide, label, number
 
-MAX_TRENDS = 6  # quantities whose trends are drawn
 MAX_MAPS = 24  # plies in rows of one picture
 
 
@@ -26,7 +25,7 @@ def draw(
     for file in files.values():
         file.unlink(missing_ok=True)
     _draw_curves(files["curves"], runs, scatter)
-    _draw_trends(files["trends"], runs, dict(list(names.items())[:MAX_TRENDS]))
+    _draw_trends(files["trends"], runs, dict(list(names.items())[:6]))  # as many as fit a page
     if not scatter:
         _draw_maps(files["maps"], runs)
 

@@ -45,7 +45,6 @@ def write(sweep: SweepFolder, answers: Sequence[str] = (), pictures: bool = True
 
 
 def _place(run):
-    """Sorts runs by their values: numbers by size, before texts."""
     values = [(number(text), text) for text in run.values.values()]
     return [(value is None, value or 0.0, text) for value, text in values]
 
@@ -77,7 +76,6 @@ def headlines(runs: Iterable[Run], asked: Sequence[str] = ()) -> dict[str, str]:
 
 
 def _row(run, keys, names):
-    """A run in the report's table."""
     numbers, reason = run.numbers(), run.reason.removeprefix(NOT_BELIEVED)
     texts = {n: "no value" if math.isnan(v) else rounded(v, 4) for n, v in numbers.items()}
     if (reached := run.summary().get("stroke_reached", 1.0)) < 1:

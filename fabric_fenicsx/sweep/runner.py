@@ -29,7 +29,7 @@ class Runner:
     run that is believed must have the quantities `asked` for."""
 
     def __init__(
-        self, folder: SweepFolder, program: Form, jobs: int | None = None, asked: Sequence[str] = ()
+        self, folder: SweepFolder, program: Form, jobs: int | None, asked: Sequence[str]
     ) -> None:
         self.folder, self.program, self.asked = folder, program, asked
         memory = max((run.memory() for run in folder.runs.values()), default=0)
@@ -91,15 +91,11 @@ class Runner:
         run.folder.mkdir(exist_ok=True)
         run.options = list(self.program.options)
         run.save()
+        # Ctrl-C is for the sweep, which then asks its runs to end
+        how: dict = {"env": os.environ | RANKS_ENVIRONMENT, "start_new_session": True}
+        how |= {"stdin": subprocess.DEVNULL, "stderr": subprocess.STDOUT}
         with open(run.folder / "console.txt", "w") as console:
-            return subprocess.Popen(
-                words,
-                stdin=subprocess.DEVNULL,
-                stdout=console,
-                stderr=subprocess.STDOUT,
-                env=os.environ | RANKS_ENVIRONMENT,
-                start_new_session=True,  # Ctrl-C is for the sweep, which then asks its runs to end
-            )
+            return subprocess.Popen(words, stdout=console, **how)
 
     def _stop(self):
         """Ask all runs to end after their step; in a second call end them at once."""
@@ -150,7 +146,6 @@ def _last_words(run, own="fabric form: "):
 
 
 def _note(run, status):
-    """Note in a run's folder how its process ended."""
     run.status, run.reason = status, ""
     if status < 0:
         name = signal.Signals(-status).name
@@ -166,7 +161,6 @@ def _note(run, status):
 
 
 def _line(run, seconds):
-    """The line that tells of a run that ended."""
     summary = run.summary()
     if not run.is_believed():
         reached = summary.get("stroke_reached", 0)

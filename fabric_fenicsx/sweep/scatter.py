@@ -12,6 +12,7 @@ from .folder import Run
 from .varied import Range, Values, short_names, spelled
 
 BOUNDS = 0.05, 0.95  # quantiles
+Limits = Sequence[tuple[str, float]]  # (quantity, what it is below)
 
 
 def design(ranges: Sequence[Range], count: int) -> list[Values]:
@@ -68,10 +69,7 @@ def _words(label, spread):
 
 
 def told(
-    runs: Sequence[Run],
-    ranges: Sequence[Range],
-    labels: Mapping[str, str],
-    limits: Sequence[tuple[str, float]] = (),
+    runs: Sequence[Run], ranges: Sequence[Range], labels: Mapping[str, str], limits: Limits = ()
 ) -> tuple[list[str], dict]:
     """Sentences on the spread of the quantities {name: label} over believed runs, with the number
     of runs below each limit, and the same for sweep.json. Raises SolverFailure for too few runs."""

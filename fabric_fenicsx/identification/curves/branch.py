@@ -16,7 +16,6 @@ def kept(table: Table, which: np.ndarray) -> Table:
 
 
 def _in_file(table, column, value):
-    """A value of a column in the unit of its file."""
     unit = table.header[column]
     return f"{rounded(value / units(column).get(unit, 1.0), 4)} {unit}".removesuffix(" -")
 

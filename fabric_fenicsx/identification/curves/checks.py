@@ -12,11 +12,6 @@ from .branch import NOISE
 from .forces import bias_angle
 from .model import STRAINS, TESTS, Curve, Table, unit_inside, units
 
-# beyond it a wrong unit is the likely reason
-MAX_STRAINS = {"eps_a": 0.5, "eps_b": 0.5, "gamma": math.radians(85)}
-# what a test must reach: below it fractions were taken for percent, or radians for degrees
-MIN_STRAINS = {"%": (5e-4, "-"), "deg": (math.radians(1.6), "rad")}
-
 
 def check_length(table: Table, least: int) -> None:
     """InputError for a table of fewer rows than `least`."""
@@ -48,7 +43,8 @@ def _faults(test, name, table, runs, measured):
     """(column, flags of the rows (n,), what follows the value, what is allowed) of each rule."""
     strains = [column for column in STRAINS if column in table.columns]
     for column in strains:
-        most, values = MAX_STRAINS[column], table.columns[column]
+        # beyond it a wrong unit is the likely reason
+        most, values = math.radians(85) if column == "gamma" else 0.5, table.columns[column]
         allowed = f"within +-{most:.3g} (is the unit in the header right?)"
         yield column, np.abs(values) > most, "", allowed
     first = test.strains[0]
@@ -57,7 +53,9 @@ def _faults(test, name, table, runs, measured):
     x = table.columns[runs]
     yield _turning(table, runs, np.sign(x[-1] - x[0]), "rise or fall")
     unit = table.header[runs]
-    least, other = MIN_STRAINS.get(unit, (0.0, ""))
+    # what a test must reach: below it fractions were taken for percent, or radians for degrees
+    reached = {"%": (5e-4, "-"), "deg": (math.radians(1.6), "rad")}
+    least, other = reached.get(unit, (0.0, ""))
     factor, top = units(runs)[unit], int(np.abs(x).argmax())
     allowed = f"{least / factor:.3g} {unit} or more (is the unit {other} rather than {unit}?)"
     yield runs, _at(top, table) & (np.abs(x) < least), " at most", allowed

@@ -106,20 +106,10 @@ def _curve(file, table, keys, thickness, remarks):
             angles, (column,) = less.columns[runs] - loose, measured
             back = angles, response(column, less.columns[column], angles, *specimen)
             notes.append(f"friction is fitted to the way back, to row {less.rows[-1]}")
-    return Curve(
-        file,
-        keys.test,
-        strains,
-        tuple(responses),
-        np.array(table.rows),
-        STRAINS.index(runs),
-        keys.free,
-        _noise(keys.texts, responses, thickness),
-        keys.lengths,
-        (*remarks, *notes),
-        back,
-        columns["displacement"] if "displacement" in raw.values() else None,
-    )
+    rows, noise = np.array(table.rows), _noise(keys.texts, responses, thickness)
+    moved_by = columns["displacement"] if "displacement" in raw.values() else None
+    what = file, keys.test, strains, tuple(responses), rows, STRAINS.index(runs), keys.free
+    return Curve(*what, noise, keys.lengths, (*remarks, *notes), back, moved_by)
 
 
 def _compaction_test(file, table, keys, remarks):
@@ -237,11 +227,11 @@ def _table(cells, keys, sheet, problems):
             known = units(column, sheet.thickness)
             if column not in allowed:
                 raise unknown_key(column, allowed, f"{place}: column {column} of {keys.test}")
-            if unit is None:
-                example = f"{column} [{unit_inside(column)}], for example, or a row of units below"
-                raise InputError(f"{place}: the column {column} has no unit; allowed is {example}")
             if unit not in known:
-                raise unknown_key(unit, known, f"{place}: unit [{unit}] of column {column}")
+                example = f"{column} [{unit_inside(column)}], for example, or a row of units below"
+                none = InputError(f"{place}: the column {column} has no unit; allowed is {example}")
+                label = f"{place}: unit [{unit}] of column {column}"
+                raise unknown_key(unit, known, label) if unit else none
             factors[i] = column, known[unit]
     problems += [f"{place}: {words}" for words in _of_columns(keys, header, unread)]
     while cells.rows and not any(

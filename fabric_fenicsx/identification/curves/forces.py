@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from ...runtime.errors import InputError
 from .model import Response, unit_inside
 
+Lengths = Mapping[str, float]
 # right Cauchy-Green of principal strains
 MEASURES = {
     "green": lambda e: np.maximum(1 + 2 * e, 1e-9),
@@ -27,12 +28,7 @@ MEASURES = {
 
 
 def response(
-    column: str,
-    values: np.ndarray,
-    gamma: np.ndarray,
-    test: str,
-    lengths: Mapping[str, float],
-    t: float,
+    column: str, values: np.ndarray, gamma: np.ndarray, test: str, lengths: Lengths, t: float
 ) -> Response:
     """The response of `values` (n,) of a column, in its inner unit, at shear angles gamma (n,)
     [rad]; lengths: keys of the test [mm], t: thickness [mm]. Raises InputError for lengths that no
@@ -44,10 +40,9 @@ def response(
     elif test == "picture_frame":
         frame, fabric = lengths["frame_length"], lengths["fabric_length"]
         if fabric > frame:
-            raise InputError(
-                f"fabric_length is {fabric:g} mm and frame_length {frame:g} mm; "
-                "allowed is a fabric up to as large as its frame (are they exchanged?)"
-            )
+            flaw = f"fabric_length is {fabric:g} mm and frame_length {frame:g} mm"
+            allowed = "a fabric up to as large as its frame (are they exchanged?)"
+            raise InputError(f"{flaw}; allowed is {allowed}")
         gain = t * fabric**2 / (frame * np.sin(math.pi / 4 - gamma / 2))
     elif test == "bias_extension":
         H, W = _bias_strip(lengths)
@@ -72,15 +67,12 @@ def _bias_strip(lengths):
     """Height and width [mm] of a bias test; InputError if it has no zone of full shear."""
     H, W = lengths["height"], lengths["width"]
     if H < 2 * W:
-        raise InputError(
-            f"height is {H:g} mm and width {W:g} mm; allowed is a height of 2 widths or more"
-        )
+        flaw = f"height is {H:g} mm and width {W:g} mm"
+        raise InputError(f"{flaw}; allowed is a height of 2 widths or more")
     return H, W
 
 
-def of_fabric(
-    column: str, values: np.ndarray, test: str, lengths: Mapping[str, float], t: float
-) -> np.ndarray:
+def of_fabric(column: str, values: np.ndarray, test: str, lengths: Lengths, t: float) -> np.ndarray:
     """A test's strain, shear angle [rad] or stress [MPa], (n,), from what the machine wrote: a
     `displacement` [mm] or a force `F` [N]; lengths and t as for `response`."""
     if column == "F":

@@ -90,6 +90,7 @@ def _strip(strain: str, stress: str) -> Kind:
     return Kind((strain,), (), (stress,), ("lateral",), 1, raw)
 
 
+_FRAME, _MOVED = ("frame_length", "fabric_length"), {"displacement": ("gamma", "height")}
 TESTS = {
     "uniaxial_a": _strip("eps_a", "sigma_a"),
     "uniaxial_b": _strip("eps_b", "sigma_b"),
@@ -97,12 +98,8 @@ TESTS = {
     "compression_a": Kind(("eps_a",), ("gamma",), ("sigma_a",), sign=-1),
     "compression_b": Kind(("eps_b",), ("gamma",), ("sigma_b",), sign=-1),
     "shear": Kind(("gamma",), ("eps_a", "eps_b"), ("tau", "F_sh"), sign=1),
-    "picture_frame": Kind(
-        ("gamma",), ("eps_a", "eps_b"), ("F",), ("frame_length", "fabric_length"), 1
-    ),
-    "bias_extension": Kind(
-        ("gamma",), (), ("F",), ("height", "width"), 1, {"displacement": ("gamma", "height")}
-    ),
+    "picture_frame": Kind(("gamma",), ("eps_a", "eps_b"), ("F",), _FRAME, 1),
+    "bias_extension": Kind(("gamma",), (), ("F",), ("height", "width"), 1, _MOVED),
     "compaction": Kind(("pressure",), (), ("thickness", "fibre_volume_fraction"), (), 1),
 }
 KEYS = ("test", "noise", *dict.fromkeys(key for test in TESTS.values() for key in test.all_keys))

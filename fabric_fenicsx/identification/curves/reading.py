@@ -64,7 +64,6 @@ def read_sheet(path: Path | str) -> Sheet:
 
 
 def _sheet(document):
-    """The sheet of a document; InputError by key."""
     name, balanced = str(document.pop("name", "")), document.pop("balanced", None)
     if not isinstance(balanced, bool):
         allowed = "true (warp and weft are equal) or false"
