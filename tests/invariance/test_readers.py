@@ -134,7 +134,8 @@ def obj(pick, points, cells):
     lines = ["# a tool", "o tool"] if pick(0, 1) else []
     lines += [f"v {row}{tail}" for row in rows(pick, points)]
     lines += ["vn 0 0 1"] * (corner != "{}")
-    lines += [f"f {' '.join(corner.format(k + 1) for k in cell)}" for cell in cells.tolist()]
+    shift = pick(1, -len(points))  # numbers from the first point, or back from the last
+    lines += [f"f {' '.join(corner.format(k + shift) for k in cell)}" for cell in cells.tolist()]
     return "\n".join([*lines, ""])
 
 
