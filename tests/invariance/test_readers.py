@@ -1,6 +1,7 @@
 """The same outline or surface is read from any spelling of any format: drawn numbers, written in
 drawn ways, are read back as they were. Lengths are multiples of 1/8 mm, which all formats hold."""
 
+import locale
 import struct
 
 import ezdxf
@@ -163,7 +164,9 @@ SURFACES = [
 
 def in_this_process(work, path):
     """A process of its own takes half a second to start."""
+    before = locale.setlocale(locale.LC_ALL)
     found = work(path)
+    locale.setlocale(locale.LC_ALL, before)  # VTK leaves another one behind
     if work is read._by_gmsh:
         import gmsh
 
