@@ -5,7 +5,7 @@ from fabric_fenicsx.command_line.study import Study, parser, run
 from fabric_fenicsx.coupons.coupon import Tensile
 from fabric_fenicsx.coupons.measured import measured_lines
 from fabric_fenicsx.coupons.tensile import strains_across
-from fabric_fenicsx.material.laws import coupling_variants
+from fabric_fenicsx.studies.lib.coupling_variants import coupling_variants
 
 
 def options():
