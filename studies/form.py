@@ -5,11 +5,11 @@ from fabric_fenicsx.command_line.press_study import PressStudy, press_parser
 from fabric_fenicsx.command_line.study import run
 from fabric_fenicsx.forming.unloading import unloading
 from fabric_fenicsx.job.validity import AIM, MIN_CELLS, coarsest_waves
-from fabric_fenicsx.material.laws import coupling_variants
 from fabric_fenicsx.results.verdict import INVALID, Reason
 from fabric_fenicsx.runtime.errors import InputError, SolverFailure
 from fabric_fenicsx.runtime.formatting import percent, rounded
 from fabric_fenicsx.runtime.rules import POSITIVE
+from fabric_fenicsx.studies.lib.coupling_variants import coupling_variants
 from fabric_fenicsx.sweep.folder import REFINED, flat
 
 

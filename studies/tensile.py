@@ -3,7 +3,7 @@ al."""
 
 from fabric_fenicsx.command_line.study import Study, parser, run
 from fabric_fenicsx.coupons.tensile import Tensile, strains_across
-from fabric_fenicsx.material.laws import coupling_variants
+from fabric_fenicsx.studies.lib.coupling_variants import coupling_variants
 
 
 def options():

@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 
 from ..readers.read import read_surface_mesh
-from ..readers.text_tables import Problems, read_lines, table_of, values_of
+from ..readers.text_tables import columns_of, read_lines, table_of
 from ..readers.units import factors
 from ..runtime.errors import InputError
 from ..runtime.files import check_file, ending
@@ -74,13 +74,13 @@ def read_trim_line(path: Path | str) -> tuple[list[np.ndarray], list[str]]:
 
 def _table(path, source, names=("x", "y")):
     """The rings of a table, (n, 2) or with z, if it has that and it is asked for, (n, 3)."""
-    problems = Problems()
     try:
         lines = read_lines(path)
         table = table_of(lines, ("x", "y", "X", "Y").__contains__, names)
-        columns = values_of(table, _columns(table, (*names, "ring")), problems)
-        problems.stop()
-    except ValueError as error:
+        table = table._replace(names=[name.lower() for name in table.names])
+        units = dict.fromkeys(names, {None: 1.0} | factors("length")) | {"ring": {None: 1.0}}
+        columns = columns_of(table, units, ("z", "ring"))
+    except InputError as error:
         raise InputError(f"{source}: {error}") from None
     # a comment is no blank line
     blank = [not text.strip(" ,;\t") for text in lines]
@@ -89,24 +89,6 @@ def _table(path, source, names=("x", "y")):
     _, first, of = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     points = np.column_stack([columns[name] for name in names if name in columns])
     return [points[of.ravel() == k] for k in np.argsort(first).argsort()]
-
-
-def _columns(table, asked):
-    """The columns of a table, {number: (name, factor)}; of those `asked` for z and ring may be
-    missing."""
-    names = [name.lower() for name in table.names]
-    lengths, columns = factors("length"), {}
-    for name in asked:
-        if name in names:
-            unit = table.units[names.index(name)] or "mm"
-            if unit not in lengths:
-                raise ValueError(
-                    f"row {table.top}: unit of {name} is {unit}; allowed is {', '.join(lengths)}"
-                )
-            columns[names.index(name)] = name, lengths[unit]
-        elif name in ("x", "y"):
-            raise ValueError(f"row {table.top}: there is no column {name}; allowed are x and y")
-    return columns
 
 
 def _drawing(path, source, layer):

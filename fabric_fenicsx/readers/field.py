@@ -14,7 +14,7 @@ from ..runtime.errors import InputError
 from ..runtime.files import check_file, ending
 from ..runtime.formatting import coordinates, rounded
 from ..runtime.rules import FINITE, Rule, unknown_key
-from .text_tables import Problems, read_lines, table_of, values_of
+from .text_tables import columns_of, read_lines, table_of
 
 ALLOWED = "a CSV with columns x, y and one more, or a mesh with values at its points"
 Function = Callable[..., np.ndarray | float]  # of arrays x, y and perhaps z (n,) [mm]
@@ -218,20 +218,12 @@ def _interpolated(places, values):
 
 def _of_table(path, name):
     table = table_of(read_lines(path), ("x", "y", "z").__contains__)
-    names = table.names
-    axes = [axis for axis in ("x", "y", "z") if axis in names]
-    name = _chosen([each for each in names if each not in axes], name, "column")
-    for each in ("x", "y", *axes[2:], name):
-        unit = table.units[names.index(each)] if each in names else "no place"
-        allowed = ("mm",) if each in axes else ("deg", "mm", "deg C", "C", "-")
-        if unit not in (None, *allowed):
-            words = ", ".join(allowed)
-            raise ValueError(f"column {each} is in {unit}; allowed is one of {words}")
-    problems = Problems()
-    columns = {names.index(each): (each, 1.0) for each in (*axes, name)}
-    numbers = values_of(table, columns, problems)
-    problems.stop()
-    return np.stack([numbers[axis] for axis in axes], 1), numbers[name]
+    name = _chosen([each for each in table.names if each not in ("x", "y", "z")], name, "column")
+    units = dict.fromkeys(("x", "y", "z"), {None: 1.0, "mm": 1.0})
+    units[name] = dict.fromkeys((None, "deg", "mm", "deg C", "C", "-"), 1.0)
+    columns = columns_of(table, units, ("z",))
+    values = columns.pop(name)
+    return np.stack([*columns.values()], 1), values
 
 
 def _of_mesh(path, name):

@@ -72,12 +72,16 @@ def check_end(path: Path, what: str) -> None:
 
 def _read_obj(path):
     """Points and faces, without weights, textures and normals, in which libraries stumble."""
-    lines = [line.split() for line in path.read_text("utf-8", "replace").splitlines()]
-    points = np.array([words[1:4] for words in lines if words[:1] == ["v"]], float)
-    faces = [words[1:] for words in lines if words[:1] == ["f"]]
-    cells = [np.array([[int(each.split("/")[0]) - 1 for each in face]]) for face in faces]
-    kinds = [surface_kind(cell.size, cell.size) for cell in cells]
-    return SurfaceMesh.collected(points.reshape(-1, 3), zip(kinds, cells), {})
+    points, blocks = [], []
+    for line in path.read_text("utf-8", "replace").splitlines():
+        word, *rest = line.split() or [""]
+        if word == "v":
+            points.append(rest[:3])
+        elif word == "f":  # of numbers from 1, or back from the last point
+            numbers = [int(each.split("/")[0]) for each in rest]
+            cell = [n - 1 if n > 0 else n + len(points) for n in numbers]
+            blocks.append((surface_kind(len(cell), len(cell)), np.array([cell])))
+    return SurfaceMesh.collected(np.array(points, float).reshape(-1, 3), blocks, {})
 
 
 # Libraries' readers give points (n, 2 or 3), (kind, cells (m, k)) of surface cells, and {kind:

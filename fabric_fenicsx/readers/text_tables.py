@@ -191,6 +191,31 @@ def values_of(
     return columns
 
 
+def columns_of(
+    table: TextTable, units: Mapping[str, Mapping[str | None, float]], optional: Sequence[str] = ()
+) -> dict[str, np.ndarray]:
+    """The numbers of columns by their names, {name: (n,)}; units: {name: {unit: factor}}, in which
+    None stands for no unit; optional: those that may be missing. InputError by row, of all that is
+    wrong."""
+    factors = {}
+    for name, known in units.items():
+        if name not in table.names and name in optional:
+            continue
+        if name not in table.names:
+            raise InputError(f"row {table.top}: there is no column {name}; allowed is one")
+        k = table.names.index(name)
+        if table.units[k] not in known:
+            words = ", ".join(unit for unit in known if unit)
+            raise InputError(
+                f"row {table.top}: the unit of {name} is {table.units[k]}; allowed is {words}"
+            )
+        factors[k] = name, known[table.units[k]]
+    problems = Problems()
+    values = values_of(table, factors, problems)
+    problems.stop()
+    return values
+
+
 def _number(cell, decimal):
     """The number in a cell, nan where it has none; decimal: the sign before decimals."""
     text = cell.replace("\u2212", "-")

@@ -1,6 +1,7 @@
 """The same outline or surface is read from any spelling of any format: drawn numbers, written in
 drawn ways, are read back as they were. Lengths are multiples of 1/8 mm, which all formats hold."""
 
+import locale
 import struct
 
 import ezdxf
@@ -134,7 +135,8 @@ def obj(pick, points, cells):
     lines = ["# a tool", "o tool"] if pick(0, 1) else []
     lines += [f"v {row}{tail}" for row in rows(pick, points)]
     lines += ["vn 0 0 1"] * (corner != "{}")
-    lines += [f"f {' '.join(corner.format(k + 1) for k in cell)}" for cell in cells.tolist()]
+    shift = pick(1, -len(points))  # numbers from the first point, or back from the last
+    lines += [f"f {' '.join(corner.format(k + shift) for k in cell)}" for cell in cells.tolist()]
     return "\n".join([*lines, ""])
 
 
@@ -162,7 +164,9 @@ SURFACES = [
 
 def in_this_process(work, path):
     """A process of its own takes half a second to start."""
+    before = locale.setlocale(locale.LC_ALL)
     found = work(path)
+    locale.setlocale(locale.LC_ALL, before)  # VTK leaves another one behind
     if work is read._by_gmsh:
         import gmsh
 

@@ -48,7 +48,7 @@ def test_what_is_wrong_in_a_table_is_told(table):
         ("x,y\n0,0\n100,80\n100,0\n0,80\n", r"bounds no sheet: self-intersection at \(50, 40\) mm"),
         (SHEET + "\n200,0\n210,0\n210,10\n", r"hole lies outside shell at \(200, 0\) mm"),
         ("x,y\n0,0\n100,a\n100,80\n", "row 3: y is 'a'; "),
-        ("x [ft],y\n0,0\n1,0\n1,1\n", "row 1: unit of x is ft; allowed is "),
+        ("x [ft],y\n0,0\n1,0\n1,1\n", "row 1: the unit of x is ft; allowed is "),
     ):
         with pytest.raises(InputError, match=f"^outline .*{words}"):
             table(text)

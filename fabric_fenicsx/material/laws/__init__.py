@@ -7,7 +7,7 @@ names it as `law = "NAME"`; so it does with one that a user's own script defines
 from importlib import import_module
 from pkgutil import iter_modules
 
-from .base import COUPLINGS, LAWS, Law, Range, coupling_variants
+from .base import COUPLINGS, LAWS, Law, Range
 
 for _module in iter_modules(__path__):
     import_module(f"{__name__}.{_module.name}")

@@ -11,7 +11,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...readers.text_tables import Problems, read_lines, table_of, values_of
+from ...readers.text_tables import columns_of, read_lines, table_of
 from ...readers.units import ANGLE, STRAIN, stresses
 from ...runtime.errors import InputError
 from ...runtime.formatting import percent
@@ -228,34 +228,19 @@ class TabulatedFabric(Law):
         return cls(**fields)
 
 
-def read_table(path: Path, columns: Mapping[str, Mapping[str, float]]) -> Curve:
+def read_table(path: Path, columns: Mapping[str, Mapping]) -> Curve:
     """The curve in a CSV file with two `columns`, {name: factors of its units}, in any order.
     InputError by file and row."""
     try:
-        return _curve(read_lines(path), columns)
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from None
-
-
-def _curve(lines, columns):
-    allowed = ", ".join(f"{name} [{'|'.join(units)}]" for name, units in columns.items())
-    table = table_of(lines, columns.__contains__)
-    heads = [*zip(table.names, table.units)]
-    if sorted(table.names) != sorted(columns) or any(u not in columns[name] for name, u in heads):
-        head = ", ".join(name if unit is None else f"{name} [{unit}]" for name, unit in heads)
-        raise ValueError(f"row {table.top} is {head!r}; allowed is {allowed}")
-    factors_of = {i: (name, columns[name][unit]) for i, (name, unit) in enumerate(heads)}
-    problems = Problems()
-    found = values_of(table, factors_of, problems)
-    x, y = (found[name] for name in columns)
-    if len(x) > MAX_POINTS:
-        allowed = f"allowed are {MIN_POINTS} to {MAX_POINTS}, so thin it out"
-        problems.append(f"has {len(x)} points; {allowed}")
-    problems.stop()
-    try:
+        table = table_of(read_lines(path), columns.__contains__)
+        x, y = columns_of(table, columns).values()
+        if len(x) > MAX_POINTS:
+            raise InputError(
+                f"has {len(x)} points; allowed are {MIN_POINTS} to {MAX_POINTS}, so thin it out"
+            )
         return Curve(tuple(x.tolist()), tuple(y.tolist()))
     except InputError as error:
         message = str(error)
         if match := re.match(r"point (\d+)", message):
             message = f"row {table.rows[int(match[1]) - 1]}{message[match.end() :]}"
-        raise ValueError(message) from None
+        raise InputError(f"{path}: {message}") from None

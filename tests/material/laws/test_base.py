@@ -12,10 +12,11 @@ from fabric_fenicsx.material import functions
 from fabric_fenicsx.material.functions import exp, negative, positive, sqrt
 from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
 from fabric_fenicsx.material.hyperdual import HyperDual
-from fabric_fenicsx.material.laws import COUPLINGS, LAWS, Law, coupling_variants
+from fabric_fenicsx.material.laws import COUPLINGS, LAWS, Law
 from fabric_fenicsx.material.laws.coupled import WovenFabric
 from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.runtime.rules import above_zero
+from fabric_fenicsx.studies.lib.coupling_variants import coupling_variants
 
 
 @pytest.fixture(scope="module")

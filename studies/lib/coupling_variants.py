@@ -1,0 +1,21 @@
+"""A fabric with and without its couplings, as studies compare them."""
+
+from fabric_fenicsx.material.laws import Law
+from fabric_fenicsx.runtime.errors import InputError
+
+
+def coupling_variants(fabric: Law) -> dict[str, Law]:
+    """{label: fabric} with all couplings, without some, and the decoupled baseline, as Figs 10 and
+    16 of the paper compare them. InputError for a fabric without couplings."""
+    variants = {
+        "all couplings": fabric,
+        "without biaxial": fabric.without("biaxial"),
+        "without shear couplings": fabric.without("tension_shear", "compression_shear"),
+        "FABRIC": fabric.decoupled(),
+    }
+    if not fabric.couplings:
+        raise InputError(
+            f"variants of the couplings are asked for, and the fabric, of law {fabric.law}, has "
+            "none; allowed is a fabric with couplings, as komeili"
+        )
+    return variants
