@@ -86,12 +86,6 @@ def test_linear_solvers_agree(solver):
     assert found[1] == pytest.approx(found[0], rel=1e-8)
 
 
-def test_solvers_that_are_not_there(monkeypatch):
-    monkeypatch.setattr(linear, "is_there", lambda name: name != "cg-hypre")
-    with pytest.raises(ff.InputError, match="this PETSc has no hypre; allowed are .*cg-gamg$"):
-        Newton(strip(nx=4), linear_solver="cg-hypre")
-
-
 @pytest.mark.versions
 @pytest.mark.mpi
 def test_no_saddle_is_accepted():
@@ -238,12 +232,3 @@ def test_loose_solves_by_the_narrow_tangent_lead_to_the_same_state(monkeypatch):
         forces.append(job.run().number("reaction_N"))
         assert (np.mean(solved) > 0.8) == (unknowns == 0)
     assert forces[1] == pytest.approx(forces[0], rel=1e-5)
-
-
-def test_one_huge_step_arrives_where_small_steps_do():
-    ends = []
-    for steps in (1, 12):
-        scene = strip()
-        assert march(Newton(scene, 1e-10), steps=steps).reached == 1
-        ends.append((scene.energy(), scene.reaction("moving grip")[0]))
-    assert ends[0] == pytest.approx(ends[1], rel=1e-9)

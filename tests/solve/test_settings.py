@@ -8,13 +8,6 @@ import fabric_fenicsx as ff
 from fabric_fenicsx.solve.settings import Settings
 
 
-def test_a_value_that_is_refused_is_named():
-    with pytest.raises(ff.InputError, match="one of `milestones` is 2.0"):
-        Settings(milestones=[2.0])
-    with pytest.raises(ff.InputError, match="`Limits.strain` is 0"):
-        ff.Limits(strain=0)
-
-
 def test_a_job_has_every_setting_and_the_coarser_run_takes_them_all():
     """Of what a mesh twice as coarse is off by, some are looser: 2 or 4 times."""
     given = {"viscosity": "off", "linear_solver": "mumps-lu", "milestones": (0.5,), "every": 7}
