@@ -12,6 +12,7 @@ from ..postprocess.ply import SAME, Grid
 from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded, with_error
+from ..runtime.rules import unknown_key
 from ..scene import output
 from ..scene.scene import Scene
 from ..tools.tool import Tool
@@ -95,15 +96,14 @@ class Result:
         pressing = [term.tool for term in scene.terms if term.tool]
         tools = dict.fromkeys([*output.tools(scene), *pressing])
         asked = [each for each in tools if tool in (each, each.name)]
-        force = np.zeros(3) if isinstance(tool, str) else output.tool_force(scene, tool)
-        if len(asked) != 1 and not force.any():
+        if len(asked) != 1:
             name = tool if isinstance(tool, str) else tool.name
             known = ", ".join(each.name for each in tools) or "it has none"
             allowed = f"one of its own tools, or the name of one alone: {known}"
             raise InputError(
                 f"the scene has {len(asked) or 'no'} tools {name!r}; allowed is {allowed}"
             )
-        return output.tool_force(scene, asked[0]) if asked else force
+        return output.tool_force(scene, asked[0])
 
     def draw_in(self, sheet: str = "") -> Numbers:
         """Ways [mm] that the edge of the sheet, or of the one of this name in a stack, went inwards
@@ -158,21 +158,18 @@ class Result:
     def plot(self, name: str, path: Path | str) -> None:
         """Draw field `name`, of one number a cell or node, on the deformed sheet, to a PNG file, on
         rank 0; of nodes the mean over each cell. Raises InputError for a name that is none."""
-        # asked of all ranks, which a field of cells does not need
-        nodal, comm = Fields({}), self.scene.comm
-        if name not in self.fields:
-            nodal = output.nodal_fields(self.scene)
-        known = sorted(each for each, v in {**self.fields, **nodal}.items() if v.ndim == 1)
-        kept = on_root(comm, lambda: {*self.grid.cell_data, *self.grid.point_data})
-        drawn = [each for each in known if each in kept]
-        if name not in drawn:
-            fields = f"the fields of the run {', '.join(drawn)}"
-            raise InputError(f"there is no field {name} to draw; allowed are {fields}")
-        if comm.rank == 0:
+        units = self.fields.units | output.nodal_fields(self.scene).units
+
+        def draw():
             from ..plot.pictures import OUTLIERS, maps
 
-            units = self.fields.units | nodal.units
+            arrays = dict(self.grid.point_data) | dict(self.grid.cell_data)
+            known = sorted(each for each, values in arrays.items() if values.ndim == 1)
+            if name not in known:
+                raise unknown_key(name, known, f"field {name}")
             maps(Path(path), self.grids, (name,), outliers=OUTLIERS, units=units)
+
+        on_root(self.scene.comm, draw)
 
     def export(self, path: Path | str, modelled: bool = False) -> None:
         """Write the formed plies with thickness and yarn directions for a structural analysis, on

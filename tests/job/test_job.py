@@ -17,6 +17,7 @@ from dolfinx import fem
 import fabric_fenicsx as ff
 from fabric_fenicsx.job import dry_run
 from fabric_fenicsx.job.observers import ProgressLog
+from fabric_fenicsx.job.setup import Observer
 from fabric_fenicsx.postprocess.states import states
 from fabric_fenicsx.results.output import Output
 from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT, on_ranks
@@ -129,8 +130,17 @@ def test_a_setup_of_ones_own_is_measured_and_written(folder):
         def end(self, result, folder):
             (folder / "own.txt").write_text("own")
 
-    job = ff.Job(Own(ff.Tensile(**COARSE).build().scene), steps=4, every=4, milestones=(0.6,))
+    class Loads(Observer):
+        def begin(self, folder, pictures):
+            self.seen = [(folder, pictures)]
+
+        def accept(self, accepted):
+            self.seen.append(accepted.load)
+
+    scene, loads = ff.Tensile(**COARSE).build().scene, Loads()
+    job = ff.Job(Own(scene), steps=4, every=4, milestones=(0.6,), observers=[loads])
     result = job.run(folder, pictures=False)
+    assert loads.seen == [(folder, False), *(row["load"] for row in result.rows)]
     summary, last = result.summary, result.rows[-1]
     assert summary["quantities"]["mean_eps_a"] == pytest.approx(0.03, rel=0.1)
     assert (folder / "own.txt").read_text() == "own"
