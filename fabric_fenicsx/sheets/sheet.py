@@ -18,7 +18,7 @@ from ..runtime.errors import InputError
 from ..runtime.fields import KnowsItsFields, choice, documented, number, switch, text
 from ..runtime.rules import BELOW_180, COUNT, FINITE, FROM_ZERO, POSITIVE, Rule
 
-Values = dict[str, Any]  # of fields, by their names
+Values = dict[str, Any]  # values of fields, or quantities, by their names
 FULL_TURN = Rule("an angle from -360 to 360 deg", lambda v: abs(v) <= 360)
 
 
