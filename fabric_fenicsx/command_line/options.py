@@ -87,7 +87,8 @@ class Parser(argparse.ArgumentParser):
     )
 
     def __init__(self, **settings: Any) -> None:
-        super().__init__(allow_abbrev=False, formatter_class=HelpFormatter, **settings)
+        usual: dict[str, Any] = {"allow_abbrev": False, "formatter_class": HelpFormatter}
+        super().__init__(**usual | settings)
         self.free: set[str] = set()
         self._groups: dict[str, Any] = {}
         self._group: Any = self

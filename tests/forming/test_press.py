@@ -239,8 +239,6 @@ def test_what_no_file_can_say_is_named(tmp_path):
     segment = press.replace(holders={"left": ff.PressureHolder(0.1, where=lambda x: x[0] < 0)})
     with pytest.raises(ff.InputError, match="holders.left.where is .*, which a file cannot hold"):
         segment.write(tmp_path / "press.toml")
-    with pytest.raises(ff.InputError, match="field `stage` of Press is unknown .did you mean st"):
-        press.replace(stage=())
     with pytest.raises(ff.InputError, match="one of the plies is 0; allowed is `Sheet"):
         press.replace(sheets=[0])
 
