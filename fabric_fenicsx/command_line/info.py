@@ -58,7 +58,6 @@ def _tell(name, act, well):
 
 
 def _versions():
-
     def version(module):
         return import_module(module).__version__
 

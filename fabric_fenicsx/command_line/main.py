@@ -84,12 +84,9 @@ def _parsed(argv, scripts):
     for title, commands in COMMANDS.items():
         lines += [f"\n{title}:"] + ["  STUDY    " + "\n".join(names)] * (title == "run")
         lines += [f"  {name:9}{words}" for name, words in commands.items()]
-    parser = Parser(
-        prog="fabric",
-        usage="fabric STUDY|COMMAND [option ...]; with --help the options of each",
-        description="\n".join(lines).strip(),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    usage = "fabric STUDY|COMMAND [option ...]; with --help the options of each"
+    parser = Parser(prog="fabric", usage=usage, description="\n".join(lines).strip())
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("-v", "--version", action="version", version=__version__)
     parser.add_argument("command", help=argparse.SUPPRESS)
     args = parser.parse_args(argv or ["--help"])

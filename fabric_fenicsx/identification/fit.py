@@ -217,22 +217,10 @@ def _fit_warnings(problem, fit, softest, convex, determined, assumed):
                 "but maybe too soft, and does not neck; measure the strain across (eps_a or "
                 "eps_b), or hold the sides"
             )
-    held = {name: p.value for name, p in determined.items() if p.at_bound}
-    if softest is not None and held.keys() & set(SHEAR) and held.get("s3"):
-        shear = [name for name in SHEAR if held.pop(name, None) is not None]
-        yield (
-            f"{', '.join(shear)} lie where the shear stiffness is just above 0 at some angle: the "
-            "tests ask for less, which no fabric has, so their intervals are a rough guide"
-        )
-    elif "s3" in held:
-        held = {name: value for name, value in held.items() if name not in ("s1", "s2")}
-    for name, value in held.items():
-        low, high = problem.box(problem.names.index(name))
-        side = ("least", "less") if value - low < high - value else ("largest", "more")
-        yield (
-            f"{name} is {rounded(value)} {unit_of(name)}, the {side[0]} that it can be: "
-            f"the tests ask for {side[1]}, so its interval is a rough guide"
-        )
+    if held := [name for name, p in determined.items() if p.at_bound]:
+        why = "at a limit of what a fabric can have, as a stiffness of 0"
+        guide = "the tests ask for more, so their intervals are a rough guide"
+        yield f"{', '.join(held)} {'is' if len(held) == 1 else 'are'} {why}: {guide}"
     for name in (name for name, parameter in determined.items() if parameter.weak):
         yield f"{name} is weakly determined, as its interval is wider than +-100 %"
 

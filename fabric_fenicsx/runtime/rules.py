@@ -69,6 +69,8 @@ def did_you_mean(word: object, allowed: Iterable[str]) -> str:
         "fabric": "material cloth",
         "fibre_angle": "orientation angle",
         "ply": "layer plies",
+        "unit": "units",
+        "mesh": "file",
         "nx": "cells",
         "outline": "dxf polygon contour",
         "size": "mesh_size",

@@ -33,7 +33,7 @@ def draw(
 def _draw_curves(path, runs, scatter):
     """Force over displacement of each run, or of believed ones of a design mean and bounds."""
     series = {}
-    for run in runs:
+    for run in (run for run in runs if (run.results / "history.csv").is_file()):
         with open(run.results / "history.csv", newline="") as file:
             rows = [*csv.DictReader(file)]
         x, y = ([float(row[k]) for row in rows] for k in ("displacement_mm", "reaction_N"))
