@@ -6,8 +6,9 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
-from typing import Any
+from typing import TypeVar
 
+T = TypeVar("T")
 # it ends with this process (PR_SET_PDEATHSIG), finds modules where this one does, and keeps stdout
 # for results
 PROGRAM = """
@@ -25,15 +26,16 @@ pickle.dump(found, results)
 """
 
 
-def in_child(work: Callable[..., Any], *given: Any, patience: float | None = None) -> Any:
+def in_child(work: Callable[..., T], *given: object, patience: float | None = None) -> T:
     """What `work` returns, a function of a module, of what is `given`. Raises RuntimeError with
     the text of its error, if it crashes, and if it takes longer than `patience` [s]."""
-    of_ranks = "OMPI_", "PMIX_", "PMI_", "MPI_", "HYDRA_", "HYDI_"
-    env = {name: value for name, value in os.environ.items() if not name.startswith(of_ranks)}
+    of_mpi = "OMPI_", "PMIX_", "PMI_", "MPI_", "HYDRA_", "HYDI_"  # how variables of a rank begin
+    env = {name: value for name, value in os.environ.items() if not name.startswith(of_mpi)}
     sent, command = pickle.dumps(sys.path) + pickle.dumps((work, given)), (sys.executable, "-c")
-    how: dict[str, Any] = {"capture_output": True, "env": env, "timeout": patience}
     try:
-        done = subprocess.run([*command, PROGRAM], input=sent, **how)
+        done = subprocess.run(
+            [*command, PROGRAM], input=sent, capture_output=True, env=env, timeout=patience
+        )
     except subprocess.TimeoutExpired:
         raise RuntimeError(f"it did not end within {patience:g} s") from None
     if not done.stdout:
