@@ -207,7 +207,6 @@ def test_a_pre_sheared_strip_comes_to_rest_before_load(launch):
     "text, words",
     [
         (None, "law.py fails (FileNotFoundError"),
-        ("no Python", "law.py fails (SyntaxError: invalid syntax"),
         ("1 / 0", "law.py fails (ZeroDivisionError: division by zero); allowed is one that runs"),
         ("x = 1", "the material komeili is of the law coupled; allowed is --material with a file"),
     ],
