@@ -24,8 +24,6 @@ from ..runtime.rules import (
 from .files import Document, Several
 from .material import Parameters
 
-CURVES: "dict[str, type[Hardening]]" = {}  # by their names in material files
-
 
 @dataclass(frozen=True)
 class Hardening(Parameters):
@@ -33,9 +31,10 @@ class Hardening(Parameters):
     takes, each of p (n,) from 0; raises InputError for a parameter out of its range."""
 
     law: ClassVar[str] = ""
+    known: "ClassVar[dict[str, type[Hardening]]]" = {}  # by their names in material files
 
     def __init_subclass__(cls) -> None:
-        CURVES[cls.law] = cls
+        cls.known[cls.law] = cls
 
     def stress(self, p: np.ndarray) -> np.ndarray:
         """Yield stress [MPa]."""
@@ -212,6 +211,6 @@ class HardeningTable(Hardening):
 def hardening_from(table: Document, units: Mapping[str, str]) -> Hardening:
     """The curve of a file's table [hardening]; units: of its table [units]. InputError by key."""
     law = table.pop("law", None)
-    if not isinstance(law, str) or law not in CURVES:
-        raise unknown_key(law, CURVES, f"hardening.law {shown(law)}")
-    return CURVES[law].from_table(table, units, "hardening", ("law",))
+    if not isinstance(law, str) or law not in Hardening.known:
+        raise unknown_key(law, Hardening.known, f"hardening.law {shown(law)}")
+    return Hardening.known[law].from_table(table, units, "hardening", ("law",))

@@ -13,8 +13,8 @@ from ..runtime.rules import POSITIVE
 from .gmsh_cells import meshed, own_model
 
 PATTERNS = "along", "unstructured"
-MIN_DETAIL = 0.1  # the same of an edge's or hole's length below which it is left out
-MIN_CLEARANCE = 1e-3  # the same of the distance of parts of the outline, below which it is refused
+MIN_DETAIL = 0.1  # of the cells' size: length of an edge or a hole below which it is left out
+MIN_CLEARANCE = 1e-3  # of the cells' size: least distance of parts of the outline
 MAX_CELLS = 1_000_000  # cells
 
 

@@ -29,8 +29,8 @@ pickle.dump(found, results)
 def in_child(work: Callable[..., T], *given: object, patience: float | None = None) -> T:
     """What `work` returns, a function of a module, of what is `given`. Raises RuntimeError with
     the text of its error, if it crashes, and if it takes longer than `patience` [s]."""
-    of_ranks = "OMPI_", "PMIX_", "PMI_", "MPI_", "HYDRA_", "HYDI_"
-    env = {name: value for name, value in os.environ.items() if not name.startswith(of_ranks)}
+    of_mpi = "OMPI_", "PMIX_", "PMI_", "MPI_", "HYDRA_", "HYDI_"  # how variables of a rank begin
+    env = {name: value for name, value in os.environ.items() if not name.startswith(of_mpi)}
     sent, command = pickle.dumps(sys.path) + pickle.dumps((work, given)), (sys.executable, "-c")
     try:
         done = subprocess.run(

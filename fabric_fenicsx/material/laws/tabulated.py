@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,7 +26,6 @@ from .base import Law, sheet_fields
 MIN_POINTS = 3
 # in a file: compiling the form takes the square of their number, half a minute at 100
 MAX_POINTS = 40
-CURVES = {"warp": "eps_a", "weft": "eps_b", "shear": "gamma"}  # and the strain of each
 _BEYOND = {
     "constant": "there the stress stays at the table's last, without stiffness",
     "linear": "there the table's last slope goes on",
@@ -147,6 +146,7 @@ class TabulatedFabric(Law):
 
     law = "tabulated"
     factors = {"shear_factor": ("shear",), "yarn_factor": ("warp", "weft")}
+    strain_of: ClassVar = {"warp": "eps_a", "weft": "eps_b", "shear": "gamma"}
 
     warp: Curve
     weft: Curve
@@ -177,7 +177,7 @@ class TabulatedFabric(Law):
         return Derivatives(np.stack([A, B, H], -1), np.stack([A_a, B_b, H_g]), tangent)
 
     def ranges(self) -> tuple[Range, ...]:
-        curves = [(name, strain, getattr(self, name)) for name, strain in CURVES.items()]
+        curves = [(name, strain, getattr(self, name)) for name, strain in self.strain_of.items()]
         lows = [c.x[0] if c.x[0] < 0 else -math.inf for *_, c in curves]
         return tuple(
             Range(strain, f"the table of {name}", low, c.x[-1], _BEYOND[c.extrapolation])
@@ -186,7 +186,7 @@ class TabulatedFabric(Law):
 
     def plausibility_warnings(self) -> list[str]:
         warnings = super().plausibility_warnings()
-        for name in CURVES:
+        for name in self.strain_of:
             curve, table = getattr(self, name), f"the table of {name} of material {self.name}"
             if name != "shear" and curve.x[0] == 0:
                 warnings.append(
@@ -205,7 +205,7 @@ class TabulatedFabric(Law):
     def table(self) -> Document:
         """The curves and the sheet; a material file names CSV files in the place of the points."""
         tables = {}
-        for name, curve in ((name, getattr(self, name)) for name in CURVES):
+        for name, curve in ((name, getattr(self, name)) for name in self.strain_of):
             points = {"x": list(curve.x), "y": list(curve.y)}
             tables[name] = points | {"extrapolation": curve.extrapolation}
         return {"model": "fabric"} | self.sheet_table() | tables
@@ -214,9 +214,12 @@ class TabulatedFabric(Law):
     def from_document(cls, document: Document, folder: Path) -> Self:
         """The fabric of a TOML document in `folder`, in which `warp`, `weft` and `shear` are CSV
         files with the headers `eps [%], sigma [MPa]` and `gamma [deg], tau [MPa]`, or such."""
-        own = {key: document.pop(key, None) for key in ("law", "model", "extrapolation", *CURVES)}
+        own = {
+            key: document.pop(key, None)
+            for key in ("law", "model", "extrapolation", *cls.strain_of)
+        }
         fields = sheet_fields(cls, document, take_units(document), tuple(own))
-        for key in CURVES:
+        for key in cls.strain_of:
             if own[key] is None:
                 raise InputError(f"missing {key}; allowed is a CSV file beside this one")
             stress = stresses(fields["thickness"])
