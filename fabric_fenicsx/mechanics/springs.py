@@ -87,7 +87,7 @@ class Springs(Term):
         if self.arm is not None:
             arm = vector_on(blank, f"arm of {self.name} [mm]", self.arm)
             self._from_anchor = -np.tile(blank.frame @ arm, (len(x), 1))
-        else:
+        elif self._anchor is not None:
             anchor = vector_on(blank, f"anchor of {self.name} [mm]", self._anchor)
             self._from_anchor = x - blank.frame @ anchor
         self._lengths = np.linalg.norm(self._from_anchor, axis=1)
