@@ -8,7 +8,6 @@ import numpy as np
 import ufl
 from numpy.typing import ArrayLike
 
-from ..runtime.errors import InputError
 from ..runtime.rules import FINITE, Rule
 from ..sheets.blank import Blank
 from ..tools.values import checked_vector, length_of
@@ -169,11 +168,7 @@ class EdgeTension(_DeadLoad):
         along = _along(
             scene.blank, f"direction of {self.name} on {scene.blank.name}", self.direction
         )
-        try:
-            ds = self.part.ds(self.edge)
-        except InputError as error:
-            raise InputError(f"{self.name}: {error}") from error
-        self._start(along * ds)
+        self._start(along * self.part.ds(self.edge))
 
     def _size(self, load):
         return at_load(f"{self.name} [N/mm]", FINITE, self._tension, load)

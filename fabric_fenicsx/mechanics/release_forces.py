@@ -89,7 +89,7 @@ class ReleaseForces(Term):
         """As in `Term`: their potential, and what was released up to the present state."""
         released = self._released - self._since_accepted()
         released *= self.blank.mesh.comm.rank == 0  # known to all
-        return {None: -self._share * self._travel() - released, RELEASED: released}
+        return {None: self.stored() - released, RELEASED: released}
 
     def stored(self) -> float:
         return -self._share * self._travel()
@@ -109,10 +109,8 @@ class ReleaseForces(Term):
     def memory(self) -> dict[str, np.ndarray]:
         """Work done, the same row at each node (nodes, k), and the nodes' start."""
         row = np.append(self._work.memory(), self._released)
-        return {
-            "work": np.tile(row, (self._count, 1)),
-            "start": self._start.reshape(self._count, -1),
-        }
+        work = np.tile(row, (self._count, 1))
+        return {"work": work, "start": self._start.reshape(self._count, -1)}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         firsts = self.blank.mesh.comm.allgather(memory["work"][:1])

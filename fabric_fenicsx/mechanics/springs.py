@@ -85,10 +85,11 @@ class Springs(Term):
         nodes = np.flatnonzero(shares)
         self._share, x = shares[nodes], blank.along(blank.coordinates()[nodes].T).T
         if self.arm is not None:
-            arm = self._vector("arm", self.arm)
-            self._from_anchor = -np.tile(arm, (len(x), 1))
-        else:
-            self._from_anchor = x - self._vector("anchor", self._anchor)
+            arm = vector_on(blank, f"arm of {self.name} [mm]", self.arm)
+            self._from_anchor = -np.tile(blank.frame @ arm, (len(x), 1))
+        elif self._anchor is not None:
+            anchor = vector_on(blank, f"anchor of {self.name} [mm]", self._anchor)
+            self._from_anchor = x - blank.frame @ anchor
         self._lengths = np.linalg.norm(self._from_anchor, axis=1)
         size = np.ptp(blank.extent(), axis=0).max()
         if blank.mesh.comm.allreduce(self._lengths.min(initial=np.inf), MPI.MIN) < 1e-6 * size:
@@ -100,14 +101,6 @@ class Springs(Term):
         first, each = blank.V.dofmap.index_map.local_range[0], np.arange(len(nodes))
         self._alone = CoupledNodes(first + nodes, each[:, None], dim=gdim)
 
-    def _vector(self, argument, given):
-        """`arm` or `anchor` along the frame's axes, (gdim,)."""
-        name = f"{argument} of {self.name} [mm]"
-        vector = vector_on(self.blank, name, given)
-        if argument == "arm":
-            vector_on(self.blank, name, given, unit=True)  # so not all 0
-        return self.blank.frame @ vector
-
     def _shares(self):
         """Share of each owned node, (owned nodes,), 0 where it has no spring; 1 in all."""
         blank = self.blank
@@ -116,13 +109,11 @@ class Springs(Term):
         def where(points):
             return values_at(self.where, points)
 
-        shares = (self.part.nodes & where(blank.coordinates()[:owned].T)).astype(float)
         try:
             side = ufl.TestFunction(blank.V)[0] * self.part.ds(where)
-        except InputError:  # none is marked, on any rank
-            pass
-        else:
             shares = assembled(side)[::gdim].copy()
+        except InputError:  # none is marked, on any rank
+            shares = (self.part.nodes & where(blank.coordinates()[:owned].T)).astype(float)
         whole = blank.mesh.comm.allreduce(float(shares.sum()))
         if not whole:
             raise InputError(
@@ -139,9 +130,9 @@ class Springs(Term):
         return away / length[:, None], length, np.maximum(pull, 0.0)
 
     def stored(self) -> float:
-        pull, k = self._now()[2], self._stiffness
+        (_, length, pull), k = self._now(), self._stiffness
         if not k:
-            return float(self._preload * self._share @ (self._now()[1] - self._lengths))
+            return float(self._preload * self._share @ (length - self._lengths))
         return float(self._share @ (pull**2 - self._preload**2)) / (2 * k)
 
     def add_forces(self, f: np.ndarray) -> None:
@@ -157,9 +148,9 @@ class Springs(Term):
         return self._alone.rows, self._alone.cols, (self._share[:, None, None] * stiff).ravel()
 
     def applied_forces(self) -> np.ndarray:
-        f = np.zeros(self.blank.u.x.array.size)
+        f = np.zeros(self.blank.V.dofmap.index_map.size_local * self.blank.mesh.geometry.dim)
         self.add_forces(f)
-        return -f[: self.blank.V.dofmap.index_map.size_local * self.blank.mesh.geometry.dim]
+        return -f
 
     def pull(self) -> float:
         """Sum of what the springs pull, whatever their directions, of all ranks [N]."""

@@ -70,23 +70,14 @@ Supports = Iterable[Support] | Callable[[Blank], Iterable[Support]]
 
 
 def clamped_ends(stroke: float = 0.0) -> Callable[[Blank], list[Support]]:
-    """Supports of a strip that is clamped at both ends and pulled along its length.
+    """Supports of a strip that is clamped at both ends and pulled along its length: a function of a
+    blank, for `Scene`. It raises InputError if an end is not straight over half the strip's width
+    or more.
 
     Parameters
     ----------
     stroke
         Displacement of the "moving grip" along the frame's first axis [mm]; the "fixed grip" stays.
-
-    Returns
-    -------
-    Callable
-        Function of a blank, for `Scene`. It raises InputError if an end is not straight over half
-        the strip's width or more.
-
-    Raises
-    ------
-    InputError
-        For a stroke that is not finite.
 
     Examples
     --------
@@ -112,10 +103,9 @@ def rolling_ends(stroke: float = 0.0) -> Callable[[Blank], list[Support]]:
     def supports(blank: Blank) -> list[Support]:
         low, high = blank.extent()
         near, corner = 1e-6 * (high - low).max(), low[:2, None]
-        at_corner = Support(
-            "corner", lambda x: (np.abs(blank.along(x)[:2] - corner) <= near).all(0), (1,)
-        )
-        return [*_ends(blank, stroke, (0, *range(2, len(low)))), at_corner]
+        at_corner = lambda x: (np.abs(blank.along(x)[:2] - corner) <= near).all(0)  # noqa: E731
+        ends = _ends(blank, stroke, (0, *range(2, len(low))))
+        return [*ends, Support("corner", at_corner, (1,))]
 
     return supports
 
@@ -156,17 +146,13 @@ def on_edge(blank: Blank) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def frame(deformation: Callable[[float], np.ndarray]) -> Callable[[Blank], list[Support]]:
-    """Support of a rectangle's whole edge that deforms it homogeneously.
+    """Support "frame" of a rectangle's whole edge that deforms it homogeneously: a function of a
+    blank, for `Scene`.
 
     Parameters
     ----------
     deformation
         Function of the load factor that returns the deformation gradient (2, 2).
-
-    Returns
-    -------
-    Callable
-        Function of a blank, for `Scene`; its support is "frame".
 
     Examples
     --------

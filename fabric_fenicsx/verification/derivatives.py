@@ -50,6 +50,10 @@ def check_derivatives(
       sheet is and displaced by about `size`. The term is at load 0 afterwards, the sheet where it
       was.
 
+    Returns a table of the differences, with a remark if an energy of a term is below 0. Raises
+    InputError, with the table, if a difference is above 1e-4; 2 % of the states of laws and
+    surfaces may be. Also where an energy or a gap is not a number.
+
     Parameters
     ----------
     thing
@@ -61,10 +65,6 @@ def check_derivatives(
         Load factor at which a term is checked.
     size
         Displacement of the sheet for a term [mm], by default 1/1000 of a cell.
-
-    Returns a table of the differences, with a remark if an energy of a term is below 0. Raises
-    InputError, with the table, if a difference is above 1e-4; 2 % of the states of laws and
-    surfaces may be. Also where an energy or a gap is not a number.
 
     Examples
     --------
