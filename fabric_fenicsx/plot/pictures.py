@@ -151,8 +151,8 @@ def maps(
 
 
 def draw_state(name: str, result: Any, force_name: str) -> None:
-    """What one looks at first of the `Result` of the run `name`: maps.png, error.png with estimated errors and, at
-    last, curve.png, whose force is called `force_name`."""
+    """What one looks at first of the `Result` of the run `name`: maps.png, error.png with estimated
+    errors and, at last, curve.png, whose force is called `force_name`."""
     plies, folder = of_fabric(result.grids), Path(result.folder or ".")
     grids = {part or name.replace("_", " "): grid for part, grid in plies.items()}
     if grids:  # not of metal alone
