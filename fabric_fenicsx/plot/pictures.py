@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import pyvista
@@ -34,17 +34,6 @@ SHOWN = {
 }
 MAPS = "log_eps_11", "log_eps_22", "shear_angle"  # what one looks at first
 OUTLIERS = 0.005  # of the cells, as at corners, that are left out of a map's scale
-
-
-class Drawn(Protocol):
-    """What is drawn of a `Result`."""
-
-    rows: list[dict]
-    folder: Path | None
-
-    @property
-    def grids(self) -> dict[str, Grid]:
-        """Sheets by name."""
 
 
 @contextmanager
@@ -161,9 +150,9 @@ def maps(
         label_outer(axes)
 
 
-def draw_state(name: str, result: Drawn, force_name: str) -> None:
-    """What one looks at first of the run `name`: maps.png, error.png with estimated errors and, at
-    last, curve.png, whose force is called `force_name`."""
+def draw_state(name: str, result: Any, force_name: str) -> None:
+    """What one looks at first of the `Result` of the run `name`: maps.png, error.png with estimated
+    errors and, at last, curve.png, whose force is called `force_name`."""
     plies, folder = of_fabric(result.grids), Path(result.folder or ".")
     grids = {part or name.replace("_", " "): grid for part, grid in plies.items()}
     if grids:  # not of metal alone
@@ -204,7 +193,7 @@ def curves(
 
 def reactions(
     path: Path,
-    results: Mapping[str, Drawn],
+    results: Mapping[str, Any],
     xlabel: str = "displacement / mm",
     ylabel: str = "reaction / N",
 ) -> None:
