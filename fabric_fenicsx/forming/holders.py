@@ -315,10 +315,12 @@ class SpringHolder(Kind):
         )
 
 
-_KINDS: tuple[type[Kind], ...] = PressureHolder, ForceHolder, GapHolder, Grippers, SpringHolder
 # entry of a file -> the kind of holder that has it
 HOLDERS: Mapping[str, type[Kind]] = MappingProxyType(
-    {dataclasses.fields(kind)[0].name: kind for kind in _KINDS}  # type: ignore[arg-type]
+    {
+        dataclasses.fields(kind)[0].name: kind
+        for kind in (PressureHolder, ForceHolder, GapHolder, Grippers, SpringHolder)
+    }
 )
 
 

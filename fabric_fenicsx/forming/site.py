@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -94,24 +93,18 @@ class Flange:
 
     def __init__(self, die: Tool, thickness: float, up: float, extent: ArrayLike) -> None:
         self.die, self.thickness, self.up = die, thickness, up
-        low, high = np.asarray(extent)[:, :2]
-        self._axes = [
-            np.arange(
-                math.floor(start / self.spacing) - self.beyond,
-                math.ceil(end / self.spacing) + self.beyond + 1,
-            )
-            for start, end in zip(low, high)
-        ]
+        low, high = np.asarray(extent)[:, :2] / self.spacing
+        self._first = np.floor(low).astype(int) - self.beyond  # of the lattice along x and y
+        self._last = np.ceil(high).astype(int) + self.beyond
         self._begin_anew()
 
     def _begin_anew(self):
         self._seen = self.die.displacement
-        lattice = np.stack(np.meshgrid(*self._axes, indexing="ij"), -1).astype(float)
-        flat = self._flat(self.spacing * lattice.reshape(-1, 2)).reshape(lattice.shape[:2])
-        self._least, self._most = (
-            find(flat, 2 * self.beyond + 2, origin=-1)
-            for find in (ndimage.minimum_filter, ndimage.maximum_filter)
-        )
+        axes = (np.arange(first, last + 1) for first, last in zip(self._first, self._last))
+        lattice = self.spacing * np.stack(np.meshgrid(*axes, indexing="ij"), -1)
+        flat = self._flat(lattice.reshape(-1, 2)).reshape(lattice.shape[:2])
+        self._least = ndimage.minimum_filter(flat, 2 * self.beyond + 2, origin=-1)
+        self._most = ndimage.maximum_filter(flat, 2 * self.beyond + 2, origin=-1)
         # how many squares before each have share 0 everywhere, and 1
         self._counts = [
             np.pad(each.cumsum(0).cumsum(1), ((1, 0), (1, 0)))
@@ -126,11 +119,10 @@ class Flange:
         """The share (n,) of each triangle with corners x (n, 3, 3) [mm] that is 0 or 1 all over it;
         nan where it may differ, and has to be asked for at places."""
         self._follow_die()
-        first, last = np.array([axis[[0, -1]] for axis in self._axes]).T
         low, high = (np.floor(ends / self.spacing) for ends in (x.min(1)[:, :2], x.max(1)[:, :2]))
-        known = ((low >= first) & (high <= last)).all(1)
+        known = ((low >= self._first) & (high <= self._last)).all(1)
         (a, b), (c, d) = (
-            (np.where(known[:, None], end - first, 0).astype(int) + n).T
+            (np.where(known[:, None], end - self._first, 0).astype(int) + n).T
             for n, end in enumerate((low, high))
         )
         squares, share = (c - a) * (d - b), np.full(len(x), np.nan)
@@ -143,10 +135,9 @@ class Flange:
         self._follow_die()
         finite = np.isfinite(x[:2]).all(0)
         places = np.where(finite, x[:2], 0.0).T
-        first, count = np.array([axis[[0, -1]] for axis in self._axes]).T
-        square = np.floor(places / self.spacing).clip(first, count) - first
-        at = tuple(square.astype(int).T)
-        inside = ((places / self.spacing >= first) & (places / self.spacing <= count)).all(1)
+        squares = places / self.spacing
+        at = tuple((np.floor(squares).clip(self._first, self._last) - self._first).astype(int).T)
+        inside = ((squares >= self._first) & (squares <= self._last)).all(1)
         share, near = self._least[at], ~inside | (self._least[at] != self._most[at])
         share[near] = self._flat(places[near])
         return np.where(finite, share, 0.0)

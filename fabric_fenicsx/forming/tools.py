@@ -144,12 +144,11 @@ class Shape(NamedTuple):
         return table if self.read(table, "", side) == surface else None
 
 
-_ORIGIN, _UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 SHAPES = {
     "sphere": Shape(Sphere, ("radius",)),
-    "cylinder": Shape(Cylinder, ("radius", "axis"), {"point": _ORIGIN, "axis": (0.0, 1.0, 0.0)}),
-    "plane": Shape(Plane, (), {"point": _ORIGIN, "normal": _UP}),
-    "torus": Shape(Torus, ("ring", "tube"), {"centre": _ORIGIN, "axis": _UP}),
+    "cylinder": Shape(Cylinder, ("radius", "axis"), {"point": (0, 0, 0), "axis": (0, 1, 0)}),
+    "plane": Shape(Plane, (), {"point": (0, 0, 0), "normal": (0, 0, 1)}),
+    "torus": Shape(Torus, ("ring", "tube"), {"centre": (0, 0, 0), "axis": (0, 0, 1)}),
     "plate": Shape(Plate, ("length", "width", "corner", "entry")),
     "block": Shape(Block, ("length", "width", "height", "radius", "corner")),
     "double_dome": Shape(DoubleDome, tuple(names_of(DoubleDome))),
