@@ -165,9 +165,8 @@ class EdgeTension(_DeadLoad):
         self._tension, self.direction, self.edge = tension, direction, edge
 
     def set_up(self, scene: SceneFacts) -> None:
-        along = _along(
-            scene.blank, f"direction of {self.name} on {scene.blank.name}", self.direction
-        )
+        name = f"direction of {self.name} on {scene.blank.name}"
+        along = _along(scene.blank, name, self.direction)
         self._start(along * self.part.ds(self.edge))
 
     def _size(self, load):

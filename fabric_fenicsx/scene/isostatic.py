@@ -143,9 +143,8 @@ def _support(blank, name, place, axes, moved):
     def where(x):
         return np.linalg.norm(blank.along(x).T - place, axis=1) < near
 
-    return Support(
-        name, where, tuple(axes), lambda x, load: np.tile(values[:, None], (1, x.shape[1]))
-    )
+    there = lambda x, load: np.tile(values[:, None], (1, x.shape[1]))  # noqa: E731
+    return Support(name, where, tuple(axes), there)
 
 
 def _size(blank):

@@ -117,8 +117,7 @@ def untouched_warning(scene: Scene) -> str:
         if contacts and moved and not _touched(scene, tool):
             gap = min(float(each.gap().min(initial=math.inf)) for each in contacts)
             gap = round(scene.comm.allreduce(gap, MPI.MIN), 9)
-            told.append(
-                f"{tool.name} moved by {rounded(moved)} mm, and is still {rounded(gap)} mm off"
-            )
+            way, left = rounded(moved), rounded(gap)
+            told.append(f"{tool.name} moved by {way} mm, and is still {left} mm off")
     words = "check its path and its surface"
     return f"a tool never touched the sheet: {'; '.join(told)}; {words}" if told else ""

@@ -267,9 +267,8 @@ class LoadStepping:
         self._notify(trial.report, trial.energies)
         self._steps_at_rest += progress.load == 1 and not trial.size
         if progress.viscosity.drag and self._steps_at_rest == self.MAX_STEPS_AT_REST:
-            return (
-                f"the state at full load still creeps after {self.MAX_STEPS_AT_REST} steps at rest"
-            )
+            many = self.MAX_STEPS_AT_REST
+            return f"the state at full load still creeps after {many} steps at rest"
         return ""
 
     def _next_step_size(self, trial):
@@ -316,7 +315,6 @@ class LoadStepping:
         """Hand the accepted state to the observer."""
         now, progress = time.perf_counter(), self.progress
         wall = now - self._clock if progress.load or progress.iterations else 0.0
-        self.on_accept(
-            Accepted(progress.load, energies, progress.work, report, self._cuts, wall, progress)
-        )
+        course = report, self._cuts, wall, progress
+        self.on_accept(Accepted(progress.load, energies, progress.work, *course))
         self._clock, self._cuts = now, 0

@@ -69,9 +69,8 @@ class Coulomb:
     @property
     def largest(self) -> float:
         """The largest coefficient, inf of a field."""
-        return max(
-            (np.inf if isinstance(mu, Field) else mu for mu in self._coefficients()), default=0.0
-        )
+        values = (np.inf if isinstance(mu, Field) else mu for mu in self._coefficients())
+        return max(values, default=0.0)
 
     def of(self, label: str, axes: str) -> "Coulomb":
         """The same with coefficients that are fields of these axes; label: in messages."""

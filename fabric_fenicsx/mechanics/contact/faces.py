@@ -99,9 +99,8 @@ class Face:
         turned = np.cross(q - p, r - p) @ UP * side < 0
         self.triangles[turned] = self.triangles[turned][:, [0, 2, 1]]
         self.planes = [_plane(X, np.asarray(where(X.T), bool)) for where in symmetric]
-        self._edges, self._bulges = self._bulge_operator(
-            self._rows_to_free_edges() / self.FLAT_ROWS
-        )
+        share = self._rows_to_free_edges() / self.FLAT_ROWS
+        self._edges, self._bulges = self._bulge_operator(share)
         self.take()
 
     def gathered(self, values: np.ndarray) -> np.ndarray:

@@ -65,10 +65,8 @@ class FrictionState:
     def begin(self, normal_forces: np.ndarray | None = None) -> None:
         """Go back to the accepted state, under other normal forces without a change of energy."""
         self._limit = self.limit if normal_forces is None else self.coefficient * normal_forces
-        # what the elastic slip does not hold
-        self._energy_correction = (
-            self._accepted_energy - self._potential(self._slip, self._limit)[0]
-        )
+        held = self._potential(self._slip, self._limit)[0]  # by the elastic slip
+        self._energy_correction = self._accepted_energy - held
         self._take(self.start, self._slip)
 
     def _take(self, sliding, slip):

@@ -232,9 +232,8 @@ class ToolInteraction(Interaction):
 
     def _blocks(self):
         """Decrease of friction as nodes move (nodes, 3, 3) [N/mm]; None without friction."""
-        return self.friction_state and self.friction_state.sliding.on_node_blocks(
-            self.friction_state.blocks()
-        )
+        state = self.friction_state
+        return state and state.sliding.on_node_blocks(state.blocks())
 
     def _friction_work(self):
         """Work against friction since the accepted state, by trapezoids, on rank 0 [N mm]."""

@@ -111,9 +111,7 @@ class Nodes:
 
     def common(self, rows: np.ndarray) -> np.ndarray:
         """The row (k,) that all nodes of all ranks have in `rows` (count, k)."""
-        return next(
-            row for row in self.comm.allgather(rows[0] if len(rows) else None) if row is not None
-        )
+        return next(firsts[0] for firsts in self.comm.allgather(rows[:1]) if len(firsts))
 
     def total(self, values: np.ndarray) -> np.ndarray:
         """Sum over all ranks' nodes of values (count, ...)."""

@@ -287,9 +287,8 @@ class Bending(Term):
             measured, weight = self._measured
             along = measured.respond(bent[:, :2], weight)
             area = (1 - self.in_plane) * np.tile(self._cells.area[:, None], 2)
-            energy += float(
-                np.vdot(area, along.energy) - 0.5 * np.vdot(moments[:, :2], bent[:, :2])
-            )
+            straight = 0.5 * np.vdot(moments[:, :2], bent[:, :2])
+            energy += float(np.vdot(area, along.energy) - straight)
             section = section.copy()
             moments[:, :2], section[:, :2] = area * along.moment, area * along.slope
         if self._friction.size:

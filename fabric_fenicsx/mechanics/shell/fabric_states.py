@@ -135,9 +135,7 @@ class FabricStates(Term):
                 "stability_ellipticity": stable.ellipticity.min(1),
             },
             "rad": {"shear_angle": gamma, "I10": gamma},
-            "N mm/mm^3": {
-                f"energy_{name}": parts[:, k] for k, name in enumerate(("a", "b", "shear"))
-            },
+            "N mm/mm^3": dict(zip(("energy_a", "energy_b", "energy_shear"), parts.T)),
             "MPa": {
                 f"sigma_{name}": mean(np.einsum("cqi,cqij,cqj->cq", f, state.cauchy, f) / I)
                 for name, f, I in (("a", fa, I4), ("b", fb, I8))
@@ -171,9 +169,8 @@ class FabricStates(Term):
         columns = {"min_stability": least(comm.allreduce(stable, MPI.MIN))}
         if self.blank.mesh.geometry.dim == 3:
             most = self.shortening().max(1)
-            columns["shortening_max"] = largest(
-                comm.allreduce(float(most.max(initial=0.0)), MPI.MAX)
-            )
+            of_all = comm.allreduce(float(most.max(initial=0.0)), MPI.MAX)
+            columns["shortening_max"] = largest(of_all)
             columns[share_name(SHORTENED)] = largest(self._share(most > SHORTENED))
         return columns
 

@@ -25,9 +25,8 @@ class Stencil:
         self, cells: MorleyCells, operator: np.ndarray, own: np.ndarray, apart: bool = False
     ) -> None:
         self._dim, self._mirrors = cells.corners.shape[2], cells.mirrors
-        keys, columns = np.unique(
-            cells.nodes * len(cells.mirrors) + cells.codes, return_inverse=True
-        )
+        keys = cells.nodes * len(cells.mirrors) + cells.codes
+        keys, columns = np.unique(keys, return_inverse=True)
         self.columns = columns.reshape(cells.nodes.shape)
         self._nodes, self._codes = np.divmod(keys, len(cells.mirrors))
         self._mirrored = np.flatnonzero(self._codes)
