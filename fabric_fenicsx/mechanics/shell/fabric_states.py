@@ -171,7 +171,7 @@ class FabricStates(Term):
             most = self.shortening().max(1)
             of_all = comm.allreduce(float(most.max(initial=0.0)), MPI.MAX)
             columns["shortening_max"] = largest(of_all)
-            columns[share_name(SHORTENED)] = largest(self._share(most > SHORTENED))
+            columns[share_name(SHORTENED)] = largest(self.share_of(most > SHORTENED))
         return columns
 
     def summary(self) -> dict[str, Value]:
@@ -189,7 +189,7 @@ class FabricStates(Term):
     def overstretched(self, strain: float) -> float:
         """Share of the area, 0 to 1, in whose cells a yarn is stretched by more than `strain`."""
         stretches = np.sqrt(self.invariants_at_points()[..., [0, 2]])
-        return self._share(np.einsum("q,cqk->ck", self.weights, stretches).max(1) - 1 > strain)
+        return self.share_of(np.einsum("q,cqk->ck", self.weights, stretches).max(1) - 1 > strain)
 
     def shortening(self) -> np.ndarray:
         """Shortening of both yarns under compression, means over cells (cells, 2): the nominal
@@ -209,7 +209,7 @@ class FabricStates(Term):
         short = np.maximum(0.0, -np.stack([eps_a, eps_b])) * share
         return np.einsum("q,kcq->ck", self.weights, short.reshape(2, *invariants.shape[:2]))
 
-    def _share(self, cells):
+    def share_of(self, cells: np.ndarray) -> float:
         """Share of the part's area that lies in `cells` (cells,) of bool, of all ranks."""
         areas = self.blank.areas()[self.part.cells]
         inside, whole = self.blank.mesh.comm.allreduce(np.array([areas[cells].sum(), areas.sum()]))

@@ -29,11 +29,10 @@ def band_warning(membrane: Membrane) -> str:
     largest shear angles are 52.1 and 54.5 deg.
     """
     part, comm = membrane.part, membrane.blank.mesh.comm
-    areas = membrane.blank.areas()[part.cells]
     state = stability.evaluate(membrane.law_of_points, membrane.invariants_at_points())
     least = state.ellipticity.min(1)
-    lost, whole = comm.allreduce(np.array([areas[least < 0].sum(), areas.sum()]))
-    if lost <= 0.01 * whole:
+    share = membrane.share_of(least < 0)
+    if share <= 0.01:
         return ""
     # to few digits, so that of cells that mirror each other the same is named on any ranks
     centres = membrane.blank.places()[part.cells].round(6)
@@ -42,7 +41,7 @@ def band_warning(membrane: Membrane) -> str:
     _, *centre = min(each for rank in comm.allgather(candidates) for each in rank)
     name = part.name or membrane.blank.name
     return (
-        f"in {percent(lost / whole)} of {name}, as at {of_sheet(centre)}, "
+        f"in {percent(share)} of {name}, as at {of_sheet(centre)}, "
         "the law allows bands: strains gather in rows of cells, and which rows depends on mesh and "
         "steps; so do the largest strains and shear angles, unless bending within the sheet "
         "(`in_plane_bending`) gives bands a width"

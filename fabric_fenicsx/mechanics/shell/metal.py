@@ -260,7 +260,10 @@ class SheetMetal(Term):
             strain = self._strain(shape)
             trial = self._elastic.reshape(-1, 3) + strain.strain - self._from
             response = respond(self.metal, trial, self._plastic.ravel())
-            self._now = _State(U, shape, strain, response, *self._resultants(strain, response))
+            stress = np.einsum("nkj,nk->nj", strain.first, 2 * response.stress) @ MEAN_AND_SHEARS
+            stress = stress.reshape(self._elastic.shape) * self._volumes[:, :, None]
+            moments = -np.einsum("cp,cpk->ck", self._z, stress)
+            self._now = _State(U, shape, strain, response, stress.sum(1), moments)
         return self._now
 
     def _strain(self, shape):
@@ -270,8 +273,3 @@ class SheetMetal(Term):
         C = np.stack([(aa + bb) / 2, (aa - bb) / 2, ab], -1)
         bent = (shape.curvature - self._rest) @ MEAN_AND_SHEARS.T
         return hencky((C[:, None] - self._z[:, :, None] * bent[:, None]).reshape(-1, 3))
-
-    def _resultants(self, strain, response):
-        stress = np.einsum("nkj,nk->nj", strain.first, 2 * response.stress) @ MEAN_AND_SHEARS
-        stress = stress.reshape(self._elastic.shape) * self._volumes[:, :, None]
-        return stress.sum(1), -np.einsum("cp,cpk->ck", self._z, stress)
