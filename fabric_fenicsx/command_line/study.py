@@ -22,7 +22,6 @@ from ..runtime import status
 from ..runtime.collective_errors import is_alone
 from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.fields import declared
-from ..runtime.files import unwritable
 from ..runtime.logs import Console
 from ..runtime.timing import count_imports, phase
 from ..solve.limits import Limits
@@ -260,15 +259,11 @@ def run(name: str, options: Parser, main: Callable[[Any], None], kind: type[Stud
             main(study)
             study.write_report(description, "done")
         return
-    except (InputError, SolverFailure, Interrupted) as error:
+    except (InputError, SolverFailure, Interrupted, OSError) as error:
         code, text = exit_status(error)
         text = options.translated(text)
         if study and code == 3:
             study.write_report(description, text)
-    except OSError as error:
-        code, text = exit_status(unwritable(error))
-        if error.errno is None:  # as of gmsh, whose wheel needs some of the machine's libraries
-            text = f"error: {error}; `fabric info` says what works here"
     except KeyboardInterrupt:
         code, text = 3, "stopped: interrupted; --resume goes on from the last accepted state"
     except Exception:

@@ -1,9 +1,11 @@
 """Files to read, files that are complete at any moment, and folders that one run has locked."""
 
+import csv
 import fcntl
+import io
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
@@ -31,6 +33,15 @@ def plain(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [plain(each) for each in value]
     return value.tolist() if hasattr(value, "tolist") else value
+
+
+def csv_text(rows: Sequence[Mapping]) -> str:
+    """A table of dicts as the content of a CSV file, with a column for each of their keys."""
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, dict.fromkeys(key for row in rows for key in row))
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
 
 
 def read_summary(path: Path) -> dict:

@@ -31,7 +31,9 @@ def below(runs: Sequence[Run], quantity: str, limit: float) -> str:
         if math.isfinite(value := run.value(quantity)):
             points.append((float(run.values[key]), value))
         else:
-            others[_why(run, quantity)].append(run.values[key])
+            doubt = "doubted, see the table" if run.doubts(quantity) else "without a value"
+            why = doubt if run.is_believed() else "not believed"
+            others[why].append(run.values[key])
     notes = [f"left out, as {why}: {name} = {', '.join(x)}" for why, x in others.items()]
     asked = f"{quantity} below {rounded(limit, 5)}"
     if not points:
@@ -40,13 +42,11 @@ def below(runs: Sequence[Run], quantity: str, limit: float) -> str:
     slopes = np.sign(np.diff(y))
     if (slopes > 0).any() and (slopes < 0).any():
         notes.append("it neither falls nor rises throughout: look at trends.png")
-    return "; ".join([f"{asked}: {_where(x, y, limit, name)}", *notes, _accuracy(runs, quantity)])
-
-
-def _why(run, quantity):
-    if not run.is_believed():
-        return "not believed"
-    return "doubted, see the table" if run.doubts(quantity) else "without a value"
+    errors = [run.summary().get("error", {}).get(quantity) for run in runs if run.is_believed()]
+    off = "all on these cells: `-- --error` tells how far they may be off, finer ones show it"
+    if sizes := [abs(error) for error in errors if error is not None]:
+        off = f"the cells' estimated error is up to {rounded(max(sizes), 2)}"
+    return "; ".join([f"{asked}: {_where(x, y, limit, name)}", *notes, off])
 
 
 def _where(x, y, limit, name):
@@ -69,11 +69,3 @@ def _where(x, y, limit, name):
     if not ends:
         return f"in all runs, from {name} = {x[0]:g} on"
     return f"{' and '.join(ends)} (between runs, interpolated)"
-
-
-def _accuracy(runs, quantity):
-    errors = [run.summary().get("error", {}).get(quantity) for run in runs if run.is_believed()]
-    sizes = [abs(error) for error in errors if error is not None]
-    if not sizes:
-        return "all on these cells: `-- --error` tells how far they may be off, finer ones show it"
-    return f"the cells' estimated error is up to {rounded(max(sizes), 2)}"

@@ -13,8 +13,6 @@ from .folder import Run, force_name
 from .scatter import BOUNDS
 from .varied import is_wide, label, number
 
-MAX_MAPS = 24  # plies in rows of one picture
-
 
 def draw(
     files: Mapping[str, Path], runs: Sequence[Run], names: Mapping[str, str], scatter: bool = False
@@ -52,7 +50,7 @@ def _draw_curves(path, runs, scatter):
 def _draw_trends(path, runs, names):
     """A row of panels a quantity, with one for each key whose values are numbers."""
     runs = [run for run in runs if run.is_at_full_load()]
-    keys = [key for key in (runs[0].values if runs else ())]
+    keys = list(runs[0].values) if runs else []
     keys = [key for key in keys if None not in [number(run.values[key]) for run in runs]]
     if not (keys and names):
         return
@@ -87,12 +85,12 @@ def _draw_trend(ax, runs, key, name, most=8):
     ax.grid(alpha=0.3)
 
 
-def _draw_maps(path, runs):
-    """A row of maps for each ply of each run."""
+def _draw_maps(path, runs, most=24):
+    """A row of maps for each ply of each run, up to so many."""
     grids = {}
     for run in (run for run in runs if (run.results / "fields.pvd").is_file()):
         words = run.label + ("" if run.is_believed() else f" ({run.verdict()})")
         for ply, grid in states.of_fabric(states.read_grids(run.results)).items():
             grids[", ".join(filter(None, (words, ply)))] = grid
-    if 0 < len(grids) <= MAX_MAPS:
+    if 0 < len(grids) <= most:
         maps(path, grids, ("shear_angle", "shortening_a", "shortening_b"))

@@ -1,14 +1,13 @@
 """Runs as processes, side by side."""
 
-import math
 import os
 import re
 import signal
 import subprocess
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from threading import RLock
 
@@ -19,8 +18,6 @@ from ..runtime.status import shown, task
 from .folder import Run, SweepFolder
 from .form import Form
 from .varied import Values
-
-MAX_RANK_MEMORY = 2048  # MiB, of a rank before a run has ended: that of 80 000 cells on one
 
 
 class Runner:
@@ -33,7 +30,10 @@ class Runner:
     ) -> None:
         self.folder, self.program, self.asked = folder, program, asked
         memory = max((run.memory() for run in folder.runs.values()), default=0)
-        room = free_memory() // (memory or MAX_RANK_MEMORY * program.ranks)
+        # of 80 000 cells on one rank, before a run has ended [MiB]
+        needed = memory or 2048 * program.ranks
+        lines = dict(line.split(":") for line in Path("/proc/meminfo").read_text().splitlines())
+        room = int(lines["MemAvailable"].split()[0]) / 1024 // needed
         cores = len(os.sched_getaffinity(0)) // program.ranks
         self.jobs = jobs or int(max(1, min(cores, room)))
         self._under_way: list[subprocess.Popen] = []
@@ -52,10 +52,20 @@ class Runner:
         def words():
             return f"{sum(run.status is not None for run in todo)} of {len(todo)} runs have ended"
 
-        with self._stopped_by_signals() as came, shown(), task(words):
-            with ThreadPoolExecutor(self.jobs) as pool:
+        def stop(number, _):
+            came.append(number)
+            self._stop()
+
+        came: list[int] = []
+        stops = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
+        before = {each: signal.signal(each, stop) for each in stops}
+        try:
+            with shown(), task(words), ThreadPoolExecutor(self.jobs) as pool:
                 for each in as_completed([pool.submit(self._do, run) for run in todo]):
                     each.result()
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
         if came:
             name = signal.Signals(came[0]).name
             raise Interrupted(f"stopped by {name}; the same command goes on from there")
@@ -110,31 +120,6 @@ class Runner:
                 else:
                     with suppress(ProcessLookupError):
                         os.killpg(process.pid, signal.SIGKILL)  # with all that it has started
-
-    @contextmanager
-    def _stopped_by_signals(self) -> Iterator[list[int]]:
-        """Stop on a signal while it is open; the signals that came."""
-        came: list[int] = []
-
-        def handle(number, _):
-            came.append(number)
-            self._stop()
-
-        stops = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
-        before = {each: signal.signal(each, handle) for each in stops}
-        try:
-            yield came
-        finally:
-            for each, handler in before.items():
-                signal.signal(each, handler)
-
-
-def free_memory() -> float:
-    """The memory that the system can give to programs [MiB], inf where it does not tell."""
-    with suppress(OSError):
-        lines = dict(line.split(":") for line in Path("/proc/meminfo").read_text().splitlines())
-        return int(lines["MemAvailable"].split()[0]) / 1024
-    return math.inf
 
 
 def _last_words(run, own="fabric form: "):
