@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -97,6 +97,12 @@ class Assumed:
         return f"assumed ({self.source}): {self.reason}{more}"
 
 
+def numbers_report(determined: Mapping[str, Determined], assumed: Mapping[str, Assumed]) -> dict:
+    """Fitted and assumed numbers {name: number} for JSON."""
+    parts = {"determined": determined, "assumed": assumed}
+    return {key: {n: asdict(each) for n, each in part.items()} for key, part in parts.items()}
+
+
 class NotConverged(SolverFailure):
     """A fit that gave up at the parameters `theta`."""
 
@@ -168,11 +174,10 @@ class Problem:
         """Standard deviations (N,): as the curves state them, else `common` times the peaks."""
         peak = self.points.peak
         sd = common * peak
-        for (curve, _), s in self.parts:
+        for (curve, response), s in self.parts:
             if curve.noise:
-                kind, size = curve.noise
-                value = np.maximum(np.abs(predicted[s]), 0.05 * peak[s])
-                sd[s] = size * {"absolute": 1.0, "maximum": peak[s]}.get(kind, value)
+                values = np.maximum(np.abs(predicted[s]), 0.05 * peak[s])
+                sd[s] = response.deviation(curve.noise, values)
         return sd
 
     def _yarns(self, name):

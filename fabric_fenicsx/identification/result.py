@@ -12,7 +12,7 @@ from .compaction import CompactionFit
 from .curves import Curve, Response
 from .curves.model import noise_text
 from .friction import FrictionFit
-from .problem import Assumed, Determined
+from .problem import Assumed, Determined, numbers_report
 
 
 @dataclass(frozen=True)
@@ -86,8 +86,7 @@ class Identification:
             "density_g_per_cm3": self.fabric.density,
             "areal_weight_g_per_m2": self.areal_weight,
             "parameters": len(names) + len(self.assumed),
-            "determined": {n: dataclasses.asdict(p) for n, p in self.determined.items()},
-            "assumed": {n: dataclasses.asdict(p) for n, p in self.assumed.items()},
+            **numbers_report(self.determined, self.assumed),
             "correlation": {"names": names, "matrix": np.round(self.correlation, 4).tolist()},
             "curves": [_error(*fit) for fit in self.fits],
             "compaction": self.compaction and self.compaction.report(),

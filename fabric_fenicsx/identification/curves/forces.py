@@ -67,8 +67,8 @@ def _bias_strip(lengths):
     """Height and width [mm] of a bias test; InputError if it has no zone of full shear."""
     H, W = lengths["height"], lengths["width"]
     if H < 2 * W:
-        flaw = f"height is {H:g} mm and width {W:g} mm"
-        raise InputError(f"{flaw}; allowed is a height of 2 widths or more")
+        allowed = "allowed is a height of 2 widths or more"
+        raise InputError(f"height is {H:g} mm and width {W:g} mm; {allowed}")
     return H, W
 
 

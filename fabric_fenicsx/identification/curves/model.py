@@ -140,6 +140,11 @@ class Response:
         """Largest magnitude, in `unit`."""
         return float(np.abs(self.values).max())
 
+    def deviation(self, noise: tuple[str, float], values: np.ndarray) -> np.ndarray:
+        """Standard deviations (n,) by the noise of a `Curve` about `values` (n,)."""
+        kind, size = noise
+        return size * {"absolute": 1.0, "maximum": self.peak}.get(kind, values) + 0 * values
+
 
 @dataclass(frozen=True)
 class Curve:
