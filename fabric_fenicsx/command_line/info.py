@@ -77,19 +77,18 @@ def _versions():
 
 
 def _mumps():
-    """Solve (2, 1; 1, 3) x = (3, 4)."""
+    """Solve 2 x = 3."""
     from petsc4py import PETSc
 
-    rows = ([0, 2, 4], [0, 1, 0, 1], [2.0, 1.0, 1.0, 3.0])
-    A = PETSc.Mat().createAIJ((2, 2), csr=rows, comm=PETSc.COMM_SELF)
+    A = PETSc.Mat().createAIJ((1, 1), csr=([0, 1], [0], [2.0]), comm=PETSc.COMM_SELF)
     pc = PETSc.PC().create(PETSc.COMM_SELF)
     pc.setOperators(A)
     pc.setType("lu")
     pc.setFactorSolverType("mumps")
     x, b = A.createVecs()
-    b.array[:] = 3.0, 4.0
+    b.array[:] = 3.0
     pc.apply(b, x)
-    return f"solution of two equations {x.array.round(9).tolist()}"
+    return f"solution of an equation {x.array[0]:.9g}"
 
 
 def _blas():

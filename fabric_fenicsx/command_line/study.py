@@ -65,9 +65,8 @@ def add_material(p: Parser, default: str | None) -> None:
     p.option("--law-file", metavar="FILE.py", help=words, free=True)
     models = {"choices": ("hyperelastic", "fabric"), "default": "hyperelastic"}
     p.option("--model", **models, help="fabric: without all couplings", free=True)
-    several = {"metavar": "COUPLING", "action": "append", "default": []}
-    couplings = f"turn off one of {', '.join(COUPLINGS)}"
-    p.option("--without", **several, help=couplings, free=True)
+    several = {"metavar": "COUPLING", "action": "append", "default": [], "free": True}
+    p.option("--without", **several, help=f"turn off one of {', '.join(COUPLINGS)}")
 
 
 def add_solver(p: Parser, test: Any) -> None:
@@ -94,9 +93,8 @@ def add_fields(p: Parser, owner: type, test: Any, prefix: str = "", free: bool =
         how = {"help": meta["help"].replace("%", "%%"), "default": each.default}
         how |= kind_of_option(meta)
         if name in test.FULL:
-            full, quick = (
-                "any" if (v := sizes[name]) is None else v for sizes in (test.FULL, test.QUICK)
-            )
+            sizes = [sizes[name] for sizes in (test.FULL, test.QUICK)]
+            full, quick = ("any" if size is None else size for size in sizes)
             how |= {"help": f"{how['help']} ({full}, with --quick {quick})", "default": None}
         p.option(spelled(prefix + name), free=free, **how)
 
@@ -155,10 +153,9 @@ class Study:
         log.propagate = False
         if comm.rank == 0:
             log.addHandler(Console(logging.DEBUG if args.verbose else logging.INFO))
-        again = {"resume": args.resume, "overwrite": args.overwrite}
-        command = restart_command(comm.size)
+        how = {"resume": args.resume, "overwrite": args.overwrite, "translated": options.translated}
         self.output = output = Output(
-            name, args.out, comm, command=command, translated=options.translated, **again
+            name, args.out, comm, command=restart_command(comm.size), **how
         )
         self.say, self.warn, self.folder = output.say, output.warn, output.folder
         self.write_table = output.write_table
@@ -172,9 +169,8 @@ class Study:
             read_laws(args.law_file)
         fabric = load(args.material)
         if args.law_file and type(fabric).__module__.startswith("fabric_fenicsx."):
-            flaw = f"but the material {args.material} is of the law {fabric.law}"
-            allowed = "--material with a file of the law in it"
-            raise InputError(f"--law-file {args.law_file} is given, {flaw}; allowed is {allowed}")
+            flaw = f"--law-file is given, but the material {args.material} is of law {fabric.law}"
+            raise InputError(f"{flaw}; allowed is --material with a file of the law in it")
         return self.coupled(fabric if "temperature" in args else fabric.at(None))
 
     def coupled(self, fabric: Law) -> Law:
@@ -225,23 +221,21 @@ class Study:
         return self.output.summarise(folder, **{"element": self.args.element} | facts)
 
     def _note_facts(self):
-        facts = {"command": self.output.command, "options": _in_words(vars(self.args))}
+        facts = {"command": self.output.command, "options": self._options()}
         self.output.facts = facts | {"fabric": self.fabric.dumps()}
+
+    def _options(self):
+        return {k: str(v) if isinstance(v, Path) else v for k, v in vars(self.args).items()}
 
     def problem(self, setup: Setup) -> dict:
         """Facts in which a checkpoint must agree: the fabric, and all options but the free ones."""
-        defining = {k: v for k, v in _in_words(vars(self.args)).items() if k not in self._free}
-        name = self.output.name
-        return {"study": name, **defining, "material": setup.data.fabric.dumps()}
+        defining = {k: v for k, v in self._options().items() if k not in self._free}
+        return {"study": self.output.name, **defining, "material": setup.data.fabric.dumps()}
 
     def write_report(self, description: str, ending: str) -> None:
         """Write report.html with the title and text of the test, else this description."""
         title, own = self._title_and_text
         self.output.report(own or description, ending, title)
-
-
-def _in_words(options):
-    return {k: str(v) if isinstance(v, Path) else v for k, v in options.items()}
 
 
 def run(name: str, options: Parser, main: Callable[[Any], None], kind: type[Study] = Study) -> None:

@@ -32,8 +32,7 @@ def _draw_curves(path, runs, scatter):
     """Force over displacement of each run, or of believed ones of a design mean and bounds."""
     series = {}
     for run in (run for run in runs if (run.results / "history.csv").is_file()):
-        with open(run.results / "history.csv", newline="") as file:
-            rows = [*csv.DictReader(file)]
+        rows = [*csv.DictReader((run.results / "history.csv").read_text().splitlines())]
         x, y = ([float(row[k]) for row in rows] for k in ("displacement_mm", "reaction_N"))
         if rows and (run.is_believed() or not scatter):
             series[run.label] = x, y, "-" if run.is_believed() else "--"

@@ -12,6 +12,7 @@ from pathlib import Path
 from threading import RLock
 
 from ..runtime.errors import NOT_BELIEVED, InputError, Interrupted
+from ..runtime.files import failure_reason
 from ..runtime.formatting import rounded
 from ..runtime.ranks import RANKS_ENVIRONMENT
 from ..runtime.status import shown, task
@@ -111,8 +112,7 @@ class Runner:
         """Ask all runs to end after their step; in a second call end them at once."""
         with self._lock:
             self._stops += 1
-            if self._stops == 1 and self._under_way:
-                count = len(self._under_way)
+            if self._stops == 1 and (count := len(self._under_way)):
                 print(f"ending after their step: {count}; Ctrl-C again ends them at once")
             for process in self._under_way:
                 if self._stops == 1:
@@ -137,8 +137,7 @@ def _note(run, status):
         memory = " (as the system does when memory is short)" if name == "SIGKILL" else ""
         run.reason = f"ended by {name}{memory}"
     elif not run.is_believed():
-        summary = run.summary()
-        own = "" if summary.get("converged") else summary.get("reason")  # else of a later run
+        own = failure_reason(run.results / "summary.json")  # else of a later run
         run.reason = (status == 3 and own) or _last_words(run)
     if run.reason.startswith(("stopped by", "interrupted")):
         run.status = None  # by somebody else: the next call goes on with it
