@@ -147,7 +147,7 @@ class Study:
         if args.resume and args.overwrite:
             raise InputError("--resume and --overwrite are both given; allowed is one of them")
         self.fabric = fabric = self.read_fabric()
-        self._free, self._title_and_text = options.free, ("", "")
+        self._free, self._title, self._text = options.free, "", ""
         log.handlers.clear()
         log.setLevel(logging.DEBUG)
         log.propagate = False
@@ -169,7 +169,9 @@ class Study:
             read_laws(args.law_file)
         fabric = load(args.material)
         if args.law_file and type(fabric).__module__.startswith("fabric_fenicsx."):
-            flaw = f"--law-file is given, but the material {args.material} is of law {fabric.law}"
+            flaw = (
+                f"--law-file is given, but the material {args.material} is of the law {fabric.law}"
+            )
             raise InputError(f"{flaw}; allowed is --material with a file of the law in it")
         return self.coupled(fabric if "temperature" in args else fabric.at(None))
 
@@ -189,7 +191,7 @@ class Study:
         vars(self.args).update(setup.resolved)
         for doubt in setup.warnings:
             self.warn(doubt)
-        self._title_and_text = setup.title, setup.text
+        self._title, self._text = setup.title, setup.text
         return setup
 
     def run(self, setup: Any, part: str = "") -> Result:
@@ -234,8 +236,7 @@ class Study:
 
     def write_report(self, description: str, ending: str) -> None:
         """Write report.html with the title and text of the test, else this description."""
-        title, own = self._title_and_text
-        self.output.report(own or description, ending, title)
+        self.output.report(self._text or description, ending, self._title)
 
 
 def run(name: str, options: Parser, main: Callable[[Any], None], kind: type[Study] = Study) -> None:

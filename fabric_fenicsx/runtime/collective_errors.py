@@ -37,7 +37,7 @@ def on_all(comm: MPI.Comm, make: Callable[[], T]) -> T:
         result = make()
     except InputError as e:
         error = str(e)
-    if error := next(filter(None, comm.allgather(error)), ""):
+    if error := max(comm.allgather(error)):
         raise InputError(error)
     return result  # type: ignore[return-value]
 

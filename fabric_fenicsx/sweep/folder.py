@@ -84,8 +84,8 @@ class Run:
         if not (summary := self.summary()):
             return {}
         first = {name: summary.get(name) for name in ("reaction_N", "stroke_reached")}
-        first["wall_s"] = summary.get("wall_s", {}).get("total")
-        return flat(first | summary.get("quantities", {}))
+        wall = {"wall_s": summary.get("wall_s", {}).get("total")}
+        return flat(first | wall | summary.get("quantities", {}))
 
     def number(self, name: str) -> float:
         """The quantity `name`; InputError, which names the nearest, if it is not there."""

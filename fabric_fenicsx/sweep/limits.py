@@ -50,22 +50,16 @@ def below(runs: Sequence[Run], quantity: str, limit: float) -> str:
 
 
 def _where(x, y, limit, name):
-    """The first interval of x (n,) in which y (n,) is below the limit, in words."""
+    """Where over x (n,) y (n,) is below the limit, in words."""
     under, wide = y < limit, len(x) > 1 and is_wide(list(x))
     if not under.any():
         least = int(y.argmin())
         return f"in no run; the least is {rounded(y[least], 4)} at {name} = {spelled(x[least])}"
-    scale = np.log(x) if wide else x
-
-    def crossing(k):
-        """Where y meets the limit between the points k and k + 1."""
-        at = scale[k] + (limit - y[k]) / (y[k + 1] - y[k]) * (scale[k + 1] - scale[k])
-        return rounded(float(np.exp(at) if wide else at), 4)
-
-    first = int(under.argmax())
-    last = first + int(np.append(under[first:], False).argmin()) - 1
-    ends = [f"from {name} = {crossing(first - 1)} on"] if first else []
-    ends += [f"up to {name} = {crossing(last)}"] if last + 1 < len(y) else []
-    if not ends:
+    if under.all():
         return f"in all runs, from {name} = {x[0]:g} on"
+    scale, ends = np.log(x) if wide else x, []
+    for k in np.flatnonzero(np.diff(under)):
+        at = scale[k] + (limit - y[k]) / (y[k + 1] - y[k]) * (scale[k + 1] - scale[k])
+        place = f"{name} = {rounded(float(np.exp(at) if wide else at), 4)}"
+        ends.append(f"from {place} on" if under[k + 1] else f"up to {place}")
     return f"{' and '.join(ends)} (between runs, interpolated)"

@@ -39,7 +39,7 @@ class Runner:
         self.jobs = jobs or int(max(1, min(cores, room)))
         self._under_way: list[subprocess.Popen] = []
         self._lock = RLock()  # of what is under way
-        self._stops = 0
+        self._stopped = False
 
     def all(self, values: Iterable[Values]) -> list[Run]:
         """Have the runs with these values all done; returns them. Raises InputError with the
@@ -75,7 +75,7 @@ class Runner:
     def _do(self, run):
         """Start a run, and note how it ended; nothing once all are to stop."""
         with self._lock:
-            if self._stops:
+            if self._stopped:
                 return
             process, began = self._start(run), time.monotonic()
             self._under_way.append(process)
@@ -111,15 +111,15 @@ class Runner:
     def _stop(self):
         """Ask all runs to end after their step; in a second call end them at once."""
         with self._lock:
-            self._stops += 1
-            if self._stops == 1 and (count := len(self._under_way)):
+            if not self._stopped and (count := len(self._under_way)):
                 print(f"ending after their step: {count}; Ctrl-C again ends them at once")
             for process in self._under_way:
-                if self._stops == 1:
-                    process.terminate()  # alone: it ends by itself what it has started
-                else:
-                    with suppress(ProcessLookupError):
+                with suppress(ProcessLookupError):
+                    if self._stopped:
                         os.killpg(process.pid, signal.SIGKILL)  # with all that it has started
+                    else:
+                        process.terminate()  # alone: it ends by itself what it has started
+            self._stopped = True
 
 
 def _last_words(run, own="fabric form: "):

@@ -151,7 +151,7 @@ def test_of_a_loop_the_loading_is_read(tmp_path):
     assert test.pressure.tolist() == P
     assert "pressure turns back behind row 6" in test.remarks[0]
     for p, h, words in (
-        (P[::-1], H, "row 4: pressure is 0.1 MPa after 1 MPa; allowed is to"),
+        (P[::-1], H, "row 6: pressure is 0.001 MPa at last; allowed is to rise"),
         (P, H[::-1], "thickness is 0.4 mm under the highest pressure and 0.28 mm under"),
     ):
         with pytest.raises(InputError, match=f"pressed.csv.*{words}"):

@@ -3,7 +3,8 @@
 import numpy as np
 
 from ...readers.text_tables import some
-from .model import Table
+from ...runtime.errors import InputError
+from .model import Table, unit_inside
 
 NOISE = 0.01  # of its range, by which a column may go back or begin below 0
 
@@ -26,15 +27,18 @@ def from_zero(table: Table, column: str, sign: int) -> tuple[Table, list[str]]:
 
 def loading_branch(table: Table, column: str) -> tuple[Table, list[str]]:
     """The rows up to the first turn of the column, and sentences on those behind it and on those in
-    which it goes back by no more than `NOISE`. A table whose first branch ends before its largest
-    values is given back whole."""
-    size = np.abs(table.columns[column] - table.columns[column][0]) if table.rows else np.zeros(0)
+    which it goes back by no more than `NOISE`. InputError if that ends before its largest value."""
+    x = table.columns[column]
+    size = x - x[:1]
     if not size.any():
         return table, []
+    size = size * np.sign(size[np.abs(size).argmax()])
     top = np.maximum.accumulate(size)
     stop = int(np.argmax(np.append(top - size > NOISE * size.max(), True)))
     if top[stop - 1] < 0.99 * size.max():
-        return table, []
+        turn = f"{x[stop]:.4g} {unit_inside(column)} after {x[stop - 1]:.4g}"
+        allowed = "to rise or fall throughout (keep one loading branch)"
+        raise InputError(f"row {table.rows[stop]}: {column} is {turn}; allowed is {allowed}")
     end, remarks = int(size[:stop].argmax()), []
     if end + 1 < len(size):
         loop = f"{column} turns back behind row {table.rows[end]}: of the loop the loading branch"

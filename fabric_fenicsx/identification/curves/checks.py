@@ -7,7 +7,6 @@ import numpy as np
 
 from ...runtime.errors import InputError
 from ...runtime.formatting import rounded
-from .branch import NOISE
 from .forces import bias_angle
 from .model import STRAINS, TESTS, Curve, Table, unit_inside, units
 
@@ -44,9 +43,7 @@ def _faults(name, table, runs, measured):
         yield column, np.abs(values) > most, "", allowed
     first, most = test.strains[0], "at least" if test.sign > 0 else "at most"
     yield first, test.sign * table.columns[first] < 0, "", f"{most} 0 in the test {name}"
-    x = table.columns[runs]
-    yield _turning(table, runs, np.sign(x[-1] - x[0]), "rise or fall")
-    unit = table.header[runs]
+    x, unit = table.columns[runs], table.header[runs]
     # what a test must reach: below it fractions were taken for percent, or radians for degrees
     reached = {"%": (5e-4, "-"), "deg": (math.radians(1.6), "rad")}
     least, other = reached.get(unit, (0.0, ""))
@@ -56,16 +53,6 @@ def _faults(name, table, runs, measured):
     undeformed = ~np.any([table.columns[c] for c in strains if c not in measured], axis=0)
     for column in measured:
         yield from _response_faults(name, table, column, undeformed, row)
-
-
-def _turning(table, runs, sign, way):
-    """The rule that a column does not turn back by more than noise."""
-    x, onward = table.columns[runs], sign * table.columns[runs]
-    back = np.maximum.accumulate(onward) - onward > NOISE * np.ptp(x)
-    k = int(onward[: back.argmax()].argmax()) + 1 if back.any() else 0
-    words = f" after {_value(x[k - 1], runs)}"
-    flags = back.any() & (np.arange(len(x)) == k)
-    return runs, flags, words, f"to {way} (keep one loading branch)"
 
 
 def _response_faults(name, table, column, undeformed, row):
@@ -97,11 +84,11 @@ def _compaction_faults(name, table, runs, measured):
     yield runs, p <= 0, "", "above 0"
     allowed = "above 0 and below 1" if is_share else "above 0"
     yield column, (values <= 0) | (is_share & (values >= 1)), "", allowed
-    yield _turning(table, runs, 1, "rise")
+    last = np.arange(len(p)) == len(p) - 1
+    yield runs, last & (p[-1] <= p[0]), " at last", "to rise"
     words = f" under the highest pressure and {_value(values[0], column)} under the lowest"
     grows = values[-1] <= values[0] if is_share else values[-1] >= values[0]
-    flags = grows & (np.arange(len(p)) == len(p) - 1)
-    yield column, flags, words, "more" if is_share else "less"
+    yield column, last & grows, words, "more" if is_share else "less"
 
 
 def origin_remarks(name: str, table: Table, moved: str, stated: Mapping) -> list[str]:

@@ -64,7 +64,7 @@ REFUSED = {
     "1,5;1.058,5\n": "row 5: F is '1.058,5'; allowed is a finite number, as 1058,5",
     "mm;kN\n" + COMMA: "row 5: the unit of F is kN, and N in the header",
     POINT.replace(";", " mm;"): "row 5: displacement is '2.500 mm', row 6: displ",
-    "2;1\n4;2\n6;3\n3;1\n4;2\n6;3\n10;5\n": "row 8: gamma is ",
+    "2;1\n4;2\n6;3\n3;1\n4;2\n6;3\n10;5\n": "row 8: displacement is ",
 }
 UNREADABLE = {
     b"": "bias.csv: cannot be read as text (it is empty",
