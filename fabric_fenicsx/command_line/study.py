@@ -65,8 +65,8 @@ def add_material(p: Parser, default: str | None) -> None:
     p.option("--law-file", metavar="FILE.py", help=words, free=True)
     models = {"choices": ("hyperelastic", "fabric"), "default": "hyperelastic"}
     p.option("--model", **models, help="fabric: without all couplings", free=True)
-    several = {"metavar": "COUPLING", "action": "append", "default": [], "free": True}
-    p.option("--without", **several, help=f"turn off one of {', '.join(COUPLINGS)}")
+    several = {"metavar": "COUPLING", "action": "append", "default": []}
+    p.option("--without", **several, help=f"turn off one of {', '.join(COUPLINGS)}", free=True)
 
 
 def add_solver(p: Parser, test: Any) -> None:
@@ -169,9 +169,7 @@ class Study:
             read_laws(args.law_file)
         fabric = load(args.material)
         if args.law_file and type(fabric).__module__.startswith("fabric_fenicsx."):
-            flaw = (
-                f"--law-file is given, but the material {args.material} is of the law {fabric.law}"
-            )
+            flaw = f"--law-file: the material {args.material} is of the law {fabric.law}"
             raise InputError(f"{flaw}; allowed is --material with a file of the law in it")
         return self.coupled(fabric if "temperature" in args else fabric.at(None))
 

@@ -23,7 +23,8 @@ def parser() -> Parser:
     description = " ".join((parser.__doc__ or "").split())
     p = Parser(prog="fabric sweep", usage=usage, description=description)
     power = Rule("a power of 2 from 8 on", lambda v: v >= 8 and v.bit_count() == 1, int)
-    count, several = {"type": option_type(COUNT)}, {"action": "append", "default": []}
+    count: dict = {"type": option_type(COUNT)}
+    several: dict = {"action": "append", "default": []}
     words = "the press file, or the name of one in studies/presses"
     p.option("press", metavar="press.toml", type=_press_file, help=words)
     words = 'as "holder.pressure=0.01,0.05,0.2"; with --scatter as "holder.pressure=0.01..0.2"; '
@@ -34,13 +35,15 @@ def parser() -> Parser:
     p.option("--ranks", metavar="N", **count, default=1, help="of each run, one core each (1)")
     words = "run nothing here, but write a script for Slurm: a job array with a task for each run"
     p.option("--slurm", metavar="FILE", type=Path, help=words)
+    either = p.add_mutually_exclusive_group()
     words = "do run K alone, counted from 1, as a task of the array does"
-    p.option("--only", metavar="K", **count, help=words)
+    either.add_argument("--only", metavar="K", **count, help=words)
+    words = "delete the sweep in --out first"
+    either.add_argument("--overwrite", action="store_true", help=words)
     words = "say where a quantity is below X over the one number that is varied; with --scatter "
     p.option("--below", metavar="QUANTITY=X", **several, help=f"{words}count the runs")
     words = "N runs, 16, 32 or 64, over intervals of [scatter] of the material files and of --vary"
     p.option("--scatter", metavar="N", type=option_type(power), help=words)
-    p.switch("--overwrite", "delete the sweep in --out first")
     p.switch("--no-pictures", "draw nothing")
     return p
 
@@ -107,16 +110,13 @@ def _planned(args, passed, form):
     if own := [word for word in passed if word.split("=")[0] in given]:
         allowed = f"options of fabric form but {', '.join(given)}"
         raise InputError(f"option {own[0]} is behind --; allowed are {allowed}")
-    for other in ("slurm", "overwrite"):
-        if args.only and getattr(args, other):
-            raise InputError(f"--only and --{other} are both given; allowed is one of them")
     lists = {} if args.scatter else varied.lists(args.vary)
     ranges = [*form.scatter(), *varied.ranges(args.vary)] if args.scatter else []
     if not (lists or ranges):
         allowed = "--vary, or --scatter and a table [scatter] in a material file"
         raise InputError(f"nothing is varied; allowed is {allowed}")
-    values = [dict(zip(lists, each)) for each in itertools.product(*lists.values())]
-    checked = values
+    values: list[varied.Values]
+    checked = values = [dict(zip(lists, each)) for each in itertools.product(*lists.values())]
     if args.scatter:
         if args.scatter < (least := 2 * len(ranges) + 2):
             power = 1 << (least - 1).bit_length()

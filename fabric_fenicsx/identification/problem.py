@@ -99,8 +99,8 @@ class Assumed:
 
 def numbers_report(determined: Mapping[str, Determined], assumed: Mapping[str, Assumed]) -> dict:
     """Fitted and assumed numbers {name: number} for JSON."""
-    parts = {"determined": determined, "assumed": assumed}
-    return {key: {n: asdict(each) for n, each in part.items()} for key, part in parts.items()}
+    found = {name: asdict(number) for name, number in determined.items()}
+    return {"determined": found, "assumed": {n: asdict(each) for n, each in assumed.items()}}
 
 
 class NotConverged(SolverFailure):

@@ -92,7 +92,7 @@ def test_an_onset_that_the_data_do_not_tell_is_assumed(lowest, onset, source):
     h = 0.4 * (2.5 * lowest / p) ** (1 / 12) * (1 + noise)
     test = pressed_sheet(SOFT).compaction[0]
     response = dataclasses.replace(test.response, values=h, gain=np.ones(20))
-    test = dataclasses.replace(test, pressure=p, response=response, rows=np.arange(20))
+    test = dataclasses.replace(test, pressure=p, response=response)
     found = fit_compaction(dataclasses.replace(PLY, compaction=(test,)))
     assumed = found.assumed["onset"]
     assert (assumed.value, assumed.source) == (onset, source)

@@ -41,15 +41,15 @@ def _faults(name, table, runs, measured):
         most, values = math.radians(85) if column == "gamma" else 0.5, table.columns[column]
         allowed = f"within +-{most:.3g} (is the unit in the header right?)"
         yield column, np.abs(values) > most, "", allowed
-    first, most = test.strains[0], "at least" if test.sign > 0 else "at most"
-    yield first, test.sign * table.columns[first] < 0, "", f"{most} 0 in the test {name}"
+    first, least = test.strains[0], "least" if test.sign > 0 else "most"
+    yield first, test.sign * table.columns[first] < 0, "", f"at {least} 0 in the test {name}"
     x, unit = table.columns[runs], table.header[runs]
     # what a test must reach: below it fractions were taken for percent, or radians for degrees
     reached = {"%": (5e-4, "-"), "deg": (math.radians(1.6), "rad")}
-    least, other = reached.get(unit, (0.0, ""))
+    bound, other = reached.get(unit, (0.0, ""))
     factor, top = units(runs)[unit], int(np.abs(x).argmax())
-    allowed = f"{least / factor:.3g} {unit} or more (is the unit {other} rather than {unit}?)"
-    yield runs, (row == top) & (np.abs(x) < least), " at most", allowed
+    allowed = f"{bound / factor:.3g} {unit} or more (is the unit {other} rather than {unit}?)"
+    yield runs, (row == top) & (np.abs(x) < bound), " at most", allowed
     undeformed = ~np.any([table.columns[c] for c in strains if c not in measured], axis=0)
     for column in measured:
         yield from _response_faults(name, table, column, undeformed, row)

@@ -119,9 +119,8 @@ def _compaction_test(file, table, keys, remarks):
     checks.check_values(keys.test, table, "pressure", [column])
     values = table.columns[column]
     response = Response(column, unit_inside(column), values, np.ones(len(values)))
-    noise = _noise(keys.texts, [response], math.nan)
-    rows, remarks = np.array(table.rows), (*remarks, *notes, *left_out)
-    return CompactionTest(file, table.columns["pressure"], response, rows, noise, remarks)
+    noise, remarks = _noise(keys.texts, [response], math.nan), (*remarks, *notes, *left_out)
+    return CompactionTest(file, table.columns["pressure"], response, noise, remarks)
 
 
 def _keys(lines, stated, problems):

@@ -177,12 +177,11 @@ class Curve:
 @dataclass(frozen=True)
 class CompactionTest:
     """A ply that plates pressed: pressure (n,) [MPa], rising, and the measured thickness [mm] or
-    fibre volume fraction [-] in `response`; rows, noise, remarks: as of a `Curve`."""
+    fibre volume fraction [-] in `response`; noise, remarks: as of a `Curve`."""
 
     file: str
     pressure: np.ndarray
     response: Response
-    rows: np.ndarray
     noise: tuple[str, float] | None = None
     remarks: tuple[str, ...] = ()
 

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 from curve_texts import BIAS, SHEET, folder
+from synthetic_curves import bias_displacement
 
 from fabric_fenicsx.identification import curves as data
 from fabric_fenicsx.runtime.errors import InputError
@@ -46,7 +47,7 @@ def read(path, content, sheet=SHEET):
 
 def check(curve, remarks=0):
     moved = [row[0] for row in ROWS]
-    assert data.bias_displacement(curve.strains[:, 2], 230, 115) == pytest.approx(moved, rel=1e-9)
+    assert bias_displacement(curve.strains[:, 2], 230, 115) == pytest.approx(moved, rel=1e-9)
     assert curve.responses[0].values == pytest.approx([row[1] for row in ROWS], rel=1e-12)
     assert len(curve.remarks) == remarks
 
@@ -137,7 +138,7 @@ def test_of_a_loop_in_shear_five_points_back_tell_friction(tmp_path, back, last)
 
 @pytest.mark.parametrize("degrees, told", [(29.8, False), (30.2, True)])
 def test_angles_by_the_displacement_are_doubted_from_30_deg_on(tmp_path, degrees, told):
-    x = data.bias_displacement(np.radians(degrees), 230, 115) * np.linspace(0.2, 1, 5)
+    x = bias_displacement(np.radians(degrees), 230, 115) * np.linspace(0.2, 1, 5)
     rows = "".join(f"{a:.6f};{a:.6f}\n" for a in x)
     (words,) = [*data.curve_warnings([read(tmp_path, (KEYS + HEAD + rows).encode())])] or [""]
     assert ("shear angles are above 30 deg" in words) == told

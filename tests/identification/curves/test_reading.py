@@ -57,8 +57,7 @@ def test_what_a_machine_writes_is_strain_stress_and_shear_angle(tmp_path):
     assert two.responses[0].values == pytest.approx(one.responses[0].values)
     assert (two.responses[0].column, two.keys) == ("sigma_a", {"length": 200.0, "width": 50.0})
     gamma = np.radians([10, 20, 30, 35, 40])
-    moved = data.bias_displacement(gamma, 230, 115)
-    assert moved == pytest.approx(115 * (np.sqrt(2) * np.cos(np.pi / 4 - gamma / 2) - 1))
+    moved = 115 * (np.sqrt(2) * np.cos(np.pi / 4 - gamma / 2) - 1)
     assert bias_angle(moved, 230, 115) == pytest.approx(gamma)
 
 
