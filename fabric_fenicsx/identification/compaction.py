@@ -76,11 +76,7 @@ def fit_compaction(sheet: Sheet) -> CompactionFit:
         (t, sheet.measured_thickness(t), sheet.thickness * compaction.thickness(t.pressure))
         for t in sheet.compaction
     ]
-    warnings = [
-        f"compaction.{name} is weakly determined"
-        for name, each in found.items()
-        if each.weak and name != "onset"  # forces hardly depend on the onset
-    ]
+    warnings = []
     if not lowest / MARGIN <= compaction.pressure <= p.max() * MARGIN:
         warnings.append(
             "by the compaction tests the fabric has the thickness of sheet.toml under "

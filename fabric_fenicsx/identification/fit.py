@@ -59,12 +59,17 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         *_fit_warnings(problem, fit, softest, convex, determined, assumed),
         *curve_warnings(curves),
         *(compaction.warnings if compaction else ()),
-        *(friction.warnings() if friction else untold),
+        *(() if friction else untold),
         *fabric.plausibility_warnings(),
     ]
     quality = fit.correlation, fits, fit.dof, fit.variance, estimated, softest, convex, warnings
     others = sheet.areal_weight, compaction, friction
-    return Identification(fabric, determined, assumed, *quality, *others)
+    result = Identification(fabric, determined, assumed, *quality, *others)
+    for name, p in result.all_determined.items():
+        if p.weak and name != "compaction.onset":  # forces hardly depend on it
+            low, high = (rounded(end) for end in p.interval)
+            warnings.append(f"{name} is weakly determined: it is from {low} to {high} {p.unit}")
+    return result
 
 
 def _determined(problem, k, value, staged, error, half, at_bound):
@@ -86,12 +91,13 @@ def _assumptions(problem, sheet):
         for key in (base(name), name):
             if key in sheet.assumed:
                 values[name], source[name] = sheet.assumed[key], "sheet.toml"
+        contraction = problem.contraction(name) if base(name) == "p_min" else "known"
         if not math.isfinite(problem.natural[k]):
             reason[k] = "no test depends on it"
-        elif base(name) == "p_min" and not problem.has_contraction(name):
+        elif not contraction:
             reason[k] = "no test shows tension with a negative strain across; "
             reason[k] += "c is fitted for this value"
-        elif base(name) == "p_min" and problem.rests_on_form(name):
+        elif contraction == "form":
             # of all that follow free strips the value with which held ones are softest: k_TC <= 1
             reason[k] = "tests of free strips without the strain across do not tell it"
             if source[name] != "sheet.toml":
@@ -214,8 +220,6 @@ def _fit_warnings(problem, fit, softest, convex, determined, assumed):
         why = "at a limit of what a fabric can have, as a stiffness of 0"
         is_at = f"{'is' if len(held) == 1 else 'are'} {why}"
         yield f"{', '.join(held)} {is_at}, so their intervals are a rough guide"
-    for name in (name for name, parameter in determined.items() if parameter.weak):
-        yield f"{name} is weakly determined, as its interval is wider than +-100 %"
 
 
 def _regression(problem, default, reason, source):
