@@ -26,9 +26,6 @@ def asks_for_help(words: Sequence[str]) -> bool:
 def exit_status(error: Exception) -> tuple[int, str]:
     """Status and words to leave with for an InputError or OSError (2), SolverFailure or Interrupted
     (3)."""
-    if isinstance(error, OSError) and error.errno is None:
-        # as of gmsh, whose wheel needs some of the machine's libraries
-        return 2, f"error: {error}; `fabric info` says what works here"
     error = unwritable(error) if isinstance(error, OSError) else error
     if isinstance(error, InputError):
         return 2, f"error: {error}"

@@ -46,11 +46,9 @@ def csv_text(rows: Sequence[Mapping]) -> str:
 
 def read_summary(path: Path) -> dict:
     """The summary in `path`, {} if there is none."""
-    try:
-        summary = json.loads(path.read_text())
-    except (OSError, ValueError):
-        return {}
-    return summary if isinstance(summary, dict) else {}
+    with suppress(OSError, ValueError):
+        return json.loads(path.read_text())
+    return {}
 
 
 def failure_reason(path: Path) -> str:
@@ -92,6 +90,8 @@ def replace_file(path: Path, content: str | bytes, lasting: bool = False) -> Non
 
 
 def unwritable(error: OSError) -> InputError:
-    """The InputError of a file that a command can't read or write."""
+    """The InputError of a file that a command can't read or write, or of a library that fails."""
+    if error.errno is None:  # as of gmsh, whose wheel needs some of the machine's libraries
+        return InputError(f"{error}; `fabric info` says what works here")
     flaw = f"{error.filename or 'a file'} can't be read or written ({error.strerror})"
     return InputError(f"{flaw}; allowed is a file in a folder of this user, with space left")

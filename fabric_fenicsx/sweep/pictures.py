@@ -37,7 +37,7 @@ def _draw_curves(path, runs, scatter):
         if rows and (run.is_believed() or not scatter):
             series[run.label] = x, y, "-" if run.is_believed() else "--"
     if series and scatter:
-        x = next(iter(series.values()))[0]
+        x, *_ = next(iter(series.values()))
         forces = np.array([np.interp(x, at, force) for at, force, _ in series.values()])
         series = {"mean": (x, forces.mean(0), "-")}
         for share, bound in zip(BOUNDS, np.quantile(forces, BOUNDS, axis=0)):

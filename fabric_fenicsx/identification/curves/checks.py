@@ -99,8 +99,8 @@ def origin_remarks(name: str, table: Table, moved: str, stated: Mapping) -> list
     x, zero, remarks = np.abs(table.columns[moved]), table.columns["F"][0], []
     force = np.abs(table.columns["F"] - zero)
     if "zero" not in stated and x[0] <= 0.01 * x[-1] and abs(zero) > 0.02 * force.max():
-        text = f"F is {rounded(zero)} N before anything is strained; if the load cell reads that"
-        remarks.append(f"{text} without load, state `# zero: {rounded(zero)} N`")
+        reading = f"F is {rounded(zero)} N before anything is strained"
+        remarks.append(f"{reading}; if that is no load, state `# zero: {rounded(zero)} N`")
     early = (force > 0.05 * force.max()) & (force < 0.15 * force.max()) & (x < x[-1])
     if "slack" in stated or early.sum() < 3 or not np.ptp(x[early]):
         return remarks
@@ -110,8 +110,8 @@ def origin_remarks(name: str, table: Table, moved: str, stated: Mapping) -> list
     if toe > 0.03 * x[-1] and np.interp(toe, x, force) < 0.2 * slope * toe:
         unit = {"displacement": "mm", "gamma": "deg"}.get(moved, "%")
         most = f"{rounded(toe / units(moved)[unit], 2)} {unit}"  # of a curve that bends upwards
-        text = f"the tangent at 10 % of the peak meets zero force at {most}: slack up to that is"
-        remarks.append(f"{text} possible; if you know it, state it as `# slack: {most}` or less")
+        tangent = f"the tangent at 10 % of the peak meets zero force at {most}"
+        remarks.append(f"{tangent}; if that is slack, state it as `# slack: {most}` or less")
     return remarks
 
 
@@ -119,13 +119,12 @@ def angle_remarks(table: Table, lengths: Mapping[str, float]) -> list[str]:
     """A sentence on measured shear angles that are not those of the displacement up to 30 deg."""
     by_clamp = bias_angle(table.columns["displacement"], lengths["height"], lengths["width"])
     for k in np.flatnonzero((by_clamp > math.radians(5)) & (by_clamp < math.radians(30)))[-1:]:
-        gamma = table.columns["gamma"][k]
-        if abs(gamma / by_clamp[k] - 1) > 0.3:
-            angle, other = (rounded(math.degrees(each), 3) for each in (gamma, by_clamp[k]))
+        angle, other = math.degrees(table.columns["gamma"][k]), math.degrees(by_clamp[k])
+        if abs(angle / other - 1) > 0.3:
             return [
-                f"gamma is {angle} deg in row {table.rows[k]}, and {other} deg by the "
-                "displacement; gamma is the change of the angle between the yarns, not half of it "
-                "as the shear strain of a tensor"
+                f"gamma is {angle:.3g} deg in row {table.rows[k]}, and {other:.3g} deg by the "
+                "displacement; it must be the change of the angle between the yarns, not half of "
+                "it as the shear strain of a tensor"
             ]
     return []
 
@@ -138,8 +137,7 @@ def curve_warnings(curves: Sequence[Curve]) -> Iterator[str]:
             for k in np.flatnonzero(np.abs(curve.strains[:, 2]) > math.radians(30))[:1]:
                 yield (
                     f"{curve.file}: from row {curve.rows[k]} on shear angles are above 30 deg by "
-                    "the displacement, where those of a real strip are less: simulate the "
-                    "specimen, which needs DOLFINx, measure them, or leave these rows out"
+                    "the displacement, more than a real strip's: simulate or measure them"
                 )
 
 

@@ -54,12 +54,6 @@ def unit_inside(column: str) -> str:
     return next(iter(_UNIT[column]))
 
 
-def noise_text(noise: tuple[str, float], unit: str) -> str:
-    """The noise of a `Curve` as files state it; unit: of what is measured."""
-    kind, size = noise
-    return f"{size:g} {unit}" if kind == "absolute" else f"{100 * size:g} % of {kind}"
-
-
 class Kind(NamedTuple):
     """The columns and keys of a kind of test."""
 
