@@ -76,15 +76,9 @@ def write_report(args, path, report, started):
     report = {"study": "identify", "converged": True} | report
     report |= {"command": restart_command(), "options": given}
     report |= {"wall_s": {"total": round(time.perf_counter() - started, 3)}, "versions": versions}
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(report, indent=2, ensure_ascii=False)
-        path.write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise InputError(
-            f"--out {args.out} can't be written to ({error.strerror}); "
-            "allowed is a file in a folder that is there or can be made"
-        ) from None
+    path.parent.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(report, indent=2, ensure_ascii=False)
+    path.write_text(text + "\n", encoding="utf-8")
 
 
 def main(args):
@@ -111,7 +105,7 @@ if __name__ == "__main__":
         if is_first_rank():
             with shown(), task(program("identify")):
                 main(options().parse_args())
-    except (InputError, SolverFailure) as error:
+    except (InputError, SolverFailure, OSError) as error:
         status, text = exit_status(error)
         print(f"{program('identify')}: {text}", file=sys.stderr)
         sys.exit(status)

@@ -72,11 +72,16 @@ def synthesise(fabric, plan="all", noise=0.0, seed=1, points=30, balanced=None):
     return sheet, tuple(curves)
 
 
+def bias_displacement(gamma, height, width):
+    """Of the clamp [mm], of a strip whose yarns, at 45 deg, do not stretch."""
+    return (height - width) * (np.sqrt(2) * np.cos(np.pi / 4 - gamma / 2) - 1)
+
+
 def bias_test(force, gamma, height, width, noise):
     """A raw bias test of a fabric of 1.2 mm; noise: a share of each value."""
     keys, strains = {"height": height, "width": width}, np.outer(gamma, [0, 0, 1])
     responses = (data.forces.response("F", force, gamma, "bias_extension", keys, 1.2),)
-    more = {"displacement": data.bias_displacement(gamma, height, width), "keys": keys}
+    more = {"displacement": bias_displacement(gamma, height, width), "keys": keys}
     rows, stated = np.arange(len(gamma)), ("value", noise)
     return Curve("bias.csv", "bias_extension", strains, responses, rows, 2, noise=stated, **more)
 
@@ -88,4 +93,4 @@ def synthesise_compaction(sheet, compaction, noise=0.0, seed=1, points=30):
     h = h + noise * h.max() * np.random.default_rng(seed).standard_normal(points)
     response = Response("thickness", "mm", h, np.ones(points))
     stated = ("maximum", noise) if noise else None
-    return CompactionTest("compaction.csv", p, response, np.arange(points), stated)
+    return CompactionTest("compaction.csv", p, response, stated)

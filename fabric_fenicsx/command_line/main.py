@@ -9,7 +9,6 @@ from pathlib import Path
 
 from ..runtime.cache_folders import is_first
 from ..runtime.errors import InputError
-from ..runtime.files import unwritable
 from ..runtime.rules import unknown_key
 from ..runtime.signals import end_with_reader
 from ..runtime.status import shown, task
@@ -69,7 +68,7 @@ def main(argv: list[str] | None = None) -> int:
 
             results.run(command, argv[1:])
     except (InputError, OSError) as error:
-        status, text = exit_status(unwritable(error) if isinstance(error, OSError) else error)
+        status, text = exit_status(error)
         if first:
             print(f"fabric: {text}", file=sys.stderr, flush=True)
     if comm is not None:
@@ -80,7 +79,7 @@ def main(argv: list[str] | None = None) -> int:
 def _parsed(argv, scripts):
     """The command of the words; InputError for others."""
     names = textwrap.wrap(", ".join(scripts), 88, subsequent_indent=11 * " ")
-    lines, known = [], {name: words for group in COMMANDS.values() for name, words in group.items()}
+    lines, known = [], [name for group in COMMANDS.values() for name in group]
     for title, commands in COMMANDS.items():
         lines += [f"\n{title}:"] + ["  STUDY    " + "\n".join(names)] * (title == "run")
         lines += [f"  {name:9}{words}" for name, words in commands.items()]

@@ -11,6 +11,7 @@ from typing import Any, NoReturn
 
 from ..readers.field import OfPlace
 from ..runtime.errors import NOT_BELIEVED, InputError, Interrupted
+from ..runtime.files import unwritable
 from ..runtime.ranks import on_ranks
 from ..runtime.rules import Rule
 
@@ -23,7 +24,9 @@ def asks_for_help(words: Sequence[str]) -> bool:
 
 
 def exit_status(error: Exception) -> tuple[int, str]:
-    """Status and words to leave with for an InputError (2), SolverFailure or Interrupted (3)."""
+    """Status and words to leave with for an InputError or OSError (2), SolverFailure or Interrupted
+    (3)."""
+    error = unwritable(error) if isinstance(error, OSError) else error
     if isinstance(error, InputError):
         return 2, f"error: {error}"
     words = str(error)

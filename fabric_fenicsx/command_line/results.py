@@ -39,12 +39,11 @@ def _export(parser, words):
     args = parser.parse_args(words)
     structural.checked(args.file)
     grids = states.read_grids(args.folder)
-    plies = structural.export(grids, args.file, args.modelled)
     labels = states.set_labels(grids) if ending(args.file) == ".inp" else {}
-    for name, ply in plies.items():
+    for name, ply in structural.export(grids, args.file, args.modelled).items():
         own = f" (ELSET {labels[name]})" if labels else ""
-        mirrored = " and ".join("xy"[axis] for axis in planes_of(grids[name]))
-        mirrored = f", mirrored in {mirrored} = 0" if mirrored and not args.modelled else ""
+        planes = [] if args.modelled else ["xy"[axis] for axis in planes_of(grids[name])]
+        mirrored = f", mirrored in {' and '.join(planes)} = 0" if planes else ""
         print(f"{args.file}: {name or 'ply'}{own}, {len(ply.cells)} cells{mirrored}")
     return args
 
@@ -59,10 +58,10 @@ def _view(parser, words):
     states.states(args.folder)
     if args.html is None and os.environ.get("DISPLAY"):
         view.show(args.folder, args.field)
-        return args
-    file = Path(args.html or Path(args.folder) / "view.html")
-    replace_file(file, view.page(args.folder, args.field))
-    print(f"{file}: the last state, for a browser")
+    else:
+        file = Path(args.html or Path(args.folder) / "view.html")
+        replace_file(file, view.page(args.folder, args.field))
+        print(f"{file}: the last state, for a browser")
     return args
 
 

@@ -22,7 +22,6 @@ from ..runtime import status
 from ..runtime.collective_errors import is_alone
 from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.fields import declared
-from ..runtime.files import unwritable
 from ..runtime.logs import Console
 from ..runtime.timing import count_imports, phase
 from ..solve.limits import Limits
@@ -67,8 +66,7 @@ def add_material(p: Parser, default: str | None) -> None:
     models = {"choices": ("hyperelastic", "fabric"), "default": "hyperelastic"}
     p.option("--model", **models, help="fabric: without all couplings", free=True)
     several = {"metavar": "COUPLING", "action": "append", "default": []}
-    couplings = f"turn off one of {', '.join(COUPLINGS)}"
-    p.option("--without", **several, help=couplings, free=True)
+    p.option("--without", **several, help=f"turn off one of {', '.join(COUPLINGS)}", free=True)
 
 
 def add_solver(p: Parser, test: Any) -> None:
@@ -95,9 +93,8 @@ def add_fields(p: Parser, owner: type, test: Any, prefix: str = "", free: bool =
         how = {"help": meta["help"].replace("%", "%%"), "default": each.default}
         how |= kind_of_option(meta)
         if name in test.FULL:
-            full, quick = (
-                "any" if (v := sizes[name]) is None else v for sizes in (test.FULL, test.QUICK)
-            )
+            sizes = [sizes[name] for sizes in (test.FULL, test.QUICK)]
+            full, quick = ("any" if size is None else size for size in sizes)
             how |= {"help": f"{how['help']} ({full}, with --quick {quick})", "default": None}
         p.option(spelled(prefix + name), free=free, **how)
 
@@ -150,16 +147,15 @@ class Study:
         if args.resume and args.overwrite:
             raise InputError("--resume and --overwrite are both given; allowed is one of them")
         self.fabric = fabric = self.read_fabric()
-        self._free, self._title_and_text = options.free, ("", "")
+        self._free, self._title, self._text = options.free, "", ""
         log.handlers.clear()
         log.setLevel(logging.DEBUG)
         log.propagate = False
         if comm.rank == 0:
             log.addHandler(Console(logging.DEBUG if args.verbose else logging.INFO))
-        again = {"resume": args.resume, "overwrite": args.overwrite}
-        command = restart_command(comm.size)
+        how = {"resume": args.resume, "overwrite": args.overwrite, "translated": options.translated}
         self.output = output = Output(
-            name, args.out, comm, command=command, translated=options.translated, **again
+            name, args.out, comm, command=restart_command(comm.size), **how
         )
         self.say, self.warn, self.folder = output.say, output.warn, output.folder
         self.write_table = output.write_table
@@ -173,9 +169,8 @@ class Study:
             read_laws(args.law_file)
         fabric = load(args.material)
         if args.law_file and type(fabric).__module__.startswith("fabric_fenicsx."):
-            flaw = f"but the material {args.material} is of the law {fabric.law}"
-            allowed = "--material with a file of the law in it"
-            raise InputError(f"--law-file {args.law_file} is given, {flaw}; allowed is {allowed}")
+            flaw = f"--law-file: the material {args.material} is of the law {fabric.law}"
+            raise InputError(f"{flaw}; allowed is --material with a file of the law in it")
         return self.coupled(fabric if "temperature" in args else fabric.at(None))
 
     def coupled(self, fabric: Law) -> Law:
@@ -194,7 +189,7 @@ class Study:
         vars(self.args).update(setup.resolved)
         for doubt in setup.warnings:
             self.warn(doubt)
-        self._title_and_text = setup.title, setup.text
+        self._title, self._text = setup.title, setup.text
         return setup
 
     def run(self, setup: Any, part: str = "") -> Result:
@@ -226,23 +221,20 @@ class Study:
         return self.output.summarise(folder, **{"element": self.args.element} | facts)
 
     def _note_facts(self):
-        facts = {"command": self.output.command, "options": _in_words(vars(self.args))}
+        facts = {"command": self.output.command, "options": self._options()}
         self.output.facts = facts | {"fabric": self.fabric.dumps()}
+
+    def _options(self):
+        return {k: str(v) if isinstance(v, Path) else v for k, v in vars(self.args).items()}
 
     def problem(self, setup: Setup) -> dict:
         """Facts in which a checkpoint must agree: the fabric, and all options but the free ones."""
-        defining = {k: v for k, v in _in_words(vars(self.args)).items() if k not in self._free}
-        name = self.output.name
-        return {"study": name, **defining, "material": setup.data.fabric.dumps()}
+        defining = {k: v for k, v in self._options().items() if k not in self._free}
+        return {"study": self.output.name, **defining, "material": setup.data.fabric.dumps()}
 
     def write_report(self, description: str, ending: str) -> None:
         """Write report.html with the title and text of the test, else this description."""
-        title, own = self._title_and_text
-        self.output.report(own or description, ending, title)
-
-
-def _in_words(options):
-    return {k: str(v) if isinstance(v, Path) else v for k, v in options.items()}
+        self.output.report(self._text or description, ending, self._title)
 
 
 def run(name: str, options: Parser, main: Callable[[Any], None], kind: type[Study] = Study) -> None:
@@ -260,15 +252,11 @@ def run(name: str, options: Parser, main: Callable[[Any], None], kind: type[Stud
             main(study)
             study.write_report(description, "done")
         return
-    except (InputError, SolverFailure, Interrupted) as error:
+    except (InputError, SolverFailure, Interrupted, OSError) as error:
         code, text = exit_status(error)
         text = options.translated(text)
         if study and code == 3:
             study.write_report(description, text)
-    except OSError as error:
-        code, text = exit_status(unwritable(error))
-        if error.errno is None:  # as of gmsh, whose wheel needs some of the machine's libraries
-            text = f"error: {error}; `fabric info` says what works here"
     except KeyboardInterrupt:
         code, text = 3, "stopped: interrupted; --resume goes on from the last accepted state"
     except Exception:

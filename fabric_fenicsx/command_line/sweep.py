@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..runtime.errors import InputError, Interrupted, SolverFailure
-from ..runtime.files import unwritable
 from ..runtime.rules import COUNT, Rule
 from ..sweep import job_array, limits, results, scatter, varied
 from ..sweep.folder import SweepFolder
@@ -23,29 +22,29 @@ def parser() -> Parser:
     usage = "%(prog)s press.toml --vary KEY=VALUES [option ...] [-- option of form ...]"
     description = " ".join((parser.__doc__ or "").split())
     p = Parser(prog="fabric sweep", usage=usage, description=description)
-    words = "the press file, or the name of one in studies/presses"
-    p.add_argument("press", metavar="press.toml", type=_press_file, help=words)
-    words = 'as "holder.pressure=0.01,0.05,0.2"; with --scatter as "holder.pressure=0.01..0.2"; '
-    words += "several are combined"
-    p.add_argument("--vary", metavar="KEY=VALUES", action="append", default=[], help=words)
-    p.add_argument("--out", metavar="DIR", type=Path, help="default results/sweep_PRESS")
-    words = "runs at a time (by default as many as cores and free memory allow)"
-    p.add_argument("--jobs", metavar="N", type=option_type(COUNT), help=words)
-    words = "ranks of each run, one core each (1)"
-    p.add_argument("--ranks", metavar="N", type=option_type(COUNT), default=1, help=words)
-    words = "run nothing here, but write a script for Slurm: a job array with a task for each run"
-    p.add_argument("--slurm", metavar="FILE", type=Path, help=words)
-    words = "do run K alone, counted from 1, as a task of the array does"
-    p.add_argument("--only", metavar="K", type=option_type(COUNT), help=words)
-    words = "say where a quantity is below X over the one number that is varied; with --scatter "
-    words += "count the runs"
-    p.add_argument("--below", metavar="QUANTITY=X", action="append", default=[], help=words)
-    words = "N runs, 16, 32 or 64, over intervals of [scatter] of the material files and of --vary"
     power = Rule("a power of 2 from 8 on", lambda v: v >= 8 and v.bit_count() == 1, int)
-    p.add_argument("--scatter", metavar="N", type=option_type(power), help=words)
+    count: dict = {"type": option_type(COUNT)}
+    several: dict = {"action": "append", "default": []}
+    words = "the press file, or the name of one in studies/presses"
+    p.option("press", metavar="press.toml", type=_press_file, help=words)
+    words = 'as "holder.pressure=0.01,0.05,0.2"; with --scatter as "holder.pressure=0.01..0.2"; '
+    p.option("--vary", metavar="KEY=VALUES", **several, help=f"{words}several are combined")
+    p.option("--out", metavar="DIR", type=Path, help="default results/sweep_PRESS")
+    words = "runs at a time (by default as many as cores and free memory allow)"
+    p.option("--jobs", metavar="N", **count, help=words)
+    p.option("--ranks", metavar="N", **count, default=1, help="of each run, one core each (1)")
+    words = "run nothing here, but write a script for Slurm: a job array with a task for each run"
+    p.option("--slurm", metavar="FILE", type=Path, help=words)
+    either = p.add_mutually_exclusive_group()
+    words = "do run K alone, counted from 1, as a task of the array does"
+    either.add_argument("--only", metavar="K", **count, help=words)
     words = "delete the sweep in --out first"
-    p.add_argument("--overwrite", action="store_true", help=words)
-    p.add_argument("--no-pictures", action="store_true", help="draw nothing")
+    either.add_argument("--overwrite", action="store_true", help=words)
+    words = "say where a quantity is below X over the one number that is varied; with --scatter "
+    p.option("--below", metavar="QUANTITY=X", **several, help=f"{words}count the runs")
+    words = "N runs, 16, 32 or 64, over intervals of [scatter] of the material files and of --vary"
+    p.option("--scatter", metavar="N", type=option_type(power), help=words)
+    p.switch("--no-pictures", "draw nothing")
     return p
 
 
@@ -64,7 +63,6 @@ def main(argv: Sequence[str], program: type[Form] = Form) -> int:
         if unbelieved := _sweep(args, passed, program(args.press, passed, args.ranks), argv):
             raise SolverFailure(unbelieved)
     except (InputError, SolverFailure, Interrupted, OSError) as error:
-        error = unwritable(error) if isinstance(error, OSError) else error
         status, text = exit_status(error)
         print(f"fabric sweep: {text.removeprefix('stopped: ')}", file=sys.stderr, flush=True)
         return status
@@ -112,17 +110,13 @@ def _planned(args, passed, form):
     if own := [word for word in passed if word.split("=")[0] in given]:
         allowed = f"options of fabric form but {', '.join(given)}"
         raise InputError(f"option {own[0]} is behind --; allowed are {allowed}")
-    for other in ("slurm", "overwrite"):
-        if args.only and getattr(args, other):
-            raise InputError(f"--only and --{other} are both given; allowed is one of them")
     lists = {} if args.scatter else varied.lists(args.vary)
     ranges = [*form.scatter(), *varied.ranges(args.vary)] if args.scatter else []
     if not (lists or ranges):
         allowed = "--vary, or --scatter and a table [scatter] in a material file"
         raise InputError(f"nothing is varied; allowed is {allowed}")
     values: list[varied.Values]
-    values = [dict(zip(lists, each)) for each in itertools.product(*lists.values())]
-    checked = values
+    checked = values = [dict(zip(lists, each)) for each in itertools.product(*lists.values())]
     if args.scatter:
         if args.scatter < (least := 2 * len(ranges) + 2):
             power = 1 << (least - 1).bit_length()

@@ -1,6 +1,5 @@
 """Compaction of a fabric from tests across its thickness."""
 
-import dataclasses
 import math
 from contextlib import suppress
 from dataclasses import dataclass
@@ -13,11 +12,10 @@ from ..material.compaction import Compaction, log_compaction
 from ..runtime.errors import InputError, SolverFailure
 from ..runtime.formatting import rounded
 from .curves import CompactionTest, Sheet
-from .problem import Assumed, Determined, by_logarithm
+from .problem import Assumed, Determined, by_logarithm, numbers_report
 
 UNITS = {"exponent": "-", "onset": "MPa", "pressure": "MPa"}
 MARGIN = 1.1  # times the measured thicknesses, up to which they show the pressure of the sheet
-MAX_FACTORS = {"exponent": 3.0, "onset": 10.0, "pressure": 10.0}  # of an interval, to either side
 MIN_PRESSURE = 1e-3  # of the lowest measured one: onset and pressure of the sheet
 
 
@@ -40,12 +38,8 @@ class CompactionFit:
         for test, measured, fitted in self.tests:
             error = float(np.sqrt(np.mean((fitted - measured) ** 2)))
             tests.append({"file": test.file, "points": len(measured), "rms_error_mm": error})
-        return {
-            "determined": {n: dataclasses.asdict(p) for n, p in self.determined.items()},
-            "assumed": {n: dataclasses.asdict(p) for n, p in self.assumed.items()},
-            "scatter_of_thickness": self.scatter,
-            "tests": tests,
-        }
+        numbers = numbers_report(self.determined, self.assumed)
+        return numbers | {"scatter_of_thickness": self.scatter, "tests": tests}
 
 
 def fit_compaction(sheet: Sheet) -> CompactionFit:
@@ -61,7 +55,7 @@ def fit_compaction(sheet: Sheet) -> CompactionFit:
     (p, h, sd), assumed = _data(sheet), {}
     found, scatter = _fit(p, h, sd)
     lowest, onset = float(p.min()), found["onset"]
-    if onset.value < 1.01 * MIN_PRESSURE * lowest or _factor(onset) > MAX_FACTORS["onset"]:
+    if onset.value < 1.01 * MIN_PRESSURE * lowest or _factor(onset) > 10.0:
         value = min(Compaction.onset, lowest)
         source = "default" if value == Compaction.onset else "lowest measured pressure"
         why = "the data do not tell it: they begin too far above it or scatter too much"
@@ -72,28 +66,23 @@ def fit_compaction(sheet: Sheet) -> CompactionFit:
             half = math.log(max(_factor(each), _factor(all_three[name])))
             found[name] = by_logarithm(each.value, error, half, UNITS[name])
     for name, each in found.items():
-        if _factor(each) > MAX_FACTORS[name]:
-            low, high = each.interval
-            interval = f"{rounded(low, 2)} to {rounded(high, 2)} {UNITS[name]}".removesuffix(" -")
-            raise InputError(
-                f"the compaction tests leave the {name} at {interval}; allowed are tests that tell "
-                "more: of more points, a wider range of pressure or less scatter"
-            )
+        if _factor(each) > (3.0 if name == "exponent" else 10.0):
+            low, high = (rounded(end, 2) for end in each.interval)
+            flaw = f"the compaction tests leave the {name} at {low} to {high} {UNITS[name]}"
+            allowed = "allowed are tests of more points, a wider range of pressure or less scatter"
+            raise InputError(f"{flaw.removesuffix(' -')}; {allowed}")
     compaction = Compaction(**{n: x.value for n, x in (found | assumed).items()})
     tests = [
         (t, sheet.measured_thickness(t), sheet.thickness * compaction.thickness(t.pressure))
         for t in sheet.compaction
     ]
-    warnings = [
-        f"compaction.{name} is weakly determined"
-        for name, each in found.items()
-        if each.weak and name != "onset"  # forces hardly depend on the onset
-    ]
+    warnings = []
     if not lowest / MARGIN <= compaction.pressure <= p.max() * MARGIN:
-        under = f"{rounded(compaction.pressure)} MPa"
-        measured = f"they measured from {rounded(lowest)} to {rounded(p.max())} MPa"
-        text = "by the compaction tests the fabric has the thickness of sheet.toml under"
-        warnings.append(f"{text} {under}; {measured}")
+        warnings.append(
+            "by the compaction tests the fabric has the thickness of sheet.toml under "
+            f"{rounded(compaction.pressure)} MPa; they measured from {rounded(lowest)} to "
+            f"{rounded(p.max())} MPa"
+        )
     return CompactionFit(compaction, found, assumed, scatter, tests, warnings)
 
 
@@ -113,17 +102,10 @@ def _data(sheet):
             "that of one ply under a measured pressure (divide that of a stack by its plies)"
         )
     sd = np.ones(len(p))
-    if all(test.noise for test in tests):
-        sd = np.concatenate([_noise(test) for test in tests])
+    if all(test.noise for test in tests):  # over the value, which is that over the thickness
+        responses = [(test.response, test.response.values, test.noise) for test in tests]
+        sd = np.concatenate([r.deviation(noise, v) / v for r, v, noise in responses])
     return p, h / sheet.thickness, sd
-
-
-def _noise(test):
-    """The stated noise over the value, which is that over the thickness (n,)."""
-    kind, size = test.noise
-    values = test.response.values
-    scale = {"absolute": 1.0, "maximum": test.response.peak}.get(kind, values)
-    return np.broadcast_to(size * scale / values, values.shape)
 
 
 def _fit(p, h, sd, onset=None):

@@ -59,12 +59,17 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         *_fit_warnings(problem, fit, softest, convex, determined, assumed),
         *curve_warnings(curves),
         *(compaction.warnings if compaction else ()),
-        *(friction.warnings() if friction else untold),
+        *(() if friction else untold),
         *fabric.plausibility_warnings(),
     ]
     quality = fit.correlation, fits, fit.dof, fit.variance, estimated, softest, convex, warnings
     others = sheet.areal_weight, compaction, friction
-    return Identification(fabric, determined, assumed, *quality, *others)
+    result = Identification(fabric, determined, assumed, *quality, *others)
+    for name, p in result.all_determined.items():
+        if p.weak and name != "compaction.onset":  # forces hardly depend on it
+            low, high = (rounded(end) for end in p.interval)
+            warnings.append(f"{name} is weakly determined: it is from {low} to {high} {p.unit}")
+    return result
 
 
 def _determined(problem, k, value, staged, error, half, at_bound):
@@ -86,12 +91,13 @@ def _assumptions(problem, sheet):
         for key in (base(name), name):
             if key in sheet.assumed:
                 values[name], source[name] = sheet.assumed[key], "sheet.toml"
+        contraction = problem.contraction(name) if base(name) == "p_min" else "known"
         if not math.isfinite(problem.natural[k]):
             reason[k] = "no test depends on it"
-        elif base(name) == "p_min" and not problem.has_contraction(name):
+        elif not contraction:
             reason[k] = "no test shows tension with a negative strain across; "
             reason[k] += "c is fitted for this value"
-        elif base(name) == "p_min" and problem.rests_on_form(name):
+        elif contraction == "form":
             # of all that follow free strips the value with which held ones are softest: k_TC <= 1
             reason[k] = "tests of free strips without the strain across do not tell it"
             if source[name] != "sheet.toml":
@@ -115,26 +121,20 @@ def _check_yarns(sheet, names, reason, source):
 
 
 def _weighted_fit(problem, theta, fitted):
-    """Values fitted again while deviations (N,) depend on the fit, these, and the noise."""
-    sd, estimated = _weights(problem, theta)
-    by_prediction = any(c.noise and c.noise[0] == "value" for c in problem.curves)
-    for _ in range(3 if by_prediction or estimated is not None else 0):
-        theta = problem.fit(theta, fitted, sd)
-        sd, estimated = _weights(problem, theta)
+    """Values fitted again while deviations (N,) depend on the fit, these, and the noise estimated
+    for curves that state none. It is None unless others state theirs: the variance of the residuals
+    then gives it."""
+    points, kinds = problem.points, {curve.noise and curve.noise[0] for curve in problem.curves}
+    estimated, is_estimated = None, None in kinds and len(kinds) > 1
+    for left in reversed(range(4 if is_estimated or "value" in kinds else 1)):
+        predicted = problem.predict(theta)
+        if is_estimated:
+            share = (predicted - points.measured) / points.peak
+            silent = [share[s] for (curve, _), s in problem.parts if curve.noise is None]
+            estimated = max(float(np.sqrt(np.mean(np.concatenate(silent) ** 2))), 1e-9)
+        sd = problem.deviation(predicted, estimated or NOISE)
+        theta = problem.fit(theta, fitted, sd) if left else theta
     return theta, sd, estimated
-
-
-def _weights(problem, theta):
-    """Deviations (N,), and the noise estimated for curves that state none. It is None unless others
-    state theirs: the variance of the residuals then gives it."""
-    predicted = problem.predict(theta)
-    stated = [curve.noise is not None for curve in problem.curves]
-    if all(stated) or not any(stated):
-        return problem.deviation(predicted), None
-    share = (predicted - problem.points.measured) / problem.points.peak
-    silent = np.concatenate([share[s] for (curve, _), s in problem.parts if curve.noise is None])
-    estimated = max(float(np.sqrt(np.mean(silent**2))), 1e-9)
-    return problem.deviation(predicted, estimated), estimated
 
 
 class _Statistics(NamedTuple):
@@ -213,16 +213,13 @@ def _fit_warnings(problem, fit, softest, convex, determined, assumed):
         if value.source == UNCOUPLED:
             yield (
                 f"{name} is set to 1, as strips were pulled with free sides and without the strain "
-                "across: so a strip is as stiff with held sides as with free ones, never too stiff "
-                "but maybe too soft, and does not neck; measure the strain across (eps_a or "
-                "eps_b), or hold the sides"
+                "across: held strips may come out too soft, and strips do not neck; measure the "
+                "strain across (eps_a or eps_b), or hold the sides"
             )
     if held := [name for name, p in determined.items() if p.at_bound]:
         why = "at a limit of what a fabric can have, as a stiffness of 0"
-        guide = "the tests ask for more, so their intervals are a rough guide"
-        yield f"{', '.join(held)} {'is' if len(held) == 1 else 'are'} {why}: {guide}"
-    for name in (name for name, parameter in determined.items() if parameter.weak):
-        yield f"{name} is weakly determined, as its interval is wider than +-100 %"
+        is_at = f"{'is' if len(held) == 1 else 'are'} {why}"
+        yield f"{', '.join(held)} {is_at}, so their intervals are a rough guide"
 
 
 def _regression(problem, default, reason, source):

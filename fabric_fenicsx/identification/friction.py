@@ -24,11 +24,6 @@ class FrictionFit:
     determined: dict[str, Determined]
     scatter: float
 
-    def warnings(self) -> list[str]:
-        """Sentences on numbers that the loops hardly tell."""
-        why = "is weakly determined, as its interval is wider than a factor of 2"
-        return [f"{name} {why}" for name, p in self.determined.items() if p.weak]
-
     def report(self) -> dict:
         """The result for JSON."""
         numbers = {name: dataclasses.asdict(p) for name, p in self.determined.items()}

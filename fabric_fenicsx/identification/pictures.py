@@ -13,8 +13,8 @@ def draw(result: Identification, stem: Path | str) -> list[str]:
     """Write stem_fit.png (measured and fitted curves), stem_residuals.png (in standard deviations),
     stem_correlation.png and, with tests of it, stem_compaction.png; returns their names."""
     figures = {
-        "fit": _panels(result, _draw_fit),
-        "residuals": _panels(result, _draw_residuals),
+        "fit": _panels(result, False),
+        "residuals": _panels(result, True),
         "correlation": _correlation(result),
     }
     if result.compaction:
@@ -30,7 +30,8 @@ def _figure(width, height):
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def _panels(result, draw_one):
+def _panels(result, residuals):
+    """Measured and fitted values of each curve, or the residuals in standard deviations."""
     n = len(result.fits)
     across = min(4, n)
     down = -(-n // across)
@@ -40,29 +41,25 @@ def _panels(result, draw_one):
         in_degrees = STRAINS[curve.abscissa] == "gamma"
         x = curve.strains[:, curve.abscissa]
         x = np.degrees(x) if in_degrees else 100 * x
-        draw_one(ax, x, response, predicted, sd * math.sqrt(result.variance))
+        sd = sd * math.sqrt(result.variance)
+        if residuals:
+            ax.axhline(0, color="0.6", linewidth=0.8)
+            ax.plot(x, (response.values - predicted) / np.where(sd > 0, sd, 1), ".", markersize=4)
+        else:
+            style = {"fmt": ".", "markersize": 4, "elinewidth": 0.6}
+            ax.errorbar(x, response.values, sd, label="measured", **style)
+            ax.plot(x, predicted, "-", label="fitted")
+        label = "residual / std. deviation" if residuals else f"{response.column} / {response.unit}"
+        ax.set_ylabel(label, fontsize=8)
         unit = "deg" if in_degrees else "%"
         ax.set_xlabel(f"{STRAINS[curve.abscissa]} / {unit}", fontsize=8)
         ax.set_title(f"{curve.file.removesuffix('.csv')}: {response.column}", fontsize=8)
         ax.tick_params(labelsize=7)
+    if not residuals:
+        axes[0].legend(fontsize=7)
     for ax in axes[n:]:
         ax.set_axis_off()
     return figure
-
-
-def _draw_fit(ax, x, response, predicted, sd):
-    style = {"fmt": ".", "markersize": 4, "elinewidth": 0.6}
-    ax.errorbar(x, response.values, sd, label="measured", **style)
-    ax.plot(x, predicted, "-", label="fitted")
-    ax.set_ylabel(f"{response.column} / {response.unit}", fontsize=8)
-    if ax.get_subplotspec().num1 == 0:
-        ax.legend(fontsize=7)
-
-
-def _draw_residuals(ax, x, response, predicted, sd):
-    ax.axhline(0, color="0.6", linewidth=0.8)
-    ax.plot(x, (response.values - predicted) / np.where(sd > 0, sd, 1), ".", markersize=4)
-    ax.set_ylabel("residual / std. deviation", fontsize=8)
 
 
 def _correlation(result):

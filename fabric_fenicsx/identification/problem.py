@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -97,6 +97,12 @@ class Assumed:
         return f"assumed ({self.source}): {self.reason}{more}"
 
 
+def numbers_report(determined: Mapping[str, Determined], assumed: Mapping[str, Assumed]) -> dict:
+    """Fitted and assumed numbers {name: number} for JSON."""
+    found = {name: asdict(number) for name, number in determined.items()}
+    return {"determined": found, "assumed": {n: asdict(each) for n, each in assumed.items()}}
+
+
 class NotConverged(SolverFailure):
     """A fit that gave up at the parameters `theta`."""
 
@@ -168,31 +174,24 @@ class Problem:
         """Standard deviations (N,): as the curves state them, else `common` times the peaks."""
         peak = self.points.peak
         sd = common * peak
-        for (curve, _), s in self.parts:
+        for (curve, response), s in self.parts:
             if curve.noise:
-                kind, size = curve.noise
-                value = np.maximum(np.abs(predicted[s]), 0.05 * peak[s])
-                sd[s] = size * {"absolute": 1.0, "maximum": peak[s]}.get(kind, value)
+                values = np.maximum(np.abs(predicted[s]), 0.05 * peak[s])
+                sd[s] = response.deviation(curve.noise, values)
         return sd
 
-    def _yarns(self, name):
-        return {"warp": (0,), "weft": (1,)}.get(name.rpartition(".")[0], (0, 1))
-
-    def has_contraction(self, name: str) -> bool:
-        """True if the yarns of p_min `name` are seen in tension under a negative strain across."""
-        e, is_stress = self.points.strains, self.points.component < 2
-        prescribed = [(e[:, i] > 0) & (e[:, 1 - i] < 0) & is_stress for i in (0, 1)]
-        return any(i in self.points.free or prescribed[i].any() for i in self._yarns(name))
-
-    def rests_on_form(self, name: str) -> bool:
-        """True if only the form of free tests determines the p_min `name`: none of them has the
-        strain across, and no test of those yarns in tension prescribes it."""
-        p = self.points
-        held = (p.component < 2) & (p.along < 0)
-        return not any(
-            np.any(held & (p.strains[:, i] > 0) | (p.along == i) & (p.component == 3))
-            for i in self._yarns(name)
-        )
+    def contraction(self, name: str) -> str:
+        """What shows tension of the yarns of the p_min `name` under a negative strain across: ""
+        for nothing; "form" if that of free tests alone, none of which has the strain across, and no
+        test of those yarns in tension prescribes it; else "known"."""
+        p, yarns = self.points, {"warp": [0], "weft": [1]}.get(name.rpartition(".")[0], [0, 1])
+        e, is_stress = p.strains, p.component < 2
+        narrowed = [(e[:, i] > 0) & (e[:, 1 - i] < 0) & is_stress for i in yarns]
+        if not (np.any(narrowed) or {*yarns} & {*p.free}):
+            return ""
+        held, measured = is_stress & (p.along < 0), p.component == 3
+        known = [held & (e[:, i] > 0) | measured & (p.along == i) for i in yarns]
+        return "known" if np.any(known) else "form"
 
     def undetermined(
         self, theta: np.ndarray, free: list[int], sd: float | np.ndarray = 0.0, slack: float = 1.0

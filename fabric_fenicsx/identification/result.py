@@ -10,9 +10,8 @@ from ..material.laws.coupled import WovenFabric
 from ..runtime.formatting import percent, rounded
 from .compaction import CompactionFit
 from .curves import Curve, Response
-from .curves.model import noise_text
 from .friction import FrictionFit
-from .problem import Assumed, Determined
+from .problem import Assumed, Determined, numbers_report
 
 
 @dataclass(frozen=True)
@@ -86,8 +85,7 @@ class Identification:
             "density_g_per_cm3": self.fabric.density,
             "areal_weight_g_per_m2": self.areal_weight,
             "parameters": len(names) + len(self.assumed),
-            "determined": {n: dataclasses.asdict(p) for n, p in self.determined.items()},
-            "assumed": {n: dataclasses.asdict(p) for n, p in self.assumed.items()},
+            **numbers_report(self.determined, self.assumed),
             "correlation": {"names": names, "matrix": np.round(self.correlation, 4).tolist()},
             "curves": [_error(*fit) for fit in self.fits],
             "compaction": self.compaction and self.compaction.report(),
@@ -104,6 +102,8 @@ class Identification:
 
 def _error(curve, response, predicted, _):
     rms = float(np.sqrt(np.mean((predicted - response.values) ** 2)))
+    kind, size = curve.noise or (None, 0.0)
+    stated = f"{size:g} {response.unit}" if kind == "absolute" else f"{100 * size:g} % of {kind}"
     return {
         "file": curve.file,
         "test": curve.test,
@@ -112,7 +112,7 @@ def _error(curve, response, predicted, _):
         "points": len(predicted),
         "rms_error": rms,
         "rms_error_of_peak": rms / response.peak,
-        "noise_stated": curve.noise and noise_text(curve.noise, response.unit),
+        "noise_stated": stated if kind else None,
     }
 
 

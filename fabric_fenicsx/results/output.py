@@ -1,7 +1,6 @@
 """The folder of a run: locked against other runs, with the run's messages, tables, summary and
 report."""
 
-import csv
 import json
 import math
 import platform
@@ -22,7 +21,7 @@ from petsc4py import PETSc
 from ..runtime import timing
 from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
-from ..runtime.files import lock_folder, plain, replace_file
+from ..runtime.files import csv_text, lock_folder, plain, replace_file
 from ..runtime.logs import MARKED, LogFile, log
 from ..runtime.version import __version__
 from . import report
@@ -164,10 +163,7 @@ class Output:
     def write_table(self, path: Path, rows: Sequence[Numbers]) -> None:
         """Write dicts to a CSV file, on rank 0, with a column for each of their keys."""
         if self.comm.rank == 0:
-            with open(path, "w", newline="") as file:
-                writer = csv.DictWriter(file, dict.fromkeys(key for row in rows for key in row))
-                writer.writeheader()
-                writer.writerows(rows)
+            replace_file(path, csv_text(rows))
 
     def summarise(self, folder: Path | None, **facts: Any) -> Numbers:
         """`facts` with verdict, costs, warnings and versions, written to summary.json."""

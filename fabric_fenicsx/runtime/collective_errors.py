@@ -23,8 +23,6 @@ def on_root(comm: MPI.Comm, make: Callable[[], T]) -> T:
         try:
             return make() if comm.rank == 0 else None
         except OSError as error:
-            if error.errno is None:  # of a library, not of a file
-                raise
             raise unwritable(error) from None
 
     return comm.bcast(on_all(comm, readable))
@@ -37,7 +35,7 @@ def on_all(comm: MPI.Comm, make: Callable[[], T]) -> T:
         result = make()
     except InputError as e:
         error = str(e)
-    if error := next(filter(None, comm.allgather(error)), ""):
+    if error := max(comm.allgather(error)):
         raise InputError(error)
     return result  # type: ignore[return-value]
 

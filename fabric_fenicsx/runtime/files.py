@@ -1,9 +1,11 @@
 """Files to read, files that are complete at any moment, and folders that one run has locked."""
 
+import csv
 import fcntl
+import io
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
@@ -33,13 +35,20 @@ def plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else value
 
 
+def csv_text(rows: Sequence[Mapping]) -> str:
+    """A table of dicts as the content of a CSV file, with a column for each of their keys."""
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, dict.fromkeys(key for row in rows for key in row))
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
 def read_summary(path: Path) -> dict:
     """The summary in `path`, {} if there is none."""
-    try:
-        summary = json.loads(path.read_text())
-    except (OSError, ValueError):
-        return {}
-    return summary if isinstance(summary, dict) else {}
+    with suppress(OSError, ValueError):
+        return json.loads(path.read_text())
+    return {}
 
 
 def failure_reason(path: Path) -> str:
@@ -81,6 +90,8 @@ def replace_file(path: Path, content: str | bytes, lasting: bool = False) -> Non
 
 
 def unwritable(error: OSError) -> InputError:
-    """The InputError of a file that a command can't read or write."""
+    """The InputError of a file that a command can't read or write, or of a library that fails."""
+    if error.errno is None:  # as of gmsh, whose wheel needs some of the machine's libraries
+        return InputError(f"{error}; `fabric info` says what works here")
     flaw = f"{error.filename or 'a file'} can't be read or written ({error.strerror})"
     return InputError(f"{flaw}; allowed is a file in a folder of this user, with space left")

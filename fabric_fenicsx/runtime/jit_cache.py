@@ -22,16 +22,15 @@ def compiled(comm: MPI.Comm, make: Callable[[], T]) -> T:
     logging.disable(logging.INFO)  # the C compiler's command lines
     try:
         with phase("compile"), task("compiling forms, which are kept for later runs"):
-            try:
-                return make()
-            except (TimeoutError, RuntimeError) as error:  # RuntimeError where there are more ranks
-                # the file that FFCx waited for in vain
-                named = "timed out" in str(error) and re.search(r"remove (.+?\.c)\)", str(error))
-                file = comm.bcast(Path(named[1]) if named else None)
-                if not file:
-                    raise
-                if comm.rank == 0:
-                    file.unlink(missing_ok=True)
-                return make()
+            return make()
+    except (TimeoutError, RuntimeError) as error:  # RuntimeError where there are more ranks
+        # the file that FFCx waited for in vain
+        named = "timed out" in str(error) and re.search(r"remove (.+?\.c)\)", str(error))
+        file = comm.bcast(Path(named[1]) if named else None)
+        if not file:
+            raise
+        if comm.rank == 0:
+            file.unlink(missing_ok=True)
+        return compiled(comm, make)
     finally:
         logging.disable(logging.NOTSET)

@@ -50,7 +50,7 @@ def shown(lines: bool = True, first: bool = True, seconds: float = 3.0) -> Itera
     if not (first and (lines or renews) and _shown.acquire(blocking=False)):
         yield
         return
-    out, err, ended = sys.stdout, sys.stderr, threading.Event()
+    out, ended = sys.stdout, threading.Event()
     bar = tqdm(bar_format="{desc}", file=out, leave=False, dynamic_ncols=True, disable=not renews)
 
     def tell():
@@ -64,11 +64,10 @@ def shown(lines: bool = True, first: bool = True, seconds: float = 3.0) -> Itera
 
     thread = threading.Thread(target=tell, daemon=True)
     thread.start()
+    # lines of the program stand above one that renews itself
+    above = [DummyTqdmFile(file) if renews else file for file in (out, sys.stderr)]
     try:
-        if renews:  # lines of the program stand above
-            with redirect_stdout(DummyTqdmFile(out)), redirect_stderr(DummyTqdmFile(err)):
-                yield
-        else:
+        with redirect_stdout(above[0]), redirect_stderr(above[1]):
             yield
     finally:
         ended.set()

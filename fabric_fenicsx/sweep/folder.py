@@ -49,7 +49,7 @@ class Run:
     def save(self) -> None:
         """Write run.json into its folder."""
         state = {key: value for key, value in vars(self).items() if key != "folder"}
-        replace_file(self.folder / "run.json", json.dumps(plain(state), indent=2) + "\n")
+        _write(self.folder / "run.json", state)
 
     def memory(self) -> float:
         """The most that it took on all of its ranks [MiB], 0 as long as that is not known."""
@@ -84,8 +84,8 @@ class Run:
         if not (summary := self.summary()):
             return {}
         first = {name: summary.get(name) for name in ("reaction_N", "stroke_reached")}
-        first["wall_s"] = summary.get("wall_s", {}).get("total")
-        return flat(first | summary.get("quantities", {}))
+        wall = {"wall_s": summary.get("wall_s", {}).get("total")}
+        return flat(first | wall | summary.get("quantities", {}))
 
     def number(self, name: str) -> float:
         """The quantity `name`; InputError, which names the nearest, if it is not there."""
@@ -116,6 +116,10 @@ def flat(values: Mapping[str, object], before: str = "") -> dict[str, float]:
         elif value is None or (isinstance(value, (int, float)) and not isinstance(value, bool)):
             numbers[f"{before}{name}"] = math.nan if value is None else value
     return numbers
+
+
+def _write(path, data):
+    replace_file(path, json.dumps(plain(data), indent=2) + "\n")
 
 
 class SweepFolder:
@@ -151,21 +155,21 @@ class SweepFolder:
     def _refuse_another(self, press, overwrite):
         """InputError for a folder that no sweep wrote, or one of another press or over other keys,
         which may be overwritten."""
-        file, files = self.path / "sweep.json", self.path.glob("*")
+        file, now = self.path / "sweep.json", self.state
         if not file.exists():
-            if any(not each.name.startswith(".") for each in files):
+            if any(not each.name.startswith(".") for each in self.path.glob("*")):
                 flaw = f"--out {self.path} holds files that no sweep wrote"
                 raise InputError(f"{flaw}; allowed is a folder of a sweep, an empty or a new one")
             return
-        before, now = json.loads(file.read_text()), self.state
-        if before == {**before, **now} or overwrite:
+        before = json.loads(file.read_text())
+        if overwrite or all(before.get(key) == now[key] for key in now):
             return
         wrong = "a sweep of another version of this program"
-        if before.get("format") == now["format"]:
+        if before["format"] == now["format"]:
             wrong = f"a sweep over {', '.join(before['keys'])}, now it is {', '.join(now['keys'])}"
-            old, new = ({"": s["press"]["text"]} | s["press"]["files"] for s in (before, now))
-            for name in (name for name in {**old, **new} if old.get(name) != new.get(name)):
-                wrong = f"runs of another press ({name or press} has changed since)"
+            old, new = ({press: s["press"]["text"], **s["press"]["files"]} for s in (before, now))
+            for name, _ in old.items() ^ new.items():
+                wrong = f"runs of another press ({name} has changed since)"
         allowed = "another --out, or --overwrite, which loses the runs there"
         raise InputError(f"--out {self.path} has {wrong}; allowed is {allowed}")
 
@@ -176,7 +180,7 @@ class SweepFolder:
 
     def save(self) -> None:
         """Write sweep.json."""
-        replace_file(self.path / "sweep.json", json.dumps(plain(self.state), indent=2) + "\n")
+        _write(self.path / "sweep.json", self.state)
 
     def close(self) -> None:
         """Let others use the folder."""

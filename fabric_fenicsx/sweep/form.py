@@ -41,10 +41,10 @@ class Form:
         found, press = [], self.read({})
         for kind in ("fabric", "metal"):
             own = {f"{p}.{kind}": getattr(s, kind) for p, s in zip(press.paths(), press.sheets)}
-            own = {path: material for path, material in own.items() if material}
-            first = next(iter(own.values()), None)
-            if first and all(each == first for each in own.values()):
-                own = {kind: first}
+            materials = [material for material in own.values() if material]
+            if materials and all(each == materials[0] for each in materials):
+                own = {kind: materials[0]}
             for path, material in own.items():
-                found += [Range(f"{path}.{n}", *ends) for n, ends in material.scatter.items()]
+                scatter = material.scatter if material else {}
+                found += [Range(f"{path}.{n}", *ends) for n, ends in scatter.items()]
         return found

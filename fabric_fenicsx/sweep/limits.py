@@ -31,7 +31,9 @@ def below(runs: Sequence[Run], quantity: str, limit: float) -> str:
         if math.isfinite(value := run.value(quantity)):
             points.append((float(run.values[key]), value))
         else:
-            others[_why(run, quantity)].append(run.values[key])
+            doubt = "doubted, see the table" if run.doubts(quantity) else "without a value"
+            why = doubt if run.is_believed() else "not believed"
+            others[why].append(run.values[key])
     notes = [f"left out, as {why}: {name} = {', '.join(x)}" for why, x in others.items()]
     asked = f"{quantity} below {rounded(limit, 5)}"
     if not points:
@@ -40,40 +42,24 @@ def below(runs: Sequence[Run], quantity: str, limit: float) -> str:
     slopes = np.sign(np.diff(y))
     if (slopes > 0).any() and (slopes < 0).any():
         notes.append("it neither falls nor rises throughout: look at trends.png")
-    return "; ".join([f"{asked}: {_where(x, y, limit, name)}", *notes, _accuracy(runs, quantity)])
-
-
-def _why(run, quantity):
-    if not run.is_believed():
-        return "not believed"
-    return "doubted, see the table" if run.doubts(quantity) else "without a value"
+    errors = [run.summary().get("error", {}).get(quantity) for run in runs if run.is_believed()]
+    off = "all on these cells: `-- --error` tells how far they may be off, finer ones show it"
+    if sizes := [abs(error) for error in errors if error is not None]:
+        off = f"the cells' estimated error is up to {rounded(max(sizes), 2)}"
+    return "; ".join([f"{asked}: {_where(x, y, limit, name)}", *notes, off])
 
 
 def _where(x, y, limit, name):
-    """The first interval of x (n,) in which y (n,) is below the limit, in words."""
+    """Where over x (n,) y (n,) is below the limit, in words."""
     under, wide = y < limit, len(x) > 1 and is_wide(list(x))
     if not under.any():
         least = int(y.argmin())
         return f"in no run; the least is {rounded(y[least], 4)} at {name} = {spelled(x[least])}"
-    scale = np.log(x) if wide else x
-
-    def crossing(k):
-        """Where y meets the limit between the points k and k + 1."""
-        at = scale[k] + (limit - y[k]) / (y[k + 1] - y[k]) * (scale[k + 1] - scale[k])
-        return rounded(float(np.exp(at) if wide else at), 4)
-
-    first = int(under.argmax())
-    last = first + int(np.append(under[first:], False).argmin()) - 1
-    ends = [f"from {name} = {crossing(first - 1)} on"] if first else []
-    ends += [f"up to {name} = {crossing(last)}"] if last + 1 < len(y) else []
-    if not ends:
+    if under.all():
         return f"in all runs, from {name} = {x[0]:g} on"
+    scale, ends = np.log(x) if wide else x, []
+    for k in np.flatnonzero(np.diff(under)):
+        at = scale[k] + (limit - y[k]) / (y[k + 1] - y[k]) * (scale[k + 1] - scale[k])
+        place = f"{name} = {rounded(float(np.exp(at) if wide else at), 4)}"
+        ends.append(f"from {place} on" if under[k + 1] else f"up to {place}")
     return f"{' and '.join(ends)} (between runs, interpolated)"
-
-
-def _accuracy(runs, quantity):
-    errors = [run.summary().get("error", {}).get(quantity) for run in runs if run.is_believed()]
-    sizes = [abs(error) for error in errors if error is not None]
-    if not sizes:
-        return "all on these cells: `-- --error` tells how far they may be off, finer ones show it"
-    return f"the cells' estimated error is up to {rounded(max(sizes), 2)}"

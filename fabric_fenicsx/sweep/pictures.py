@@ -13,8 +13,6 @@ from .folder import Run, force_name
 from .scatter import BOUNDS
 from .varied import is_wide, label, number
 
-MAX_MAPS = 24  # plies in rows of one picture
-
 
 def draw(
     files: Mapping[str, Path], runs: Sequence[Run], names: Mapping[str, str], scatter: bool = False
@@ -34,13 +32,12 @@ def _draw_curves(path, runs, scatter):
     """Force over displacement of each run, or of believed ones of a design mean and bounds."""
     series = {}
     for run in (run for run in runs if (run.results / "history.csv").is_file()):
-        with open(run.results / "history.csv", newline="") as file:
-            rows = [*csv.DictReader(file)]
+        rows = [*csv.DictReader((run.results / "history.csv").read_text().splitlines())]
         x, y = ([float(row[k]) for row in rows] for k in ("displacement_mm", "reaction_N"))
         if rows and (run.is_believed() or not scatter):
             series[run.label] = x, y, "-" if run.is_believed() else "--"
     if series and scatter:
-        x = next(iter(series.values()))[0]
+        x, *_ = next(iter(series.values()))
         forces = np.array([np.interp(x, at, force) for at, force, _ in series.values()])
         series = {"mean": (x, forces.mean(0), "-")}
         for share, bound in zip(BOUNDS, np.quantile(forces, BOUNDS, axis=0)):
@@ -52,7 +49,7 @@ def _draw_curves(path, runs, scatter):
 def _draw_trends(path, runs, names):
     """A row of panels a quantity, with one for each key whose values are numbers."""
     runs = [run for run in runs if run.is_at_full_load()]
-    keys = [key for key in (runs[0].values if runs else ())]
+    keys = list(runs[0].values) if runs else []
     keys = [key for key in keys if None not in [number(run.values[key]) for run in runs]]
     if not (keys and names):
         return
@@ -87,12 +84,12 @@ def _draw_trend(ax, runs, key, name, most=8):
     ax.grid(alpha=0.3)
 
 
-def _draw_maps(path, runs):
-    """A row of maps for each ply of each run."""
+def _draw_maps(path, runs, most=24):
+    """A row of maps for each ply of each run, up to so many."""
     grids = {}
     for run in (run for run in runs if (run.results / "fields.pvd").is_file()):
         words = run.label + ("" if run.is_believed() else f" ({run.verdict()})")
         for ply, grid in states.of_fabric(states.read_grids(run.results)).items():
             grids[", ".join(filter(None, (words, ply)))] = grid
-    if 0 < len(grids) <= MAX_MAPS:
+    if 0 < len(grids) <= most:
         maps(path, grids, ("shear_angle", "shortening_a", "shortening_b"))

@@ -1,32 +1,29 @@
 """Table and report of a sweep, from the files of its runs."""
 
-import csv
-import io
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from ..results import report
 from ..runtime.errors import NOT_BELIEVED
-from ..runtime.files import replace_file
+from ..runtime.files import csv_text, replace_file
 from ..runtime.formatting import rounded
 from .folder import Run, SweepFolder, force_name
 from .pictures import draw
 from .varied import number, short_names
 
-CAPTIONS = {
-    "trends": "Headline quantities of runs at full load; a cross is one that is not believed",
-    "curves": "Force over displacement of all runs; dashed is one that is not believed",
-    "maps": "Shear angle, and shortening of both yarns",
-}
-
 
 def write(sweep: SweepFolder, answers: Sequence[str] = (), pictures: bool = True) -> None:
     """Write table, pictures and report of the runs, `answers` on top of it."""
+    captions = {
+        "trends": "Headline quantities of runs at full load; a cross is one that is not believed",
+        "curves": "Force over displacement of all runs; dashed is one that is not believed",
+        "maps": "Shear angle, and shortening of both yarns",
+    }
     runs = sorted(sweep.runs.values(), key=_place)
     replace_file(sweep.path / "table.csv", _table(runs))
     columns = headlines(runs, sweep.state.get("asked", ()))
-    files = {name: sweep.path / f"{name}.png" for name in CAPTIONS}
+    files = {name: sweep.path / f"{name}.png" for name in captions}
     if pictures:
         draw(files, [run for run in runs if run.summary()], columns, "scatter" in sweep.state)
     keys = short_names([*dict.fromkeys(key for run in runs for key in run.values)])
@@ -38,7 +35,7 @@ def write(sweep: SweepFolder, answers: Sequence[str] = (), pictures: bool = True
         columns=list(columns.values()),
         rows=[_row(run, keys, columns) for run in runs],
         believed=sum(run.is_believed() for run in runs),
-        pictures=[(CAPTIONS[name], report.encoded(f)) for name, f in files.items() if f.is_file()],
+        pictures=[(captions[name], report.encoded(f)) for name, f in files.items() if f.is_file()],
         press=sweep.state["press"]["text"],
     )
     replace_file(sweep.path / "report.html", page)
@@ -56,11 +53,7 @@ def _table(runs):
         facts = {"run": run.folder.name, **run.values, "verdict": run.verdict()}
         facts |= {"converged": run.is_believed(), "reason": run.reason or "; ".join(run.doubts())}
         rows.append(facts | run.numbers())
-    text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, dict.fromkeys(key for row in rows for key in row), restval="")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
+    return csv_text(rows)
 
 
 def headlines(runs: Iterable[Run], asked: Sequence[str] = ()) -> dict[str, str]:
@@ -76,8 +69,8 @@ def headlines(runs: Iterable[Run], asked: Sequence[str] = ()) -> dict[str, str]:
 
 
 def _row(run, keys, names):
-    numbers, reason = run.numbers(), run.reason.removeprefix(NOT_BELIEVED)
-    texts = {n: "no value" if math.isnan(v) else rounded(v, 4) for n, v in numbers.items()}
+    reason = run.reason.removeprefix(NOT_BELIEVED)
+    texts = {n: "no value" if math.isnan(v) else rounded(v, 4) for n, v in run.numbers().items()}
     if (reached := run.summary().get("stroke_reached", 1.0)) < 1:
         reason = f"ended at load {rounded(reached)}: {reason}"
     page = run.results / "report.html"

@@ -1,26 +1,24 @@
 """Runs as processes, side by side."""
 
-import math
 import os
 import re
 import signal
 import subprocess
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from threading import RLock
 
 from ..runtime.errors import NOT_BELIEVED, InputError, Interrupted
+from ..runtime.files import failure_reason
 from ..runtime.formatting import rounded
 from ..runtime.ranks import RANKS_ENVIRONMENT
 from ..runtime.status import shown, task
 from .folder import Run, SweepFolder
 from .form import Form
 from .varied import Values
-
-MAX_RANK_MEMORY = 2048  # MiB, of a rank before a run has ended: that of 80 000 cells on one
 
 
 class Runner:
@@ -33,12 +31,15 @@ class Runner:
     ) -> None:
         self.folder, self.program, self.asked = folder, program, asked
         memory = max((run.memory() for run in folder.runs.values()), default=0)
-        room = free_memory() // (memory or MAX_RANK_MEMORY * program.ranks)
+        # of 80 000 cells on one rank, before a run has ended [MiB]
+        needed = memory or 2048 * program.ranks
+        lines = dict(line.split(":") for line in Path("/proc/meminfo").read_text().splitlines())
+        room = int(lines["MemAvailable"].split()[0]) / 1024 // needed
         cores = len(os.sched_getaffinity(0)) // program.ranks
         self.jobs = jobs or int(max(1, min(cores, room)))
         self._under_way: list[subprocess.Popen] = []
         self._lock = RLock()  # of what is under way
-        self._stops = 0
+        self._stopped = False
 
     def all(self, values: Iterable[Values]) -> list[Run]:
         """Have the runs with these values all done; returns them. Raises InputError with the
@@ -52,10 +53,20 @@ class Runner:
         def words():
             return f"{sum(run.status is not None for run in todo)} of {len(todo)} runs have ended"
 
-        with self._stopped_by_signals() as came, shown(), task(words):
-            with ThreadPoolExecutor(self.jobs) as pool:
+        def stop(number, _):
+            came.append(number)
+            self._stop()
+
+        came: list[int] = []
+        stops = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
+        before = {each: signal.signal(each, stop) for each in stops}
+        try:
+            with shown(), task(words), ThreadPoolExecutor(self.jobs) as pool:
                 for each in as_completed([pool.submit(self._do, run) for run in todo]):
                     each.result()
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
         if came:
             name = signal.Signals(came[0]).name
             raise Interrupted(f"stopped by {name}; the same command goes on from there")
@@ -64,7 +75,7 @@ class Runner:
     def _do(self, run):
         """Start a run, and note how it ended; nothing once all are to stop."""
         with self._lock:
-            if self._stops:
+            if self._stopped:
                 return
             process, began = self._start(run), time.monotonic()
             self._under_way.append(process)
@@ -100,41 +111,15 @@ class Runner:
     def _stop(self):
         """Ask all runs to end after their step; in a second call end them at once."""
         with self._lock:
-            self._stops += 1
-            if self._stops == 1 and self._under_way:
-                count = len(self._under_way)
+            if not self._stopped and (count := len(self._under_way)):
                 print(f"ending after their step: {count}; Ctrl-C again ends them at once")
             for process in self._under_way:
-                if self._stops == 1:
-                    process.terminate()  # alone: it ends by itself what it has started
-                else:
-                    with suppress(ProcessLookupError):
+                with suppress(ProcessLookupError):
+                    if self._stopped:
                         os.killpg(process.pid, signal.SIGKILL)  # with all that it has started
-
-    @contextmanager
-    def _stopped_by_signals(self) -> Iterator[list[int]]:
-        """Stop on a signal while it is open; the signals that came."""
-        came: list[int] = []
-
-        def handle(number, _):
-            came.append(number)
-            self._stop()
-
-        stops = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
-        before = {each: signal.signal(each, handle) for each in stops}
-        try:
-            yield came
-        finally:
-            for each, handler in before.items():
-                signal.signal(each, handler)
-
-
-def free_memory() -> float:
-    """The memory that the system can give to programs [MiB], inf where it does not tell."""
-    with suppress(OSError):
-        lines = dict(line.split(":") for line in Path("/proc/meminfo").read_text().splitlines())
-        return int(lines["MemAvailable"].split()[0]) / 1024
-    return math.inf
+                    else:
+                        process.terminate()  # alone: it ends by itself what it has started
+            self._stopped = True
 
 
 def _last_words(run, own="fabric form: "):
@@ -152,8 +137,7 @@ def _note(run, status):
         memory = " (as the system does when memory is short)" if name == "SIGKILL" else ""
         run.reason = f"ended by {name}{memory}"
     elif not run.is_believed():
-        summary = run.summary()
-        own = "" if summary.get("converged") else summary.get("reason")  # else of a later run
+        own = failure_reason(run.results / "summary.json")  # else of a later run
         run.reason = (status == 3 and own) or _last_words(run)
     if run.reason.startswith(("stopped by", "interrupted")):
         run.status = None  # by somebody else: the next call goes on with it

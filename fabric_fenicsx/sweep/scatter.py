@@ -86,6 +86,5 @@ def told(
         without = f", {n} have no value" if (n := len(sound) - len(values)) else ""
         sentences.append(f"{name} below {rounded(limit, 5)}: in {count} runs{without}")
     if lost := len(runs) - len(sound):
-        left_out = f"{lost} of {len(runs)} runs are not believed and left out"
-        sentences.append(f"{left_out}: what is told is of the others, of one side perhaps")
+        sentences.append(f"{lost} of {len(runs)} runs are not believed and left out")
     return sentences, spreads

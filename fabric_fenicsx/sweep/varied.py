@@ -21,8 +21,8 @@ class Range(NamedTuple):
     def at(self, share: float) -> float:
         """The number at a share, 0 to 1, of the range or its logarithm, to six digits."""
         low, high = self.low, self.high
-        is_log = is_wide([low, high])
-        value = low * (high / low) ** share if is_log else low + share * (high - low)
+        wide = is_wide([low, high])
+        value = low * (high / low) ** share if wide else low + share * (high - low)
         return min(max(float(f"{value:.6g}"), low), high)
 
     def share(self, value: float) -> float:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from fabric_fenicsx import __version__
 from fabric_fenicsx.command_line import main, prepare
 from fabric_fenicsx.command_line.options import STUDIES
 
@@ -56,12 +55,6 @@ def test_usual_runs_are_prepared(caplog, tmp_path, monkeypatch):
     monkeypatch.setattr(prepare, "PRESSES", ("hemisphere",))
     assert main.main(["prepare"]) == 0
     assert not caplog.records and not list(tmp_path.iterdir())
-
-
-def test_the_version_is_told(capsys):
-    with pytest.raises(SystemExit) as end:
-        main.main(["--version"])
-    assert not end.value.code and capsys.readouterr().out.strip() == __version__
 
 
 def test_another_command_is_not_allowed(capsys):

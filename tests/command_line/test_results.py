@@ -9,12 +9,10 @@ import shapely
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.command_line import results
-from fabric_fenicsx.command_line.options import exit_status
 from fabric_fenicsx.command_line.press_study import PressStudy, press_parser
 from fabric_fenicsx.command_line.study import Study
 from fabric_fenicsx.postprocess import pattern, states
 
-DOUBT = "the result is not to be believed: "
 TWO = {"lower": (0.5, 0.9), "upper": (1.2, 0.3)}  # plies and their thickness in cells [mm]
 
 
@@ -97,13 +95,3 @@ def test_the_model_fabric_has_no_coupling():
         fabric(model).derivatives(0.02, 0.02, 0.3).first[2] for model in ("fabric", "hyperelastic")
     ]
     assert found == pytest.approx([tau, tau + added], rel=1e-12)
-
-
-def test_the_exit_status_of_an_error():
-    for error, ended in (
-        (ff.InputError("x"), (2, "error: x")),
-        (ff.SolverFailure("x"), (3, "stopped: x")),
-        (ff.SolverFailure(f"{DOUBT}x"), (3, f"{DOUBT}x")),
-        (ff.Interrupted("x"), (3, "x")),
-    ):
-        assert exit_status(error) == ended

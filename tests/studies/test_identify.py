@@ -56,7 +56,7 @@ def test_a_material_is_not_lost(launch, tmp_path):
     ("options", "sentence"),
     [
         ((), "required: --data; --help tells"),
-        (("--data", DATA / "komeili_paper", "--out", "/proc/none/x.toml"), "can't be written to"),
+        (("--data", DATA / "komeili_paper", "--out", "/proc/none/x.toml"), "can't be read or w"),
     ],
 )
 def test_bad_input(launch, options, sentence):

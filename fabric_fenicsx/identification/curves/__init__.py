@@ -9,6 +9,6 @@ test.
 """
 
 from .checks import check_copies, curve_warnings
-from .forces import bias_displacement, bias_force, bias_normalised
+from .forces import bias_normalised
 from .model import MIN_POINTS, STRAINS, TESTS, CompactionTest, Curve, Response, Sheet
 from .reading import read, read_sheet

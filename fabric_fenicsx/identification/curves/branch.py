@@ -3,8 +3,8 @@
 import numpy as np
 
 from ...readers.text_tables import some
-from ...runtime.formatting import rounded
-from .model import Table, units
+from ...runtime.errors import InputError
+from .model import Table, unit_inside
 
 NOISE = 0.01  # of its range, by which a column may go back or begin below 0
 
@@ -15,44 +15,38 @@ def kept(table: Table, which: np.ndarray) -> Table:
     return table._replace(columns=columns, rows=np.array(table.rows)[which].tolist())
 
 
-def _in_file(table, column, value):
-    unit = table.header[column]
-    return f"{rounded(value / units(column).get(unit, 1.0), 4)} {unit}".removesuffix(" -")
-
-
 def from_zero(table: Table, column: str, sign: int) -> tuple[Table, list[str]]:
     """The table without rows of a column that is by `NOISE` beyond 0, and words on these."""
     values = sign * table.columns[column]
     below = (values < 0) & (values >= -NOISE * values.max(initial=0.0))
     if not below.any():
         return table, []
-    least = _in_file(table, column, sign * values[below].min())
     rows = some([f"row {row}" for row in np.array(table.rows)[below]])
-    return kept(table, ~below), [f"{rows} left out, as {column} is {least} there, beyond 0"]
+    return kept(table, ~below), [f"{rows} left out, as {column} is by noise beyond 0 there"]
 
 
 def loading_branch(table: Table, column: str) -> tuple[Table, list[str]]:
     """The rows up to the first turn of the column, and sentences on those behind it and on those in
-    which it goes back by no more than `NOISE`. A table whose first branch ends before its largest
-    values is given back whole."""
-    size = np.abs(table.columns[column] - table.columns[column][0]) if table.rows else np.zeros(0)
+    which it goes back by no more than `NOISE`. InputError if that ends before its largest value."""
+    x = table.columns[column]
+    size = x - x[:1]
     if not size.any():
         return table, []
+    size = size * np.sign(size[np.abs(size).argmax()])
     top = np.maximum.accumulate(size)
     stop = int(np.argmax(np.append(top - size > NOISE * size.max(), True)))
     if top[stop - 1] < 0.99 * size.max():
-        return table, []
+        turn = f"{x[stop]:.4g} {unit_inside(column)} after {x[stop - 1]:.4g}"
+        allowed = "to rise or fall throughout (keep one loading branch)"
+        raise InputError(f"row {table.rows[stop]}: {column} is {turn}; allowed is {allowed}")
     end, remarks = int(size[:stop].argmax()), []
     if end + 1 < len(size):
-        remarks.append(
-            f"{column} turns back behind row {table.rows[end]}: of the loop the loading branch is "
-            f"fitted, rows {table.rows[0]} to {table.rows[end]}"
-        )
+        loop = f"{column} turns back behind row {table.rows[end]}: of the loop the loading branch"
+        remarks.append(f"{loop} is fitted, rows {table.rows[0]} to {table.rows[end]}")
         table = kept(table, np.arange(end + 1))
     if (still := np.flatnonzero(np.diff(size[: end + 1]) <= 0) + 1).size:
-        rows, back = some([f"row {table.rows[k]}" for k in still]), (top - size)[: end + 1].max()
-        far = f" and goes back by up to {_in_file(table, column, back)}" if back else ""
-        remarks.append(f"{column} does not move on in {rows}{far}; read as scatter")
+        rows = some([f"row {table.rows[k]}" for k in still])
+        remarks.append(f"{column} does not move on in {rows}; read as scatter")
     return table, remarks
 
 

@@ -82,8 +82,7 @@ def _curve(file, table, keys, thickness, remarks):
     notes, loose = notes + left_out, 0.0
     if "slack" in keys.texts:
         loose = _quantity("slack", keys.texts["slack"], units(moved))
-    if loose:
-        table = kept(table, table.columns[moved] > loose)
+        table = kept(table, table.columns[moved] > loose) if loose else table
         table.columns[moved] = table.columns[moved] - loose
     for column, machine in raw.items():
         values = table.columns[machine]
@@ -115,14 +114,13 @@ def _curve(file, table, keys, thickness, remarks):
 def _compaction_test(file, table, keys, remarks):
     table, notes = from_zero(table, "pressure", 1)
     table, left_out = loading_branch(table, "pressure")
-    column = next(name for name in table.columns if name != "pressure")
+    (column,) = {*table.columns} - {"pressure"}
     checks.check_length(table, 4)  # to tell three numbers
     checks.check_values(keys.test, table, "pressure", [column])
     values = table.columns[column]
     response = Response(column, unit_inside(column), values, np.ones(len(values)))
-    noise = _noise(keys.texts, [response], math.nan)
-    rows, remarks = np.array(table.rows), (*remarks, *notes, *left_out)
-    return CompactionTest(file, table.columns["pressure"], response, rows, noise, remarks)
+    noise, remarks = _noise(keys.texts, [response], math.nan), (*remarks, *notes, *left_out)
+    return CompactionTest(file, table.columns["pressure"], response, noise, remarks)
 
 
 def _keys(lines, stated, problems):
@@ -140,8 +138,8 @@ def _keys(lines, stated, problems):
             problems.append(str(unknown_key(key, KEYS, f"row {row}: the key {key}")))
     place, name = texts.pop("test", ("", ""))
     if name not in TESTS:
-        no_test = f"no line `# test: ...` states the test; allowed are {', '.join(TESTS)}, in the "
-        no_test += 'file or in its table [tests."NAME"] of sheet.toml'
+        where = 'in the file or in its table [tests."NAME"] of sheet.toml'
+        no_test = f"no line `# test: ...` states the test; allowed are {', '.join(TESTS)}, {where}"
         unknown = unknown_key(name, TESTS, f"{place}: test {name!r}")
         problems.append(str(unknown) if name else no_test)
         problems.stop()
@@ -149,8 +147,8 @@ def _keys(lines, stated, problems):
     allowed = ("noise", *test.all_keys)
     for key, (place, _) in texts.items():
         if key not in allowed:
-            words = f"{place}: the key {key} of the test {name}"
-            problems.append(str(unknown_key(key, allowed, words)))
+            label = f"{place}: the key {key} of the test {name}"
+            problems.append(str(unknown_key(key, allowed, label)))
     for key in test.keys:
         if key not in texts:
             example = f"`# {key}: {'free` or `held' if key == 'lateral' else '200 mm'}`"
@@ -205,7 +203,7 @@ def _noise(texts, responses, thickness):
 
 def _table(cells, keys, sheet, problems):
     """The `Table` of a file's cells, and a sentence on each column that is not read."""
-    place, factors, header, unread = f"row {cells.top}", {}, {}, {}
+    place, factors, header, unread = f"row {cells.top}", {}, {}, list[str]()
     test, named = TESTS[keys.test], sheet.columns
     allowed = (*test.strains, *test.optional, *keys.measured, *test.image, *test.raw)
     counts = [cells.names[: i + 1].count(name) for i, name in enumerate(cells.names)]
@@ -215,7 +213,7 @@ def _table(cells, keys, sheet, problems):
         column, *other = re.findall(r"[^\s\[\]]+", named.get(name, column_of(name))) or [name]
         is_second = name not in named and (column in stated or counts[i] > 1)
         if column not in COLUMNS or is_second:
-            unread[name] = cells.names[i]
+            unread += [name] if name else []
             continue
         with problems:
             if column in header:
@@ -239,17 +237,8 @@ def _table(cells, keys, sheet, problems):
     ):
         cells.rows.pop(), cells.cells.pop()  # of a longer test beside this one
     columns = values_of(cells, factors, problems, sheet.csv.get("decimal"))
-    sentences = [_unread(*each) for each in unread.items() if each[0]]
+    sentences = [f"column {name!r} is not read; see [columns] of sheet.toml" for name in unread]
     return Table(columns, header, cells.rows, cells.top), sentences
-
-
-def _unread(name, first):
-    """A sentence on a column that is not read, as the next of the name `first`."""
-    text = f"column {name!r} is not read"
-    if name == first or column_of(first) not in COLUMNS:
-        return text
-    line = f'a line `"{name}" = "{column_of(first)}"` in [columns] of sheet.toml'
-    return f"{text}, which is the next {first!r}; {line} reads it in place of the first"
 
 
 def _of_columns(keys, header, unread):
@@ -262,7 +251,7 @@ def _of_columns(keys, header, unread):
     for names in (*needed, test.measured):
         if not {*names} & {*header, *made}:
             yield f"the column {' or '.join(names)} is missing, which the test {keys.test} needs"
-            if wrong := ", ".join(repr(name) for name in unread if name):
+            if wrong := ", ".join(map(repr, unread)):
                 line = f'a line `NAME = "{names[0]}"` in [columns] of sheet.toml'
                 yield f"columns {wrong} are unknown; allowed are {', '.join(COLUMNS)}, or {line}"
             break

@@ -67,8 +67,8 @@ def _bias_strip(lengths):
     """Height and width [mm] of a bias test; InputError if it has no zone of full shear."""
     H, W = lengths["height"], lengths["width"]
     if H < 2 * W:
-        flaw = f"height is {H:g} mm and width {W:g} mm"
-        raise InputError(f"{flaw}; allowed is a height of 2 widths or more")
+        allowed = "allowed is a height of 2 widths or more"
+        raise InputError(f"height is {H:g} mm and width {W:g} mm; {allowed}")
     return H, W
 
 
@@ -89,30 +89,14 @@ def bias_angle(displacement: ArrayLike, height: float, width: float) -> np.ndarr
     return np.arcsin(np.minimum(e * (2 + e), 1.0))  # 0 at 0, where an arc cosine is off by 1e-16
 
 
-def bias_displacement(gamma: ArrayLike, height: float, width: float) -> np.ndarray:
-    """The inverse of `bias_angle`: displacements (n,) [mm]."""
-    g = np.asarray(gamma, float)
-    return (height - width) * (np.cos(g / 2) + np.sin(g / 2) - 1)
-
-
 def bias_normalised(gamma: ArrayLike, force: ArrayLike, height: float, width: float) -> np.ndarray:
     """Normalised shear force F_sh (n,) [N/mm] of a bias test, by the formula of Cao et al. (2008).
 
     gamma: (n,) [rad], rising from above 0; force: (n,) [N]; height, width [mm] of the strip.
     F_sh(gamma/2) is interpolated linearly, from 0 at 0, so the formula is one linear system.
     """
-    A, arm = _cao(np.asarray(gamma, float), height, width)
-    return np.linalg.solve(A, arm * np.asarray(force))
-
-
-def bias_force(gamma: ArrayLike, F_sh: ArrayLike, height: float, width: float) -> np.ndarray:
-    """The inverse of `bias_normalised`: forces (n,) [N] of a strip from F_sh (n,) [N/mm]."""
-    A, arm = _cao(np.asarray(gamma, float), height, width)
-    return A @ np.asarray(F_sh) / arm
-
-
-def _cao(g, H, W):
-    """The formula as A F_sh = arm * F: A (n, n) [mm], arm (n,)."""
+    g, H, W = np.asarray(gamma, float), height, width
     at_half = np.array([np.interp(g / 2, np.r_[0, g], np.r_[0, hat]) for hat in np.eye(len(g))]).T
     A = np.diag((2 * H - 3 * W) * np.cos(g)) + (W * np.cos(g / 2))[:, None] * at_half
-    return A, (H / W - 1) * (np.cos(g / 2) - np.sin(g / 2))
+    arm = (H / W - 1) * (np.cos(g / 2) - np.sin(g / 2))
+    return np.linalg.solve(A, arm * np.asarray(force))

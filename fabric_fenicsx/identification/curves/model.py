@@ -54,12 +54,6 @@ def unit_inside(column: str) -> str:
     return next(iter(_UNIT[column]))
 
 
-def noise_text(noise: tuple[str, float], unit: str) -> str:
-    """The noise of a `Curve` as files state it; unit: of what is measured."""
-    kind, size = noise
-    return f"{size:g} {unit}" if kind == "absolute" else f"{100 * size:g} % of {kind}"
-
-
 class Kind(NamedTuple):
     """The columns and keys of a kind of test."""
 
@@ -140,6 +134,11 @@ class Response:
         """Largest magnitude, in `unit`."""
         return float(np.abs(self.values).max())
 
+    def deviation(self, noise: tuple[str, float], values: np.ndarray) -> np.ndarray:
+        """Standard deviations (n,) by the noise of a `Curve` about `values` (n,)."""
+        kind, size = noise
+        return size * {"absolute": 1.0, "maximum": self.peak}.get(kind, values) + 0 * values
+
 
 @dataclass(frozen=True)
 class Curve:
@@ -172,12 +171,11 @@ class Curve:
 @dataclass(frozen=True)
 class CompactionTest:
     """A ply that plates pressed: pressure (n,) [MPa], rising, and the measured thickness [mm] or
-    fibre volume fraction [-] in `response`; rows, noise, remarks: as of a `Curve`."""
+    fibre volume fraction [-] in `response`; noise, remarks: as of a `Curve`."""
 
     file: str
     pressure: np.ndarray
     response: Response
-    rows: np.ndarray
     noise: tuple[str, float] | None = None
     remarks: tuple[str, ...] = ()
 

@@ -39,9 +39,8 @@ def limit(values, x, test, keys, columns):
     return f"# test: {test}\n{keys}{columns}\n{rows}"
 
 
-X, P = np.arange(1.0, 7), np.geomspace(0.01, 1, 5)
+X = np.arange(1.0, 7)
 TURNED = "shear", "", "gamma [deg],tau [MPa]"
-PRESSED = "compaction", "", "pressure [MPa],thickness [mm]"
 BRANCH = np.arange(9.0)
 LIMITS = {  # text of a file by a number: the last that is allowed, and the first that is not
     "strain": (lambda v: (X, X / 6 * v, *PULL), 49.9, 50.1, "within +-0.5"),
@@ -52,7 +51,6 @@ LIMITS = {  # text of a file by a number: the last that is allowed, and the firs
     "before strain": (lambda v: ([v, *X[1:] * 2], X - 1, *PULL), 2.3, 2.5, "before anything is"),
     "steps back": (lambda v: (X, [0, 2, 4, 5, 5 - v, 10], *PULL), 0.09, 0.11, "to rise"),
     "branch": (lambda v: (BRANCH, [1, 3, 6, 8, 9, v, 5, 2, 10.5], *PULL), 10.45, 10.35, "to rise"),
-    "pressures": (lambda v: (5 - P, np.geomspace(1, v, 5), *PRESSED), 5.1, 4.9, "5 times"),
 }
 
 

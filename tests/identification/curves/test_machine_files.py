@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 from curve_texts import BIAS, SHEET, folder
+from synthetic_curves import bias_displacement
 
 from fabric_fenicsx.identification import curves as data
 from fabric_fenicsx.runtime.errors import InputError
@@ -46,7 +47,7 @@ def read(path, content, sheet=SHEET):
 
 def check(curve, remarks=0):
     moved = [row[0] for row in ROWS]
-    assert data.bias_displacement(curve.strains[:, 2], 230, 115) == pytest.approx(moved, rel=1e-9)
+    assert bias_displacement(curve.strains[:, 2], 230, 115) == pytest.approx(moved, rel=1e-9)
     assert curve.responses[0].values == pytest.approx([row[1] for row in ROWS], rel=1e-12)
     assert len(curve.remarks) == remarks
 
@@ -64,7 +65,7 @@ REFUSED = {
     "1,5;1.058,5\n": "row 5: F is '1.058,5'; allowed is a finite number, as 1058,5",
     "mm;kN\n" + COMMA: "row 5: the unit of F is kN, and N in the header",
     POINT.replace(";", " mm;"): "row 5: displacement is '2.500 mm', row 6: displ",
-    "2;1\n4;2\n6;3\n3;1\n4;2\n6;3\n10;5\n": "row 8: gamma is ",
+    "2;1\n4;2\n6;3\n3;1\n4;2\n6;3\n10;5\n": "row 8: displacement is ",
 }
 UNREADABLE = {
     b"": "bias.csv: cannot be read as text (it is empty",
@@ -108,7 +109,7 @@ def test_of_columns_of_one_name_the_sheet_says_which_counts(tmp_path):
     with pytest.raises(InputError, match="row 4: the column displacement is repeated"):
         read(tmp_path, text.encode())
     curve = read(tmp_path, text.encode(), SHEET + '[columns]\nStandardweg = "displacement"\n')
-    assert curve.remarks == ("column 'Weg' is not read",)
+    assert curve.remarks == ("column 'Weg' is not read; see [columns] of sheet.toml",)
     assert curve.responses[0].values.tolist() == [row[1] for row in ROWS]
 
 
@@ -137,7 +138,7 @@ def test_of_a_loop_in_shear_five_points_back_tell_friction(tmp_path, back, last)
 
 @pytest.mark.parametrize("degrees, told", [(29.8, False), (30.2, True)])
 def test_angles_by_the_displacement_are_doubted_from_30_deg_on(tmp_path, degrees, told):
-    x = data.bias_displacement(np.radians(degrees), 230, 115) * np.linspace(0.2, 1, 5)
+    x = bias_displacement(np.radians(degrees), 230, 115) * np.linspace(0.2, 1, 5)
     rows = "".join(f"{a:.6f};{a:.6f}\n" for a in x)
     (words,) = [*data.curve_warnings([read(tmp_path, (KEYS + HEAD + rows).encode())])] or [""]
     assert ("shear angles are above 30 deg" in words) == told
@@ -146,9 +147,9 @@ def test_angles_by_the_displacement_are_doubted_from_30_deg_on(tmp_path, degrees
 @pytest.mark.parametrize(
     "old, new, words, left",
     [
-        ("0.500", "-0.010", "row 3 left out, as gamma is -0.01 deg there, beyond 0", 49),
+        ("0.500", "-0.010", "row 3 left out, as gamma is by noise beyond 0 there", 49),
         ("12.000", "11.500", "gamma does not move on in row 26; read as scatter", 50),
-        ("12.000", "11.400", "in row 26 and goes back by up to 0.1 deg; read as scatter", 50),
+        ("12.000", "11.400", "in row 26; read as scatter", 50),
         ("0.500", "0.000", "", 50),
     ],
 )
@@ -166,7 +167,7 @@ def test_of_two_tests_side_by_side_the_first_is_read_unless_told_otherwise(tmp_p
     curve = read(tmp_path, (KEYS + head + beside).encode())
     assert curve.responses[0].values.tolist() == [row[1] for row in ROWS]
     (first, second) = curve.remarks
-    assert "column 'Force 2' is not read" in first and '`"Force 2" = "F"`' in first
+    assert first == "column 'Force 2' is not read; see [columns] of sheet.toml"
     other = SHEET + '[columns]\n"Force 2" = "F"\n"Stroke 2" = "displacement"\n'
     curve = read(tmp_path, (KEYS + head + beside).encode(), other)
     assert curve.responses[0].values.tolist() == [*(2 * row[1] for row in ROWS), 9]
