@@ -6,7 +6,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from mpi4py import MPI
 
-from ..sheets.blank import Blank, Part
+from ..sheets.blank import Blank
+from ..sheets.sheet_mesh import bounds
 from .rigid_motions import TURNS
 from .supports import Support
 
@@ -16,15 +17,14 @@ PLANE_TOLERANCE = 1e-6  # of a blank's size, within which nodes lie in one plane
 def planes_of_symmetry(blank: Blank, supports: Iterable[Support]) -> dict[int, Support]:
     """Those of the `supports` that are planes of symmetry, by the axis across them: they fix nodes
     of one plane, of the blank's length or width, along that axis alone, where they were."""
-    planes, near = {}, PLANE_TOLERANCE * _size(blank)
-    x, comm = blank.coordinates(), blank.mesh.comm
+    planes, x = {}, blank.coordinates()
     for support in supports:
         moves = callable(support.value) or any(support.value)
         if support.components not in ((0,), (1,)) or moves or support.locates:
             continue
         (axis,) = support.components
-        across = np.concatenate(comm.allgather(blank.along(x[support.where(x.T)].T)[axis]))
-        if np.ptp(across) <= near:
+        low, high = bounds(blank.mesh.comm, blank.along(x[support.where(x.T)].T)[[axis]])
+        if (high - low)[0] <= PLANE_TOLERANCE * _size(blank):
             planes[axis] = support
     return planes
 
@@ -38,12 +38,10 @@ def beyond_planes(blank: Blank, supports: Iterable[Support]) -> dict[str, tuple[
     now, flat = (blank.along(each.T) for each in (x + blank.nodal_displacement()[:owned], x))
     low, high = blank.extent()
     for axis, support in planes_of_symmetry(blank, supports).items():
-        on = flat[axis][support.where(x.T)]
-        place = comm.allreduce(on.max(initial=-np.inf), MPI.MAX)
+        _, (place,) = bounds(comm, flat[[axis]][:, support.where(x.T)])
         side = int(place <= low[axis] + near) - int(place >= high[axis] - near)
         beyond = side * (place - now[axis])
-        count = comm.allreduce(int((beyond > near).sum()))
-        if count:
+        if count := comm.allreduce(int((beyond > near).sum())):
             found[support.name] = count, comm.allreduce(beyond.max(initial=0.0), MPI.MAX)
     return found
 
@@ -56,7 +54,7 @@ def isostatic(blank: Blank, kept: Sequence[Support]) -> list[Support]:
     return [support for part in parts for support in _of_sheet(blank, part, kept)]
 
 
-def _of_sheet(blank: Blank, part: Part, kept: Sequence[Support]) -> list[Support]:
+def _of_sheet(blank, part, kept):
     places, moved, fixed = _nodes(blank, part, kept)
     shapes = [(x - x.mean(0)) / _size(blank) for x in (places + moved, places)]
     gdim = places.shape[1]
@@ -71,7 +69,7 @@ def _of_sheet(blank: Blank, part: Part, kept: Sequence[Support]) -> list[Support
             basis = _with(basis, np.vstack([_row(x[0], axis), across]), loose)
         rows = [_row(x[k], axis) for k, axis in zip(*np.nonzero(fixed))]
         bases.append(_with(basis, rows, loose))
-    found: dict[int, list[int]] = {}
+    found = dict[int, list[int]]()
     corners = list(dict.fromkeys(k for x in (places, shapes[0]) for k in _corners(x, fixed)))
     for least in (firm, loose):
         for k in corners:
@@ -138,14 +136,12 @@ def _with(basis, rows, least):
 
 
 def _support(blank, name, place, axes, moved):
-    near, values = PLANE_TOLERANCE * _size(blank), moved.copy()
+    near = PLANE_TOLERANCE * _size(blank)
 
     def where(x):
         return np.linalg.norm(blank.along(x).T - place, axis=1) < near
 
-    return Support(
-        name, where, tuple(axes), lambda x, load: np.tile(values[:, None], (1, x.shape[1]))
-    )
+    return Support(name, where, axes, lambda x, load: np.tile(moved[:, None], (1, x.shape[1])))
 
 
 def _size(blank):

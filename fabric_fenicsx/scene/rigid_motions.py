@@ -21,7 +21,7 @@ def check_held(blank: Blank, terms: Sequence[Term], supports: FixedDofs) -> str:
     points are refused. Other tools may once the sheet is formed, so refusing them would be wrong.
     """
     low, high = blank.extent()
-    # a smooth tool does not hold what is as flat as this within its plane
+    # so much that a smooth tool does not hold it within its plane
     flat = len(low) == 2 or (high - low)[2] <= 0.05 * (high - low).max()
     resisted = {motion for term in terms for motion in term.resists}
     node, axis = np.divmod(supports.dofs, len(low))
@@ -64,8 +64,7 @@ def is_held_by_friction(blank: Blank, terms: Sequence[Term]) -> bool:
     total = blank.mesh.comm.allreduce(float(most.sum()))
     if not total:
         return False
-    share = np.sqrt(most / total)[:, None]
-    axes = enumerate(np.eye(3))
+    share, axes = np.sqrt(most / total)[:, None], enumerate(np.eye(3))
     tangents = np.concatenate([share * (axis - normals * normals[:, [i]]) for i, axis in axes])
     resisted = {motion for term in terms for motion in term.resists} - {"slide"}
     # from 1e-3 on, friction holds more than one place against turning
@@ -81,9 +80,8 @@ def free_motion(
     gdim = blank.mesh.geometry.dim
     low, high = (corner[:, None] for corner in blank.extent())
     x = (blank.along(places.T) - (low + high) / 2) / (high - low).max()
-    moves = list(along.T[:gdim])
+    moves, axes = list(along.T[:gdim]), ("length", "width", "normal")
     turns = [x[i] * moves[j] - x[j] * moves[i] for i, j in TURNS[gdim]]
-    axes = "length", "width", "normal"
     names = [f"move along its {axis}" for axis in axes[:gdim]]
     names += [f"turn about its {axis}" for axis in axes[-len(turns) :]]
     lifts = "move along its normal", "turn about its length", "turn about its width"
@@ -91,9 +89,7 @@ def free_motion(
     left = [i for i, kind in enumerate(kinds) if not kind & resisted]
     motions = np.array(moves + turns)
     products = blank.mesh.comm.allreduce(motions @ motions.T, MPI.SUM)[np.ix_(left, left)]
-    if not left:
-        return ""
     stiffness, free = np.linalg.eigh(products)
-    if stiffness[0] > least * max(stiffness[-1], 1.0):
+    if not left or stiffness[0] > least * max(stiffness[-1], 1.0):
         return ""
     return names[left[np.abs(free[:, 0]).argmax()]]

@@ -25,7 +25,8 @@ class Scene:
     """A sheet with all that acts on it, at a load factor from 0 to 1.
 
     Its energy is the sum of the energies of `terms`. A run minimises it at fixed supports,
-    step by step up to the full load.
+    step by step up to the full load. Raises InputError without an elastic term, for a term of
+    another scene, and for a support that holds no node.
 
     Parameters
     ----------
@@ -36,11 +37,6 @@ class Scene:
         of them what `Term` says; each belongs to one scene.
     supports
         Prescribed displacements, or a function of the blank that returns them.
-
-    Raises
-    ------
-    InputError
-        Without an elastic term, for a term of another scene, and for a support that holds no node.
 
     Examples
     --------
@@ -235,10 +231,6 @@ class Scene:
         for term in self.terms:
             term.use_secant_stiffness(self.forces.array)
 
-    def support_forces(self) -> np.ndarray:
-        """Forces of the supports on this rank's `fixed_dofs`, after `residual` (dofs,) [N]."""
-        return self.forces.array[self.fixed_dofs].copy()
-
     @phase("assemble")
     def force_scale(self) -> float:
         """Norm of the nodal forces of supports, loads and tools, after `residual`, with which a
@@ -254,14 +246,13 @@ class Scene:
     def compliances(self) -> list[tuple[PETSc.Vec, float]]:
         """Vectors c and numbers k [N/mm] of tools moved by force: c c^T / k softens the tangent."""
         softenings = []
-        for term in self.terms:
-            given = term.compliance()
-            if given and given[1] > 0:
+        for along, k in filter(None, (term.compliance() for term in self.terms)):
+            if k > 0:
                 c = self.u.duplicate()
                 c.set(0.0)
-                c.array[: given[0].size] = given[0]
+                c.array[: along.size] = along
                 c.array[self.fixed_dofs] = 0
-                softenings.append((c, given[1]))
+                softenings.append((c, k))
         return softenings
 
     def reaction(self, name: str) -> np.ndarray:
@@ -282,8 +273,8 @@ class Scene:
                 numbers = entries(given, name)
                 facts |= {f"{k} of term {i}, {term.name}": v for k, v in numbers.items()}
             for name, (_, x, values) in term.fields.items():
-                told = of_values(self.comm, x, values[:, None])
-                facts[f"values of {name} of term {i}, {term.name}"] = told
+                name = f"values of {name} of term {i}, {term.name}"
+                facts[name] = of_values(self.comm, x, values[:, None])
         facts["supports"] = ", ".join(support.name for support in self.supports)
         farthest = self.comm.allreduce(abs(self.supports.values(1.0)).max(initial=0.0), MPI.MAX)
         facts["largest displacement of supports [mm]"] = plain(float(farthest))

@@ -91,8 +91,7 @@ class Blank(SheetMesh):
         in_space = mesh.geometry.dim == 3
         self.interpolate(degree or (1 if in_space else 2))
         self.whole = Part(self, orthogonal=b is None)
-        may_lock = degree is None and in_space and compat.is_affine(mesh)
-        if may_lock and not self.whole.follows_yarns():
+        if not degree and in_space and compat.is_affine(mesh) and not self.whole.follows_yarns():
             self.interpolate(2)
             self.whole = Part(self, orthogonal=b is None)
         self.straight, self.orthogonal = self.whole.straight, self.whole.orthogonal
@@ -112,22 +111,20 @@ class Blank(SheetMesh):
         middles = self.mesh.geometry.x[compat.geometry_dofmap(self.mesh)].mean(1).T
         masks = {name: np.asarray(where(middles), bool) for name, where in patches.items()}
         count = np.sum(list(masks.values()), axis=0)
-        cells = self.mesh.comm.allreduce(np.array([m.sum() for m in masks.values()]))
-        empty = [name for name, size in zip(masks, cells) if not size]
+        sizes = [mask.sum() for mask in (count == 0, count > 1, *masks.values())]
+        others, shared, *cells = self.mesh.comm.allreduce(np.array(sizes))
         flaw = ""
         if self.parts:
             flaw = f"{self.name} has parts {', '.join(self.parts)} already; allowed is one division"
-        elif self.mesh.comm.allreduce(int((count > 1).sum())):
+        elif shared:
             flaw = f"patches of {self.name} overlap; allowed is one for each cell"
-        elif empty:
-            flaw = f"patch {empty[0]} of {self.name} has no cells; allowed are one or more"
+        elif 0 in cells:
+            empty = list(masks)[cells.index(0)]
+            flaw = f"patch {empty} of {self.name} has no cells; allowed are one or more"
         if flaw:
             raise InputError(flaw)
-        if self.mesh.comm.allreduce(int((count == 0).sum())):
-            masks |= {rest: count == 0}
-        for name, mask in masks.items():
-            at = np.flatnonzero(mask)
-            self.parts[name] = Part(self, name, at, orthogonal=self.orthogonal)
+        for name, mask in (masks | ({rest: count == 0} if others else {})).items():
+            self.parts[name] = Part(self, name, np.flatnonzero(mask), orthogonal=self.orthogonal)
 
     @classmethod
     def from_arrays(
@@ -149,11 +146,8 @@ class Blank(SheetMesh):
         is a manifold mesh in R^3. options: those of `Blank`. Raises InputError, on all ranks, for a
         mesh that is no sheet, see `checked_mesh`; doubts stand in `warnings`.
         """
-
-        def given():
-            return MeshArrays(np.asarray(points, float), np.asarray(cells), str(kind), [])
-
-        return cls.made(comm, given, source, spatial, options)
+        arrays = np.asarray(points, float), np.asarray(cells), str(kind)
+        return cls.made(comm, lambda: MeshArrays(*arrays, []), source, spatial, options)
 
     @classmethod
     def made(
@@ -163,22 +157,23 @@ class Blank(SheetMesh):
         source: str,
         spatial: bool,
         options: Values,
-        moved: Callable[[np.ndarray], tuple[np.ndarray, list[str]]] | None = None,
+        centred: bool = False,
+        height: float | None = None,
     ) -> Self:
-        """Blank of what `make` returns on rank 0, checked and `moved`, a function of points to
-        points and warnings; others as in `from_arrays`."""
-        local: MeshArrays | None = None
+        """Blank of what `make` returns on rank 0, checked; centred, height: as in `read`; others as
+        in `from_arrays`."""
+        local: list[MeshArrays] = []
 
         def checked():
-            nonlocal local
-            raw = make()
-            mesh = checked_mesh(raw.points, raw.cells, raw.kind, source, spatial)
-            points, notes = moved(mesh.points) if moved else (mesh.points, [])
-            local = mesh._replace(points=points, warnings=[*raw.warnings, *mesh.warnings, *notes])
-            return local._replace(points=mesh.points[:0], cells=mesh.cells[:0])  # of other ranks
+            points, cells, kind, notes = make()
+            mesh = checked_mesh(points, cells, kind, source, spatial)
+            points, moved = flat.moved_sheet(mesh.points, source, centred, height)
+            notes = [*notes, *mesh.warnings, *moved]
+            local.append(MeshArrays(points, mesh.cells, kind, notes))
+            return MeshArrays(points[:0], mesh.cells[:0], kind, notes)  # of other ranks
 
         empty = on_root(comm, checked)
-        points, nodes, kind, warnings = local or empty
+        points, nodes, kind, warnings = (local or [empty])[0]
         how = CELLS[kind]
         nodes = nodes[:, compat.to_dolfinx_order(how.cell, nodes.shape[1])]
         blank = cls(compat.create_mesh(comm, nodes, points, how.cell, how.degree), **options)
@@ -302,7 +297,7 @@ class Blank(SheetMesh):
         or unknown cells, and for a sheet that is not flat and has a `height`.
         """
 
-        moved = partial(flat.moved_sheet, source=str(path), centred=centred, height=height)
-        blank = cls.made(comm, partial(read_mesh, path), str(path), spatial, options, moved)
+        make, place = partial(read_mesh, path), {"centred": centred, "height": height}
+        blank = cls.made(comm, make, str(path), spatial, options, **place)
         blank.from_file = True
         return blank

@@ -68,9 +68,12 @@ def mesh_sheet(
         integration = sheet.points_of_p2(follow)
     values: Values = {"element": f"{kind}{blank.degree}", "integration": integration}
     if sheet.sheet_file:
-        doubts.append(_idle_warning(sheet))
-        values |= _own_sizes(sheet, sides, blank, planes)
-        values |= dict.fromkeys(("nx", "ny", "pattern") if sheet.mesh else ("ny",))
+        idle = ("nx", "ny", "pattern") if sheet.mesh else ("ny",)
+        usual = None, type(sheet).pattern
+        if names := ", ".join(f"`{name}`" for name in idle if getattr(sheet, name) not in usual):
+            why = "has its own cells" if sheet.mesh else "has cells of one size"
+            doubts.append(f"{names} changes nothing, as {source} {why}")
+        values |= _own_sizes(sheet, sides, blank, planes) | dict.fromkeys(idle)
     return sheet.filled(**values), blank, [*filter(None, doubts)]
 
 
@@ -106,12 +109,3 @@ def _own_sizes(sheet, names, blank, planes):
             )
         sizes[name] = size
     return sizes
-
-
-def _idle_warning(sheet):
-    """A sentence on fields that change nothing beside an own mesh, or ""."""
-    idle = {"nx": None, "ny": None, "pattern": type(sheet).pattern}
-    asked = [k for k, usual in idle.items() if getattr(sheet, k) not in (None, usual)]
-    names = ", ".join(f"`{k}`" for k in asked if sheet.mesh or k == "ny")
-    why = "has its own cells" if sheet.mesh else "has cells of one size"
-    return f"{names} changes nothing, as {sheet.sheet_file} {why}" if names else ""

@@ -68,11 +68,9 @@ class Layout(KnowsItsFields):
                 return lambda x: np.radians(self.fibre_angles(x.T)) + more
             return math.radians(self.fibre_angle) + more
 
-        degree = int(self.element[1]) if self.element else None
-        options: Values = {"a": direction(turned), "degree": degree}
-        if self.yarn_angle != 90:
-            options["b"] = direction(turned + math.radians(self.yarn_angle))
-        return options | ({"frame": axes_of(turned)} if turned else {})
+        b = None if self.yarn_angle == 90 else direction(turned + math.radians(self.yarn_angle))
+        degree, frame = self.element and int(self.element[1]), axes_of(turned) if turned else None
+        return {"a": direction(turned), "b": b, "degree": degree, "frame": frame}
 
     def filled(self, **values: Any) -> Self:
         """The same with values that the program made, which are not checked again."""
@@ -128,7 +126,6 @@ class SheetFields(Layout):
             self.fabric.at(coldest if isinstance(at, Field) else at)
 
     def _has(self, name):
-        """Whether it has this field, and a value of it."""
         value = getattr(self, name, None)
         return not (value is None or value is False or value == "")
 
@@ -145,9 +142,8 @@ class SheetFields(Layout):
             values["pattern"] = self.OF_OUTLINE
         if not (self.nx or self.mesh or self.size):
             values["nx"] = nx
-        if not self.sheet_file:
-            values |= {k: side for k, side in self.SIDES.items() if getattr(self, k) is None}
-        return values
+        sides = {} if self.sheet_file else self.SIDES
+        return values | {k: side for k, side in sides.items() if getattr(self, k) is None}
 
     def points_of_p2(self, cells_follow_yarns: bool) -> str:
         """Default of `integration` on quadratic triangles."""
@@ -275,6 +271,5 @@ class Sheet(SheetFields, YarnBending):
 
     def mirrored(self, planes: tuple[int, ...]) -> Self:
         """The sheet, a rectangle, with the cells of its images in the planes of symmetry."""
-        counts = {0: "nx", 1: "ny"}
-        cells = {counts[k]: 2 * n for k in planes if (n := getattr(self, counts[k]))}
-        return replace(self, **cells)
+        names = [("nx", "ny")[axis] for axis in planes]
+        return replace(self, **{name: 2 * n for name in names if (n := getattr(self, name))})

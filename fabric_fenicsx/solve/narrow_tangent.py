@@ -28,7 +28,12 @@ class NarrowTangent:
 
     def solve(self, rhs: PETSc.Vec, d: PETSc.Vec, report: Report) -> bool:
         """Solve at the scene's present state; False if that does not pay, or fails."""
-        if not self._is_worth_it():
+        is_small = self._tangent.A.size[0] < self.UNKNOWNS
+        if is_small or not self._tangent.counts_pivots or self._scene.compliances():
+            return False
+        if self._ksp is None or self._scene.places_changed(narrow=True):
+            self._make()
+        if not self._pays:
             return False
         self._scene.tangent(self._P, narrow=True)
         report.negative_pivots = None  # of A are not known
@@ -37,19 +42,11 @@ class NarrowTangent:
         had_memory = linear.had_memory(self._ksp.pc)
         return had_memory and solved and not any(linear.inertia(self._ksp.pc))
 
+    @phase("linear_solve")
     def solve_with_last_factors(self, rhs: PETSc.Vec, d: PETSc.Vec) -> bool:
         """Solve with the tangent and the factors of the last solve; False if that fails."""
-        with phase("linear_solve"):
-            self._ksp.solve(rhs, d)
-            return self._ksp.getConvergedReason() > 0
-
-    def _is_worth_it(self):
-        is_small = self._tangent.A.size[0] < self.UNKNOWNS
-        if is_small or not self._tangent.counts_pivots or self._scene.compliances():
-            return False
-        if self._ksp is None or self._scene.places_changed(narrow=True):
-            self._make()
-        return self._pays
+        self._ksp.solve(rhs, d)
+        return self._ksp.getConvergedReason() > 0
 
     def _make(self):
         self._P = self._scene.create_matrix(narrow=True)
@@ -57,11 +54,9 @@ class NarrowTangent:
         self._A = PETSc.Mat().createPython([sizes[0], sizes[1]], self, comm=self._P.comm)
         self._A.setUp()
         self._ksp = linear.conjugate_gradients(self._A, self._P, self.REDUCTION, self.MOST)
-        narrow, all_of_them = (
-            each.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]
-            for each in (self._P, self._tangent.A)
-        )
-        self._pays = narrow <= self.FEWER * all_of_them
+        kind = PETSc.Mat.InfoType.GLOBAL_SUM
+        few, all_of_them = (A.getInfo(kind)["nz_used"] for A in (self._P, self._tangent.A))
+        self._pays = few <= self.FEWER * all_of_them
 
     def mult(self, _: PETSc.Mat, v: PETSc.Vec, f: PETSc.Vec) -> None:
         """Make f = A v, as PETSc asks for it."""

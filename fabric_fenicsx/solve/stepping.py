@@ -86,13 +86,12 @@ class LoadStepping:
         """Step to full load; raises InputError for a scene that cannot begin."""
         self._begin()
         self.scene.was_loaded = True
-        reason = ""
-        while not reason and not self._is_finished():
+        reason, p = "", self.progress
+        while not reason and (p.load < 1 or p.viscosity.drag or not self._in_equilibrium):
             reason = self.stop() or self._step()
         self.scene.drag = 0.0
         if not self._in_equilibrium:  # observers get one state at least
             self._notify(Report(reason=reason), self._energies())
-        p = self.progress
         return Outcome(p.load, reason, p.accepted, p.rejected, p.iterations)
 
     def _begin(self):
@@ -110,7 +109,7 @@ class LoadStepping:
         self._restore()
         if not progress.memory:
             places = progress.x.array[scene.fixed_dofs]
-            scene.supports.work.accept(progress.load, scene.support_forces(), places)
+            scene.supports.work.accept(progress.load, scene.forces.array[scene.fixed_dofs], places)
         if not self._is_new:
             scene.release_locating_supports()
             return
@@ -119,10 +118,6 @@ class LoadStepping:
         if self._in_equilibrium:
             progress.work = progress.stored
             self._notify(Report(converged=True), self._energies())
-
-    def _is_finished(self):
-        progress = self.progress
-        return progress.load >= 1 and not progress.viscosity.drag and self._in_equilibrium
 
     def _step(self):
         """Accept a trial step or back off from it; the reason to give up, or ""."""
@@ -189,22 +184,15 @@ class LoadStepping:
                 missing = self._missing_work(trial)
                 first, both = self._missed(inner), self._missed(trial)
                 snapped |= part == 1 / 2 and 0 < self.SNAP * missed < max(first, both - first)
-        if not trial.report.converged:
+        if not (balance and trial.report.converged):
             return
-        if not snapped:
-            self._reject_imbalance(trial, missing)
-        if balance:
-            work = self.progress.work + trial.work
-            reason = step_criteria.total_imbalance(work, trial.energy, trial.load)
+        progress, missed = self.progress, self._missed(trial)
+        reason = "" if snapped else step_criteria.imbalance(missing, balance)
+        if reason and missed <= self.SNAP * progress.missed:
+            progress.missed, progress.missed_at = abs(missed), trial.load
             trial.report.reject(reason)
-
-    def _reject_imbalance(self, trial, missing):
-        """Reject the trial if this share of its work is missing, unless the sheet snapped."""
-        reason = step_criteria.imbalance(missing, self.settings.balance)
-        missed = self._missed(trial)
-        if reason and missed <= self.SNAP * self.progress.missed:
-            self.progress.missed, self.progress.missed_at = abs(missed), trial.load
-            trial.report.reject(reason)
+        work = progress.work + trial.work
+        trial.report.reject(step_criteria.total_imbalance(work, trial.energy, trial.load))
 
     def _missed(self, trial):
         return trial.work - (trial.energy - self.progress.stored)
@@ -213,8 +201,7 @@ class LoadStepping:
         if trial.size <= 1.5 * self.largest / self.MAX_CHECKED_STEPS:
             return 0.0
         stored, contact = self.progress.stored, trial.energies.get("contact", 0.0)
-        rise = trial.energy - stored
-        return step_criteria.missing_work(trial.work, rise, stored, contact)
+        return step_criteria.missing_work(trial.work, trial.energy - stored, stored, contact)
 
     def _measure_on_the_way(self, trial, part):
         """Measure work anew with the state at this part of the step: its trial, if found."""
@@ -239,7 +226,7 @@ class LoadStepping:
         trial.drag_loss = 2 * scene.drag_energy()
         trial.energies = self._energies()
         trial.energies["viscous"] += trial.drag_loss
-        trial.forces = scene.support_forces()
+        trial.forces = scene.forces.array[scene.fixed_dofs]
         of_supports = scene.supports.work.since(trial.load, trial.forces, trial.values)
         trial.work = scene.work() + scene.comm.allreduce(of_supports)
         trial.report.reject(step_criteria.negative_bending(trial.energies))
@@ -266,11 +253,9 @@ class LoadStepping:
         progress.viscosity.note_accepted(uncut=not self._cuts, at_rest=not trial.size)
         self._notify(trial.report, trial.energies)
         self._steps_at_rest += progress.load == 1 and not trial.size
-        if progress.viscosity.drag and self._steps_at_rest == self.MAX_STEPS_AT_REST:
-            return (
-                f"the state at full load still creeps after {self.MAX_STEPS_AT_REST} steps at rest"
-            )
-        return ""
+        creeps = progress.viscosity.drag and self._steps_at_rest == self.MAX_STEPS_AT_REST
+        many = f"{self.MAX_STEPS_AT_REST} steps at rest"
+        return f"the state at full load still creeps after {many}" if creeps else ""
 
     def _next_step_size(self, trial):
         progress, accuracy = self.progress, self.settings.accuracy
@@ -314,9 +299,7 @@ class LoadStepping:
 
     def _notify(self, report, energies):
         """Hand the accepted state to the observer."""
-        now, progress = time.perf_counter(), self.progress
-        wall = now - self._clock if progress.load or progress.iterations else 0.0
-        self.on_accept(
-            Accepted(progress.load, energies, progress.work, report, self._cuts, wall, progress)
-        )
+        now, p = time.perf_counter(), self.progress
+        wall = now - self._clock if p.load or p.iterations else 0.0
+        self.on_accept(Accepted(p.load, energies, p.work, report, self._cuts, wall, p))
         self._clock, self._cuts = now, 0

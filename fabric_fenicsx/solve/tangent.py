@@ -60,22 +60,18 @@ class Tangent:
             raise SolveFailed(Termination.NO_NUMBER)
         return norm
 
-    def factor(self) -> None:
-        """Factor A if it is not yet."""
-        with phase("linear_solve"):
-            self.ksp.setOperators(self.A)
-            self.ksp.setUp()
-
+    @phase("linear_solve")
     def negative_pivots(self) -> int:
         """Number of negative pivots of A, which is factored if it is not yet."""
-        self.factor()
+        self.ksp.setOperators(self.A)
+        self.ksp.setUp()
         return linear.inertia(self.ksp.pc)[0]
 
+    @phase("linear_solve")
     def solve_with_last_factors(self, rhs: PETSc.Vec, d: PETSc.Vec) -> bool:
         """Solve with the factors of the last solve; False if that fails."""
-        with phase("linear_solve"):
-            self.ksp.solve(rhs, d)
-            return self.ksp.getConvergedReason() > 0 and self._subtract_compliances(d)
+        self.ksp.solve(rhs, d)
+        return self.ksp.getConvergedReason() > 0 and self._subtract_compliances(d)
 
     def solve(self, rhs: PETSc.Vec, d: PETSc.Vec, report: Report) -> float:
         """Solve A d = rhs, with A shifted until it is positive definite; the shift [N/mm]. Counts
@@ -83,9 +79,8 @@ class Tangent:
         shift = 0.0
         for attempt in range(self.SHIFTS):
             reason = self._factor_and_solve(rhs, d)
-            negative, zero = None, None
-            if self.counts_pivots and reason > 0:
-                negative, zero = linear.inertia(self.ksp.pc)
+            counts = self.counts_pivots and reason > 0
+            negative, zero = linear.inertia(self.ksp.pc) if counts else (None, None)
             if attempt == 0:
                 report.negative_pivots = negative
             is_definite = not negative and not zero
@@ -100,13 +95,13 @@ class Tangent:
             shift = larger
         raise SolveFailed(Termination.SADDLE)
 
+    @phase("linear_solve")
     def _factor_and_solve(self, rhs, d):
-        with phase("linear_solve"):
-            while True:
-                self.ksp.setOperators(self.A)
-                self.ksp.solve(rhs, d)
-                if linear.had_memory(self.ksp.pc):
-                    return self.ksp.getConvergedReason()
+        while True:
+            self.ksp.setOperators(self.A)
+            self.ksp.solve(rhs, d)
+            if linear.had_memory(self.ksp.pc):
+                return self.ksp.getConvergedReason()
 
     def _first_shift(self):
         mean = self.A.getDiagonal().norm(PETSc.NormType.NORM_1) / self.A.size[0]
