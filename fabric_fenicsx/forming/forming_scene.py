@@ -41,7 +41,8 @@ class FormingScene(BuiltPress):
 
     def coarser(self) -> PressData | None:
         """As in `Setup`: for rectangles and outlines, which the program meshes."""
-        coarse = [sheet.coarser(each) for sheet, each in zip(self.sheets, self.laid.extents())]
+        sides = [np.subtract(*blank.extent()[::-1])[:2] for blank in self.laid.blanks]
+        coarse = [sheet.coarser(each) for sheet, each in zip(self.sheets, sides)]
         return None if None in coarse else self.data.replace(sheets=coarse)
 
     def finer(self, times: float) -> PressData:

@@ -55,10 +55,6 @@ class Laid:
         owned = self.blank.V.dofmap.index_map.size_local
         return self.blank.coordinates()[:owned] * (1, 1, 0)
 
-    def extents(self) -> list[np.ndarray]:
-        """Length and width (2,) of the modelled part of each sheet [mm]."""
-        return [np.subtract(*blank.extent()[::-1])[:2] for blank in self.blanks]
-
     def nearest_nodes(self, place: ArrayLike) -> Callable[[np.ndarray], np.ndarray]:
         """Function of points (3, n) to a mask (n,) of one node of each sheet: the nearest to
         `place` (x, y) [mm]; of equally near ones the one with the largest x, then y."""

@@ -28,7 +28,9 @@ from .sheet_mesh import Direction, SheetMesh
 class Blank(SheetMesh):
     """A woven sheet: mesh, fibre fields and the unknown displacement.
 
-    Most are made by `rectangle`, `outline`, `read` or `from_arrays`.
+    Most are made by `rectangle`, `outline`, `read` or `from_arrays`. Raises InputError, on all
+    ranks, for another frame, and for directions that are not finite, normal to the sheet, out of
+    the plane of a plane blank, or parallel to each other.
 
     Parameters
     ----------
@@ -60,12 +62,6 @@ class Blank(SheetMesh):
         every point.
     warnings : list of str
         Doubts about its mesh.
-
-    Raises
-    ------
-    InputError
-        On all ranks, for another frame, and for directions that are not finite, normal to the
-        sheet, out of the plane of a plane blank, or parallel to each other.
 
     Examples
     --------
@@ -193,32 +189,19 @@ class Blank(SheetMesh):
         comm: MPI.Comm = MPI.COMM_WORLD,
         **layout: Any,
     ) -> Self:
-        """Rectangle in the plane z = 0.
+        """Rectangle of `length` and `width` [mm] in the plane z = 0.
 
-        Parameters
-        ----------
-        length, width : float
-            [mm]
-        nx, ny : int
-            Rectangles along length and width, square without `ny`.
-        pattern : str
-            How they become cells, one of `meshes.specimen.PATTERNS`.
-        spatial : bool
-            True: free to leave its plane.
-        turned : float
-            From x to the length [rad]; the blank's frame is then its length and width.
-        centred : bool
-            True: the middle is the origin, otherwise a corner; one for each side if two are given.
-        element : {"P1", "P2", "P3", "Q1", "Q2"}
-            By default P1 or P2, see `degree` of `Blank`.
-        fibre_angle, yarn_angle : float
-            From the length to yarns a (0), a `Field`, too, and from there to yarns b (90) [deg].
-            Cells along the yarns follow those in the middle.
+        - nx, ny: rectangles along length and width, square without `ny`; pattern: how they become
+          cells, one of `meshes.specimen.PATTERNS`
+        - element: "P1", "P2", "P3", "Q1" or "Q2"; by default P1 or P2, see `degree` of `Blank`
+        - spatial: True: free to leave its plane
+        - turned: angle from x to the length [rad]; the frame is then along length and width
+        - centred: True: the middle is the origin, otherwise a corner; one for each side if two are
+          given
+        - fibre_angle, yarn_angle: from the length to yarns a (0), a `Field`, too, and from there to
+          yarns b (90) [deg]. Cells along the yarns follow those in the middle.
 
-        Raises
-        ------
-        InputError
-            For values that are not allowed or do not fit together.
+        Raises InputError for values that are not allowed or do not fit together.
         """
         sides = POSITIVE.check("`length`", length), POSITIVE.check("`width`", width)
         turned = FINITE.check("`turned`", layout.pop("turned", 0.0))
@@ -242,31 +225,19 @@ class Blank(SheetMesh):
     ) -> Self:
         """Sheet in the plane z = 0 within an outline with holes, of triangles.
 
-        Parameters
-        ----------
-        outline : file name or list of (n, 2)
-            A DXF, a CSV of x and y, or a mesh; or rings [mm], of which the largest is the outline.
-        nx, size : int, float
-            Edges of cells along the extent in x, or their length [mm].
-        pattern : {"along", "unstructured"}
-            `along`: cells along both yarns, but for a rim of others; the default where it is
-            `spatial`.
-        layer : str
-            Of a DXF, or several with commas between them.
-        centred : bool
-            True: the middle of its extent is the origin; otherwise it lies as in the file.
-        planes : sequence of int
-            Axes, 0 or 1, to which planes of symmetry through the origin are perpendicular: of an
-            outline on both sides of one the positive side is meshed.
-        spatial, turned, element, fibre_angle, yarn_angle
-            As in `rectangle`.
+        - outline: file name of a DXF, a CSV of x and y, or a mesh; or rings (n, 2) [mm], of which
+          the largest is the outline; layer: of a DXF, or several with commas between them
+        - nx, size: edges of cells along the extent in x, or their length [mm]
+        - pattern: "along", cells along both yarns but for a rim of others, the default where it is
+          `spatial`; or "unstructured"
+        - centred: True: the middle of its extent is the origin; otherwise it lies as in the file
+        - planes: axes, 0 or 1, to which planes of symmetry through the origin are perpendicular: of
+          an outline on both sides of one the positive side is meshed
+        - spatial, turned, element, fibre_angle, yarn_angle: as in `rectangle`
 
-        Raises
-        ------
-        InputError
-            For a file that cannot be read, rings that bound no sheet, quadrilaterals, an outline
-            that a plane of symmetry does not mirror, and values that are not allowed. What was left
-            out stands in `warnings`.
+        What was left out stands in `warnings`. Raises InputError for a file that cannot be read,
+        rings that bound no sheet, quadrilaterals, an outline that a plane of symmetry does not
+        mirror, and values that are not allowed.
         """
         pattern = pattern or ("along" if spatial else "unstructured")
         turned = FINITE.check("`turned`", layout.pop("turned", 0.0))

@@ -100,7 +100,6 @@ def _flaw(sheets):
         if not (blank.degree == 1 or blank.triangulated) or compat.geometry_degree(blank.mesh) > 1:
             return f"{where} has other cells; allowed are P1, P2 and Q1, not curved"
         low, high = blank.extent()
-        # distance from its plane of a sheet that is flat, over its size
         if high[2] - low[2] > 1e-9 * (high - low).max():
             height = rounded(high[2] - low[2], 4)
             return f"{where} is {height} mm high; allowed is a flat sheet, z = const"
