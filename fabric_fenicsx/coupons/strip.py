@@ -75,9 +75,10 @@ class StripSetup(CouponSetup):
         """As in `CouponSetup`, on quadratic cells along the yarns, which do not lock, but for
         outlines, own meshes, in-plane bending, and if the run has such cells."""
         data, sides = self.data, self.high - self.low
-        follows = data.pattern in ("yarns", "graded") or getattr(data, "in_plane_bending", 0.0)
+        follows = data.pattern in ("yarns", "graded")
         coarse = data.coarser(sides, 4 if self.blank.degree == 1 else 2)
-        if data.sheet_file or follows or not coarse:
+        bends = getattr(data, "in_plane_bending", 0.0)
+        if data.sheet_file or follows or bends or not coarse:
             return super().coarser()
         return replace(coarse, pattern="yarns", element="P2", integration=None)
 

@@ -23,18 +23,15 @@ PLANE_TOLERANCE = 1e-6  # mm off a plane of symmetry up to which nodes lie on it
 
 @dataclass(frozen=True)
 class Laid:
-    """The blank of a press, in space, and its sheets with final names, materials and meshes; sides:
-    length and width of the whole `first` sheet, centre (2,): the whole blank's centroid [mm]."""
+    """The blank of a press, in space, and its sheets with final names, materials and meshes; first:
+    the lowest one of fabric, or of metal alone; sides: its whole length and width; centre (2,): the
+    whole blank's centroid [mm]."""
 
     blank: Blank
     sheets: Sequence[Sheet]
+    first: Sheet
     sides: Sequence[float]
     centre: np.ndarray
-
-    @property
-    def first(self) -> Sheet:
-        """The lowest sheet of fabric, or of metal alone."""
-        return self.sheets[_first_fabric(self.sheets)]
 
     @property
     def blanks(self) -> list[Blank]:
@@ -84,7 +81,7 @@ def lay_blank(
     for sheet, blank in zip(final, blanks):
         path = f"ply {sheet.name}" if final[1:] else sheet.sheet_file or "the blank"
         _check_symmetric(blank, path, planes)
-    sides, whole = whole_sides(blanks[_first_fabric(final)], planes), blanks[0]
+    first, whole = next((k for k, sheet in enumerate(final) if sheet.fabric), 0), blanks[0]
     if final[1:]:
         # the upper face of the last one, on which the die lies, is half of the whole thickness
         # above z = 0
@@ -94,12 +91,7 @@ def lay_blank(
     *sums, area = comm.allreduce(np.append(places @ areas, areas.sum()), MPI.SUM)
     centre = np.array(sums) / area
     centre[list(planes)] = 0.0
-    return Laid(whole, final, sides, centre), doubts
-
-
-def _first_fabric(sheets):
-    """Number of the lowest sheet of fabric, 0 if all are of metal."""
-    return next((k for k, sheet in enumerate(sheets) if sheet.fabric), 0)
+    return Laid(whole, final, final[first], whole_sides(blanks[first], planes), centre), doubts
 
 
 def _meshed(sheets, planes, comm, rigid):

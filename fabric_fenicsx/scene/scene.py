@@ -63,6 +63,7 @@ class Scene:
             )
         self._assembly = Assembly(blank, self.terms)
         self.keeping = [term for term in self.terms if overrides(term, "motion_to_gaps")]
+        self.has_lagged_terms = any(overrides(term, "update_lagged") for term in self.terms)
         self._checked = False
         self._fixed_in_matrix: dict[bool, np.ndarray] = {}  # and in the narrow one
         self.was_loaded = False  # True once a run has left the state that terms and sheet began in
@@ -82,11 +83,6 @@ class Scene:
     def fixed_dofs(self) -> np.ndarray:
         """This rank's degrees of freedom that supports fix now, (fixed,)."""
         return self.supports.dofs
-
-    @property
-    def has_lagged_terms(self) -> bool:
-        """True if terms update something between solves."""
-        return any(overrides(term, "update_lagged") for term in self.terms)
 
     def release_locating_supports(self) -> None:
         """Drop supports that only locate, if friction holds the sheet in its accepted state."""

@@ -125,6 +125,18 @@ def _ends(blank, stroke, components):
     ]
 
 
+def on_edge(blank: Blank) -> Callable[[np.ndarray], np.ndarray]:
+    """Function of points (3, n) that returns the mask (n,) of those on a rectangle's edge."""
+    low, high = (corner[:2, None] for corner in blank.extent())
+    near = 1e-6 * (high - low).max()
+
+    def edge(x):
+        x = blank.along(x)[:2]
+        return (np.minimum(np.abs(x - low), np.abs(x - high)) <= near).any(0)
+
+    return edge
+
+
 def frame(deformation: Callable[[float], np.ndarray]) -> Callable[[Blank], list[Support]]:
     """Support "frame" of a rectangle's whole edge that deforms it homogeneously, as a function of a
     blank, for `Scene`. deformation: function of the load factor that returns the deformation
@@ -138,12 +150,7 @@ def frame(deformation: Callable[[float], np.ndarray]) -> Callable[[Blank], list[
     """
 
     def supports(blank: Blank) -> list[Support]:
-        low, high = (corner[:2, None] for corner in blank.extent())
-
-        def on_edge(x):
-            x = blank.along(x)[:2]
-            near = 1e-6 * (high - low).max()
-            return (np.minimum(np.abs(x - low), np.abs(x - high)) <= near).any(0)
+        low = blank.extent()[0][:2, None]
 
         def value(x, load):
             x = blank.along(x)
@@ -151,6 +158,6 @@ def frame(deformation: Callable[[float], np.ndarray]) -> Callable[[Blank], list[
             moved[:2] = (deformation(load) - np.eye(2)) @ (x[:2] - low)
             return moved
 
-        return [Support("frame", on_edge, tuple(range(blank.mesh.geometry.dim)), value)]
+        return [Support("frame", on_edge(blank), tuple(range(blank.mesh.geometry.dim)), value)]
 
     return supports

@@ -32,15 +32,15 @@ def tool_warnings(scene: Scene, formed: bool = False) -> list[str]:
     tools = output.tools(scene)
     asked = _touched(scene) if formed else tools
     sentences = [few_cells_warning(scene) or _cell_size_warning(scene.blank, asked)]
-    rubbing = [term for term in scene.terms if isinstance(term, ToolInteraction) and term.coulomb]
-    for name, mu in {term.tool.name: term.coulomb.largest for term in rubbing}.items():
+    for term in scene.terms:
+        mu = term.coulomb.largest if isinstance(term, ToolInteraction) and term.coulomb else 0.0
         if MAX_FRICTION < mu < np.inf:
             much = f"has a coefficient of {mu:g}, which is much: 25 % is 0.25"
-            sentences.append(f"friction on {name} {much}")
+            sentences.append(f"friction on {term.tool.name} {much}")
     size = float(np.subtract(*scene.blank.extent()[::-1]).max())
     for tool in tools:
         sentences += [size_warning(tool, size), hole_warning(tool)]
-    return [each for each in sentences if each]
+    return list(dict.fromkeys(filter(None, sentences)))
 
 
 def _touched(scene):

@@ -39,15 +39,13 @@ class Blank(SheetMesh):
     a, b : float, (gdim,) or function
         Directions of the yarns: an angle from the x axis about the z axis [rad]; a vector; or a
         function of points (3, n) to angles (n,) or vectors (gdim, n). Without `b` yarns b are
-        perpendicular to a, turned counter-clockwise as seen from `up`.
+        perpendicular to a, turned counter-clockwise as seen from `up` (3,).
     degree : int or None
         Of the displacement: 1 or 2, on triangles also 3. None: 2 in a plane; in space 1 where cells
         follow the yarns, so that they don't lock, and 2 elsewhere.
     frame : (gdim, gdim)
         Orthonormal rows; `u` holds the displacement's components along them, so that supports may
         act along axes which are turned in space (x, y, z).
-    up : (3,)
-        The side from which `b` is counter-clockwise.
     name : str
         The sheet's name in messages.
 
@@ -268,7 +266,7 @@ class Blank(SheetMesh):
         or unknown cells, and for a sheet that is not flat and has a `height`.
         """
 
-        make, place = partial(read_mesh, path), {"centred": centred, "height": height}
-        blank = cls.made(comm, make, str(path), spatial, options, **place)
+        make = partial(read_mesh, path)
+        blank = cls.made(comm, make, str(path), spatial, options, centred, height)
         blank.from_file = True
         return blank

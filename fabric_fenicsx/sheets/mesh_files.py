@@ -14,18 +14,18 @@ from .mesh_checks import MeshArrays
 def read_mesh(path: Path | str) -> MeshArrays:
     """The mesh in a file, not checked yet; InputError as in `Blank.read`."""
     path, file = Path(path), f"mesh file {path}"
-    what = {".dxf": "an outline", ".csv": "an outline"}
-    what |= dict.fromkeys((".geo", ".step", ".stp", ".iges", ".igs", ".brep"), "a geometry")
-    if flaw := what.get(ending(path)):
+    kinds = dict.fromkeys((".geo", ".step", ".stp", ".iges", ".igs", ".brep"), "a geometry")
+    kinds |= {".dxf": "an outline", ".csv": "an outline"}
+    if other := kinds.get(ending(path)):
         how = f": gmsh makes one with `gmsh -2 {path.name} -o {path.stem}.msh`"
-        how = how if flaw == "a geometry" else ", or the file as `outline`"
-        raise InputError(f"{file} is {flaw} without a mesh; allowed is {READ}{how}")
+        how = how if other == "a geometry" else ", or the file as `outline`"
+        raise InputError(f"{file} is {other} without a mesh; allowed is {READ}{how}")
     points, surface, others = read_surface_mesh(path, "mesh file")
     solid = sorted(kind for kind, dim in others.items() if dim == 3)
     known = {*CELLS, *HIGHER, "quad8"}
     if solid or len(surface) > 1 or not known.issuperset(surface):
-        cells = f"solid cells {solid}" if solid else f"cells {sorted(surface)}"
-        raise InputError(f"{file} holds {cells}; allowed is one kind out of {sorted(CELLS)}")
+        what = f"solid cells {solid}" if solid else f"cells {sorted(surface)}"
+        raise InputError(f"{file} holds {what}; allowed is one kind out of {sorted(CELLS)}")
     ((kind, cells),) = surface.items()
     if kind == "quad8":
         points, cells = with_centres(points, cells)

@@ -70,9 +70,9 @@ def mesh_sheet(
     if sheet.sheet_file:
         idle = ("nx", "ny", "pattern") if sheet.mesh else ("ny",)
         usual = None, type(sheet).pattern
-        if names := ", ".join(f"`{name}`" for name in idle if getattr(sheet, name) not in usual):
+        if asked := ", ".join(f"`{name}`" for name in idle if getattr(sheet, name) not in usual):
             why = "has its own cells" if sheet.mesh else "has cells of one size"
-            doubts.append(f"{names} changes nothing, as {source} {why}")
+            doubts.append(f"{asked} changes nothing, as {source} {why}")
         values |= _own_sizes(sheet, sides, blank, planes) | dict.fromkeys(idle)
     return sheet.filled(**values), blank, [*filter(None, doubts)]
 
@@ -103,9 +103,7 @@ def _own_sizes(sheet, names, blank, planes):
     for name, size in zip(names, whole_sides(blank, planes)):
         asked = sizes.setdefault(name, getattr(sheet, name) or size)
         if abs(asked - size) > SIZE_TOLERANCE * size:
-            raise InputError(
-                f"`{name}` {asked:g} does not fit {sheet.sheet_file}, of {size:g} mm; allowed "
-                "is its own, or none"
-            )
+            given = f"`{name}` {asked:g} does not fit {sheet.sheet_file}, of {size:g} mm"
+            raise InputError(f"{given}; allowed is its own, or none")
         sizes[name] = size
     return sizes

@@ -116,10 +116,10 @@ class SheetFields(Layout):
         for one, other in (("outline", "mesh"), ("nx", "size"), *of_metal):
             if self._has(one) and self._has(other):
                 raise InputError(f"`{one}` is given beside `{other}`; allowed is one of them")
-        for name, needed in (("size", "outline"), ("layer", "outline"), ("centred", "sheet_file")):
-            if self._has(name) and not self._has(needed):
-                words = "`outline` or `mesh`" if name == "centred" else f"`{needed}`"
-                raise InputError(f"`{name}` needs {words}")
+        needs = {"size": ["outline"], "layer": ["outline"], "centred": ["outline", "mesh"]}
+        for name, needed in needs.items():
+            if self._has(name) and not any(map(self._has, needed)):
+                raise InputError(f"`{name}` needs `{'` or `'.join(needed)}`")
         if self.fabric is not None:
             at = self.temperature
             coldest = min(checked_fabric("`fabric`", self.fabric).at_temperatures, default=0.0)

@@ -274,8 +274,7 @@ def fibre_fields(
     centre, normal = _midpoints(mesh, up)
     a0 = _tangent(mesh, centre, normal, a, "a")
     b0 = np.cross(normal, a0) if b is None else _tangent(mesh, centre, normal, b, "b")
-    parallel = abs((a0 * b0).sum(1)) > 1 - 1e-6
-    _refuse(mesh, parallel, centre, "fibre directions a and b are parallel")
+    _refuse(mesh, abs((a0 * b0).sum(1)) > 1 - 1e-6, centre, "fibre directions a and b are parallel")
     space = compat.vector_space(mesh, "DG", 0, mesh.geometry.dim)
     fields = fem.Function(space), fem.Function(space)
     for field, values in zip(fields, (a0, b0)):

@@ -21,8 +21,7 @@ from ..runtime.errors import InputError
 from ..runtime.files import plain, replace_file
 from ..scene.memory import OF_CELLS, rescale_loads
 from ..sheets.blank import Blank
-from .progress import Progress
-from .viscosity import Viscosity
+from .progress import Progress, Viscosity
 
 # entry of a problem whose run has stages, {number of a stage: its steps}
 STAGES = "steps of stages"

@@ -74,8 +74,7 @@ class LoadStepping:
         self.newton, self.scene, self.settings = newton, newton.scene, settings or Settings()
         self.on_accept, self.on_reject, self.stop = on_accept, on_reject, stop
         self.largest = self.settings.largest_step
-        self._is_new, x = start is None, newton.x
-        step = 1.0 / self.settings.steps
+        self._is_new, x, step = start is None, newton.x, 1.0 / self.settings.steps
         self.progress = start or Progress(self.scene.u.copy(), x.duplicate(), step)
         self.progress.step = min(self.progress.step, self.largest)
         self._predicted = x.duplicate()

@@ -36,25 +36,14 @@ def check_derivatives(
 ) -> str:
     """Compare the derivatives that an object gives with finite differences.
 
-    - A law: stresses with differences of its energy, tangents with those of its stresses; energy
-      and stress at rest, which must be 0; energy, which must be least there.
-    - A surface: normal and curvature with differences of the gap; the gap with the distance to the
-      surface; curvature with `radii`.
-    - A term: forces with differences of its energy, tangent with those of its forces, where the
-      sheet is and displaced by about `size`. The term is at load 0 afterwards, the sheet where it
-      was.
-
-    Parameters
-    ----------
-    thing
-        A law, a surface, or a term of a scene.
-    at
-        Of a law: states (n, 3) of eps_a, eps_b [-] and gamma [rad], by default random ones. Of a
-        surface: points (n, 3) near it [mm]. Of a term: its scene.
-    load
-        Load factor at which a term is checked.
-    size
-        Displacement of the sheet for a term [mm], by default 1/1000 of a cell.
+    - A law, at states (n, 3) of eps_a, eps_b [-] and gamma [rad], by default random ones: stresses
+      with differences of its energy, tangents with those of its stresses; energy and stress at
+      rest, which must be 0; energy, which must be least there.
+    - A surface, at points (n, 3) near it [mm]: normal and curvature with differences of the gap;
+      the gap with the distance to the surface; curvature with `radii`.
+    - A term, at its scene: forces with differences of its energy, tangent with those of its forces,
+      at a `load` factor, where the sheet is and displaced by about `size` [mm], by default 1/1000
+      of a cell. The term is at load 0 afterwards, the sheet where it was.
 
     Returns a table of the differences, with a remark if an energy of a term is below 0. Raises
     InputError, with the table, if a difference is above 1e-4; 2 % of the states of laws and
