@@ -13,7 +13,7 @@ from ..sheets.blank import Blank
 from ..tools.checks import hole_warning, radius_over, size_warning
 from ..tools.tool import Tool
 from . import output
-from .isostatic import planes_of_symmetry
+from .rigid_motions import planes_of_symmetry
 from .scene import Scene
 
 MAX_FRICTION = 2.0  # [-], above which a coefficient may be in per cent
@@ -33,10 +33,10 @@ def tool_warnings(scene: Scene, formed: bool = False) -> list[str]:
     asked = _touched(scene) if formed else tools
     sentences = [few_cells_warning(scene) or _cell_size_warning(scene.blank, asked)]
     for term in scene.terms:
-        mu = term.coulomb.largest if isinstance(term, ToolInteraction) and term.coulomb else 0.0
-        if MAX_FRICTION < mu < np.inf:
-            much = f"has a coefficient of {mu:g}, which is much: 25 % is 0.25"
-            sentences.append(f"friction on {term.tool.name} {much}")
+        if isinstance(term, ToolInteraction) and term.coulomb:
+            mu, name = term.coulomb.largest, term.tool.name
+            much = f"friction on {name} has a coefficient of {mu:g}, which is much: 25 % is 0.25"
+            sentences += [much] if MAX_FRICTION < mu < np.inf else []
     size = float(np.subtract(*scene.blank.extent()[::-1]).max())
     for tool in tools:
         sentences += [size_warning(tool, size), hole_warning(tool)]

@@ -232,19 +232,18 @@ class SheetMesh:
         """Values (local nodes, k) with those of their owners, added up over ranks before."""
         if self.mesh.comm.size == 1:
             return local
-        gdim, vector = self.mesh.geometry.dim, compat.petsc_vector(self.u).duplicate()
-        values = np.empty_like(local)
-        for start in range(0, local.shape[1], gdim):
-            columns = slice(start, min(start + gdim, local.shape[1]))
+        gdim, k = self.mesh.geometry.dim, local.shape[1]
+        vector = compat.petsc_vector(self.u).duplicate()
+        values = np.pad(local, [(0, 0), (0, -k % gdim)])
+        for columns in np.split(values, values.shape[1] // gdim, axis=1):  # views
             with vector.localForm() as form:
-                form.set(0.0)
-                form.array.reshape(-1, gdim)[:, : columns.stop - start] = local[:, columns]
+                form.array[:] = columns.ravel()
             if add:
                 vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
             vector.ghostUpdate(PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)
             with vector.localForm() as form:
-                values[:, columns] = form.array.reshape(-1, gdim)[:, : columns.stop - start]
-        return values
+                columns[:] = form.array.reshape(-1, gdim)
+        return values[:, :k]
 
 
 def _areas(corners: np.ndarray) -> np.ndarray:
