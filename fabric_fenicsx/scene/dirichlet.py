@@ -83,9 +83,8 @@ class FixedDofs:
         """Force of support `name` on the blank along the axes of the frame, (gdim,) [N]; forces:
         internal ones of all degrees of freedom. Raises InputError for an unknown name."""
         if name not in self.dofs_of:
-            raise InputError(
-                f"support {name!r} is not of this scene; allowed are {', '.join(self.dofs_of)}"
-            )
+            known = ", ".join(self.dofs_of)
+            raise InputError(f"support {name!r} is not of this scene; allowed are {known}")
         return self.blank.mesh.comm.allreduce(forces.array[self.dofs_of[name]].sum(0), MPI.SUM)
 
     def memory(self) -> np.ndarray:

@@ -112,7 +112,7 @@ def planes_of_symmetry(blank: Blank, supports: Iterable[Support]) -> dict[int, S
             continue
         (axis,) = support.components
         low, high = bounds(blank.mesh.comm, blank.along(x[support.where(x.T)].T)[[axis]])
-        if (high - low)[0] <= PLANE_TOLERANCE * _size(blank):
+        if (high - low)[0] <= PLANE_TOLERANCE * blank.sides().max():
             planes[axis] = support
     return planes
 
@@ -120,7 +120,7 @@ def planes_of_symmetry(blank: Blank, supports: Iterable[Support]) -> dict[int, S
 def beyond_planes(blank: Blank, supports: Iterable[Support]) -> dict[str, tuple[int, float]]:
     """Number of nodes beyond each plane of symmetry that bounds the flat sheets, by its support's
     name, and the farthest one's distance from it [mm]; none where there are none."""
-    near, comm, found = PLANE_TOLERANCE * _size(blank), blank.mesh.comm, {}
+    near, comm, found = PLANE_TOLERANCE * blank.sides().max(), blank.mesh.comm, {}
     owned = len(blank.whole.nodes)
     x = blank.coordinates()[:owned]
     now, flat = (blank.along(each.T) for each in (x + blank.nodal_displacement()[:owned], x))
@@ -144,7 +144,7 @@ def isostatic(blank: Blank, kept: Sequence[Support]) -> list[Support]:
 
 def _of_sheet(blank, part, kept):
     places, moved, fixed = _nodes(blank, part, kept)
-    shapes = [(x - x.mean(0)) / _size(blank) for x in (places + moved, places)]
+    shapes = [(x - x.mean(0)) / blank.sides().max() for x in (places + moved, places)]
     gdim = places.shape[1]
     motions = gdim + len(TURNS[gdim])
     firm, loose = 0.01, 1e-6  # share of a motion left by those before, from which a node holds it
@@ -183,7 +183,7 @@ def _nodes(blank, part, kept):
     u = blank.u.x.array[: owned * gdim].reshape(-1, gdim)
     mine = np.hstack([blank.along(x.T).T, u, fixed])[part.nodes]
     rows = np.concatenate(blank.mesh.comm.allgather(mine))
-    rows = rows[np.lexsort((rows[:, :gdim] / _size(blank)).round(9).T[::-1])]
+    rows = rows[np.lexsort((rows[:, :gdim] / blank.sides().max()).round(9).T[::-1])]
     places, moved, fixed = np.split(rows, [gdim, 2 * gdim], axis=1)
     return places, moved, fixed > 0
 
@@ -224,14 +224,9 @@ def _with(basis, rows, least):
 
 
 def _support(blank, name, place, axes, moved):
-    near = PLANE_TOLERANCE * _size(blank)
+    near = PLANE_TOLERANCE * blank.sides().max()
 
     def where(x):
         return np.linalg.norm(blank.along(x).T - place, axis=1) < near
 
     return Support(name, where, axes, lambda x, load: np.tile(moved[:, None], (1, x.shape[1])))
-
-
-def _size(blank):
-    low, high = blank.extent()
-    return float((high - low).max())

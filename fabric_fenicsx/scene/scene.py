@@ -58,9 +58,7 @@ class Scene:
             bind(term, self)
         self.u = compat.petsc_vector(blank.u)
         if not any(term.energy is not None or "stretch" in term.resists for term in self.terms):
-            raise InputError(
-                f"the scene of {blank.name} has no elastic term; it needs one, as a membrane"
-            )
+            raise InputError(f"the scene of {blank.name} has no elastic term; it needs a membrane")
         self._assembly = Assembly(blank, self.terms)
         self.keeping = [term for term in self.terms if overrides(term, "motion_to_gaps")]
         self.has_lagged_terms = any(overrides(term, "update_lagged") for term in self.terms)

@@ -37,7 +37,7 @@ def tool_warnings(scene: Scene, formed: bool = False) -> list[str]:
             mu, name = term.coulomb.largest, term.tool.name
             much = f"friction on {name} has a coefficient of {mu:g}, which is much: 25 % is 0.25"
             sentences += [much] if MAX_FRICTION < mu < np.inf else []
-    size = float(np.subtract(*scene.blank.extent()[::-1]).max())
+    size = float(scene.blank.sides().max())
     for tool in tools:
         sentences += [size_warning(tool, size), hole_warning(tool)]
     return list(dict.fromkeys(filter(None, sentences)))
@@ -53,7 +53,7 @@ def _touched(scene):
 def few_cells_warning(scene: Scene) -> str:
     """A sentence if a sheet on tools has fewer than `MIN_CELLS` cells, or halves of quadratic ones,
     along its longest side, else ""; a quarter stands for the whole sheet."""
-    blank, sides = scene.blank, np.subtract(*scene.blank.extent()[::-1])
+    blank, sides = scene.blank, scene.blank.sides()
     sides[list(planes_of_symmetry(blank, scene.supports))] *= 2
     along = float(sides.max()) / _cell_length(blank)
     if along >= MIN_CELLS or not output.tools(scene):

@@ -52,9 +52,7 @@ def mesh_sheet(
             make = partial(flat.rectangle, sheet, modelled, turned, centred)
             blank = Blank.made(comm, make, source, spatial, options)
     if blank.mesh.geometry.dim == 3 and not spatial:
-        raise InputError(
-            f"{source} is not plane in z; allowed in this study is a sheet in a plane z = const"
-        )
+        raise InputError(f"{source} is not plane in z; allowed is a sheet in a plane z = const")
     kind = "P" if blank.around == [0, 1, 2] else "Q"
     if sheet.element and sheet.element[0] != kind:
         raise InputError(
@@ -84,17 +82,15 @@ def modelled_share(planes: Sequence[int]) -> np.ndarray:
 
 def size_warning(blank: Blank, source: str) -> str:
     """A sentence if the sheet's size may be in another unit than mm, else ""."""
-    low, high = blank.extent()
-    if 20 <= (high - low).max() <= 10_000:  # a few yarns, more than looms weave
+    if 20 <= blank.sides().max() <= 10_000:  # a few yarns, more than looms weave
         return ""
-    sides = " x ".join(rounded(side, 4) for side in high - low)
+    sides = " x ".join(rounded(side, 4) for side in blank.sides())
     return f"{source} is {sides} mm; lengths are in mm (metres times 1000, inches times 25.4)"
 
 
 def whole_sides(blank: Blank, planes: Sequence[int]) -> list[float]:
     """Length and width of the whole sheet [mm], rounded, to be the same on any number of ranks."""
-    low, high = blank.extent()
-    return [float(f"{size:.9g}") for size in (high - low)[:2] / modelled_share(planes)]
+    return [float(f"{size:.9g}") for size in blank.sides()[:2] / modelled_share(planes)]
 
 
 def _own_sizes(sheet, names, blank, planes):

@@ -263,10 +263,8 @@ class Sheet(SheetFields, YarnBending):
     def finer(self, times: float) -> Self:
         """The sheet with `times` as many cells along each side; InputError for a mesh's file."""
         if self.mesh:
-            raise InputError(
-                f"cells of {self.mesh} can't be made finer; allowed is a rectangle or an outline, "
-                "which the program meshes"
-            )
+            allowed = "allowed is a rectangle or an outline, which the program meshes"
+            raise InputError(f"cells of {self.mesh} can't be made finer; {allowed}")
         return self._with_cells(times, lambda n: 2 * math.ceil(n / 2))
 
     def mirrored(self, planes: tuple[int, ...]) -> Self:

@@ -70,10 +70,8 @@ class SheetMesh:
         places and areas are those of before."""
         moved = not np.array_equal(self.mesh.geometry.x, self._made_at)
         if self.mesh.comm.allreduce(moved, MPI.LOR):
-            raise InputError(
-                f"the mesh of {self.name} was moved after the blank was made of it; allowed is a "
-                "blank of the moved mesh"
-            )
+            flaw = f"the mesh of {self.name} was moved after the blank was made of it"
+            raise InputError(f"{flaw}; allowed is a blank of the moved mesh")
 
     @property
     def displacement(self) -> Expr:
@@ -125,6 +123,10 @@ class SheetMesh:
         """Least and greatest undeformed coordinates along the frame's axes, two arrays (gdim,)
         [mm]."""
         return bounds(self.mesh.comm, self.along(self.mesh.geometry.x.T))
+
+    def sides(self) -> np.ndarray:
+        """Lengths of the undeformed sheet along the frame's axes, (gdim,) [mm]."""
+        return np.subtract(*self.extent()[::-1])
 
     def diameter(self) -> float:
         """Twice the largest distance of a node from the mean of all, in any frame [mm]."""

@@ -99,10 +99,9 @@ def _flaw(sheets):
             return f"{where} {flaw}; allowed is a sheet in space (`spatial=True`)"
         if not (blank.degree == 1 or blank.triangulated) or compat.geometry_degree(blank.mesh) > 1:
             return f"{where} has other cells; allowed are P1, P2 and Q1, not curved"
-        low, high = blank.extent()
-        if high[2] - low[2] > 1e-9 * (high - low).max():
-            height = rounded(high[2] - low[2], 4)
-            return f"{where} is {height} mm high; allowed is a flat sheet, z = const"
+        height, size = blank.sides()[2], blank.sides().max()
+        if height > 1e-9 * size:
+            return f"{where} is {rounded(height, 4)} mm high; allowed is a flat sheet, z = const"
     return ""
 
 
