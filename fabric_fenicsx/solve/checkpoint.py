@@ -177,7 +177,6 @@ class Checkpoint:
 
 
 def _checksum(arrays):
-    """SHA-256 of arrays by name."""
     digest = hashlib.sha256()
     for name, values in sorted(arrays.items()):
         digest.update(f"{name} {values.dtype} {values.shape} ".encode() + values.tobytes())

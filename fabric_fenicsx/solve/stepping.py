@@ -15,8 +15,6 @@ from .report import Report
 from .settings import Settings
 from .staggered import solve_staggered
 
-GROWTH, CUT = 1.5, 0.5
-
 
 @dataclass
 class TrialStep:
@@ -53,6 +51,7 @@ class LoadStepping:
     all ranks; a text that it returns ends the run, with that reason.
     """
 
+    GROWTH, CUT = 1.5, 0.5  # of a step, by one that passed and one that failed
     MIN_STEP = 1e-5  # load step that is still halved
     HARD_STEP = 1 / 16  # of the largest step, from where on cutting alone does not help
     MAX_CHECKED_STEPS = 8  # make the largest step; of smaller ones no energy balance is asked
@@ -259,11 +258,11 @@ class LoadStepping:
     def _next_step_size(self, trial):
         progress, accuracy = self.progress, self.settings.accuracy
         if accuracy and trial.deviation:
-            growth = np.clip(np.sqrt(accuracy / trial.deviation), CUT, GROWTH)
+            growth = np.clip(np.sqrt(accuracy / trial.deviation), self.CUT, self.GROWTH)
             return min(max(trial.size * growth, 2 * self.MIN_STEP), self.largest)
         if self._cuts:  # not by iterations: these may differ by rounding
             return progress.step
-        return min(GROWTH * progress.step, self.largest)
+        return min(self.GROWTH * progress.step, self.largest)
 
     def _back_off(self, trial):
         """Return, and strengthen the drag or halve the step; the reason to give up, or ""."""
@@ -280,7 +279,7 @@ class LoadStepping:
         if is_hard and viscosity.strengthen():
             return ""
         if trial.size > 2 * self.MIN_STEP:
-            progress.step = CUT * trial.size
+            progress.step = self.CUT * trial.size
             return ""
         even = f", even with a step of {rounded(trial.size)}" if trial.size else ""
         return f"{gave_up}: {trial.report.reason}{even}"
@@ -297,7 +296,6 @@ class LoadStepping:
         return self.scene.energies() | {"viscous": self.progress.viscosity.energy}
 
     def _notify(self, report, energies):
-        """Hand the accepted state to the observer."""
         now, p = time.perf_counter(), self.progress
         wall = now - self._clock if p.load or p.iterations else 0.0
         self.on_accept(Accepted(p.load, energies, p.work, report, self._cuts, wall, p))
