@@ -59,8 +59,7 @@ class Laid:
         for part in list(self.blank.parts.values()) or [self.blank.whole]:
             x = part.blank.coordinates()[: len(part.nodes)][part.nodes]
             away = np.hypot(*(x[:, :2] - np.asarray(place)).T).round(6)
-            order = np.lexsort((-x[:, 1], -x[:, 0], away))[:1]
-            local = [(away[k], *-x[k]) for k in order]
+            local = sorted(np.column_stack([away, -x]).tolist())[:1]
             nodes.append(min(sum(self.blank.mesh.comm.allgather(local), [])))
         places = -np.array(nodes)[:, 1:]
         return lambda x: (np.linalg.norm(x.T[:, None] - places, axis=2) < 1e-6).any(1)

@@ -53,8 +53,7 @@ def cell_fields(scene: Scene) -> Fields:
 def nodal_fields(scene: Scene, taken: Collection[str] = ()) -> Fields:
     """Fields at this rank's nodes, ghosts too, (nodes, ...), beside those `taken` by cells."""
     fields = Fields(merged(scene.terms, "nodal_fields", (*OF_A_SHEET, *taken)))
-    for name, values in fields.items():
-        fields[name] = scene.blank.with_ghosts(values)
+    fields.update({name: scene.blank.with_ghosts(values) for name, values in fields.items()})
     return fields
 
 

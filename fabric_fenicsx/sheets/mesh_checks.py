@@ -58,10 +58,8 @@ def _flaw(points, cells, kind):
         return f"has cells of {cells.shape[1:]} nodes; allowed are {nodes} for a {kind}"
     outside = np.flatnonzero((cells < 0).any(1) | (cells >= len(points)).any(1))
     if outside.size:
-        return (
-            f"has a cell, number {outside[0]}, with nodes {cells[outside[0]].tolist()}; allowed "
-            f"are numbers from 0 to {len(points) - 1}"
-        )
+        cell, last = f"a cell, number {outside[0]},", len(points) - 1
+        return f"has {cell} with nodes {cells[outside[0]].tolist()}; allowed are 0 to {last}"
     if (bad := cells[~np.isfinite(points[cells]).all(2)]).size:
         return f"has a coordinate that is not a number at node {bad.min()}; allowed are lengths"
     return ""
