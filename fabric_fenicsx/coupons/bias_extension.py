@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from mpi4py import MPI
 
 from ..identification.curves import bias_normalised
 from ..job.job import Result
@@ -38,8 +37,7 @@ class BiasSetup(StripSetup):
         self.strip = PinJointedStrip(length, width, a, a + math.radians(data.yarn_angle))
         whole = abs(area / (length * width) - 1) < 1e-6
         self.no_theory = self.strip.locked if whole else "the sheet is not the whole rectangle"
-        at_45 = data.yarn_angle == 90 and data.fibre_angle % 90 == 45 and self.rest is None
-        self.at_45 = at_45 and not self.no_theory
+        self.at_45 = data.yarn_angle == 90 and data.fibre_angle % 90 == 45
         super().prepare()
 
     def terms(self) -> Sequence[Bending]:
@@ -63,7 +61,7 @@ class BiasSetup(StripSetup):
             theory = [abs(strip.shear_angle(row["displacement_mm"], self.rest)) for row in rows]
             found = self._by_zones(gamma)
         known = math.isfinite(theory[-1])
-        if self.at_45 and known and theory[-1] > 0:
+        if self.at_45 and self.rest is None and known and theory[-1] > 0:
             reaction = [row["reaction_N"] for row in rows]
             force = bias_normalised(theory, reaction, strip.length, strip.width)
             found["normalised_shear_force_N_per_mm"] = float(force[-1])
@@ -80,14 +78,11 @@ class BiasSetup(StripSetup):
         """Mean shear angle of each zone of the theory [deg]."""
         (x, y), width = self.blank.midpoints() - self.low[:, None], (self.high - self.low)[1]
         (a, b), distance = self.strip.held(x, y)
-        zones = {"free": ~a & ~b, "half": a != b, "clamped": a & b}
-        if self.data.fibre_angle % 90 != 45 or self.data.yarn_angle != 90:
-            del zones["half"]  # the two yarns turn by different angles
-            zones |= {"only_a_held": a & ~b, "only_b_held": b & ~a}
+        # elsewhere the two yarns turn by different angles
+        halves = {"half": a != b} if self.at_45 else {"only_a_held": a & ~b, "only_b_held": b & ~a}
         found: Values = {}
-        for name, zone in zones.items():
-            inside = zone & (distance > width / 10)
-            area = inside * self.blank.areas()
+        for name, zone in {"free": ~a & ~b, **halves, "clamped": a & b}.items():
+            area = (zone & (distance > width / 10)) * self.blank.areas()
             if (mean := measures.mean(self.comm, gamma, area)) is not None:
                 found[f"{name}_zone_shear_angle_deg"] = math.degrees(mean)
         return found
@@ -99,8 +94,7 @@ class BiasSetup(StripSetup):
         width = (self.high - self.low)[1]
         x, y = self.blank.midpoints() - self.low[:, None]
         off = np.abs(y - width / 2)
-        nearest = self.comm.allreduce(off.min(initial=np.inf), MPI.MIN)
-        near = off <= max(width / 20, nearest * (1 + 1e-6))
+        near = off <= max(width / 20, measures.extremes(self.comm, off)[0] * (1 + 1e-6))
         gamma = np.degrees(np.abs(result.fields["shear_angle"]))
         parts = self.comm.gather(np.column_stack([x, y, gamma])[near])
         if parts:

@@ -18,8 +18,7 @@ from ..scene import output as scene_output
 from ..scene.scene import Scene
 from ..scene.supports import Supports, frame
 from ..sheets.sheet import Values, declared_again
-from .coupon import Coupon
-from .setup import CouponSetup
+from .coupon import Coupon, CouponSetup
 
 
 class FrameSetup(CouponSetup):

@@ -38,10 +38,6 @@ class PinJointedStrip:
         length, width = abs(self._coordinates).T
         return self.length * length - self.width * width
 
-    def _along_yarns(self, x, y):
-        """alpha and beta of places x, y (n,), (2, n)."""
-        return self._coordinates @ np.stack(np.broadcast_arrays(x, y))
-
     @property
     def locked(self) -> str:
         """Reason why the strip can't lengthen, if it can't: yarns from clamp to clamp; else ""."""
@@ -73,8 +69,7 @@ class PinJointedStrip:
         t and t + 90 deg: sin|gamma| = d (2 (L - W sin 2t) + d) / (2 (L cos t - W sin t) (L sin t -
         W cos t)).
         """
-        turn_a, turn_b = self.turns(displacement)
-        return self._sheared(turn_a, turn_b, rest)
+        return self._sheared(*self.turns(displacement), rest)
 
     def shear_angles(
         self, x: ArrayLike, y: ArrayLike, displacement: float, rest: float | None = None
@@ -91,7 +86,7 @@ class PinJointedStrip:
     def held(self, x: ArrayLike, y: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Mask (2, n) of yarns a and b through places x, y (n,) that end in a clamp, and distances
         of the places to the lines where that changes, (n,) [mm]."""
-        places = self._along_yarns(x, y)
+        places = self._coordinates @ np.stack(np.broadcast_arrays(x, y))
         of_length = self.length * self._coordinates[:, :1]
         of_width = self.width * self._coordinates[:, 1:]
         low, high = np.minimum(0, of_width), np.maximum(0, of_width)

@@ -13,8 +13,7 @@ from ..runtime.fields import number
 from ..runtime.rules import POSITIVE, SHARE
 from ..scene.scene import Scene
 from ..sheets.sheet import SheetFields, Values, declared_again
-from .coupon import Coupon
-from .setup import CouponSetup
+from .coupon import Coupon, CouponSetup
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +59,6 @@ class Strip(Coupon):
         return "full" if cells_follow_yarns or self._has_yarns_along() else "inner"
 
     def _has_yarns_along(self):
-        """True if yarns lie along the load."""
         yarns = self.fibre_angle, self.fibre_angle + self.yarn_angle
         return any(abs(math.remainder(yarn, 180.0)) <= 1.0 for yarn in yarns)
 
@@ -73,15 +71,16 @@ class StripSetup(CouponSetup):
         """Displacement [mm] and reaction [N] of the moving grip."""
         return load * self.stroke, float(scene.reaction("moving grip")[0])
 
-    def on_other_cells(self) -> Strip | None:
-        """Quadratic cells along the yarns, which do not lock; None for outlines, own meshes,
-        in-plane bending, and if the run has such cells."""
-        data = self.data
+    def coarser(self) -> Strip | None:
+        """As in `CouponSetup`, on quadratic cells along the yarns, which do not lock, but for
+        outlines, own meshes, in-plane bending, and if the run has such cells."""
+        data, sides = self.data, self.high - self.low
         follows = data.pattern in ("yarns", "graded")
-        if data.sheet_file or follows or getattr(data, "in_plane_bending", 0.0):
-            return None
-        coarse = data.coarser(self.high - self.low, 4 if self.blank.degree == 1 else 2)
-        return coarse and replace(coarse, pattern="yarns", element="P2", integration=None)
+        coarse = data.coarser(sides, 4 if self.blank.degree == 1 else 2)
+        bends = getattr(data, "in_plane_bending", 0.0)
+        if data.sheet_file or follows or bends or not coarse:
+            return super().coarser()
+        return replace(coarse, pattern="yarns", element="P2", integration=None)
 
     def prepare(self) -> None:
         """Set stroke and centre, with their warnings."""
@@ -89,10 +88,9 @@ class StripSetup(CouponSetup):
         self.stroke, self.centre = self.data.strain * length, (self.low + self.high) / 2
         self.has_centre = measures.covers(self.blank, self.centre)
         if file and width > length:
-            self.warnings.append(
-                f"{file} is {length:.4g} mm along x, in which it is pulled, and "
-                f"{width:.4g} mm along y: turn it by 90 deg if it is a strip along y"
-            )
+            sizes = f"{length:.4g} mm along x, in which it is pulled, and {width:.4g} mm along y"
+            words = f"{file} is {sizes}: turn it by 90 deg if it is a strip along y"
+            self.warnings.append(words)
         if not self.has_centre:
             self.warnings.append("the sheet has a hole at its centre, so nothing is known there")
 
@@ -104,10 +102,9 @@ class StripSetup(CouponSetup):
     def ranges(self, result: Result) -> Values:
         """Least and largest strains and shear angles, and those between which 98 % of the area
         lies."""
-        fields, found = result.fields, Values()
-        area = self.blank.areas()
+        found, area = Values(), self.blank.areas()
         for name in ("log_eps_11", "log_eps_22", "eps_a", "eps_b", "shear_angle"):
-            values, unit = fields[name], ""
+            values, unit = result.fields[name], ""
             if name == "shear_angle":
                 values, unit = np.degrees(values), "_deg"
             found[name + unit] = measures.extremes(self.comm, values)

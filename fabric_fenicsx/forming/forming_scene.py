@@ -41,7 +41,8 @@ class FormingScene(BuiltPress):
 
     def coarser(self) -> PressData | None:
         """As in `Setup`: for rectangles and outlines, which the program meshes."""
-        coarse = [sheet.coarser(each) for sheet, each in zip(self.sheets, self.laid.extents())]
+        both = zip(self.sheets, self.laid.blanks)
+        coarse = [sheet.coarser(blank.sides()[:2]) for sheet, blank in both]
         return None if None in coarse else self.data.replace(sheets=coarse)
 
     def finer(self, times: float) -> PressData:

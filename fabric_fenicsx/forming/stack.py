@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from mpi4py import MPI
 
 from ..mechanics.contact.holder_pressure import BlankHolderPressure
 from ..mechanics.contact.sheet_contact import SheetContact
@@ -23,6 +22,10 @@ def between(
     stack: Stack, sheets: Sequence[Sheet], interface: Interface, planes: Sequence[Where]
 ) -> list[Term]:
     """Contact of each sheet with the next, and of two around a smaller one. planes: of symmetry."""
+    pairs, reach = list(pairwise(sheets)), _reach(stack)
+    for k, (lower, _, upper) in enumerate(zip(sheets, sheets[1:], sheets[2:])):
+        if (np.minimum(reach[k], reach[k + 2]) > reach[k + 1] + REACH_TOLERANCE).any():
+            pairs.append((lower, upper))
     return [
         SheetContact(
             lower.name,
@@ -32,7 +35,7 @@ def between(
             symmetric=planes,
             friction=interface.coulomb(lower.friction_to(upper)),
         )
-        for lower, upper in _facing(stack, sheets)
+        for lower, upper in pairs
     ]
 
 
@@ -56,16 +59,6 @@ def _reach(stack):
     return np.array([[*high[:2], *-low[:2]] for low, high in extents])
 
 
-def _facing(stack, sheets):
-    """Pairs of sheets that may touch."""
-    pairs = list(pairwise(sheets))
-    reach = _reach(stack)
-    for k, (lower, _, upper) in enumerate(zip(sheets, sheets[1:], sheets[2:])):
-        if (np.minimum(reach[k], reach[k + 2]) > reach[k + 1] + REACH_TOLERANCE).any():
-            pairs.append((lower, upper))
-    return pairs
-
-
 def press(stack: Stack, sheets: Sequence[Sheet], terms: Sequence[Term], die: Tool | None) -> None:
     """Press the sheets together and onto the `die`, as the present pressures of holders do: sheets
     that do not touch at first resist nothing. Metal moves up as a whole, as it would not bend at
@@ -77,10 +70,8 @@ def press(stack: Stack, sheets: Sequence[Sheet], terms: Sequence[Term], die: Too
     pairs, comm = neighbours(terms, sheets), stack.mesh.comm
     names = [sheet.name for sheet in stack.sheets]
     on_it = stack.parts[names[-1]].nodes
-    rises = np.zeros((len(holders), 1))
-    for k, each in enumerate(holders):
-        depth = float(on_top.depth_under(each.now)[on_it].max(initial=0.0))
-        rises[k] = comm.allreduce(depth, MPI.MAX)
+    depths = [on_top.depth_under(each.now)[on_it].max(initial=0.0) for each in holders]
+    rises = np.max(comm.allgather(depths), axis=0)[:, None]
     places = stack.coordinates()[: len(on_it)].T
     shares = np.array([each.shares(places) for each in holders])
     if any(sheet.metal for sheet in sheets):

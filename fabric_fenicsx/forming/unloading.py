@@ -20,8 +20,8 @@ from ..mechanics.shell.yarn_friction import KIND
 from ..mechanics.term import SceneFacts, overrides
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
-from ..scene.isostatic import isostatic, planes_of_symmetry
 from ..scene.memory import OF_CELLS, memory_of
+from ..scene.rigid_motions import isostatic, planes_of_symmetry
 from ..scene.scene import Scene
 from ..scene.supports import Support
 from ..sheets.blank import Part

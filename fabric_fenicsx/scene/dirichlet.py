@@ -34,33 +34,31 @@ class FixedDofs:
         self.dofs_of: dict[str, np.ndarray] = {}
         self._nodes: list[np.ndarray] = []
         for support in self:
+            nodes = np.flatnonzero(support.where(x.T))
+            owned, flaw = nodes[nodes < self._owned], ""
             if not set(support.components) <= set(range(self._gdim)):
                 in_space = ", or 2 on a blank made with `spatial=True`" if self._gdim == 2 else ""
-                raise InputError(
-                    f"support {support.name} holds the components {tuple(support.components)} of "
-                    f"{blank.name}; allowed are those from 0 to {self._gdim - 1}{in_space}"
-                )
-            nodes = np.flatnonzero(support.where(x.T))
-            owned = nodes[nodes < self._owned]
-            if blank.mesh.comm.allreduce(len(owned)) == 0:
-                raise InputError(
-                    f"support {support.name} holds no node of {blank.name}; allowed are 1 or more"
-                )
+                allowed = f"allowed are those from 0 to {self._gdim - 1}{in_space}"
+                flaw = f"the components {support.components} of {blank.name}; {allowed}"
+            elif blank.mesh.comm.allreduce(len(owned)) == 0:
+                flaw = f"no node of {blank.name}; allowed are 1 or more"
+            if flaw:
+                raise InputError(f"support {support.name} holds {flaw}")
             self._nodes.append(nodes)
             self.dofs_of[support.name] = owned[:, None] * self._gdim + np.arange(self._gdim)
         self.locates = any(support.locates for support in self)  # until `release_locating_supports`
-        self._fix(self)
+        self._fix(self._supports)
 
     def __iter__(self) -> Iterator[Support]:
         return iter(self._supports)
 
     def _fix(self, supports):
         """Fix the degrees of freedom of these `supports` alone."""
-        supports, V, gdim = list(supports), self.blank.V, self._gdim
+        V, gdim = self.blank.V, self._gdim
         fixed = np.zeros(len(self.blank.coordinates()) * gdim, dtype=bool)
         for support, nodes in zip(self, self._nodes):
             if support in supports:
-                fixed[nodes[:, None] * gdim + np.asarray(support.components, dtype=int)] = True
+                fixed[nodes[:, None] * gdim + np.array(support.components, int)] = True
         dofs = np.flatnonzero(fixed).astype(np.int32)
         zero = PETSc.ScalarType(0)
         self.bcs = [fem.dirichletbc(zero, dofs[dofs % gdim == i], V.sub(i)) for i in range(gdim)]
@@ -69,7 +67,7 @@ class FixedDofs:
     def release_locating_supports(self) -> None:
         """Drop the supports that only locate the sheet."""
         before, self.locates = self.dofs, False
-        self._fix(support for support in self if not support.locates)
+        self._fix([support for support in self if not support.locates])
         self.work.keep(np.isin(before, self.dofs))
 
     def values(self, load: float) -> np.ndarray:
@@ -85,9 +83,8 @@ class FixedDofs:
         """Force of support `name` on the blank along the axes of the frame, (gdim,) [N]; forces:
         internal ones of all degrees of freedom. Raises InputError for an unknown name."""
         if name not in self.dofs_of:
-            raise InputError(
-                f"support {name!r} is not of this scene; allowed are {', '.join(self.dofs_of)}"
-            )
+            known = ", ".join(self.dofs_of)
+            raise InputError(f"support {name!r} is not of this scene; allowed are {known}")
         return self.blank.mesh.comm.allreduce(forces.array[self.dofs_of[name]].sum(0), MPI.SUM)
 
     def memory(self) -> np.ndarray:
@@ -109,7 +106,6 @@ class FixedDofs:
         self.work.recall(np.hstack([shared, fixed]))
 
     def _located(self, sizes):
-        """The `sizes` of supports that only locate the sheet, and still hold it."""
         return {s.name: sizes[s.name] for s in self if s.locates and self.locates}
 
     def located_share(self, sizes: dict[str, float]) -> float:
@@ -118,12 +114,11 @@ class FixedDofs:
 
     def locating_warning(self, sizes: dict[str, float]) -> str:
         """A warning if supports that only locate bear a force, else ""; sizes: as before."""
-        most = 0.005 * sum(sizes.values())
-        borne = {name: force for name, force in self._located(sizes).items() if force > most}
-        if not borne:
-            return ""
-        forces = " and ".join(f"{name} {rounded(force)} N" for name, force in borne.items())
-        return (
+        located, most = self._located(sizes), 0.005 * sum(sizes.values())
+        forces = " and ".join(
+            f"{k} {rounded(force)} N" for k, force in located.items() if force > most
+        )
+        return forces and (
             f"supports that should only keep the sheet in its place bear {forces}, "
             f"{percent(self.located_share(sizes))} of all forces, as sheet, yarns or tools are "
             "not symmetric: the formed shape depends on them; friction of a blank holder or of "

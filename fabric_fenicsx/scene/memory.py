@@ -35,15 +35,12 @@ def recall(term: Term, number: int, memory: dict[str, np.ndarray]) -> None:
     """Give a term back its part of `memory`. Raises InputError, on all ranks, if it did not take
     it."""
     given = {key: memory[f"{place}{number} {key}"] for place, key in _memory(term)}
-    try:
-        term.recall(given)
-    except KeyError as error:
-        raise InputError(
-            f"`recall` of term {term.name} asks for {error}; allowed is what its memory has: "
-            f"{', '.join(given)}"
-        ) from error
-    present = {key: values for (_, key), values in _memory(term).items()}
-    lost = [key for key, values in present.items() if not _equal(values, given[key])]
+    term.recall(given)
+    lost = []
+    for (_, key), values in _memory(term).items():
+        scale = np.abs(given[key]).max(initial=0.0, where=np.isfinite(given[key]))
+        if not np.allclose(values, given[key], 1e-9, 1e-9 * scale, equal_nan=True):
+            lost.append(key)
     if lost := term.blank.mesh.comm.allreduce(lost):
         raise InputError(
             f"`recall` of term {term.name} leaves {lost[0]} other than it was given; allowed is to "
@@ -58,9 +55,3 @@ def _memory(term):
         for place, method in (("", "memory"), (OF_CELLS, "cell_memory"))
         for key, values in arrays(term, method, getattr(term, method)()).items()
     }
-
-
-def _equal(one, other):
-    """Equality up to rounding."""
-    scale = np.abs(other).max(initial=0.0, where=np.isfinite(other))
-    return np.allclose(one, other, 1e-9, 1e-9 * scale, equal_nan=True)

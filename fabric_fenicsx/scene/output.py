@@ -30,8 +30,8 @@ def summary(scene: Scene) -> dict[str, Content]:
         "energy_imbalance_largest branches quantities error verdict reasons warnings wall_s "
         "peak_memory_mib versions"
     ).split()
-    given = merged(scene.terms, "summary", own)
-    return {"terms": [t.name for t in scene.terms]} | {k: v.value for k, v in given.items()}
+    given = {name: each.value for name, each in merged(scene.terms, "summary", own).items()}
+    return {"terms": [term.name for term in scene.terms], **given}
 
 
 def sizes(scene: Scene) -> dict[str, Content]:
@@ -53,15 +53,14 @@ def cell_fields(scene: Scene) -> Fields:
 def nodal_fields(scene: Scene, taken: Collection[str] = ()) -> Fields:
     """Fields at this rank's nodes, ghosts too, (nodes, ...), beside those `taken` by cells."""
     fields = Fields(merged(scene.terms, "nodal_fields", (*OF_A_SHEET, *taken)))
-    for name, values in fields.items():
-        fields[name] = scene.blank.with_ghosts(values)
+    fields.update({name: scene.blank.with_ghosts(values) for name, values in fields.items()})
     return fields
 
 
 def tools(scene: Scene) -> list[Tool]:
     """Tools whose surface the sheet may touch."""
-    touching = [term for term in scene.terms if overrides(term, "may_press")]
-    return list(dict.fromkeys(term.tool for term in touching if term.tool))
+    touching = [term.tool for term in scene.terms if overrides(term, "may_press") and term.tool]
+    return list(dict.fromkeys(touching))
 
 
 def tool_force(scene: Scene, tool: Tool) -> np.ndarray:
@@ -99,10 +98,9 @@ def _membranes(scene):
 def virial(scene: Scene) -> np.ndarray:
     """Virial of the nodal forces after `Scene.residual`: sum of force times undeformed position,
     (gdim, gdim) [N mm]: in equilibrium the volume integral of the first Piola-Kirchhoff stress."""
-    blank = scene.blank
-    owned, gdim = blank.V.dofmap.index_map.size_local, blank.mesh.geometry.dim
-    places = blank.along(blank.coordinates()[:owned].T).T
-    return scene.comm.allreduce(scene.forces.array.reshape(-1, gdim)[:owned].T @ places, MPI.SUM)
+    forces = scene.forces.array.reshape(-1, scene.blank.mesh.geometry.dim)
+    places = scene.blank.along(scene.blank.coordinates()[: len(forces)].T)
+    return scene.comm.allreduce(forces.T @ places.T, MPI.SUM)
 
 
 def outer_forces(scene: Scene) -> dict[str, float]:
@@ -118,5 +116,4 @@ def warnings(scene: Scene) -> list[str]:
     given = [membrane_warnings(term) for term in _membranes(scene)]
     given += [term.warnings() for term in scene.terms]
     texts = [text for each in given for text in ([each] if isinstance(each, str) else each)]
-    located = scene.supports.locating_warning(outer_forces(scene))
-    return [*texts, *filter(None, [located])]
+    return [*texts, *filter(None, [scene.supports.locating_warning(outer_forces(scene))])]

@@ -25,7 +25,8 @@ class Scene:
     """A sheet with all that acts on it, at a load factor from 0 to 1.
 
     Its energy is the sum of the energies of `terms`. A run minimises it at fixed supports,
-    step by step up to the full load.
+    step by step up to the full load. Raises InputError without an elastic term, for a term of
+    another scene, and for a support that holds no node.
 
     Parameters
     ----------
@@ -36,11 +37,6 @@ class Scene:
         of them what `Term` says; each belongs to one scene.
     supports
         Prescribed displacements, or a function of the blank that returns them.
-
-    Raises
-    ------
-    InputError
-        Without an elastic term, for a term of another scene, and for a support that holds no node.
 
     Examples
     --------
@@ -62,11 +58,10 @@ class Scene:
             bind(term, self)
         self.u = compat.petsc_vector(blank.u)
         if not any(term.energy is not None or "stretch" in term.resists for term in self.terms):
-            raise InputError(
-                f"the scene of {blank.name} has no elastic term; it needs one, as a membrane"
-            )
+            raise InputError(f"the scene of {blank.name} has no elastic term; it needs a membrane")
         self._assembly = Assembly(blank, self.terms)
         self.keeping = [term for term in self.terms if overrides(term, "motion_to_gaps")]
+        self.has_lagged_terms = any(overrides(term, "update_lagged") for term in self.terms)
         self._checked = False
         self._fixed_in_matrix: dict[bool, np.ndarray] = {}  # and in the narrow one
         self.was_loaded = False  # True once a run has left the state that terms and sheet began in
@@ -86,11 +81,6 @@ class Scene:
     def fixed_dofs(self) -> np.ndarray:
         """This rank's degrees of freedom that supports fix now, (fixed,)."""
         return self.supports.dofs
-
-    @property
-    def has_lagged_terms(self) -> bool:
-        """True if terms update something between solves."""
-        return any(overrides(term, "update_lagged") for term in self.terms)
 
     def release_locating_supports(self) -> None:
         """Drop supports that only locate, if friction holds the sheet in its accepted state."""
@@ -235,10 +225,6 @@ class Scene:
         for term in self.terms:
             term.use_secant_stiffness(self.forces.array)
 
-    def support_forces(self) -> np.ndarray:
-        """Forces of the supports on this rank's `fixed_dofs`, after `residual` (dofs,) [N]."""
-        return self.forces.array[self.fixed_dofs].copy()
-
     @phase("assemble")
     def force_scale(self) -> float:
         """Norm of the nodal forces of supports, loads and tools, after `residual`, with which a
@@ -254,14 +240,13 @@ class Scene:
     def compliances(self) -> list[tuple[PETSc.Vec, float]]:
         """Vectors c and numbers k [N/mm] of tools moved by force: c c^T / k softens the tangent."""
         softenings = []
-        for term in self.terms:
-            given = term.compliance()
-            if given and given[1] > 0:
+        for along, k in filter(None, (term.compliance() for term in self.terms)):
+            if k > 0:
                 c = self.u.duplicate()
                 c.set(0.0)
-                c.array[: given[0].size] = given[0]
+                c.array[: along.size] = along
                 c.array[self.fixed_dofs] = 0
-                softenings.append((c, given[1]))
+                softenings.append((c, k))
         return softenings
 
     def reaction(self, name: str) -> np.ndarray:
@@ -282,8 +267,8 @@ class Scene:
                 numbers = entries(given, name)
                 facts |= {f"{k} of term {i}, {term.name}": v for k, v in numbers.items()}
             for name, (_, x, values) in term.fields.items():
-                told = of_values(self.comm, x, values[:, None])
-                facts[f"values of {name} of term {i}, {term.name}"] = told
+                name = f"values of {name} of term {i}, {term.name}"
+                facts[name] = of_values(self.comm, x, values[:, None])
         facts["supports"] = ", ".join(support.name for support in self.supports)
         farthest = self.comm.allreduce(abs(self.supports.values(1.0)).max(initial=0.0), MPI.MAX)
         facts["largest displacement of supports [mm]"] = plain(float(farthest))

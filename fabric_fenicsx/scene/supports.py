@@ -4,12 +4,12 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from mpi4py import MPI
 
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from ..runtime.rules import FINITE
 from ..sheets.blank import Blank
+from ..sheets.sheet_mesh import bounds
 from ..tools.values import checked_vector, length_of
 
 
@@ -27,17 +27,12 @@ class Support:
         Axes that are fixed: 0, 1 and, for a sheet in space, 2.
     value
         Displacement at full load (gdim,) [mm], which grows with the load factor, or a function of
-        points (3, n) and load factor that returns (gdim, n).
+        points (3, n) and load factor that returns (gdim, n). Raises InputError if it is neither.
     locates
         The support only keeps the sheet from moving as a rigid body and should bear nothing. It is
         dropped from a single sheet as soon as friction of tools holds that. Otherwise a run warns
         if such supports bear more than 0.5 % of all forces on nodes from outside, added up by size,
         and is not believed beyond `Limits.located`.
-
-    Raises
-    ------
-    InputError
-        For a value that is no vector.
 
     Examples
     --------
@@ -114,9 +109,8 @@ def _ends(blank, stroke, components):
     low, high = blank.extent()
     x, comm, near = blank.along(blank.coordinates().T), blank.mesh.comm, 1e-6 * (high - low).max()
     for name, position in (("low", low[0]), ("high", high[0])):
-        at_end = x[1][np.abs(x[0] - position) <= near]
-        first = comm.allreduce(at_end.min(initial=np.inf), MPI.MIN)
-        held = comm.allreduce(at_end.max(initial=-np.inf), MPI.MAX) - first
+        first, last = bounds(comm, x[1:2, np.abs(x[0] - position) <= near])
+        held = float((last - first)[0])
         if held < 0.5 * (high - low)[1]:
             raise InputError(
                 f"the {name} end of {blank.name} along its length can be gripped over "
@@ -162,14 +156,14 @@ def frame(deformation: Callable[[float], np.ndarray]) -> Callable[[Blank], list[
     """
 
     def supports(blank: Blank) -> list[Support]:
-        corner = blank.extent()[0]
+        low = blank.extent()[0][:2, None]
 
         def value(x, load):
             x = blank.along(x)
             moved = np.zeros_like(x)
-            moved[:2] = (deformation(load) - np.eye(2)) @ (x[:2] - corner[:2, None])
+            moved[:2] = (deformation(load) - np.eye(2)) @ (x[:2] - low)
             return moved
 
-        return [Support("frame", on_edge(blank), tuple(range(len(corner))), value)]
+        return [Support("frame", on_edge(blank), tuple(range(blank.mesh.geometry.dim)), value)]
 
     return supports

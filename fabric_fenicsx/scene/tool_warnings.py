@@ -13,7 +13,7 @@ from ..sheets.blank import Blank
 from ..tools.checks import hole_warning, radius_over, size_warning
 from ..tools.tool import Tool
 from . import output
-from .isostatic import planes_of_symmetry
+from .rigid_motions import planes_of_symmetry
 from .scene import Scene
 
 MAX_FRICTION = 2.0  # [-], above which a coefficient may be in per cent
@@ -29,46 +29,37 @@ def tool_warnings(scene: Scene, formed: bool = False) -> list[str]:
     """Sentences on too few cells, or too large ones for the tools, on friction that may be in per
     cent, and on tools in other units than mm or with holes. formed: ask only tools that touched for
     radii."""
-    blank, tools = scene.blank, output.tools(scene)
-    asked = [tool for tool in tools if not formed or _touched(scene, tool)]
-    sentences = [few_cells_warning(scene) or _cell_size_warning(blank, asked)]
-    frictions = {
-        term.tool.name: term.coulomb.largest
-        for term in scene.terms
-        if isinstance(term, ToolInteraction) and term.coulomb
-    }
-    sentences += [
-        f"friction on {name} has a coefficient of {mu:g}, which is much: 25 % is 0.25"
-        for name, mu in frictions.items()
-        if MAX_FRICTION < mu < np.inf
-    ]
-    size = float(np.subtract(*blank.extent()[::-1]).max())
+    tools = output.tools(scene)
+    asked = _touched(scene) if formed else tools
+    sentences = [few_cells_warning(scene) or _cell_size_warning(scene.blank, asked)]
+    for term in scene.terms:
+        if isinstance(term, ToolInteraction) and term.coulomb:
+            mu, name = term.coulomb.largest, term.tool.name
+            much = f"friction on {name} has a coefficient of {mu:g}, which is much: 25 % is 0.25"
+            sentences += [much] if MAX_FRICTION < mu < np.inf else []
+    size = float(scene.blank.sides().max())
     for tool in tools:
         sentences += [size_warning(tool, size), hole_warning(tool)]
-    return [each for each in sentences if each]
+    return list(dict.fromkeys(filter(None, sentences)))
 
 
-def _contacts(scene, tool):
-    return [term for term in scene.terms if isinstance(term, Contact) and term.tool is tool]
-
-
-def _touched(scene, tool):
-    """True if the tool pressed the sheet in any accepted state; called on all ranks."""
-    return max((each.largest_depth() for each in _contacts(scene, tool)), default=0.0) > 0
+def _touched(scene):
+    """Tools that pressed the sheet in any accepted state; called on all ranks."""
+    contacts = [term for term in scene.terms if isinstance(term, Contact)]
+    pressed = [term.tool for term in contacts if term.largest_depth() > 0]
+    return [tool for tool in output.tools(scene) if tool in pressed]
 
 
 def few_cells_warning(scene: Scene) -> str:
     """A sentence if a sheet on tools has fewer than `MIN_CELLS` cells, or halves of quadratic ones,
     along its longest side, else ""; a quarter stands for the whole sheet."""
-    blank, sides = scene.blank, np.subtract(*scene.blank.extent()[::-1])
+    blank, sides = scene.blank, scene.blank.sides()
     sides[list(planes_of_symmetry(blank, scene.supports))] *= 2
     along = float(sides.max()) / _cell_length(blank)
     if along >= MIN_CELLS or not output.tools(scene):
         return ""
-    return (
-        f"{rounded(along)} cells reach along the whole of {blank.name}, which tell neither forces "
-        f"nor shape; take {2 * MIN_CELLS} or more"
-    )
+    few = f"{rounded(along)} cells reach along the whole of {blank.name}"
+    return f"{few}, which tell neither forces nor shape; take {2 * MIN_CELLS} or more"
 
 
 def _cell_length(blank):
@@ -90,12 +81,10 @@ def _cells_over_radius(blank: Blank, tools: Iterable[Tool]) -> tuple[float, floa
 
 def cells_over_radius(scene: Scene) -> float:
     """Length of cells over the least radius of the tools that a sheet has touched."""
-    touched = [tool for tool in output.tools(scene) if _touched(scene, tool)]
-    return _cells_over_radius(scene.blank, touched)[0]
+    return _cells_over_radius(scene.blank, _touched(scene))[0]
 
 
 def _cell_size_warning(blank, tools):
-    """A sentence if cells are too large to bend around the tools' least radius, else ""."""
     angle, length, name = _cells_over_radius(blank, tools)
     if math.degrees(angle) <= MAX_TURN:
         return ""
@@ -109,15 +98,14 @@ def _cell_size_warning(blank, tools):
 
 def untouched_warning(scene: Scene) -> str:
     """A sentence on tools that moved on a path but never touched the sheet, else ""."""
-    told = []
+    texts, touched = [], _touched(scene)
     for tool in output.tools(scene):
         along_path = tool.displacement - tool.travel * tool.direction - tool.path(0.0)
         moved = float(np.linalg.norm(along_path))  # so far, as a run may have been stopped
-        contacts = _contacts(scene, tool)
-        if contacts and moved and not _touched(scene, tool):
+        contacts = [each for each in scene.terms if isinstance(each, Contact) and each.tool is tool]
+        if contacts and moved and tool not in touched:
             gap = min(float(each.gap().min(initial=math.inf)) for each in contacts)
-            gap = round(scene.comm.allreduce(gap, MPI.MIN), 9)
-            way, left = rounded(moved), rounded(gap)
-            told.append(f"{tool.name} moved by {way} mm, and is still {left} mm off")
-    words = "check its path and its surface"
-    return f"a tool never touched the sheet: {'; '.join(told)}; {words}" if told else ""
+            away = rounded(round(scene.comm.allreduce(gap, MPI.MIN), 9))
+            texts.append(f"{tool.name} moved by {rounded(moved)} mm, and is still {away} mm off")
+    words = "; ".join([*texts, "check its path and its surface"])
+    return f"a tool never touched the sheet: {words}" if texts else ""

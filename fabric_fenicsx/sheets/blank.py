@@ -28,7 +28,9 @@ from .sheet_mesh import Direction, SheetMesh
 class Blank(SheetMesh):
     """A woven sheet: mesh, fibre fields and the unknown displacement.
 
-    Most are made by `rectangle`, `outline`, `read` or `from_arrays`.
+    Most are made by `rectangle`, `outline`, `read` or `from_arrays`. Raises InputError, on all
+    ranks, for another frame, and for directions that are not finite, normal to the sheet, out of
+    the plane of a plane blank, or parallel to each other.
 
     Parameters
     ----------
@@ -37,15 +39,13 @@ class Blank(SheetMesh):
     a, b : float, (gdim,) or function
         Directions of the yarns: an angle from the x axis about the z axis [rad]; a vector; or a
         function of points (3, n) to angles (n,) or vectors (gdim, n). Without `b` yarns b are
-        perpendicular to a, turned counter-clockwise as seen from `up`.
+        perpendicular to a, turned counter-clockwise as seen from `up` (3,).
     degree : int or None
         Of the displacement: 1 or 2, on triangles also 3. None: 2 in a plane; in space 1 where cells
         follow the yarns, so that they don't lock, and 2 elsewhere.
     frame : (gdim, gdim)
         Orthonormal rows; `u` holds the displacement's components along them, so that supports may
         act along axes which are turned in space (x, y, z).
-    up : (3,)
-        The side from which `b` is counter-clockwise.
     name : str
         The sheet's name in messages.
 
@@ -60,12 +60,6 @@ class Blank(SheetMesh):
         every point.
     warnings : list of str
         Doubts about its mesh.
-
-    Raises
-    ------
-    InputError
-        On all ranks, for another frame, and for directions that are not finite, normal to the
-        sheet, out of the plane of a plane blank, or parallel to each other.
 
     Examples
     --------
@@ -91,8 +85,7 @@ class Blank(SheetMesh):
         in_space = mesh.geometry.dim == 3
         self.interpolate(degree or (1 if in_space else 2))
         self.whole = Part(self, orthogonal=b is None)
-        may_lock = degree is None and in_space and compat.is_affine(mesh)
-        if may_lock and not self.whole.follows_yarns():
+        if not degree and in_space and compat.is_affine(mesh) and not self.whole.follows_yarns():
             self.interpolate(2)
             self.whole = Part(self, orthogonal=b is None)
         self.straight, self.orthogonal = self.whole.straight, self.whole.orthogonal
@@ -112,22 +105,20 @@ class Blank(SheetMesh):
         middles = self.mesh.geometry.x[compat.geometry_dofmap(self.mesh)].mean(1).T
         masks = {name: np.asarray(where(middles), bool) for name, where in patches.items()}
         count = np.sum(list(masks.values()), axis=0)
-        cells = self.mesh.comm.allreduce(np.array([m.sum() for m in masks.values()]))
-        empty = [name for name, size in zip(masks, cells) if not size]
+        sizes = [mask.sum() for mask in (count == 0, count > 1, *masks.values())]
+        others, shared, *cells = self.mesh.comm.allreduce(np.array(sizes))
         flaw = ""
         if self.parts:
             flaw = f"{self.name} has parts {', '.join(self.parts)} already; allowed is one division"
-        elif self.mesh.comm.allreduce(int((count > 1).sum())):
+        elif shared:
             flaw = f"patches of {self.name} overlap; allowed is one for each cell"
-        elif empty:
-            flaw = f"patch {empty[0]} of {self.name} has no cells; allowed are one or more"
+        elif 0 in cells:
+            empty = list(masks)[cells.index(0)]
+            flaw = f"patch {empty} of {self.name} has no cells; allowed are one or more"
         if flaw:
             raise InputError(flaw)
-        if self.mesh.comm.allreduce(int((count == 0).sum())):
-            masks |= {rest: count == 0}
-        for name, mask in masks.items():
-            at = np.flatnonzero(mask)
-            self.parts[name] = Part(self, name, at, orthogonal=self.orthogonal)
+        for name, mask in (masks | ({rest: count == 0} if others else {})).items():
+            self.parts[name] = Part(self, name, np.flatnonzero(mask), orthogonal=self.orthogonal)
 
     @classmethod
     def from_arrays(
@@ -149,11 +140,8 @@ class Blank(SheetMesh):
         is a manifold mesh in R^3. options: those of `Blank`. Raises InputError, on all ranks, for a
         mesh that is no sheet, see `checked_mesh`; doubts stand in `warnings`.
         """
-
-        def given():
-            return MeshArrays(np.asarray(points, float), np.asarray(cells), str(kind), [])
-
-        return cls.made(comm, given, source, spatial, options)
+        arrays = np.asarray(points, float), np.asarray(cells), str(kind)
+        return cls.made(comm, lambda: MeshArrays(*arrays, []), source, spatial, options)
 
     @classmethod
     def made(
@@ -163,22 +151,23 @@ class Blank(SheetMesh):
         source: str,
         spatial: bool,
         options: Values,
-        moved: Callable[[np.ndarray], tuple[np.ndarray, list[str]]] | None = None,
+        centred: bool = False,
+        height: float | None = None,
     ) -> Self:
-        """Blank of what `make` returns on rank 0, checked and `moved`, a function of points to
-        points and warnings; others as in `from_arrays`."""
-        local: MeshArrays | None = None
+        """Blank of what `make` returns on rank 0, checked; centred, height: as in `read`; others as
+        in `from_arrays`."""
+        local: list[MeshArrays] = []
 
         def checked():
-            nonlocal local
-            raw = make()
-            mesh = checked_mesh(raw.points, raw.cells, raw.kind, source, spatial)
-            points, notes = moved(mesh.points) if moved else (mesh.points, [])
-            local = mesh._replace(points=points, warnings=[*raw.warnings, *mesh.warnings, *notes])
-            return local._replace(points=mesh.points[:0], cells=mesh.cells[:0])  # of other ranks
+            points, cells, kind, notes = make()
+            mesh = checked_mesh(points, cells, kind, source, spatial)
+            points, moved = flat.moved_sheet(mesh.points, source, centred, height)
+            notes = [*notes, *mesh.warnings, *moved]
+            local.append(MeshArrays(points, mesh.cells, kind, notes))
+            return MeshArrays(points[:0], mesh.cells[:0], kind, notes)  # of other ranks
 
         empty = on_root(comm, checked)
-        points, nodes, kind, warnings = local or empty
+        points, nodes, kind, warnings = (local or [empty])[0]
         how = CELLS[kind]
         nodes = nodes[:, compat.to_dolfinx_order(how.cell, nodes.shape[1])]
         blank = cls(compat.create_mesh(comm, nodes, points, how.cell, how.degree), **options)
@@ -198,32 +187,19 @@ class Blank(SheetMesh):
         comm: MPI.Comm = MPI.COMM_WORLD,
         **layout: Any,
     ) -> Self:
-        """Rectangle in the plane z = 0.
+        """Rectangle of `length` and `width` [mm] in the plane z = 0.
 
-        Parameters
-        ----------
-        length, width : float
-            [mm]
-        nx, ny : int
-            Rectangles along length and width, square without `ny`.
-        pattern : str
-            How they become cells, one of `meshes.specimen.PATTERNS`.
-        spatial : bool
-            True: free to leave its plane.
-        turned : float
-            From x to the length [rad]; the blank's frame is then its length and width.
-        centred : bool
-            True: the middle is the origin, otherwise a corner; one for each side if two are given.
-        element : {"P1", "P2", "P3", "Q1", "Q2"}
-            By default P1 or P2, see `degree` of `Blank`.
-        fibre_angle, yarn_angle : float
-            From the length to yarns a (0), a `Field`, too, and from there to yarns b (90) [deg].
-            Cells along the yarns follow those in the middle.
+        - nx, ny: rectangles along length and width, square without `ny`; pattern: how they become
+          cells, one of `meshes.specimen.PATTERNS`
+        - element: "P1", "P2", "P3", "Q1" or "Q2"; by default P1 or P2, see `degree` of `Blank`
+        - spatial: True: free to leave its plane
+        - turned: angle from x to the length [rad]; the frame is then along length and width
+        - centred: True: the middle is the origin, otherwise a corner; one for each side if two are
+          given
+        - fibre_angle, yarn_angle: from the length to yarns a (0), a `Field`, too, and from there to
+          yarns b (90) [deg]. Cells along the yarns follow those in the middle.
 
-        Raises
-        ------
-        InputError
-            For values that are not allowed or do not fit together.
+        Raises InputError for values that are not allowed or do not fit together.
         """
         sides = POSITIVE.check("`length`", length), POSITIVE.check("`width`", width)
         turned = FINITE.check("`turned`", layout.pop("turned", 0.0))
@@ -247,31 +223,19 @@ class Blank(SheetMesh):
     ) -> Self:
         """Sheet in the plane z = 0 within an outline with holes, of triangles.
 
-        Parameters
-        ----------
-        outline : file name or list of (n, 2)
-            A DXF, a CSV of x and y, or a mesh; or rings [mm], of which the largest is the outline.
-        nx, size : int, float
-            Edges of cells along the extent in x, or their length [mm].
-        pattern : {"along", "unstructured"}
-            `along`: cells along both yarns, but for a rim of others; the default where it is
-            `spatial`.
-        layer : str
-            Of a DXF, or several with commas between them.
-        centred : bool
-            True: the middle of its extent is the origin; otherwise it lies as in the file.
-        planes : sequence of int
-            Axes, 0 or 1, to which planes of symmetry through the origin are perpendicular: of an
-            outline on both sides of one the positive side is meshed.
-        spatial, turned, element, fibre_angle, yarn_angle
-            As in `rectangle`.
+        - outline: file name of a DXF, a CSV of x and y, or a mesh; or rings (n, 2) [mm], of which
+          the largest is the outline; layer: of a DXF, or several with commas between them
+        - nx, size: edges of cells along the extent in x, or their length [mm]
+        - pattern: "along", cells along both yarns but for a rim of others, the default where it is
+          `spatial`; or "unstructured"
+        - centred: True: the middle of its extent is the origin; otherwise it lies as in the file
+        - planes: axes, 0 or 1, to which planes of symmetry through the origin are perpendicular: of
+          an outline on both sides of one the positive side is meshed
+        - spatial, turned, element, fibre_angle, yarn_angle: as in `rectangle`
 
-        Raises
-        ------
-        InputError
-            For a file that cannot be read, rings that bound no sheet, quadrilaterals, an outline
-            that a plane of symmetry does not mirror, and values that are not allowed. What was left
-            out stands in `warnings`.
+        What was left out stands in `warnings`. Raises InputError for a file that cannot be read,
+        rings that bound no sheet, quadrilaterals, an outline that a plane of symmetry does not
+        mirror, and values that are not allowed.
         """
         pattern = pattern or ("along" if spatial else "unstructured")
         turned = FINITE.check("`turned`", layout.pop("turned", 0.0))
@@ -302,7 +266,7 @@ class Blank(SheetMesh):
         or unknown cells, and for a sheet that is not flat and has a `height`.
         """
 
-        moved = partial(flat.moved_sheet, source=str(path), centred=centred, height=height)
-        blank = cls.made(comm, partial(read_mesh, path), str(path), spatial, options, moved)
+        make = partial(read_mesh, path)
+        blank = cls.made(comm, make, str(path), spatial, options, centred, height)
         blank.from_file = True
         return blank

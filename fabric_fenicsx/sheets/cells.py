@@ -23,13 +23,13 @@ class CellKind(NamedTuple):
         return 3 if self.cell == "triangle" else 4
 
 
-_TRIANGLE = [(0, 0), (1, 0), (0, 1), (0.5, 0), (0.5, 0.5), (0, 0.5)]
-_QUAD = [(0, 0), (1, 0), (1, 1), (0, 1), (0.5, 0), (1, 0.5), (0.5, 1), (0, 0.5), (0.5, 0.5)]
+_TRIANGLE = np.array([(0, 0), (2, 0), (0, 2), (1, 0), (1, 1), (0, 1)]) / 2
+_QUAD = np.array([(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)]) / 2
 CELLS = {
-    "triangle": CellKind("triangle", 1, np.array(_TRIANGLE[:3], float)),
-    "triangle6": CellKind("triangle", 2, np.array(_TRIANGLE)),
-    "quad": CellKind("quadrilateral", 1, np.array(_QUAD[:4], float)),
-    "quad9": CellKind("quadrilateral", 2, np.array(_QUAD)),
+    "triangle": CellKind("triangle", 1, _TRIANGLE[:3]),
+    "triangle6": CellKind("triangle", 2, _TRIANGLE),
+    "quad": CellKind("quadrilateral", 1, _QUAD[:4]),
+    "quad9": CellKind("quadrilateral", 2, _QUAD),
 }
 # corners and degree of cells of which DOLFINx would have more than the checks can judge
 HIGHER = {f"triangle{(p + 1) * (p + 2) // 2}": (3, p) for p in range(3, 11)} | {
@@ -69,18 +69,20 @@ def straight_cells(
     x = points[cells]
     edges = np.roll(x[:, :k], -1, 1) - x[:, :k]
     length = np.linalg.norm(edges, axis=2)
-    size = length.max(1)
+    near = STRAIGHT_TOLERANCE * length.max(1)
     arms = x[:, k : k * degree].reshape(-1, k, degree - 1, 3) - x[:, :k, None]
     beside = np.linalg.norm(np.cross(arms, edges[:, :, None]), axis=3).max(2)
     normal = np.cross(edges[:, 0], edges[:, 1])
     above = abs(((x - x[:, :1]) * normal[:, None]).sum(2)).max(1)
-    curved = (beside > STRAIGHT_TOLERANCE * size[:, None] * length).any(1)
-    curved |= above > STRAIGHT_TOLERANCE * size * np.linalg.norm(normal, axis=1)
+    curved = (beside > near[:, None] * length).any(1)
+    curved |= above > near * np.linalg.norm(normal, axis=1)
     if curved.any():
         first = int(curved.argmax())
-        where = f"the first number {first} {at_place(x[first, :k].mean(0))}"
-        allowed = "curved cells of order 2 (in gmsh Mesh.ElementOrder = 2) and straight ones"
-        raise InputError(f"{source} has curved cells of order {degree}, {where}; allowed {allowed}")
+        raise InputError(
+            f"{source} has curved cells of order {degree}, the first number {first} "
+            f"{at_place(x[first, :k].mean(0))}; allowed curved cells of order 2 (in gmsh "
+            "Mesh.ElementOrder = 2) and straight ones"
+        )
     return cells[:, :k], {3: "triangle", 4: "quad"}[k]
 
 
@@ -90,17 +92,17 @@ def one_sense(
     """Cells (m, k) of a plane mesh that all turn the same way round about z, as most of them do,
     and a sentence if some had to be turned over. x: points (n, 3) [mm]."""
     corners = x[cells[:, : how.corners]]
-    arms = corners[:, 2:] - corners[:, :1]
-    before = corners[:, 1:-1] - corners[:, :1]
-    sense = np.sign((before[..., 0] * arms[..., 1] - before[..., 1] * arms[..., 0]).sum(1))
+    arms = corners[:, 1:] - corners[:, :1]
+    sense = np.sign(np.cross(arms[:, :-1], arms[:, 1:])[..., 2].sum(1))
     turn = np.flatnonzero(sense == (-1 if sense.sum() >= 0 else 1))
     if not turn.size:
         return cells, []
     cells = cells.copy()
     cells[turn] = turned_over(cells[turn], how)
-    first = f"the first number {turn[0]} {at_place(corners[turn[0]].mean(0))}"
-    flaw = f"{source} has {turn.size} of {len(cells)} cells turned over, {first}"
-    return cells, [f"{flaw}; they were turned to agree with the others"]
+    return cells, [
+        f"{source} has {turn.size} of {len(cells)} cells turned over, the first number {turn[0]} "
+        f"{at_place(corners[turn[0]].mean(0))}; they were turned to agree with the others"
+    ]
 
 
 def bad_shape(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str) -> str:
@@ -114,13 +116,11 @@ def bad_shape(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str) -> s
     flat = np.flatnonzero((normals * mean[:, None]).sum(2).min(1) <= AREA_TOLERANCE * size**2)
     if flat.size:
         where = f"number {flat[0]} {at_place(corners[flat[0]].mean(0))}"
-        flaw = f"{source} has a degenerate or non-convex cell, {where}"
-        return f"{flaw}; allowed are cells with area"
+        return f"{source} has a degenerate or non-convex cell, {where}; allowed are cells with area"
     if how.degree == 1:
         return ""
-    kind = getattr(basix.CellType, how.cell)
+    kind, variant = getattr(basix.CellType, how.cell), basix.LagrangeVariant.equispaced
     fine = basix.create_lattice(kind, 20, basix.LatticeType.equispaced, True)
-    variant = basix.LagrangeVariant.equispaced
     lagrange = basix.create_element(basix.ElementFamily.P, kind, 2, variant)
     order = np.argsort(compat.to_dolfinx_order(how.cell, len(how.nodes)))
     values, ds, dt = lagrange.tabulate(1, fine)[..., order, 0]
@@ -130,6 +130,8 @@ def bad_shape(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str) -> s
         areas = (np.cross(ds @ nodes, dt @ nodes) * mean[block, None]).sum(2)
         for k in np.flatnonzero(areas.min(1) <= AREA_TOLERANCE * size[block] ** 2)[:1]:
             place = at_place(values[areas[k].argmin()] @ nodes[k])
-            flaw = f"number {block[k]}, that its curved edges turn over inside, {place}"
-            return f"{source} has a cell, {flaw}; allowed is area everywhere"
+            return (
+                f"{source} has a cell, number {block[k]}, that its curved edges turn over inside, "
+                f"{place}; allowed is area everywhere"
+            )
     return ""

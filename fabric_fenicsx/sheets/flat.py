@@ -47,9 +47,8 @@ def outline(
 ) -> MeshArrays:
     """The inside of a `rim`, as in `Blank.outline`; cells: their size [mm], and the layer of a DXF.
     Warnings say what was left out."""
-    size, layer = cells
     _check_triangles(layout, "an outline")
-    source, notes = outline_source(rim), list[str]()
+    (size, layer), source, notes = cells, outline_source(rim), list[str]()
     if isinstance(rim, str | os.PathLike):
         sheet, notes = read_outline(rim, layer)
     else:
@@ -60,10 +59,9 @@ def outline(
     low, high = np.reshape(sheet.bounds, (2, 2))
     a, between = _yarns(layout, sheet.centroid.coords[0])
     size = (high - low)[0] / layout.nx if size is None else size
+    yarns = a + turned, a + turned + between
     try:
-        points, triangles, kind, left_out = outline_mesh(
-            sheet, size, layout.pattern, (a + turned, a + turned + between)
-        )
+        points, triangles, kind, left_out = outline_mesh(sheet, size, layout.pattern, yarns)
     except InputError as error:
         raise InputError("; ".join([str(error), *notes])) from None
     return MeshArrays(points, triangles, kind, notes + left_out)
@@ -88,23 +86,20 @@ def _yarns(layout, place):
 def moved_sheet(
     points: np.ndarray, source: str, centred: bool, height: float | None
 ) -> tuple[np.ndarray, list[str]]:
-    """Points (n, 2 or 3) [mm] of a sheet with the middle of its extent at the origin if it is to be
-    `centred`, and at z = `height` unless that is None; with a warning where z changes. Raises
-    InputError for a sheet that is not flat and has a `height`."""
-    points, warnings = points.copy(), list[str]()
-    low, high = points.min(0), points.max(0)
+    """Points (n, 2 or 3) [mm] of a sheet, moved as in `Blank.read`, and a warning if z changes."""
+    points, low, high = points.copy(), points.min(0), points.max(0)
     if centred:
         points[:, :2] -= (low + high)[:2] / 2
-    if height is not None and len(low) == 3:
-        if high[2] - low[2] > FLAT_TOLERANCE * (high - low).max():
-            raise InputError(
-                f"{source} reaches from z = {rounded(low[2], 4)} to {rounded(high[2], 4)} mm; "
-                "allowed is a flat sheet, in a plane z = const"
-            )
-        points[:, 2] = height
-        if abs(low[2] - height) > FLAT_TOLERANCE * (high - low).max():
-            warnings.append(
-                f"{source} lies in z = {rounded(low[2], 4)} mm and was put in z = {height:g}, "
-                "where the blank of a press is"
-            )
-    return points, warnings
+    if height is None or len(low) == 2:
+        return points, []
+    near, place = FLAT_TOLERANCE * (high - low).max(), f"z = {rounded(low[2], 4)}"
+    if high[2] - low[2] > near:
+        raise InputError(
+            f"{source} reaches from {place} to {rounded(high[2], 4)} mm; allowed is a flat sheet, "
+            "in a plane z = const"
+        )
+    points[:, 2] = height
+    doubt = (
+        f"{source} lies in {place} mm and was put in z = {height:g}, where a press has its blank"
+    )
+    return points, [doubt] if abs(low[2] - height) > near else []

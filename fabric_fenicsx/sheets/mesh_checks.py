@@ -33,13 +33,12 @@ def checked_mesh(
     how = CELLS[kind]
     used, numbers = np.unique(cells, return_inverse=True)
     points, cells = points[used], numbers.reshape(cells.shape)
-    height, plane = 0.0, points.shape[1] == 2
+    height, plane, warnings, x = 0.0, points.shape[1] == 2, list[str](), points
     # extent in z over the sheet's below which it is plane: files have singles
     if not plane and np.ptp(points[:, 2]) <= 1e-7 * np.ptp(points, axis=0).max():
         height, plane = np.median(points[:, 2]), True
-    warnings: list[str] = []
-    x = np.column_stack([points[:, :2], np.full(len(points), height)]) if plane else points
     if plane:
+        x = np.column_stack([points[:, :2], np.full(len(points), height)])
         cells, warnings = one_sense(x, cells, how, source)
     edges = _Edges(x, cells, how)
     flaw = bad_shape(x, cells, how, source) or _torn(x, edges, source)
@@ -59,13 +58,10 @@ def _flaw(points, cells, kind):
         return f"has cells of {cells.shape[1:]} nodes; allowed are {nodes} for a {kind}"
     outside = np.flatnonzero((cells < 0).any(1) | (cells >= len(points)).any(1))
     if outside.size:
-        return (
-            f"has a cell, number {outside[0]}, with nodes {cells[outside[0]].tolist()}; allowed "
-            f"are numbers from 0 to {len(points) - 1}"
-        )
+        cell, last = f"a cell, number {outside[0]},", len(points) - 1
+        return f"has {cell} with nodes {cells[outside[0]].tolist()}; allowed are 0 to {last}"
     if (bad := cells[~np.isfinite(points[cells]).all(2)]).size:
-        flaw = f"has a coordinate that is not a number at node {bad.min()}"
-        return f"{flaw}; allowed are finite lengths in mm"
+        return f"has a coordinate that is not a number at node {bad.min()}; allowed are lengths"
     return ""
 
 
@@ -89,30 +85,30 @@ class _Edges:
         """Straight edges (m, 2) by nodes on the sheet's rim, and their cells (m,)."""
         single = self.shared == 1
         ends, cells = self.ends[single], self.cells[single]
-        if self.middles is not None:
-            middle = self.middles[single]
-            ends = np.vstack([np.stack([ends[:, 0], middle], 1), np.stack([middle, ends[:, 1]], 1)])
-            cells = np.tile(cells, 2)
-        return ends, cells
+        if self.middles is None:
+            return ends, cells
+        halves = np.insert(ends, 1, self.middles[single], axis=1)
+        return np.vstack([halves[:, :2], halves[:, 1:]]), np.tile(cells, 2)
 
 
 def _torn(x, edges, source):
     """Why cells make no sheet, and what is allowed; else ""."""
     if (many := edges.shared > 2).any():
         first = many.argmax()
-        cells = edges.cells[first : first + edges.shared[first]]
-        where, names = at_place(x[edges.ends[first]].mean(0)), ", ".join(map(str, cells))
+        cells = edges.cells[first : first + edges.shared[first]].tolist()
         return (
-            f"{source} has an edge {where} that {len(cells)} cells share, numbers {names}; allowed "
-            "are 2 cells or, at the rim, 1"
+            f"{source} has an edge {at_place(x[edges.ends[first]].mean(0))} that {len(cells)} "
+            f"cells share, numbers {str(cells)[1:-1]}; allowed are 2 cells or, at the rim, 1"
         )
     parts, part = connected(edges.count, edges.cells[edges.shared == 2].reshape(-1, 2).T)
     if parts > 1:
-        ends = (f"cell {k} {at_place(edges.centres[k])}" for k in (0, (part != part[0]).argmax()))
+        one, other = (
+            f"one with cell {k} {at_place(edges.centres[k])}"
+            for k in (0, (part != part[0]).argmax())
+        )
         return (
-            f"{source} falls into {parts} parts that share no edge, one with "
-            f"{', one with '.join(ends)}; allowed is one sheet, whose cells share nodes where they "
-            "meet"
+            f"{source} falls into {parts} parts that share no edge, {one}, {other}; allowed is one "
+            "sheet, whose cells share nodes where they meet"
         )
     return ""
 
@@ -130,9 +126,7 @@ def _hanging(x, edges, numbers, how, source):
     beside = cKDTree(x[nodes]).query_ball_point((p + q) / 2, (0.5 + near) * length)
     edge = np.repeat(np.arange(len(ends)), [len(each) for each in beside])
     node = nodes[np.concatenate([*beside, []]).astype(int)]
-    other = (node != ends[edge, 0]) & (node != ends[edge, 1])
-    edge, node = edge[other], node[other]
-    # both over the edge's length
+    # both over the edge's length; its own nodes are at 0 and 1
     arm = (x[node] - p[edge]) / length[edge, None]
     along = (q - p)[edge] / length[edge, None]
     at = (arm * along).sum(1)
@@ -151,16 +145,14 @@ def _hanging(x, edges, numbers, how, source):
 def _slits(x, edges, source):
     """A sentence if nodes of the rim lie where others do, in a list."""
     ends, _ = edges.rim()
-    nodes = np.unique(ends)
-    if not nodes.size:
+    if not ends.size:
         return []
     # distance of nodes at one place, over the mean edge at the sheet's rim
     near = 1e-6 * np.linalg.norm(x[ends[:, 0]] - x[ends[:, 1]], axis=1).mean()
-    pairs = cKDTree(x[nodes]).query_pairs(near, output_type="ndarray")
-    if not len(pairs):
-        return []
+    x = x[np.unique(ends)]
+    pairs = cKDTree(x).query_pairs(near, output_type="ndarray")
     return [
-        f"{source} has {len(pairs)} nodes where another one lies, the first "
-        f"{at_place(x[nodes[pairs.min()]])}: the sheet is open there, a slit; merge these nodes if "
-        "it should be whole"
+        f"{source} has {len(pairs)} nodes where another one lies, the first {at_place(x[first])}: "
+        "the sheet is open there, a slit; merge these nodes if it should be whole"
+        for first in np.unique(pairs)[:1]
     ]

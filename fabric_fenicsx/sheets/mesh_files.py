@@ -13,16 +13,13 @@ from .mesh_checks import MeshArrays
 
 def read_mesh(path: Path | str) -> MeshArrays:
     """The mesh in a file, not checked yet; InputError as in `Blank.read`."""
-    path = Path(path)
-    file, kind_of_file, flaw = f"mesh file {path}", ending(path), ""
-    # what gmsh makes meshes of
-    if kind_of_file in (".geo", ".step", ".stp", ".iges", ".igs", ".brep"):
-        how = f"gmsh makes one with `gmsh -2 {path.name} -o {path.stem}.msh`"
-        flaw = f"is a geometry without a mesh; allowed is {READ}: {how}"
-    elif kind_of_file in (".dxf", ".csv"):
-        flaw = f"is an outline without a mesh; allowed is {READ}, or the file as `outline`"
-    if flaw:
-        raise InputError(f"{file} {flaw}")
+    path, file = Path(path), f"mesh file {path}"
+    kinds = dict.fromkeys((".geo", ".step", ".stp", ".iges", ".igs", ".brep"), "a geometry")
+    kinds |= {".dxf": "an outline", ".csv": "an outline"}
+    if other := kinds.get(ending(path)):
+        how = f": gmsh makes one with `gmsh -2 {path.name} -o {path.stem}.msh`"
+        how = how if other == "a geometry" else ", or the file as `outline`"
+        raise InputError(f"{file} is {other} without a mesh; allowed is {READ}{how}")
     points, surface, others = read_surface_mesh(path, "mesh file")
     solid = sorted(kind for kind, dim in others.items() if dim == 3)
     known = {*CELLS, *HIGHER, "quad8"}
@@ -35,10 +32,6 @@ def read_mesh(path: Path | str) -> MeshArrays:
         kind = "quad9"
     elif kind in HIGHER:
         cells, kind = straight_cells(points, cells, kind, file)
-    unused = len(points) - len(np.unique(cells))
-    notes = []
-    # share of nodes without a cell, from which a mesh may be cut off
-    if unused > 0.02 * len(points):
-        some = f"{unused} of {len(points)} nodes"
-        notes.append(f"{file} has {some} in no cell of a sheet: it may be cut off")
-    return MeshArrays(points, cells, kind, notes)
+    unused, total = len(points) - len(np.unique(cells)), len(points)
+    doubt = f"{file} has {unused} of {total} nodes in no cell of a sheet: it may be cut off"
+    return MeshArrays(points, cells, kind, [doubt] if unused > 0.02 * total else [])

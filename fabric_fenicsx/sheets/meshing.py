@@ -52,9 +52,7 @@ def mesh_sheet(
             make = partial(flat.rectangle, sheet, modelled, turned, centred)
             blank = Blank.made(comm, make, source, spatial, options)
     if blank.mesh.geometry.dim == 3 and not spatial:
-        raise InputError(
-            f"{source} is not plane in z; allowed in this study is a sheet in a plane z = const"
-        )
+        raise InputError(f"{source} is not plane in z; allowed is a sheet in a plane z = const")
     kind = "P" if blank.around == [0, 1, 2] else "Q"
     if sheet.element and sheet.element[0] != kind:
         raise InputError(
@@ -68,9 +66,12 @@ def mesh_sheet(
         integration = sheet.points_of_p2(follow)
     values: Values = {"element": f"{kind}{blank.degree}", "integration": integration}
     if sheet.sheet_file:
-        doubts.append(_idle_warning(sheet))
-        values |= _own_sizes(sheet, sides, blank, planes)
-        values |= dict.fromkeys(("nx", "ny", "pattern") if sheet.mesh else ("ny",))
+        idle = ("nx", "ny", "pattern") if sheet.mesh else ("ny",)
+        usual = None, type(sheet).pattern
+        if asked := ", ".join(f"`{name}`" for name in idle if getattr(sheet, name) not in usual):
+            why = "has its own cells" if sheet.mesh else "has cells of one size"
+            doubts.append(f"{asked} changes nothing, as {source} {why}")
+        values |= _own_sizes(sheet, sides, blank, planes) | dict.fromkeys(idle)
     return sheet.filled(**values), blank, [*filter(None, doubts)]
 
 
@@ -81,17 +82,15 @@ def modelled_share(planes: Sequence[int]) -> np.ndarray:
 
 def size_warning(blank: Blank, source: str) -> str:
     """A sentence if the sheet's size may be in another unit than mm, else ""."""
-    low, high = blank.extent()
-    if 20 <= (high - low).max() <= 10_000:  # a few yarns, more than looms weave
+    if 20 <= blank.sides().max() <= 10_000:  # a few yarns, more than looms weave
         return ""
-    sides = " x ".join(rounded(side, 4) for side in high - low)
+    sides = " x ".join(rounded(side, 4) for side in blank.sides())
     return f"{source} is {sides} mm; lengths are in mm (metres times 1000, inches times 25.4)"
 
 
 def whole_sides(blank: Blank, planes: Sequence[int]) -> list[float]:
     """Length and width of the whole sheet [mm], rounded, to be the same on any number of ranks."""
-    low, high = blank.extent()
-    return [float(f"{size:.9g}") for size in (high - low)[:2] / modelled_share(planes)]
+    return [float(f"{size:.9g}") for size in blank.sides()[:2] / modelled_share(planes)]
 
 
 def _own_sizes(sheet, names, blank, planes):
@@ -100,18 +99,7 @@ def _own_sizes(sheet, names, blank, planes):
     for name, size in zip(names, whole_sides(blank, planes)):
         asked = sizes.setdefault(name, getattr(sheet, name) or size)
         if abs(asked - size) > SIZE_TOLERANCE * size:
-            raise InputError(
-                f"`{name}` {asked:g} does not fit {sheet.sheet_file}, of {size:g} mm; allowed "
-                "is its own, or none"
-            )
+            given = f"`{name}` {asked:g} does not fit {sheet.sheet_file}, of {size:g} mm"
+            raise InputError(f"{given}; allowed is its own, or none")
         sizes[name] = size
     return sizes
-
-
-def _idle_warning(sheet):
-    """A sentence on fields that change nothing beside an own mesh, or ""."""
-    idle = {"nx": None, "ny": None, "pattern": type(sheet).pattern}
-    asked = [k for k, usual in idle.items() if getattr(sheet, k) not in (None, usual)]
-    names = ", ".join(f"`{k}`" for k in asked if sheet.mesh or k == "ny")
-    why = "has its own cells" if sheet.mesh else "has cells of one size"
-    return f"{names} changes nothing, as {sheet.sheet_file} {why}" if names else ""

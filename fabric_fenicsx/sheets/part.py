@@ -44,8 +44,7 @@ class Part:
         self.nodes = np.zeros(blank.V.dofmap.index_map.size_local, dtype=bool)
         self.nodes[nodes[nodes < len(self.nodes)]] = True
         low, high = bounds(mesh.comm, np.hstack(self._yarns()).T)
-        # by which directions may differ that are taken as one
-        same = (high - low).max() <= 1e-15
+        same = (high - low).max() <= 1e-15  # directions
         self.straight = high.reshape(2, -1).tolist() if same else None
         crossed = self.straight is not None or compat.is_affine(mesh)
         self.orthogonal = crossed if orthogonal is None else orthogonal and crossed
@@ -77,7 +76,6 @@ class Part:
         return self._growth[1]
 
     def _at_nodes(self, areas):
-        """Sums at the local nodes of their shares of the cells' areas (cells,)."""
         k = self.blank.cell_nodes.shape[1]
         share = np.array([1, 1, 1, 3, 3, 3]) / 12 if self.blank.degree == 2 else np.full(k, 1 / k)
         return self.blank.summed((areas[:, None] * share)[..., None], self.cells)[:, 0]
@@ -136,8 +134,10 @@ class Part:
         sides = sides[np.isin([cells.links(side)[0] for side in sides], self.cells)]
         if mesh.comm.allreduce(len(sides), MPI.SUM) == 0:
             where = f"{self.name}, part of {self.blank.name}" if self.name else self.blank.name
-            allowed = "a function of points (3, n) that is true at both ends of some sides"
-            raise InputError(f"the edge marks no side of {where}; allowed is {allowed}")
+            raise InputError(
+                f"the edge marks no side of {where}; allowed is a function of points (3, n) that "
+                "is true at both ends of some sides"
+            )
         tags = meshtags(mesh, 1, sides, np.ones(len(sides), dtype=np.int32))
         metadata = {} if degree is None else {"quadrature_degree": degree}
         return ufl.Measure("ds", mesh, subdomain_data=tags, subdomain_id=1, metadata=metadata)
@@ -145,9 +145,8 @@ class Part:
     def rows(self, values: np.ndarray, many: int) -> np.ndarray:
         """Values (cells many, ...) at `many` places in each of the part's cells as rows of the
         blank's owned cells, 0 elsewhere."""
-        wide = many * int(np.prod(values.shape[1:]))
-        rows = np.zeros((self.blank.mesh.topology.index_map(2).size_local, wide))
-        rows[self.cells] = values.reshape(-1, wide)
+        rows = np.zeros((len(self.blank.cell_nodes), many * int(np.prod(values.shape[1:]))))
+        rows[self.cells] = values.reshape(-1, rows.shape[1])
         return rows
 
     def spread(self, values: np.ndarray) -> np.ndarray:
@@ -155,8 +154,8 @@ class Part:
         in whole numbers 0."""
         if self.is_whole:
             return values
-        shape = self.blank.mesh.topology.index_map(2).size_local, *values.shape[1:]
         none = np.nan if np.issubdtype(values.dtype, np.floating) else 0
+        shape = len(self.blank.cell_nodes), *values.shape[1:]
         spread = np.full(shape, none, dtype=values.dtype)
         spread[self.cells] = values
         return spread

@@ -68,11 +68,9 @@ class Layout(KnowsItsFields):
                 return lambda x: np.radians(self.fibre_angles(x.T)) + more
             return math.radians(self.fibre_angle) + more
 
-        degree = int(self.element[1]) if self.element else None
-        options: Values = {"a": direction(turned), "degree": degree}
-        if self.yarn_angle != 90:
-            options["b"] = direction(turned + math.radians(self.yarn_angle))
-        return options | ({"frame": axes_of(turned)} if turned else {})
+        b = None if self.yarn_angle == 90 else direction(turned + math.radians(self.yarn_angle))
+        degree, frame = self.element and int(self.element[1]), axes_of(turned) if turned else None
+        return {"a": direction(turned), "b": b, "degree": degree, "frame": frame}
 
     def filled(self, **values: Any) -> Self:
         """The same with values that the program made, which are not checked again."""
@@ -118,17 +116,16 @@ class SheetFields(Layout):
         for one, other in (("outline", "mesh"), ("nx", "size"), *of_metal):
             if self._has(one) and self._has(other):
                 raise InputError(f"`{one}` is given beside `{other}`; allowed is one of them")
-        for name, needed in (("size", "outline"), ("layer", "outline"), ("centred", "sheet_file")):
-            if self._has(name) and not self._has(needed):
-                words = "`outline` or `mesh`" if name == "centred" else f"`{needed}`"
-                raise InputError(f"`{name}` needs {words}")
+        needs = {"size": ["outline"], "layer": ["outline"], "centred": ["outline", "mesh"]}
+        for name, needed in needs.items():
+            if self._has(name) and not any(map(self._has, needed)):
+                raise InputError(f"`{name}` needs `{'` or `'.join(needed)}`")
         if self.fabric is not None:
             at = self.temperature
             coldest = min(checked_fabric("`fabric`", self.fabric).at_temperatures, default=0.0)
             self.fabric.at(coldest if isinstance(at, Field) else at)
 
     def _has(self, name):
-        """Whether it has this field, and a value of it."""
         value = getattr(self, name, None)
         return not (value is None or value is False or value == "")
 
@@ -145,9 +142,8 @@ class SheetFields(Layout):
             values["pattern"] = self.OF_OUTLINE
         if not (self.nx or self.mesh or self.size):
             values["nx"] = nx
-        if not self.sheet_file:
-            values |= {k: side for k, side in self.SIDES.items() if getattr(self, k) is None}
-        return values
+        sides = {} if self.sheet_file else self.SIDES
+        return values | {k: side for k, side in sides.items() if getattr(self, k) is None}
 
     def points_of_p2(self, cells_follow_yarns: bool) -> str:
         """Default of `integration` on quadratic triangles."""
@@ -267,14 +263,11 @@ class Sheet(SheetFields, YarnBending):
     def finer(self, times: float) -> Self:
         """The sheet with `times` as many cells along each side; InputError for a mesh's file."""
         if self.mesh:
-            raise InputError(
-                f"cells of {self.mesh} can't be made finer; allowed is a rectangle or an outline, "
-                "which the program meshes"
-            )
+            allowed = "allowed is a rectangle or an outline, which the program meshes"
+            raise InputError(f"cells of {self.mesh} can't be made finer; {allowed}")
         return self._with_cells(times, lambda n: 2 * math.ceil(n / 2))
 
     def mirrored(self, planes: tuple[int, ...]) -> Self:
         """The sheet, a rectangle, with the cells of its images in the planes of symmetry."""
-        counts = {0: "nx", 1: "ny"}
-        cells = {counts[k]: 2 * n for k in planes if (n := getattr(self, counts[k]))}
-        return replace(self, **cells)
+        names = [("nx", "ny")[axis] for axis in planes]
+        return replace(self, **{name: 2 * n for name in names if (n := getattr(self, name))})

@@ -51,8 +51,8 @@ class SheetMesh:
         self.frame = np.eye(gdim) if frame is None else np.asarray(frame, dtype=float)
         square = self.frame.shape == (gdim, gdim)
         if not (square and np.allclose(self.frame @ self.frame.T, np.eye(gdim), atol=1e-12)):
-            found = f"frame of the blank is {self.frame.tolist()}"
-            raise InputError(f"{found}; allowed are {gdim} orthonormal rows")
+            allowed = f"allowed are {gdim} orthonormal rows"
+            raise InputError(f"frame of the blank is {self.frame.tolist()}; {allowed}")
         self._turned = not np.array_equal(self.frame, np.eye(gdim))
         # no numbers of the form, so that all angles share a compiled one
         self._axes = fem.Constant(mesh, self.frame.T.copy())
@@ -70,10 +70,8 @@ class SheetMesh:
         places and areas are those of before."""
         moved = not np.array_equal(self.mesh.geometry.x, self._made_at)
         if self.mesh.comm.allreduce(moved, MPI.LOR):
-            raise InputError(
-                f"the mesh of {self.name} was moved after the blank was made of it; allowed is a "
-                "blank of the moved mesh"
-            )
+            flaw = f"the mesh of {self.name} was moved after the blank was made of it"
+            raise InputError(f"{flaw}; allowed is a blank of the moved mesh")
 
     @property
     def displacement(self) -> Expr:
@@ -109,8 +107,7 @@ class SheetMesh:
         owned, gdim = self.V.dofmap.index_map.size_local, self.mesh.geometry.dim
         low, high = self.extent()
         x = (self.along(self.coordinates()[:owned].T).T - low) / (high - low).max()
-        waves = np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0])[: gdim**2]
-        waves = waves.reshape(gdim, gdim)
+        waves = np.sqrt([2, 3, 5, 7, 11, 13, 17, 19, 23])[: gdim**2].reshape(gdim, gdim)
         return np.cos(3 * x @ waves) + np.sin(17 * x @ waves.T)
 
     def nodal_displacement(self) -> np.ndarray:
@@ -127,6 +124,10 @@ class SheetMesh:
         [mm]."""
         return bounds(self.mesh.comm, self.along(self.mesh.geometry.x.T))
 
+    def sides(self) -> np.ndarray:
+        """Lengths of the undeformed sheet along the frame's axes, (gdim,) [mm]."""
+        return np.subtract(*self.extent()[::-1])
+
     def diameter(self) -> float:
         """Twice the largest distance of a node from the mean of all, in any frame [mm]."""
         comm, x = self.mesh.comm, self.coordinates()[: self.V.dofmap.index_map.size_local]
@@ -136,7 +137,7 @@ class SheetMesh:
 
     def midpoints(self) -> np.ndarray:
         """Undeformed centres of the owned cells along the frame's axes, (gdim, cells) [mm]."""
-        return self.along(self._cell_points().mean(1).T)
+        return self.along(self.centres().T)
 
     def is_flat(self) -> bool:
         """True if the undeformed sheet lies in a plane z = const; on all ranks together."""
@@ -150,7 +151,7 @@ class SheetMesh:
     def places(self) -> np.ndarray:
         """Undeformed centres of the owned cells, (cells, 2) along x and y, if the sheet is not flat
         (cells, 3) along z, too [mm]."""
-        return self._cell_points().mean(1)[:, : 2 if self.is_flat() else 3]
+        return self.centres()[:, : 2 if self.is_flat() else 3]
 
     def corners(self) -> np.ndarray:
         """Undeformed corners of the owned cells along the frame's axes, in order around each,
@@ -202,9 +203,7 @@ class SheetMesh:
         invariants of C alone can't see."""
         J = ufl.det(ufl.Identity(2) + ufl.grad(self.displacement))
         degree = 1 if compat.is_affine(self.mesh) and self.degree == 1 else 4
-        return ufl.conditional(ufl.gt(J, 0), 0.0, 1.0) * ufl.Measure(
-            "dx", self.mesh, metadata={"quadrature_degree": degree}
-        )
+        return ufl.conditional(ufl.gt(J, 0), 0.0, 1.0) * ufl.dx(self.mesh, degree=degree)
 
     def summed(self, values: np.ndarray, cells: np.ndarray | None = None) -> np.ndarray:
         """Sums at the local nodes of `u`, (nodes, k), over the cells around each, of all ranks, of
@@ -235,19 +234,18 @@ class SheetMesh:
         """Values (local nodes, k) with those of their owners, added up over ranks before."""
         if self.mesh.comm.size == 1:
             return local
-        gdim, vector = self.mesh.geometry.dim, compat.petsc_vector(self.u).duplicate()
-        values = np.empty_like(local)
-        for start in range(0, local.shape[1], gdim):
-            columns = slice(start, min(start + gdim, local.shape[1]))
+        gdim, k = self.mesh.geometry.dim, local.shape[1]
+        vector = compat.petsc_vector(self.u).duplicate()
+        values = np.pad(local, [(0, 0), (0, -k % gdim)])
+        for columns in np.split(values, values.shape[1] // gdim, axis=1):  # views
             with vector.localForm() as form:
-                form.set(0.0)
-                form.array.reshape(-1, gdim)[:, : columns.stop - start] = local[:, columns]
+                form.array[:] = columns.ravel()
             if add:
                 vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
             vector.ghostUpdate(PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)
             with vector.localForm() as form:
-                values[:, columns] = form.array.reshape(-1, gdim)[:, : columns.stop - start]
-        return values
+                columns[:] = form.array.reshape(-1, gdim)
+        return values[:, :k]
 
 
 def _areas(corners: np.ndarray) -> np.ndarray:
@@ -261,10 +259,9 @@ def _areas(corners: np.ndarray) -> np.ndarray:
 def bounds(comm: MPI.Comm, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Least and greatest of `values` (k, n) over n on all ranks, two arrays (k,)."""
     low, high = values.min(1, initial=np.inf), values.max(1, initial=-np.inf)
-    lows, highs = np.empty_like(low), np.empty_like(high)
-    comm.Allreduce(low, lows, MPI.MIN)
-    comm.Allreduce(high, highs, MPI.MAX)
-    return lows, highs
+    comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
+    comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
+    return low, high
 
 
 # -- fibre fields
@@ -278,8 +275,7 @@ def fibre_fields(
     centre, normal = _midpoints(mesh, up)
     a0 = _tangent(mesh, centre, normal, a, "a")
     b0 = np.cross(normal, a0) if b is None else _tangent(mesh, centre, normal, b, "b")
-    parallel = abs((a0 * b0).sum(1)) > 1 - 1e-6
-    _refuse(mesh, parallel, centre, "fibre directions a and b are parallel")
+    _refuse(mesh, abs((a0 * b0).sum(1)) > 1 - 1e-6, centre, "fibre directions a and b are parallel")
     space = compat.vector_space(mesh, "DG", 0, mesh.geometry.dim)
     fields = fem.Function(space), fem.Function(space)
     for field, values in zip(fields, (a0, b0)):
@@ -288,7 +284,7 @@ def fibre_fields(
 
 
 def _midpoints(mesh, up):
-    """Centre and unit normal of each local cell, the normal on the side of `up`."""
+    """Centre and unit normal, on the side of `up`, of each local cell."""
     is_triangle = compat.cell_name(mesh) == "triangle"
     corners = mesh.geometry.x[compat.geometry_dofmap(mesh)][:, : 3 if is_triangle else 4]
     # two edges of a triangle, the diagonals of a quadrilateral in tensor-product order
@@ -310,10 +306,8 @@ def _tangent(mesh, centre, normal, direction, name):
     else:
         value = np.asarray(direction, float)
         if value.ndim == 0 and abs(value) > 2 * np.pi:
-            raise InputError(
-                f"fibre direction {name} is {value:g}, an angle in radians; allowed is from -2 pi "
-                "to 2 pi"
-            )
+            allowed = "an angle in radians; allowed is from -2 pi to 2 pi"
+            raise InputError(f"fibre direction {name} is {value:g}, {allowed}")
     if value.ndim < (2 if callable(direction) else 1):
         value = np.stack(np.broadcast_arrays(np.cos(value), np.sin(value)))
     value = np.broadcast_to(value.T, (len(centre), len(value)))
@@ -326,14 +320,12 @@ def _tangent(mesh, centre, normal, direction, name):
         refuse(abs(out) > 1e-6, "leaves the plane of the plane blank")
     value = value - out[:, None] * normal
     length = np.linalg.norm(value, axis=1)
-    # a projection shorter than this (about 84 deg out of plane) leaves no direction to speak of
-    refuse(length < 0.1, "is normal to the sheet")
+    refuse(length < 0.1, "is normal to the sheet")  # or 84 deg and more out of its plane
     return value / length[:, None]
 
 
 def _refuse(mesh, bad, centre, flaw):
     """Raise the same InputError on all ranks if any rank has a bad cell."""
-    places = np.concatenate(mesh.comm.allgather(centre[bad][:1].round(6)))
-    if len(places):
-        where = f"in the cell at {tuple(places[0].tolist())} mm"
+    for place in np.concatenate(mesh.comm.allgather(centre[bad][:1].round(6))).tolist():
+        where = f"in the cell at {tuple(place)} mm"
         raise InputError(f"{flaw} {where}; allowed are directions in its tangent plane")

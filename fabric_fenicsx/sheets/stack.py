@@ -54,14 +54,14 @@ class Stack(Blank):
         play = FINITE.check("`play` of the stack", play)
         if bottom is not None:
             bottom = FINITE.check("`bottom` of the stack", bottom)
-        comm = self.sheets[0].blank.mesh.comm
+        first = self.sheets[0].blank.mesh
+        comm = first.comm
         lower_faces = np.cumsum([0.0, *(s.thickness + play for s in self.sheets[:-1])])
         middles = lower_faces + [s.thickness / 2 for s in self.sheets]
         low = [sheet.blank.extent()[0][2] for sheet in self.sheets]
         self.heights = middles + (low[0] - middles[0] if bottom is None else bottom)
         points, cells, kept = _merged(self.sheets, self.heights - low, comm)
-        kind = compat.cell_name(self.sheets[0].blank.mesh)
-        mesh = compat.create_mesh(comm, cells, points, kind, 1)
+        mesh = compat.create_mesh(comm, cells, points, compat.cell_name(first), 1)
         # yarns and sheet of each cell in the order in which all ranks gave them
         rows = np.concatenate(comm.allgather(kept))[mesh.topology.original_cell_index]
         a, b, number = np.split(rows, [3, 6], axis=1)
@@ -99,11 +99,9 @@ def _flaw(sheets):
             return f"{where} {flaw}; allowed is a sheet in space (`spatial=True`)"
         if not (blank.degree == 1 or blank.triangulated) or compat.geometry_degree(blank.mesh) > 1:
             return f"{where} has other cells; allowed are P1, P2 and Q1, not curved"
-        low, high = blank.extent()
-        # distance from its plane of a sheet that is flat, over its size
-        if high[2] - low[2] > 1e-9 * (high - low).max():
-            height = rounded(high[2] - low[2], 4)
-            return f"{where} is {height} mm high; allowed is a flat sheet, z = const"
+        height, size = blank.sides()[2], blank.sides().max()
+        if height > 1e-9 * size:
+            return f"{where} is {rounded(height, 4)} mm high; allowed is a flat sheet, z = const"
     return ""
 
 

@@ -21,8 +21,7 @@ from ..runtime.errors import InputError
 from ..runtime.files import plain, replace_file
 from ..scene.memory import OF_CELLS, rescale_loads
 from ..sheets.blank import Blank
-from .progress import Progress
-from .viscosity import Viscosity
+from .progress import Progress, Viscosity
 
 # entry of a problem whose run has stages, {number of a stage: its steps}
 STAGES = "steps of stages"
@@ -144,9 +143,12 @@ class Checkpoint:
             reason = " ".join(str(e).split()) or type(e).__name__
             raise InputError(f"{name} cannot be read ({reason})") from None
         del arrays["meta"]
-        share = self._share(meta["problem"])
-        of_terms = {k: v for k, v in arrays.items() if k.startswith(self.MEMORY)}
-        saved, now = (_widths(each, self.MEMORY) for each in (of_terms, memory or {}))
+        share, mark = self._share(meta["problem"]), self.MEMORY
+        of_terms = {k.removeprefix(mark): v for k, v in arrays.items() if k.startswith(mark)}
+        saved, now = (
+            ", ".join(f"{k} {values.shape[1:]}" for k, values in sorted(each.items()))
+            for each in (of_terms, memory or {})
+        )
         if memory is not None and (saved or meta["accepted"]) and saved != now:
             raise InputError(
                 f"{name} remembers {saved or 'nothing'} where the terms remember {now or 'nothing'}"
@@ -175,14 +177,7 @@ class Checkpoint:
 
 
 def _checksum(arrays):
-    """SHA-256 of arrays by name."""
     digest = hashlib.sha256()
     for name, values in sorted(arrays.items()):
         digest.update(f"{name} {values.dtype} {values.shape} ".encode() + values.tobytes())
     return digest.hexdigest()
-
-
-def _widths(memory, prefix):
-    """Names of arrays that terms remember and their numbers a node or cell, as a text."""
-    sizes = {name.removeprefix(prefix): values.shape[1:] for name, values in memory.items()}
-    return ", ".join(f"{name} {size}" for name, size in sorted(sizes.items()))

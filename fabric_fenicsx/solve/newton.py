@@ -8,10 +8,9 @@ from petsc4py import PETSc
 
 from ..scene.scene import Scene
 from .line_search import LineSearch, Objective
-from .narrow_tangent import NarrowTangent
 from .report import Report, SolveFailed, Termination
 from .saddles import Saddles
-from .tangent import Tangent
+from .tangent import NarrowTangent, Tangent
 
 log = logging.getLogger(__name__)
 

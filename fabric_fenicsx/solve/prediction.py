@@ -14,9 +14,7 @@ def predict(newton: Newton, progress: Progress, size: float, values: np.ndarray)
     dofs,) [mm]: the last step continued, or the linear response if that turns cells inside out."""
     scene, x = newton.scene, newton.x
     progress.x.copy(x)
-    if not size:
-        return
-    if progress.last_step:
+    if size and progress.last_step:
         share = size / progress.last_step
         x.axpby(-share, 1 + share, progress.previous)
         x.array[scene.fixed_dofs] = values
@@ -24,7 +22,8 @@ def predict(newton: Newton, progress: Progress, size: float, values: np.ndarray)
         if scene.energy() != scene.INVERTED:
             return
         progress.x.copy(x)
-    _follow_supports(newton, x, values - x.array[scene.fixed_dofs])
+    if size:
+        _follow_supports(newton, x, values - x.array[scene.fixed_dofs])
 
 
 def keep_contact(scene: Scene, x: PETSc.Vec) -> bool:

@@ -17,7 +17,7 @@ FIRST_TOLERANCE = 3e-2
 # is made exact, so that ranks find the same (two plies, 12 cells: forces to 1e-4 with 15, 1e-7
 # with 8), if twice as many iterations are enough: near the end of the laminate's stroke 58, 61 and
 # 148 of them changed nothing that counted
-MAX_ROUGH_ITERATIONS, MORE = 8, 2
+MAX_ROUGH_ITERATIONS = 8
 
 
 def solve_staggered(
@@ -36,7 +36,7 @@ def solve_staggered(
         report = newton.solve(x, now, fall, minimum=now == asked)
         every.append(report.iterations)
         if report.converged and now > asked and report.iterations > MAX_ROUGH_ITERATIONS:
-            report = newton.solve(x, asked, minimum=False, most=MORE * report.iterations)
+            report = newton.solve(x, asked, minimum=False, most=2 * report.iterations)
             every.append(report.iterations)
         report.iterations = max(every)
         if not report.converged:

@@ -45,7 +45,5 @@ def imbalance(missing: float, allowed: float | None) -> str:
     """Criterion of the energy balance: `missing_work` is at most `allowed` (None: any)."""
     if not allowed or missing <= allowed:
         return ""
-    return (
-        f"{percent(missing, 3)} of the step's work is not in the energies; allowed is "
-        f"{percent(allowed, 6)}"
-    )
+    lost = f"{percent(missing, 3)} of the step's work is not in the energies"
+    return f"{lost}; allowed is {percent(allowed, 6)}"

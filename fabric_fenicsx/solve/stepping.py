@@ -15,8 +15,6 @@ from .report import Report
 from .settings import Settings
 from .staggered import solve_staggered
 
-GROWTH, CUT = 1.5, 0.5
-
 
 @dataclass
 class TrialStep:
@@ -53,6 +51,7 @@ class LoadStepping:
     all ranks; a text that it returns ends the run, with that reason.
     """
 
+    GROWTH, CUT = 1.5, 0.5  # of a step, by one that passed and one that failed
     MIN_STEP = 1e-5  # load step that is still halved
     HARD_STEP = 1 / 16  # of the largest step, from where on cutting alone does not help
     MAX_CHECKED_STEPS = 8  # make the largest step; of smaller ones no energy balance is asked
@@ -74,8 +73,7 @@ class LoadStepping:
         self.newton, self.scene, self.settings = newton, newton.scene, settings or Settings()
         self.on_accept, self.on_reject, self.stop = on_accept, on_reject, stop
         self.largest = self.settings.largest_step
-        self._is_new, x = start is None, newton.x
-        step = 1.0 / self.settings.steps
+        self._is_new, x, step = start is None, newton.x, 1.0 / self.settings.steps
         self.progress = start or Progress(self.scene.u.copy(), x.duplicate(), step)
         self.progress.step = min(self.progress.step, self.largest)
         self._predicted = x.duplicate()
@@ -86,13 +84,12 @@ class LoadStepping:
         """Step to full load; raises InputError for a scene that cannot begin."""
         self._begin()
         self.scene.was_loaded = True
-        reason = ""
-        while not reason and not self._is_finished():
+        reason, p = "", self.progress
+        while not reason and (p.load < 1 or p.viscosity.drag or not self._in_equilibrium):
             reason = self.stop() or self._step()
         self.scene.drag = 0.0
         if not self._in_equilibrium:  # observers get one state at least
             self._notify(Report(reason=reason), self._energies())
-        p = self.progress
         return Outcome(p.load, reason, p.accepted, p.rejected, p.iterations)
 
     def _begin(self):
@@ -110,7 +107,7 @@ class LoadStepping:
         self._restore()
         if not progress.memory:
             places = progress.x.array[scene.fixed_dofs]
-            scene.supports.work.accept(progress.load, scene.support_forces(), places)
+            scene.supports.work.accept(progress.load, scene.forces.array[scene.fixed_dofs], places)
         if not self._is_new:
             scene.release_locating_supports()
             return
@@ -119,10 +116,6 @@ class LoadStepping:
         if self._in_equilibrium:
             progress.work = progress.stored
             self._notify(Report(converged=True), self._energies())
-
-    def _is_finished(self):
-        progress = self.progress
-        return progress.load >= 1 and not progress.viscosity.drag and self._in_equilibrium
 
     def _step(self):
         """Accept a trial step or back off from it; the reason to give up, or ""."""
@@ -189,22 +182,15 @@ class LoadStepping:
                 missing = self._missing_work(trial)
                 first, both = self._missed(inner), self._missed(trial)
                 snapped |= part == 1 / 2 and 0 < self.SNAP * missed < max(first, both - first)
-        if not trial.report.converged:
+        if not (balance and trial.report.converged):
             return
-        if not snapped:
-            self._reject_imbalance(trial, missing)
-        if balance:
-            work = self.progress.work + trial.work
-            reason = step_criteria.total_imbalance(work, trial.energy, trial.load)
+        progress, missed = self.progress, self._missed(trial)
+        reason = "" if snapped else step_criteria.imbalance(missing, balance)
+        if reason and missed <= self.SNAP * progress.missed:
+            progress.missed, progress.missed_at = abs(missed), trial.load
             trial.report.reject(reason)
-
-    def _reject_imbalance(self, trial, missing):
-        """Reject the trial if this share of its work is missing, unless the sheet snapped."""
-        reason = step_criteria.imbalance(missing, self.settings.balance)
-        missed = self._missed(trial)
-        if reason and missed <= self.SNAP * self.progress.missed:
-            self.progress.missed, self.progress.missed_at = abs(missed), trial.load
-            trial.report.reject(reason)
+        work = progress.work + trial.work
+        trial.report.reject(step_criteria.total_imbalance(work, trial.energy, trial.load))
 
     def _missed(self, trial):
         return trial.work - (trial.energy - self.progress.stored)
@@ -213,8 +199,7 @@ class LoadStepping:
         if trial.size <= 1.5 * self.largest / self.MAX_CHECKED_STEPS:
             return 0.0
         stored, contact = self.progress.stored, trial.energies.get("contact", 0.0)
-        rise = trial.energy - stored
-        return step_criteria.missing_work(trial.work, rise, stored, contact)
+        return step_criteria.missing_work(trial.work, trial.energy - stored, stored, contact)
 
     def _measure_on_the_way(self, trial, part):
         """Measure work anew with the state at this part of the step: its trial, if found."""
@@ -239,7 +224,7 @@ class LoadStepping:
         trial.drag_loss = 2 * scene.drag_energy()
         trial.energies = self._energies()
         trial.energies["viscous"] += trial.drag_loss
-        trial.forces = scene.support_forces()
+        trial.forces = scene.forces.array[scene.fixed_dofs]
         of_supports = scene.supports.work.since(trial.load, trial.forces, trial.values)
         trial.work = scene.work() + scene.comm.allreduce(of_supports)
         trial.report.reject(step_criteria.negative_bending(trial.energies))
@@ -266,19 +251,18 @@ class LoadStepping:
         progress.viscosity.note_accepted(uncut=not self._cuts, at_rest=not trial.size)
         self._notify(trial.report, trial.energies)
         self._steps_at_rest += progress.load == 1 and not trial.size
-        if progress.viscosity.drag and self._steps_at_rest == self.MAX_STEPS_AT_REST:
-            many = self.MAX_STEPS_AT_REST
-            return f"the state at full load still creeps after {many} steps at rest"
-        return ""
+        creeps = progress.viscosity.drag and self._steps_at_rest == self.MAX_STEPS_AT_REST
+        many = f"{self.MAX_STEPS_AT_REST} steps at rest"
+        return f"the state at full load still creeps after {many}" if creeps else ""
 
     def _next_step_size(self, trial):
         progress, accuracy = self.progress, self.settings.accuracy
         if accuracy and trial.deviation:
-            growth = np.clip(np.sqrt(accuracy / trial.deviation), CUT, GROWTH)
+            growth = np.clip(np.sqrt(accuracy / trial.deviation), self.CUT, self.GROWTH)
             return min(max(trial.size * growth, 2 * self.MIN_STEP), self.largest)
         if self._cuts:  # not by iterations: these may differ by rounding
             return progress.step
-        return min(GROWTH * progress.step, self.largest)
+        return min(self.GROWTH * progress.step, self.largest)
 
     def _back_off(self, trial):
         """Return, and strengthen the drag or halve the step; the reason to give up, or ""."""
@@ -295,7 +279,7 @@ class LoadStepping:
         if is_hard and viscosity.strengthen():
             return ""
         if trial.size > 2 * self.MIN_STEP:
-            progress.step = CUT * trial.size
+            progress.step = self.CUT * trial.size
             return ""
         even = f", even with a step of {rounded(trial.size)}" if trial.size else ""
         return f"{gave_up}: {trial.report.reason}{even}"
@@ -312,9 +296,7 @@ class LoadStepping:
         return self.scene.energies() | {"viscous": self.progress.viscosity.energy}
 
     def _notify(self, report, energies):
-        """Hand the accepted state to the observer."""
-        now, progress = time.perf_counter(), self.progress
-        wall = now - self._clock if progress.load or progress.iterations else 0.0
-        course = report, self._cuts, wall, progress
-        self.on_accept(Accepted(progress.load, energies, progress.work, *course))
+        now, p = time.perf_counter(), self.progress
+        wall = now - self._clock if p.load or p.iterations else 0.0
+        self.on_accept(Accepted(p.load, energies, p.work, report, self._cuts, wall, p))
         self._clock, self._cuts = now, 0

@@ -26,12 +26,6 @@ class Row(NamedTuple):
     off: float
     where: str
 
-    def message(self) -> str:
-        """Sentence on a difference that is too large."""
-        if np.isnan(self.off):
-            return f"{self.names} are not numbers {self.where}"
-        return f"{self.names} differ by {self.off:.2g} of the largest {self.where}"
-
 
 def check_derivatives(
     thing: Law | Surface | Term,
@@ -92,10 +86,11 @@ def check_derivatives(
 
 def _table(name, rows, remarks):
     table = "\n".join(f"{row.names:<45} {row.off:9.1e}  {row.where}" for row in rows)
-    for row in rows:  # the first, as what follows from it is off, too
-        if not row.off <= DIFFERENCE_TOLERANCE:
+    for names, off, where in rows:  # the first, as what follows from it is off, too
+        if not off <= DIFFERENCE_TOLERANCE:
+            apart = "are not numbers" if np.isnan(off) else f"differ by {off:.2g} of the largest"
             allowed = f"allowed is {DIFFERENCE_TOLERANCE:g}"
-            raise InputError(f"{name}: {row.message()}; {allowed}\n{table}")
+            raise InputError(f"{name}: {names} {apart} {where}; {allowed}\n{table}")
     return "\n".join([f"{name}: {remarks[0]}\n{table}", *remarks[1:]])
 
 
@@ -128,13 +123,9 @@ def _of_law(law, x):
         with np.errstate(all="ignore"):  # sides of a case that do not count
             return sum(part + np.zeros(len(x)) for part in law.parts(*x.T))
 
-    def stresses(x):
-        return law.derivatives(*np.ascontiguousarray(x.T), False).first.T
-
     law.check_rest()
-    largest = [0.05, 0.05, 0.8]  # eps_a, eps_b, gamma
-    drawn = np.random.default_rng(0).uniform(-1, 1, (500, 3)) * largest
-    x = x if x.size else drawn
+    if not x.size:
+        x = np.random.default_rng(0).uniform(-1, 1, (500, 3)) * [0.05, 0.05, 0.8]
     W, rest, here = energy(x), energy(np.zeros((1, 3))), law.derivatives(*x.T)
     yield from _not_finite("energies", W, x)
     yield _row("energies of kernel and law", here.parts.sum(1), W, x)
@@ -142,17 +133,18 @@ def _of_law(law, x):
     for i, name in enumerate(("sigma_a", "sigma_b", "tau")):
         yield _row(f"{name} and differences of energies", here.first[i], slopes[:, i], x)
     if here.second is not None:
-        turns = _central(stresses, x, 1e-7)
+        transposed = np.ascontiguousarray
+        turns = _central(lambda x: law.derivatives(*transposed(x.T), False).first.T, x, 1e-7)
         pairs = {"aa": (0, 0), "ab": (0, 1), "bb": (1, 1), "ag": (0, 2), "bg": (1, 2), "gg": (2, 2)}
         for k, (name, (i, j)) in enumerate(pairs.items()):
             names = f"tangents {name} and differences of stresses"
             yield _row(names, here.second[k], turns[:, i, j], x)
-    below = []  # as shear stores little, also each strain alone
+    depths = []  # below the energy at rest; as shear stores little, also of each strain alone
     for states in (x * e for e in [np.ones(3), *np.eye(3)]):
         rise = energy(states) - rest
         depth = -float(rise.min()) / max(abs(rise).max(), 1e-300)
-        below.append((max(depth, 0.0), _place(states[rise.argmin()])))
-    yield Row("energy at rest and the least one", *max(below))
+        depths.append((max(depth, 0.0), _place(states[rise.argmin()])))
+    yield Row("energy at rest and the least one", *max(depths))
 
 
 def _of_surface(surface, x):
@@ -161,8 +153,7 @@ def _of_surface(surface, x):
     slopes = _central(lambda x: surface.evaluate(x).gap, x, h)
     yield _row("normals and differences of gaps", here.normal, slopes, x)
     turns = _central(lambda x: surface.evaluate(x).normal, x, h)
-    # a flat surface has none to compare with
-    bent = max(abs(turns).max(), abs(here.curvature).max()) > 1e-6
+    bent = max(abs(turns).max(), abs(here.curvature).max()) > 1e-6  # else nothing to compare with
     yield _row("curvatures and differences of normals", here.curvature * bent, turns * bent, x)
     gap = here.gap[:, None]
     feet = x - gap * here.normal
@@ -179,15 +170,14 @@ def _of_surface(surface, x):
 
 def _of_term(term, scene, load, size):
     """Rows on forces and tangent of a term, and remarks. The sheet is displaced by about `size`
-    [mm] along `moved`, and from there along d: rough ones, the same on any number of ranks."""
+    [mm] along `moved`, and from there along d: rough fields, the same on any number of ranks."""
     blank, comm, before, x = scene.blank, scene.comm, scene.u.copy(), scene.u.copy()
     assembly, gdim = Assembly(blank, [term]), blank.mesh.geometry.dim
     area, cells = comm.allreduce(np.array([blank.areas().sum(), len(blank.areas())]))
     size = size or 1e-3 * float(np.sqrt(area / cells))
     places = blank.coordinates()[: blank.V.dofmap.index_map.size_local]
-    angles = [1e3 * places @ [1.3, 1.7, 1.9] + i for i in range(2 * gdim)]
-    moved, d = (np.sin(part).T.ravel() for part in (angles[:gdim], angles[gdim:]))
-    h = 1e-6 * size
+    angles = 1e3 * places @ [1.3, 1.7, 1.9] + np.arange(2 * gdim).reshape(2, gdim, 1)
+    (moved, d), h = np.sin(angles).swapaxes(1, 2).reshape(2, -1), 1e-6 * size
 
     def move(by, share=1.0):
         x.array[:] = before.array + share * size * moved + by
@@ -213,7 +203,8 @@ def _of_term(term, scene, load, size):
         f = forces(0.0)
         check_answers(term)
         _check_places(term, move)
-        Kd, change = _stiffness(term, assembly, d, x), (forces(h * d) - forces(-h * d)) / (2 * h)
+        Kd = _stiffness(term, assembly, d, scene)
+        change = (forces(h * d) - forces(-h * d)) / (2 * h)
         largest, total = abs(whole(f)).max(), abs(whole(f)).sum()
         # not d alone, along which forces may cancel
         e = d / 2 + f / max(largest, 1e-300)
@@ -237,16 +228,15 @@ def _of_term(term, scene, load, size):
     return rows, remarks
 
 
-def _stiffness(term, assembly, d, like):
-    """The tangent times the direction d (owned dofs,)."""
-    direction, A = like.duplicate(), assembly.create_matrix()
+def _stiffness(term, assembly, d, scene):
+    """The tangent where the sheet is times the direction d (owned dofs,)."""
+    direction, A = scene.u.duplicate(), assembly.create_matrix()
     direction.array[:] = d
     assembly.tangent(A)
     product = (A * direction).array.copy()
-    if compliance := term.compliance():
-        c, k = compliance
-        pushed = term.blank.mesh.comm.allreduce(float(c @ d[: c.size]))
-        product[: c.size] -= c * pushed / k if k > 0 else 0.0
+    c, k = term.compliance() or (np.empty(0), 0.0)
+    if k > 0:
+        product[: c.size] -= c * scene.comm.allreduce(float(c @ d[: c.size])) / k
     return product
 
 
@@ -256,8 +246,8 @@ def _check_places(term, move):
     for share in (0.0, -1.0, 1.0):
         move(0.0, share)
         known.append((term.pattern, np.array(term.tangent()[:2])))
-    pattern, places = known[0]
-    changed = any(p == pattern and not np.array_equal(at, places) for p, at in known)
+    (pattern, places), *others = known
+    changed = any(p == pattern and not np.array_equal(at, places) for p, at in others)
     if term.blank.mesh.comm.allreduce(changed, MPI.LOR):
         raise InputError(
             f"`tangent` of term {term.name} gives other places where the sheet is elsewhere; "

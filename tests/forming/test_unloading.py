@@ -9,7 +9,7 @@ from builders import dome, everywhere, near, said
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.scene.isostatic import isostatic
+from fabric_fenicsx.scene.rigid_motions import isostatic
 
 LENGTH, WIDTH, CELLS = 10.0, 5.0, 10
 # ideally plastic and incompressible, 1 mm thick; curvature [1/mm] at which its faces yield

@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.scene import output
-from fabric_fenicsx.scene.isostatic import beyond_planes, isostatic, planes_of_symmetry
+from fabric_fenicsx.scene.rigid_motions import beyond_planes, isostatic, planes_of_symmetry
 
 COMM = MPI.COMM_WORLD
 

@@ -14,10 +14,10 @@ from petsc4py import PETSc
 import fabric_fenicsx as ff
 from fabric_fenicsx.solve import linear
 from fabric_fenicsx.solve.linear import LINEAR_SOLVERS, is_there
-from fabric_fenicsx.solve.narrow_tangent import NarrowTangent
 from fabric_fenicsx.solve.newton import Newton
+from fabric_fenicsx.solve.progress import Viscosity
 from fabric_fenicsx.solve.report import Report
-from fabric_fenicsx.solve.viscosity import Viscosity
+from fabric_fenicsx.solve.tangent import NarrowTangent
 
 COMM = MPI.COMM_WORLD
 KOMEILI = ff.load("komeili")

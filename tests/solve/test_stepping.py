@@ -10,9 +10,9 @@ from builders import march
 import fabric_fenicsx as ff
 from fabric_fenicsx.solve import staggered
 from fabric_fenicsx.solve.newton import Newton
+from fabric_fenicsx.solve.progress import Viscosity
 from fabric_fenicsx.solve.settings import Settings
 from fabric_fenicsx.solve.stepping import LoadStepping, TrialStep
-from fabric_fenicsx.solve.viscosity import Viscosity
 
 
 def scene_of(*terms):
