@@ -126,6 +126,7 @@ def hold(
     friction: of tools; between: contacts of the sheets of a stack."""
     held, on_die, doubts = dict[str, list[Term]](), None, list[str]()
     taken: dict[str, dict[str, Where]] = {}
+    against = stack.neighbours(between, laid.sheets) if laid.stack else []
     for name, holder in _segments(press, schedule):
         die = _die_of(name, holder, press, laid, tools, schedule)
         on_die = die if getattr(holder, "presses", True) else on_die
@@ -139,18 +140,15 @@ def hold(
             thickness=press.thickness(),
             interface=press.interface,
             friction=friction,
-            against=stack.neighbours(between, laid.sheets) if laid.stack else [],
+            against=against,
             taken=taken,
         )
-        terms = holder.terms(site)
-        if not isinstance(terms, (list, tuple)) or not all(isinstance(t, Term) for t in terms):
-            kind = type(terms).__name__
-            raise InputError(f"{site.path}: `terms` returns {kind}; allowed is a list of terms")
-        unnamed = [term.tool for term in terms if term.tool and term.tool.name == term.name]
+        held[name] = list(holder.terms(site))
+        unnamed = [term.tool for term in held[name] if term.tool and term.tool.name == term.name]
         for k, tool in enumerate(unnamed, 1):
             tool.name = name if len(unnamed) == 1 else f"{name}, {k}"
-        held[name], doubts = list(terms), doubts + site.warnings
-        pressures = [term for term in terms if isinstance(term, BlankHolderPressure)]
+        doubts += site.warnings
+        pressures = [term for term in held[name] if isinstance(term, BlankHolderPressure)]
         if any(term.direction @ site.up < 0 for term in pressures):
             doubts.append(
                 f"the pressure of {name} is directed away from the die: towards it is "
@@ -161,21 +159,19 @@ def hold(
 
 def _segments(press, schedule):
     """Name and holder of each segment, with the pressure over all stages."""
-    for name, given in press.holders.items():
-        for k, holder in enumerate(segments(name, given), 1):
-            changing = schedule.pressure(name)
+    for name, options in press.holders.items():
+        changing = schedule.pressure(name)
+        for k, holder in enumerate(segments(name, options), 1):
             if changing and isinstance(holder, PressureHolder):
                 holder = replace(holder, pressure=changing)
             yield (f"{name} {k}" if k > 1 else name), holder
 
 
 def _die_of(name, holder, press, laid, tools, schedule):
-    """The tool on which a holder presses the blank."""
+    """The tool on which a holder presses the blank; of one that only pulls any."""
     path, asked = f"holders.{name}.against", getattr(holder, "against", "")
     if asked and asked not in tools:
         raise unknown_key(asked, tools, f"{path} {asked}")
-    if asked and schedule.is_moved(asked):
-        raise InputError(f"{path} is {asked}, which moves; allowed is a tool that stands still")
 
     def is_flat(tool):
         up = -press.tools[tool.name].towards[2]
@@ -187,9 +183,10 @@ def _die_of(name, holder, press, laid, tools, schedule):
     if not getattr(holder, "presses", True):
         return (flat or list(tools.values()))[0]
     if len(flat) != 1:
-        names = ", ".join(tool.name for tool in flat)
+        names = ", ".join(tool.name for tool in flat) or "there is none"
+        flaw = f"is {asked}{'' if still else ', which moves'}" if asked else f"is one of: {names}"
         raise InputError(
-            f"{path} must name a tool that stands still and has a flat face on the blank: "
-            f"{names or 'there is none'}; allowed is also a tool with a force in place of a holder"
+            f"{path} {flaw}; allowed is a tool that stands still and has a flat face on the blank, "
+            "or a tool with a force in place of a holder"
         )
     return flat[0]

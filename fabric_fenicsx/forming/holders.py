@@ -1,9 +1,7 @@
 """Blank holders: each kind is one class, with its numbers and the terms with which it acts."""
 
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from types import MappingProxyType
+from dataclasses import dataclass, field, fields
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -92,8 +90,7 @@ class PressureHolder(Kind):
             if self.pressure == 0:
                 site.warn(f"{site.path}.pressure is 0: it does not hold the rim")
         flange, where = site.on_flange(), site.pressed(self.where)
-        extents = [blank.extent() for blank in site.laid.blanks]
-        site.warn(*flange.loose_ends(extents, site.centre, site.planes))
+        site.warn(*site.loose_ends())
         pressure = BlankHolderPressure(
             self.pressure,
             site.up,
@@ -290,9 +287,9 @@ class SpringHolder(Kind):
         """As in `Holder`. Raises InputError for a point beyond a plane of symmetry."""
         planes = list(site.planes)
         springs: list[Term] = []
-        for name, way, edge in site.edges(self.edges):
-            cut = sum(not way[axis] for axis in planes)  # by planes across the edge
-            springs.append(self._spring(site, name, edge, 0.5**cut, way))
+        for name, outwards, edge in site.edges(self.edges):
+            cut = sum(not outwards[axis] for axis in planes)  # by planes across the edge
+            springs.append(self._spring(site, name, edge, 0.5**cut, outwards))
         for k, place in enumerate(np.array(self.at).reshape(-1, 2), 1):
             away = place - site.centre
             if (place[planes] < 0).any() or not away.any():
@@ -301,37 +298,30 @@ class SpringHolder(Kind):
                     "the modelled part, but the blank's centroid, from which springs pull away"
                 )
             share, near = 0.5 ** int((place[planes] == 0).sum()), site.laid.nearest_nodes(place)
-            way = np.append(away, 0.0) / np.linalg.norm(away)
-            springs.append(self._spring(site, f"point {k}", near, share, way))
+            outwards = np.append(away, 0.0) / np.linalg.norm(away)
+            springs.append(self._spring(site, f"point {k}", near, share, outwards))
         return springs
 
     def _spring(self, site, name, where, share, direction):
-        return Springs(
-            where,
-            share * self.stiffness,
-            share * self.preload,
-            arm=self.length * direction,
-            name=f"{site.name}, {name}",
-        )
+        arm, name = self.length * direction, f"{site.name}, {name}"
+        stiffness, preload = share * self.stiffness, share * self.preload
+        return Springs(where, stiffness, preload, arm=arm, name=name)
 
 
 # entry of a file -> the kind of holder that has it
-HOLDERS: Mapping[str, type[Kind]] = MappingProxyType(
-    {
-        dataclasses.fields(kind)[0].name: kind
-        for kind in (PressureHolder, ForceHolder, GapHolder, Grippers, SpringHolder)
-    }
-)
+HOLDERS: Mapping[str, type[Kind]] = {
+    fields(kind)[0].name: kind
+    for kind in (PressureHolder, ForceHolder, GapHolder, Grippers, SpringHolder)
+}
 
 
 def segments(name: str, given: Holder | Sequence[Holder]) -> list[Holder]:
     """The holder of this name in a press, or its segments, as a list. Raises InputError for what
     is no holder, and for an empty list."""
     holders: list = list(given) if isinstance(given, (list, tuple)) else [given]
-    for each in holders or [given]:
-        if not holders or isinstance(each, type) or not callable(getattr(each, "terms", None)):
-            raise InputError(
-                f"holders.{name} is {shown(each)}; allowed is a holder, as `PressureHolder(2.0)` "
-                "or an object with a method `terms(site)`, or a list of one or more"
-            )
+    if not holders or not all(callable(getattr(each, "terms", None)) for each in holders):
+        raise InputError(
+            f"holders.{name} is {shown(given)}; allowed is a holder, as `PressureHolder(2.0)` or "
+            "an object with a method `terms(site)`, or a list of one or more"
+        )
     return holders
