@@ -1,6 +1,5 @@
 """The places of the tools of a press before anything moves, and whether they leave room for it."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 
@@ -41,7 +40,7 @@ def place_tools(press: PressData, laid: Laid) -> tuple[dict[str, Tool], Schedule
     for name in sorted(given, key=dies.__contains__):  # dies after their tools
         tool, surface = given[name], given[name].surface
         if isinstance(surface, DieOf):
-            face = face_of(surfaces[surface.tool], given[surface.tool].towards)
+            face = _face_of(surfaces[surface.tool], given[surface.tool].towards)
             _check_covered(surface.tool, face, extent, press.planes)
             check_clearance(f"tools.{name}.clearance", clearances[name], pressed, face)
             surface = Reversed(Offset(face, clearances[name]))
@@ -60,8 +59,8 @@ def place_tools(press: PressData, laid: Laid) -> tuple[dict[str, Tool], Schedule
         tools[name] = Tool(surfaces[name], path, force=force, name=name)
 
     def checked():
-        doubts = clearance_doubts(press, tools, schedule, extent)
-        return doubts + symmetry_doubts(press, tools, extent, thickness)
+        doubts = _clearance_doubts(press, tools, schedule, extent)
+        return doubts + _symmetry_doubts(press, tools, extent, thickness)
 
     return tools, schedule, doubts + on_root(comm, checked)
 
@@ -219,7 +218,7 @@ class _FlatBlank:
         return least, np.array(top)
 
 
-def face_of(surface: Surface, towards: np.ndarray) -> Surface:
+def _face_of(surface, towards):
     """The face of a closed surface of triangles that looks `towards` the blank (3,), with the walls
     within it; other surfaces as they are."""
     inner, turn = _triangles(surface)
@@ -246,9 +245,7 @@ def _points_of(surface):
 # -- checks of tools in their places
 
 
-def clearance_doubts(
-    press: PressData, tools: Mapping[str, Tool], schedule: Schedule, extent: np.ndarray
-) -> list[str]:
+def _clearance_doubts(press, tools, schedule, extent):
     """Sentences on tools that leave the blank, with corners `extent` (2, 3) [mm], less than its
     thickness under pressure at the end of a stage. Raises InputError for two on either side of it
     that go through one another. The place of tools that a force moves is not known."""
@@ -256,11 +253,6 @@ def clearance_doubts(
         [name for name, tool in press.tools.items() if tool.side == side]
         for side in ("below", "above")
     )
-    if len(tools) > 1 and not (below and above):
-        return [
-            f"{' and '.join(tools)} stand {'below' if below else 'above'} the blank, and only "
-            "holders resist them: `side` says where a tool stands"
-        ]
     pressed, doubts = press.thickness(CHECK_PRESSURE), list[str]()
     thickness = f"the blank's thickness under {CHECK_PRESSURE:g} MPa, {rounded(pressed, 4)} mm"
     whens = ["before anything moves", *(f"at the end of {s.name}" for s in schedule.stages)]
@@ -274,7 +266,8 @@ def clearance_doubts(
         if punch := straight.get(frozenset(pair)):  # where both are flat, in the middle
             apart, place = schedule.distance(punch, load), np.zeros(3)
         else:
-            apart, place = _least_distance(*(tools[name] for name in pair), extent, load)
+            one, two = (tools[name] for name in pair)
+            apart, place = _least_distance(one, two, extent, load)
         words, at = f"tools {' and '.join(pair)}", f"{when}, at {coordinates(place)} mm"
         if apart < 0:
             raise InputError(
@@ -289,11 +282,10 @@ def clearance_doubts(
 
 def _least_distance(one, two, extent, load):
     """The least distance [mm] of two tools over the blank, and its place; inf if there is none."""
-    x = _points(one, extent, load)
-    gap = two.surface.evaluate(x - np.asarray(two.path(load))).gap
-    gap = np.append(np.where(np.isfinite(gap), gap, np.inf), np.inf)
-    worst = int(gap.argmin())
-    return float(gap[worst]), np.vstack([x, np.zeros(3)])[worst]
+    x = np.vstack([_points(one, extent, load), np.zeros(3)])
+    gap = np.append(two.surface.evaluate(x[:-1] - two.path(load)).gap, np.inf)
+    gap[~np.isfinite(gap)] = np.inf
+    return float(gap.min()), x[gap.argmin()]
 
 
 def _points(tool, extent, load):
@@ -306,9 +298,7 @@ def _points(tool, extent, load):
     return x[((x >= low - 1e-6) & (x <= high + 1e-6))[:, :2].all(1)]
 
 
-def symmetry_doubts(
-    press: PressData, tools: Mapping[str, Tool], extent: np.ndarray, thickness: float
-) -> list[str]:
+def _symmetry_doubts(press, tools, extent, thickness):
     """A sentence on each tool that is not its own mirror image in the planes of symmetry, within
     `MIRRORED` thicknesses, in its places at the start and at the end."""
     doubts: dict[str, str] = {}

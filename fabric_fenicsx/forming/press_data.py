@@ -121,9 +121,9 @@ def _all_of(kind, what, values):
     """One object of a kind, or several, as a tuple. Raises InputError for others, for none, and for
     two of one name."""
     values = (values,) if isinstance(values, kind) else tuple(values)
-    other = [each for each in values if not isinstance(each, kind)]
+    other = [f"one of the {what} is {shown(v)}" for v in values if not isinstance(v, kind)]
     if other or not values:
-        flaw = f"one of the {what} is {shown(other[0])}" if other else f"there are no {what}"
+        flaw = other[0] if other else f"there are no {what}"
         raise InputError(f"{flaw}; allowed is `{kind.__name__}(...)`, or several")
     names = [name for each in values if (name := getattr(each, "name", ""))]
     if twice := next((name for name in names if names.count(name) > 1), ""):

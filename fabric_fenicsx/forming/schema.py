@@ -2,11 +2,11 @@
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import tomli_w
@@ -51,13 +51,13 @@ def read(kind: type[P], path: Path, changes: Sequence[str] = ()) -> P:
     def made(document):
         for change in changes:
             _change(document, *tables.key_and_value(change))
-        return kind(**{"title": path.stem.replace("_", " ")} | _fields(document, path.parent))
+        return kind(**_fields(document, path))
 
     return read_toml(path, made)
 
 
-def _fields(document, folder):
-    """The fields of a press from the tables of its file, in this folder."""
+def _fields(document, path):
+    """The fields of a press from the tables of its file."""
     known = "unit", "title", *TABLES, "ply", "stage"
     for key in document:
         if key not in known:
@@ -68,8 +68,8 @@ def _fields(document, folder):
     blank, contact, limits, tools, holders = (
         as_table(document.get(name, {}), name, f"a table, [{name}]") for name in TABLES
     )
-    convert = partial(_value, folder=folder)
-    fields = {name: document[name] for name in ("title",) if name in document}
+    convert = partial(_value, folder=path.parent)
+    fields = {"title": document.get("title", path.stem.replace("_", " "))}
     for name, table in (("symmetry", blank), ("stop_when_invalid", limits)):
         fields |= {name: table.pop(name)} if name in table else {}
     return fields | {
@@ -101,7 +101,7 @@ def _sheets(document, blank, convert):
 def _tool(table, path, convert):
     table, common = as_table(table, path), names_of(PressTool)
     kind, side = key_of(SURFACES, table, path), table.get("side", "below")
-    own: dict[str, Any] = {key: table.pop(key) for key in [*table] if key not in common}
+    own = {key: table.pop(key) for key in [*table] if key not in common}
     value = own.pop(kind)
     if kind == "shape":
         if not (shape := SHAPES.get(str(value))):
@@ -186,7 +186,8 @@ def _put(document, names, value):
 
 def _enter(table, names, value):
     """Set the last name of a path in its table, in place of entries that it excludes."""
-    kind, key, excluded = names[0], names[-1], ()
+    kind, key = names[0], names[-1]
+    excluded: Collection[str] = ()
     if key in table and key != "shape":
         pass
     elif kind == "stage":

@@ -96,7 +96,7 @@ class Flange:
         low, high = np.asarray(extent)[:, :2] / self.spacing
         self._first = np.floor(low).astype(int) - self.beyond  # of the lattice along x and y
         self._last = np.ceil(high).astype(int) + self.beyond
-        self._seen: np.ndarray | None = None  # where the die was
+        self._seen = np.full(3, np.nan)  # where the die was
 
     def _follow_die(self):
         if np.array_equal(self.die.displacement, self._seen):
