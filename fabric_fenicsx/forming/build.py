@@ -1,13 +1,11 @@
 """The scene of a press: the blank is laid, the tools are placed, terms and supports are made."""
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 
 from mpi4py import MPI
 
-from ..mechanics.contact.coulomb import Coulomb
 from ..mechanics.contact.holder_pressure import BlankHolderPressure
 from ..mechanics.contact.self_contact import SelfContact
 from ..mechanics.contact.tool_contact import Contact
@@ -22,7 +20,6 @@ from ..runtime.status import task
 from ..runtime.timing import phase
 from ..scene.scene import Scene
 from ..scene.supports import Support
-from ..tools.tool import Tool
 from . import stack
 from .forming_scene import FormingScene
 from .holders import PressureHolder, segments
@@ -30,7 +27,6 @@ from .laying import Laid, lay_blank, on_plane
 from .placement import place_tools
 from .press_data import PressData
 from .site import Flange, HolderSite, Where
-from .stages import Schedule
 
 
 @phase("setup")
@@ -47,17 +43,20 @@ def build(press: PressData, comm: MPI.Comm | None = None) -> FormingScene:
     fabrics = [sheet for sheet in sheets if sheet.fabric]
     terms = [laid.on(s, _membrane(s)) for s in fabrics]
     terms += [laid.on(s, _bending(s, planes)) for s in fabrics if s.bending_modulus]
-    usual = interface.on_tools(sheets)
+    on_tools = interface.on_tools(sheets)
     for name, tool in tools.items():
         own = press.tools[name].friction
-        friction = usual if own is None else interface.coulomb(own)
+        friction = on_tools if own is None else interface.coulomb(own)
         terms.append(Contact(tool, penalty=interface.penalty, friction=friction))
     terms += [laid.on(s, SheetMetal(s.metal, symmetric=planes)) for s in sheets if s.metal]
     between = stack.between(laid.stack, sheets, interface, planes) if laid.stack else []
-    held, on_die, more = hold(press, laid, tools, schedule, usual, between)
+    held, on_die, more = _hold(press, laid, tools, schedule, on_tools, between)
     terms += [*chain(*held.values()), *between]
-    if interface.self:
-        terms += [laid.on(s, _folds(s, interface, planes)) for s in sheets]
+    for sheet in sheets if interface.self else ():
+        friction = interface.coulomb(sheet.friction_to(sheet))
+        k, lag = interface.penalty, interface.lag_of_faces
+        folds = SelfContact(penalty=k, lag=lag, symmetric=planes, friction=friction)
+        terms.append(laid.on(sheet, folds))
 
     scene = Scene(laid.blank, terms, _supports(press, laid))
     if laid.stack:
@@ -85,15 +84,6 @@ def _bending(sheet, planes):
     )
 
 
-def _folds(sheet, interface, planes):
-    return SelfContact(
-        penalty=interface.penalty,
-        lag=interface.lag_of_faces,
-        symmetric=planes,
-        friction=interface.coulomb(sheet.friction_to(sheet)),
-    )
-
-
 def _supports(press: PressData, laid: Laid) -> list[Support]:
     """The planes of symmetry, and what keeps the blank from moving and turning in its plane: the
     nodes nearest to its centroid, and without planes to the end of the axis there."""
@@ -114,14 +104,7 @@ def _supports(press: PressData, laid: Laid) -> list[Support]:
 # -- holders
 
 
-def hold(
-    press: PressData,
-    laid: Laid,
-    tools: Mapping[str, Tool],
-    schedule: Schedule,
-    friction: Coulomb,
-    between: Sequence[Term],
-) -> tuple[dict[str, list[Term]], Tool | None, list[str]]:
+def _hold(press, laid, tools, schedule, friction, between):
     """{name of a holder or segment: its terms}, the last tool on which one presses, and doubts.
     friction: of tools; between: contacts of the sheets of a stack."""
     held, on_die, doubts = dict[str, list[Term]](), None, list[str]()
@@ -143,12 +126,12 @@ def hold(
             against=against,
             taken=taken,
         )
-        held[name] = list(holder.terms(site))
-        unnamed = [term.tool for term in held[name] if term.tool and term.tool.name == term.name]
+        held[name] = terms = list(holder.terms(site))
+        unnamed = [term.tool for term in terms if term.tool and term.tool.name == term.name]
         for k, tool in enumerate(unnamed, 1):
             tool.name = name if len(unnamed) == 1 else f"{name}, {k}"
         doubts += site.warnings
-        pressures = [term for term in held[name] if isinstance(term, BlankHolderPressure)]
+        pressures = [term for term in terms if isinstance(term, BlankHolderPressure)]
         if any(term.direction @ site.up < 0 for term in pressures):
             doubts.append(
                 f"the pressure of {name} is directed away from the die: towards it is "

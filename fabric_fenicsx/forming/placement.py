@@ -139,12 +139,13 @@ class _FlatBlank:
         """The height (z) of the tool's origin at which it touches the blank. It moves by its least
         distance each time, so it never cuts in. Raises InputError, on all ranks, for a tool that
         does not meet the blank, or only with its back."""
-        place, up, points = np.array(tool.at)[:2], tool.towards[2], _points_of(surface)
+        place, up, (triangles, turn) = np.array(tool.at)[:2], tool.towards[2], _triangles(surface)
         away, between, rounding = self.size, np.empty((0, 3)), 1e-9 * self.size
-        if points is not None:  # how far away its face may be
-            far = 4 * (abs(points).max() + self.size)
-        else:
-            far = 1e3 * self.size + sum(r for r in surface.radii if np.isfinite(r))
+        points = np.zeros((1, 3))
+        far = 1e3 * self.size + sum(r for r in surface.radii if np.isfinite(r))
+        if triangles is not None:
+            points = triangles.points @ turn.T
+            far = 4 * (abs(points).max() + self.size)  # how far away its face may be
         while self._least(surface, [*place, -up * away], between)[0] <= 0:
             if away >= far:
                 raise InputError(
@@ -163,7 +164,7 @@ class _FlatBlank:
                 between = np.vstack([between, [*top, 0.0]])[-10:]  # the top is between nodes
             if away < -far:
                 break
-        reach = place + (np.zeros((1, 2)) if points is None else points[:, :2])
+        reach = place + points[:, :2]
         beside = np.maximum(0, np.maximum(low - reach.max(0), reach.min(0) - high))
         raise InputError(
             f"tools.{name} does not meet the blank when it is moved along z, "
@@ -234,12 +235,6 @@ def _triangles(surface):
     if isinstance(surface, Turned):
         turn, surface = surface.back(turn), surface.surface
     return (surface if isinstance(surface, TriangulatedSurface) else None), turn
-
-
-def _points_of(surface):
-    """Points (n, 3) of a surface of triangles in its place [mm], None for other surfaces."""
-    triangles, turn = _triangles(surface)
-    return None if triangles is None else triangles.points @ turn.T
 
 
 # -- checks of tools in their places

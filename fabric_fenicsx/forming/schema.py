@@ -62,8 +62,7 @@ def _fields(document, path):
     for key in document:
         if key not in known:
             raise unknown_key(key, known, f"entry {key}")
-    if document.get("unit") != "mm":
-        unit = shown(document["unit"]) if "unit" in document else "missing"
+    if (unit := document.get("unit", "missing")) != "mm":
         raise InputError(f'unit is {unit}; allowed is a line `unit = "mm"`, the unit of lengths')
     blank, contact, limits, tools, holders = (
         as_table(document.get(name, {}), name, f"a table, [{name}]") for name in TABLES

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -161,10 +162,8 @@ class HolderSite:
     die, up, thickness
         The tool on which the holder presses the blank, the direction (3,) towards it, and the
         thickness of all between them [mm].
-    interface, friction
-        How tools touch the blank, and their friction.
-    against
-        Of a stack: the contacts of each sheet with the next.
+    interface, friction, against
+        How tools touch the blank, their friction; of a stack the contacts of its sheets.
     taken
         By holders before this one: {place: {name of a holder: where it acts there}}.
 
@@ -240,23 +239,20 @@ class HolderSite:
             axis, end = EDGES[name]
             if end or axis not in self.planes:
                 place = self.blank.extent()[end][axis]
-
-                def edge(x, axis=axis, place=place):
-                    return abs(x[axis] - place) < 1e-6
-
-                yield name, (2 * end - 1) * np.eye(3)[axis], edge
+                mask = partial(lambda axis, place, x: abs(x[axis] - place) < 1e-6, axis, place)
+                yield name, (2 * end - 1) * np.eye(3)[axis], mask
 
     def loose_ends(self) -> list[str]:
         """A sentence on each end of the smallest sheet, on the axes through the blank's centre,
         that lies over the die's opening, where no blank holder presses it."""
-        low, high = np.array([blank.extent() for blank in self.laid.blanks]).swapaxes(0, 1)
-        ends = [(axis, 1, high[:, axis].min()) for axis in (0, 1)]
-        ends += [(axis, -1, low[:, axis].max()) for axis in (0, 1) if axis not in self.planes]
+        extents = np.array([blank.extent() for blank in self.laid.blanks])
         doubts, flange = list[str](), self.on_flange()
         reach = np.arange(200)  # mm, within which the flange is looked for
-        for axis, sign, end in ends:
+        for _, outwards, _ in self.edges(list(EDGES)):
+            axis = int(abs(outwards).argmax())
+            end = (extents @ outwards).max(1).min() * outwards[axis]
             x = np.outer([*self.centre, 0.0], np.ones(len(reach)))
-            x[axis] = end + sign * reach
+            x[axis] = end + outwards[axis] * reach
             if not (share := flange(x))[0]:
                 away = f"{(share > 0).argmax()} mm" if share.any() else f"more than {len(reach)} mm"
                 doubts.append(
