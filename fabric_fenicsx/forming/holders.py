@@ -17,7 +17,7 @@ from ..runtime.rules import FROM_ZERO, POSITIVE, shown
 from ..tools.primitives import Plane
 from ..tools.tool import Tool
 from ..tools.values import checked_vector
-from .site import EDGES, HolderSite, Region, Where, check_edges
+from .site import EDGES, HolderSite, Region, Where
 
 
 class Holder(Protocol):
@@ -45,6 +45,12 @@ class Kind(KnowsItsFields):
     """A kind of holder of the package: a dataclass whose first field is its key in a file."""
 
     presses: ClassVar[bool] = True  # the blank on a die; otherwise it pulls
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        edges = getattr(self, "edges", ())
+        if not isinstance(edges, (list, tuple)) or any(each not in EDGES for each in edges):
+            raise InputError(f"`edges` is {shown(edges)}; allowed is a list of some of {[*EDGES]}")
 
 
 @documented
@@ -106,7 +112,7 @@ class PressureHolder(Kind):
         if site.up[2] < 0:
             raise InputError(
                 f"{site.path} presses a stack downwards on {site.die.name}; allowed is a die "
-                "above the stack (turn the press over), or a holder that is a tool with a force"
+                "above the stack, or a holder that is a tool with a force"
             )
         # sheets that reach beyond the lowest one can't sink below the holder's face
         face = Tool(Plane(-site.thickness / 2 * site.up, site.up), name=f"{site.name}'s face")
@@ -178,10 +184,8 @@ class GapHolder(Kind):
         t = site.thickness
         gap = self.gap or 1.1 * t
         if gap < 0.5 * t:
-            raise InputError(
-                f"{site.path}.gap is {gap:g}, which crushes the blank; allowed is from "
-                f"{t / 2:g} mm, half its thickness"
-            )
+            flaw = f"{site.path}.gap is {gap:g}, which crushes the blank"
+            raise InputError(f"{flaw}; allowed is from {t / 2:g} mm, half its thickness")
         return [_plate(site, gap - t / 2, self.where)]
 
 
@@ -222,10 +226,6 @@ class Grippers(Kind):
     edges: Sequence[str] = tuple(EDGES)
     presses: ClassVar[bool] = False
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_edges(self.edges)
-
     def terms(self, site: HolderSite) -> list[Term]:
         """As in `Holder`. Raises InputError if no edge is gripped."""
         if self.tension == 0:
@@ -236,10 +236,7 @@ class Grippers(Kind):
                 pulls.append(EdgeTension(self.tension, outwards, gripped))
                 pulls[-1].name = f"{site.name}, {name}"
         if not pulls:
-            raise InputError(
-                f"`where` of {site.path} marks no edge; allowed is a function that is true on at "
-                "least one"
-            )
+            raise InputError(f"`where` of {site.path} marks no edge; allowed is a mask of one")
         return pulls
 
 
@@ -276,9 +273,8 @@ class SpringHolder(Kind):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_edges(self.edges)
-        given = self.at if np.iterable(self.at) else [self.at]
-        points = tuple(tuple(checked_vector("`at`", each, size=2).tolist()) for each in given)
+        places = self.at if np.iterable(self.at) else [self.at]
+        points = tuple(tuple(checked_vector("`at`", each, size=2).tolist()) for each in places)
         object.__setattr__(self, "at", points)  # so that holders compare
         if not (points or self.edges):
             raise InputError("a `SpringHolder` needs `edges` or points `at`")

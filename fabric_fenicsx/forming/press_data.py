@@ -45,19 +45,15 @@ class PressData(KnowsItsFields):
     def _check_sides(self):
         if len({tool.side for tool in self.tools.values()}) == 1 and not self.holders:
             side = next(iter(self.tools.values())).side
-            raise InputError(
-                f"all tools stand {side} the blank, and nothing resists them; allowed is a tool on "
-                "the other side, or a holder, as springs at the edges"
-            )
+            flaw = f"all tools stand {side} the blank, and nothing resists them"
+            raise InputError(f"{flaw}; allowed is a tool on the other side, or a holder")
         surfaces = [name for name in self.tools if name not in self.dies()]
         for name, die in self.dies().items():
             if (of := die.tool) not in surfaces:
                 raise unknown_key(of, surfaces, f"tools.{name}.die_of {of}")
             if self.tools[of].side == (side := self.tools[name].side):
-                raise InputError(
-                    f"tools.{name}.side is {side}, the side of {of}, whose die it is; allowed is "
-                    "the other side"
-                )
+                flaw = f"tools.{name}.side is {side}, the side of {of}, whose die it is"
+                raise InputError(f"{flaw}; allowed is the other side")
 
     @property
     def planes(self) -> tuple[int, ...]:

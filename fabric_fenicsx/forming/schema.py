@@ -220,10 +220,9 @@ def _change_material(document, names, value):
     sheets = {"blank": document.get("blank", {})} | {f"ply.{k}": ply for k, ply in plies}
     named = {path: sheet[kind] for path, sheet in sheets.items() if kind in sheet}
     if len({str(each) for each in named.values()}) != 1:
-        raise InputError(
-            f"{'.'.join(names)} is of one {kind} of all sheets, and the file has "
-            f"{', '.join(f'{path}.{kind}' for path in named) or 'none'}; allowed is the path of one"
-        )
+        flaw = f"{'.'.join(names)} is of one {kind} of all sheets, and the file has "
+        flaw += ", ".join(f"{path}.{kind}" for path in named) or "none"
+        raise InputError(f"{flaw}; allowed is the path of one")
     for path in named:
         _put(document, [*path.split("."), *names], value)
 
@@ -302,10 +301,8 @@ def write(press: PressData, path: str | os.PathLike[str]) -> None:
             return file.name
         if isinstance(value, (str, bool, int, float)):
             return value
-        raise InputError(
-            f"{where} is {shown(value)}, which a file cannot hold; allowed are numbers, names, "
-            "files, shapes and regions"
-        )
+        flaw = f"{where} is {shown(value)}, which a file cannot hold"
+        raise InputError(f"{flaw}; allowed are numbers, names, files, shapes and regions")
 
     text = tomli_w.dumps(plain(document_of(press), ""))
     for file, material in files.items():

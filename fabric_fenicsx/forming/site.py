@@ -71,12 +71,6 @@ class Region:
         return Region({"at": centre.tolist()} | dict(self.limits))
 
 
-def check_edges(names: object) -> None:
-    """Raise InputError unless `names` is a list of some of `EDGES`."""
-    if not isinstance(names, (list, tuple)) or any(each not in EDGES for each in names):
-        raise InputError(f"`edges` is {shown(names)}; allowed is a list of some of {[*EDGES]}")
-
-
 class Flange:
     """Function of places (3, n) to the share (n,) to which each lies on the die's flange: 1 where
     the die is flat, 0 beyond, and less than 1 where its radius begins; it depends only on x and y.

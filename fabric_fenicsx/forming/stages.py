@@ -94,10 +94,8 @@ class Schedule:
             if not stage.unload
         ]
         if not self.stages or any(stage.unload for stage in list(stages)[:-1]):
-            raise InputError(
-                "stage needs one or more stages that form, as [[stage]]; `unload` is allowed only "
-                "in the last"
-            )
+            flaw = "stage needs one or more stages that form, as [[stage]]"
+            raise InputError(f"{flaw}; `unload` is allowed only in the last")
         self.unloads = bool(stages[-1].unload)
         self.steps = sum(stage.steps for stage in self.stages)
         self.joints = np.append(0, np.cumsum([s.steps for s in self.stages])) / self.steps
@@ -114,10 +112,8 @@ class Schedule:
         for name in tools:
             gone = self._gone(name)
             if min(gone) < 0 and max(gone) <= 0:
-                raise InputError(
-                    f"tools.{name} only moves away from the blank; allowed is a tool that moves "
-                    "towards it: numbers above 0 in `moves`"
-                )
+                flaw = f"tools.{name} only moves away from the blank"
+                raise InputError(f"{flaw}; allowed are numbers above 0 in `moves`, towards it")
 
     def _add(self, stage, label):
         for kind, series in (("forces", self._forces), ("pressures", self._pressures)):
