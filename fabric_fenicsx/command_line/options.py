@@ -37,26 +37,18 @@ def exit_status(error: Exception) -> tuple[int, str]:
 def program(name: str) -> str:
     """First words of the command that started study `name`: `fabric` or a script."""
     script = Path(sys.argv[0])
-    return f"fabric {name}" if _by_fabric() else f"{script.parent.name}/{script.name}"
+    by_fabric = script.parent == STUDIES
+    return f"fabric {name}" if by_fabric else f"{script.parent.name}/{script.name}"
 
 
 def restart_command(ranks: int = 1) -> str:
     """Command that starts this program anew, without --resume and --overwrite."""
     options = [word for word in sys.argv[1:] if word not in ("--resume", "--overwrite")]
-    script = Path(sys.argv[0])
-    start = ["-m", "fabric_fenicsx", script.stem] if _by_fabric() else [str(script)]
-    words = [_from_here(sys.executable), *start, *options]
-    mpirun = _from_here(on_ranks(ranks)[0]).removesuffix(".openmpi")
+    script, here = Path(sys.argv[0]), f"{Path.cwd()}/"
+    start = ["-m", "fabric_fenicsx", script.stem] if script.parent == STUDIES else [str(script)]
+    words = [sys.executable.removeprefix(here), *start, *options]
+    mpirun = on_ranks(ranks)[0].removeprefix(here).removesuffix(".openmpi")
     return (f"{mpirun} -n {ranks} " if ranks > 1 else "") + shlex.join(words)
-
-
-def _by_fabric():
-    return Path(sys.argv[0]).parent == STUDIES
-
-
-def _from_here(file):
-    here, path = Path.cwd(), Path(file)
-    return str(path.relative_to(here) if path.is_relative_to(here) else path)
 
 
 def spelled(name: str) -> str:
@@ -90,11 +82,10 @@ class Parser(argparse.ArgumentParser):
     )
 
     def __init__(self, **settings: Any) -> None:
-        usual: dict[str, Any] = {"allow_abbrev": False, "formatter_class": HelpFormatter}
-        super().__init__(**usual | settings)
+        super().__init__(allow_abbrev=False, formatter_class=HelpFormatter, **settings)
         self.free: set[str] = set()
-        self._groups: dict[str, Any] = {}
-        self._group: Any = self
+        self._groups: dict[str, argparse._ArgumentGroup] = {}
+        self._group: argparse._ActionsContainer = self
 
     def group(self, title: str) -> None:
         """Add the options that follow to the group of this title."""
@@ -106,8 +97,7 @@ class Parser(argparse.ArgumentParser):
         """Add an option, as argparse's add_argument; free: a resumed run may change it."""
         group = self._groups.get("usual") if names[0] in self.USUAL else None
         action = (group or self._group).add_argument(*names, **settings)
-        if free:
-            self.free.add(action.dest)
+        self.free |= {action.dest} if free else set()
 
     def switch(self, name: str, words: str) -> None:
         """Add an option without a value, which a resumed run may change."""

@@ -1,13 +1,11 @@
 """The scene of a press: the blank is laid, the tools are placed, terms and supports are made."""
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 
 from mpi4py import MPI
 
-from ..mechanics.contact.coulomb import Coulomb
 from ..mechanics.contact.holder_pressure import BlankHolderPressure
 from ..mechanics.contact.self_contact import SelfContact
 from ..mechanics.contact.tool_contact import Contact
@@ -22,7 +20,6 @@ from ..runtime.status import task
 from ..runtime.timing import phase
 from ..scene.scene import Scene
 from ..scene.supports import Support
-from ..tools.tool import Tool
 from . import stack
 from .forming_scene import FormingScene
 from .holders import PressureHolder, segments
@@ -30,7 +27,6 @@ from .laying import Laid, lay_blank, on_plane
 from .placement import place_tools
 from .press_data import PressData
 from .site import Flange, HolderSite, Where
-from .stages import Schedule
 
 
 @phase("setup")
@@ -47,17 +43,20 @@ def build(press: PressData, comm: MPI.Comm | None = None) -> FormingScene:
     fabrics = [sheet for sheet in sheets if sheet.fabric]
     terms = [laid.on(s, _membrane(s)) for s in fabrics]
     terms += [laid.on(s, _bending(s, planes)) for s in fabrics if s.bending_modulus]
-    usual = interface.on_tools(sheets)
+    on_tools = interface.on_tools(sheets)
     for name, tool in tools.items():
         own = press.tools[name].friction
-        friction = usual if own is None else interface.coulomb(own)
+        friction = on_tools if own is None else interface.coulomb(own)
         terms.append(Contact(tool, penalty=interface.penalty, friction=friction))
     terms += [laid.on(s, SheetMetal(s.metal, symmetric=planes)) for s in sheets if s.metal]
     between = stack.between(laid.stack, sheets, interface, planes) if laid.stack else []
-    held, on_die, more = hold(press, laid, tools, schedule, usual, between)
+    held, on_die, more = _hold(press, laid, tools, schedule, on_tools, between)
     terms += [*chain(*held.values()), *between]
-    if interface.self:
-        terms += [laid.on(s, _folds(s, interface, planes)) for s in sheets]
+    for sheet in sheets if interface.self else ():
+        friction = interface.coulomb(sheet.friction_to(sheet))
+        k, lag = interface.penalty, interface.lag_of_faces
+        folds = SelfContact(penalty=k, lag=lag, symmetric=planes, friction=friction)
+        terms.append(laid.on(sheet, folds))
 
     scene = Scene(laid.blank, terms, _supports(press, laid))
     if laid.stack:
@@ -85,15 +84,6 @@ def _bending(sheet, planes):
     )
 
 
-def _folds(sheet, interface, planes):
-    return SelfContact(
-        penalty=interface.penalty,
-        lag=interface.lag_of_faces,
-        symmetric=planes,
-        friction=interface.coulomb(sheet.friction_to(sheet)),
-    )
-
-
 def _supports(press: PressData, laid: Laid) -> list[Support]:
     """The planes of symmetry, and what keeps the blank from moving and turning in its plane: the
     nodes nearest to its centroid, and without planes to the end of the axis there."""
@@ -114,18 +104,12 @@ def _supports(press: PressData, laid: Laid) -> list[Support]:
 # -- holders
 
 
-def hold(
-    press: PressData,
-    laid: Laid,
-    tools: Mapping[str, Tool],
-    schedule: Schedule,
-    friction: Coulomb,
-    between: Sequence[Term],
-) -> tuple[dict[str, list[Term]], Tool | None, list[str]]:
+def _hold(press, laid, tools, schedule, friction, between):
     """{name of a holder or segment: its terms}, the last tool on which one presses, and doubts.
     friction: of tools; between: contacts of the sheets of a stack."""
     held, on_die, doubts = dict[str, list[Term]](), None, list[str]()
     taken: dict[str, dict[str, Where]] = {}
+    against = stack.neighbours(between, laid.sheets) if laid.stack else []
     for name, holder in _segments(press, schedule):
         die = _die_of(name, holder, press, laid, tools, schedule)
         on_die = die if getattr(holder, "presses", True) else on_die
@@ -139,17 +123,14 @@ def hold(
             thickness=press.thickness(),
             interface=press.interface,
             friction=friction,
-            against=stack.neighbours(between, laid.sheets) if laid.stack else [],
+            against=against,
             taken=taken,
         )
-        terms = holder.terms(site)
-        if not isinstance(terms, (list, tuple)) or not all(isinstance(t, Term) for t in terms):
-            kind = type(terms).__name__
-            raise InputError(f"{site.path}: `terms` returns {kind}; allowed is a list of terms")
+        held[name] = terms = list(holder.terms(site))
         unnamed = [term.tool for term in terms if term.tool and term.tool.name == term.name]
         for k, tool in enumerate(unnamed, 1):
             tool.name = name if len(unnamed) == 1 else f"{name}, {k}"
-        held[name], doubts = list(terms), doubts + site.warnings
+        doubts += site.warnings
         pressures = [term for term in terms if isinstance(term, BlankHolderPressure)]
         if any(term.direction @ site.up < 0 for term in pressures):
             doubts.append(
@@ -161,21 +142,19 @@ def hold(
 
 def _segments(press, schedule):
     """Name and holder of each segment, with the pressure over all stages."""
-    for name, given in press.holders.items():
-        for k, holder in enumerate(segments(name, given), 1):
-            changing = schedule.pressure(name)
+    for name, options in press.holders.items():
+        changing = schedule.pressure(name)
+        for k, holder in enumerate(segments(name, options), 1):
             if changing and isinstance(holder, PressureHolder):
                 holder = replace(holder, pressure=changing)
             yield (f"{name} {k}" if k > 1 else name), holder
 
 
 def _die_of(name, holder, press, laid, tools, schedule):
-    """The tool on which a holder presses the blank."""
+    """The tool on which a holder presses the blank; of one that only pulls any."""
     path, asked = f"holders.{name}.against", getattr(holder, "against", "")
     if asked and asked not in tools:
         raise unknown_key(asked, tools, f"{path} {asked}")
-    if asked and schedule.is_moved(asked):
-        raise InputError(f"{path} is {asked}, which moves; allowed is a tool that stands still")
 
     def is_flat(tool):
         up = -press.tools[tool.name].towards[2]
@@ -187,9 +166,10 @@ def _die_of(name, holder, press, laid, tools, schedule):
     if not getattr(holder, "presses", True):
         return (flat or list(tools.values()))[0]
     if len(flat) != 1:
-        names = ", ".join(tool.name for tool in flat)
+        names = ", ".join(tool.name for tool in flat) or "there is none"
+        flaw = f"is {asked}{'' if still else ', which moves'}" if asked else f"is one of: {names}"
         raise InputError(
-            f"{path} must name a tool that stands still and has a flat face on the blank: "
-            f"{names or 'there is none'}; allowed is also a tool with a force in place of a holder"
+            f"{path} {flaw}; allowed is a tool that stands still and has a flat face on the blank, "
+            "or a tool with a force in place of a holder"
         )
     return flat[0]

@@ -1,9 +1,7 @@
 """Blank holders: each kind is one class, with its numbers and the terms with which it acts."""
 
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from types import MappingProxyType
+from dataclasses import dataclass, field, fields
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -19,7 +17,7 @@ from ..runtime.rules import FROM_ZERO, POSITIVE, shown
 from ..tools.primitives import Plane
 from ..tools.tool import Tool
 from ..tools.values import checked_vector
-from .site import EDGES, HolderSite, Region, Where, check_edges
+from .site import EDGES, HolderSite, Region, Where
 
 
 class Holder(Protocol):
@@ -47,6 +45,12 @@ class Kind(KnowsItsFields):
     """A kind of holder of the package: a dataclass whose first field is its key in a file."""
 
     presses: ClassVar[bool] = True  # the blank on a die; otherwise it pulls
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        edges = getattr(self, "edges", ())
+        if not isinstance(edges, (list, tuple)) or any(each not in EDGES for each in edges):
+            raise InputError(f"`edges` is {shown(edges)}; allowed is a list of some of {[*EDGES]}")
 
 
 @documented
@@ -92,8 +96,7 @@ class PressureHolder(Kind):
             if self.pressure == 0:
                 site.warn(f"{site.path}.pressure is 0: it does not hold the rim")
         flange, where = site.on_flange(), site.pressed(self.where)
-        extents = [blank.extent() for blank in site.laid.blanks]
-        site.warn(*flange.loose_ends(extents, site.centre, site.planes))
+        site.warn(*site.loose_ends())
         pressure = BlankHolderPressure(
             self.pressure,
             site.up,
@@ -109,7 +112,7 @@ class PressureHolder(Kind):
         if site.up[2] < 0:
             raise InputError(
                 f"{site.path} presses a stack downwards on {site.die.name}; allowed is a die "
-                "above the stack (turn the press over), or a holder that is a tool with a force"
+                "above the stack, or a holder that is a tool with a force"
             )
         # sheets that reach beyond the lowest one can't sink below the holder's face
         face = Tool(Plane(-site.thickness / 2 * site.up, site.up), name=f"{site.name}'s face")
@@ -181,10 +184,8 @@ class GapHolder(Kind):
         t = site.thickness
         gap = self.gap or 1.1 * t
         if gap < 0.5 * t:
-            raise InputError(
-                f"{site.path}.gap is {gap:g}, which crushes the blank; allowed is from "
-                f"{t / 2:g} mm, half its thickness"
-            )
+            flaw = f"{site.path}.gap is {gap:g}, which crushes the blank"
+            raise InputError(f"{flaw}; allowed is from {t / 2:g} mm, half its thickness")
         return [_plate(site, gap - t / 2, self.where)]
 
 
@@ -225,10 +226,6 @@ class Grippers(Kind):
     edges: Sequence[str] = tuple(EDGES)
     presses: ClassVar[bool] = False
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_edges(self.edges)
-
     def terms(self, site: HolderSite) -> list[Term]:
         """As in `Holder`. Raises InputError if no edge is gripped."""
         if self.tension == 0:
@@ -239,10 +236,7 @@ class Grippers(Kind):
                 pulls.append(EdgeTension(self.tension, outwards, gripped))
                 pulls[-1].name = f"{site.name}, {name}"
         if not pulls:
-            raise InputError(
-                f"`where` of {site.path} marks no edge; allowed is a function that is true on at "
-                "least one"
-            )
+            raise InputError(f"`where` of {site.path} marks no edge; allowed is a mask of one")
         return pulls
 
 
@@ -279,9 +273,8 @@ class SpringHolder(Kind):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_edges(self.edges)
-        given = self.at if np.iterable(self.at) else [self.at]
-        points = tuple(tuple(checked_vector("`at`", each, size=2).tolist()) for each in given)
+        places = self.at if np.iterable(self.at) else [self.at]
+        points = tuple(tuple(checked_vector("`at`", each, size=2).tolist()) for each in places)
         object.__setattr__(self, "at", points)  # so that holders compare
         if not (points or self.edges):
             raise InputError("a `SpringHolder` needs `edges` or points `at`")
@@ -290,9 +283,9 @@ class SpringHolder(Kind):
         """As in `Holder`. Raises InputError for a point beyond a plane of symmetry."""
         planes = list(site.planes)
         springs: list[Term] = []
-        for name, way, edge in site.edges(self.edges):
-            cut = sum(not way[axis] for axis in planes)  # by planes across the edge
-            springs.append(self._spring(site, name, edge, 0.5**cut, way))
+        for name, outwards, edge in site.edges(self.edges):
+            cut = sum(not outwards[axis] for axis in planes)  # by planes across the edge
+            springs.append(self._spring(site, name, edge, 0.5**cut, outwards))
         for k, place in enumerate(np.array(self.at).reshape(-1, 2), 1):
             away = place - site.centre
             if (place[planes] < 0).any() or not away.any():
@@ -301,37 +294,30 @@ class SpringHolder(Kind):
                     "the modelled part, but the blank's centroid, from which springs pull away"
                 )
             share, near = 0.5 ** int((place[planes] == 0).sum()), site.laid.nearest_nodes(place)
-            way = np.append(away, 0.0) / np.linalg.norm(away)
-            springs.append(self._spring(site, f"point {k}", near, share, way))
+            outwards = np.append(away, 0.0) / np.linalg.norm(away)
+            springs.append(self._spring(site, f"point {k}", near, share, outwards))
         return springs
 
     def _spring(self, site, name, where, share, direction):
-        return Springs(
-            where,
-            share * self.stiffness,
-            share * self.preload,
-            arm=self.length * direction,
-            name=f"{site.name}, {name}",
-        )
+        arm, name = self.length * direction, f"{site.name}, {name}"
+        stiffness, preload = share * self.stiffness, share * self.preload
+        return Springs(where, stiffness, preload, arm=arm, name=name)
 
 
 # entry of a file -> the kind of holder that has it
-HOLDERS: Mapping[str, type[Kind]] = MappingProxyType(
-    {
-        dataclasses.fields(kind)[0].name: kind
-        for kind in (PressureHolder, ForceHolder, GapHolder, Grippers, SpringHolder)
-    }
-)
+HOLDERS: Mapping[str, type[Kind]] = {
+    fields(kind)[0].name: kind
+    for kind in (PressureHolder, ForceHolder, GapHolder, Grippers, SpringHolder)
+}
 
 
 def segments(name: str, given: Holder | Sequence[Holder]) -> list[Holder]:
     """The holder of this name in a press, or its segments, as a list. Raises InputError for what
     is no holder, and for an empty list."""
     holders: list = list(given) if isinstance(given, (list, tuple)) else [given]
-    for each in holders or [given]:
-        if not holders or isinstance(each, type) or not callable(getattr(each, "terms", None)):
-            raise InputError(
-                f"holders.{name} is {shown(each)}; allowed is a holder, as `PressureHolder(2.0)` "
-                "or an object with a method `terms(site)`, or a list of one or more"
-            )
+    if not holders or not all(callable(getattr(each, "terms", None)) for each in holders):
+        raise InputError(
+            f"holders.{name} is {shown(given)}; allowed is a holder, as `PressureHolder(2.0)` or "
+            "an object with a method `terms(site)`, or a list of one or more"
+        )
     return holders

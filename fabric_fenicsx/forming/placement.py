@@ -1,6 +1,5 @@
 """The places of the tools of a press before anything moves, and whether they leave room for it."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 
@@ -20,10 +19,10 @@ from ..tools.triangulated import TriangulatedSurface
 from .laying import Laid
 from .press_data import PressData
 from .stages import Schedule
+from .tools import DieOf
 
 CHECK_PRESSURE = 1.0  # MPa, under which the blank must fit between closed tools
 POINTS_ACROSS = 60  # points across the blank at which the distance of two tools is found
-
 TOUCH_TOLERANCE = 1e-9  # of the thickness: a tool so near touches the blank
 
 
@@ -38,25 +37,18 @@ def place_tools(press: PressData, laid: Laid) -> tuple[dict[str, Tool], Schedule
     clearances = {name: die.clearance or 1.2 * thickness for name, die in dies.items()}
     usual_off = {d.tool: max(0.0, clearances[n] - thickness) for n, d in dies.items()}
     surfaces, starts, doubts = dict[str, Surface](), dict[str, np.ndarray](), list[str]()
-    for name in (n for n in given if n not in dies):
-        surfaces[name], more = _surface_of(name, given[name], blank)
-        doubts += more
-        touching = blank.touching(name, given[name], surfaces[name])
-        starts[name] = blank.start(name, given[name], touching, usual_off.get(name, 0.0))
-    for name, die in dies.items():
-        face = face_of(surfaces[die.tool], given[die.tool].towards)
-        _check_covered(die.tool, face, extent, press.planes)
-        check_clearance(f"tools.{name}.clearance", clearances[name], pressed, face)
-        surfaces[name] = _turned(Reversed(Offset(face, clearances[name])), given[name])
-        try:
-            touching = blank.touching(name, given[name], surfaces[name])
-        except InputError as error:
-            raise InputError(
-                f"tools.{name} can't be the die of {die.tool}; allowed is the die of an open "
-                f"surface, as double_dome or a file, not of a closed one, as a ball ({error})"
-            ) from None
-        touching += blank.to_flange(given[name], surfaces[name], touching)
-        starts[name] = blank.start(name, given[name], touching)
+    for name in sorted(given, key=dies.__contains__):  # dies after their tools
+        tool, surface = given[name], given[name].surface
+        if isinstance(surface, DieOf):
+            face = _face_of(surfaces[surface.tool], given[surface.tool].towards)
+            _check_covered(surface.tool, face, extent, press.planes)
+            check_clearance(f"tools.{name}.clearance", clearances[name], pressed, face)
+            surface = Reversed(Offset(face, clearances[name]))
+        else:
+            surface, more = _surface_of(name, tool, blank)
+            doubts += more
+        surfaces[name] = Turned(surface, tool.turn) if any(tool.turn) else surface
+        starts[name] = blank.start(name, tool, surfaces[name], usual_off.get(name, 0.0))
     reach = dict[str, float]()
     for name, die in dies.items():
         apart = float((starts[name] - starts[die.tool]) @ given[die.tool].towards)
@@ -67,8 +59,8 @@ def place_tools(press: PressData, laid: Laid) -> tuple[dict[str, Tool], Schedule
         tools[name] = Tool(surfaces[name], path, force=force, name=name)
 
     def checked():
-        doubts = clearance_doubts(press, tools, schedule, extent)
-        return doubts + symmetry_doubts(press, tools, extent, thickness)
+        doubts = _clearance_doubts(press, tools, schedule, extent)
+        return doubts + _symmetry_doubts(press, tools, extent, thickness)
 
     return tools, schedule, doubts + on_root(comm, checked)
 
@@ -84,33 +76,29 @@ def check_clearance(path: str, clearance: float, pressed: float, surface: Surfac
 
 
 def _surface_of(name, tool, blank):
-    """The tool's surface, read and turned, and doubts; of a CAD model whose facets are coarse one
-    of a smaller `chord`."""
-    surface, words, doubts = tool.surface, f"tools.{name}.surface", list[str]()
+    """The tool's surface, read, and doubts; of a CAD model whose facets are coarse one of a smaller
+    `chord`."""
+    surface, words = tool.surface, f"tools.{name}.surface"
     if isinstance(surface, Surface):
-        if isinstance(surface, TriangulatedSurface):
-            doubts = _triangle_doubts(words, surface, blank)
-        return _turned(surface, tool), doubts
+        return surface, _triangle_doubts(words, surface, blank)
     words, is_model = f"tools.{name}, {surface},", ending(surface) in CAD
     for finer in (1, 2, 5) if is_model else (1,):
         read = TriangulatedSurface.read(surface, tool.chord / finer, comm=blank.comm)
         try:
-            return _turned(read, tool), _triangle_doubts(words, read, blank)
+            return read, _triangle_doubts(words, read, blank)
         except InputError as error:
             wrong = error
     raise InputError(f"{wrong}{', or a smaller `chord`' if is_model else ''}")
 
 
 def _triangle_doubts(words, surface, blank):
-    doubts, size = list[str](), float(np.ptp(surface.points, axis=0).max())
-    if doubt := unit_doubt(size, blank.size, MIN_SHARE):
-        raise InputError(f"{words} {doubt}; allowed is a surface in mm")
-    check_triangles(surface, words, blank.thickness, doubts.append)
+    doubts = list[str]()
+    if isinstance(surface, TriangulatedSurface):
+        size = float(np.ptp(surface.points, axis=0).max())
+        if doubt := unit_doubt(size, blank.size, MIN_SHARE):
+            raise InputError(f"{words} {doubt}; allowed is a surface in mm")
+        check_triangles(surface, words, blank.thickness, doubts.append)
     return doubts
-
-
-def _turned(surface, tool):
-    return Turned(surface, tool.turn) if any(tool.turn) else surface
 
 
 def _check_covered(name, surface, extent, planes):
@@ -147,23 +135,23 @@ class _FlatBlank:
         """The longer side [mm]."""
         return float(np.ptp(self.extent[:, :2], axis=0).max())
 
-    def touching(self, name, tool, surface):
+    def _touching(self, name, tool, surface):
         """The height (z) of the tool's origin at which it touches the blank. It moves by its least
         distance each time, so it never cuts in. Raises InputError, on all ranks, for a tool that
         does not meet the blank, or only with its back."""
-        place, up, points = np.array(tool.at)[:2], tool.towards[2], _points_of(surface)
+        place, up, (triangles, turn) = np.array(tool.at)[:2], tool.towards[2], _triangles(surface)
         away, between, rounding = self.size, np.empty((0, 3)), 1e-9 * self.size
-        if points is not None:  # how far away its face may be
-            far = 4 * (abs(points).max() + self.size)
-        else:
-            far = 1e3 * self.size + sum(r for r in surface.radii if np.isfinite(r))
+        points = np.zeros((1, 3))
+        far = 1e3 * self.size + sum(r for r in surface.radii if np.isfinite(r))
+        if triangles is not None:
+            points = triangles.points @ turn.T
+            far = 4 * (abs(points).max() + self.size)  # how far away its face may be
         while self._least(surface, [*place, -up * away], between)[0] <= 0:
             if away >= far:
                 raise InputError(
-                    f"tools.{name} has its body between its face and the blank, which is "
-                    f"{'above' if tool.side == 'below' else 'below'} it; allowed is the other "
-                    "side, turn = [180, 0, 0] on top of its own turn, or triangles whose normals "
-                    "point out of the body"
+                    f"tools.{name} has its body between its face and the blank; allowed is the "
+                    "other side, turn = [180, 0, 0] on top of its own turn, triangles whose "
+                    "normals point out of the body, or the die of an open surface, as double_dome"
                 )
             away = min(2 * away, far)
         low, high = self.extent[:, :2]
@@ -176,33 +164,32 @@ class _FlatBlank:
                 between = np.vstack([between, [*top, 0.0]])[-10:]  # the top is between nodes
             if away < -far:
                 break
-        reach = place + (np.zeros((1, 2)) if points is None else points[:, :2])
-        ends = reach.min(0), reach.max(0)
-        beside = np.linalg.norm(np.maximum(0, np.maximum(low - ends[1], ends[0] - high)))
+        reach = place + points[:, :2]
+        beside = np.maximum(0, np.maximum(low - reach.max(0), reach.min(0) - high))
         raise InputError(
             f"tools.{name} does not meet the blank when it is moved along z, "
-            f"{rounded(float(beside), 6)} mm beside it: it reaches from {coordinates(ends[0])} to "
-            f"{coordinates(ends[1])} mm, the blank from {coordinates(low)} to {coordinates(high)} "
-            "mm; allowed is `at` that puts it there, and a surface in mm"
+            f"{rounded(float(np.linalg.norm(beside)), 6)} mm beside it; allowed is `at` that puts "
+            "it there, and a surface in mm"
         )
 
-    def to_flange(self, tool, surface, touching):
+    def _to_flange(self, tool, surface, touching):
         """Distance along z [mm] by which a die that touches the blank must move so that its flat
         face at the blank's edge lies on it: facets of a fillet may bulge out of this face."""
-        (x, y), share = self.extent[:, :2].T, np.linspace(0, 1, 21)
-        along = [np.interp(share, [0, 1], ends) for ends in (x, y)]
-        edges = [(along[0], np.full(21, end)) for end in y]
-        edges += [(np.full(21, end), along[1]) for end in x]
-        nodes = np.column_stack([np.hstack(edges).T, np.zeros(84)])
-        nearest = surface.evaluate(nodes - [*tool.at[:2], touching])
+        low, high = self.extent
+        share = np.linspace(0, 1, 21)[:, None]
+        along = [low + share * (high - low) * axis for axis in np.eye(3)[:2]]
+        edges = np.vstack([*along, *(low + high - each for each in along)]) * (1, 1, 0)
+        nearest = surface.evaluate(edges - [*tool.at[:2], touching])
         gap = nearest.gap - self.thickness / 2
         flat = (abs(nearest.normal[:, 2]) > 0.99) & (abs(gap) < FLANGE * self.thickness)
         return tool.towards[2] * float(np.median(gap[flat])) if flat.any() else 0.0
 
-    def start(self, name, tool, touching, usual=0.0):
-        """The place of a tool's origin at the start (3,) [mm]. touching: z at which it touches the
-        blank; usual: the default of its `off` [mm]. Raises InputError for one that would stand in
-        the blank."""
+    def start(self, name, tool, surface, usual=0.0):
+        """The place of a tool's origin at the start (3,) [mm]. usual: the default of its `off`
+        [mm]. Raises InputError for one that would stand in the blank."""
+        touching = self._touching(name, tool, surface)
+        if isinstance(tool.surface, DieOf):
+            touching += self._to_flange(tool, surface, touching)
         x, y, *z = tool.at
         off = usual if tool.off is None else tool.off
         height = z[0] if z else touching - off * tool.towards[2]
@@ -232,7 +219,7 @@ class _FlatBlank:
         return least, np.array(top)
 
 
-def face_of(surface: Surface, towards: np.ndarray) -> Surface:
+def _face_of(surface, towards):
     """The face of a closed surface of triangles that looks `towards` the blank (3,), with the walls
     within it; other surfaces as they are."""
     inner, turn = _triangles(surface)
@@ -250,18 +237,10 @@ def _triangles(surface):
     return (surface if isinstance(surface, TriangulatedSurface) else None), turn
 
 
-def _points_of(surface):
-    """Points (n, 3) of a surface of triangles in its place [mm], None for other surfaces."""
-    triangles, turn = _triangles(surface)
-    return None if triangles is None else triangles.points @ turn.T
-
-
 # -- checks of tools in their places
 
 
-def clearance_doubts(
-    press: PressData, tools: Mapping[str, Tool], schedule: Schedule, extent: np.ndarray
-) -> list[str]:
+def _clearance_doubts(press, tools, schedule, extent):
     """Sentences on tools that leave the blank, with corners `extent` (2, 3) [mm], less than its
     thickness under pressure at the end of a stage. Raises InputError for two on either side of it
     that go through one another. The place of tools that a force moves is not known."""
@@ -269,11 +248,6 @@ def clearance_doubts(
         [name for name, tool in press.tools.items() if tool.side == side]
         for side in ("below", "above")
     )
-    if len(tools) > 1 and not (below and above):
-        return [
-            f"{' and '.join(tools)} stand {'below' if below else 'above'} the blank, and only "
-            "holders resist them: `side` says where a tool stands"
-        ]
     pressed, doubts = press.thickness(CHECK_PRESSURE), list[str]()
     thickness = f"the blank's thickness under {CHECK_PRESSURE:g} MPa, {rounded(pressed, 4)} mm"
     whens = ["before anything moves", *(f"at the end of {s.name}" for s in schedule.stages)]
@@ -282,36 +256,31 @@ def clearance_doubts(
         for name, die in press.dies().items()
         if schedule.closes_straight(die.tool, name)
     }
-    for pair in product(below, above):
-        for load, when in zip(schedule.joints, whens):
-            if any(tools[name].force for name in pair):
-                continue
-            if punch := straight.get(frozenset(pair)):  # where both are flat, in the middle
-                apart, place = schedule.distance(punch, load), np.zeros(3)
-            else:
-                one, two = (tools[name] for name in pair)
-                apart, place = _least_distance(one, two, extent, load)
-            words, at = f"tools {' and '.join(pair)}", f"{when}, at {coordinates(place)} mm"
-            if apart < 0:
-                raise InputError(
-                    f"{words} go {rounded(-apart, 4)} mm through one another {at}; allowed is a "
-                    f"distance from {thickness}: less travel, or another place (`at`)"
-                )
-            if load and apart < (1 - 1e-6) * pressed:
-                doubts.append(
-                    f"{words} are {rounded(apart, 4)} mm apart {at}, less than {thickness}: they "
-                    "crush it there"
-                )
+    pairs = [pair for pair in product(below, above) if not any(tools[n].force for n in pair)]
+    for pair, (load, when) in product(pairs, zip(schedule.joints, whens)):
+        if punch := straight.get(frozenset(pair)):  # where both are flat, in the middle
+            apart, place = schedule.distance(punch, load), np.zeros(3)
+        else:
+            one, two = (tools[name] for name in pair)
+            apart, place = _least_distance(one, two, extent, load)
+        words, at = f"tools {' and '.join(pair)}", f"{when}, at {coordinates(place)} mm"
+        if apart < 0:
+            raise InputError(
+                f"{words} go {rounded(-apart, 4)} mm through one another {at}; allowed is a "
+                f"distance from {thickness}: less travel, or another place (`at`)"
+            )
+        if load and apart < (1 - 1e-6) * pressed:
+            crushed = f"less than {thickness}: they crush it there"
+            doubts.append(f"{words} are {rounded(apart, 4)} mm apart {at}, {crushed}")
     return doubts
 
 
 def _least_distance(one, two, extent, load):
     """The least distance [mm] of two tools over the blank, and its place; inf if there is none."""
-    x = _points(one, extent, load)
-    gap = two.surface.evaluate(x - np.asarray(two.path(load))).gap
-    gap = np.append(np.where(np.isfinite(gap), gap, np.inf), np.inf)
-    worst = int(gap.argmin())
-    return float(gap[worst]), np.vstack([x, np.zeros(3)])[worst]
+    x = np.vstack([_points(one, extent, load), np.zeros(3)])
+    gap = np.append(two.surface.evaluate(x[:-1] - two.path(load)).gap, np.inf)
+    gap[~np.isfinite(gap)] = np.inf
+    return float(gap.min()), x[gap.argmin()]
 
 
 def _points(tool, extent, load):
@@ -324,21 +293,16 @@ def _points(tool, extent, load):
     return x[((x >= low - 1e-6) & (x <= high + 1e-6))[:, :2].all(1)]
 
 
-def symmetry_doubts(
-    press: PressData, tools: Mapping[str, Tool], extent: np.ndarray, thickness: float
-) -> list[str]:
+def _symmetry_doubts(press, tools, extent, thickness):
     """A sentence on each tool that is not its own mirror image in the planes of symmetry, within
     `MIRRORED` thicknesses, in its places at the start and at the end."""
     doubts: dict[str, str] = {}
     alone = [tool for name, tool in tools.items() if name not in press.dies()]
     for tool, load, axis in product(alone, (0.0, 1.0), press.planes):
-        sideways = np.subtract(tool.path(1.0), tool.path(0.0))[:2].any()
-        if tool.name in doubts or (load and not sideways):
-            continue
         x, mirror = _points(tool, extent, load), 1.0 - 2.0 * np.eye(3)[axis]
         off = np.nan_to_num(abs(tool.surface.evaluate(x * mirror - tool.path(load)).gap))
-        worst = int(np.append(off, 0.0).argmax())
-        if off[worst:].max(initial=0.0) > MIRRORED * thickness:
+        if tool.name not in doubts and off.max(initial=0.0) > MIRRORED * thickness:
+            worst = int(off.argmax())
             doubts[tool.name] = (
                 f"tools.{tool.name} is not its own mirror image in {'xy'[axis]} = 0: it is at "
                 f"{coordinates(x[worst])}, but {rounded(off[worst])} mm off "

@@ -1,9 +1,9 @@
 """A press: the blank, its tools and holders, and the stages in which it is formed."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 from mpi4py import MPI
 
@@ -59,15 +59,14 @@ class Press(PressData):
     True
     """
 
-    NAME: ClassVar[str] = "form"
-    HEADLINES: ClassVar[tuple[str, ...]] = (
+    NAME = "form"
+    HEADLINES = (
         *("shear_angle_max_deg", "shear_angle_99_percent_deg"),
         *("draw_in.largest_mm", "shortening_mean"),
     )
-    FULL: ClassVar[Mapping[str, float | None]] = {"balance": 0.02}
-    QUICK: ClassVar[Mapping[str, float | None]] = {"balance": None}
-    SOLVER: ClassVar[Mapping[str, float]] = {"path_tolerance": 1e-5, "every": 5}
-    CHEAP_FROM: ClassVar[int] = 0  # errors are estimated when asked for
+    FULL, QUICK = {"balance": 0.02}, {"balance": None}
+    SOLVER = {"path_tolerance": 1e-5, "every": 5}
+    CHEAP_FROM = 0  # errors are estimated when asked for
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], changes: Sequence[str] = ()) -> Self:

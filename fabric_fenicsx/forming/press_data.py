@@ -45,19 +45,15 @@ class PressData(KnowsItsFields):
     def _check_sides(self):
         if len({tool.side for tool in self.tools.values()}) == 1 and not self.holders:
             side = next(iter(self.tools.values())).side
-            raise InputError(
-                f"all tools stand {side} the blank, and nothing resists them; allowed is a tool on "
-                "the other side, or a holder, as springs at the edges"
-            )
+            flaw = f"all tools stand {side} the blank, and nothing resists them"
+            raise InputError(f"{flaw}; allowed is a tool on the other side, or a holder")
         surfaces = [name for name in self.tools if name not in self.dies()]
         for name, die in self.dies().items():
             if (of := die.tool) not in surfaces:
                 raise unknown_key(of, surfaces, f"tools.{name}.die_of {of}")
             if self.tools[of].side == (side := self.tools[name].side):
-                raise InputError(
-                    f"tools.{name}.side is {side}, the side of {of}, whose die it is; allowed is "
-                    "the other side"
-                )
+                flaw = f"tools.{name}.side is {side}, the side of {of}, whose die it is"
+                raise InputError(f"{flaw}; allowed is the other side")
 
     @property
     def planes(self) -> tuple[int, ...]:
@@ -121,9 +117,9 @@ def _all_of(kind, what, values):
     """One object of a kind, or several, as a tuple. Raises InputError for others, for none, and for
     two of one name."""
     values = (values,) if isinstance(values, kind) else tuple(values)
-    other = [each for each in values if not isinstance(each, kind)]
+    other = [f"one of the {what} is {shown(v)}" for v in values if not isinstance(v, kind)]
     if other or not values:
-        flaw = f"one of the {what} is {shown(other[0])}" if other else f"there are no {what}"
+        flaw = other[0] if other else f"there are no {what}"
         raise InputError(f"{flaw}; allowed is `{kind.__name__}(...)`, or several")
     names = [name for each in values if (name := getattr(each, "name", ""))]
     if twice := next((name for name in names if names.count(name) > 1), ""):

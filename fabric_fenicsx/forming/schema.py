@@ -2,11 +2,11 @@
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import tomli_w
@@ -51,27 +51,24 @@ def read(kind: type[P], path: Path, changes: Sequence[str] = ()) -> P:
     def made(document):
         for change in changes:
             _change(document, *tables.key_and_value(change))
-        return kind(**{"title": path.stem.replace("_", " ")} | _fields(document, path.parent))
+        return kind(**_fields(document, path))
 
     return read_toml(path, made)
 
 
-def _fields(document, folder):
-    """The fields of a press from the tables of its file, in this folder."""
+def _fields(document, path):
+    """The fields of a press from the tables of its file."""
     known = "unit", "title", *TABLES, "ply", "stage"
     for key in document:
         if key not in known:
             raise unknown_key(key, known, f"entry {key}")
-    if document.get("unit") != "mm":
-        unit = shown(document["unit"]) if "unit" in document else "missing"
+    if (unit := document.get("unit", "missing")) != "mm":
         raise InputError(f'unit is {unit}; allowed is a line `unit = "mm"`, the unit of lengths')
     blank, contact, limits, tools, holders = (
         as_table(document.get(name, {}), name, f"a table, [{name}]") for name in TABLES
     )
-    if "quarter" in blank:
-        raise InputError('blank.quarter is not known; allowed is symmetry = "xy" for a quarter')
-    convert = partial(_value, folder=folder)
-    fields = {name: document[name] for name in ("title",) if name in document}
+    convert = partial(_value, folder=path.parent)
+    fields = {"title": document.get("title", path.stem.replace("_", " "))}
     for name, table in (("symmetry", blank), ("stop_when_invalid", limits)):
         fields |= {name: table.pop(name)} if name in table else {}
     return fields | {
@@ -103,7 +100,7 @@ def _sheets(document, blank, convert):
 def _tool(table, path, convert):
     table, common = as_table(table, path), names_of(PressTool)
     kind, side = key_of(SURFACES, table, path), table.get("side", "below")
-    own: dict[str, Any] = {key: table.pop(key) for key in [*table] if key not in common}
+    own = {key: table.pop(key) for key in [*table] if key not in common}
     value = own.pop(kind)
     if kind == "shape":
         if not (shape := SHAPES.get(str(value))):
@@ -156,35 +153,53 @@ def _file(value, path, folder):
 def _change(document, names, value):
     """Make a change of the entry at a path of names."""
     if names[0] == "holder" and len(document.get("holders", ())) == 1:
-        names[:1] = ["holders", next(iter(document["holders"]))]
+        names = ["holders", *document["holders"], *names[1:]]
     if len(names) == 1 and names[0] in OF_ALL_PLIES.values():
         _change_all_plies(document, names[0], value)
     elif names[0] in ("fabric", "metal"):
         _change_material(document, names, value)
     else:
-        tables.put(document, names, value, _opened, _excluded)
+        _put(document, names, value)
 
 
-def _opened(names, entry):
-    """The table at a path within which an entry is changed."""
-    if names[-1] in ("fabric", "metal") and isinstance(entry, str):
-        return {"material": entry}
-    may_begin = names[0] in TABLES if len(names) == 1 else names[0] == "stage" and len(names) == 3
-    return {} if entry is None and may_begin else entry
+def _put(document, names, value):
+    """Enter a value at a path; tables of a list have their name, or their number from 1."""
+    table, begins = document, {1: TABLES, 3: ("stage",)}  # tables that need not be there
+    for depth, name in enumerate(names[:-1], 1):
+        known, of = table, ".".join(names[: depth - 1]) or "the file"
+        if isinstance(table, list):
+            known = {str(k): each for k, each in enumerate(table, 1)}
+            known |= {each["name"]: each for each in table if "name" in each}
+        elif name not in table and names[0] in begins.get(depth, ()):
+            _enter(table, names[:depth], {})
+        elif name in ("fabric", "metal") and isinstance(table.get(name), str):
+            table[name] = {"material": table[name]}
+        table = known.get(name)
+        if not isinstance(table, (dict, list)):
+            raise unknown_key(name, known, f"{'.'.join(names)}: {name} of {of}")
+    if isinstance(table, list):
+        path = ".".join(names)
+        raise InputError(f"{path} names no entry; allowed is {'.'.join(names[:-1])}.NAME.KEY")
+    _enter(table, names, value)
 
 
-def _excluded(names, table):
-    """Keys of a table that a new entry at this path replaces."""
+def _enter(table, names, value):
+    """Set the last name of a path in its table, in place of entries that it excludes."""
     kind, key = names[0], names[-1]
+    excluded: Collection[str] = ()
     if key in table and key != "shape":
-        return ()
-    if kind == "stage":
-        return {"moves": ("close",), "close": ("moves",)}.get(key, ())
-    if kind == "tools" and key in SURFACES:
-        return {*table} - {*names_of(PressTool)}
-    if kind == "holders" and key in HOLDERS:
-        return {*table} - {*names_of(HOLDERS[key])}
-    return Sheet.REPLACES.get(key, ()) if kind in ("blank", "ply") else ()
+        pass
+    elif kind == "stage":
+        excluded = {"moves": ("close",), "close": ("moves",)}.get(key, ())
+    elif kind == "tools" and key in SURFACES:
+        excluded = {*table} - {*names_of(PressTool)}
+    elif kind == "holders" and key in HOLDERS:
+        excluded = {*table} - {*names_of(HOLDERS[key])}
+    elif kind in ("blank", "ply"):
+        excluded = Sheet.REPLACES.get(key, ())
+    for each in excluded:
+        table.pop(each, None)
+    table[key] = value
 
 
 def _change_all_plies(document, key, value):
@@ -196,7 +211,7 @@ def _change_all_plies(document, key, value):
             continue
         for each in (key, *Sheet.REPLACES.get(key, ())):
             ply.pop(each, None)
-    tables.put(document, ["blank", key], value, _opened, _excluded)
+    _put(document, ["blank", key], value)
 
 
 def _change_material(document, names, value):
@@ -205,12 +220,11 @@ def _change_material(document, names, value):
     sheets = {"blank": document.get("blank", {})} | {f"ply.{k}": ply for k, ply in plies}
     named = {path: sheet[kind] for path, sheet in sheets.items() if kind in sheet}
     if len({str(each) for each in named.values()}) != 1:
-        raise InputError(
-            f"{'.'.join(names)} is of one {kind} of all sheets, and the file has "
-            f"{', '.join(f'{path}.{kind}' for path in named) or 'none'}; allowed is the path of one"
-        )
+        flaw = f"{'.'.join(names)} is of one {kind} of all sheets, and the file has "
+        flaw += ", ".join(f"{path}.{kind}" for path in named) or "none"
+        raise InputError(f"{flaw}; allowed is the path of one")
     for path in named:
-        tables.put(document, [*path.split("."), *names], value, _opened, _excluded)
+        _put(document, [*path.split("."), *names], value)
 
 
 def short_forms(options: Mapping[str, object]) -> list[str]:
@@ -247,8 +261,8 @@ def _tool_table(tool):
     entries = tables.entries(tool)
     surface = entries.pop("surface")
     if isinstance(surface, DieOf):  # whose side has another default in a file
-        die = {"die_of": surface.tool, "side": tool.side, "clearance": surface.clearance}
-        return {key: value for key, value in die.items() if value is not None} | entries
+        die = tables.entries(surface)
+        return {"die_of": die.pop("tool"), "side": tool.side} | die | entries
     for name, shape in SHAPES.items():
         if (numbers := shape.entries(surface, tool.side)) is not None:
             return {"shape": name} | numbers | entries
@@ -256,13 +270,12 @@ def _tool_table(tool):
 
 
 def _holder_table(holder):
-    for key, kind in HOLDERS.items():
-        if type(holder) is kind:
-            entries = {key: getattr(holder, key)} | tables.entries(holder)
-            if isinstance(region := entries.get("where"), Region):
-                entries["where"] = dict(region.limits)
-            return entries
-    return holder
+    if type(holder) not in HOLDERS.values():
+        return holder
+    key = names_of(type(holder))[0]
+    entries = {key: getattr(holder, key)} | tables.entries(holder)
+    where = {"where": dict(holder.where.limits)} if isinstance(entries.get("where"), Region) else {}
+    return entries | where
 
 
 def write(press: PressData, path: str | os.PathLike[str]) -> None:
@@ -288,10 +301,8 @@ def write(press: PressData, path: str | os.PathLike[str]) -> None:
             return file.name
         if isinstance(value, (str, bool, int, float)):
             return value
-        raise InputError(
-            f"{where} is {shown(value)}, which a file cannot hold; allowed are numbers, names, "
-            "files, shapes and regions"
-        )
+        flaw = f"{where} is {shown(value)}, which a file cannot hold"
+        raise InputError(f"{flaw}; allowed are numbers, names, files, shapes and regions")
 
     text = tomli_w.dumps(plain(document_of(press), ""))
     for file, material in files.items():

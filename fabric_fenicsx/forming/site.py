@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -70,12 +71,6 @@ class Region:
         return Region({"at": centre.tolist()} | dict(self.limits))
 
 
-def check_edges(names: object) -> None:
-    """Raise InputError unless `names` is a list of some of `EDGES`."""
-    if not isinstance(names, (list, tuple)) or any(each not in EDGES for each in names):
-        raise InputError(f"`edges` is {shown(names)}; allowed is a list of some of {[*EDGES]}")
-
-
 class Flange:
     """Function of places (3, n) to the share (n,) to which each lies on the die's flange: 1 where
     the die is flat, 0 beyond, and less than 1 where its radius begins; it depends only on x and y.
@@ -96,9 +91,11 @@ class Flange:
         low, high = np.asarray(extent)[:, :2] / self.spacing
         self._first = np.floor(low).astype(int) - self.beyond  # of the lattice along x and y
         self._last = np.ceil(high).astype(int) + self.beyond
-        self._begin_anew()
+        self._seen = np.full(3, np.nan)  # where the die was
 
-    def _begin_anew(self):
+    def _follow_die(self):
+        if np.array_equal(self.die.displacement, self._seen):
+            return
         self._seen = self.die.displacement
         axes = (np.arange(first, last + 1) for first, last in zip(self._first, self._last))
         lattice = self.spacing * np.stack(np.meshgrid(*axes, indexing="ij"), -1)
@@ -106,14 +103,8 @@ class Flange:
         self._least = ndimage.minimum_filter(flat, 2 * self.beyond + 2, origin=-1)
         self._most = ndimage.maximum_filter(flat, 2 * self.beyond + 2, origin=-1)
         # how many squares before each have share 0 everywhere, and 1
-        self._counts = [
-            np.pad(each.cumsum(0).cumsum(1), ((1, 0), (1, 0)))
-            for each in (self._most == 0, self._least == 1)
-        ]
-
-    def _follow_die(self):
-        if not np.array_equal(self.die.displacement, self._seen):
-            self._begin_anew()
+        uniform = self._most == 0, self._least == 1
+        self._counts = [np.pad(u.cumsum(0).cumsum(1), ((1, 0), (1, 0))) for u in uniform]
 
     def over(self, x: np.ndarray) -> np.ndarray:
         """The share (n,) of each triangle with corners x (n, 3, 3) [mm] that is 0 or 1 all over it;
@@ -142,30 +133,6 @@ class Flange:
         share[near] = self._flat(places[near])
         return np.where(finite, share, 0.0)
 
-    def loose_ends(
-        self, extents: Sequence[ArrayLike], centre: np.ndarray, planes: Sequence[int]
-    ) -> list[str]:
-        """A sentence on each end of the smallest sheet, on the axes through its centre (2,), that
-        lies over the die's opening, where no blank holder presses it. extents: two corners of each
-        sheet [mm]; planes: axes to which planes of symmetry are perpendicular."""
-        low, high = (np.array(end) for end in zip(*extents))
-        ends = [(axis, 1, high[:, axis].min()) for axis in (0, 1)]
-        ends += [(axis, -1, low[:, axis].max()) for axis in (0, 1) if axis not in planes]
-        doubts, reach = list[str](), np.arange(200)  # mm, within which the flange is looked for
-        for axis, way, end in ends:
-            x = np.append(centre, 0.0)[:, None] + np.zeros(len(reach))
-            x[axis] = end + way * reach
-            pressed = np.flatnonzero(self(x))
-            if len(pressed) and not pressed[0]:
-                continue
-            away = f"{pressed[0]} mm" if len(pressed) else f"more than {len(reach)} mm"
-            doubts.append(
-                f"the smallest sheet ends over the die's opening at {'xy'[axis]} = "
-                f"{rounded(end, 4)} mm, {away} from the flange: the blank holder does not press it "
-                "there"
-            )
-        return doubts
-
     def _flat(self, points):
         """The share (n,) of points (n, 2)."""
         t, at = self.thickness, np.column_stack([points, np.zeros(len(points))])
@@ -184,15 +151,13 @@ class HolderSite:
     name
         A name for the holder's tool.
     laid, planes, share
-        The blank as it is laid, the axes to which planes of symmetry are perpendicular, and the
-        share of the whole blank that is modelled.
+        The blank as it is laid, the axes across which planes of symmetry halve it, and the share of
+        it that is modelled.
     die, up, thickness
         The tool on which the holder presses the blank, the direction (3,) towards it, and the
-        thickness of all that lies between it and the holder [mm].
-    interface, friction
-        How tools touch the blank, and their friction.
-    against
-        Of a stack: the contacts of each sheet with the next.
+        thickness of all between them [mm].
+    interface, friction, against
+        How tools touch the blank, their friction; of a stack the contacts of its sheets.
     taken
         By holders before this one: {place: {name of a holder: where it acts there}}.
 
@@ -264,16 +229,32 @@ class HolderSite:
 
     def edges(self, names: Sequence[str]) -> Iterator[tuple[str, np.ndarray, Where]]:
         """The modelled ones of the edges: name, direction outwards (3,), and mask of points."""
-        extent = self.blank.extent()
         for name in names:
             axis, end = EDGES[name]
             if end or axis not in self.planes:
-                place = extent[end][axis]
+                place = self.blank.extent()[end][axis]
+                mask = partial(lambda axis, place, x: abs(x[axis] - place) < 1e-6, axis, place)
+                yield name, (2 * end - 1) * np.eye(3)[axis], mask
 
-                def edge(x, axis=axis, place=place):
-                    return abs(x[axis] - place) < 1e-6
-
-                yield name, (2 * end - 1) * np.eye(3)[axis], edge
+    def loose_ends(self) -> list[str]:
+        """A sentence on each end of the smallest sheet, on the axes through the blank's centre,
+        that lies over the die's opening, where no blank holder presses it."""
+        extents = np.array([blank.extent() for blank in self.laid.blanks])
+        doubts, flange = list[str](), self.on_flange()
+        reach = np.arange(200)  # mm, within which the flange is looked for
+        for _, outwards, _ in self.edges(list(EDGES)):
+            axis = int(abs(outwards).argmax())
+            end = (extents @ outwards).max(1).min() * outwards[axis]
+            x = np.outer([*self.centre, 0.0], np.ones(len(reach)))
+            x[axis] = end + outwards[axis] * reach
+            if not (share := flange(x))[0]:
+                away = f"{(share > 0).argmax()} mm" if share.any() else f"more than {len(reach)} mm"
+                doubts.append(
+                    f"the smallest sheet ends over the die's opening at {'xy'[axis]} = "
+                    f"{rounded(end, 4)} mm, {away} from the flange: the blank holder does not press"
+                    " it there"
+                )
+        return doubts
 
     def gripped(self, name: str, edge: Where, where: Where | None) -> Where | None:
         """Where this holder acts on an edge; None if at most a corner is marked."""
@@ -314,7 +295,7 @@ class HolderSite:
     def _take(self, place, mask, x, weights, most, unit):
         """Note that the holder acts on a `place` where a mask is true; the masks of the holders
         before it there. Raises InputError where two overlap by more than `most`, as a sum of
-        weights at x: they would act twice, and two plates or grippers can't be at one place."""
+        weights at x."""
         earlier = self.taken.setdefault(place, {})
         others = list(earlier.values())
         for name, other in earlier.items():

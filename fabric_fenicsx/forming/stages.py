@@ -63,7 +63,7 @@ class Stage(KnowsItsFields):
                 (checked_vector if is_vector else rule.check)(f"`{kind}`.{name}", value)
         if not isinstance(self.leave, (list, tuple)):
             raise InputError(f"`leave` is {shown(self.leave)}; allowed is a list of names of tools")
-        moves = any(np.any(way) for way in self.moves.values())
+        moves = any(map(np.any, self.moves.values()))
         if self.unload == bool(moves or self.forces or self.pressures or self.leave or self.close):
             raise InputError(
                 "a stage needs `moves` other than 0, `close`, `forces`, `pressures` or `leave`; or "
@@ -94,18 +94,16 @@ class Schedule:
             if not stage.unload
         ]
         if not self.stages or any(stage.unload for stage in list(stages)[:-1]):
-            raise InputError(
-                "stage needs one or more stages that form, as [[stage]]; `unload` is allowed only "
-                "in the last"
-            )
+            flaw = "stage needs one or more stages that form, as [[stage]]"
+            raise InputError(f"{flaw}; `unload` is allowed only in the last")
         self.unloads = bool(stages[-1].unload)
         self.steps = sum(stage.steps for stage in self.stages)
         self.joints = np.append(0, np.cumsum([s.steps for s in self.stages])) / self.steps
         # places of tools from the start, forces of tools and pressures of holders, at the joints
         self._places = {name: [np.zeros(3)] for name in tools}
-        self._forces = {n: [float(t.force)] for n, t in tools.items() if t.force is not None}
+        self._forces = {n: [t.force] for n, t in tools.items() if t.force is not None}
         self._pressures = {
-            name: [float(holder.pressure)]
+            name: [holder.pressure]
             for name, holder in holders.items()
             if isinstance(holder, PressureHolder) and not callable(holder.pressure)
         }
@@ -114,10 +112,8 @@ class Schedule:
         for name in tools:
             gone = self._gone(name)
             if min(gone) < 0 and max(gone) <= 0:
-                raise InputError(
-                    f"tools.{name} only moves away from the blank; allowed is a tool that moves "
-                    "towards it: numbers above 0 in `moves`"
-                )
+                flaw = f"tools.{name} only moves away from the blank"
+                raise InputError(f"{flaw}; allowed are numbers above 0 in `moves`, towards it")
 
     def _add(self, stage, label):
         for kind, series in (("forces", self._forces), ("pressures", self._pressures)):
@@ -129,8 +125,13 @@ class Schedule:
                 )
             for name, values in series.items():
                 values.append(given.get(name, values[-1]))
-        closing = self._closing(stage, label)
-        moves, moved = dict(stage.moves) | closing, [*stage.moves, *closing, *stage.leave]
+        moves, moved = dict(stage.moves), [*stage.moves, *stage.leave]
+        if stage.close is not None:
+            if not self._reach:
+                raise InputError(f"{label}.close needs a tool with a die, as die_of")
+            left = stage.close * self._thickness
+            moves |= {n: reach - left - self._gone(n)[-1] for n, reach in self._reach.items()}
+            moved += self._reach
         for name in moved:
             if name not in self._tools:
                 raise unknown_key(name, self._tools, f"{label}: tool {name}")
@@ -143,15 +144,6 @@ class Schedule:
             move = np.asarray(moves.get(name, 0.0), dtype=float)
             along = move if move.ndim else move * self._tools[name].towards
             places.append(np.zeros(3) if name in stage.leave else places[-1] + along)
-
-    def _closing(self, stage, label):
-        """{name: distance} that tools with a die move in a stage that closes them [mm]."""
-        if stage.close is None:
-            return {}
-        if not self._reach:
-            raise InputError(f"{label}.close needs a tool with a die, as die_of")
-        left = stage.close * self._thickness
-        return {name: reach - left - self._gone(name)[-1] for name, reach in self._reach.items()}
 
     def _gone(self, name):
         """How far a tool has gone towards the blank at the joints [mm]."""
@@ -179,7 +171,7 @@ class Schedule:
 
     def closes_straight(self, name: str, die: str) -> bool:
         """Whether a tool moves only along z and by no force, and its die does not move."""
-        sideways = np.any(self._places[name], axis=0)[:2].any()
+        sideways = np.any(np.array(self._places[name])[:, :2])
         return not (self.is_moved(die) or name in self._forces or sideways)
 
     def distance(self, name: str, load: float) -> float:
@@ -195,23 +187,21 @@ class Schedule:
         steps = np.diff(self._places[name], axis=0)
         return steps[steps.any(1).argmax()]
 
-    def shown(self) -> np.ndarray:
-        """Load factors of about six pictures: ends of stages, and equally many within each."""
-        each = max(1, round(5 / len(self.stages)))
-        ends = np.arange(len(self.joints))
-        return np.interp(np.arange(each * ends[-1] + 1) / each, ends, self.joints)
-
     def leaders(self) -> list[str]:
         """For each stage the tool whose force and travel the curve shows: the one that moves
         furthest, else the one whose force changes most, or "" if none does."""
-        leaders = []
-        for k in range(len(self.stages)):
-            leaders.append("")
-            for of_tools in (self._forces, self._places):
-                goes = {n: float(np.linalg.norm(v[k + 1] - v[k])) for n, v in of_tools.items()}
-                farthest = max(goes, key=lambda name: goes[name], default="")
-                leaders[k] = farthest if goes.get(farthest) else leaders[k]
+        leaders = [""] * len(self.stages)
+        for of_tools in (self._forces, self._places):
+            for k, changes in enumerate(self._changes(of_tools)):
+                if changes.any():
+                    leaders[k] = list(of_tools)[changes.argmax()]
         return leaders
+
+    def _changes(self, of_tools):
+        """By how much each stage changes the forces or places of each tool (stages, tools)."""
+        steps = [np.diff(np.reshape(v, (len(v), -1)), axis=0) for v in of_tools.values()]
+        sizes = [np.linalg.norm(each, axis=1) for each in steps]
+        return np.reshape(sizes, (len(sizes), len(self.stages))).T
 
     def stage_at(self, load: float) -> int:
         """Number of the stage at a load factor, counted from 0."""
@@ -219,8 +209,5 @@ class Schedule:
 
     def travel(self, load: float) -> float:
         """Travel of the leading tools in all stages up to a load factor [mm]."""
-        moves = [
-            float(np.linalg.norm(self._places[n][k + 1] - self._places[n][k])) if n else 0.0
-            for k, n in enumerate(self.leaders())
-        ]
+        moves = self._changes(self._places).max(1)
         return float(np.interp(load, self.joints, np.append(0.0, np.cumsum(moves))))

@@ -98,10 +98,8 @@ class PressTool(KnowsItsFields):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not isinstance(self.surface, (Surface, str, os.PathLike, DieOf)):
-            raise InputError(
-                f"`surface` is {shown(self.surface)}; allowed is a surface, as `Sphere(50)`, a "
-                "file's name, or `DieOf` another tool"
-            )
+            flaw = f"`surface` is {shown(self.surface)}"
+            raise InputError(f"{flaw}; allowed is a surface, a file's name, or `DieOf` a tool")
         turn, at = checked_vector("`turn`", self.turn), self.at
         if at is not None:
             at = tuple(checked_vector("`at`", at, size=2 if length_of(at) == 2 else 3).tolist())

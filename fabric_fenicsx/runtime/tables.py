@@ -1,9 +1,9 @@
-"""Tables of TOML and the dataclasses that they describe, both ways; and changes by path."""
+"""Tables of TOML and the dataclasses that they describe, both ways."""
 
 import dataclasses
 import re
 import tomllib
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import TypeVar
 
@@ -65,9 +65,7 @@ def located(path: str, names: Collection[str]) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        words = re.sub(
-            r"`(\w+)`", lambda m: f"{path}.{m[1]}" if m[1] in names else m[0], str(error)
-        )
+        words = re.sub(f"`({'|'.join(names)})`", lambda m: f"{path}.{m[1]}", str(error))
         raise InputError(words if path in words else f"{path}: {words}") from None
 
 
@@ -84,56 +82,13 @@ def entries(owner: object) -> dict:
     return found
 
 
-# -- changes
-
-
 def key_and_value(change: str) -> tuple[list[str], object]:
     """Names of the path and the value that a change "a.b.c=VALUE" gives; what is no value of TOML
     is a text."""
     key, equals, text = change.partition("=")
     names = key.strip().split(".")
     if not equals or not all(names):
-        raise InputError(
-            f"change {shown(change)} is no KEY=VALUE; allowed is for example blank.nx=8"
-        )
+        raise InputError(f"change {shown(change)} is no KEY=VALUE; allowed is e.g. blank.nx=8")
     with suppress(tomllib.TOMLDecodeError):
         return names, tomllib.loads(f"value = {text.strip()}")["value"]
     return names, text.strip()
-
-
-def put(
-    document: dict,
-    names: Sequence[str],
-    value: object,
-    opened: Callable[[Sequence[str], object], object],
-    excluded: Callable[[Sequence[str], Mapping], Iterable[str]],
-) -> None:
-    """Set the entry at a path; tables of a list have their name, or their number from 1.
-
-    opened: function of a path within it and the entry there, None if there is none, to the table
-    in place of that entry; excluded: of the path and the table that gets the entry, to the keys
-    that this may not have beside it. Raises InputError for a path that leads nowhere.
-    """
-    table: object = document
-    for depth, name in enumerate(names[:-1], 1):
-        known: dict = table if isinstance(table, dict) else {}
-        if isinstance(table, list):
-            known = {str(k): each for k, each in enumerate(table, 1)}
-            known |= {each["name"]: each for each in table if "name" in each}
-        inner = opened(names[:depth], known.get(name))
-        if not isinstance(inner, (dict, list)):
-            of = ".".join(names[: depth - 1]) or "the file"
-            raise unknown_key(name, known, f"{'.'.join(names)}: {name} of {of}")
-        if isinstance(table, dict) and inner is not known.get(name):
-            _set(table, names[:depth], inner, excluded)
-        table = inner
-    if not isinstance(table, dict):
-        path = ".".join(names)
-        raise InputError(f"{path} names no entry; allowed is {'.'.join(names[:-1])}.NAME.KEY")
-    _set(table, names, value, excluded)
-
-
-def _set(table, names, value, excluded):
-    for each in excluded(names, table):
-        table.pop(each, None)
-    table[names[-1]] = value

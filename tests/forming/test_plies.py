@@ -1,6 +1,5 @@
 """Sheets of a stack, in Python and from a file."""
 
-import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -67,18 +66,6 @@ def test_a_ply_beyond_a_shorter_one_meets_the_next():
     names = [term.name for term in made.scene.terms if term.name.startswith("contact of ply")]
     pairs = ("ply 1", "ply 2"), ("ply 2", "top"), ("ply 1", "top")
     assert names == [f"contact of {a} and {b}" for a, b in pairs]
-
-
-@pytest.mark.parametrize(
-    "text, words",
-    [
-        ("{angle = 3}", "ply.1.angle is unknown (did you mean fibre_angle?)"),
-        ('{metal = "dc04", fabric = "komeili"}', "1.fabric is given beside ply.1.metal"),
-    ],
-)
-def test_what_is_wrong_with_a_ply(plies_of, text, words):
-    with pytest.raises(ff.InputError, match=re.escape(words)):
-        plies_of(text)
 
 
 @pytest.fixture(scope="module")

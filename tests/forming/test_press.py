@@ -1,7 +1,6 @@
 """Presses of a user's own tools: from files, in stages, with all that may be wrong with them."""
 
 import dataclasses
-from pathlib import Path
 
 import meshio
 import numpy as np
@@ -10,14 +9,14 @@ import pyvista
 
 import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
+from fabric_fenicsx.forming.press import EXAMPLES
 from fabric_fenicsx.mechanics.fingerprint import entries
 from fabric_fenicsx.meshes.gmsh_cells import own_model
 from fabric_fenicsx.plot import forming_pictures, press_pictures
 from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.progress import Progress
 
-PRESSES = Path(ff.__file__).parent / "studies/presses"
-HEMISPHERE = PRESSES / "hemisphere.toml"
+HEMISPHERE = EXAMPLES / "hemisphere.toml"
 
 
 def hemisphere(*changes, file=HEMISPHERE, **fields):
@@ -34,10 +33,6 @@ def changed(tmp_path, *pairs):
     path = tmp_path / "press.toml"
     path.write_text(text)
     return path
-
-
-def formed(press, **settings):
-    return press.job(**settings, balance=None).run()
 
 
 def test_tools_stand_off_and_may_be_in_the_face_by_a_twentieth_of_the_thickness():
@@ -64,7 +59,7 @@ def test_the_net_of_stiff_yarns_over_an_open_ring():
         ff.Press.read(HEMISPHERE, changes).sheets[0], fabric=stiff, bending_modulus=20.0
     )
     press = hemisphere(*changes, sheets=sheet)
-    grid = formed(press, steps=5, path_tolerance=1e-3).grid
+    grid = press.job(steps=5, path_tolerance=1e-3, balance=None).run().grid
     radius = 50 + press.thickness / 2
     u, v, _ = grid.cell_centers().points.T
     on = np.hypot(u, v) < 0.9 * radius
@@ -109,6 +104,8 @@ def test_tools_that_cannot_stand_or_move_as_given(changes, words):
         (["stage.1.close=1.2"], "close needs a tool with a die, as die_of"),
         (["holder={pressure=1, force=3}"], "has pressure and force; allowed is one of pressure, f"),
         (["ply=[{}, {}]", "blank={fabric='komeili'}"], "ply.1.length and ply.1.width"),
+        (["ply=[{angle=3}]"], r"ply.1.angle is unknown \(did you mean fibre_angle\?\)"),
+        (["ply=[{metal='dc04', fabric='komeili'}]"], "1.fabric is given beside ply.1.metal"),
         (["holders={}", "tools.ring.side=below"], "stand below the blank, and nothing resists"),
     ],
 )
@@ -137,7 +134,7 @@ def test_a_plate_has_the_opening_of_its_die(tmp_path):
     by_force = "pressure = 0.02       # on what lies on the ring [MPa]", "force = 400"
     over = changed(tmp_path, ("radius = 50", 'radius = 50\nside = "above"'), by_force)
     press = hemisphere("blank.nx=6", "stage.1.moves.punch=5", file=over)
-    result = formed(press, steps=3)
+    result = press.job(steps=3, balance=None).run()
     forces = result.summary["quantities"]["tool_forces_of_whole_blank_N"]
     assert -100 < forces["punch"] < 0
     # towards the blank, of the modelled quarter
@@ -192,10 +189,7 @@ def test_a_picture_that_fails_loses_no_run(tmp_path, monkeypatch, caplog):
     assert "setup.png was not drawn: Empty meshes" in caplog.text
 
 
-EXAMPLES = sorted(path.stem for path in PRESSES.glob("*.toml"))
-
-
-@pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.parametrize("name", sorted(path.stem for path in EXAMPLES.glob("*.toml")))
 def test_a_press_is_data_that_a_file_holds(name, tmp_path):
     """Read, written and read again it is the same; building leaves it as it was."""
     press = ff.Press.read(name, ["limits.shear=80", "limits.stop_when_invalid=true"])

@@ -118,7 +118,10 @@ def test_nodes_beyond_planes_of_symmetry():
 
 
 def test_isostatic_supports_hold_at_far_corners():
-    """Three nodes with three, two and one component in space, as far from each other as can be."""
+    """Three nodes with three, two and one component in space, as far from each other as can be; in
+    the plane two and one."""
+    plane = isostatic(sheet(20, 10, 4, 2, "left"), [])
+    assert sorted(len(s.components) for s in plane) == [1, 2]
     blank = sheet(20, 10, 4, 2, "left", spatial=True)
     supports = isostatic(blank, [])
     assert sorted(len(s.components) for s in supports) == [1, 2, 3]
