@@ -281,7 +281,7 @@ class SpringHolder(Kind):
         super().__post_init__()
         check_edges(self.edges)
         given = self.at if np.iterable(self.at) else [self.at]
-        points = tuple(tuple(checked_vector("`at`", each, size=2).tolist()) for each in given)
+        points = tuple(tuple(checked_vector("`at`", each, size="two").tolist()) for each in given)
         object.__setattr__(self, "at", points)  # so that holders compare
         if not (points or self.edges):
             raise InputError("a `SpringHolder` needs `edges` or points `at`")

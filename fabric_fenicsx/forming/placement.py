@@ -102,11 +102,10 @@ def _surface_of(name, tool, blank):
 
 
 def _triangle_doubts(words, surface, blank):
-    doubts, size = list[str](), float(np.ptp(surface.points, axis=0).max())
+    size = float(np.ptp(surface.points, axis=0).max())
     if doubt := unit_doubt(size, blank.size, MIN_SHARE):
         raise InputError(f"{words} {doubt}; allowed is a surface in mm")
-    check_triangles(surface, words, blank.thickness, doubts.append)
-    return doubts
+    return check_triangles(surface, words, blank.thickness)
 
 
 def _turned(surface, tool):

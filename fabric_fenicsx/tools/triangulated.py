@@ -125,12 +125,6 @@ class TriangulatedSurface(Surface):
         except InputError as error:
             raise InputError(f"surface file {path}: {error}") from None
 
-    def turned_round(self) -> TriangulatedSurface:
-        """The same surface with the body on its other side, the normals reversed."""
-        vertices = self.curved.vertices
-        own = vertices.normals[vertices.name][:, [0, 2, 1]]
-        return TriangulatedSurface(self.points, self.triangles[:, [0, 2, 1]], -own, self.crease)
-
     def face(self, towards: ArrayLike) -> TriangulatedSurface:
         """What looks `towards` (3,), with the walls that lie within it."""
         side, across = self.facets @ np.asarray(towards, dtype=float), self.curved.across.triangle
