@@ -213,4 +213,4 @@ def hardening_from(table: Document, units: Mapping[str, str]) -> Hardening:
     law = table.pop("law", None)
     if not isinstance(law, str) or law not in Hardening.known:
         raise unknown_key(law, Hardening.known, f"hardening.law {shown(law)}")
-    return Hardening.known[law].from_table(table, units, "hardening", ("law",))
+    return Hardening.known[law].from_table(table, units, "hardening")

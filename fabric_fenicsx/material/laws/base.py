@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Self
 
 import numpy as np
@@ -48,9 +49,9 @@ class Law(Material, Energy):
     """A fabric: the parameters of a constitutive law and what all fabrics have.
 
     A law is one frozen dataclass in one file. It states `law`, its name in material files;
-    `rules`, a `Rule` for each of its numbers; and `energy`. All else follows from these: stresses
-    and tangents, the compiled form, reading and writing. It may have closed forms for the kernel
-    (`derivatives`), and `factors` that multiply several numbers together, for `changed`.
+    `rules`, a `Rule` for each of its numbers; and `energy`, from which all else follows. It may
+    have closed forms for the kernel (`derivatives`), and `factors` that multiply several numbers
+    together, for `changed`.
 
     Parameters
     ----------
@@ -112,9 +113,9 @@ class Law(Material, Energy):
     scatter: Mapping[str, tuple[float, float]] = field(default_factory=dict, compare=False)
 
     def __init_subclass__(cls) -> None:
-        other, here = LAWS.get(cls.law, cls), (cls.__module__, cls.__qualname__)
+        other = LAWS.get(cls.law, cls)
         # the same class again, as from a notebook's cell run twice, replaces itself
-        if not cls.law or (other.__module__, other.__qualname__) != here:
+        if (other.__module__, other.__qualname__) != (cls.__module__, cls.__qualname__):
             raise InputError(
                 f"law of class {cls.__name__} is {cls.law!r}; allowed is a name of its own, other "
                 f"than {', '.join(sorted(LAWS))}"
@@ -122,8 +123,8 @@ class Law(Material, Energy):
         has_energy = "energy" in vars(cls) and "derivatives" not in vars(cls)
         if has_energy and cls.derivatives != Law.derivatives:
             raise InputError(
-                f"law {cls.law} has an `energy` of its own and inherits closed-form `derivatives` "
-                "that lack it; allowed is `derivatives = ff.Law.derivatives`, or own ones"
+                f"law {cls.law} has an `energy` of its own and inherits closed-form `derivatives`; "
+                "allowed is `derivatives = ff.Law.derivatives`, or own ones"
             )
         LAWS[cls.law] = cls
 
@@ -141,8 +142,8 @@ class Law(Material, Energy):
         if self.fibre_density is not None and not self.fibre_density > self._fibre_mass:
             raise InputError(
                 f"fibre_density is {self.fibre_density:g} g/cm3; allowed is more than the "
-                f"{self._fibre_mass:g} g of fibres in 1 cm3 of fabric, as they do not fill all of "
-                "it (`fibre_share` is theirs of a fabric that brings its matrix)"
+                f"{self._fibre_mass:g} g of fibres in 1 cm3 of fabric (by `fibre_share`, if it has "
+                "a matrix)"
             )
 
     @property
@@ -181,18 +182,14 @@ class Law(Material, Energy):
         and for None where there are some."""
         known = [*self.at_temperatures]
         given: list = [None] if temperatures is None else np.ravel(temperatures).tolist()
-        if not known:
-            raise InputError(
-                f"`temperature` is given, and material {self.label} has no numbers at temperatures,"
-                " [[at]]; allowed is none"
-            )
-        beyond = [t for t in given if t is None or not known[0] <= t <= known[-1]]
-        if beyond:
-            value = "missing" if beyond[0] is None else f"{beyond[0]:g}"
-            raise InputError(
-                f"`temperature` is {value}; allowed is from {known[0]:g} to {known[-1]:g} "
-                f"deg C, where numbers of {self.label} are known"
-            )
+        for t in given:
+            if not known or t is None or not known[0] <= t <= known[-1]:
+                value = "missing" if t is None else f"{t:g}"
+                ends = f"from {known[0]:g} to {known[-1]:g} deg C" if known else "none"
+                raise InputError(
+                    f"`temperature` is {value}; allowed is {ends}, as material {self.label} has "
+                    f"{'' if known else 'no '}numbers at temperatures, [[at]]"
+                )
         return given
 
     def at(self, temperature: float | None) -> Self:
@@ -260,8 +257,9 @@ class Law(Material, Energy):
         """Share of the volume that is fibres where the sheet is `thickness` [mm] thick and `area`
         times as large as the flat fabric; InputError without a fibre density."""
         if self.fibre_density is None:
-            allowed = "allowed is a number above 0 [g/cm3]"
-            raise InputError(f"fibre_density of material {self.label} is not known; {allowed}")
+            raise InputError(
+                f"fibre_density of material {self.label} is not known; allowed is one [g/cm3]"
+            )
         # as a layer without pores [mm]
         fibres = self._fibre_mass / self.fibre_density * self.thickness
         return fibres / (np.asarray(thickness, float) * area)
@@ -274,12 +272,12 @@ class Law(Material, Energy):
     def without(self, *names: str) -> Self:
         """A copy with these couplings off; InputError for an unknown name, and for a coupling that
         the energy has: a law that can switch it off overrides this and `couplings`."""
-        off = check_couplings(names, "without")
-        if kept := [each for each in COUPLINGS if each in off and law_checks.couples(self, each)]:
-            raise InputError(
-                f"without: the energy of law {self.law} has the coupling {', '.join(kept)}, and "
-                "the law cannot switch it off; allowed is a class that has a method for it"
-            )
+        for name in sorted(check_couplings(names, "without")):
+            if law_checks.couples(self, name):
+                raise InputError(
+                    f"without: the energy of law {self.law} has the coupling {name}, and the law "
+                    "cannot switch it off; allowed is a class that has a method for it"
+                )
         return self
 
     def decoupled(self) -> Self:
@@ -291,9 +289,9 @@ class Law(Material, Energy):
     def plausibility_warnings(self) -> list[str]:
         """Sentences on values that fabrics hardly have, which may be in a wrong unit: of yarns the
         stiffness at 1 % strain."""
-        second = self.derivatives(*np.array([[0.01], [0.01], [0.0]])).second
-        along = {"stiffness along a": second[0, 0], "stiffness along b": second[2, 0]}
-        return self._implausible(along | {"stiffness in shear": self.shear_stiffness})
+        along_a, _, along_b, *_ = self.derivatives(*np.array([[0.01], [0.01], [0.0]])).second[:, 0]
+        values = {"stiffness along a": along_a, "stiffness along b": along_b}
+        return self._implausible(values | {"stiffness in shear": self.shear_stiffness})
 
     def _implausible(self, values):
         sheet = {name: getattr(self, name) for name in (*SHEET, *FIBRES)}
@@ -305,15 +303,13 @@ class Law(Material, Energy):
 
     def sheet_table(self) -> Document:
         """A material file's content but for the law and its numbers."""
-        numbers = {name: getattr(self, name) for name in ("name", *SHEET, *FIBRES)}
-        entries = {name: value for name, value in numbers.items() if value is not None}
-        entries |= {"assumed": list(self.assumed)} if self.assumed else {}
-        entries |= {"scatter": dict(self.scatter)} if self.scatter else {}
-        if self.at_temperatures:
-            tables_at = self.at_temperatures.items()
-            entries["at"] = [{"temperature": t} | dict(numbers) for t, numbers in tables_at]
+        entries = {name: getattr(self, name) for name in (*SHEET, *FIBRES)}
+        entries |= {"assumed": list(self.assumed), "scatter": dict(self.scatter)}
+        tables_at = self.at_temperatures.items()
+        entries["at"] = [{"temperature": t} | dict(numbers) for t, numbers in tables_at]
         tables = {name: each.table() for name in TABLES if (each := getattr(self, name))}
-        return entries | {"compaction": False} | tables
+        written = {name: value for name, value in entries.items() if value}
+        return {"name": self.name} | written | {"compaction": False} | tables
 
     @classmethod
     def from_document(cls, document: Document, folder: Path) -> Self:
@@ -327,7 +323,7 @@ def sheet_fields(
     document: Document,
     units: Mapping[str, str],
     also: tuple[str, ...] = (),
-    rules: Mapping[str, Rule] | None = None,
+    rules: Mapping[str, Rule] = MappingProxyType({}),
 ) -> Document:
     """The fields that every law has, and the numbers of `rules`, from what a `law` leaves of a TOML
     document; units: of its table [units], also: keys that the law took. Raises InputError by key,
@@ -340,22 +336,18 @@ def sheet_fields(
             fields[key] = kind.from_table(take_table(document, key), units, key)
     fields |= {"assumed": document.pop("assumed", ())}
     fields |= {"scatter": read_scatter(document, law.numbers(), law.factors, units)}
-    fields |= {"at_temperatures": _read_temperatures(law, document.pop("at", []), units)}
-    keys, rules = (*also, *fields, "at", *TABLES), rules or {}
+    at_rules, at = {"temperature": FINITE} | dict(law.rules_at_temperatures()), {}
+    for k, table in enumerate(document.pop("at", []), 1):
+        numbers = read_numbers(take_table({"at": table}, "at"), at_rules, units, f"at.{k}.")
+        check_complete(numbers, ["temperature"], f"at.{k}.", "in each [[at]]")
+        if (temperature := numbers.pop("temperature")) in at:
+            raise InputError(f"at.{k}.temperature is {temperature:g} again; allowed is another one")
+        at[temperature] = numbers
+    fields["at_temperatures"] = at
+    keys = (*also, *fields, "at", *TABLES)
     fields |= read_sheet_numbers(document, units, keys, {**FIBRES, **rules})[0]
     check_complete(fields, (*SHEET, *rules), "", "at the top of the file")
     return fields
-
-
-def _read_temperatures(law, tables, units):
-    """{temperature: {name: value}} of the tables [[at]]."""
-    rules = {"temperature": FINITE} | dict(law.rules_at_temperatures())
-    found = {}
-    for k in range(1, len(tables) + 1):
-        numbers = read_numbers(take_table({"at": tables[k - 1]}, "at"), rules, units, f"at.{k}.")
-        check_complete(numbers, ["temperature"], f"at.{k}.", "in each [[at]]")
-        found[numbers.pop("temperature")] = numbers
-    return found
 
 
 def numbers_of(law: Parameters) -> list[float]:

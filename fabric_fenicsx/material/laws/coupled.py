@@ -309,14 +309,13 @@ class WovenFabric(Law):
         return changes
 
     def table(self) -> Document:
-        table = self.sheet_table()
-        table["couplings"] = [name for name in COUPLINGS if name in self.couplings]
-        table["units"] = OWN_UNITS
-        table |= {key: dataclasses.asdict(yarn) for key, yarn in self._yarns().items()}
-        table |= {"shear": {name: getattr(self, name) for name in SHEAR}}
-        more = {name: getattr(self, name) for name in self._added()}  # of a law made from this one
         own = {"law": self.law} if self.law != WovenFabric.law else {}
-        return own | more | table
+        own |= {name: getattr(self, name) for name in self._added()}  # of a law made from this one
+        couplings = [name for name in COUPLINGS if name in self.couplings]
+        tables = {key: dataclasses.asdict(yarn) for key, yarn in self._yarns().items()}
+        tables["shear"] = {name: getattr(self, name) for name in SHEAR}
+        sheet = self.sheet_table() | {"couplings": couplings, "units": OWN_UNITS}
+        return own | sheet | tables
 
     @classmethod
     def _added(cls):
@@ -329,10 +328,9 @@ class WovenFabric(Law):
         document.pop("law", None)
         tables = {key: take_table(document, key) for key in ("yarns", "warp", "weft", "shear")}
         units = take_units(document)
-        own = ("couplings", *cls._added())
-        couplings = {key: document.pop(key) for key in own if key in document}
-        fields = sheet_fields(cls, document, units, ("law", "couplings", "units", *tables))
-        fields |= couplings | read_numbers(tables.pop("shear"), SHEAR, units, "shear.")
+        own = {key: document.pop(key) for key in ("couplings", *cls._added()) if key in document}
+        fields = own | sheet_fields(cls, document, units, ("law", "couplings", "units", *tables))
+        fields |= read_numbers(tables.pop("shear"), SHEAR, units, "shear.")
         check_complete(fields, SHEAR, "shear.", "in [shear]")
         numbers = {key: read_numbers(t, YARN, units, f"{key}.") for key, t in tables.items()}
         for direction in ("warp", "weft"):
