@@ -9,8 +9,6 @@ import numpy as np
 from ..runtime.rules import FROM_ZERO, Rule, above_zero
 from .material import Parameters
 
-SERIES_LIMIT = 1e-3  # of y, below which e^y - 1 - y is taken as a series
-
 
 @dataclass(frozen=True)
 class Compaction(Parameters):
@@ -65,18 +63,14 @@ class Compaction(Parameters):
 def log_compaction(q: np.ndarray) -> np.ndarray:
     """y (n,) from 0 of which e^y - 1 - y = q, for q (n,) from 0."""
     y = np.log1p(q + np.sqrt(2 * q))
-    # of Newton's method; three or four do
-    for _ in range(6):  # convex, so each comes nearer from above
+    # of Newton's method three or four do; convex, so each comes nearer from above
+    for _ in range(6):
         slope = np.expm1(y)
-        excess = np.where(y < SERIES_LIMIT, _series(y), slope - y) - q
-        y = y - np.divide(excess, slope, out=np.zeros_like(y), where=slope > 0)
+        y = y - np.divide(growth(y) - q, slope, out=np.zeros_like(y), where=slope > 0)
     return y
 
 
 def growth(y: np.ndarray) -> np.ndarray:
-    """e^y - 1 - y of y (n,) from 0, without cancellation."""
-    return np.where(y < SERIES_LIMIT, _series(y), np.expm1(y) - y)
-
-
-def _series(y):
-    return y * y / 2 * (1 + y / 3 * (1 + y / 4 * (1 + y / 5)))
+    """e^y - 1 - y of y (n,) from 0, without cancellation: below 1e-3 as a series."""
+    series = y * y / 2 * (1 + y / 3 * (1 + y / 4 * (1 + y / 5)))
+    return np.where(y < 1e-3, series, np.expm1(y) - y)
