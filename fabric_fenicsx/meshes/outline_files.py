@@ -41,8 +41,7 @@ def read_outline(path: Path | str, layer: str | None = None) -> tuple[shapely.Po
     size = np.ptp(np.concatenate(lines), axis=0)
     if size[2] > PLANE_TOLERANCE * size.max():
         raise InputError(
-            f"{source} reaches over {rounded(size[2])} mm in z; allowed is a drawing in x and y, "
-            "or a mesh in a plane z = const"
+            f"{source} reaches over {rounded(size[2])} mm in z; allowed is a plane z = const"
         )
     try:
         return sheet_of(joined([line[:, :2] for line in lines], source), source), notes
@@ -105,8 +104,7 @@ def _drawing(path, source, layer):
         else:
             drawing, auditor = recover.readfile(path)
     except (DXFError, OSError, ValueError) as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(f"{source} cannot be read ({reason}); allowed is {ALLOWED}") from None
+        raise InputError(f"{source} cannot be read ({error!r}); allowed is {ALLOWED}") from None
     states = {each.dxf.name.lower(): each for each in drawing.layers}
     drawn = [*_drawn(drawing.modelspace(), states, "0", Matrix44())]
     layers = sorted({layer for entity, layer, _ in drawn if _is_curve(entity)})
@@ -114,8 +112,7 @@ def _drawing(path, source, layer):
         asked = [name.strip().lower() for name in layer.split(",")]
         if missing := [name for name in asked if name not in map(str.lower, layers)]:
             raise InputError(
-                f"`layer` {', '.join(missing)} of {source} has no lines; allowed is one of "
-                f"{', '.join(layers) or 'none, as no layer has any'}"
+                f"`layer` {', '.join(missing)} of {source} has no lines; allowed are {layers}"
             )
         drawn = [each for each in drawn if each[1].lower() in asked]
     curves = [each for each in drawn if _is_curve(each[0])]
@@ -128,8 +125,9 @@ def _drawing(path, source, layer):
     fixes = [each.message for each in auditor.fixes]
     notes += [f"{source} is damaged: {each}" for each in fixes if each.startswith("Removed")]
     if not curves:
-        more = f", but {unread}" if unread else ""
-        raise InputError(f"{source} has no lines{more}; allowed are {', '.join(CURVES)}, visible")
+        raise InputError(
+            f"{source} has no lines, but {unread or 'nothing'}; allowed are {', '.join(CURVES)}"
+        )
     factor, unit = _unit(drawing)
     lines = []
     for curve, _, place in curves:
@@ -226,6 +224,6 @@ def _boundary(path):
                 f"outline {path} holds cells {kind}; allowed are triangles and quadrilaterals"
             )
         corners = nodes[:, : 3 if kind.startswith("triangle") else 4]
-        edges.append(np.stack([corners, np.roll(corners, -1, 1)], 2).reshape(-1, 2))
-    edges, count = np.unique(np.sort(np.concatenate(edges), 1), axis=0, return_counts=True)
-    return [*points[edges[count == 1]]]
+        edges += [*np.stack([corners, np.roll(corners, -1, 1)], 2).reshape(-1, 2)]
+    ends, count = np.unique(np.sort(edges, 1), axis=0, return_counts=True)
+    return [*points[ends[count == 1]]]
