@@ -28,7 +28,8 @@ class MeasuredBending(Parameters):
     loop.
 
     A moment at no curvature, and half the width of a loop, is a threshold: friction between yarns.
-    What is left is elastic, and a monotone cubic joins it.
+    What is left is elastic, and a monotone cubic joins it. Raises InputError for anything but both
+    overhangs, or curvatures and moments, of which the elastic part rises through 0.
 
     Parameters
     ----------
@@ -42,12 +43,6 @@ class MeasuredBending(Parameters):
         loop, up from 0 and back, or through both faces. Beyond its ends the last slope goes on.
     moment_a, moment_b : sequence of float, optional
         Per width at these curvatures [N mm/mm]; b is as a if it is not given.
-
-    Raises
-    ------
-    InputError
-        For anything but both overhangs, or curvatures and moments, of which the elastic part rises
-        through 0.
 
     Examples
     --------

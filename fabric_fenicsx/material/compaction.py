@@ -16,7 +16,8 @@ class Compaction(Parameters):
 
     So the fibre volume fraction grows with the power 1/n of pressure, once that is well above p_0,
     and pressure begins with the square of compaction. h_0 is the thickness without pressure; where
-    shear and stretch make the area J times as large, it is J^-m times as large.
+    shear and stretch make the area J times as large, it is J^-m times as large. Raises InputError
+    for an exponent up to 1, pressures not above 0, and a thickening below 0.
 
     Parameters
     ----------
@@ -28,11 +29,6 @@ class Compaction(Parameters):
         Pressure [MPa] under which the fabric has its thickness.
     thickening : float
         m. With 1 a sheared ply has the fibre volume fraction of a flat one under the same pressure.
-
-    Raises
-    ------
-    InputError
-        For an exponent up to 1, pressures not above 0, and a thickening below 0.
 
     Examples
     --------

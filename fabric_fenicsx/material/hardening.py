@@ -56,6 +56,8 @@ class Hardening(Parameters):
 class Swift(Hardening):
     """Yield stress K (eps0 + p)^n.
 
+    Raises InputError for a value out of its range.
+
     Parameters
     ----------
     K : float
@@ -64,11 +66,6 @@ class Swift(Hardening):
         Strain before the first yield [-].
     n : float
         Exponent, 0 to 1 [-]; 0 is ideal plasticity.
-
-    Raises
-    ------
-    InputError
-        For a value out of its range.
 
     References
     ----------
@@ -102,17 +99,14 @@ class Swift(Hardening):
 class Voce(Hardening):
     """Yield stress Y0 + Q (1 - exp(-b p)), which ends at Y0 + Q.
 
+    Raises InputError for a value out of its range.
+
     Parameters
     ----------
     Y0, Q : float
         First yield stress and its growth [MPa].
     b : float
         Rate of hardening [-].
-
-    Raises
-    ------
-    InputError
-        For a value out of its range.
 
     References
     ----------
@@ -146,7 +140,7 @@ class HardeningTable(Hardening):
     """Yield stress through points.
 
     Between them it is a monotone cubic (SciPy's PCHIP), beyond the last a straight line at its
-    slope there.
+    slope there. Raises InputError for other points than these; it names the point.
 
     Parameters
     ----------
@@ -154,11 +148,6 @@ class HardeningTable(Hardening):
         Plastic strains (n,), n >= 2, rising from 0 [-].
     sigma : sequence of float
         Stresses (n,), above 0, that do not fall [MPa].
-
-    Raises
-    ------
-    InputError
-        For other points than these; it names the point.
 
     Examples
     --------

@@ -26,6 +26,8 @@ from .material import Material
 class Metal(Material):
     """An isotropic metal that yields after von Mises.
 
+    Raises InputError for a value out of its range.
+
     Parameters
     ----------
     E : float
@@ -42,11 +44,6 @@ class Metal(Material):
         In results and messages.
     scatter : mapping
         As of a `Law`.
-
-    Raises
-    ------
-    InputError
-        For a value out of its range.
 
     Examples
     --------
@@ -104,6 +101,9 @@ METALS: Mapping[str, Metal] = MappingProxyType({"dc04": _DC04})
 def load_metal(source: str | os.PathLike[str]) -> Metal:
     """Load a metal by the name of a preset or from a material file.
 
+    Raises InputError if there is neither a preset nor a file, and for what the file has wrong, by
+    field.
+
     Parameters
     ----------
     source : str or path
@@ -115,11 +115,6 @@ def load_metal(source: str | os.PathLike[str]) -> Metal:
     Returns
     -------
     Metal
-
-    Raises
-    ------
-    InputError
-        If there is neither a preset nor a file, and for what the file has wrong, by field.
 
     Examples
     --------

@@ -24,6 +24,9 @@ PRESETS: Mapping[str, WovenFabric] = MappingProxyType(
 def load(source: str | os.PathLike[str]) -> Law:
     """Load a fabric by the name of a preset or from a material file.
 
+    Raises InputError if there is neither a preset nor a file, and for what the file has wrong, by
+    field.
+
     Parameters
     ----------
     source : str or path
@@ -34,11 +37,6 @@ def load(source: str | os.PathLike[str]) -> Law:
     Returns
     -------
     Law
-
-    Raises
-    ------
-    InputError
-        If there is neither a preset nor a file, and for what the file has wrong, by field.
 
     Examples
     --------

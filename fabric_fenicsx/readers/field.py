@@ -25,7 +25,9 @@ class Field:
 
     Between points in a file the number is interpolated linearly, on triangles or tetrahedra between
     them; beyond them it is that of the nearest point, no farther than the points reach. Angles are
-    interpolated as they stand, so write 190 after 170 deg, not -170.
+    interpolated as they stand, so write 190 after 170 deg, not -170. Raises InputError for a file
+    without such points, and for points that span no area, or lie at one place with different
+    values.
 
     Parameters
     ----------
@@ -35,12 +37,6 @@ class Field:
         mesh with values at its points, as .vtu.
     name : str
         Of the values, if the file has several.
-
-    Raises
-    ------
-    InputError
-        For a file without such points, and for points that span no area, or lie at one place with
-        different values.
 
     Examples
     --------

@@ -134,12 +134,8 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
     F(x, y, z) = P(d(x, y), z / H(x)): d is the signed distance in the plan to the outline; P that
     in the (d, z) plane to the profile of that cut; H lowers the saddle, which also flattens fillet
     and rounding: `radii` has the least radii. The normals are continuous; the curvature jumps
-    between the parts. The body is beneath; `Flipped` turns it upside down.
-
-    Raises
-    ------
-    InputError
-        For names that are no dimension, values out of their range, and what does not fit together.
+    between the parts. The body is beneath; `Flipped` turns it upside down. Raises InputError for
+    names that are no dimension, values out of their range, and what does not fit together.
 
     Examples
     --------

@@ -19,6 +19,9 @@ class Tool:
     """A rigid body, bounded by a `surface`, that moves without turning: along a path, or along a
     line by force. `name` is the tool's in summaries and errors.
 
+    Raises InputError for a path or force that does not give three finite numbers, a force that
+    turns, or a surface whose `radii` are no two numbers above 0.
+
     Parameters
     ----------
     path : (3,) or function of the load factor to (3,)
@@ -26,12 +29,6 @@ class Tool:
     force : (3,) or function of the load factor to (3,)
         If given, on the tool [N], always along one direction; the tool moves on that line by
         `travel` [mm], beyond the path, which its contact finds.
-
-    Raises
-    ------
-    InputError
-        For a path or force that does not give three finite numbers, a force that turns, or a
-        surface whose `radii` are no two numbers above 0.
 
     Examples
     --------

@@ -48,10 +48,10 @@ TABLES: dict[str, type[Parameters]] = {
 class Law(Material, Energy):
     """A fabric: the parameters of a constitutive law and what all fabrics have.
 
-    A law is one frozen dataclass in one file. It states `law`, its name in material files;
-    `rules`, a `Rule` for each of its numbers; and `energy`, from which all else follows. It may
-    have closed forms for the kernel (`derivatives`), and `factors` that multiply several numbers
-    together, for `changed`.
+    A law is one frozen dataclass in one file. It states `law`, its name in material files; `rules`,
+    a `Rule` for each of its numbers; and `energy`, from which all else follows. It may have closed
+    forms for the kernel (`derivatives`), and `factors` that multiply several numbers together, for
+    `changed`. Raises InputError for a value out of its range.
 
     Parameters
     ----------
@@ -79,11 +79,6 @@ class Law(Material, Energy):
         Names of numbers that no test has determined.
     scatter : mapping
         {name: (lowest, highest)} of numbers and factors that scatter, for `fabric sweep`.
-
-    Raises
-    ------
-    InputError
-        For a value out of its range.
 
     Examples
     --------

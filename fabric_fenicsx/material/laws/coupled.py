@@ -46,7 +46,8 @@ SHEAR: dict[str, Rule] = {
 class Yarn(Parameters):
     """The seven parameters of one yarn direction.
 
-    Only b and d are needed: by default there is no cubic term and no coupling.
+    Only b and d are needed: by default there is no cubic term and no coupling. Raises InputError
+    for a value out of its range.
 
     Parameters
     ----------
@@ -60,11 +61,6 @@ class Yarn(Parameters):
         Tension-shear coupling [MPa], eqs (26), (27).
     s_C : float
         Compression-shear coupling [-], eqs (28), (29).
-
-    Raises
-    ------
-    InputError
-        For a value out of its range.
 
     Examples
     --------
@@ -89,6 +85,8 @@ class Yarn(Parameters):
 class WovenFabric(Law):
     """A woven fabric with biaxial and normal-shear couplings, in 17 parameters.
 
+    Raises InputError for a value out of its range.
+
     Parameters
     ----------
     warp, weft : Yarn
@@ -99,11 +97,6 @@ class WovenFabric(Law):
         Those that are on, any of `biaxial`, `tension_shear`, `compression_shear`.
     thickness, density, name, compaction, fibre_density, fibre_share, assumed
         As in `Law`.
-
-    Raises
-    ------
-    InputError
-        For a value out of its range.
 
     References
     ----------

@@ -117,6 +117,8 @@ class Curve(Parameters):
 class TabulatedFabric(Law):
     """A fabric without couplings, from curves of its warp, its weft and its shear.
 
+    Raises InputError for a shear table that begins below 0, and for a value out of its range.
+
     Parameters
     ----------
     warp, weft : Curve
@@ -125,11 +127,6 @@ class TabulatedFabric(Law):
         Shear stress [MPa] over shear angle [rad] from 0 on; the other sense is its mirror image.
     thickness, density, name, compaction, fibre_density, fibre_share, assumed
         As in `Law`.
-
-    Raises
-    ------
-    InputError
-        For a shear table that begins below 0, and for a value out of its range.
 
     Examples
     --------
