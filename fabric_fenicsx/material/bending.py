@@ -85,13 +85,13 @@ class MeasuredBending(Parameters):
         if any(lengths) or len(counts) > 1 or min(counts) < 2 or not any(self.curvature):
             raise InputError(
                 "bending is incomplete, or told twice; allowed are cantilever_a and cantilever_b, "
-                "or curvature, not of 0 alone, and moment_a, and moment_b if it differs, of as "
-                "many numbers"
+                "or as many numbers of curvature, not 0 alone, moment_a, and moment_b if it differs"
             )
-        parts = [
-            _parted(np.array(self.curvature), np.array(getattr(self, name)), name)
-            for name in ("moment_a", "moment_b")
-        ]
+        x, moments = (
+            np.array(self.curvature),
+            {"moment_a": self.moment_a, "moment_b": self.moment_b},
+        )
+        parts = [_parted(x, np.array(moment), name) for name, moment in moments.items()]
         object.__setattr__(self, "_elastic", tuple(curve for curve, _ in parts))
         object.__setattr__(self, "thresholds", tuple(float(each) for _, each in parts))
 
@@ -103,9 +103,7 @@ class MeasuredBending(Parameters):
     def respond(self, curvature: np.ndarray, areal_weight: float) -> Bent:
         """At curvatures (n, 2) [1/mm] of a fabric of `areal_weight`, density times thickness
         [g/cm3 mm], without thresholds."""
-        yarns = [
-            _along(curve, values) for curve, values in zip(self._curves(areal_weight), curvature.T)
-        ]
+        yarns = map(_along, self._curves(areal_weight), curvature.T)
         return Bent(*(np.stack(each, axis=1) for each in zip(*yarns)))
 
     def stiffnesses(self, areal_weight: float) -> np.ndarray:
@@ -117,7 +115,7 @@ class MeasuredBending(Parameters):
         if self._elastic:
             return self._elastic
         weight, ends = GRAVITY * areal_weight, np.array([-1.0, 0.0, 1.0])
-        lengths = (self.cantilever_a or 0.0, self.cantilever_b or 0.0)
+        lengths = self.cantilever_a, self.cantilever_b
         return [(ends, weight * (length / 2) ** 3 * ends) for length in lengths]
 
 

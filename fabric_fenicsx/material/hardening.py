@@ -11,16 +11,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from ..runtime import rules as numbers
 from ..runtime.errors import InputError
-from ..runtime.rules import (
-    FINITE,
-    above_zero,
-    fraction,
-    not_negative,
-    of_either_sign,
-    shown,
-    unknown_key,
-)
+from ..runtime.rules import above_zero, not_negative
 from .files import Document, Several
 from .material import Parameters
 
@@ -78,7 +71,7 @@ class Swift(Hardening):
     """
 
     law = "swift"
-    rules = {"K": above_zero("stress"), "eps0": above_zero(), "n": fraction()}
+    rules = {"K": above_zero("stress"), "eps0": above_zero(), "n": numbers.fraction()}
 
     K: float
     eps0: float
@@ -157,7 +150,7 @@ class HardeningTable(Hardening):
     """
 
     law = "table"
-    rules = {"eps": Several(FINITE), "sigma": Several(of_either_sign("stress"))}
+    rules = {"eps": Several(numbers.FINITE), "sigma": Several(numbers.of_either_sign("stress"))}
 
     eps: tuple[float, ...]
     sigma: tuple[float, ...]
@@ -171,8 +164,7 @@ class HardeningTable(Hardening):
                 "of 2 or more numbers"
             )
         fits = (np.diff(self.eps, prepend=-1) > 0) & (np.diff(self.sigma, prepend=0) >= 0)
-        fits &= np.array(self.sigma) > 0
-        fits[0] &= self.eps[0] == 0
+        fits[0] &= self.eps[0] == 0 < self.sigma[0]
         for k in np.flatnonzero(~fits)[:1]:
             raise InputError(
                 f"hardening: point {k + 1} is {(self.eps[k], self.sigma[k])}; allowed are strains "
@@ -184,8 +176,7 @@ class HardeningTable(Hardening):
         slope = max(float(curve(self.eps[-1], 1)), 0.0)
         end = [0, 0, slope, self.sigma[-1]]  # a straight line, which goes on
         curve.extend(np.reshape(end, (4, 1)), [self.eps[-1] + 1])
-        curves = curve, curve.derivative(), curve.antiderivative()
-        object.__setattr__(self, "_curves", curves)
+        object.__setattr__(self, "_curves", (curve, curve.derivative(), curve.antiderivative()))
 
     def stress(self, p: np.ndarray) -> np.ndarray:
         return self._curves[0](p)
@@ -201,5 +192,5 @@ def hardening_from(table: Document, units: Mapping[str, str]) -> Hardening:
     """The curve of a file's table [hardening]; units: of its table [units]. InputError by key."""
     law = table.pop("law", None)
     if not isinstance(law, str) or law not in Hardening.known:
-        raise unknown_key(law, Hardening.known, f"hardening.law {shown(law)}")
+        raise numbers.unknown_key(law, Hardening.known, f"hardening.law {numbers.shown(law)}")
     return Hardening.known[law].from_table(table, units, "hardening")

@@ -17,12 +17,9 @@ def gradient(eps_a: np.ndarray, eps_b: np.ndarray, gamma: np.ndarray) -> np.ndar
 def conjugate(P: np.ndarray, F: np.ndarray) -> np.ndarray:
     """Stresses conjugate to eps_a, eps_b, gamma, (n, 3) [MPa], from first Piola-Kirchhoff stresses
     P (n, 2, 2) at `gradient` F."""
-    a, b = F[:, :, 0], F[:, :, 1]
-    turn = 0.5 * np.stack(
-        [np.stack([-a[:, 1], a[:, 0]], -1), np.stack([b[:, 1], -b[:, 0]], -1)], -1
-    )
-    along = [(P[:, :, k] * f).sum(1) / np.linalg.norm(f, axis=1) for k, f in ((0, a), (1, b))]
-    return np.stack([*along, (P * turn).sum((1, 2))], -1)
+    turn = 0.5 * np.stack([-F[:, 1], F[:, 0]], 1) * [1, -1]  # of both yarns, each to the other
+    along = (P * F).sum(1) / np.linalg.norm(F, axis=1)
+    return np.column_stack([along, (P * turn).sum((1, 2))])
 
 
 def nominal(law: Law, strains: np.ndarray) -> np.ndarray:

@@ -96,7 +96,7 @@ class Material(Parameters):
                 )
 
     def plausibility_warnings(self) -> list[str]:
-        """Sentences on values that such a sheet hardly has."""
+        """Sentences on values that such a sheet hardly has, which may be in a wrong unit."""
         return []
 
     @classmethod

@@ -12,21 +12,11 @@ import numpy as np
 from ...readers.units import OWN
 from ...runtime.errors import InputError
 from ...runtime.rules import FINITE, POSITIVE, Rule, check_complete, shown, unknown_key
-from .. import law_checks
+from .. import files, law_checks
 from ..bending import MeasuredBending
 from ..compaction import Compaction
 from ..energy import Derivatives, Energy, Range, stresses_of_energy
-from ..files import (
-    FIBRES,
-    OWN_UNITS,
-    SHEET,
-    Document,
-    read_numbers,
-    read_scatter,
-    read_sheet_numbers,
-    take_table,
-    take_units,
-)
+from ..files import FIBRES, OWN_UNITS, SHEET, Document, read_numbers
 from ..friction import BendingFriction, ShearFriction
 from ..hyperdual import Number
 from ..law_checks import COUPLINGS, check_couplings
@@ -143,8 +133,7 @@ class Law(Material, Energy):
 
     @property
     def _fibre_mass(self):
-        """That of the fibres, per volume of fabric [g/cm3]."""
-        return self.density * (self.fibre_share or 1.0)
+        return self.density * (self.fibre_share or 1.0)  # per volume of fabric [g/cm3]
 
     def _checked_temperatures(self):
         tables = {FINITE.check("temperature", t): at for t, at in self.at_temperatures.items()}
@@ -167,10 +156,8 @@ class Law(Material, Energy):
 
     def _measured(self):
         """The temperatures that are known, and the fabric at each."""
-        plain = dataclasses.replace(self, at_temperatures={})
-        return [*self.at_temperatures], [
-            Material.changed(plain, numbers) for numbers in self.at_temperatures.values()
-        ]
+        plain, at = dataclasses.replace(self, at_temperatures={}), self.at_temperatures
+        return [*at], [Material.changed(plain, numbers) for numbers in at.values()]
 
     def check_temperatures(self, temperatures: Number | None) -> list[float]:
         """The temperatures [deg C]; InputError for one beyond those that are known, without such,
@@ -230,19 +217,17 @@ class Law(Material, Energy):
         return tuple(self.rules)
 
     def assumed_values(self) -> dict[str, str]:
-        units = {name: OWN.get(rule.unit, "") for name, rule in self.numbers().items()}
-        return {
-            name: " and ".join(f"{value:g} {units[name]}".strip() for value in self.values(name))
-            for name in self.assumed
-            if self._acts(name)
-        }
+        values = {}
+        for name in filter(self._acts, self.assumed):
+            unit = OWN.get(self.numbers()[name].unit, "")
+            values[name] = " and ".join(f"{v:g} {unit}".strip() for v in self.values(name))
+        return values
 
     def _acts(self, name):
         """True if a number has an effect."""
         return True
 
     def thickness_under(self, pressure: float) -> float:
-        """Thickness of the sheet between faces that press it [MPa], in mm, by its `compaction`."""
         share = float(self.compaction.thickness(pressure)) if self.compaction else 1.0
         return share * self.thickness
 
@@ -255,7 +240,6 @@ class Law(Material, Energy):
             raise InputError(
                 f"fibre_density of material {self.label} is not known; allowed is one [g/cm3]"
             )
-        # as a layer without pores [mm]
         fibres = self._fibre_mass / self.fibre_density * self.thickness
         return fibres / (np.asarray(thickness, float) * area)
 
@@ -282,8 +266,7 @@ class Law(Material, Energy):
     check_rest = law_checks.check_rest
 
     def plausibility_warnings(self) -> list[str]:
-        """Sentences on values that fabrics hardly have, which may be in a wrong unit: of yarns the
-        stiffness at 1 % strain."""
+        """As of `Material`, of yarns on the stiffness at 1 % strain."""
         along_a, _, along_b, *_ = self.derivatives(*np.array([[0.01], [0.01], [0.0]])).second[:, 0]
         values = {"stiffness along a": along_a, "stiffness along b": along_b}
         return self._implausible(values | {"stiffness in shear": self.shear_stiffness})
@@ -309,7 +292,9 @@ class Law(Material, Energy):
     @classmethod
     def from_document(cls, document: Document, folder: Path) -> Self:
         document.pop("law", None)
-        fields = sheet_fields(cls, document, take_units(document), ("law", "units"), cls.rules)
+        fields = sheet_fields(
+            cls, document, files.take_units(document), ("law", "units"), cls.rules
+        )
         return cls(**fields)
 
 
@@ -328,19 +313,19 @@ def sheet_fields(
         if document.get(key) is False:
             fields[key] = document.pop(key) or None
         elif key in document:
-            fields[key] = kind.from_table(take_table(document, key), units, key)
+            fields[key] = kind.from_table(files.take_table(document, key), units, key)
     fields |= {"assumed": document.pop("assumed", ())}
-    fields |= {"scatter": read_scatter(document, law.numbers(), law.factors, units)}
+    fields |= {"scatter": files.read_scatter(document, law.numbers(), law.factors, units)}
     at_rules, at = {"temperature": FINITE} | dict(law.rules_at_temperatures()), {}
     for k, table in enumerate(document.pop("at", []), 1):
-        numbers = read_numbers(take_table({"at": table}, "at"), at_rules, units, f"at.{k}.")
+        numbers = read_numbers(files.take_table({"at": table}, "at"), at_rules, units, f"at.{k}.")
         check_complete(numbers, ["temperature"], f"at.{k}.", "in each [[at]]")
         if (temperature := numbers.pop("temperature")) in at:
             raise InputError(f"at.{k}.temperature is {temperature:g} again; allowed is another one")
         at[temperature] = numbers
     fields["at_temperatures"] = at
     keys = (*also, *fields, "at", *TABLES)
-    fields |= read_sheet_numbers(document, units, keys, {**FIBRES, **rules})[0]
+    fields |= files.read_sheet_numbers(document, units, keys, {**FIBRES, **rules})[0]
     check_complete(fields, (*SHEET, *rules), "", "at the top of the file")
     return fields
 

@@ -287,7 +287,6 @@ class WovenFabric(Law):
         return k, k1 * k, (6 * y.s_C * (m * slope**2 + m2) + k1**2) * k
 
     def plausibility_warnings(self) -> list[str]:
-        """Sentences on a thickness, density, b or s1 that fabrics hardly have."""
         values = {f"b of {name}": yarn.b for name, yarn in self._yarns().items()}
         return self._implausible(values | {"s1": self.s1})
 
