@@ -87,11 +87,8 @@ class MeasuredBending(Parameters):
                 "bending is incomplete, or told twice; allowed are cantilever_a and cantilever_b, "
                 "or as many numbers of curvature, not 0 alone, moment_a, and moment_b if it differs"
             )
-        x, moments = (
-            np.array(self.curvature),
-            {"moment_a": self.moment_a, "moment_b": self.moment_b},
-        )
-        parts = [_parted(x, np.array(moment), name) for name, moment in moments.items()]
+        names, moments = ("moment_a", "moment_b"), map(np.array, curves[1:])
+        parts = [_parted(np.array(self.curvature), *each) for each in zip(moments, names)]
         object.__setattr__(self, "_elastic", tuple(curve for curve, _ in parts))
         object.__setattr__(self, "thresholds", tuple(float(each) for _, each in parts))
 

@@ -28,13 +28,6 @@ def nominal(law: Law, strains: np.ndarray) -> np.ndarray:
     return law.derivatives(eps_a, eps_b, gamma, second=False).first.T
 
 
-def nominal_tangent(law: Law, strains: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`nominal` and, (n, 3) [MPa], d(sigma_a)/d(eps_a), d(sigma_b)/d(eps_b),
-    d(sigma_a)/d(eps_b)."""
-    _, first, second = law.derivatives(*strains.T)
-    return first.T, second[[0, 2, 1]].T
-
-
 def lateral_strain(
     law: Law, along: int, strain: np.ndarray, start: np.ndarray | None = None
 ) -> np.ndarray:
@@ -46,13 +39,13 @@ def lateral_strain(
     e[:, across] = 0 if start is None else np.clip(start, -0.8, 0)
     low, high = np.full(len(strain), -np.inf), np.full(len(strain), np.inf)
     for _ in range(200):
-        stress, stiffness = nominal_tangent(law, e)
-        before, pull = e[:, across].copy(), stress[:, across]
+        _, stress, second = law.derivatives(*e.T)
+        before, pull, stiffness = e[:, across].copy(), stress[across], second[2 * across]
         if not np.isfinite(pull).all():
             raise SolverFailure("the stress across a free tension is not a number")
         high, low = np.where(pull > 0, before, high), np.where(pull > 0, low, before)
         with np.errstate(divide="ignore", invalid="ignore"):
-            step = np.clip(before - pull / stiffness[:, across], narrowest, 0)
+            step = np.clip(before - pull / stiffness, narrowest, 0)
         left, right = np.maximum(low, narrowest), np.minimum(high, 0)
         small = np.abs(step - before) < 1e-8  # quadratic, so the next step would be below rounding
         inside = small | ((step > low) & (step < high))

@@ -108,12 +108,11 @@ def _sizes_by_curvature(gmsh, faces, chord, most):
         places.append(place.reshape(-1, 3))
         sizes.append(np.minimum(np.sqrt(8 * chord / bend), MAX_TURN / bend))
     tree, sizes = cKDTree(np.vstack(places)), np.minimum(np.concatenate(sizes), most)
-    near = min(8, len(sizes))
     grid = float(np.quantile(sizes, 0.05)) / 2
 
     @cache  # gmsh asks many times at almost the same place
     def size_in(*cell):
-        distance, number = tree.query([grid * (each + 0.5) for each in cell], near)
+        distance, number = tree.query([grid * (each + 0.5) for each in cell], min(8, len(sizes)))
         return float(np.min(sizes[number] + 0.3 * distance))
 
     return lambda dim, tag, x, y, *z: size_in(x // grid, y // grid, z[0] // grid)

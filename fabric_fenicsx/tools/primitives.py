@@ -146,9 +146,7 @@ class Plate(Surface):
         centre: ArrayLike = (0.0, 0.0, 0.0),
     ) -> None:
         if width is None and corner is not None:
-            raise InputError(
-                f"corner is {corner}, but a round opening has none; allowed is `width`"
-            )
+            raise InputError(f"corner is {corner}, but a round opening has none: give `width`")
         self.length = POSITIVE.check("length", length)
         self.width = self.length if width is None else POSITIVE.check("width", width)
         half = min(self.length, self.width) / 2

@@ -61,11 +61,11 @@ class Surface:
         and normal and curvature need only be finite; so far points cost little."""
         x = checked_points(points)
         finite = np.isfinite(x).all(1)
+        near = self.nearest(x if finite.all() else x[finite], reach)
         if finite.all():
-            return self.nearest(x, reach)
-        n = len(x)
-        feet = Nearest(*(np.full(shape, np.nan) for shape in ((n,), (n, 3), (n, 3, 3))))
-        for whole, part in zip(feet, self.nearest(x[finite], reach)):
+            return near
+        feet = Nearest(*(np.full((len(x), *part.shape[1:]), np.nan) for part in near))
+        for whole, part in zip(feet, near):
             whole[finite] = part
         return feet
 
@@ -111,8 +111,7 @@ class Surface:
         if type(self) is not type(other):
             return NotImplemented
         mine, others = self.fingerprint(), other.fingerprint()
-        same = (np.array_equal(mine[name], others[name]) for name in mine.keys() & others.keys())
-        return mine.keys() == others.keys() and all(same)
+        return all(np.array_equal(value, others.get(name)) for name, value in mine.items())
 
     def __hash__(self) -> int:
         return hash(type(self))

@@ -292,10 +292,8 @@ class Law(Material, Energy):
     @classmethod
     def from_document(cls, document: Document, folder: Path) -> Self:
         document.pop("law", None)
-        fields = sheet_fields(
-            cls, document, files.take_units(document), ("law", "units"), cls.rules
-        )
-        return cls(**fields)
+        units = files.take_units(document)
+        return cls(**sheet_fields(cls, document, units, ("law", "units"), cls.rules))
 
 
 def sheet_fields(
