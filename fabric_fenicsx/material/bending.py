@@ -8,7 +8,7 @@ import numpy as np
 from ..runtime.errors import InputError
 from ..runtime.rules import above_zero, of_either_sign
 from .files import Several
-from .material import Parameters
+from .material import Parameters, parameter, parameters
 
 GRAVITY = 9.81e-6  # N/mm^2 of a sheet of 1 g/cm^3 and 1 mm
 
@@ -22,6 +22,10 @@ class Bent(NamedTuple):
     slope: np.ndarray
 
 
+_LENGTH, _MOMENTS = above_zero("length"), Several(of_either_sign("line_moment"))
+
+
+@parameters
 @dataclass(frozen=True)
 class MeasuredBending(Parameters):
     """Moment over curvature of both yarns: from a cantilever test, or as a table, which may be a
@@ -31,18 +35,12 @@ class MeasuredBending(Parameters):
     What is left is elastic, and a monotone cubic joins it. Raises InputError for anything but both
     overhangs, or curvatures and moments, of which the elastic part rises through 0.
 
-    Parameters
-    ----------
-    cantilever_a, cantilever_b : float, optional
-        Overhang of strips along a and b at which they droop by 41.5 deg under their weight [mm].
-        The stiffness is weight times the bending length cubed, half of the overhang (F. T. Peirce,
-        J. Text. Inst. 21 (1930) T377).
-    curvature : sequence of float, optional
-        [1/mm], above 0 where the fabric's upper face becomes hollow: rising from 0, and mirrored
-        for the other face; or rising from below 0, with two of 0 where there is a threshold; or a
-        loop, up from 0 and back, or through both faces. Beyond its ends the last slope goes on.
-    moment_a, moment_b : sequence of float, optional
-        Per width at these curvatures [N mm/mm]; b is as a if it is not given.
+    In a cantilever test strips droop by 41.5 deg under their weight: the stiffness is weight times
+    the bending length cubed, half of the overhang (F. T. Peirce, J. Text. Inst. 21 (1930) T377).
+
+    Curvatures are above 0 where the fabric's upper face becomes hollow: rising from 0, and mirrored
+    for the other face; or rising from below 0, with two of 0 where there is a threshold; or a loop,
+    up from 0 and back, or through both faces. Beyond its ends the last slope goes on.
 
     Examples
     --------
@@ -53,21 +51,16 @@ class MeasuredBending(Parameters):
     (0.02, 0.02)
     """
 
-    rules = {
-        "cantilever_a": above_zero("length"),
-        "cantilever_b": above_zero("length"),
-        "curvature": Several(of_either_sign("curvature")),
-        "moment_a": Several(of_either_sign("line_moment")),
-        "moment_b": Several(of_either_sign("line_moment")),
-    }
-    optional = tuple(rules)
+    optional = "cantilever_a", "cantilever_b", "curvature", "moment_a", "moment_b"
     prefix = "bending."
 
-    cantilever_a: float | None = None
-    cantilever_b: float | None = None
-    curvature: tuple[float, ...] = ()
-    moment_a: tuple[float, ...] = ()
-    moment_b: tuple[float, ...] = ()
+    cantilever_a: float | None = parameter(_LENGTH, "overhang of strips along a [mm]", None)
+    cantilever_b: float | None = parameter(_LENGTH, "the same along b", None)
+    curvature: tuple[float, ...] = parameter(
+        Several(of_either_sign("curvature")), "of the table [1/mm]", ()
+    )
+    moment_a: tuple[float, ...] = parameter(_MOMENTS, "per width there, along a [N mm/mm]", ())
+    moment_b: tuple[float, ...] = parameter(_MOMENTS, "along b, if it is another one", ())
     thresholds: tuple[float, ...] = field(init=False, repr=False, compare=False, default=(0.0, 0.0))
     # curvatures and moments of the elastic part of each yarn
     _elastic: tuple[tuple[np.ndarray, np.ndarray], ...] = field(

@@ -1,15 +1,14 @@
 """Loss of a ply's thickness under pressure."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
 from ..runtime.rules import FROM_ZERO, Rule, above_zero
-from .material import Parameters
+from .material import Parameters, parameter, parameters
 
 
+@parameters
 @dataclass(frozen=True)
 class Compaction(Parameters):
     """Pressure p over the thickness h of a ply: p = p_0 (e^y - 1 - y), y = n ln(h_0 / h).
@@ -19,17 +18,6 @@ class Compaction(Parameters):
     shear and stretch make the area J times as large, it is J^-m times as large. Raises InputError
     for an exponent up to 1, pressures not above 0, and a thickening below 0.
 
-    Parameters
-    ----------
-    exponent : float
-        n, above 1 [-].
-    onset : float
-        p_0 [MPa], from which on the power law holds.
-    pressure : float
-        Pressure [MPa] under which the fabric has its thickness.
-    thickening : float
-        m. With 1 a sheared ply has the fibre volume fraction of a flat one under the same pressure.
-
     Examples
     --------
     >>> ply = ff.Compaction(16.0, onset=1e-3, pressure=1e-3)
@@ -37,18 +25,14 @@ class Compaction(Parameters):
     [1.0, 0.697]
     """
 
-    rules: ClassVar[Mapping[str, Rule]] = {
-        "exponent": Rule("a number above 1", lambda v: v > 1),
-        "onset": above_zero("stress"),
-        "pressure": above_zero("stress"),
-        "thickening": FROM_ZERO,
-    }
     optional = ("thickening",)
 
-    exponent: float = 16.0
-    onset: float = 1e-3
-    pressure: float = 1e-3
-    thickening: float = 0.0
+    exponent: float = parameter(Rule("a number above 1", lambda v: v > 1), "n, above 1 [-]", 16.0)
+    onset: float = parameter(above_zero("stress"), "p_0, where the power law begins [MPa]", 1e-3)
+    pressure: float = parameter(above_zero("stress"), "at which h is the fabric's [MPa]", 1e-3)
+    thickening: float = parameter(
+        FROM_ZERO, "m; with 1 sheared plies have the fibre volume fraction of flat ones", 0.0
+    )
 
     def thickness(self, p: float | np.ndarray) -> np.ndarray:
         """Thickness under pressures p from 0 [MPa], over the fabric's."""

@@ -15,7 +15,7 @@ from ..runtime import rules as numbers
 from ..runtime.errors import InputError
 from ..runtime.rules import above_zero, not_negative
 from .files import Document, Several
-from .material import Parameters
+from .material import Parameters, parameter, parameters
 
 
 @dataclass(frozen=True)
@@ -45,20 +45,12 @@ class Hardening(Parameters):
         return {"law": self.law} | super().table()
 
 
+@parameters
 @dataclass(frozen=True)
 class Swift(Hardening):
     """Yield stress K (eps0 + p)^n.
 
     Raises InputError for a value out of its range.
-
-    Parameters
-    ----------
-    K : float
-        Stress at eps0 + p = 1 [MPa].
-    eps0 : float
-        Strain before the first yield [-].
-    n : float
-        Exponent, 0 to 1 [-]; 0 is ideal plasticity.
 
     References
     ----------
@@ -71,11 +63,10 @@ class Swift(Hardening):
     """
 
     law = "swift"
-    rules = {"K": above_zero("stress"), "eps0": above_zero(), "n": numbers.fraction()}
 
-    K: float
-    eps0: float
-    n: float
+    K: float = parameter(above_zero("stress"), "stress at eps0 + p = 1 [MPa]")
+    eps0: float = parameter(above_zero(), "strain before the first yield [-]")
+    n: float = parameter(numbers.fraction(), "exponent, 0 to 1 [-]; 0 is ideal plasticity")
 
     def stress(self, p: np.ndarray) -> np.ndarray:
         return self.K * (self.eps0 + p) ** self.n
@@ -88,18 +79,12 @@ class Swift(Hardening):
         return self.K / power * ((self.eps0 + p) ** power - self.eps0**power)
 
 
+@parameters
 @dataclass(frozen=True)
 class Voce(Hardening):
     """Yield stress Y0 + Q (1 - exp(-b p)), which ends at Y0 + Q.
 
     Raises InputError for a value out of its range.
-
-    Parameters
-    ----------
-    Y0, Q : float
-        First yield stress and its growth [MPa].
-    b : float
-        Rate of hardening [-].
 
     References
     ----------
@@ -112,11 +97,10 @@ class Voce(Hardening):
     """
 
     law = "voce"
-    rules = {"Y0": above_zero("stress"), "Q": not_negative("stress"), "b": above_zero()}
 
-    Y0: float
-    Q: float
-    b: float
+    Y0: float = parameter(above_zero("stress"), "first yield stress [MPa]")
+    Q: float = parameter(not_negative("stress"), "its growth [MPa]")
+    b: float = parameter(above_zero(), "rate of hardening [-]")
 
     def stress(self, p: np.ndarray) -> np.ndarray:
         return self.Y0 - self.Q * np.expm1(-self.b * p)
@@ -128,19 +112,13 @@ class Voce(Hardening):
         return (self.Y0 + self.Q) * p + self.Q * np.expm1(-self.b * p) / self.b
 
 
+@parameters
 @dataclass(frozen=True)
 class HardeningTable(Hardening):
     """Yield stress through points.
 
     Between them it is a monotone cubic (SciPy's PCHIP), beyond the last a straight line at its
     slope there. Raises InputError for other points than these; it names the point.
-
-    Parameters
-    ----------
-    eps : sequence of float
-        Plastic strains (n,), n >= 2, rising from 0 [-].
-    sigma : sequence of float
-        Stresses (n,), above 0, that do not fall [MPa].
 
     Examples
     --------
@@ -150,10 +128,13 @@ class HardeningTable(Hardening):
     """
 
     law = "table"
-    rules = {"eps": Several(numbers.FINITE), "sigma": Several(numbers.of_either_sign("stress"))}
 
-    eps: tuple[float, ...]
-    sigma: tuple[float, ...]
+    eps: tuple[float, ...] = parameter(
+        Several(numbers.FINITE), "plastic strains (n,), n >= 2, rising from 0 [-]"
+    )
+    sigma: tuple[float, ...] = parameter(
+        Several(numbers.of_either_sign("stress")), "stresses (n,) above 0 that do not fall [MPa]"
+    )
     _curves: tuple = field(init=False, repr=False, compare=False)  # stress, slope and work
 
     def __post_init__(self) -> None:

@@ -12,9 +12,21 @@ import tomli_w
 
 from ..readers.units import suffixes
 from ..runtime.errors import InputError
+from ..runtime.fields import Kind, declared, documented
 from ..runtime.rules import POSITIVE, Rule, check_complete, unknown_key
-from .files import OWN_UNITS, SHEET, Document, read_numbers, read_toml, write_whole
+from .files import OWN_UNITS, SHEET, Document, Several, read_numbers, read_toml, write_whole
 from .hyperdual import Number
+
+
+def parameter(rule: Rule | Several, text: str, default: object = dataclasses.MISSING) -> Any:
+    """A field of `Parameters`: a number by `rule`; text: what it is, with its unit."""
+    return dataclasses.field(default=default, metadata={"rule": rule, "help": text})
+
+
+def parameters(kind: Kind) -> Kind:
+    """A dataclass whose `rules` and docstring have what it declares by `parameter`."""
+    kind.rules = {each.name: each.metadata["rule"] for each in declared(kind)}  # type: ignore
+    return documented(kind)
 
 
 @dataclass(frozen=True)

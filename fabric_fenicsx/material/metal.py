@@ -12,9 +12,10 @@ from ..runtime.rules import Rule, above_zero, check_complete, shown
 from . import files
 from .files import OWN_UNITS, Document
 from .hardening import Hardening, Swift, hardening_from
-from .material import Material
+from .material import Material, parameter, parameters
 
 
+@parameters
 @dataclass(frozen=True)
 class Metal(Material):
     """An isotropic metal that yields after von Mises.
@@ -23,10 +24,6 @@ class Metal(Material):
 
     Parameters
     ----------
-    E : float
-        Young's modulus [MPa].
-    nu : float
-        Poisson's ratio [-].
     hardening : Swift, Voce or HardeningTable
         Yield stress over equivalent plastic strain.
     thickness : float
@@ -45,15 +42,13 @@ class Metal(Material):
     0.8
     """
 
-    rules: ClassVar[Mapping[str, Rule]] = {
-        "E": above_zero("stress"),
-        "nu": Rule("a number from 0 to 0.5", lambda v: 0 <= v <= 0.5),
-    }
     factors = {"yield_factor": ("hardening",)}
     law: ClassVar[str] = "metal"  # its name in material files
 
-    E: float
-    nu: float
+    E: float = parameter(above_zero("stress"), "Young's modulus [MPa]")
+    nu: float = parameter(
+        Rule("a number from 0 to 0.5", lambda v: 0 <= v <= 0.5), "Poisson's ratio [-]"
+    )
     hardening: Hardening
     thickness: float
     density: float = 7.85

@@ -23,25 +23,11 @@ from ..files import OWN_UNITS, Document, read_numbers, take_table, take_units
 from ..functions import exp, negative, positive
 from ..hyperdual import Number
 from ..law_checks import COUPLINGS, check_couplings
-from ..material import Parameters
+from ..material import Parameters, parameter, parameters
 from .base import Law, sheet_fields
 
-YARN: dict[str, Rule] = {
-    "a": not_negative("stress"),
-    "b": above_zero("stress"),
-    "d": above_zero("stress"),
-    "p_min": fraction(),
-    "c": not_negative(),
-    "s_T": not_negative("stress"),
-    "s_C": not_negative(),
-}
-SHEAR: dict[str, Rule] = {
-    "s1": above_zero("stress"),
-    "s2": of_either_sign("stress"),
-    "s3": not_negative("stress"),
-}
 
-
+@parameters
 @dataclass(frozen=True, kw_only=True)
 class Yarn(Parameters):
     """The seven parameters of one yarn direction.
@@ -49,38 +35,27 @@ class Yarn(Parameters):
     Only b and d are needed: by default there is no cubic term and no coupling. Raises InputError
     for a value out of its range.
 
-    Parameters
-    ----------
-    a, b : float
-        Cubic and quadratic term of the energy in tension [MPa], eqs (15), (16).
-    d : float
-        Compression [MPa], eqs (22), (23).
-    p_min, c : float
-        Floor, 0 to 1, and rate of the biaxial coupling [-], eqs (17), (18).
-    s_T : float
-        Tension-shear coupling [MPa], eqs (26), (27).
-    s_C : float
-        Compression-shear coupling [-], eqs (28), (29).
-
     Examples
     --------
     >>> ff.Yarn(b=600.0, d=0.5).p_min
     0.0
     """
 
-    rules = YARN
-
-    a: float = 0.0
-    b: float
-    d: float
-    p_min: float = 0.0
-    c: float = 0.0
-    s_T: float = 0.0
-    s_C: float = 0.0
-
     prefix = "Yarn."
 
+    a: float = parameter(not_negative("stress"), "cubic term in tension [MPa], eqs (15), (16)", 0.0)
+    b: float = parameter(above_zero("stress"), "quadratic term in tension [MPa], eqs (15), (16)")
+    d: float = parameter(above_zero("stress"), "compression [MPa], eqs (22), (23)")
+    p_min: float = parameter(fraction(), "floor of the biaxial coupling [-], eqs (17), (18)", 0.0)
+    c: float = parameter(not_negative(), "rate of the biaxial coupling [-], eqs (17), (18)", 0.0)
+    s_T: float = parameter(not_negative("stress"), "tension-shear [MPa], eqs (26), (27)", 0.0)
+    s_C: float = parameter(not_negative(), "compression-shear coupling [-], eqs (28), (29)", 0.0)
 
+
+YARN: Mapping[str, Rule] = Yarn.rules
+
+
+@parameters
 @dataclass(frozen=True)
 class WovenFabric(Law):
     """A woven fabric with biaxial and normal-shear couplings, in 17 parameters.
@@ -91,8 +66,6 @@ class WovenFabric(Law):
     ----------
     warp, weft : Yarn
         Yarns along a0 and b0, the same one twice in a balanced fabric.
-    s1, s2, s3 : float
-        Shear stress over shear angle [MPa], eqs (24), (25).
     couplings : collection of str
         Those that are on, any of `biaxial`, `tension_shear`, `compression_shear`.
     thickness, density, name, compaction, fibre_density, fibre_share, assumed
@@ -115,14 +88,13 @@ class WovenFabric(Law):
     """
 
     law = "coupled"
-    rules = SHEAR
-    factors = {"shear_factor": tuple(SHEAR), "yarn_factor": ("warp", "weft")}
+    factors = {"shear_factor": ("s1", "s2", "s3"), "yarn_factor": ("warp", "weft")}
 
     warp: Yarn
     weft: Yarn
-    s1: float
-    s2: float = 0.0
-    s3: float = 0.0
+    s1: float = parameter(above_zero("stress"), "shear stress over its angle [MPa], eqs (24), (25)")
+    s2: float = parameter(of_either_sign("stress"), "the same over its square [MPa]", 0.0)
+    s3: float = parameter(not_negative("stress"), "the same over its cube [MPa]", 0.0)
     couplings: frozenset[str] = frozenset(COUPLINGS)
 
     def __post_init__(self) -> None:
@@ -331,3 +303,6 @@ class WovenFabric(Law):
             check_complete(yarn, YARN, f"{table}.", f"in [yarns] or [{direction}]")
             fields[direction] = Yarn(**yarn)
         return cls(**fields)
+
+
+SHEAR: Mapping[str, Rule] = WovenFabric.rules
