@@ -101,11 +101,10 @@ class MeasuredBending(Parameters):
         return self.respond(np.zeros((1, 2)), areal_weight).slope[0]
 
     def _curves(self, areal_weight):
-        """Curvatures and moments of each yarn."""
         if self._elastic:
             return self._elastic
         weight, ends = GRAVITY * areal_weight, np.array([-1.0, 0.0, 1.0])
-        lengths = self.cantilever_a, self.cantilever_b
+        lengths = (self.cantilever_a or 0.0, self.cantilever_b or 0.0)
         return [(ends, weight * (length / 2) ** 3 * ends) for length in lengths]
 
 

@@ -23,7 +23,6 @@ class Several(NamedTuple):
     """The rule for one or several numbers that `rule` allows, in its unit."""
 
     rule: Rule
-    kind = tuple
 
     @property
     def unit(self) -> str:

@@ -158,7 +158,6 @@ class Material(Parameters):
         return dataclasses.replace(self, **{"scatter": kept} | self._fields(changes))
 
     def _fields(self, changes):
-        """Fields that have these numbers."""
         return changes
 
     def table(self) -> Document:

@@ -12,10 +12,9 @@ from ..runtime.rules import Rule, above_zero, check_complete, shown
 from . import files
 from .files import OWN_UNITS, Document
 from .hardening import Hardening, Swift, hardening_from
-from .material import Material, parameter, parameters
+from .material import Material
 
 
-@parameters
 @dataclass(frozen=True)
 class Metal(Material):
     """An isotropic metal that yields after von Mises.
@@ -24,6 +23,8 @@ class Metal(Material):
 
     Parameters
     ----------
+    E, nu : float
+        Young's modulus [MPa] and Poisson's ratio [-].
     hardening : Swift, Voce or HardeningTable
         Yield stress over equivalent plastic strain.
     thickness : float
@@ -42,13 +43,15 @@ class Metal(Material):
     0.8
     """
 
+    rules: ClassVar[Mapping[str, Rule]] = {
+        "E": above_zero("stress"),
+        "nu": Rule("a number from 0 to 0.5", lambda v: 0 <= v <= 0.5),
+    }
     factors = {"yield_factor": ("hardening",)}
     law: ClassVar[str] = "metal"  # its name in material files
 
-    E: float = parameter(above_zero("stress"), "Young's modulus [MPa]")
-    nu: float = parameter(
-        Rule("a number from 0 to 0.5", lambda v: 0 <= v <= 0.5), "Poisson's ratio [-]"
-    )
+    E: float
+    nu: float
     hardening: Hardening
     thickness: float
     density: float = 7.85

@@ -14,8 +14,9 @@ from .laws.coupled import WovenFabric, Yarn
 
 # Table 1
 _YARN = Yarn(a=4130.0, b=667.5, d=0.65, p_min=0.75, c=23.67, s_T=1467.6, s_C=100.0)
-_SHEET = {"thickness": 1.0, "density": 0.75, "name": "komeili", "assumed": ("d", "p_min", "s_C")}
-_KOMEILI = WovenFabric(_YARN, _YARN, s1=25.06e-3, s2=-186.79e-3, s3=562.39e-3, **_SHEET)
+_KOMEILI = WovenFabric(_YARN, _YARN, s1=25.06e-3, s2=-186.79e-3, s3=562.39e-3).replace(
+    thickness=1.0, density=0.75, name="komeili", assumed=("d", "p_min", "s_C")
+)
 PRESETS: Mapping[str, WovenFabric] = MappingProxyType(
     {"komeili": _KOMEILI, "fabric": _KOMEILI.decoupled().replace(name="fabric")}
 )

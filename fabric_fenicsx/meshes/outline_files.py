@@ -210,7 +210,6 @@ def _unit(drawing):
 
 
 def _boundary(path):
-    """The edges of one cell of a mesh, as lines (2, 3)."""
     points, cells, _ = read_surface_mesh(path, "outline", ALLOWED)
     edges = []
     for kind, nodes in cells.items():

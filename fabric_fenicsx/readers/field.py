@@ -133,7 +133,6 @@ class Field:
         return f"{' to '.join(ends)} ({source})"
 
     def _check(self, values, places):
-        """Raise InputError for a value that the rule does not allow."""
         for k in {int(np.argmin(values)), int(np.argmax(values))} if len(values) else ():
             where = f"{self.label} at {coordinates(places[k])} mm"
             self.rule.check(where, float(values[k]))

@@ -41,8 +41,9 @@ def documented(kind: Kind) -> Kind:
     for each in declared(kind):
         is_usual = each.default in (None, (), dataclasses.MISSING)
         usual = "" if is_usual else f"; by default {each.default}"
-        kind_of = f" : {each.metadata['rule'].kind.__name__}" if "rule" in each.metadata else ""
-        head += f"\n{each.name}{kind_of}\n    {each.metadata['help']}{usual}"
+        kind_of = getattr(each.metadata.get("rule"), "kind", None)
+        name = f"{each.name} : {kind_of.__name__}" if kind_of else each.name
+        head += f"\n{name}\n    {each.metadata['help']}{usual}"
     kind.__doc__ = "".join([head, *rest])
     return kind
 

@@ -89,7 +89,6 @@ def _profile(dome: _Shape, d: float, z: float) -> tuple[float, float, float, flo
 
 @compiled
 def _value(dome: _Shape, x: np.ndarray) -> np.ndarray:
-    """F (n,) at x (n, 3)."""
     F = np.empty(len(x))
     for i in range(len(x)):
         d = _plan(dome, x[i, 0], x[i, 1])[0]

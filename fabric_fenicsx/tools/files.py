@@ -42,7 +42,6 @@ def read_triangles(path: Path, chord: float) -> tuple[np.ndarray, np.ndarray, np
 
 
 def _triangles(mesh):
-    """Triangles (m, 3) by the corners of all surface cells."""
     triangles = []
     for kind, cells in mesh.cells.items():
         corners = cells[:, : {"t": 3, "q": 4}.get(kind[0])]  # of triangles, quads, polygons
@@ -74,7 +73,7 @@ def _mesh_of_model(path, chord):
         raise ValueError("no face in it")
     low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
     most = np.linalg.norm(high - low) / 20
-    options = {"MeshSizeFromPoints": 0, "MeshSizeExtendFromBoundary": 0, "Algorithm": 6}
+    options = {"MeshSizeFromPoints": 0.0, "MeshSizeExtendFromBoundary": 0.0, "Algorithm": 6.0}
     options |= {"MeshSizeFromCurvature": 2 * np.pi / MAX_TURN, "MeshSizeMax": float(most)}
     for name, value in options.items():
         gmsh.option.setNumber(f"Mesh.{name}", value)
@@ -119,7 +118,6 @@ def _sizes_by_curvature(gmsh, faces, chord, most):
 
 
 def _triangles_of_face(gmsh, face):
-    """Corners and normals (m, 3, 3) of the triangles on a face."""
     tags, place, parameters = gmsh.model.mesh.getNodes(2, face, True, True)
     _, cells = gmsh.model.mesh.getElementsByType(2, face)
     order = np.argsort(tags)

@@ -111,7 +111,8 @@ class Surface:
         if type(self) is not type(other):
             return NotImplemented
         mine, others = self.fingerprint(), other.fingerprint()
-        return all(np.array_equal(value, others.get(name)) for name, value in mine.items())
+        same = (np.array_equal(mine[name], others[name]) for name in mine.keys() & others.keys())
+        return mine.keys() == others.keys() and all(same)
 
     def __hash__(self) -> int:
         return hash(type(self))

@@ -224,7 +224,6 @@ class Law(Material, Energy):
         return values
 
     def _acts(self, name):
-        """True if a number has an effect."""
         return True
 
     def thickness_under(self, pressure: float) -> float:

@@ -52,7 +52,7 @@ class Yarn(Parameters):
     s_C: float = parameter(not_negative(), "compression-shear coupling [-], eqs (28), (29)", 0.0)
 
 
-YARN: Mapping[str, Rule] = Yarn.rules
+YARN: dict[str, Rule] = {**Yarn.rules}
 
 
 @parameters
@@ -128,7 +128,6 @@ class WovenFabric(Law):
         return self.warp == self.weft
 
     def _yarns(self):
-        """The yarns by their tables in a file."""
         return {"yarns": self.warp} if self.is_balanced else {"warp": self.warp, "weft": self.weft}
 
     def energy(self, eps_a: Number, eps_b: Number, gamma: Number) -> tuple[Number, ...]:
@@ -283,7 +282,6 @@ class WovenFabric(Law):
 
     @classmethod
     def _added(cls):
-        """Names of the fields that a subclass adds."""
         inherited = {each.name for each in dataclasses.fields(WovenFabric)}
         return [each.name for each in dataclasses.fields(cls) if each.name not in inherited]
 
@@ -305,4 +303,4 @@ class WovenFabric(Law):
         return cls(**fields)
 
 
-SHEAR: Mapping[str, Rule] = WovenFabric.rules
+SHEAR: dict[str, Rule] = {**WovenFabric.rules}

@@ -192,7 +192,7 @@ class TabulatedFabric(Law):
 
     def table(self) -> Document:
         """The curves and the sheet; a material file names CSV files in the place of the points."""
-        tables = {"model": "fabric"} | self.sheet_table()
+        tables: Document = {"model": "fabric", **self.sheet_table()}
         for name in self.strain_of:
             curve = getattr(self, name)
             points = {"x": list(curve.x), "y": list(curve.y)}
