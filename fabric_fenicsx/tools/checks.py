@@ -80,7 +80,7 @@ def check_start(tool: Tool, places: np.ndarray, thickness: float, comm: MPI.Comm
 
 
 def _triangles(tool):
-    surface, _ = innermost(tool.surface, np.empty((0, 3)))
+    surface = innermost(tool.surface)
     return surface if isinstance(surface, TriangulatedSurface) else None
 
 
