@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Self
 
 import numpy as np
@@ -118,7 +117,7 @@ class Law(Material, Energy):
         for name in self.assumed:
             if name not in self.parameters:
                 raise unknown_key(name, self.parameters, f"assumed: {shown(name)}")
-        assumed = tuple(name for name in self.parameters if name in self.assumed)
+        assumed = tuple(filter(self.assumed.__contains__, self.parameters))
         object.__setattr__(self, "assumed", assumed)
         object.__setattr__(self, "at_temperatures", self._checked_temperatures())
         for name, rule in FIBRES.items():
@@ -155,7 +154,6 @@ class Law(Material, Energy):
         return own | dict.fromkeys(cls.factors, POSITIVE)
 
     def _measured(self):
-        """The temperatures that are known, and the fabric at each."""
         plain, at = dataclasses.replace(self, at_temperatures={}), self.at_temperatures
         return [*at], [Material.changed(plain, numbers) for numbers in at.values()]
 
@@ -299,8 +297,8 @@ def sheet_fields(
     law: type[Law],
     document: Document,
     units: Mapping[str, str],
-    also: tuple[str, ...] = (),
-    rules: Mapping[str, Rule] = MappingProxyType({}),
+    also: tuple[str, ...],
+    rules: Mapping[str, Rule],
 ) -> Document:
     """The fields that every law has, and the numbers of `rules`, from what a `law` leaves of a TOML
     document; units: of its table [units], also: keys that the law took. Raises InputError by key,

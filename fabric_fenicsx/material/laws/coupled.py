@@ -291,7 +291,8 @@ class WovenFabric(Law):
         tables = {key: take_table(document, key) for key in ("yarns", "warp", "weft", "shear")}
         units = take_units(document)
         own = {key: document.pop(key) for key in ("couplings", *cls._added()) if key in document}
-        fields = own | sheet_fields(cls, document, units, ("law", "couplings", "units", *tables))
+        also = "law", "couplings", "units", *tables
+        fields = own | sheet_fields(cls, document, units, also, {})
         fields |= read_numbers(tables.pop("shear"), SHEAR, units, "shear.")
         check_complete(fields, SHEAR, "shear.", "in [shear]")
         numbers = {key: read_numbers(t, YARN, units, f"{key}.") for key, t in tables.items()}

@@ -205,7 +205,7 @@ class TabulatedFabric(Law):
         files with the headers `eps [%], sigma [MPa]` and `gamma [deg], tau [MPa]`, or such."""
         keys = "law", "model", "extrapolation", *cls.strain_of
         own = {key: document.pop(key) for key in keys if key in document}
-        fields = sheet_fields(cls, document, take_units(document), keys)
+        fields = sheet_fields(cls, document, take_units(document), keys, {})
         check_complete(own, cls.strain_of, "", "CSV files beside this one")
         stress, beyond = stresses(fields["thickness"]), own.get("extrapolation", "constant")
         yarn, shear = {"eps": STRAIN, "sigma": stress}, {"gamma": ANGLE, "tau": stress}
