@@ -274,7 +274,7 @@ class SpringHolder(Kind):
     def __post_init__(self) -> None:
         super().__post_init__()
         places = self.at if np.iterable(self.at) else [self.at]
-        points = tuple(tuple(checked_vector("`at`", each, size=2).tolist()) for each in places)
+        points = tuple(tuple(checked_vector("`at`", each, size="two").tolist()) for each in places)
         object.__setattr__(self, "at", points)  # so that holders compare
         if not (points or self.edges):
             raise InputError("a `SpringHolder` needs `edges` or points `at`")

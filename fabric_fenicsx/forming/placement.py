@@ -92,13 +92,12 @@ def _surface_of(name, tool, blank):
 
 
 def _triangle_doubts(words, surface, blank):
-    doubts = list[str]()
-    if isinstance(surface, TriangulatedSurface):
-        size = float(np.ptp(surface.points, axis=0).max())
-        if doubt := unit_doubt(size, blank.size, MIN_SHARE):
-            raise InputError(f"{words} {doubt}; allowed is a surface in mm")
-        check_triangles(surface, words, blank.thickness, doubts.append)
-    return doubts
+    if not isinstance(surface, TriangulatedSurface):
+        return []
+    size = float(np.ptp(surface.points, axis=0).max())
+    if doubt := unit_doubt(size, blank.size, MIN_SHARE):
+        raise InputError(f"{words} {doubt}; allowed is a surface in mm")
+    return check_triangles(surface, words, blank.thickness)
 
 
 def _check_covered(name, surface, extent, planes):

@@ -46,7 +46,7 @@ class Region:
             raise InputError(f"`where` is {shown(self.limits)}; allowed is a table, as x = [0, 50]")
         for name, ends in self.limits.items():
             if name == "at":
-                checked_vector("`where`.at", ends, size=2)
+                checked_vector("`where`.at", ends, size="two")
             elif name in ("x", "y", "r", "angle"):
                 Interval(FINITE).check(f"`where`.{name}", ends)
             else:

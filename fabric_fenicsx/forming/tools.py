@@ -17,7 +17,7 @@ from ..runtime.tables import located, names_of
 from ..tools.double_dome import DoubleDome
 from ..tools.primitives import Block, Cylinder, Plane, Plate, Sphere, Torus
 from ..tools.surfaces import Surface, Turned
-from ..tools.values import checked_vector, length_of
+from ..tools.values import checked_vector
 
 
 @documented
@@ -102,10 +102,10 @@ class PressTool(KnowsItsFields):
             raise InputError(f"{flaw}; allowed is a surface, a file's name, or `DieOf` a tool")
         turn, at = checked_vector("`turn`", self.turn), self.at
         if at is not None:
-            at = tuple(checked_vector("`at`", at, size=2 if length_of(at) == 2 else 3).tolist())
+            at = tuple(checked_vector("`at`", at, size="two or three").tolist())
         for name, value in (("at", at), ("turn", tuple(turn.tolist()))):  # so that tools compare
             object.__setattr__(self, name, value)
-        if self.off is not None and length_of(at) == 3:
+        if self.off is not None and at is not None and len(at) == 3:
             raise InputError("`off` is not allowed beside a z in `at`")
 
     @property

@@ -8,7 +8,7 @@ import numpy as np
 from ..runtime.errors import InputError
 from ..runtime.rules import above_zero, of_either_sign
 from .files import Several
-from .material import Parameters
+from .material import Parameters, parameter, parameters
 
 GRAVITY = 9.81e-6  # N/mm^2 of a sheet of 1 g/cm^3 and 1 mm
 
@@ -22,32 +22,25 @@ class Bent(NamedTuple):
     slope: np.ndarray
 
 
+_LENGTH, _MOMENTS = above_zero("length"), Several(of_either_sign("line_moment"))
+
+
+@parameters
 @dataclass(frozen=True)
 class MeasuredBending(Parameters):
     """Moment over curvature of both yarns: from a cantilever test, or as a table, which may be a
     loop.
 
     A moment at no curvature, and half the width of a loop, is a threshold: friction between yarns.
-    What is left is elastic, and a monotone cubic joins it.
+    What is left is elastic, and a monotone cubic joins it. Raises InputError for anything but both
+    overhangs, or curvatures and moments, of which the elastic part rises through 0.
 
-    Parameters
-    ----------
-    cantilever_a, cantilever_b : float, optional
-        Overhang of strips along a and b at which they droop by 41.5 deg under their weight [mm].
-        The stiffness is weight times the bending length cubed, half of the overhang (F. T. Peirce,
-        J. Text. Inst. 21 (1930) T377).
-    curvature : sequence of float, optional
-        [1/mm], above 0 where the fabric's upper face becomes hollow: rising from 0, and mirrored
-        for the other face; or rising from below 0, with two of 0 where there is a threshold; or a
-        loop, up from 0 and back, or through both faces. Beyond its ends the last slope goes on.
-    moment_a, moment_b : sequence of float, optional
-        Per width at these curvatures [N mm/mm]; b is as a if it is not given.
+    In a cantilever test strips droop by 41.5 deg under their weight: the stiffness is weight times
+    the bending length cubed, half of the overhang (F. T. Peirce, J. Text. Inst. 21 (1930) T377).
 
-    Raises
-    ------
-    InputError
-        For anything but both overhangs, or curvatures and moments, of which the elastic part rises
-        through 0.
+    Curvatures are above 0 where the fabric's upper face becomes hollow: rising from 0, and mirrored
+    for the other face; or rising from below 0, with two of 0 where there is a threshold; or a loop,
+    up from 0 and back, or through both faces. Beyond its ends the last slope goes on.
 
     Examples
     --------
@@ -58,21 +51,16 @@ class MeasuredBending(Parameters):
     (0.02, 0.02)
     """
 
-    rules = {
-        "cantilever_a": above_zero("length"),
-        "cantilever_b": above_zero("length"),
-        "curvature": Several(of_either_sign("curvature")),
-        "moment_a": Several(of_either_sign("line_moment")),
-        "moment_b": Several(of_either_sign("line_moment")),
-    }
-    optional = tuple(rules)
+    optional = "cantilever_a", "cantilever_b", "curvature", "moment_a", "moment_b"
     prefix = "bending."
 
-    cantilever_a: float | None = None
-    cantilever_b: float | None = None
-    curvature: tuple[float, ...] = ()
-    moment_a: tuple[float, ...] = ()
-    moment_b: tuple[float, ...] = ()
+    cantilever_a: float | None = parameter(_LENGTH, "overhang of strips along a [mm]", None)
+    cantilever_b: float | None = parameter(_LENGTH, "the same along b", None)
+    curvature: tuple[float, ...] = parameter(
+        Several(of_either_sign("curvature")), "of the table [1/mm]", ()
+    )
+    moment_a: tuple[float, ...] = parameter(_MOMENTS, "per width there, along a [N mm/mm]", ())
+    moment_b: tuple[float, ...] = parameter(_MOMENTS, "along b, if it is another one", ())
     thresholds: tuple[float, ...] = field(init=False, repr=False, compare=False, default=(0.0, 0.0))
     # curvatures and moments of the elastic part of each yarn
     _elastic: tuple[tuple[np.ndarray, np.ndarray], ...] = field(
@@ -90,13 +78,10 @@ class MeasuredBending(Parameters):
         if any(lengths) or len(counts) > 1 or min(counts) < 2 or not any(self.curvature):
             raise InputError(
                 "bending is incomplete, or told twice; allowed are cantilever_a and cantilever_b, "
-                "or curvature, not of 0 alone, and moment_a, and moment_b if it differs, of as "
-                "many numbers"
+                "or as many numbers of curvature, not 0 alone, moment_a, and moment_b if it differs"
             )
-        parts = [
-            _parted(np.array(self.curvature), np.array(getattr(self, name)), name)
-            for name in ("moment_a", "moment_b")
-        ]
+        names, moments = ("moment_a", "moment_b"), map(np.array, curves[1:])
+        parts = [_parted(np.array(self.curvature), *each) for each in zip(moments, names)]
         object.__setattr__(self, "_elastic", tuple(curve for curve, _ in parts))
         object.__setattr__(self, "thresholds", tuple(float(each) for _, each in parts))
 
@@ -108,9 +93,7 @@ class MeasuredBending(Parameters):
     def respond(self, curvature: np.ndarray, areal_weight: float) -> Bent:
         """At curvatures (n, 2) [1/mm] of a fabric of `areal_weight`, density times thickness
         [g/cm3 mm], without thresholds."""
-        yarns = [
-            _along(curve, values) for curve, values in zip(self._curves(areal_weight), curvature.T)
-        ]
+        yarns = map(_along, self._curves(areal_weight), curvature.T)
         return Bent(*(np.stack(each, axis=1) for each in zip(*yarns)))
 
     def stiffnesses(self, areal_weight: float) -> np.ndarray:
@@ -118,7 +101,6 @@ class MeasuredBending(Parameters):
         return self.respond(np.zeros((1, 2)), areal_weight).slope[0]
 
     def _curves(self, areal_weight):
-        """Curvatures and moments of each yarn."""
         if self._elastic:
             return self._elastic
         weight, ends = GRAVITY * areal_weight, np.array([-1.0, 0.0, 1.0])

@@ -1,40 +1,22 @@
 """Loss of a ply's thickness under pressure."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
 from ..runtime.rules import FROM_ZERO, Rule, above_zero
-from .material import Parameters
-
-SERIES_LIMIT = 1e-3  # of y, below which e^y - 1 - y is taken as a series
+from .material import Parameters, parameter, parameters
 
 
+@parameters
 @dataclass(frozen=True)
 class Compaction(Parameters):
     """Pressure p over the thickness h of a ply: p = p_0 (e^y - 1 - y), y = n ln(h_0 / h).
 
     So the fibre volume fraction grows with the power 1/n of pressure, once that is well above p_0,
     and pressure begins with the square of compaction. h_0 is the thickness without pressure; where
-    shear and stretch make the area J times as large, it is J^-m times as large.
-
-    Parameters
-    ----------
-    exponent : float
-        n, above 1 [-].
-    onset : float
-        p_0 [MPa], from which on the power law holds.
-    pressure : float
-        Pressure [MPa] under which the fabric has its thickness.
-    thickening : float
-        m. With 1 a sheared ply has the fibre volume fraction of a flat one under the same pressure.
-
-    Raises
-    ------
-    InputError
-        For an exponent up to 1, pressures not above 0, and a thickening below 0.
+    shear and stretch make the area J times as large, it is J^-m times as large. Raises InputError
+    for an exponent up to 1, pressures not above 0, and a thickening below 0.
 
     Examples
     --------
@@ -43,18 +25,14 @@ class Compaction(Parameters):
     [1.0, 0.697]
     """
 
-    rules: ClassVar[Mapping[str, Rule]] = {
-        "exponent": Rule("a number above 1", lambda v: v > 1),
-        "onset": above_zero("stress"),
-        "pressure": above_zero("stress"),
-        "thickening": FROM_ZERO,
-    }
     optional = ("thickening",)
 
-    exponent: float = 16.0
-    onset: float = 1e-3
-    pressure: float = 1e-3
-    thickening: float = 0.0
+    exponent: float = parameter(Rule("a number above 1", lambda v: v > 1), "n, above 1 [-]", 16.0)
+    onset: float = parameter(above_zero("stress"), "p_0, where the power law begins [MPa]", 1e-3)
+    pressure: float = parameter(above_zero("stress"), "at which h is the fabric's [MPa]", 1e-3)
+    thickening: float = parameter(
+        FROM_ZERO, "m; with 1 sheared plies have the fibre volume fraction of flat ones", 0.0
+    )
 
     def thickness(self, p: float | np.ndarray) -> np.ndarray:
         """Thickness under pressures p from 0 [MPa], over the fabric's."""
@@ -65,18 +43,14 @@ class Compaction(Parameters):
 def log_compaction(q: np.ndarray) -> np.ndarray:
     """y (n,) from 0 of which e^y - 1 - y = q, for q (n,) from 0."""
     y = np.log1p(q + np.sqrt(2 * q))
-    # of Newton's method; three or four do
-    for _ in range(6):  # convex, so each comes nearer from above
+    # of Newton's method three or four do; convex, so each comes nearer from above
+    for _ in range(6):
         slope = np.expm1(y)
-        excess = np.where(y < SERIES_LIMIT, _series(y), slope - y) - q
-        y = y - np.divide(excess, slope, out=np.zeros_like(y), where=slope > 0)
+        y = y - np.divide(growth(y) - q, slope, out=np.zeros_like(y), where=slope > 0)
     return y
 
 
 def growth(y: np.ndarray) -> np.ndarray:
-    """e^y - 1 - y of y (n,) from 0, without cancellation."""
-    return np.where(y < SERIES_LIMIT, _series(y), np.expm1(y) - y)
-
-
-def _series(y):
-    return y * y / 2 * (1 + y / 3 * (1 + y / 4 * (1 + y / 5)))
+    """e^y - 1 - y of y (n,) from 0, without cancellation: below 1e-3 as a series."""
+    series = y * y / 2 * (1 + y / 3 * (1 + y / 4 * (1 + y / 5)))
+    return np.where(y < 1e-3, series, np.expm1(y) - y)

@@ -62,8 +62,8 @@ class Energy:
         except InputError:
             raise
         except Exception as error:
-            words = f"fails ({type(error).__name__}: {error})"
-            raise InputError(f"energy of law {self.law} {words}; {allowed}") from error
+            flaw = f"energy of law {self.law} fails ({type(error).__name__}: {error})"
+            raise InputError(f"{flaw}; {allowed}") from error
         # where NumPy takes numbers for objects it gives an array
         if np.ndarray in map(type, (a, b, shear)) and not isinstance(eps_a, np.ndarray):
             raise InputError(f"energy of law {self.law} has a part of type ndarray; {allowed}")
@@ -72,11 +72,8 @@ class Energy:
     def derivatives(
         self, eps_a: np.ndarray, eps_b: np.ndarray, gamma: np.ndarray, second: bool = True
     ) -> Derivatives:
-        """Energy, stresses and, if asked for, tangents at states (n,), exact to rounding:
-        `Derivatives` of parts (n, 3), first (3, n) and second (6, n), None unless asked for [MPa].
-
-        At a kink they are those of the side up to it: eps = 0 counts as compression.
-        """
+        """Energy, stresses and, if asked for, tangents at states (n,), exact to rounding. At a kink
+        they are those of the side up to it: eps = 0 counts as compression."""
         strains = HyperDual.variables(eps_a, eps_b, gamma)
         zero = 0.0 * strains[0]
         with np.errstate(all="ignore"):  # sides of a case that do not count
@@ -105,7 +102,6 @@ def stresses_of_energy(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """sigma_a, sigma_b, tau (n,) [MPa] at eps_a, eps_b [-] and gamma [rad], (n,) or a number each,
     from the energy alone, without the law's closed forms."""
-    strains = (np.atleast_1d(v).astype(float) for v in (eps_a, eps_b, gamma))
-    a, b, g = np.broadcast_arrays(*strains)
+    a, b, g = np.broadcast_arrays(*(np.atleast_1d(v).astype(float) for v in (eps_a, eps_b, gamma)))
     sigma_a, sigma_b, tau = Energy.derivatives(law, a, b, g, second=False).first
     return sigma_a, sigma_b, tau

@@ -20,17 +20,16 @@ FIBRES = {"fibre_density": above_zero("density"), "fibre_share": SHARE}
 
 
 class Several(NamedTuple):
-    """The rule for one or several numbers that `rule` allows."""
+    """The rule for one or several numbers that `rule` allows, in its unit."""
 
     rule: Rule
 
     @property
     def unit(self) -> str:
-        """That of the numbers, as of a `Rule`."""
         return self.rule.unit
 
     def check(self, name: str, value: object) -> tuple[float, ...]:
-        """The numbers; InputError, which calls them `name`, for one that is not allowed."""
+        """As of `Rule`, the numbers."""
         numbers = value if isinstance(value, (list, tuple)) and value else [value]
         return tuple(self.rule.check(name, each) for each in numbers)
 
@@ -39,7 +38,6 @@ class Interval(Several):
     """The rule for two numbers that `rule` allows, the first below the second."""
 
     def check(self, name: str, value: object) -> tuple[float, ...]:
-        """The two numbers; InputError, which calls them `name`, for anything else."""
         numbers = super().check(name, value)
         if len(numbers) == 2 and numbers[0] < numbers[1]:
             return numbers
@@ -66,9 +64,7 @@ def read_toml(path: str | os.PathLike[str], make: Callable[[Document], T]) -> T:
     try:
         document = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
     except (OSError, ValueError, RecursionError) as error:
-        is_toml = isinstance(error, tomllib.TOMLDecodeError)
-        flaw = "is not valid TOML" if is_toml else "cannot be read"
-        raise InputError(f"{path}: {flaw} ({_reason(error)}); allowed is a TOML file") from None
+        raise InputError(f"{path}: cannot be read ({_reason(error)}); allowed is TOML") from None
     try:
         return make(document)
     except InputError as error:
@@ -85,7 +81,7 @@ def write_whole(path: str | os.PathLike[str], text: str) -> None:
         ) from None
 
 
-def _reason(error: Exception) -> str:
+def _reason(error):
     return getattr(error, "strerror", None) or str(error)
 
 
@@ -128,8 +124,7 @@ def read_numbers(
         name, power = keys[key]
         if name in numbers:
             raise InputError(f"{label} repeats {where}{name}; allowed is {name} once")
-        checked = rules[name].check(label, value)
-        numbers[name] = rules[name].check(label, _scaled(checked, power))
+        numbers[name] = _scaled(rules[name].check(label, value), power)
     return numbers
 
 
@@ -164,12 +159,12 @@ def _scaled(value, power):
 def read_sheet_numbers(
     table: Mapping[str, object],
     units: Mapping[str, str],
-    also: Iterable[str] = (),
-    rules: Mapping[str, Rule] | None = None,
+    also: Iterable[str],
+    rules: Mapping[str, Rule],
 ) -> tuple[Document, float | None]:
     """The numbers that a table has of thickness, density and the names of `rules`, and the areal
     weight [g/m2] if the density is from one; also: keys of others. Raises InputError by key."""
-    all_rules = {**SHEET, "areal_weight": above_zero("areal_weight"), **(rules or {})}
+    all_rules = {**SHEET, "areal_weight": above_zero("areal_weight"), **rules}
     numbers = read_numbers(table, all_rules, units, "", also)
     weight = numbers.pop("areal_weight", None)
     if weight is not None and "thickness" in numbers:

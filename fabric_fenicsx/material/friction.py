@@ -82,15 +82,12 @@ def respond(k: np.ndarray, most: np.ndarray, strain: np.ndarray, sliding: np.nda
 class ShearFriction(YarnFriction):
     """Friction against shear: shear stress over the shear angle, conjugate to it as the law's.
 
+    Raises InputError for numbers that are not above 0, and for more of one than of the other.
+
     Parameters
     ----------
     stiffness, strength : float or sequence of float
         Of each element [MPa].
-
-    Raises
-    ------
-    InputError
-        For numbers that are not above 0, and for more of one than of the other.
 
     Examples
     --------
@@ -106,17 +103,14 @@ class ShearFriction(YarnFriction):
 class BendingFriction(YarnFriction):
     """Friction against bending of both yarns: moment per width over curvature.
 
+    Raises InputError as for `ShearFriction`.
+
     Parameters
     ----------
     stiffness : float or sequence of float
         Of each element [N mm], to be compared with D of `Bending`.
     strength : float or sequence of float
         Moment per width at which each slides [N mm/mm].
-
-    Raises
-    ------
-    InputError
-        As for `ShearFriction`.
 
     Examples
     --------

@@ -11,18 +11,11 @@ from typing import ClassVar
 
 import numpy as np
 
+from ..runtime import rules as numbers
 from ..runtime.errors import InputError
-from ..runtime.rules import (
-    FINITE,
-    above_zero,
-    fraction,
-    not_negative,
-    of_either_sign,
-    shown,
-    unknown_key,
-)
+from ..runtime.rules import above_zero, not_negative
 from .files import Document, Several
-from .material import Parameters
+from .material import Parameters, parameter, parameters
 
 
 @dataclass(frozen=True)
@@ -52,23 +45,12 @@ class Hardening(Parameters):
         return {"law": self.law} | super().table()
 
 
+@parameters
 @dataclass(frozen=True)
 class Swift(Hardening):
     """Yield stress K (eps0 + p)^n.
 
-    Parameters
-    ----------
-    K : float
-        Stress at eps0 + p = 1 [MPa].
-    eps0 : float
-        Strain before the first yield [-].
-    n : float
-        Exponent, 0 to 1 [-]; 0 is ideal plasticity.
-
-    Raises
-    ------
-    InputError
-        For a value out of its range.
+    Raises InputError for a value out of its range.
 
     References
     ----------
@@ -81,11 +63,10 @@ class Swift(Hardening):
     """
 
     law = "swift"
-    rules = {"K": above_zero("stress"), "eps0": above_zero(), "n": fraction()}
 
-    K: float
-    eps0: float
-    n: float
+    K: float = parameter(above_zero("stress"), "stress at eps0 + p = 1 [MPa]")
+    eps0: float = parameter(above_zero(), "strain before the first yield [-]")
+    n: float = parameter(numbers.fraction(), "exponent, 0 to 1 [-]; 0 is ideal plasticity")
 
     def stress(self, p: np.ndarray) -> np.ndarray:
         return self.K * (self.eps0 + p) ** self.n
@@ -98,21 +79,12 @@ class Swift(Hardening):
         return self.K / power * ((self.eps0 + p) ** power - self.eps0**power)
 
 
+@parameters
 @dataclass(frozen=True)
 class Voce(Hardening):
     """Yield stress Y0 + Q (1 - exp(-b p)), which ends at Y0 + Q.
 
-    Parameters
-    ----------
-    Y0, Q : float
-        First yield stress and its growth [MPa].
-    b : float
-        Rate of hardening [-].
-
-    Raises
-    ------
-    InputError
-        For a value out of its range.
+    Raises InputError for a value out of its range.
 
     References
     ----------
@@ -125,11 +97,10 @@ class Voce(Hardening):
     """
 
     law = "voce"
-    rules = {"Y0": above_zero("stress"), "Q": not_negative("stress"), "b": above_zero()}
 
-    Y0: float
-    Q: float
-    b: float
+    Y0: float = parameter(above_zero("stress"), "first yield stress [MPa]")
+    Q: float = parameter(not_negative("stress"), "its growth [MPa]")
+    b: float = parameter(above_zero(), "rate of hardening [-]")
 
     def stress(self, p: np.ndarray) -> np.ndarray:
         return self.Y0 - self.Q * np.expm1(-self.b * p)
@@ -141,24 +112,13 @@ class Voce(Hardening):
         return (self.Y0 + self.Q) * p + self.Q * np.expm1(-self.b * p) / self.b
 
 
+@parameters
 @dataclass(frozen=True)
 class HardeningTable(Hardening):
     """Yield stress through points.
 
     Between them it is a monotone cubic (SciPy's PCHIP), beyond the last a straight line at its
-    slope there.
-
-    Parameters
-    ----------
-    eps : sequence of float
-        Plastic strains (n,), n >= 2, rising from 0 [-].
-    sigma : sequence of float
-        Stresses (n,), above 0, that do not fall [MPa].
-
-    Raises
-    ------
-    InputError
-        For other points than these; it names the point.
+    slope there. Raises InputError for other points than these; it names the point.
 
     Examples
     --------
@@ -168,10 +128,13 @@ class HardeningTable(Hardening):
     """
 
     law = "table"
-    rules = {"eps": Several(FINITE), "sigma": Several(of_either_sign("stress"))}
 
-    eps: tuple[float, ...]
-    sigma: tuple[float, ...]
+    eps: tuple[float, ...] = parameter(
+        Several(numbers.FINITE), "plastic strains (n,), n >= 2, rising from 0 [-]"
+    )
+    sigma: tuple[float, ...] = parameter(
+        Several(numbers.of_either_sign("stress")), "stresses (n,) above 0 that do not fall [MPa]"
+    )
     _curves: tuple = field(init=False, repr=False, compare=False)  # stress, slope and work
 
     def __post_init__(self) -> None:
@@ -182,8 +145,7 @@ class HardeningTable(Hardening):
                 "of 2 or more numbers"
             )
         fits = (np.diff(self.eps, prepend=-1) > 0) & (np.diff(self.sigma, prepend=0) >= 0)
-        fits &= np.array(self.sigma) > 0
-        fits[0] &= self.eps[0] == 0
+        fits[0] &= self.eps[0] == 0 < self.sigma[0]
         for k in np.flatnonzero(~fits)[:1]:
             raise InputError(
                 f"hardening: point {k + 1} is {(self.eps[k], self.sigma[k])}; allowed are strains "
@@ -195,8 +157,7 @@ class HardeningTable(Hardening):
         slope = max(float(curve(self.eps[-1], 1)), 0.0)
         end = [0, 0, slope, self.sigma[-1]]  # a straight line, which goes on
         curve.extend(np.reshape(end, (4, 1)), [self.eps[-1] + 1])
-        curves = curve, curve.derivative(), curve.antiderivative()
-        object.__setattr__(self, "_curves", curves)
+        object.__setattr__(self, "_curves", (curve, curve.derivative(), curve.antiderivative()))
 
     def stress(self, p: np.ndarray) -> np.ndarray:
         return self._curves[0](p)
@@ -212,5 +173,5 @@ def hardening_from(table: Document, units: Mapping[str, str]) -> Hardening:
     """The curve of a file's table [hardening]; units: of its table [units]. InputError by key."""
     law = table.pop("law", None)
     if not isinstance(law, str) or law not in Hardening.known:
-        raise unknown_key(law, Hardening.known, f"hardening.law {shown(law)}")
-    return Hardening.known[law].from_table(table, units, "hardening", ("law",))
+        raise numbers.unknown_key(law, Hardening.known, f"hardening.law {numbers.shown(law)}")
+    return Hardening.known[law].from_table(table, units, "hardening")

@@ -17,25 +17,15 @@ def gradient(eps_a: np.ndarray, eps_b: np.ndarray, gamma: np.ndarray) -> np.ndar
 def conjugate(P: np.ndarray, F: np.ndarray) -> np.ndarray:
     """Stresses conjugate to eps_a, eps_b, gamma, (n, 3) [MPa], from first Piola-Kirchhoff stresses
     P (n, 2, 2) at `gradient` F."""
-    a, b = F[:, :, 0], F[:, :, 1]
-    turn = 0.5 * np.stack(
-        [np.stack([-a[:, 1], a[:, 0]], -1), np.stack([b[:, 1], -b[:, 0]], -1)], -1
-    )
-    along = [(P[:, :, k] * f).sum(1) / np.linalg.norm(f, axis=1) for k, f in ((0, a), (1, b))]
-    return np.stack([*along, (P * turn).sum((1, 2))], -1)
+    turn = 0.5 * np.stack([-F[:, 1], F[:, 0]], 1) * [1, -1]  # of both yarns, each to the other
+    along = (P * F).sum(1) / np.linalg.norm(F, axis=1)
+    return np.column_stack([along, (P * turn).sum((1, 2))])
 
 
 def nominal(law: Law, strains: np.ndarray) -> np.ndarray:
     """Stresses (n, 3) [MPa] conjugate to strains (n, 3) = eps_a, eps_b [-], gamma [rad]."""
     eps_a, eps_b, gamma = strains.T
     return law.derivatives(eps_a, eps_b, gamma, second=False).first.T
-
-
-def nominal_tangent(law: Law, strains: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`nominal` and, (n, 3) [MPa], d(sigma_a)/d(eps_a), d(sigma_b)/d(eps_b),
-    d(sigma_a)/d(eps_b)."""
-    _, first, second = law.derivatives(*strains.T)
-    return first.T, second[[0, 2, 1]].T
 
 
 def lateral_strain(
@@ -49,13 +39,13 @@ def lateral_strain(
     e[:, across] = 0 if start is None else np.clip(start, -0.8, 0)
     low, high = np.full(len(strain), -np.inf), np.full(len(strain), np.inf)
     for _ in range(200):
-        stress, stiffness = nominal_tangent(law, e)
-        before, pull = e[:, across].copy(), stress[:, across]
+        _, stress, second = law.derivatives(*e.T)
+        before, pull, stiffness = e[:, across].copy(), stress[across], second[2 * across]
         if not np.isfinite(pull).all():
             raise SolverFailure("the stress across a free tension is not a number")
         high, low = np.where(pull > 0, before, high), np.where(pull > 0, low, before)
         with np.errstate(divide="ignore", invalid="ignore"):
-            step = np.clip(before - pull / stiffness[:, across], narrowest, 0)
+            step = np.clip(before - pull / stiffness, narrowest, 0)
         left, right = np.maximum(low, narrowest), np.minimum(high, 0)
         small = np.abs(step - before) < 1e-8  # quadratic, so the next step would be below rounding
         inside = small | ((step > low) & (step < high))

@@ -17,12 +17,9 @@ def check_couplings(names: object, label: str = "couplings") -> frozenset[str]:
     otherwise an InputError that calls them `label`."""
     if isinstance(names, (str, Mapping)) or not isinstance(names, Iterable):
         raise InputError(f"{label} is {shown(names)}; allowed is a list of {', '.join(COUPLINGS)}")
-    couplings = set()
-    for word in names:
-        name = word.replace("-", "_").replace("–", "_") if isinstance(word, str) else word
-        if name not in COUPLINGS:
-            raise unknown_key(name, COUPLINGS, f"{label}: coupling {shown(word)}")
-        couplings.add(name)
+    couplings = {str(word).replace("-", "_").replace("–", "_") for word in names}
+    for name in couplings.difference(COUPLINGS):
+        raise unknown_key(name, COUPLINGS, f"{label}: coupling {shown(name)}")
     return frozenset(couplings)
 
 
@@ -76,10 +73,10 @@ def implausible(label: str, values: Mapping[str, float | None]) -> list[str]:
         "stiffness along b": (2.0, 2e5, "MPa"),
         "stiffness in shear": (1e-4, 10.0, "MPa"),
     }
-    numbers = [(n, value, *plausible[n]) for n, value in values.items() if value is not None]
-    return [
-        f"{name} of material {label} is {value:g} {unit}, fabrics have {low:g} to {high:g}; "
-        "look at its unit"
-        for name, value, low, high, unit in numbers
-        if not low <= value <= high
-    ]
+    doubts = []
+    for name, value in values.items():
+        low, high, unit = plausible[name]
+        if value is not None and not low <= value <= high:
+            fabrics = f"fabrics have {low:g} to {high:g}; look at its unit"
+            doubts.append(f"{name} of material {label} is {value:g} {unit}, {fabrics}")
+    return doubts

@@ -12,9 +12,21 @@ import tomli_w
 
 from ..readers.units import suffixes
 from ..runtime.errors import InputError
+from ..runtime.fields import Kind, declared, documented
 from ..runtime.rules import POSITIVE, Rule, check_complete, unknown_key
-from .files import OWN_UNITS, SHEET, Document, read_numbers, read_toml, write_whole
+from .files import OWN_UNITS, SHEET, Document, Several, read_numbers, read_toml, write_whole
 from .hyperdual import Number
+
+
+def parameter(rule: Rule | Several, text: str, default: object = dataclasses.MISSING) -> Any:
+    """A field of `Parameters`: a number by `rule`; text: what it is, with its unit."""
+    return dataclasses.field(default=default, metadata={"rule": rule, "help": text})
+
+
+def parameters(kind: Kind) -> Kind:
+    """A dataclass whose `rules` and docstring have what it declares by `parameter`."""
+    kind.rules = {each.name: each.metadata["rule"] for each in declared(kind)}  # type: ignore
+    return documented(kind)
 
 
 @dataclass(frozen=True)
@@ -42,44 +54,34 @@ class Parameters:
         return entries
 
     @classmethod
-    def from_table(
-        cls,
-        table: Mapping[str, object],
-        units: Mapping[str, str],
-        name: str,
-        also: tuple[str, ...] = (),
-    ) -> Self:
-        """What the table [name] of a file has; units: those of the file, also: keys of others.
-        InputError by key."""
-        numbers = read_numbers(table, cls.rules, units, f"{name}.", also)
+    def from_table(cls, table: Mapping[str, object], units: Mapping[str, str], name: str) -> Self:
+        """What the table [name] of a file has; units: those of the file. InputError by key."""
+        numbers = read_numbers(table, cls.rules, units, f"{name}.")
         needed = [each for each in cls.rules if each not in cls.optional]
         check_complete(numbers, needed, f"{name}.", f"in [{name}]")
         return cls(**numbers)
 
     def __rmul__(self, factor: float) -> Self:
         """A copy with all stresses times a factor."""
-        stresses = [name for name, rule in self.rules.items() if rule.unit == "stress"]
-        return dataclasses.replace(self, **{n: _times(factor, getattr(self, n)) for n in stresses})
+        numbers = {n: getattr(self, n) for n, rule in self.rules.items() if rule.unit == "stress"}
+        for name, value in numbers.items():
+            several = isinstance(value, tuple)
+            numbers[name] = tuple(factor * v for v in value) if several else factor * value
+        return dataclasses.replace(self, **numbers)
 
     def symbols(self, make: Callable[[float], Number]) -> Self:
         """A copy, not checked, of which each number v of the energy is make(v); so make may give
         UFL constants. Densities, compaction and bending have no part in it; thickness comes
         last."""
         beside = "density fibre_density fibre_share compaction bending bending_friction".split()
-        new = copy.copy(self)
-        for field in sorted(dataclasses.fields(self), key=lambda field: field.name == "thickness"):
-            value = getattr(self, field.name)
-            if field.name in beside:
-                continue
+        new, names = copy.copy(self), [field.name for field in dataclasses.fields(self)]
+        for name in sorted(set(names).difference(beside), key=[*names, "thickness"].index):
+            value = getattr(self, name)
             if isinstance(value, float):
-                object.__setattr__(new, field.name, make(value))
+                object.__setattr__(new, name, make(value))
             elif isinstance(value, Parameters):
-                object.__setattr__(new, field.name, value.symbols(make))
+                object.__setattr__(new, name, value.symbols(make))
         return new
-
-
-def _times(factor, value):
-    return tuple(factor * v for v in value) if isinstance(value, tuple) else factor * value
 
 
 class Material(Parameters):
@@ -97,20 +99,16 @@ class Material(Parameters):
         for name, rule in SHEET.items():
             object.__setattr__(self, name, rule.check(name, getattr(self, name)))
         for name, (low, high) in self.scatter.items():
-            value, *others = [1.0] if name in self.factors else self.values(name)
-            if others:
+            values = [1.0] if name in self.factors else self.values(name)
+            if len(values) > 1 or not low <= values[0] <= high:
                 raise InputError(
-                    f"scatter.{name} is of both yarns, and {name} of warp and weft differ; allowed "
-                    "is yarn_factor"
-                )
-            if not low <= value <= high:
-                raise InputError(
-                    f"scatter.{name} is from {low:g} to {high:g}, and {name} is {value:g}; allowed "
-                    "is an interval around it"
+                    f"scatter.{name} is from {low:g} to {high:g}, and {name} is "
+                    f"{' and '.join(f'{v:g}' for v in values)}; allowed is an interval around one "
+                    "number (yarn_factor is of warp and weft)"
                 )
 
     def plausibility_warnings(self) -> list[str]:
-        """Sentences on values that such a sheet hardly has."""
+        """Sentences on values that such a sheet hardly has, which may be in a wrong unit."""
         return []
 
     @classmethod
@@ -125,16 +123,15 @@ class Material(Parameters):
     def changed(self, numbers: Mapping[str, object]) -> Self:
         """A copy with these `numbers`, in the package's units, or with fields times a factor of
         `factors`. InputError by name."""
-        new = self
-        for name in sorted(numbers, key=self.factors.__contains__):  # factors of what is set
-            number = numbers[name]
-            if name in self.factors:
-                factor = POSITIVE.check(name, number)
-                new = new.replace(**{n: factor * getattr(new, n) for n in self.factors[name]})
-            elif name in self.numbers():
-                new = new.replace(**{name: number})
-            else:
-                raise unknown_key(name, (*self.numbers(), *self.factors), name)
+        for name in numbers:
+            if name not in (known := (*self.numbers(), *self.factors)):
+                raise unknown_key(name, known, name)
+        own = {name: value for name, value in numbers.items() if name not in self.factors}
+        new = self.replace(**own) if own else self
+        for name, fields in self.factors.items():  # of what is set
+            factor = POSITIVE.check(name, numbers.get(name, 1.0))
+            if factor != 1:
+                new = new.replace(**{n: factor * getattr(new, n) for n in fields})
         return new
 
     def thickness_under(self, pressure: float) -> float:
@@ -161,7 +158,6 @@ class Material(Parameters):
         return dataclasses.replace(self, **{"scatter": kept} | self._fields(changes))
 
     def _fields(self, changes):
-        """Fields that have these numbers."""
         return changes
 
     def table(self) -> Document:

@@ -9,15 +9,8 @@ from typing import ClassVar, Self
 
 from ..runtime.errors import InputError
 from ..runtime.rules import Rule, above_zero, check_complete, shown
-from .files import (
-    OWN_UNITS,
-    Document,
-    preset_or_file,
-    read_scatter,
-    read_sheet_numbers,
-    take_table,
-    take_units,
-)
+from . import files
+from .files import OWN_UNITS, Document
 from .hardening import Hardening, Swift, hardening_from
 from .material import Material
 
@@ -26,12 +19,12 @@ from .material import Material
 class Metal(Material):
     """An isotropic metal that yields after von Mises.
 
+    Raises InputError for a value out of its range.
+
     Parameters
     ----------
-    E : float
-        Young's modulus [MPa].
-    nu : float
-        Poisson's ratio [-].
+    E, nu : float
+        Young's modulus [MPa] and Poisson's ratio [-].
     hardening : Swift, Voce or HardeningTable
         Yield stress over equivalent plastic strain.
     thickness : float
@@ -42,11 +35,6 @@ class Metal(Material):
         In results and messages.
     scatter : mapping
         As of a `Law`.
-
-    Raises
-    ------
-    InputError
-        For a value out of its range.
 
     Examples
     --------
@@ -71,10 +59,9 @@ class Metal(Material):
     scatter: Mapping[str, tuple[float, float]] = field(default_factory=dict, compare=False)
 
     def table(self) -> Document:
-        numbers = {name: getattr(self, name) for name in ("name", *self.numbers())}
-        scatter = {"scatter": dict(self.scatter)} if self.scatter else {}
-        more = {"units": OWN_UNITS, "hardening": self.hardening.table()}
-        return {"law": self.law} | numbers | scatter | more
+        numbers = {name: getattr(self, name) for name in ("law", "name", *self.numbers())}
+        tables = {"units": OWN_UNITS, "hardening": self.hardening.table()}
+        return numbers | tables | ({"scatter": dict(self.scatter)} if self.scatter else {})
 
     @classmethod
     def from_document(cls, document: Document, folder: Path) -> Self:
@@ -82,10 +69,10 @@ class Metal(Material):
         if law != cls.law:
             raise InputError(f"law is {shown(law)}; allowed for a metal is {shown(cls.law)}")
         name = document.pop("name", "")
-        units, curve = take_units(document), take_table(document, "hardening")
-        scatter = read_scatter(document, cls.numbers(), cls.factors, units)
+        units, curve = files.take_units(document), files.take_table(document, "hardening")
+        scatter = files.read_scatter(document, cls.numbers(), cls.factors, units)
         also = ("law", "name", "units", "hardening")
-        numbers = read_sheet_numbers(document, units, also, cls.rules)[0]
+        numbers = files.read_sheet_numbers(document, units, also, cls.rules)[0]
         check_complete(numbers, [*cls.rules, "thickness"], "", "at the top of the file")
         return cls(**numbers, hardening=hardening_from(curve, units), name=name, scatter=scatter)
 
@@ -104,26 +91,23 @@ METALS: Mapping[str, Metal] = MappingProxyType({"dc04": _DC04})
 def load_metal(source: str | os.PathLike[str]) -> Metal:
     """Load a metal by the name of a preset or from a material file.
 
+    Raises InputError if there is neither a preset nor a file, and for what the file has wrong, by
+    field.
+
     Parameters
     ----------
     source : str or path
         A preset, or the path of a TOML file with `law = "metal"`. `dc04` is the deep-drawing
-        steel of the paper's laminate, 1 mm thick: E, nu and Rp0.05 of its Table 2; of the
-        hardening curve, which is not printed there, tensile strength (310 MPa) and exponent (0.2)
-        are within what EN 10130 asks of DC04 (270 to 350 MPa, 0.18 or more).
+        steel of the paper's laminate, 1 mm thick: E, nu and Rp0.05 of its Table 2; tensile
+        strength (310 MPa) and exponent (0.2) are within what EN 10130 asks of DC04.
 
     Returns
     -------
     Metal
-
-    Raises
-    ------
-    InputError
-        If there is neither a preset nor a file, and for what the file has wrong, by field.
 
     Examples
     --------
     >>> ff.load_metal("dc04").E
     186600.0
     """
-    return preset_or_file("metal", source, METALS, Metal.from_toml)
+    return files.preset_or_file("metal", source, METALS, Metal.from_toml)

@@ -14,16 +14,8 @@ from .laws.coupled import WovenFabric, Yarn
 
 # Table 1
 _YARN = Yarn(a=4130.0, b=667.5, d=0.65, p_min=0.75, c=23.67, s_T=1467.6, s_C=100.0)
-_KOMEILI = WovenFabric(
-    _YARN,
-    _YARN,
-    s1=25.06e-3,
-    s2=-186.79e-3,
-    s3=562.39e-3,
-    thickness=1.0,
-    density=0.75,
-    name="komeili",
-    assumed=("d", "p_min", "s_C"),
+_KOMEILI = WovenFabric(_YARN, _YARN, s1=25.06e-3, s2=-186.79e-3, s3=562.39e-3).replace(
+    thickness=1.0, density=0.75, name="komeili", assumed=("d", "p_min", "s_C")
 )
 PRESETS: Mapping[str, WovenFabric] = MappingProxyType(
     {"komeili": _KOMEILI, "fabric": _KOMEILI.decoupled().replace(name="fabric")}
@@ -32,6 +24,9 @@ PRESETS: Mapping[str, WovenFabric] = MappingProxyType(
 
 def load(source: str | os.PathLike[str]) -> Law:
     """Load a fabric by the name of a preset or from a material file.
+
+    Raises InputError if there is neither a preset nor a file, and for what the file has wrong, by
+    field.
 
     Parameters
     ----------
@@ -44,18 +39,12 @@ def load(source: str | os.PathLike[str]) -> Law:
     -------
     Law
 
-    Raises
-    ------
-    InputError
-        If there is neither a preset nor a file, and for what the file has wrong, by field.
-
     Examples
     --------
     >>> fabric = ff.load("komeili")
     >>> fabric.thickness, fabric.warp.b  # [mm], [MPa]
     (1.0, 667.5)
     """
-
     return preset_or_file("material", source, PRESETS, _read)
 
 
@@ -74,9 +63,7 @@ def checked_fabric(name: str, fabric: object) -> Law:
     """`fabric` if it is one; InputError, which calls it `name`, for all else, as a preset's
     name."""
     if not isinstance(fabric, Law):
-        raise InputError(
-            f'{name} is {shown(fabric)}; allowed is a fabric, as `load("komeili")` gives one'
-        )
+        raise InputError(f'{name} is {shown(fabric)}; allowed is a fabric, as of `load("komeili")`')
     return fabric
 
 
@@ -85,10 +72,7 @@ def _read(path):
         name = document.get("law", "tabulated" if document.get("model") == "fabric" else "coupled")
         if not isinstance(name, str) or name not in LAWS:
             known = unknown_key(name, LAWS, f"law {shown(name)}")
-            raise InputError(
-                f"{known}, and own ones that were imported before, or by `--law-file`, as law58 of "
-                "docs/examples/own_law58.py"
-            )
+            raise InputError(f"{known}, and own ones that were imported, or by `--law-file`")
         return LAWS[name].from_document(document, Path(path).parent)
 
     return read_toml(path, fabric)

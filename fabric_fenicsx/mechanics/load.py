@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..runtime.rules import FINITE, Rule
 from ..sheets.blank import Blank
-from ..tools.values import checked_vector, length_of
+from ..tools.values import checked_vector
 from .assembly import assembled
 from .term import SceneFacts, Term
 from .work import Work
@@ -18,10 +18,9 @@ from .work import Work
 
 def vector_on(blank: Blank, name: str, vector: ArrayLike, unit: bool = False) -> np.ndarray:
     """`vector` (gdim,), if `unit` at length 1; InputError, which calls it `name`, if it is none."""
-    gdim = blank.mesh.geometry.dim
-    plane = gdim == 2 and length_of(vector) == 3
-    hint = ", or three on a blank made with `spatial=True`" if plane else ""
-    return checked_vector(name, vector, unit, gdim, hint)
+    if blank.mesh.geometry.dim == 3:
+        return checked_vector(name, vector, unit)
+    return checked_vector(f"{name}, on a blank without `spatial=True`,", vector, unit, "two")
 
 
 def check_over_load(name: str, rule: Rule, given: float | Callable[[float], float]) -> None:

@@ -32,20 +32,14 @@ def outline_mesh(
     """
     size = POSITIVE.check("`size`", size)
     if pattern not in PATTERNS:
-        raise InputError(
-            f"`pattern` is {pattern!r}; allowed for an outline are {', '.join(PATTERNS)}"
-        )
+        raise InputError(f"`pattern` is {pattern!r}; allowed for an outline are {PATTERNS}")
     low, high = np.reshape(sheet.bounds, (2, 2))
-    if size > (high - low).min() / 2:
+    cells = sheet.area / size**2 * (4 if pattern == "along" else 4 / math.sqrt(3))
+    if size > (high - low).min() / 2 or cells > MAX_CELLS:
         sides = " x ".join(rounded(side, 4) for side in high - low)
         raise InputError(
-            f"`size` is {size:g}, but the outline is {sides} mm; allowed is up to half of it, in mm"
-        )
-    cells = sheet.area / size**2 * (4 if pattern == "along" else 4 / math.sqrt(3))
-    if cells > MAX_CELLS:
-        raise InputError(
-            f"`size` {size:g} makes about {rounded(cells)} cells; allowed are up to {MAX_CELLS:,} "
-            f"(a size above {rounded(size * math.sqrt(cells / MAX_CELLS))})"
+            f"`size` is {size:g}, but the outline is {sides} mm, about {rounded(cells)} cells; "
+            f"allowed is up to half of it, and {MAX_CELLS:,} cells"
         )
     # about its centre and without the last digits, as cells are not to depend on where it lies
     centre = ((low + high) / 2).round(6)
@@ -53,10 +47,9 @@ def outline_mesh(
     sheet, notes = _simplified(sheet, size, centre)
     places, sizes = _fine_places(sheet, size, notes, centre)
     if sheet.minimum_clearance < MIN_CLEARANCE * size:
-        where = "".join(f"; {words}" for words in notes[-1:])
         raise InputError(
             f"the outline comes within {rounded(sheet.minimum_clearance)} mm of itself; allowed "
-            f"for cells of this size is above {rounded(MIN_CLEARANCE * size)} mm{where}"
+            f"for cells of this size is above {rounded(MIN_CLEARANCE * size)} mm"
         )
 
     def size_at(x, y):
@@ -78,11 +71,9 @@ def _simplified(sheet, size, centre):
     notes, rings = [], []
     for ring in (sheet.exterior, *sheet.interiors):
         x = shapely.get_coordinates(ring)[:-1]
-        if np.ptp(x, axis=0).max() < MIN_DETAIL * size:
-            notes.append(
-                f"a hole of {rounded(np.ptp(x, axis=0).max())} mm at "
-                f"{coordinates(x[0] + centre)} mm is left out, as it is small beside the cells"
-            )
+        if (extent := np.ptp(x, axis=0).max()) < MIN_DETAIL * size:
+            hole = f"a hole of {rounded(extent)} mm at {coordinates(x[0] + centre)} mm"
+            notes.append(f"{hole} is left out, as it is small beside the cells")
             continue
         # where it begins it stays: at a corner
         rings.append(np.roll(x, -np.linalg.norm(x - x.mean(0), axis=1).round(6).argmax(), 0))
@@ -145,8 +136,8 @@ def _filled(faces, size_at):
     import gmsh
 
     options = {"MeshSizeMin": 0.0, "MeshSizeMax": 1e22, "Algorithm": 6.0}
-    for source in ("FromPoints", "FromCurvature", "ExtendFromBoundary"):
-        options[f"MeshSize{source}"] = 0.0
+    sources = "FromPoints", "FromCurvature", "ExtendFromBoundary"
+    options |= {f"MeshSize{source}": 0.0 for source in sources}
     with own_model(gmsh, **options):
         geo = gmsh.model.geo
         numbers: dict[tuple[float, ...], int] = {}

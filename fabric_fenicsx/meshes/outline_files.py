@@ -16,6 +16,7 @@ from .rings import joined, sheet_of
 
 ALLOWED = "a drawing (.dxf), a table of x and y (.csv, .txt), or a mesh"
 CURVES = "LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE"  # of DXF
+TABLES = ".csv", ".txt", ".xy"
 PLANE_TOLERANCE = 1e-6  # extent in z over the others, below which lines lie in a plane
 
 
@@ -27,22 +28,21 @@ def read_outline(path: Path | str, layer: str | None = None) -> tuple[shapely.Po
     count, or of several with commas between them, by default of all that are visible; of any other
     file, a mesh, the boundary.
     """
-    path = Path(path)
-    source, kind, notes, hint = f"outline {path}", ending(path), [], ""
+    path, notes, hint = Path(path), [], ""
+    source = f"outline {path}"
     check_file(path, "outline", ALLOWED)
-    if layer is not None and kind != ".dxf":
-        raise InputError(f"`layer` is allowed only for a .dxf, not for {source}")
-    if kind in (".csv", ".txt", ".xy"):
-        return sheet_of(_table(path, source), source), []
-    if kind == ".dxf":
+    if ending(path) == ".dxf":
         lines, notes, hint = _drawing(path, source, layer)
+    elif layer is not None:
+        raise InputError(f"`layer` is allowed only for a .dxf, not for {source}")
+    elif ending(path) in TABLES:
+        return sheet_of(_table(path, source), source), []
     else:
         lines = _boundary(path)
     size = np.ptp(np.concatenate(lines), axis=0)
     if size[2] > PLANE_TOLERANCE * size.max():
         raise InputError(
-            f"{source} reaches over {rounded(size[2])} mm in z; allowed is a drawing in x and y, "
-            "or a mesh in a plane z = const"
+            f"{source} reaches over {rounded(size[2])} mm in z; allowed is a plane z = const"
         )
     try:
         return sheet_of(joined([line[:, :2] for line in lines], source), source), notes
@@ -54,19 +54,18 @@ def read_trim_line(path: Path | str) -> tuple[list[np.ndarray], list[str]]:
     """Lines in space (n, 3) [mm], or (n, 2) without z, that a file's trim line consists of, and
     what to say of it: a table of `read_outline` that may have a column z, or all that is visible of
     a drawing, without z if that is the same all over."""
-    path = Path(path)
-    source, kind, notes = f"trim line {path}", ending(path), []
-    allowed = "a table of x, y and z (.csv, .txt), or a drawing (.dxf)"
+    path, notes = Path(path), []
+    source, allowed = f"trim line {path}", "a table of x, y and z (.csv, .txt), or a drawing (.dxf)"
     check_file(path, "trim line", allowed)
-    if kind in (".csv", ".txt", ".xy"):
+    if ending(path) in TABLES:
         lines = [np.vstack([ring, ring[:1]]) for ring in _table(path, source, ("x", "y", "z"))]
-    elif kind == ".dxf":
+    elif ending(path) == ".dxf":
         lines, notes, _ = _drawing(path, source, None)
         size = np.ptp(np.concatenate(lines), axis=0)
         if size[2] <= PLANE_TOLERANCE * size.max():
             lines = [line[:, :2] for line in lines]
     else:
-        raise InputError(f"{source} has the ending {kind or 'none'}; allowed is {allowed}")
+        raise InputError(f"{source} is of another format; allowed is {allowed}")
     if lines[0].shape[1] == 2:
         notes.append(f"{source} has no z and is projected along z")
     return lines, notes
@@ -105,8 +104,7 @@ def _drawing(path, source, layer):
         else:
             drawing, auditor = recover.readfile(path)
     except (DXFError, OSError, ValueError) as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(f"{source} cannot be read ({reason}); allowed is {ALLOWED}") from None
+        raise InputError(f"{source} cannot be read ({error!r}); allowed is {ALLOWED}") from None
     states = {each.dxf.name.lower(): each for each in drawing.layers}
     drawn = [*_drawn(drawing.modelspace(), states, "0", Matrix44())]
     layers = sorted({layer for entity, layer, _ in drawn if _is_curve(entity)})
@@ -114,34 +112,29 @@ def _drawing(path, source, layer):
         asked = [name.strip().lower() for name in layer.split(",")]
         if missing := [name for name in asked if name not in map(str.lower, layers)]:
             raise InputError(
-                f"`layer` {', '.join(missing)} of {source} has no lines; allowed is one of "
-                f"{', '.join(layers) or 'none, as no layer has any'}"
+                f"`layer` {', '.join(missing)} of {source} has no lines; allowed are {layers}"
             )
         drawn = [each for each in drawn if each[1].lower() in asked]
     curves = [each for each in drawn if _is_curve(each[0])]
     others = Counter(entity.dxftype() for entity, *_ in drawn if not _is_curve(entity))
-    # what is written beside lines
-    for kind in "TEXT MTEXT DIMENSION ARC_DIMENSION LEADER MULTILEADER POINT ATTDEF".split():
-        others.pop(kind, None)
-    unread = ", ".join(f"{count} {kind}" for kind, count in sorted(others.items()))
+    beside = "TEXT MTEXT DIMENSION ARC_DIMENSION LEADER MULTILEADER POINT ATTDEF".split()
+    unread = ", ".join(f"{others[kind]} {kind}" for kind in sorted({*others}.difference(beside)))
     notes = [f"{source} has {unread}, not read; allowed are {', '.join(CURVES)}"] if unread else []
     fixes = [each.message for each in auditor.fixes]
     notes += [f"{source} is damaged: {each}" for each in fixes if each.startswith("Removed")]
     if not curves:
-        more = f", but {unread}" if unread else ""
-        raise InputError(f"{source} has no lines{more}; allowed are {', '.join(CURVES)}, visible")
+        raise InputError(
+            f"{source} has no lines, but {unread or 'nothing'}; allowed are {', '.join(CURVES)}"
+        )
     factor, unit = _unit(drawing)
     lines = []
     for curve, _, place in curves:
-        if curve.dxftype() == "POLYLINE":  # beside a spline's points R12 has what they follow from
-            # flag of a vertex of R12 that only steers a spline
+        if curve.dxftype() == "POLYLINE":  # R12 has vertices, by this flag, that steer a spline
             on_it = [vertex for vertex in curve.vertices if not vertex.dxf.flags & 16]
             curve.vertices[:] = on_it or curve.vertices
         stretch = np.linalg.norm(np.array([*place.rows()])[:3, :3], 2)
-        # largest distance of a chord from its curve [mm]
-        for line in _flattened(curve, 0.01 / factor / stretch):
-            placed = place.transform_vertices(line)
-            lines.append(factor * np.array([tuple(point) for point in placed]))
+        for line in _flattened(curve, 0.01 / factor / stretch):  # chords within 0.01 mm
+            lines.append(factor * np.array([tuple(x) for x in place.transform_vertices(line)]))
     if unit:
         sides = " x ".join(rounded(each, 4) for each in np.ptp(np.concatenate(lines), axis=0)[:2])
         notes.append(f"{source} {unit}, so it is {sides} mm")
@@ -217,7 +210,6 @@ def _unit(drawing):
 
 
 def _boundary(path):
-    """The edges of one cell of a mesh, as lines (2, 3)."""
     points, cells, _ = read_surface_mesh(path, "outline", ALLOWED)
     edges = []
     for kind, nodes in cells.items():
@@ -226,6 +218,6 @@ def _boundary(path):
                 f"outline {path} holds cells {kind}; allowed are triangles and quadrilaterals"
             )
         corners = nodes[:, : 3 if kind.startswith("triangle") else 4]
-        edges.append(np.stack([corners, np.roll(corners, -1, 1)], 2).reshape(-1, 2))
-    edges, count = np.unique(np.sort(np.concatenate(edges), 1), axis=0, return_counts=True)
-    return [*points[edges[count == 1]]]
+        edges += [*np.stack([corners, np.roll(corners, -1, 1)], 2).reshape(-1, 2)]
+    ends, count = np.unique(np.sort(edges, 1), axis=0, return_counts=True)
+    return [*points[ends[count == 1]]]

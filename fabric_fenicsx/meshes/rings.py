@@ -29,8 +29,7 @@ def joined(lines: Sequence[np.ndarray], source: str) -> list[np.ndarray]:
     once = {shapely.normalize(each).wkb: each for each in pieces}
     merged = shapely.get_parts(shapely.line_merge(shapely.multilinestrings([*once.values()])))
     rings = [shapely.get_coordinates(each) for each in merged]
-    loose = [ring[[0, -1]] for ring in rings if (ring[0] != ring[-1]).any()]
-    if loose:
+    if loose := [ring[[0, -1]] for ring in rings if (ring[0] != ring[-1]).any()]:
         place, *others = np.concatenate(loose)
         off = np.linalg.norm(others - place, axis=1)
         k = off.argmin()  # at 0 mm where more than two lines meet
@@ -45,11 +44,9 @@ def joined(lines: Sequence[np.ndarray], source: str) -> list[np.ndarray]:
 def sheet_of(rings: Sequence[np.ndarray], source: str) -> shapely.Polygon:
     """The sheet that rings (n, 2) [mm] bound: the largest is its outline, the others are holes.
     Raises InputError, by the place, for rings of a `source` that do not bound one sheet."""
-    for small in (ring for ring in rings if len(np.unique(ring, axis=0)) < 3):
-        raise InputError(
-            f"{source} has a ring of 2 points or less at {coordinates(small[0])} mm; allowed are 3"
-        )
-    areas = sorted((shapely.Polygon(ring) for ring in rings), key=lambda area: -area.area)
+    # rings of fewer points are too few for GEOS, not for its constructor
+    areas = [shapely.Polygon(np.resize(ring, (max(3, len(ring)), 2))) for ring in rings]
+    areas.sort(key=lambda area: -area.area)
     outline, *holes = [area.exterior for area in areas] or [None]
     sheet = shapely.Polygon(outline, holes)
     fault, _, place = shapely.is_valid_reason(sheet).partition("[")
@@ -79,10 +76,10 @@ def mirrored_half(sheet: shapely.Polygon, axis: int, source: str) -> shapely.Pol
     apart = shapely.symmetric_difference(sheet, image)
     name, far = "xy"[axis], shapely.buffer(apart, -MIRROR_TOLERANCE * (high - low))
     if not far.is_empty:
+        place = coordinates(far.representative_point().coords[0])
         raise InputError(
             f"{source} is not its own mirror image in {name} = 0: {rounded(far.area, 3)} mm2 "
-            f"differ, as at {coordinates(shapely.get_coordinates(far.representative_point())[0])} "
-            "mm; allowed is a symmetric outline, its half, or the whole blank"
+            f"differ, as at {place} mm; allowed is a symmetric outline, or its half"
         )
     reach = 2 * np.abs(sheet.bounds).max()
     start = [0.0 if k == axis else -reach for k in (0, 1)]

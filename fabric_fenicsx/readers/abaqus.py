@@ -73,7 +73,6 @@ def _blocks(path: Path) -> Iterator[tuple[str, dict[str, str], list[str]]]:
 
 
 def _numbers(rows, of):
-    """All numbers of rows of data, one behind the other."""
     return np.array([of(word.strip()) for row in rows for word in row.rstrip(" ,").split(",")])
 
 
@@ -94,7 +93,6 @@ def _add_elements(part, of, rows):
 
 
 def _assembled(placed):
-    """The mesh of parts, each with the numbers of its instance."""
     points: list[np.ndarray] = []
     blocks: list[tuple[str, np.ndarray]] = []
     others: dict[str, int] = {}
@@ -115,10 +113,9 @@ def _assembled(placed):
 def _moved(x, rows):
     """Points where the rows of an instance have them: shifted, by zeros where numbers are left out,
     and turned about an axis of two points by an angle [deg]."""
-    if rows:
-        x = x + [*rows[0], 0, 0, 0][:3]
-    if rows[1:]:
-        foot, axis = rows[1][:3], rows[1][3:6] - rows[1][:3]
-        turn = Rotation.from_rotvec(np.radians(rows[1][6]) * axis / np.linalg.norm(axis))
+    x = x + [*(rows[0] if rows else ()), 0, 0, 0][:3]
+    for row in rows[1:]:
+        foot, axis = row[:3], row[3:6] - row[:3]
+        turn = Rotation.from_rotvec(np.radians(row[6]) * axis / np.linalg.norm(axis))
         x = turn.apply(x - foot) + foot
     return x

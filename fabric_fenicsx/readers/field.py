@@ -25,7 +25,9 @@ class Field:
 
     Between points in a file the number is interpolated linearly, on triangles or tetrahedra between
     them; beyond them it is that of the nearest point, no farther than the points reach. Angles are
-    interpolated as they stand, so write 190 after 170 deg, not -170.
+    interpolated as they stand, so write 190 after 170 deg, not -170. Raises InputError for a file
+    without such points, and for points that span no area, or lie at one place with different
+    values.
 
     Parameters
     ----------
@@ -35,12 +37,6 @@ class Field:
         mesh with values at its points, as .vtu.
     name : str
         Of the values, if the file has several.
-
-    Raises
-    ------
-    InputError
-        For a file without such points, and for points that span no area, or lie at one place with
-        different values.
 
     Examples
     --------
@@ -54,13 +50,16 @@ class Field:
         self.label, self.rule, self.axes = "the field", FINITE, "xy"
         self._places, self._values = np.empty((2, 0))
         if not callable(source):
-            from scipy.spatial import cKDTree  # takes long to import
+            from scipy.interpolate import LinearNDInterpolator  # take long to import
+            from scipy.spatial import QhullError, cKDTree
 
             try:
                 self._places, self._values = _read(Path(source), name)
-                self._between = _interpolated(self._places, self._values)
-            except ValueError as error:  # of the file or of what is in it
-                raise InputError(f"{source}: {error}") from None
+                self._between = LinearNDInterpolator(self._places, self._values)
+            except (QhullError, ValueError) as error:  # of the file or of what is in it
+                flat = f"its {len(self._values)} points span no area, or with z no volume"
+                flaw = error if isinstance(error, ValueError) else flat
+                raise InputError(f"{source}: {flaw}") from None
             self._nearest = cKDTree(self._places)
 
     def __eq__(self, other: object) -> bool:
@@ -80,31 +79,26 @@ class Field:
         new.label, new.rule, new.axes = label, rule, axes
         if len(self._values):
             if self._places.shape[1] > len(axes):
-                raise InputError(
-                    f"{label} is {self.source}, whose points have different z; allowed are places "
-                    "of the flat sheet, x and y"
-                )
+                flaw = "whose points have different z; allowed are x and y of the flat sheet"
+                raise InputError(f"{label} is {self.source}, {flaw}")
             new._check(self._values, self._places)
         return new
 
     def at(self, x: np.ndarray) -> np.ndarray:
         """Values (n,) at places x (n, 3) [mm]. Raises InputError where there are none."""
-        if not callable(self.source):
-            return self._at_points(x[:, : self._places.shape[1]])
-        axes = ", ".join(self.axes)
-        try:
-            values = np.asarray(self.source(*x.T[: len(self.axes)]), float)
-            values = np.broadcast_to(values, len(x)).copy()
-        except Exception as error:  # a user's function raises whatever it does
-            words = " ".join(str(error).split())
-            raise InputError(
-                f"{self.label} as a function of {axes} fails ({type(error).__name__}: {words}); "
-                f"allowed is one of arrays, as lambda {axes}: np.where(x > 0, 1.0, 2.0)"
-            ) from None
-        self._check(values, x)
-        return values
-
-    def _at_points(self, places):
+        if callable(self.source):
+            axes = ", ".join(self.axes)
+            try:
+                values = np.asarray(self.source(*x.T[: len(self.axes)]), float)
+                values = np.broadcast_to(values, len(x)).copy()
+            except Exception as error:  # a user's function raises whatever it does
+                raise InputError(
+                    f"{self.label} as a function of {axes} fails ({type(error).__name__}: {error});"
+                    f" allowed is one of arrays, as lambda {axes}: np.where(x > 0, 1.0, 2.0)"
+                ) from None
+            self._check(values, x)
+            return values
+        places = x[:, : self._places.shape[1]]
         values = self._between(places)
         out = np.isnan(values)
         distance, nearest = self._nearest.query(places[out])
@@ -112,8 +106,7 @@ class Field:
             k = distance.argmax()
             raise InputError(
                 f"{self.label}: {self.source} has no point within {rounded(distance[k])} mm of "
-                f"{coordinates(places[out][k])} mm; allowed are points about the places where "
-                "the sheet lies in the press"
+                f"{coordinates(places[out][k])} mm; allowed are points where the sheet lies"
             )
         values[out] = self._values[nearest]
         return values
@@ -129,9 +122,9 @@ class Field:
     @property
     def entry(self) -> Function | str | dict[str, str]:
         """As a press's file says it; a function as it is."""
-        if callable(self.source):
-            return self.source
-        return {"file": str(self.source), "field": self.name} if self.name else str(self.source)
+        if self.name:
+            return {"file": str(self.source), "field": self.name}
+        return self.source if callable(self.source) else str(self.source)
 
     def told(self, low: float, high: float) -> str:
         """The least and the largest value, and where they are from, for people."""
@@ -140,7 +133,6 @@ class Field:
         return f"{' to '.join(ends)} ({source})"
 
     def _check(self, values, places):
-        """Raise InputError for a value that the rule does not allow."""
         for k in {int(np.argmin(values)), int(np.argmax(values))} if len(values) else ():
             where = f"{self.label} at {coordinates(places[k])} mm"
             self.rule.check(where, float(values[k]))
@@ -170,12 +162,10 @@ def of_place(rule: Rule, axes: str = "xy") -> OfPlace:
 
 
 def from_entry(value: object, path: str, found: Callable[[object, str], str]) -> object:
-    """What an option of a file that takes a field has: a number, a file's name or a table of one.
+    """The field of an option that is a file's name or a table with one; another value as it is.
     found: function of a file's name, and what messages call it, to its path."""
-    if isinstance(value, str):
-        return Field(found(value, path))
     if not isinstance(value, Mapping):
-        return value
+        return Field(found(value, path)) if isinstance(value, str) else value
     for key in value:
         if key not in ("file", "field"):
             raise unknown_key(key, ("file", "field"), f"{path}.{key}")
@@ -188,32 +178,15 @@ def from_entry(value: object, path: str, found: Callable[[object, str], str]) ->
 def _read(path, name):
     """Places (n, 2 or 3) [mm] and values (n,) of the points in a file, each place once."""
     check_file(path, "file", ALLOWED)
-    places, values = (_of_table if ending(path) in (".csv", ".txt", ".dat") else _of_mesh)(
-        path, name
-    )
+    is_table = ending(path) in (".csv", ".txt", ".dat")
+    places, values = _of_table(path, name) if is_table else _of_mesh(path, name)
     once, first, which = np.unique(places.round(9), axis=0, return_index=True, return_inverse=True)
     others = values[first][which.ravel()]
-    apart = abs(values - others) > 1e-9 * np.maximum(abs(values), 1.0)
-    if apart.any():
-        k = apart.argmax()
+    for k in np.flatnonzero(abs(values - others) > 1e-9 * np.maximum(abs(values), 1.0))[:1]:
         both = f"{rounded(others[k], 4)} and {rounded(values[k], 4)}"
         raise ValueError(f"at {coordinates(places[k])} mm there are the values {both}")
     is_flat = once.shape[1] == 3 and np.ptp(once[:, 2]) < 1e-9
     return once[:, :2] if is_flat else once, values[first]
-
-
-def _interpolated(places, values):
-    """Function of places (m, k) to values (m,), NaN beyond the points."""
-    from scipy.interpolate import LinearNDInterpolator  # takes long to import
-    from scipy.spatial import QhullError
-
-    try:
-        return LinearNDInterpolator(places, values)
-    except (QhullError, ValueError):
-        few = ("area", "3") if places.shape[1] == 2 else ("volume", "4")
-        raise ValueError(
-            f"its {len(values)} points span no {few[0]}; allowed are {few[1]} or more that do"
-        ) from None
 
 
 def _of_table(path, name):
@@ -232,8 +205,7 @@ def _of_mesh(path, name):
     try:
         mesh = meshio.read(path)
     except (Exception, SystemExit) as error:  # meshio raises whatever its parsing stumbles on
-        words = " ".join(str(error).split())
-        raise ValueError(f"can't be read ({words}); allowed is {ALLOWED}") from None
+        raise ValueError(f"can't be read ({error}); allowed is {ALLOWED}") from None
     fields = {k: np.asarray(v, float) for k, v in mesh.point_data.items() if np.ndim(v) == 1}
     values = fields[_chosen(list(fields), name, "field at points")]
     return np.asarray(mesh.points, float), values
@@ -243,6 +215,5 @@ def _chosen(names, name, kind):
     """The name that is asked for, or the only one there is."""
     if name in names or (not name and len(names) == 1):
         return name or names[0]
-    found = f"has the {kind}s {', '.join(names)}" if names else f"has no {kind} of values"
-    asked = f", not {name!r}" if name else ""
-    raise ValueError(f"{found}{asked}; allowed is one, or one of them that `field` names")
+    found = f"has the {kind}s {', '.join(names) or 'x, y alone'}{name and f', not {name!r}'}"
+    raise ValueError(f"{found}; allowed is one, or one of them that `field` names")

@@ -26,6 +26,12 @@ ENDS = {
     (".obj", ".ply2"): rb"\n$",
     NASTRAN: rb"\n$|ENDDATA\s*$",
 }
+# a node of Nastran with its coordinate system, of which gmsh knows nothing: separated by commas, in
+# fields of 16 columns, in fields of 8
+_GRID = re.compile(
+    r"^ *GRID(?: *\*? *,[^,\n]*, *(\d+)|\* {3}.{16}([ \d]{16})| {4}.{8}([ \d]{8})).*$",
+    re.MULTILINE | re.IGNORECASE,
+)
 
 
 def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh:
@@ -33,13 +39,11 @@ def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh
     check_file(path, what, allowed)
     check_end(path, what)
     kind = ending(path)
-    library = _by_meshio
     # gmsh would run a .msh that does not begin with $, as those of Ansys, as a script
     is_gmsh = kind == ".msh" and path.read_bytes().startswith(b"$")
-    if is_gmsh or kind in (".unv", ".ply2", ".p3d", *NASTRAN):
-        library = _by_gmsh
-    elif re.fullmatch(r"\.(vt\w+|pv\w+|e|exo|ex2)", kind):
-        library = _by_pyvista
+    is_gmsh = is_gmsh or kind in (".unv", ".ply2", ".p3d", *NASTRAN)
+    is_vtk = re.fullmatch(r"\.(vt\w+|pv\w+|e|exo|ex2)", kind)
+    library = _by_gmsh if is_gmsh else _by_pyvista if is_vtk else _by_meshio
     try:
         if reader := {".stl": read_stl, ".inp": read_abaqus, ".obj": _read_obj}.get(kind):
             mesh = reader(path)
@@ -64,10 +68,8 @@ def check_end(path: Path, what: str) -> None:
     """InputError for a file that ends before its format does; `what` it is, in words."""
     end = next((end for endings, end in ENDS.items() if ending(path) in endings), b"")
     if not re.search(end, path.read_bytes()[-1000:], re.IGNORECASE):
-        raise InputError(
-            f"{what} {path} does not end as {path.suffix} files do: it is cut off, or of another "
-            "format; allowed is a whole file"
-        )
+        flaw = f"does not end as {path.suffix} files do: it is cut off, or of another format"
+        raise InputError(f"{what} {path} {flaw}; allowed is a whole file")
 
 
 def _read_obj(path):
@@ -91,12 +93,15 @@ def _read_obj(path):
 def _by_gmsh(path):
     import gmsh
 
-    if ending(path) in NASTRAN:
-        _check_coordinate_systems(path.read_text("latin-1"))
+    is_nastran = ending(path) in NASTRAN
+    for card in _GRID.finditer(path.read_text("latin-1").expandtabs(8)) if is_nastran else ():
+        if (system := "".join(card.groups("")).strip()).strip("0"):
+            words = " ".join(card[0].split())
+            raise ValueError(f"it has a GRID in coordinate system {system}, {words}")
     gmsh.initialize(readConfigFiles=False)
     with TemporaryDirectory() as folder:
         # gmsh does not know OptiStruct's name, and few in capitals
-        link = Path(folder) / f"mesh{'.bdf' if ending(path) in NASTRAN else ending(path)}"
+        link = Path(folder) / f"mesh{'.bdf' if is_nastran else ending(path)}"
         link.symlink_to(path)
         gmsh.merge(str(link))
     numbers, x, _ = gmsh.model.mesh.getNodes()
@@ -111,17 +116,6 @@ def _by_gmsh(path):
         else:
             others[name.lower()] = dim
     return x.reshape(-1, 3), blocks, others
-
-
-def _check_coordinate_systems(text):
-    """ValueError for nodes of a Nastran deck in a coordinate system of their own, as gmsh takes
-    all places for basic ones."""
-    # separated by commas, in fields of 16 columns, in fields of 8
-    card = r"^ *GRID(?: *\*? *,[^,\n]*, *(\d+)|\* {3}.{16}([ \d]{16})| {4}.{8}([ \d]{8})).*$"
-    for found in re.finditer(card, text.expandtabs(8), re.MULTILINE | re.IGNORECASE):
-        if (system := "".join(found.groups("")).strip()).strip("0"):
-            words = " ".join(found[0].split())
-            raise ValueError(f"it has a GRID in coordinate system {system}, {words}")
 
 
 def _by_pyvista(path):
@@ -151,7 +145,6 @@ def _by_meshio(path):
 
 
 def _parts(mesh):
-    """What readers give, of meshio's mesh."""
     blocks, others = [], {}
     for block in mesh.cells:
         if block.dim != 2:

@@ -21,22 +21,19 @@ def read_stl(path: Path) -> SurfaceMesh:
             raise ValueError(f"it counts {count} triangles in its header and holds {count + more}")
         facets = np.frombuffer(data, np.dtype([("x", "<f4", (4, 3)), ("-", "<u2")]), count, header)
         corners = facets["x"][:, 1:].reshape(-1, 3).astype(float)
-    elif b"\0" in data and not _facets(data):
-        size = max(0, len(data) - header)
-        raise ValueError(f"it tells of {count} triangles and holds {size} bytes of them: cut off")
     else:
-        corners = _text(data)
+        corners = _text(data, f"it tells of {count} triangles and holds {len(data) - header} bytes")
     points, number = np.unique(corners, axis=0, return_inverse=True)
     return SurfaceMesh.collected(points, [("triangle", number.reshape(-1, 3))], {})
 
 
-def _facets(data):
-    return re.findall(rb"(?<!\S)facet\s+normal(?!\S)", data, re.IGNORECASE)
-
-
-def _text(data):
+def _text(data, flaw):
+    """Corners (3 n, 3) of facets in text; `flaw` if it is none, but binary."""
+    facets = len(re.findall(rb"(?<!\S)facet\s+normal(?!\S)", data, re.IGNORECASE))
+    if b"\0" in data and not facets:
+        raise ValueError(f"{flaw} of them: cut off")
     vertex = rb"(?<!\S)vertex\s+(\S+)\s+(\S+)\s+(\S+)"
-    facets, vertices = len(_facets(data)), re.findall(vertex, data, re.IGNORECASE)
+    vertices = re.findall(vertex, data, re.IGNORECASE)
     # letters in which a text ends
     if not facets or len(vertices) != 3 * facets or b"endsolid" not in data[-1000:].lower():
         raise ValueError(f"it has {len(vertices)} vertices in {facets} facets, or no `endsolid`")

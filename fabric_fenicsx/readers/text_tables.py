@@ -29,10 +29,9 @@ class Problems(list[str]):
         return self
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
-        if isinstance(error, InputError):
-            self.append(str(error))
-            return True
-        return False
+        is_kept = isinstance(error, InputError)
+        self += [str(error)] if is_kept else []
+        return is_kept
 
     def stop(self) -> None:
         """InputError of all problems, if there are any."""
@@ -68,9 +67,7 @@ def read_lines(path: str | os.PathLike[str], encoding: str | None = None) -> lis
             raise ValueError("it has bytes that are no text in UTF-8" if text else "it is empty")
     except (OSError, ValueError, LookupError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise InputError(
-            f"cannot be read as text ({reason}); allowed is a CSV file in UTF-8"
-        ) from None
+        raise InputError(f"cannot be read as text ({reason}); allowed is CSV in UTF-8") from None
     return text.splitlines()
 
 
@@ -90,39 +87,34 @@ def table_of(
         if text.strip(" ,;\t") and not text.lstrip(' \t"').startswith("#")
     ]
     split = [(row, _split(text, delimiter or _delimiter(text))) for row, text in texts]
-    known = (any(is_known(_parted(cell)[0]) for cell in cells) for _, cells in split)
-    top = next((k for k, has_name in enumerate(known) if has_name), -1)
+    known = (k for k, (_, cells) in enumerate(split) if any(is_known(_parted(c)[0]) for c in cells))
+    top = next(known, -1)
     if top < 0 and usual and split:
         rows, cells = map(list, zip(*split))
         names = [*usual[: len(cells[0])]]
         return TextTable(0, names, [None] * len(names), rows, cells)
     if top < 0:  # what stands above the first row of numbers
-        counts = [sum(1 for cell in cells if _NUMBER.fullmatch(cell)) for _, cells in split]
+        counts = [sum(map(bool, map(_NUMBER.fullmatch, cells))) for _, cells in split]
         top = next((k for k, count in enumerate(counts) if count > 1), len(split)) - 1
     if top < 0:
-        where = f"row {split[0][0]}: there is no header above it" if split else "there is no header"
-        raise InputError(f"{where}; allowed is a line such as eps_a [%], sigma_a [MPa]")
+        raise InputError("there is no header; allowed is a line such as eps_a [%], sigma_a [MPa]")
     row, header = split[top]
     delimiter = delimiter or _delimiter(texts[top][1])
     body = [(row, _split(text, delimiter)) for row, text in texts[top + 1 :]]
     header = header[: max((k for k, c in enumerate(header) if c.strip()), default=0) + 1]
     names, units = map(list, zip(*map(_parted, header)))
     if body and not any(re.match(r"\s*[+-]?[.,]?\d", cell) for cell in body[0][1]):
-        units = _with_row_of_units(names, units, *body.pop(0))
+        below, cells = body.pop(0)
+        for k, cell in enumerate(cells[: len(units)]):
+            unit = _unit(cell.strip(" []()"))
+            if unit and unit != (units[k] or unit):
+                two = f"{unit}, and {units[k]} in the header"
+                raise InputError(f"row {below}: the unit of {names[k]} is {two}; allowed is one")
+            units[k] = units[k] or unit
     for _, cells in body:
         while len(cells) > len(header) and not cells[-1].strip():
             cells.pop()
     return TextTable(row, names, units, [row for row, _ in body], [cells for _, cells in body])
-
-
-def _with_row_of_units(names, units, row, cells):
-    """The units of a header, or of the row below it where it has none."""
-    below = [_unit(cell.strip(" []()")) for cell in cells] + [None] * len(units)
-    for name, unit, other in zip(names, units, below):
-        if unit and other and unit != other:
-            units = f"{other}, and {unit} in the header"
-            raise InputError(f"row {row}: the unit of {name} is {units}; allowed is one")
-    return [unit or other for unit, other in zip(units, below)]
 
 
 def _parted(cell):
@@ -155,17 +147,14 @@ def values_of(
     """The numbers of columns {number: (name, factor)}, {name: (n,)}, each times its factor.
     Problems of rows and cells go to `problems`, and a column's value there is nan."""
     columns = {name: np.full(len(table.rows), math.nan) for name, _ in factors.values()}
-    lengths: dict[int, list[str]] = {}
-    wrong: list[str] = []
-    for row, cells in zip(table.rows, table.cells):
-        if len(cells) != len(table.names):
-            lengths.setdefault(len(cells), []).append(f"row {row}")
-    for length, rows in lengths.items():
+    count, wrong = len(table.names), list[str]()
+    odd = [f"row {r}: {len(c)} cells" for r, c in zip(table.rows, table.cells) if len(c) != count]
+    if odd:
         problems.append(
-            f"{some(rows)}: there are {length} cells under {len(table.names)} columns; allowed "
-            "is one number a column (a decimal comma needs semicolons or tabs between them)"
+            f"{some(odd)} under {count} columns; allowed is one number a column (a decimal comma "
+            "needs semicolons or tabs between them)"
         )
-    whole = [k for k, cells in enumerate(table.cells) if len(cells) == len(table.names)]
+    whole = [k for k, cells in enumerate(table.cells) if len(cells) == count]
     found = [(k, i, table.cells[k][i].strip()) for k in whole for i in factors]
     commas = [each for each in found if "," in each[2] and _NUMBER.fullmatch(each[2])]
     grouped = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
@@ -197,20 +186,15 @@ def columns_of(
     """The numbers of columns by their names, {name: (n,)}; units: {name: {unit: factor}}, in which
     None stands for no unit; optional: those that may be missing. InputError by row, of all that is
     wrong."""
-    factors = {}
+    factors, problems = {}, Problems()
     for name, known in units.items():
-        if name not in table.names and name in optional:
-            continue
-        if name not in table.names:
-            raise InputError(f"row {table.top}: there is no column {name}; allowed is one")
-        k = table.names.index(name)
-        if table.units[k] not in known:
+        k = table.names.index(name) if name in table.names else -1
+        if k >= 0 and table.units[k] in known:
+            factors[k] = name, known[table.units[k]]
+        elif k >= 0 or name not in optional:
+            flaw = f"the unit of {name} is {table.units[k]}" if k >= 0 else f"no column {name}"
             words = ", ".join(unit for unit in known if unit)
-            raise InputError(
-                f"row {table.top}: the unit of {name} is {table.units[k]}; allowed is {words}"
-            )
-        factors[k] = name, known[table.units[k]]
-    problems = Problems()
+            raise InputError(f"row {table.top}: {flaw}; allowed is one in {words}")
     values = values_of(table, factors, problems)
     problems.stop()
     return values
@@ -219,15 +203,13 @@ def columns_of(
 def _number(cell, decimal):
     """The number in a cell, nan where it has none; decimal: the sign before decimals."""
     text = cell.replace("\u2212", "-")
-    if "_" in text or (decimal == "," and "." in text):
-        return math.nan
     try:
-        return float(text.replace(decimal, "."))
+        is_other = "_" in text or (decimal == "," and "." in text)
+        return math.nan if is_other else float(text.replace(decimal, "."))
     except ValueError:
         return math.nan
 
 
-def some(texts: Sequence[str], listed: int = 5) -> str:
-    """The first texts of a list, and how many more there are."""
-    more = len(texts) - listed
-    return ", ".join(texts[:listed]) + (f" and {more} more" if more > 0 else "")
+def some(texts: Sequence[str]) -> str:
+    """The first five texts of a list, and how many more there are."""
+    return ", ".join(texts[:5]) + (f" and {len(texts) - 5} more" if len(texts) > 5 else "")

@@ -3,6 +3,7 @@
 import dataclasses
 import inspect
 import math
+import re
 from collections.abc import Callable
 from typing import Any, Self, TypeVar
 
@@ -34,13 +35,16 @@ def declared(owner: Any) -> list[dataclasses.Field]:
 
 def documented(kind: Kind) -> Kind:
     """A dataclass whose docstring has its declared fields among the parameters, by their help."""
-    head, mark, rest = (inspect.getdoc(kind) or "").partition("\n\nRaises\n")
+    doc = inspect.getdoc(kind) or ""
+    head, *rest = re.split(r"(?=\n\n(?:Raises|References|Examples)\n)", doc, maxsplit=1)
     head += "" if "\nParameters\n" in head else "\n\nParameters\n----------"
     for each in declared(kind):
-        usual = "" if each.default is None else f"; by default {each.default}"
-        kind_of = f" : {each.metadata['rule'].kind.__name__}" if "rule" in each.metadata else ""
-        head += f"\n{each.name}{kind_of}\n    {each.metadata['help']}{usual}"
-    kind.__doc__ = head + mark + rest
+        is_usual = each.default in (None, (), dataclasses.MISSING)
+        usual = "" if is_usual else f"; by default {each.default}"
+        kind_of = getattr(each.metadata.get("rule"), "kind", None)
+        name = f"{each.name} : {kind_of.__name__}" if kind_of else each.name
+        head += f"\n{name}\n    {each.metadata['help']}{usual}"
+    kind.__doc__ = "".join([head, *rest])
     return kind
 
 

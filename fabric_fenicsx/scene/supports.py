@@ -10,7 +10,7 @@ from ..runtime.formatting import rounded
 from ..runtime.rules import FINITE
 from ..sheets.blank import Blank
 from ..sheets.sheet_mesh import bounds
-from ..tools.values import checked_vector, length_of
+from ..tools.values import checked_vector
 
 
 @dataclass(frozen=True)
@@ -49,8 +49,8 @@ class Support:
     def __post_init__(self) -> None:
         object.__setattr__(self, "components", tuple(int(each) for each in self.components))
         if not callable(self.value):
-            size = 2 if length_of(self.value) == 2 else 3
-            vector = checked_vector(f"value of support {self.name}", self.value, size=size)
+            name = f"value of support {self.name}"
+            vector = checked_vector(name, self.value, size="two or three")
             object.__setattr__(self, "value", (*vector.tolist(), 0.0)[:3])
 
     def at(self, x: np.ndarray, load: float) -> np.ndarray:

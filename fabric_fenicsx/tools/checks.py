@@ -1,7 +1,5 @@
 """Checks of tools before anything runs: errors, and warnings, a sentence each."""
 
-from collections.abc import Callable
-
 import numpy as np
 from mpi4py import MPI
 
@@ -30,64 +28,59 @@ def unit_doubt(size: float, sheet: float, least: float) -> str:
     )
 
 
-def check_triangles(
-    surface: TriangulatedSurface, name: str, thickness: float, warn: Callable[[str], None]
-) -> None:
-    """Raise InputError for a surface `name` that is no surface or too coarse for a ply of this
-    thickness [mm]; call `warn` with a sentence for what can only be doubted."""
+def check_triangles(surface: TriangulatedSurface, name: str, thickness: float) -> list[str]:
+    """What can only be doubted, a sentence each; InputError for a surface `name` that is no surface
+    or too coarse for a ply of this thickness [mm]."""
 
     def middle(nodes):
         return coordinates(surface.points[nodes].mean(0))
 
     if count := len(surface.forks):
-        flaw = f"has {count} edges with more than two triangles, one at {middle(surface.forks[0])}"
-        raise InputError(f"{name} {flaw}; allowed are at most two at an edge")
+        raise InputError(
+            f"{name} has {count} edges with more than two triangles, one at "
+            f"{middle(surface.forks[0])}; allowed are at most two at an edge"
+        )
     off = 0.75 * surface.curved.patches.bulge  # more than the patches themselves
     worst = int(off.argmax())
     if off[worst] > thickness:
-        flaw = f"has facets that are {rounded(off[worst])} mm off the curved surface through their"
         raise InputError(
-            f"{name} {flaw} corners, at {middle(surface.triangles[worst])}; allowed is up to the "
-            f"ply's thickness {thickness:g} mm"
+            f"{name} has facets that are {rounded(off[worst])} mm off the curved surface through "
+            f"their corners, at {middle(surface.triangles[worst])}; allowed is up to the ply's "
+            f"thickness {thickness:g} mm"
         )
     edges, turn = surface.curved.turns()
-    if len(turn) and np.degrees(turn.max()) > 20.0:
-        sharpest = f"{np.degrees(turn.max()):.0f} deg at {middle(edges[turn.argmax()])}"
-        warn(
-            f"{name} is coarse: its facets turn by {sharpest} where it is to be smooth; beyond "
-            "20 deg its curvature is a guess"
-        )
+    if not len(turn) or (sharpest := np.degrees(turn.max())) <= 20.0:
+        return []
+    return [
+        f"{name} is coarse: its facets turn by {sharpest:.0f} deg at "
+        f"{middle(edges[turn.argmax()])} where it is to be smooth; beyond 20 deg its curvature is "
+        "a guess"
+    ]
 
 
 def check_start(tool: Tool, places: np.ndarray, thickness: float, comm: MPI.Comm) -> None:
     """Raise InputError on all ranks for a tool in which nodes of a sheet are, at places (n, 3) of
     this rank [mm], or whose surface gives no number there."""
     gap = tool.evaluate(places, reach=thickness).gap
-    lost = places[np.isnan(gap)][:1].tolist()
-    if lost := sum(comm.allgather(lost), []):
-        name = f"surface {type(tool.surface).__name__} of {tool.name}"
-        where = f"at {coordinates(lost[0])}, where the sheet is before anything moves"
-        raise InputError(f"the gap of {name} is not a number {where}; allowed is a finite one")
     deep = gap < -thickness / 2  # may be a bound
     exact = tool.evaluate(places[deep]).gap
     gap[deep] = np.where(np.isnan(exact), gap[deep], exact)
+    gap[np.isnan(gap)] = -np.inf
     none: tuple[float, list[float]] = (np.inf, [])
     nearest = min(zip(gap.tolist(), places.tolist()), default=none)
     off, place = min(comm.allgather(nearest))
-    deep_in = thickness / 2 - off
-    if deep_in > (0.5 + 1e-6) * thickness:
+    if thickness / 2 - off > (0.5 + 1e-6) * thickness:
+        depth = f"is {rounded(thickness / 2 - off)} mm deep in the sheet's face"
+        flaw = "has a gap that is not a number" if off == -np.inf else depth
         raise InputError(
-            f"{tool.name} is {rounded(deep_in)} mm deep in the sheet's face at {coordinates(place)}"
-            f" before anything moves; allowed is up to {thickness / 2:g} mm, half the thickness: "
-            "begin its path further off, or turn it round with `Reversed`"
+            f"{tool.name} {flaw} at {coordinates(place)} before anything moves; allowed is up to "
+            f"{thickness / 2:g} mm, half the thickness: begin its path further off, or turn it "
+            "round with `Reversed`"
         )
 
 
-# -- warnings
-
-
 def _triangles(tool):
-    surface, _ = innermost(tool.surface, np.empty((0, 3)))
+    surface = innermost(tool.surface)
     return surface if isinstance(surface, TriangulatedSurface) else None
 
 
@@ -109,8 +102,7 @@ def size_warning(tool: Tool, sheet: float) -> str:
 def hole_warning(tool: Tool) -> str:
     """A sentence if triangles of a tool leave an opening below a tenth of them, so no die's, else
     ""."""
-    surface = _triangles(tool)
-    if not surface or not len(surface.rim):
+    if not (surface := _triangles(tool)):
         return ""
     x, (p, q) = surface.points, surface.rim.T
     loop = connected(len(x), [p, q])[1][p]
@@ -118,7 +110,9 @@ def hole_warning(tool: Tool) -> str:
         around = x[surface.rim[loop == number]].reshape(-1, 3)
         width = float(np.ptp(around, axis=0).max())
         if width < 0.1 * np.ptp(x, axis=0).max():
-            hole = f"a hole {rounded(width)} mm wide at {coordinates(around.mean(0))} mm"
-            where = "in its own coordinates, where nothing stops the sheet"
-            return f"the surface of {tool.name} has {hole} {where}"
+            return (
+                f"the surface of {tool.name} has a hole {rounded(width)} mm wide at "
+                f"{coordinates(around.mean(0))} mm in its own coordinates, where nothing stops the "
+                "sheet"
+            )
     return ""

@@ -87,8 +87,8 @@ class CurvedTriangles:
     def turns(self) -> tuple[np.ndarray, np.ndarray]:
         """Ends (k, 2) of edges that are not sharp, and the turn of facets there (k,) [rad]."""
         t, other, ends = self.smooth_edges()
-        cosine = (self.facets[t] * self.facets[other]).sum(1)
-        return ends.T, np.arccos(np.clip(cosine, -1, 1))
+        sine = np.linalg.norm(np.cross(self.facets[t], self.facets[other]), axis=1)
+        return ends.T, np.arctan2(sine, (self.facets[t] * self.facets[other]).sum(1))
 
 
 def row_dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:

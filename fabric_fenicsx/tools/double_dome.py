@@ -89,7 +89,6 @@ def _profile(dome: _Shape, d: float, z: float) -> tuple[float, float, float, flo
 
 @compiled
 def _value(dome: _Shape, x: np.ndarray) -> np.ndarray:
-    """F (n,) at x (n, 3)."""
     F = np.empty(len(x))
     for i in range(len(x)):
         d = _plan(dome, x[i, 0], x[i, 1])[0]
@@ -126,23 +125,16 @@ def _implicit(dome: _Shape, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
 class DoubleDome(KnowsItsFields, ImplicitSurface):
     """Two round domes joined by a lower, narrower saddle, on a flange z = 0.
 
-    Seen from above, the outline is two circles, one a dome, joined by concave arcs tangent to both;
-    in the middle between the domes it is narrowest, at the waist. It is where wall and flange
-    would meet without the fillet. In a cut across the outline follow, from within, the flat top, a
-    rounding, the straight wall, a fillet and the flange. The saddle is the top between the domes,
-    which sinks towards the middle.
+    Seen from above, the outline, where wall and flange would meet without the fillet, is two
+    circles about (+-dome_distance / 2, 0), joined by concave arcs tangent to both; it is narrowest
+    in the middle, at the waist. A cut across it has, from within, a flat top, a rounding, a
+    straight wall, a fillet and the flange. Between the domes the top sinks towards the middle.
 
-    F(x, y, z) = P(d(x, y), z / H(x)): d is the signed distance in the plan to the outline, with
-    circles about (+-dome_distance / 2, 0); P is the signed distance in the (d, z) plane to the
-    profile of that cut; H lowers the saddle. The normals are continuous; the curvature jumps
-    between the parts. The body is beneath; `Flipped` turns it upside down. The saddle also flattens
-    fillet and rounding: `radii` has the least radii.
-
-    Raises
-    ------
-    InputError
-        For names that are no dimension, values out of their range, and with all that does not fit
-        together.
+    F(x, y, z) = P(d(x, y), z / H(x)): d is the signed distance in the plan to the outline; P that
+    in the (d, z) plane to the profile of that cut; H lowers the saddle, which also flattens fillet
+    and rounding: `radii` has the least radii. The normals are continuous; the curvature jumps
+    between the parts. The body is beneath; `Flipped` turns it upside down. Raises InputError for
+    names that are no dimension, values out of their range, and what does not fit together.
 
     Examples
     --------
@@ -177,8 +169,8 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
         if not least < w <= R or 2 * (R - w) * entry * tangent >= turn:
             raise InputError(
                 f"waist is {w:g}; allowed is above {least:g} and at most dome_radius = {R:g}, with "
-                f"dome_distance {2 * c:g}, so far that the fillet's foot, {entry * tangent:g} "
-                "outside the outline, does not reach the centre of its concave arc"
+                "dome_distance and entry_radius such that the fillet's foot does not reach the "
+                "centre of the outline's concave arc"
             )
         if self.saddle_depth >= depth or (top + entry) * (1 - math.sin(angle)) > depth:
             raise InputError(
@@ -188,27 +180,13 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
             )
         if slope + top * tangent >= w:
             raise InputError(
-                f"wall_angle is {self.wall_angle:g} and top_radius {top:g}; allowed are smaller "
-                f"ones, as the wall and rounding take {slope + top * tangent:g} mm of the waist "
-                f"{w:g} and are to leave a flat top"
+                f"wall_angle is {self.wall_angle:g} and top_radius {top:g}; allowed are such that "
+                f"wall and rounding, {slope + top * tangent:g} mm, leave a flat top at the waist"
             )
-        shape = _Shape(
-            half=c,
-            radius=R,
-            waist=w,
-            bend=2 * (R - w) / turn,
-            depth=depth,
-            top=top,
-            entry=entry,
-            d1=-slope - top * tangent,
-            z1=depth - top,
-            d2=entry * tangent,
-            z2=entry,
-            m=math.cos(angle),
-            n=math.sin(angle),
-            drop=self.saddle_depth / depth,
-            reach=self.saddle_length / 2,
-        )
+        outline = c, R, w, 2 * (R - w) / turn, depth, top, entry
+        rounding, fillet = (-slope - top * tangent, depth - top), (entry * tangent, entry)
+        wall, saddle = (math.cos(angle), math.sin(angle)), self.saddle_depth / depth
+        shape = _Shape(*outline, *rounding, *fillet, *wall, saddle, self.saddle_length / 2)
         object.__setattr__(self, "_shape", shape)
 
     @property
@@ -222,11 +200,6 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
         rows = [_plan(self._shape, *at) for at in zip(*np.array([x, y], dtype=float).tolist())]
         d, dx, dy, bend = np.reshape(rows, (-1, 4)).T
         return d, np.array([dx, dy]), bend
-
-    def height(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """H (n,) and its first and second derivative at x (n,) [mm]; H is 1 beyond the saddle."""
-        rows = [_height(self._shape, at) for at in np.array(x, dtype=float).tolist()]
-        return tuple(np.reshape(rows, (-1, 3)).T)
 
     def value(self, x: np.ndarray) -> np.ndarray:
         return _value(self._shape, np.ascontiguousarray(x.T, dtype=float))
@@ -266,7 +239,8 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
         zs = [self.depth, it.z1 + it.top * np.cos(a), on_wall[1], it.z2 - it.entry * np.cos(b)]
         d, z = np.select(where, ds, s - flange + it.d2), np.select(where, zs, 0.0)
         x = x + (d - s) * normal[0]
-        return np.column_stack([x, y + (d - s) * normal[1], z * self.height(x)[0]])
+        H = [_height(it, at)[0] for at in x.tolist()]
+        return np.column_stack([x, y + (d - s) * normal[1], z * H])
 
     @cached_property
     def radii(self) -> tuple[float, float]:  # type: ignore[override]

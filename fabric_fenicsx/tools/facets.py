@@ -123,10 +123,20 @@ def corner_normals(
     _, area = facet_normals(points, triangles)
     sure = _true_planes(points, triangles, across, region)
     if given is None:
-        sharp = _turned_edges(across, region, plane, sure, crease)
+        other = np.maximum(across.triangle, 0)
+        turn = np.einsum("mi,mki->mk", plane, plane[other])
+        planes = sure[:, None] & sure[other] & (region[:, None] != region[other])
+        limit = np.where(planes, min(crease, math.radians(1.0)), crease)
+        sharp = (across.triangle < 0) | (turn < np.cos(limit))
     else:
         sharp = _model_edges(across, given)
-    count, name = _smooth_vertices(across, sharp)
+    # number of smooth vertices, and which each corner (m, 3) is, joined across smooth edges
+    t, edge = np.nonzero(~sharp)
+    o, back = across.triangle[t, edge], across.edge[t, edge]
+    one = np.concatenate([3 * t + NEXT[edge], 3 * t + LAST[edge]])
+    same = np.concatenate([3 * o + LAST[back], 3 * o + NEXT[back]])
+    count, name = connected(sharp.size, [one, same])
+    name = name.reshape(sharp.shape)
 
     def gathered(values):
         total = np.zeros((count, 3))
@@ -155,15 +165,6 @@ def _true_planes(points, triangles, across, region):
     return sure[region]
 
 
-def _turned_edges(across, region, plane, sure, crease):
-    """Edges (m, 3) that are open, or turn by more than `crease`, of true planes by 1 deg."""
-    other = np.maximum(across.triangle, 0)
-    turn = np.einsum("mi,mki->mk", plane, plane[other])
-    sharp = (across.triangle < 0) | (turn < math.cos(crease))
-    planes = sure[:, None] & sure[other] & (region[:, None] != region[other])
-    return sharp | (planes & (turn < math.cos(math.radians(1.0))))
-
-
 def _model_edges(across, given):
     """Sharp edges (m, 3) by the normals of a CAD model, which knows where it is sharp; where it has
     no normal, at poles, it is not."""
@@ -175,16 +176,6 @@ def _model_edges(across, given):
             # where the faces of a CAD model meet at more than this they have a sharp edge
             sharp[:, k] |= n.any(1) & o.any(1) & ((n * o).sum(1) < math.cos(math.radians(5.0)))
     return sharp
-
-
-def _smooth_vertices(across, sharp):
-    """Number of smooth vertices, and which each corner (m, 3) is, joined across smooth edges."""
-    t, edge = np.nonzero(~sharp)
-    o, back = across.triangle[t, edge], across.edge[t, edge]
-    one = np.concatenate([3 * t + NEXT[edge], 3 * t + LAST[edge]])
-    other = np.concatenate([3 * o + LAST[back], 3 * o + NEXT[back]])
-    count, name = connected(sharp.size, [one, other])
-    return count, name.reshape(sharp.shape)
 
 
 def _planes_at_vertices(name, count, region, region_area, sure):

@@ -27,32 +27,31 @@ def read_triangles(path: Path, chord: float) -> tuple[np.ndarray, np.ndarray, np
         return mesh.points, _triangles(mesh), None
     check_file(path, "surface file", allowed)
     check_end(path, "surface file")
-    try:
-        import gmsh
+    import gmsh
 
+    how = ending(path), chord, gmsh.__version__, Path(__file__).read_text()
+    try:
         with task(f"meshing {path.name}"):
-            how = ending(path), chord, gmsh.__version__, Path(__file__).read_text()
             made = partial(in_child, _mesh_of_model, path.absolute(), chord)
             return kept_arrays(path, how, made)
     except RuntimeError as error:
-        flaw = f"cannot be read as {path.suffix} ({error}): the model may be broken"
-        raise InputError(f"surface file {path} {flaw}; allowed is {allowed}") from None
+        raise InputError(
+            f"surface file {path} cannot be read as {path.suffix} ({error}): the model may be "
+            f"broken; allowed is {allowed}"
+        ) from None
 
 
 def _triangles(mesh):
-    """Triangles (m, 3) by the corners of all surface cells."""
-    triangles, larger = [np.empty((0, 3), dtype=np.int64)], []
+    triangles = []
     for kind, cells in mesh.cells.items():
-        if kind.startswith("triangle"):
-            triangles.append(cells[:, :3])
-        else:
-            cells = cells[:, :4] if kind.startswith("quad") else cells
-            larger.append(np.insert(cells, 0, cells.shape[1], axis=1).ravel())
-    if larger:
-        import pyvista  # takes long to import
+        corners = cells[:, : {"t": 3, "q": 4}.get(kind[0])]  # of triangles, quads, polygons
+        if corners.shape[1] > 3:
+            import pyvista  # takes long to import
 
-        cut = pyvista.PolyData(mesh.points, np.concatenate(larger)).triangulate()
-        triangles.append(np.asarray(cut.faces, dtype=np.int64).reshape(-1, 4)[:, 1:])
+            faces = np.insert(corners, 0, corners.shape[1], axis=1).ravel()
+            faces = pyvista.PolyData(mesh.points, faces).triangulate().faces
+            corners = np.asarray(faces, dtype=np.int64).reshape(-1, 4)[:, 1:]
+        triangles.append(corners)
     return np.concatenate(triangles)
 
 
@@ -74,9 +73,9 @@ def _mesh_of_model(path, chord):
         raise ValueError("no face in it")
     low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
     most = np.linalg.norm(high - low) / 20
-    how = {"MeshSizeFromPoints": 0, "MeshSizeExtendFromBoundary": 0, "Algorithm": 6}
-    sizes = {"MeshSizeFromCurvature": 2 * np.pi / MAX_TURN, "MeshSizeMax": float(most)}
-    for name, value in (how | sizes).items():
+    options = {"MeshSizeFromPoints": 0.0, "MeshSizeExtendFromBoundary": 0.0, "Algorithm": 6.0}
+    options |= {"MeshSizeFromCurvature": 2 * np.pi / MAX_TURN, "MeshSizeMax": float(most)}
+    for name, value in options.items():
         gmsh.option.setNumber(f"Mesh.{name}", value)
     gmsh.model.mesh.generate(2)
     size_at = _sizes_by_curvature(gmsh, faces, chord, most)
@@ -84,27 +83,21 @@ def _mesh_of_model(path, chord):
     gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 0)
     gmsh.model.mesh.setSizeCallback(size_at)
     gmsh.model.mesh.generate(2)
-    _check_closed(gmsh, path)
+    text = path.read_bytes() if ending(path) in (".step", ".stp") else b""
+    if b"CLOSED_SHELL" in text and b"OPEN_SHELL" not in text:  # solids alone
+        nodes = gmsh.model.mesh.getElementsByType(2)[1].reshape(-1, 3)
+        sides = np.sort(np.stack([nodes, np.roll(nodes, -1, 1)], 2).reshape(-1, 2), 1)
+        ends, count = np.unique(sides, axis=0, return_counts=True)
+        for node, _ in ends[count == 1][:1]:
+            place = coordinates(gmsh.model.mesh.getNode(node)[0])
+            raise ValueError(f"its solid is open at {place}, where a face is missing")
     corners, normals = zip(*(_triangles_of_face(gmsh, face) for face in faces))
     points = np.vstack(corners).reshape(-1, 3)
     return points, np.arange(len(points)).reshape(-1, 3), np.vstack(normals)
 
 
-def _check_closed(gmsh, path):
-    """ValueError for a model of solids alone that is open where a face is missing."""
-    text = path.read_bytes() if ending(path) in (".step", ".stp") else b""
-    if b"CLOSED_SHELL" not in text or b"OPEN_SHELL" in text:
-        return
-    nodes = gmsh.model.mesh.getElementsByType(2)[1].reshape(-1, 3)
-    sides = np.sort(np.concatenate([nodes[:, [0, 1]], nodes[:, [1, 2]], nodes[:, [2, 0]]]), 1)
-    ends, count = np.unique(sides, axis=0, return_counts=True)
-    if (count == 1).any():
-        place = gmsh.model.mesh.getNode(ends[(count == 1).argmax(), 0])[0]
-        raise ValueError(f"its solid is open at {coordinates(place)}, where a face is missing")
-
-
 def _sizes_by_curvature(gmsh, faces, chord, most):
-    """Function that gmsh asks for sizes of cells [mm], by the curvature at the nodes of a mesh."""
+    """Size callback for gmsh [mm], by the curvature at the nodes of a mesh."""
     from scipy.spatial import cKDTree
 
     places, sizes = [], []
@@ -114,19 +107,17 @@ def _sizes_by_curvature(gmsh, faces, chord, most):
         places.append(place.reshape(-1, 3))
         sizes.append(np.minimum(np.sqrt(8 * chord / bend), MAX_TURN / bend))
     tree, sizes = cKDTree(np.vstack(places)), np.minimum(np.concatenate(sizes), most)
-    near = min(8, len(sizes))
     grid = float(np.quantile(sizes, 0.05)) / 2
 
     @cache  # gmsh asks many times at almost the same place
     def size_in(*cell):
-        distance, number = tree.query([grid * (each + 0.5) for each in cell], near)
+        distance, number = tree.query([grid * (each + 0.5) for each in cell], min(8, len(sizes)))
         return float(np.min(sizes[number] + 0.3 * distance))
 
     return lambda dim, tag, x, y, *z: size_in(x // grid, y // grid, z[0] // grid)
 
 
 def _triangles_of_face(gmsh, face):
-    """Corners and normals (m, 3, 3) of the triangles on a face."""
     tags, place, parameters = gmsh.model.mesh.getNodes(2, face, True, True)
     _, cells = gmsh.model.mesh.getElementsByType(2, face)
     order = np.argsort(tags)

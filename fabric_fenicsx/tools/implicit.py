@@ -74,8 +74,7 @@ class ImplicitSurface(Surface):
     def derivatives(self, x: np.ndarray) -> list[np.ndarray]:
         """Arrays that `implicit` gives at x (3, n)."""
         n = x.shape[1]
-        F, gradient, hessian = self.implicit(x)
-        return [_fitting(F, (n,)), _fitting(gradient, (3, n)), _fitting(hessian, (3, 3, n))]
+        return [*map(_fitting, self.implicit(x), ((n,), (3, n), (3, 3, n)))]
 
     def _project(self, x, rows, feet):
         """Put what belongs to the nearest points of x (n, 3) into `rows` of `found`."""
@@ -85,13 +84,10 @@ class ImplicitSurface(Surface):
         for iteration in range(101):
             if not count:
                 return
-            F, gradient, hessian = map(
-                np.ascontiguousarray, self.derivatives(search.trial[:count].T)
-            )
+            F, gradient, hessian = self.derivatives(search.trial[:count].T)
             count = advance(search, count, iteration, F, gradient, hessian, feet)
 
 
 def _fitting(values, shape):
-    """`given` as an array of this shape: the same at all points is given once."""
-    array = np.asarray(values, float)
-    return array if array.shape == shape else np.array(np.broadcast_to(array, shape))
+    """An array of this shape, of values at each point or the same at all."""
+    return np.ascontiguousarray(np.broadcast_to(np.asarray(values, float), shape))

@@ -85,8 +85,8 @@ class Cylinder(_Round):
         super().__init__(checked_vector("point", point), radius)
         self.axis = checked_vector("axis", axis, unit=True)
         self._across = np.eye(3) - np.outer(self.axis, self.axis)
-        self._any = self._across[abs(self.axis).argmin()]
-        self._any = self._any / np.linalg.norm(self._any)
+        beside = self._across[abs(self.axis).argmin()]
+        self._any = beside / np.linalg.norm(beside)
 
 
 class Torus(Surface):
@@ -146,7 +146,7 @@ class Plate(Surface):
         centre: ArrayLike = (0.0, 0.0, 0.0),
     ) -> None:
         if width is None and corner is not None:
-            raise InputError(f"corner is {corner}, but a round opening has none: give `width`, too")
+            raise InputError(f"corner is {corner}, but a round opening has none: give `width`")
         self.length = POSITIVE.check("length", length)
         self.width = self.length if width is None else POSITIVE.check("width", width)
         half = min(self.length, self.width) / 2
@@ -165,14 +165,7 @@ class Plate(Surface):
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         x, y, z = (points - self.centre).T
         d, slope, bend = self.plan(x, y)
-        e, f = d - self.entry, z + self.entry
-        edge = (e < 0) & (f > 0)
-        r = np.where(edge, np.hypot(e, f), 1.0)
-        face = np.where((e >= 0) & (f <= 0), z >= -d, e >= 0)
-        gap = np.where(edge, r - self.entry, np.where(face, z, -d))
-        m = np.where(edge, e / r, np.where(face, 0.0, -1.0))
-        n = np.where(edge, f / r, np.where(face, 1.0, 0.0))
-        return _of_profile(gap, slope, bend, m, n, np.where(edge, 1 / r, 0.0))
+        return _of_profile(self.entry - d, -slope, -bend, z + self.entry, 1.0, self.entry)
 
 
 class Block(Surface):
@@ -217,12 +210,7 @@ class Block(Surface):
         d, slope, bend = _from_rectangle(x, y, *inner, self.corner - self.radius)
         z = z + self.height / 2
         f = abs(z) - self.height / 2 + self.radius
-        edge = (d > 0) & (f > 0)
-        r = np.where(edge, np.hypot(d, f), 1.0)
-        gap = np.where(edge, r, np.maximum(d, f)) - self.radius
-        m = np.where(edge, d / r, d > f)
-        n = np.copysign(np.where(edge, f / r, d <= f), z)
-        return _of_profile(gap, slope, bend, m, n, np.where(edge, 1 / r, 0.0))
+        return _of_profile(d, slope, bend, f, np.copysign(1.0, z), self.radius)
 
 
 def _from_rectangle(x, y, length, width, corner):
@@ -238,18 +226,21 @@ def _from_rectangle(x, y, length, width, corner):
     return distance, np.array([np.copysign(dx, x), np.copysign(dy, y)]), np.where(round_, 1 / r, 0)
 
 
-def _of_profile(gap, slope, bend, m, n, turn):
-    """`Nearest` of a gap (n,) that depends on height and distance in the plan. slope (2, n), bend
-    (n,): gradient and curvature of that distance; m, n: parts of the normal along it and up; turn:
-    curvature of the profile's level lines (n,)."""
-    out = np.column_stack([*slope, np.zeros(len(gap))])
-    along = np.column_stack([-slope[1], slope[0], np.zeros(len(gap))])
+def _of_profile(d, slope, bend, f, side, radius):
+    """`Nearest` of a body between a wall and a face with a rounded edge. d, f (n,): distance beyond
+    the rounding's centre across the wall and across the face, which looks up or down by `side`;
+    slope (2, n), bend (n,): gradient and curvature of d in the plan."""
+    edge = (d > 0) & (f > 0)
+    r = np.where(edge, np.hypot(d, f), 1.0)
+    m, n = np.where(edge, d / r, d > f), side * np.where(edge, f / r, d <= f)
+    out = np.column_stack([*slope, 0 * d])
+    along = np.column_stack([-slope[1], slope[0], 0 * d])
     up = np.array([0.0, 0.0, 1.0])
     normal = m[:, None] * out + n[:, None] * up
     cross = n[:, None] * out - m[:, None] * up
-    curvature = turn[:, None, None] * _outer(cross, cross)
+    curvature = np.where(edge, 1 / r, 0.0)[:, None, None] * _outer(cross, cross)
     curvature += (m * bend)[:, None, None] * _outer(along, along)
-    return Nearest(gap, normal, curvature)
+    return Nearest(np.where(edge, r, np.maximum(d, f)) - radius, normal, curvature)
 
 
 def _outer(a, b):

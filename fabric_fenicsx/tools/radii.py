@@ -54,9 +54,7 @@ def _mean_turning(surface, length):
     normal = surface.facets[t]
     one, other, (foot, head) = surface.smooth_edges()
     step, facets = surface.points[head] - surface.points[foot], surface.facets
-    size = np.linalg.norm(step, axis=1)
-    sine = np.linalg.norm(np.cross(facets[one], facets[other]), axis=1)
-    turn = np.arctan2(sine, (facets[one] * facets[other]).sum(1))
+    size, turn = np.linalg.norm(step, axis=1), surface.turns()[1]
     rises = ((surface.middles[other] - surface.middles[one]) * facets[one]).sum(1) > 0
     weight = np.where(rises, -turn, turn) / size  # of the square of a piece along the edge
     pieces = np.ceil(2 * size / length).astype(int)

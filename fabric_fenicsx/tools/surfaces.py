@@ -61,11 +61,11 @@ class Surface:
         and normal and curvature need only be finite; so far points cost little."""
         x = checked_points(points)
         finite = np.isfinite(x).all(1)
+        near = self.nearest(x if finite.all() else x[finite], reach)
         if finite.all():
-            return self.nearest(x, reach)
-        n = len(x)
-        feet = Nearest(*(np.full(shape, np.nan) for shape in ((n,), (n, 3), (n, 3, 3))))
-        for whole, part in zip(feet, self.nearest(x[finite], reach)):
+            return near
+        feet = Nearest(*(np.full((len(x), *part.shape[1:]), np.nan) for part in near))
+        for whole, part in zip(feet, near):
             whole[finite] = part
         return feet
 
@@ -132,17 +132,12 @@ class _Changed(Surface):
         seen.surface = self.surface.from_behind()
         return seen
 
-    def back(self, points: np.ndarray) -> np.ndarray:
-        """Points (n, 3) [mm] where they lie beside the surface that this one is made of."""
-        return points
 
-
-def innermost(surface: Surface, points: np.ndarray) -> tuple[Surface, np.ndarray]:
-    """The surface that others are made of, and points (n, 3) [mm] as they lie beside it."""
+def innermost(surface: Surface) -> Surface:
+    """The surface that others are made of."""
     while isinstance(surface, _Changed):
-        points = surface.back(points)
         surface = surface.surface
-    return surface, points
+    return surface
 
 
 class Offset(_Changed):
@@ -209,6 +204,7 @@ class _Rigid(_Changed):
         self.surface, self.radii = surface, surface.radii
 
     def back(self, points: np.ndarray) -> np.ndarray:
+        """Points (n, 3) [mm] where they lie beside the surface that this one is made of."""
         return points @ self._turn
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +19,9 @@ class Tool:
     """A rigid body, bounded by a `surface`, that moves without turning: along a path, or along a
     line by force. `name` is the tool's in summaries and errors.
 
+    Raises InputError for a path or force that does not give three finite numbers, a force that
+    turns, or a surface whose `radii` are no two numbers above 0.
+
     Parameters
     ----------
     path : (3,) or function of the load factor to (3,)
@@ -27,12 +29,6 @@ class Tool:
     force : (3,) or function of the load factor to (3,)
         If given, on the tool [N], always along one direction; the tool moves on that line by
         `travel` [mm], beyond the path, which its contact finds.
-
-    Raises
-    ------
-    InputError
-        For a path or force that does not give three finite numbers, a force that turns, or a
-        surface whose `radii` are no two numbers above 0.
 
     Examples
     --------
@@ -52,13 +48,12 @@ class Tool:
         name: str = "tool",
     ) -> None:
         if not isinstance(surface, Surface):
-            found = f"surface of {name} is {surface!r}"
-            raise InputError(f"{found}; allowed is a surface, as `Sphere(30)`")
+            raise InputError(
+                f"surface of {name} is {surface!r}; allowed is a surface, as `Sphere(30)`"
+            )
         self.name, self.surface = name, surface
-        self.path: OfLoad = _growing(f"path of {name}", path)
-        self.force: OfLoad | Literal[False] = force is not None and _growing(
-            f"force of {name}", force
-        )
+        self.path = _growing(f"path of {name}", path)
+        self.force = None if force is None else _growing(f"force of {name}", force)
         self.travel, self.push = 0.0, 0.0
         self.direction = np.zeros(3)
         if self.force:
@@ -74,8 +69,10 @@ class Tool:
             self.push = float(force @ self.direction)
             turned = np.linalg.norm(force - self.push * self.direction) > 1e-9 * abs(force).max()
             if turned or self.push < 0:
-                found = f"force of {self.name} at load {load:g} is {force.tolist()}"
-                raise InputError(f"{found}; allowed is one along that at full load")
+                raise InputError(
+                    f"force of {self.name} at load {load:g} is {force.tolist()}; allowed is one "
+                    "along that at full load"
+                )
 
     @property
     def displacement(self) -> np.ndarray:
@@ -88,7 +85,6 @@ class Tool:
 
 
 def _growing(name: str, value: OfLoad | ArrayLike) -> OfLoad:
-    """`value` itself if it is a function of the load, else one that grows to that vector."""
     if callable(value):
         return value
     full = checked_vector(name, value)

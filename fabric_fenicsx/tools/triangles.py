@@ -18,11 +18,9 @@ def repaired(
     """Points (n, 3) [mm] and triangles (m, 3) without doubles and triangles without area, turned
     the same way round; normals (m, 3, 3) at their corners if given, 0 where there is none.
     Raises InputError if none has an area, and for points that are not finite."""
-    x, cells = checked_points(points, "points of the surface"), np.asarray(triangles)
-    if not (finite := np.isfinite(x).all(1)).all():
-        first, lost = int(finite.argmin()), len(x) - finite.sum()
-        flaw = f"{lost} of {len(x)} are not finite, as number {first}, {x[first].tolist()}"
-        raise InputError(f"points of the surface: {flaw}; allowed are finite ones")
+    x, cells = checked_points(points), np.asarray(triangles)
+    for lost in x[~np.isfinite(x).all(1)][:1]:
+        raise InputError(f"a point of the surface is {lost.tolist()}; allowed are finite ones")
     given = None if normals is None else np.asarray(normals, dtype=float)
     x, number = np.unique(x, axis=0, return_inverse=True)
     cells = number.ravel()[cells]

@@ -43,7 +43,9 @@ class TriangulatedSurface(Surface):
     facets lie in one plane the surface is that plane. With edges of length h the errors are h^3 to
     h^4 in the gap and h^2 to h^3 in the normal where the curvature is smooth, h^2 and h across a
     jump of it. Gap, normal and curvature are exact at the nearest point of the patches. Beyond the
-    rim of an open surface the gap is the distance to the rim and positive on both sides.
+    rim of an open surface the gap is the distance to the rim and positive on both sides. Raises
+    InputError if no triangle has an area, for points that are not finite, and for a crease not
+    between 0 and 180.
 
     Parameters
     ----------
@@ -65,12 +67,6 @@ class TriangulatedSurface(Surface):
         facets; normals (n, 3) at the points, averaged where edges are sharp.
     rim, forks, sharp : (k, 2)
         Points at the ends of edges of one triangle, of more than two, and of sharp ones.
-
-    Raises
-    ------
-    InputError
-        If no triangle has an area, for points that are not finite, and for a crease not between 0
-        and 180.
 
     References
     ----------
@@ -140,7 +136,7 @@ class TriangulatedSurface(Surface):
         return TriangulatedSurface(self.points, self.triangles[keep], own[keep], self.crease)
 
     def mesh(self, low: ArrayLike, high: ArrayLike, size: float) -> Drawn:
-        # a point of the drawing for each smooth vertex, so that sharp edges look sharp
+        # a point for each smooth vertex, so that sharp edges look sharp
         vertices = self.curved.vertices
         points = np.empty_like(vertices.normals)
         points[vertices.name] = self.points[self.triangles]
@@ -160,8 +156,7 @@ class TriangulatedSurface(Surface):
         """Equality of crease and triangles."""
         if not isinstance(other, TriangulatedSurface) or self.crease != other.crease:
             return False
-        same = np.array_equal(self.points, other.points)
-        return same and np.array_equal(self.triangles, other.triangles)
+        return np.array_equal(self.points[self.triangles], other.points[other.triangles])
 
     __hash__ = Surface.__hash__
 
@@ -215,7 +210,6 @@ class TriangulatedSurface(Surface):
             np.zeros((n, 3)), np.full(n, -np.inf), np.ones(n), np.zeros(n, dtype=np.int64)
         )
         self._caches[n] = last
-        # sets of points that are remembered, of so many different numbers
-        if len(self._caches) > 4:
+        if len(self._caches) > 4:  # sets of points of different numbers
             del self._caches[next(iter(self._caches))]  # that which was used least lately
         return last, np.linalg.norm(points - last.place, axis=1)

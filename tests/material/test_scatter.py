@@ -30,7 +30,7 @@ def test_intervals_are_read_in_their_units_and_written(read):
     assert read(fabric.dumps()).scatter == told
     assert set(fabric.replace(s1=1.0).changed({"thickness": 1.1}).scatter) == {"shear_factor"}
     text = FABRIC.replace("[shear]", "[weft]\nb = 300\n[shear]")
-    with pytest.raises(InputError, match="b of warp and weft differ; allowed is yarn_factor"):
+    with pytest.raises(InputError, match="and b is 667.5 and 300; allowed is an interval"):
         read(text + "b = [200, 700]")
 
 

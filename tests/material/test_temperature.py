@@ -51,14 +51,15 @@ def test_a_file_has_tables_at_temperatures(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "before, said",
+    "old, new, said",
     [
-        ("s1 = 0.08", "missing at temperature 20: s1"),
-        ("[[at]]\ntemperature = 20\ns1 = 0.08", "the temperature 200 alone; allowed are 2"),
+        ("s1 = 0.08", "", "missing at temperature 20: s1"),
+        ("[[at]]\ntemperature = 20\ns1 = 0.08", "", "the temperature 200 alone; allowed are 2"),
+        ("= 20\n", "= 200\n", "at.2.temperature is 200 again; allowed is another"),
     ],
 )
-def test_a_bad_table_is_told(tmp_path, before, said):
-    (tmp_path / "f.toml").write_text(FILE.replace(before, ""))
+def test_a_bad_table_is_told(tmp_path, old, new, said):
+    (tmp_path / "f.toml").write_text(FILE.replace(old, new))
     with pytest.raises(ff.InputError, match=said):
         ff.load(tmp_path / "f.toml")
 
@@ -69,7 +70,7 @@ def test_a_temperature_is_given_where_it_is_of_use_and_nowhere_else():
         ff.Membrane(fabric)
     with pytest.raises(ff.InputError, match="`temperature` is 250; allowed is from 20 to 200"):
         ff.Membrane(fabric, temperature=250)
-    with pytest.raises(ff.InputError, match="has no numbers at temperatures"):
+    with pytest.raises(ff.InputError, match="is 100; allowed is none, .* no numbers at temp"):
         ff.Membrane(KOMEILI, temperature=100.0)
     with pytest.raises(ff.InputError, match="s1 is changed, and material glass has its own"):
         fabric.changed({"s1": 0.05})

@@ -22,10 +22,7 @@ from fabric_fenicsx.tools.triangulated import TriangulatedSurface
 
 def checked(points, cells, thickness=1.0):
     """The warnings about a punch."""
-    warnings = []
-    surface = TriangulatedSurface(points, cells)
-    check_triangles(surface, "punch.stl", thickness, warnings.append)
-    return warnings
+    return check_triangles(TriangulatedSurface(points, cells), "punch.stl", thickness)
 
 
 def arc(turn, count=4, radius=10.0):

@@ -182,7 +182,7 @@ def test_double_dome_has_the_dimensions_it_was_given():
     assert math.degrees(math.asin(normal[2])) == pytest.approx(10)
     around_x = np.linspace(-1, 1, 100)
     c = dome.evaluate(np.column_stack([0 * around_x, around_x, 45 + 0 * around_x])).curvature
-    assert c[:, 0, 0] == pytest.approx(-dome.height(np.zeros(1))[2][0] * 60)  # along the saddle
+    assert c[:, 0, 0] == pytest.approx(-6 * 15 / 152**2)  # along the saddle
 
 
 def test_double_dome_far_from_it():
@@ -279,7 +279,7 @@ def test_a_drawn_block_lies_on_itself_with_its_normals(surface):
         (lambda: Tool(Sphere(1), lambda load: load, name="a"), "path of a at load 0 is 0.0; "),
         (
             lambda: TriangulatedSurface([*np.eye(3), [0, np.nan, 0]], [[0, 1, 2]]),
-            "points of the surface: 1 of 4 are not finite, as number 3, [0.0, nan",
+            "a point of the surface is [0.0, nan",
         ),
     ],
 )

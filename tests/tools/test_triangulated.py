@@ -226,7 +226,7 @@ def test_what_touches_has_the_normal_of_the_surface():
 @pytest.mark.parametrize("ending", ["step", "brep"])
 def test_a_model_is_its_solid(tmp_path, ending):
     """In STEP the same numbers as metres are a block a thousand times as large."""
-    path, warnings = tmp_path / f"block.{ending}", []
+    path = tmp_path / f"block.{ending}"
     write_block(path)
     unit = 1000 if ending == "step" else 1
     if unit > 1:
@@ -235,8 +235,8 @@ def test_a_model_is_its_solid(tmp_path, ending):
     # facets are off the faces by the chord that was asked
     off = abs(BLOCK.evaluate(surface.points[surface.triangles].mean(1) / unit).gap)
     assert 0.05 < np.median(off[off > 1e-6]) < 0.11
-    check_triangles(surface, path.name, 1.0 * unit, warnings.append)
-    assert not warnings and len(surface.rim) == len(surface.forks) == 0  # closed
+    assert not check_triangles(surface, path.name, 1.0 * unit)
+    assert len(surface.rim) == len(surface.forks) == 0  # closed
     # corners of triangles lie on the file's faces and have their normals
     right = BLOCK.evaluate(surface.points / unit)
     assert abs(right.gap).max() < 1e-6
@@ -284,6 +284,10 @@ def test_triangles_turned_against_each_other_are_put_right():
     triangles[10::3] = triangles[10::3, ::-1]
     surface = TriangulatedSurface(10 * points, triangles)
     assert np.allclose(np.einsum("ij,ij->i", surface.normals, surface.points), 10, atol=0.3)
+    turned = TriangulatedSurface(10 * points, triangles[:, ::-1])
+    inwards = turned.evaluate([[0, 0, 12]])
+    assert inwards.gap == pytest.approx(-surface.evaluate([[0, 0, 12]]).gap, abs=1e-12)
+    assert inwards.normal[0, 2] < -0.99
 
 
 @pytest.mark.parametrize("off", [1e-4, 1e-3])

@@ -11,21 +11,11 @@ import numpy as np
 from ...readers.units import OWN
 from ...runtime.errors import InputError
 from ...runtime.rules import FINITE, POSITIVE, Rule, check_complete, shown, unknown_key
-from .. import law_checks
+from .. import files, law_checks
 from ..bending import MeasuredBending
 from ..compaction import Compaction
 from ..energy import Derivatives, Energy, Range, stresses_of_energy
-from ..files import (
-    FIBRES,
-    OWN_UNITS,
-    SHEET,
-    Document,
-    read_numbers,
-    read_scatter,
-    read_sheet_numbers,
-    take_table,
-    take_units,
-)
+from ..files import FIBRES, OWN_UNITS, SHEET, Document, read_numbers
 from ..friction import BendingFriction, ShearFriction
 from ..hyperdual import Number
 from ..law_checks import COUPLINGS, check_couplings
@@ -47,10 +37,10 @@ TABLES: dict[str, type[Parameters]] = {
 class Law(Material, Energy):
     """A fabric: the parameters of a constitutive law and what all fabrics have.
 
-    A law is one frozen dataclass in one file. It states `law`, its name in material files;
-    `rules`, a `Rule` for each of its numbers; and `energy`. All else follows from these: stresses
-    and tangents, the compiled form, reading and writing. It may have closed forms for the kernel
-    (`derivatives`), and `factors` that multiply several numbers together, for `changed`.
+    A law is one frozen dataclass in one file. It states `law`, its name in material files; `rules`,
+    a `Rule` for each of its numbers; and `energy`, from which all else follows. It may have closed
+    forms for the kernel (`derivatives`), and `factors` that multiply several numbers together, for
+    `changed`. Raises InputError for a value out of its range.
 
     Parameters
     ----------
@@ -78,11 +68,6 @@ class Law(Material, Energy):
         Names of numbers that no test has determined.
     scatter : mapping
         {name: (lowest, highest)} of numbers and factors that scatter, for `fabric sweep`.
-
-    Raises
-    ------
-    InputError
-        For a value out of its range.
 
     Examples
     --------
@@ -112,9 +97,9 @@ class Law(Material, Energy):
     scatter: Mapping[str, tuple[float, float]] = field(default_factory=dict, compare=False)
 
     def __init_subclass__(cls) -> None:
-        other, here = LAWS.get(cls.law, cls), (cls.__module__, cls.__qualname__)
+        other = LAWS.get(cls.law, cls)
         # the same class again, as from a notebook's cell run twice, replaces itself
-        if not cls.law or (other.__module__, other.__qualname__) != here:
+        if (other.__module__, other.__qualname__) != (cls.__module__, cls.__qualname__):
             raise InputError(
                 f"law of class {cls.__name__} is {cls.law!r}; allowed is a name of its own, other "
                 f"than {', '.join(sorted(LAWS))}"
@@ -122,8 +107,8 @@ class Law(Material, Energy):
         has_energy = "energy" in vars(cls) and "derivatives" not in vars(cls)
         if has_energy and cls.derivatives != Law.derivatives:
             raise InputError(
-                f"law {cls.law} has an `energy` of its own and inherits closed-form `derivatives` "
-                "that lack it; allowed is `derivatives = ff.Law.derivatives`, or own ones"
+                f"law {cls.law} has an `energy` of its own and inherits closed-form `derivatives`; "
+                "allowed is `derivatives = ff.Law.derivatives`, or own ones"
             )
         LAWS[cls.law] = cls
 
@@ -132,7 +117,7 @@ class Law(Material, Energy):
         for name in self.assumed:
             if name not in self.parameters:
                 raise unknown_key(name, self.parameters, f"assumed: {shown(name)}")
-        assumed = tuple(name for name in self.parameters if name in self.assumed)
+        assumed = tuple(filter(self.assumed.__contains__, self.parameters))
         object.__setattr__(self, "assumed", assumed)
         object.__setattr__(self, "at_temperatures", self._checked_temperatures())
         for name, rule in FIBRES.items():
@@ -141,14 +126,13 @@ class Law(Material, Energy):
         if self.fibre_density is not None and not self.fibre_density > self._fibre_mass:
             raise InputError(
                 f"fibre_density is {self.fibre_density:g} g/cm3; allowed is more than the "
-                f"{self._fibre_mass:g} g of fibres in 1 cm3 of fabric, as they do not fill all of "
-                "it (`fibre_share` is theirs of a fabric that brings its matrix)"
+                f"{self._fibre_mass:g} g of fibres in 1 cm3 of fabric (by `fibre_share`, if it has "
+                "a matrix)"
             )
 
     @property
     def _fibre_mass(self):
-        """That of the fibres, per volume of fabric [g/cm3]."""
-        return self.density * (self.fibre_share or 1.0)
+        return self.density * (self.fibre_share or 1.0)  # per volume of fabric [g/cm3]
 
     def _checked_temperatures(self):
         tables = {FINITE.check("temperature", t): at for t, at in self.at_temperatures.items()}
@@ -170,29 +154,22 @@ class Law(Material, Energy):
         return own | dict.fromkeys(cls.factors, POSITIVE)
 
     def _measured(self):
-        """The temperatures that are known, and the fabric at each."""
-        plain = dataclasses.replace(self, at_temperatures={})
-        return [*self.at_temperatures], [
-            Material.changed(plain, numbers) for numbers in self.at_temperatures.values()
-        ]
+        plain, at = dataclasses.replace(self, at_temperatures={}), self.at_temperatures
+        return [*at], [Material.changed(plain, numbers) for numbers in at.values()]
 
     def check_temperatures(self, temperatures: Number | None) -> list[float]:
         """The temperatures [deg C]; InputError for one beyond those that are known, without such,
         and for None where there are some."""
         known = [*self.at_temperatures]
         given: list = [None] if temperatures is None else np.ravel(temperatures).tolist()
-        if not known:
-            raise InputError(
-                f"`temperature` is given, and material {self.label} has no numbers at temperatures,"
-                " [[at]]; allowed is none"
-            )
-        beyond = [t for t in given if t is None or not known[0] <= t <= known[-1]]
-        if beyond:
-            value = "missing" if beyond[0] is None else f"{beyond[0]:g}"
-            raise InputError(
-                f"`temperature` is {value}; allowed is from {known[0]:g} to {known[-1]:g} "
-                f"deg C, where numbers of {self.label} are known"
-            )
+        for t in given:
+            if not known or t is None or not known[0] <= t <= known[-1]:
+                value = "missing" if t is None else f"{t:g}"
+                ends = f"from {known[0]:g} to {known[-1]:g} deg C" if known else "none"
+                raise InputError(
+                    f"`temperature` is {value}; allowed is {ends}, as material {self.label} has "
+                    f"{'' if known else 'no '}numbers at temperatures, [[at]]"
+                )
         return given
 
     def at(self, temperature: float | None) -> Self:
@@ -238,19 +215,16 @@ class Law(Material, Energy):
         return tuple(self.rules)
 
     def assumed_values(self) -> dict[str, str]:
-        units = {name: OWN.get(rule.unit, "") for name, rule in self.numbers().items()}
-        return {
-            name: " and ".join(f"{value:g} {units[name]}".strip() for value in self.values(name))
-            for name in self.assumed
-            if self._acts(name)
-        }
+        values = {}
+        for name in filter(self._acts, self.assumed):
+            unit = OWN.get(self.numbers()[name].unit, "")
+            values[name] = " and ".join(f"{v:g} {unit}".strip() for v in self.values(name))
+        return values
 
     def _acts(self, name):
-        """True if a number has an effect."""
         return True
 
     def thickness_under(self, pressure: float) -> float:
-        """Thickness of the sheet between faces that press it [MPa], in mm, by its `compaction`."""
         share = float(self.compaction.thickness(pressure)) if self.compaction else 1.0
         return share * self.thickness
 
@@ -260,9 +234,9 @@ class Law(Material, Energy):
         """Share of the volume that is fibres where the sheet is `thickness` [mm] thick and `area`
         times as large as the flat fabric; InputError without a fibre density."""
         if self.fibre_density is None:
-            allowed = "allowed is a number above 0 [g/cm3]"
-            raise InputError(f"fibre_density of material {self.label} is not known; {allowed}")
-        # as a layer without pores [mm]
+            raise InputError(
+                f"fibre_density of material {self.label} is not known; allowed is one [g/cm3]"
+            )
         fibres = self._fibre_mass / self.fibre_density * self.thickness
         return fibres / (np.asarray(thickness, float) * area)
 
@@ -274,12 +248,12 @@ class Law(Material, Energy):
     def without(self, *names: str) -> Self:
         """A copy with these couplings off; InputError for an unknown name, and for a coupling that
         the energy has: a law that can switch it off overrides this and `couplings`."""
-        off = check_couplings(names, "without")
-        if kept := [each for each in COUPLINGS if each in off and law_checks.couples(self, each)]:
-            raise InputError(
-                f"without: the energy of law {self.law} has the coupling {', '.join(kept)}, and "
-                "the law cannot switch it off; allowed is a class that has a method for it"
-            )
+        for name in sorted(check_couplings(names, "without")):
+            if law_checks.couples(self, name):
+                raise InputError(
+                    f"without: the energy of law {self.law} has the coupling {name}, and the law "
+                    "cannot switch it off; allowed is a class that has a method for it"
+                )
         return self
 
     def decoupled(self) -> Self:
@@ -289,11 +263,10 @@ class Law(Material, Energy):
     check_rest = law_checks.check_rest
 
     def plausibility_warnings(self) -> list[str]:
-        """Sentences on values that fabrics hardly have, which may be in a wrong unit: of yarns the
-        stiffness at 1 % strain."""
-        second = self.derivatives(*np.array([[0.01], [0.01], [0.0]])).second
-        along = {"stiffness along a": second[0, 0], "stiffness along b": second[2, 0]}
-        return self._implausible(along | {"stiffness in shear": self.shear_stiffness})
+        """As of `Material`, of yarns on the stiffness at 1 % strain."""
+        along_a, _, along_b, *_ = self.derivatives(*np.array([[0.01], [0.01], [0.0]])).second[:, 0]
+        values = {"stiffness along a": along_a, "stiffness along b": along_b}
+        return self._implausible(values | {"stiffness in shear": self.shear_stiffness})
 
     def _implausible(self, values):
         sheet = {name: getattr(self, name) for name in (*SHEET, *FIBRES)}
@@ -305,29 +278,27 @@ class Law(Material, Energy):
 
     def sheet_table(self) -> Document:
         """A material file's content but for the law and its numbers."""
-        numbers = {name: getattr(self, name) for name in ("name", *SHEET, *FIBRES)}
-        entries = {name: value for name, value in numbers.items() if value is not None}
-        entries |= {"assumed": list(self.assumed)} if self.assumed else {}
-        entries |= {"scatter": dict(self.scatter)} if self.scatter else {}
-        if self.at_temperatures:
-            tables_at = self.at_temperatures.items()
-            entries["at"] = [{"temperature": t} | dict(numbers) for t, numbers in tables_at]
+        entries = {name: getattr(self, name) for name in (*SHEET, *FIBRES)}
+        entries |= {"assumed": list(self.assumed), "scatter": dict(self.scatter)}
+        tables_at = self.at_temperatures.items()
+        entries["at"] = [{"temperature": t} | dict(numbers) for t, numbers in tables_at]
         tables = {name: each.table() for name in TABLES if (each := getattr(self, name))}
-        return entries | {"compaction": False} | tables
+        written = {name: value for name, value in entries.items() if value}
+        return {"name": self.name} | written | {"compaction": False} | tables
 
     @classmethod
     def from_document(cls, document: Document, folder: Path) -> Self:
         document.pop("law", None)
-        fields = sheet_fields(cls, document, take_units(document), ("law", "units"), cls.rules)
-        return cls(**fields)
+        units = files.take_units(document)
+        return cls(**sheet_fields(cls, document, units, ("law", "units"), cls.rules))
 
 
 def sheet_fields(
     law: type[Law],
     document: Document,
     units: Mapping[str, str],
-    also: tuple[str, ...] = (),
-    rules: Mapping[str, Rule] | None = None,
+    also: tuple[str, ...],
+    rules: Mapping[str, Rule],
 ) -> Document:
     """The fields that every law has, and the numbers of `rules`, from what a `law` leaves of a TOML
     document; units: of its table [units], also: keys that the law took. Raises InputError by key,
@@ -337,25 +308,21 @@ def sheet_fields(
         if document.get(key) is False:
             fields[key] = document.pop(key) or None
         elif key in document:
-            fields[key] = kind.from_table(take_table(document, key), units, key)
+            fields[key] = kind.from_table(files.take_table(document, key), units, key)
     fields |= {"assumed": document.pop("assumed", ())}
-    fields |= {"scatter": read_scatter(document, law.numbers(), law.factors, units)}
-    fields |= {"at_temperatures": _read_temperatures(law, document.pop("at", []), units)}
-    keys, rules = (*also, *fields, "at", *TABLES), rules or {}
-    fields |= read_sheet_numbers(document, units, keys, {**FIBRES, **rules})[0]
+    fields |= {"scatter": files.read_scatter(document, law.numbers(), law.factors, units)}
+    at_rules, at = {"temperature": FINITE} | dict(law.rules_at_temperatures()), {}
+    for k, table in enumerate(document.pop("at", []), 1):
+        numbers = read_numbers(files.take_table({"at": table}, "at"), at_rules, units, f"at.{k}.")
+        check_complete(numbers, ["temperature"], f"at.{k}.", "in each [[at]]")
+        if (temperature := numbers.pop("temperature")) in at:
+            raise InputError(f"at.{k}.temperature is {temperature:g} again; allowed is another one")
+        at[temperature] = numbers
+    fields["at_temperatures"] = at
+    keys = (*also, *fields, "at", *TABLES)
+    fields |= files.read_sheet_numbers(document, units, keys, {**FIBRES, **rules})[0]
     check_complete(fields, (*SHEET, *rules), "", "at the top of the file")
     return fields
-
-
-def _read_temperatures(law, tables, units):
-    """{temperature: {name: value}} of the tables [[at]]."""
-    rules = {"temperature": FINITE} | dict(law.rules_at_temperatures())
-    found = {}
-    for k in range(1, len(tables) + 1):
-        numbers = read_numbers(take_table({"at": tables[k - 1]}, "at"), rules, units, f"at.{k}.")
-        check_complete(numbers, ["temperature"], f"at.{k}.", "in each [[at]]")
-        found[numbers.pop("temperature")] = numbers
-    return found
 
 
 def numbers_of(law: Parameters) -> list[float]:

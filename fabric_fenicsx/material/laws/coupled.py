@@ -23,48 +23,17 @@ from ..files import OWN_UNITS, Document, read_numbers, take_table, take_units
 from ..functions import exp, negative, positive
 from ..hyperdual import Number
 from ..law_checks import COUPLINGS, check_couplings
-from ..material import Parameters
+from ..material import Parameters, parameter, parameters
 from .base import Law, sheet_fields
 
-YARN: dict[str, Rule] = {
-    "a": not_negative("stress"),
-    "b": above_zero("stress"),
-    "d": above_zero("stress"),
-    "p_min": fraction(),
-    "c": not_negative(),
-    "s_T": not_negative("stress"),
-    "s_C": not_negative(),
-}
-SHEAR: dict[str, Rule] = {
-    "s1": above_zero("stress"),
-    "s2": of_either_sign("stress"),
-    "s3": not_negative("stress"),
-}
 
-
+@parameters
 @dataclass(frozen=True, kw_only=True)
 class Yarn(Parameters):
     """The seven parameters of one yarn direction.
 
-    Only b and d are needed: by default there is no cubic term and no coupling.
-
-    Parameters
-    ----------
-    a, b : float
-        Cubic and quadratic term of the energy in tension [MPa], eqs (15), (16).
-    d : float
-        Compression [MPa], eqs (22), (23).
-    p_min, c : float
-        Floor, 0 to 1, and rate of the biaxial coupling [-], eqs (17), (18).
-    s_T : float
-        Tension-shear coupling [MPa], eqs (26), (27).
-    s_C : float
-        Compression-shear coupling [-], eqs (28), (29).
-
-    Raises
-    ------
-    InputError
-        For a value out of its range.
+    Only b and d are needed: by default there is no cubic term and no coupling. Raises InputError
+    for a value out of its range.
 
     Examples
     --------
@@ -72,38 +41,35 @@ class Yarn(Parameters):
     0.0
     """
 
-    rules = YARN
-
-    a: float = 0.0
-    b: float
-    d: float
-    p_min: float = 0.0
-    c: float = 0.0
-    s_T: float = 0.0
-    s_C: float = 0.0
-
     prefix = "Yarn."
 
+    a: float = parameter(not_negative("stress"), "cubic term in tension [MPa], eqs (15), (16)", 0.0)
+    b: float = parameter(above_zero("stress"), "quadratic term in tension [MPa], eqs (15), (16)")
+    d: float = parameter(above_zero("stress"), "compression [MPa], eqs (22), (23)")
+    p_min: float = parameter(fraction(), "floor of the biaxial coupling [-], eqs (17), (18)", 0.0)
+    c: float = parameter(not_negative(), "rate of the biaxial coupling [-], eqs (17), (18)", 0.0)
+    s_T: float = parameter(not_negative("stress"), "tension-shear [MPa], eqs (26), (27)", 0.0)
+    s_C: float = parameter(not_negative(), "compression-shear coupling [-], eqs (28), (29)", 0.0)
 
+
+YARN: dict[str, Rule] = {**Yarn.rules}
+
+
+@parameters
 @dataclass(frozen=True)
 class WovenFabric(Law):
     """A woven fabric with biaxial and normal-shear couplings, in 17 parameters.
+
+    Raises InputError for a value out of its range.
 
     Parameters
     ----------
     warp, weft : Yarn
         Yarns along a0 and b0, the same one twice in a balanced fabric.
-    s1, s2, s3 : float
-        Shear stress over shear angle [MPa], eqs (24), (25).
     couplings : collection of str
         Those that are on, any of `biaxial`, `tension_shear`, `compression_shear`.
     thickness, density, name, compaction, fibre_density, fibre_share, assumed
         As in `Law`.
-
-    Raises
-    ------
-    InputError
-        For a value out of its range.
 
     References
     ----------
@@ -122,14 +88,13 @@ class WovenFabric(Law):
     """
 
     law = "coupled"
-    rules = SHEAR
-    factors = {"shear_factor": tuple(SHEAR), "yarn_factor": ("warp", "weft")}
+    factors = {"shear_factor": ("s1", "s2", "s3"), "yarn_factor": ("warp", "weft")}
 
     warp: Yarn
     weft: Yarn
-    s1: float
-    s2: float = 0.0
-    s3: float = 0.0
+    s1: float = parameter(above_zero("stress"), "shear stress over its angle [MPa], eqs (24), (25)")
+    s2: float = parameter(of_either_sign("stress"), "the same over its square [MPa]", 0.0)
+    s3: float = parameter(not_negative("stress"), "the same over its cube [MPa]", 0.0)
     couplings: frozenset[str] = frozenset(COUPLINGS)
 
     def __post_init__(self) -> None:
@@ -163,7 +128,6 @@ class WovenFabric(Law):
         return self.warp == self.weft
 
     def _yarns(self):
-        """The yarns by their tables in a file."""
         return {"yarns": self.warp} if self.is_balanced else {"warp": self.warp, "weft": self.weft}
 
     def energy(self, eps_a: Number, eps_b: Number, gamma: Number) -> tuple[Number, ...]:
@@ -294,7 +258,6 @@ class WovenFabric(Law):
         return k, k1 * k, (6 * y.s_C * (m * slope**2 + m2) + k1**2) * k
 
     def plausibility_warnings(self) -> list[str]:
-        """Sentences on a thickness, density, b or s1 that fabrics hardly have."""
         values = {f"b of {name}": yarn.b for name, yarn in self._yarns().items()}
         return self._implausible(values | {"s1": self.s1})
 
@@ -309,18 +272,16 @@ class WovenFabric(Law):
         return changes
 
     def table(self) -> Document:
-        table = self.sheet_table()
-        table["couplings"] = [name for name in COUPLINGS if name in self.couplings]
-        table["units"] = OWN_UNITS
-        table |= {key: dataclasses.asdict(yarn) for key, yarn in self._yarns().items()}
-        table |= {"shear": {name: getattr(self, name) for name in SHEAR}}
-        more = {name: getattr(self, name) for name in self._added()}  # of a law made from this one
         own = {"law": self.law} if self.law != WovenFabric.law else {}
-        return own | more | table
+        own |= {name: getattr(self, name) for name in self._added()}  # of a law made from this one
+        couplings = [name for name in COUPLINGS if name in self.couplings]
+        tables = {key: dataclasses.asdict(yarn) for key, yarn in self._yarns().items()}
+        tables["shear"] = {name: getattr(self, name) for name in SHEAR}
+        sheet = self.sheet_table() | {"couplings": couplings, "units": OWN_UNITS}
+        return own | sheet | tables
 
     @classmethod
     def _added(cls):
-        """Names of the fields that a subclass adds."""
         inherited = {each.name for each in dataclasses.fields(WovenFabric)}
         return [each.name for each in dataclasses.fields(cls) if each.name not in inherited]
 
@@ -329,10 +290,10 @@ class WovenFabric(Law):
         document.pop("law", None)
         tables = {key: take_table(document, key) for key in ("yarns", "warp", "weft", "shear")}
         units = take_units(document)
-        own = ("couplings", *cls._added())
-        couplings = {key: document.pop(key) for key in own if key in document}
-        fields = sheet_fields(cls, document, units, ("law", "couplings", "units", *tables))
-        fields |= couplings | read_numbers(tables.pop("shear"), SHEAR, units, "shear.")
+        own = {key: document.pop(key) for key in ("couplings", *cls._added()) if key in document}
+        also = "law", "couplings", "units", *tables
+        fields = own | sheet_fields(cls, document, units, also, {})
+        fields |= read_numbers(tables.pop("shear"), SHEAR, units, "shear.")
         check_complete(fields, SHEAR, "shear.", "in [shear]")
         numbers = {key: read_numbers(t, YARN, units, f"{key}.") for key, t in tables.items()}
         for direction in ("warp", "weft"):
@@ -341,3 +302,6 @@ class WovenFabric(Law):
             check_complete(yarn, YARN, f"{table}.", f"in [yarns] or [{direction}]")
             fields[direction] = Yarn(**yarn)
         return cls(**fields)
+
+
+SHEAR: dict[str, Rule] = {**WovenFabric.rules}

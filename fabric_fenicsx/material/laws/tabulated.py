@@ -15,7 +15,7 @@ from ...readers.text_tables import columns_of, read_lines, table_of
 from ...readers.units import ANGLE, STRAIN, stresses
 from ...runtime.errors import InputError
 from ...runtime.formatting import percent
-from ...runtime.rules import shown
+from ...runtime.rules import check_complete, shown
 from ..energy import Derivatives, Range
 from ..files import Document, take_units
 from ..functions import where
@@ -23,7 +23,6 @@ from ..hyperdual import Number
 from ..material import Parameters
 from .base import Law, sheet_fields
 
-MIN_POINTS = 3
 # in a file: compiling the form takes the square of their number, half a minute at 100
 MAX_POINTS = 40
 _BEYOND = {
@@ -58,10 +57,8 @@ class Curve(Parameters):
                     f"point {k + 1} is ({e:.6g}, {stress:.6g}); allowed are rising strains, and "
                     "stresses of their sign"
                 )
-        if len(x) < MIN_POINTS or (0.0, 0.0) not in zip(x, y):
-            raise InputError(
-                f"the curve has {len(x)} points; allowed is {MIN_POINTS} or more, with (0, 0)"
-            )
+        if len(x) < 3 or (0.0, 0.0) not in zip(x, y):
+            raise InputError(f"the curve has {len(x)} points; allowed is 3 or more, with (0, 0)")
         if self.extrapolation not in _BEYOND:
             raise InputError(
                 f"extrapolation is {shown(self.extrapolation)}; allowed is {' or '.join(_BEYOND)}"
@@ -120,6 +117,8 @@ class Curve(Parameters):
 class TabulatedFabric(Law):
     """A fabric without couplings, from curves of its warp, its weft and its shear.
 
+    Raises InputError for a shear table that begins below 0, and for a value out of its range.
+
     Parameters
     ----------
     warp, weft : Curve
@@ -128,11 +127,6 @@ class TabulatedFabric(Law):
         Shear stress [MPa] over shear angle [rad] from 0 on; the other sense is its mirror image.
     thickness, density, name, compaction, fibre_density, fibre_share, assumed
         As in `Law`.
-
-    Raises
-    ------
-    InputError
-        For a shear table that begins below 0, and for a value out of its range.
 
     Examples
     --------
@@ -177,71 +171,60 @@ class TabulatedFabric(Law):
         return Derivatives(np.stack([A, B, H], -1), np.stack([A_a, B_b, H_g]), tangent)
 
     def ranges(self) -> tuple[Range, ...]:
-        curves = [(name, strain, getattr(self, name)) for name, strain in self.strain_of.items()]
-        lows = [c.x[0] if c.x[0] < 0 else -math.inf for *_, c in curves]
-        return tuple(
-            Range(strain, f"the table of {name}", low, c.x[-1], _BEYOND[c.extrapolation])
-            for (name, strain, c), low in zip(curves, lows)
-        )
+        ranges = []
+        for name, strain in self.strain_of.items():
+            (first, *_, last), beyond = getattr(self, name).x, getattr(self, name).extrapolation
+            low = first if first < 0 else -math.inf
+            ranges.append(Range(strain, f"the table of {name}", low, last, _BEYOND[beyond]))
+        return tuple(ranges)
 
     def plausibility_warnings(self) -> list[str]:
         warnings = super().plausibility_warnings()
         for name in self.strain_of:
             curve, table = getattr(self, name), f"the table of {name} of material {self.name}"
             if name != "shear" and curve.x[0] == 0:
-                warnings.append(
-                    f"{table} begins at 0, so the yarns have no stress and no stiffness in "
-                    "compression; rows below 0 would give them one"
-                )
+                warnings.append(f"{table} begins at 0: yarns have no stiffness in compression")
             for k in np.flatnonzero(np.diff(curve.y) < 0)[:1]:
                 x = curve.x[k]
                 start = f"{math.degrees(x):.4g} deg" if name == "shear" else percent(x, 4)
-                warnings.append(
-                    f"{table} falls from {start} on, where the fabric is unstable: strains gather "
-                    "in rows of cells"
-                )
+                warnings.append(f"{table} falls from {start} on, where the fabric is unstable")
         return warnings
 
     def table(self) -> Document:
         """The curves and the sheet; a material file names CSV files in the place of the points."""
-        tables = {}
-        for name, curve in ((name, getattr(self, name)) for name in self.strain_of):
+        tables: Document = {"model": "fabric", **self.sheet_table()}
+        for name in self.strain_of:
+            curve = getattr(self, name)
             points = {"x": list(curve.x), "y": list(curve.y)}
             tables[name] = points | {"extrapolation": curve.extrapolation}
-        return {"model": "fabric"} | self.sheet_table() | tables
+        return tables
 
     @classmethod
     def from_document(cls, document: Document, folder: Path) -> Self:
         """The fabric of a TOML document in `folder`, in which `warp`, `weft` and `shear` are CSV
         files with the headers `eps [%], sigma [MPa]` and `gamma [deg], tau [MPa]`, or such."""
-        own = {
-            key: document.pop(key, None)
-            for key in ("law", "model", "extrapolation", *cls.strain_of)
-        }
-        fields = sheet_fields(cls, document, take_units(document), tuple(own))
+        keys = "law", "model", "extrapolation", *cls.strain_of
+        own = {key: document.pop(key) for key in keys if key in document}
+        fields = sheet_fields(cls, document, take_units(document), keys, {})
+        check_complete(own, cls.strain_of, "", "CSV files beside this one")
+        stress, beyond = stresses(fields["thickness"]), own.get("extrapolation", "constant")
+        yarn, shear = {"eps": STRAIN, "sigma": stress}, {"gamma": ANGLE, "tau": stress}
         for key in cls.strain_of:
-            if own[key] is None:
-                raise InputError(f"missing {key}; allowed is a CSV file beside this one")
-            stress = stresses(fields["thickness"])
-            yarn, shear = {"eps": STRAIN, "sigma": stress}, {"gamma": ANGLE, "tau": stress}
-            curve = read_table(folder / own[key], shear if key == "shear" else yarn)
-            if own["extrapolation"] is not None:
-                curve = dataclasses.replace(curve, extrapolation=own["extrapolation"])
-            fields[key] = curve
+            fields[key] = read_table(folder / own[key], shear if key == "shear" else yarn, beyond)
         return cls(**fields)
 
 
-def read_table(path: Path, columns: Mapping[str, Mapping]) -> Curve:
+def read_table(
+    path: Path, columns: Mapping[str, Mapping], extrapolation: str = "constant"
+) -> Curve:
     """The curve in a CSV file with two `columns`, {name: factors of its units}, in any order.
     InputError by file and row."""
     try:
         table = table_of(read_lines(path), columns.__contains__)
         x, y = columns_of(table, columns).values()
         if len(x) > MAX_POINTS:
-            raise InputError(
-                f"has {len(x)} points; allowed are {MIN_POINTS} to {MAX_POINTS}, so thin it out"
-            )
-        return Curve(tuple(x.tolist()), tuple(y.tolist()))
+            raise InputError(f"has {len(x)} points; allowed are up to {MAX_POINTS}: thin it out")
+        return Curve(tuple(x.tolist()), tuple(y.tolist()), extrapolation)
     except InputError as error:
         message = str(error)
         if match := re.match(r"point (\d+)", message):
