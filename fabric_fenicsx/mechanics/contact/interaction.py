@@ -14,7 +14,7 @@ from ..term import NO_TANGENT, Term, Triplets
 from .coulomb import Friction, friction_law
 from .friction import FrictionState, SlipMap
 from .nodes import Nodes
-from .pressure_law import SheetFace
+from .pressure_law import FaceLaw
 from .slip_maps import ToolSlip
 
 
@@ -39,7 +39,7 @@ class Interaction(Term):
 
     friction_state: FrictionState | None = None
     depth = energy_correction = np.zeros(0)
-    face = SheetFace()
+    face = FaceLaw()
     _sliding: Callable[[], SlipMap]
     _stiffness_of_cells: Callable[[], float | np.ndarray]
     _update_pressing: Callable[[], bool]
@@ -104,7 +104,7 @@ class Interaction(Term):
         return np.asarray(self.face.thickness)
 
     def _penetrated(self):
-        return np.where(self.face.law.is_rigid, self.depth, 0.0)
+        return np.where(self.face.is_rigid, self.depth, 0.0)
 
     def _largest(self, values):
         return self.blank.mesh.comm.allreduce(float(values.max(initial=0.0)), MPI.MAX)

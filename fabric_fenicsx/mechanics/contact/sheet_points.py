@@ -11,7 +11,7 @@ from ...sheets.blank import Blank, Part
 from ..shell.morley import Where
 from .faces import Corners, Face
 from .nodes import Nodes
-from .pressure_law import SheetFace
+from .pressure_law import FaceLaw
 from .relative_motion import RelativeMotion
 
 POINTS = {1: 1, 3: 2, 6: 4}  # of a cell: degree that they integrate exactly
@@ -83,7 +83,7 @@ class SheetPoints:
         lower: Part,
         upper: Part,
         rule: int,
-        faces: Sequence[SheetFace],
+        faces: Sequence[FaceLaw],
         symmetric: Sequence[Where],
     ) -> None:
         self.parts, self.faces = (lower, upper), faces

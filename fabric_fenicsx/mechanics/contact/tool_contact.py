@@ -21,7 +21,7 @@ from .force_balance import Resistance, find_balance
 from .interaction import ToolInteraction
 from .nodes import Nodes
 from .pressing import Pressed, press, with_secant_stiffness
-from .pressure_law import PENETRATION, SMOOTHING, SheetFace, face_of, rigid_face
+from .pressure_law import PENETRATION, SMOOTHING, FaceLaw, face_of, rigid_face
 from .thickness import PlyThickness
 
 
@@ -123,13 +123,13 @@ class Contact(ToolInteraction):
                 f"contact with {self.tool.name} needs a {'penalty' if t else 'thickness'}, a "
                 "number above 0, as no term of the scene has a fabric or metal for each sheet"
             )
-        return SheetFace.of_points(faces, which)
+        return FaceLaw.of_points(faces, which)
 
     def _press_on(self, areas, correction):
         """Press on areas (nodes,) [mm^2], where a sheet may be thicker as they shrink."""
         self.areas, self.energy_correction, self._found = areas, correction, None
         self.face = self._flat
-        if self._flat.thickening.any():
+        if np.any(self._flat.thickening):
             ratios = np.where(areas > 0, areas / np.maximum(self.nodes.areas, 1e-300), 1.0)
             self.face = self._flat.grown(ratios**-self._flat.thickening)
 
@@ -148,7 +148,7 @@ class Contact(ToolInteraction):
         nearest = self._nearest(x)
         gap = nearest.gap - self.thickness / 2
         gap[~self.nodes.own] = np.inf
-        return press(self.face.law, self.areas, gap, nearest.normal, nearest.curvature)
+        return press(self.face, self.areas, gap, nearest.normal, nearest.curvature)
 
     def _nearest(self, x):
         off = x - self.tool.displacement
@@ -214,12 +214,12 @@ class Contact(ToolInteraction):
 
     def depth_under(self, pressure: float) -> np.ndarray:
         """Depth of the tool in the face at each node under a pressure [MPa], (nodes,) [mm]."""
-        return np.broadcast_to(self.face.law.depth(np.array(pressure)), self.nodes.count)
+        return np.broadcast_to(self.face.depth(np.array(pressure)), self.nodes.count)
 
     def pressed_by(self, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Depths in the face [mm] and energies [N mm] under forces on the nodes [N], (nodes,)."""
-        depth = np.array(self.face.law.depth(forces / np.maximum(self.areas, 1e-300)))
-        return depth, self.areas * self.face.law(depth)[0]
+        depth = np.array(self.face.depth(forces / np.maximum(self.areas, 1e-300)))
+        return depth, self.areas * self.face(depth)[0]
 
     def nearest(self, x: np.ndarray, exact: np.ndarray) -> Nearest:
         """Of the tool at places x (nodes, 3) [mm]: as far off as it may be where `exact` (nodes,)
@@ -241,7 +241,7 @@ class Contact(ToolInteraction):
         """See `Term` and `with_secant_stiffness`, until the sheet moves."""
         now, others = self.state(), f[: 3 * self.nodes.count].reshape(-1, 3)
         missing = (others * now.normal).sum(1) / np.maximum(self.areas, 1e-300)
-        now = with_secant_stiffness(self.face.law, self.areas, now, missing)
+        now = with_secant_stiffness(self.face, self.areas, now, missing)
         self._found = self.nodes.displacement(), now
 
     def compliance(self) -> tuple[np.ndarray, float] | None:
@@ -336,7 +336,7 @@ class Contact(ToolInteraction):
 
     def penetration(self) -> float:
         """Largest depth of the tool in rigid faces in the present state, of all ranks [mm]."""
-        return self._largest(np.where(self.face.law.is_rigid, -self.state().gap, 0.0))
+        return self._largest(np.where(self.face.is_rigid, -self.state().gap, 0.0))
 
     def where_deepest(self) -> str:
         depth, places = self._penetrated(), self.nodes.places
@@ -345,7 +345,7 @@ class Contact(ToolInteraction):
         return f"{self.tool.name} at {of_sheet(place[:2] if self.blank.is_flat() else place)}"
 
     def cell_fields(self) -> dict[str, Value]:
-        lost = np.where(self.face.law.is_rigid, 0.0, np.maximum(0.0, -self.state().gap))
+        lost = np.where(self.face.is_rigid, 0.0, np.maximum(0.0, -self.state().gap))
         return self.plies.fields(self.blank.cell_means(lost))
 
     def nodal_fields(self) -> dict[str, Value]:
