@@ -48,11 +48,9 @@ class _DeadLoad(Term):
         self.accept()
 
     def set_load(self, load: float) -> None:
-        """Set the load factor."""
         self._load, self._now = load, self._size(load)
 
     def accept(self) -> None:
-        """Count `work` from the present state."""
         self._work.accept(*self._state())
 
     def reject(self) -> None:

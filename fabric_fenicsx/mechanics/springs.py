@@ -163,11 +163,9 @@ class Springs(Term):
         return self.blank.mesh.comm.allreduce(on_frame, MPI.SUM) @ self.blank.frame
 
     def history(self) -> dict[str, Value]:
-        """The sum of the pulls, NAME_pull_N."""
         return {f"{'_'.join(self.name.split())}_pull_N": total(self.pull())}
 
     def summary(self) -> dict[str, Value]:
-        """Pull, force and the longest elongation, under the name of these springs."""
         longer = (self._now()[1] - self._lengths).max(initial=-np.inf)
         facts = {
             "pull_N": self.pull(),

@@ -59,7 +59,6 @@ class Interaction(Term):
         return stretching_stiffness(scene, part)
 
     def _coefficient(self, law):
-        """Friction coefficient of all points, or of each."""
         return law.coefficient
 
     def _of_place(self, field, x, sheet=""):
@@ -70,7 +69,6 @@ class Interaction(Term):
         return values
 
     def _start_friction(self):
-        """Begin friction in the present state."""
         if self.coulomb:
             # 0.05 of the sheets': forces of a stuck one grow to their full size over three cells
             stiffness = 0.0 if self.coulomb.slip else 0.05 * self._stiffness_of_cells()
@@ -119,7 +117,6 @@ class Interaction(Term):
         return self._update_friction(self.normal_forces()) or changed
 
     def _update_friction(self, normal_forces):
-        """Let friction follow these normal forces, if needed; true if it did."""
         state = self.friction_state
         return state.update(normal_forces, self._sliding) if state else False
 
@@ -138,7 +135,6 @@ class Interaction(Term):
         return float(used / max(total, 1e-300)), float(slid / max(total, 1e-300))
 
     def summary(self) -> dict[str, Value]:
-        """The share of friction that was used, by name."""
         used = {self._rubs_on(): self.friction_used()[0]}
         return {"friction_used": joined(used)} if self.coulomb else {}
 

@@ -240,7 +240,6 @@ class SelfContact(FaceContact):
         return lost
 
     def summary(self) -> dict[str, Value]:
-        """Normal force and penetration."""
         deep = self.penetration_of_thickness()
         facts = {"normal_force_N": float(self.totals[3]), "penetration_of_thickness": deep}
         return {"self_contact": joined({self.part.name or self.blank.name: facts})}

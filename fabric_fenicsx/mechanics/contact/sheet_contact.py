@@ -182,7 +182,6 @@ class FaceContact(Interaction):
         return self._update_friction(normal_forces) or changed
 
     def _update_pressing(self):
-        """Take the faces anew, if needed."""
         before = self.faces.now
         if not self.faces.update(lambda pairs: self.points.of_all(pairs, self.state(pairs).forces)):
             return False
@@ -341,7 +340,6 @@ class SheetContact(FaceContact):
         return lost
 
     def summary(self) -> dict[str, Value]:
-        """Force, penetration and largest sliding of the pair."""
         comm, sizes = self.blank.mesh.comm, np.linalg.norm(self.sliding(), axis=1)
         pair = {
             "force_N": float(np.linalg.norm(self.totals[:3])),

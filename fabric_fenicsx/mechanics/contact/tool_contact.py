@@ -251,7 +251,6 @@ class Contact(ToolInteraction):
         return -pushed.ravel(), float(self.nodes.total(pushed) @ self.tool.direction)
 
     def set_load(self, load: float) -> None:
-        """Move the tool, from where it was in the last accepted state."""
         self._press_on(self._accepted.areas, self._accepted.correction)
         self._load = load
         self.tool.at(load)
@@ -259,7 +258,6 @@ class Contact(ToolInteraction):
         super().set_load(load)
 
     def accept(self) -> None:
-        """Take the present place of the tool as the last accepted one."""
         now = self.state()
         self.undefined_at = ""  # where the tool's surface gave no number since
         travel, correction = self.tool.travel, self.energy_correction

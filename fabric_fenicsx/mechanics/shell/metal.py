@@ -126,18 +126,15 @@ class SheetMetal(Term):
 
     @property
     def material(self) -> Metal:
-        """The metal."""
         return self.metal
 
     def accept(self) -> None:
-        """Keep elastic and plastic strains, and take places through the thickness anew."""
         state = self._state()
         self._elastic = state.response.elastic.reshape(self._elastic.shape)
         self._plastic = state.response.plastic.reshape(self._plastic.shape)
         self._count_from(state.shape)
 
     def stored(self) -> float:
-        """Elastic energy and dissipation of this rank's cells [N mm]."""
         return sum(self.energies().values())
 
     def energies(self) -> dict[str | None, float]:
@@ -180,7 +177,6 @@ class SheetMetal(Term):
         self._stencil.add_difference(*self._linear, v, f)
 
     def _sections(self, state):
-        """As `metal_cells.sections`."""
         strain, response = state.strain, state.response
         first = strain.first @ MEAN_AND_SHEARS
         second = MEAN_AND_SHEARS.T @ strain.second(2 * response.stress) @ MEAN_AND_SHEARS
@@ -238,7 +234,6 @@ class SheetMetal(Term):
         return self._thickness(state.shape, elastic)
 
     def _of_cells(self, values):
-        """Values (triangles,) as rows of the cells (cells, per cell)."""
         return values.reshape(-1, self._stencil.cells.per_cell)
 
     def _thickness(self, shape, elastic):
@@ -253,7 +248,6 @@ class SheetMetal(Term):
         self._now: _State | None = None
 
     def _state(self):
-        """The state at the present displacement, computed once."""
         U = self._stencil.displacement()
         if self._now is None or not np.array_equal(U, self._now.U):
             shape = self._stencil.shape(U)

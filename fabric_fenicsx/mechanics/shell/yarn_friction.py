@@ -59,7 +59,6 @@ class YarnsRubbing(Energy):
         return self._friction.respond(self._gamma(), self._known()[..., :-1])
 
     def accept(self) -> None:
-        """Keep the sliding, and what it has dissipated."""
         now, known = self.response(), self._known()
         dissipated = known[..., -1:] + now.dissipated[..., None]
         self._set(np.concatenate([now.sliding, dissipated], -1))
@@ -70,7 +69,6 @@ class YarnsRubbing(Energy):
         return self._part.rows(known.reshape(-1, known.shape[-1]), known.shape[1])
 
     def recall(self, rows: np.ndarray) -> None:
-        """Take back what `memory` gave."""
         self._set(rows[self._part.cells].reshape(self._known().shape))
 
     def _known(self):
