@@ -13,7 +13,7 @@ from ...runtime.rules import ABOVE_ZERO_OR_INF, FROM_ZERO
 from ...tools.primitives import Plane
 from ...tools.tool import Tool
 from ...tools.values import checked_vector
-from ..load import at_load, check_over_load
+from ..load import at_load
 from ..output import Value
 from ..term import SceneFacts
 from ..term_checks import bind
@@ -96,7 +96,7 @@ class BlankHolderPressure(ToolInteraction):
         friction: Friction = 0.0,
         borne: Callable[[np.ndarray], np.ndarray] | None = None,
     ) -> None:
-        check_over_load(self.PRESSURE, FROM_ZERO, pressure)
+        at_load(self.PRESSURE, FROM_ZERO, pressure, 0.0)
         if lag is not None:
             lag = ABOVE_ZERO_OR_INF.check(f"lag of the {self.name}", lag)
         self.under, self.lag, self._against = under, lag, list(against)
