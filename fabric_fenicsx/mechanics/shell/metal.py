@@ -220,18 +220,14 @@ class SheetMetal(Term):
             self._of_cells(values).mean(1)
             for values in (self.thickness(), stress[:, -1], stress[:, 0])
         )
-        return {
-            "equivalent_plastic_strain": on_part(self.part, strain, "-"),
-            "metal_thickness": on_part(self.part, thickness, "mm"),
-            "von_mises_top": on_part(self.part, top, "MPa"),
-            "von_mises_bottom": on_part(self.part, bottom, "MPa"),
-        }
+        fields = {"equivalent_plastic_strain": (strain, "-"), "metal_thickness": (thickness, "mm")}
+        fields |= {"von_mises_top": (top, "MPa"), "von_mises_bottom": (bottom, "MPa")}
+        return {name: on_part(self.part, *field) for name, field in fields.items()}
 
     def thickness(self) -> np.ndarray:
         """Present thickness of the flat triangles of this rank's cells, (triangles,) [mm]."""
         state = self._state()
-        elastic = state.response.elastic.reshape(self._elastic.shape)
-        return self._thickness(state.shape, elastic)
+        return self._thickness(state.shape, state.response.elastic.reshape(self._elastic.shape))
 
     def _of_cells(self, values):
         return values.reshape(-1, self._stencil.cells.per_cell)
