@@ -59,15 +59,6 @@ def thickness_shares_at_nodes(scene: SceneFacts) -> np.ndarray:
     return shares
 
 
-def materials_at_nodes(scene: SceneFacts) -> tuple[list[Material], np.ndarray] | None:
-    """Materials of the parts, and which each owned node has (nodes,); None if one is not known."""
-    parts, which = sheets_of(scene.blank), np.zeros(scene.blank.whole.nodes.size, dtype=int)
-    materials = [each for part in parts if (each := material_of(scene, part))]
-    for number, part in enumerate(parts):
-        which[part.nodes] = number
-    return (materials, which) if len(materials) == len(parts) else None
-
-
 def stretching_stiffness(scene: SceneFacts, part: Part) -> float:
     """Tension over the strain of a part that is stretched, or shortened, by 1e-4 along all
     directions, 0 without a strain energy [N/mm]: of an isotropic sheet E t / (1 - nu)."""

@@ -11,7 +11,7 @@ from ...runtime.rules import POSITIVE
 from ...tools.checks import check_start
 from ...tools.surfaces import Nearest
 from ...tools.tool import Tool
-from ..materials import materials_at_nodes, thickness_shares_at_nodes
+from ..materials import material_of, sheets_of, thickness_shares_at_nodes
 from ..output import Value, largest, least, total
 from ..shell.morley import Where
 from ..term import SceneFacts
@@ -111,18 +111,21 @@ class Contact(ToolInteraction):
         self._start_friction()
 
     def _face_at_nodes(self, scene):
-        t, k = self._given.values()
-        materials, which = materials_at_nodes(scene) or ([], np.zeros(self.nodes.count, int))
-        radius = min(self.tool.surface.radii)
-        materials = [each.replace(thickness=t or each.thickness) for each in materials]
-        faces = [face_of(each, radius, k) for each in materials]
-        if not faces and t and k:
-            faces = [rigid_face(t, k)]
-        if not faces:
-            raise InputError(
-                f"contact with {self.tool.name} needs a {'penalty' if t else 'thickness'}, a "
-                "number above 0, as no term of the scene has a fabric or metal for each sheet"
-            )
+        (t, k), parts = self._given.values(), sheets_of(self.blank)
+        radius, which = min(self.tool.surface.radii), np.zeros(self.nodes.count, int)
+        faces = []
+        for number, part in enumerate(parts):
+            which[part.nodes] = number
+            if material := material_of(scene, part):
+                material = material.replace(thickness=t or material.thickness)
+                faces.append(face_of(material, radius, k))
+        if len(faces) < len(parts):
+            if not (t and k):
+                raise InputError(
+                    f"contact with {self.tool.name} needs a {'penalty' if t else 'thickness'}, a "
+                    "number above 0, as no term of the scene has a fabric or metal for each sheet"
+                )
+            faces, which = [rigid_face(t, k)], 0 * which
         return FaceLaw.of_points(faces, which)
 
     def _press_on(self, areas, correction):

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from mpi4py import MPI
 
-from ...material import kernel, stability
+from ...material import stability
 from ...material.strains import nominal_strain
 from ...runtime.formatting import of_sheet, percent, rounded
 from ...sheets.part import MAX_OFF_YARNS
@@ -53,9 +53,9 @@ def locking_warning(membrane: Membrane) -> str:
     Yarns hardly stretch. Cells without edges along both yarns can still only shear if they stretch
     yarns, and neighbours do so in opposite directions. The energy of this is the measure of
     locking: the strain energy less that of strains which are smoothed over neighbouring cells, at
-    the same shear angles. Quadratic cells that yarns cross at a small angle take some of it, too.
-    A sheet whose whole energy is that of yarns strained by 1e-4 is not doubted: pressed flat, it
-    has no other strains than those of cells.
+    the same shear angles. Quadratic cells that yarns cross at a small angle take some of it, too. A
+    sheet whose whole energy is that of yarns strained by 1e-4 is not doubted: pressed flat, it has
+    no other strains than those of cells.
     """
     blank, inner = membrane.blank, membrane.integration == "inner"
     share, plane = alternating_energy(membrane), blank.mesh.geometry.dim == 2
@@ -104,7 +104,6 @@ def _is_at_rest(membrane):
 def alternating_energy(membrane: Membrane) -> float:
     """Share of the strain energy that goes when yarn strains are smoothed over neighbours."""
     blank, state = membrane.blank, membrane.state()[0]
-    _, b, _ = membrane.at_points()
     stretches, gamma = np.sqrt(state.invariants[..., [0, 2]]), state.invariants[..., 3]
     cells = membrane.part.cells
     corners, nodes = blank.corners()[cells], blank.cell_nodes[cells]
@@ -119,20 +118,11 @@ def alternating_energy(membrane: Membrane) -> float:
         return blank.summed(np.repeat(values[:, None], nodes.shape[1], 1), cells)[nodes]
 
     smooth = (at_nodes(means) / at_nodes(areas[:, None])).mean(1)[:, None]
-    before = np.arctan2(b[..., 1], b[..., 0])  # angle from yarns a to b
-
-    def energy(stretches):
-        turned = before - gamma
-        fa = np.stack([stretches[..., 0], 0 * gamma], -1)
-        fb = stretches[..., 1:] * np.stack([np.cos(turned), np.sin(turned)], -1)
-        frame = np.stack([np.broadcast_to([1.0, 0.0], b.shape), b], -1)
-        F = np.stack([fa, fb], -1) @ np.linalg.inv(frame)
-        fibres = [1.0, 0.0], b.reshape(-1, 2)
-        law, gradient = membrane.law_of_points, F.reshape(-1, 2, 2)
-        density = kernel.evaluate(law, gradient=gradient, fibres=fibres).energy
-        return float(areas @ (density.reshape(gamma.shape) @ membrane.weights))
-
-    parts = np.array([energy(stretches), energy(np.broadcast_to(smooth, stretches.shape))])
+    strains = *np.moveaxis(np.broadcast_to(smooth - 1, stretches.shape), -1, 0), gamma
+    flat = (each.ravel() for each in strains)
+    density = membrane.law_of_points.derivatives(*flat, second=False).parts.sum(-1)
+    densities = state.energy, density.reshape(gamma.shape)
+    parts = np.array([areas @ (each @ membrane.weights) for each in densities])
     whole, smoothed = blank.mesh.comm.allreduce(parts)
     return float((whole - smoothed) / whole) if whole > 0 else 0.0
 

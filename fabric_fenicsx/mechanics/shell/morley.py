@@ -153,7 +153,8 @@ class _Sides:
             found = comm.allreduce(int(on.sum()))
             off = comm.allreduce(int((flat.outward[on] @ total < 0.5).sum()))
             if not found or (is_plane and off):
-                kind, k = ("symmetric", number) if is_plane else ("clamped", number - len(symmetric))
+                kind = "symmetric" if is_plane else "clamped"
+                k = number if is_plane else number - len(symmetric)
                 fault = "sides in more than one plane" if found else "no side of the sheet's edge"
                 raise InputError(
                     f"function {k + 1} in `{kind}` of the bending of {flat.blank.name} marks "
