@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -143,11 +144,10 @@ class Assembly:
 
 
 def _summed(parts):
-    total: dict[str | None, float] = {}
+    total = Counter()
     for part in parts:
-        for kind, energy in part.items():
-            total[kind] = total.get(kind, 0.0) + energy
-    return total
+        total.update(part)
+    return dict(total)
 
 
 def _marked(form):

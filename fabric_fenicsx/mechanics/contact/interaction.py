@@ -127,10 +127,10 @@ class Interaction(Term):
     def friction_used(self) -> tuple[float, float]:
         """Means over the friction that points can bear now, of all ranks: of the largest share of
         it that was used in accepted states, and of those points that slid."""
-        state, sums = self.friction_state, np.zeros(3)
-        if state:
-            sums[:] = np.minimum(state.used, 1) @ state.limit, (state.used >= 1) @ state.limit, 0
-            sums[2] = state.limit.sum()
+        sums = np.zeros(3)
+        if state := self.friction_state:
+            shares = np.minimum(state.used, 1), state.used >= 1, np.ones(len(state.used))
+            sums = np.stack(shares) @ state.limit
         used, slid, total = self.blank.mesh.comm.allreduce(sums)
         return float(used / max(total, 1e-300)), float(slid / max(total, 1e-300))
 

@@ -97,13 +97,8 @@ class FaceLaw(NamedTuple):
         e = e / self.growth
         if self.beside:
             energy, pressure, slope = self._in_series(e, self.beside)
-        elif not np.any(self.is_rigid):
-            energy, pressure, slope = self._compacted(e)
         else:
-            energy, pressure, slope = self._rigid(e)
-            if not np.all(self.is_rigid):
-                soft = self._compacted(e)
-                energy, pressure, slope = energy + soft[0], pressure + soft[1], slope + soft[2]
+            energy, pressure, slope = map(np.add, self._rigid(e), self._compacted(e))
         return energy * self.growth, pressure, slope / self.growth
 
     def depth(self, p: np.ndarray) -> np.ndarray:
