@@ -150,8 +150,8 @@ class _Sides:
             total = comm.allreduce((flat.length[:, :, None] * flat.outward)[on].sum(0), MPI.SUM)
             is_plane = number < len(symmetric)
             total /= max(np.linalg.norm(total), 1e-300)
-            found = comm.allreduce(int(on.sum()))
-            off = comm.allreduce(int((flat.outward[on] @ total < 0.5).sum()))
+            counts = on.sum(), (flat.outward[on] @ total < 0.5).sum()
+            found, off = comm.allreduce(np.array(counts))
             if not found or (is_plane and off):
                 kind = "symmetric" if is_plane else "clamped"
                 k = number if is_plane else number - len(symmetric)
