@@ -127,6 +127,7 @@ def sections(
     return np.einsum("kcp,cpij->kcij", powers, D.reshape(*z.shape, 3, 3))
 
 
+@compiled
 def stiffness(
     shape: Shape,
     slopes: np.ndarray,
@@ -139,9 +140,38 @@ def stiffness(
     """Second derivatives of the energy for pairs of nodes (count, 3, 3) [N/mm]. places (cells, 12,
     12): which pair each pair of a cell's nodes is, -1 for those that do not count; across: as
     `sections` gives them; stretching, moments: as in `forces`."""
-    values = np.zeros((count, 3, 3))
-    add_bending(shape, moments, across[2], places, values)
-    _add_stretching(shape, slopes, stretching, across[0], across[1], places, values)
+    nodes = shape.bends.shape[2]
+    values, V = np.zeros((count, 3, 3)), np.empty((nodes, nodes, 3))
+    along, bend, mixed = np.empty((3, 3, 3)), np.empty((3, nodes)), np.empty((3, nodes))
+    for c in range(len(slopes)):
+        n, g, B, M = shape.normal[c], shape.gradients[c], shape.bends[c], moments[c]
+        pairs = places[c]
+        _stretch_along(shape.base[c], slopes[c], along)
+        _times(across[2, c], B, bend)
+        _times(across[1, c], B, mixed)
+        torque = _dot(M, shape.curvature[c])
+        # of a node's motion with another's along the normal
+        for i in range(nodes):
+            by_node = M[0] * B[0, i] + M[1] * B[1, i] + M[2] * B[2, i]
+            for j in range(nodes):
+                bent = B[0, i] * bend[0, j] + B[1, i] * bend[1, j] + B[2, i] * bend[2, j]
+                if i < 3 and j < 3:
+                    bent -= torque * _dot(g[i], g[j])
+                for x in range(3):
+                    V[i, j, x] = 0.5 * bent * n[x]
+                    if i < 3:
+                        for k in range(3):
+                            V[i, j, x] += along[k, i, x] * mixed[k, j]
+                    if j < 3:
+                        V[i, j, x] -= by_node * g[j, x]
+        for i in range(nodes):
+            for j in range(nodes):
+                if pairs[i, j] >= 0:
+                    value = values[pairs[i, j]]
+                    for x in range(3):
+                        for y in range(3):
+                            value[x, y] += V[i, j, x] * n[y] + n[x] * V[j, i, y]
+        _add_stretching(along, slopes[c], across[0, c], stretching[c], pairs, values)
     return values
 
 
@@ -150,7 +180,7 @@ def add_bending(
     shape: Shape, moments: np.ndarray, section: np.ndarray, places: np.ndarray, values: np.ndarray
 ) -> None:
     """Add to `values` what `stiffness` gives for cells whose energy has no strains of the
-    mid-surface, with a `section` (cells, 3, 3) [N mm]."""
+    mid-surface, with a `section` (cells, 3, 3) [N mm]: a third of the work."""
     nodes = shape.bends.shape[2]
     bend, by_node, squares = np.empty((3, nodes)), np.empty(nodes), np.empty((3, 3))
     for c in range(len(section)):
@@ -254,36 +284,18 @@ def _times(section, B, product):
 
 
 @compiled
-def _add_stretching(shape, slopes, stretching, plane, mixed, places, values):
-    """Add what `stiffness` gives by strains of the mid-surface, also with curvatures."""
-    nodes = shape.bends.shape[2]
-    along, bent = np.empty((3, 3, 3)), np.empty((3, nodes))
-    for c in range(len(slopes)):
-        n, pairs, N = shape.normal[c], places[c], stretching[c]
-        _stretch_along(shape.base[c], slopes[c], along)
-        _times(mixed[c], shape.bends[c], bent)
-        for i in range(3):
-            for j in range(nodes):
-                if pairs[i, j] < 0:
-                    continue
-                value, mirrored = values[pairs[i, j]], values[pairs[j, i]]
-                for x in range(3):
-                    coupled = 0.0
-                    for k in range(3):
-                        coupled += along[k, i, x] * bent[k, j]
+def _add_stretching(along, slopes, section, N, pairs, values):
+    """Add the stiffness by strains of the mid-surface for the pairs of a cell's corners."""
+    for i in range(3):
+        for j in range(3):
+            s, t = slopes[i]
+            q, r = slopes[j]
+            pull, value = N[0] * s * q + N[1] * t * r + N[2] * (s * r + t * q), values[pairs[i, j]]
+            for x in range(3):
+                value[x, x] += pull
+                for k in range(3):
+                    pulled = 0.0
+                    for m in range(3):
+                        pulled += section[k, m] * along[m, i, x]
                     for y in range(3):
-                        value[x, y] += coupled * n[y]
-                        mirrored[y, x] += coupled * n[y]
-            for j in range(3):
-                s, t = slopes[c, i]
-                q, r = slopes[c, j]
-                value = values[pairs[i, j]]
-                pull = N[0] * s * q + N[1] * t * r + N[2] * (s * r + t * q)
-                for x in range(3):
-                    value[x, x] += pull
-                    for k in range(3):
-                        pulled = 0.0
-                        for m in range(3):
-                            pulled += plane[c, k, m] * along[m, i, x]
-                        for y in range(3):
-                            value[x, y] += pulled * along[k, j, y]
+                        value[x, y] += pulled * along[k, j, y]
