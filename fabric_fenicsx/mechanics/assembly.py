@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -30,10 +31,7 @@ def _owned(form):
 
 def triplets(terms: Iterable[Term], narrow: bool = False) -> Triplets:
     """Rows, columns and values (k,) of the tangents, or narrow ones, of terms that are no forms."""
-    parts = [
-        [np.asarray(part) for part in (term.narrow_tangent() if narrow else term.tangent())]
-        for term in terms
-    ]
+    parts = [term.narrow_tangent() if narrow else term.tangent() for term in terms]
     rows, cols, values = (np.concatenate(part) for part in zip(*parts))
     return rows, cols, values
 
@@ -57,7 +55,9 @@ class Assembly:
                 self._energies.append((term.energy_kind, compat.form(term.energy)))
                 if term.energy_kind is None and term not in self._loaded:
                     self._loads.append(compat.form(pair[0]))
-        groups = list(on.values()) or [[_nothing(blank, v, w)]]
+        zero = fem.Constant(blank.mesh, 0.0)
+        nothing = zero * ufl.inner(blank.u, v) * ufl.dx, zero * ufl.inner(w, v) * ufl.dx
+        groups = list(on.values()) or [[nothing]]
         self._residuals, self._tangents = (
             [compat.form(sum((pair[i] for pair in pairs[1:]), pairs[0][i])) for pairs in groups]
             for i in (0, 1)
@@ -144,20 +144,13 @@ class Assembly:
 
 
 def _summed(parts):
-    total: dict[str | None, float] = {}
+    total = Counter()
     for part in parts:
-        for kind, energy in part.items():
-            total[kind] = total.get(kind, 0.0) + energy
-    return total
+        total.update(part)
+    return dict(total)
 
 
 def _marked(form):
     """Which marked sides or cells a form is integrated over."""
     marked = {integral.integral_type(): integral.subdomain_data() for integral in form.integrals()}
     return sorted((kind, id(data)) for kind, data in marked.items() if data is not None)
-
-
-def _nothing(blank, v, w):
-    """First and second variation of no energy, where no term is a form."""
-    zero = fem.Constant(blank.mesh, 0.0)
-    return zero * ufl.inner(blank.u, v) * ufl.dx, zero * ufl.inner(w, v) * ufl.dx

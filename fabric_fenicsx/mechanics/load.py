@@ -23,35 +23,32 @@ def vector_on(blank: Blank, name: str, vector: ArrayLike, unit: bool = False) ->
     return checked_vector(f"{name}, on a blank without `spatial=True`,", vector, unit, "two")
 
 
-def check_over_load(name: str, rule: Rule, given: float | Callable[[float], float]) -> None:
-    """InputError unless `given` is a number by `rule`, or a function, which `at_load` checks."""
-    if not callable(given):
-        rule.check(name, given)
-
-
 def at_load(name: str, rule: Rule, given: float | Callable[[float], float], load: float) -> float:
     """A number, or a function's at a load factor; InputError unless that is one by `rule`."""
-    if not callable(given):
-        return float(given)
-    return rule.check(f"{name} at load {load:g}", given(load))
+    if callable(given):
+        name, given = f"{name} at load {load:g}", given(load)
+    return rule.check(name, given)
 
 
 class _DeadLoad(Term):
     """A load of fixed direction whose size depends on the load factor alone. A subclass gives its
-    linear form of unit size to `_start`, and `_size(load)`."""
+    direction, and where it acts as a measure of UFL, to `_start`, and `_size(load)`."""
 
-    def _start(self, form: ufl.Form) -> None:
+    _size: Callable[[float], float]
+
+    def _start(self, name, direction, measure):
+        unit = vector_on(self.blank, name, direction, unit=True)
+        test = self.blank.in_space(ufl.TestFunction(self.blank.V))
+        form = ufl.dot(test, ufl.as_vector(unit.tolist())) * measure
         self._forces, self._u = assembled(form), self.blank.u  # at owned degrees of freedom
         self._work = Work(follows=True)
         self.set_load(0.0)
         self.accept()
 
     def set_load(self, load: float) -> None:
-        """Set the load factor."""
         self._load, self._now = load, self._size(load)
 
     def accept(self) -> None:
-        """Count `work` from the present state."""
         self._work.accept(*self._state())
 
     def reject(self) -> None:
@@ -70,9 +67,6 @@ class _DeadLoad(Term):
 
     def applied_forces(self) -> np.ndarray:
         return self._now * self._forces
-
-    def _size(self, load: float) -> float:
-        raise NotImplementedError
 
     def _travel(self):
         """Travel of this rank's part of what is loaded, times its size [mm^2 or mm^3]."""
@@ -118,8 +112,7 @@ class DeadPressure(_DeadLoad):
         self._direction = direction
 
     def set_up(self, scene: SceneFacts) -> None:
-        along = _along(scene.blank, f"direction of {self.name}", self._direction)
-        self._start(along * self.part.dx())
+        self._start(f"direction of {self.name}", self._direction, self.part.dx())
 
     def _size(self, load):
         return load * self._pressure
@@ -160,19 +153,12 @@ class EdgeTension(_DeadLoad):
         direction: ArrayLike,
         edge: Callable[[np.ndarray], np.ndarray],
     ) -> None:
-        check_over_load(f"{self.name} [N/mm]", FINITE, tension)
+        at_load(f"{self.name} [N/mm]", FINITE, tension, 0.0)
         self._tension, self.direction, self.edge = tension, direction, edge
 
     def set_up(self, scene: SceneFacts) -> None:
         name = f"direction of {self.name} on {scene.blank.name}"
-        along = _along(scene.blank, name, self.direction)
-        self._start(along * self.part.ds(self.edge))
+        self._start(name, self.direction, self.part.ds(self.edge))
 
     def _size(self, load):
         return at_load(f"{self.name} [N/mm]", FINITE, self._tension, load)
-
-
-def _along(blank, name, direction):
-    """Component of UFL's test function along a direction."""
-    unit = vector_on(blank, name, direction, unit=True)
-    return ufl.dot(blank.in_space(ufl.TestFunction(blank.V)), ufl.as_vector(unit.tolist()))

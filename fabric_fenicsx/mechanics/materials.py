@@ -59,36 +59,24 @@ def thickness_shares_at_nodes(scene: SceneFacts) -> np.ndarray:
     return shares
 
 
-def materials_at_nodes(scene: SceneFacts) -> tuple[list[Material], np.ndarray] | None:
-    """Materials of the parts, and which each owned node has (nodes,); None if one is not known."""
-    parts, which = sheets_of(scene.blank), np.zeros(scene.blank.whole.nodes.size, dtype=int)
-    materials = [each for part in parts if (each := material_of(scene, part))]
-    for number, part in enumerate(parts):
-        which[part.nodes] = number
-    return (materials, which) if len(materials) == len(parts) else None
-
-
 def stretching_stiffness(scene: SceneFacts, part: Part) -> float:
     """Tension over the strain of a part that is stretched, or shortened, by 1e-4 along all
     directions, 0 without a strain energy [N/mm]: of an isotropic sheet E t / (1 - nu)."""
     blank, total, strain = scene.blank, 0.0, 1e-4
-    u = blank.u.x.array
+    u, comm = blank.u.x.array, blank.mesh.comm
     kept, grown = u.copy(), strain * blank.coordinates().ravel()
-    for term in scene.terms:
-        if isinstance(term.material, Metal):
-            bind(term, scene)
-            if term.part in (part, blank.whole):
-                total += term.material.E * term.material.thickness / (1 - term.material.nu)
+    for term in terms_on(scene, part):
+        if isinstance(metal := term.material, Metal):
+            total += metal.E * metal.thickness / (1 - metal.nu)
         elif term.energy_kind == "strain":
             bind(term, scene)
-            if term.part not in (part, blank.whole) or term.energy is None:
+            if term.energy is None:
                 continue
-            form, energies = compat.form(term.energy), []
-            for way in (1.0, -1.0, 0.0):
+            form, gained = compat.form(term.energy), 0.0
+            for way, share in ((1.0, 0.5), (-1.0, 0.5), (0.0, -1.0)):
                 u[:] = way * grown
-                energies.append(blank.mesh.comm.allreduce(fem.assemble_scalar(form)))
+                gained += share * comm.allreduce(fem.assemble_scalar(form))
             u[:] = kept
-            gained = sum(energies[:2]) / 2 - energies[2]
-            area = blank.mesh.comm.allreduce(float(blank.areas()[term.part.cells].sum()))
+            area = comm.allreduce(float(blank.areas()[term.part.cells].sum()))
             total += gained / (strain**2 * area)
     return total

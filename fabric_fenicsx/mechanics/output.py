@@ -135,20 +135,20 @@ def merged(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> d
     values: dict[str, Value] = {}
     givers = dict.fromkeys(taken, f"{place} has")
     for term in (term for term in terms if overrides(term, method)):
-        output = getattr(term, method)()
-        given = {k: v if isinstance(v, Value) else Value(v) for k, v in output.items()}
-        known = {k: v.value for k, v in given.items() if not callable(v.value)}
-        known = checked(term, method, known)
+        output = getattr(term, method)().items()
+        given = {k: v if isinstance(v, Value) else Value(v) for k, v in output}
+        now = {k: v.value for k, v in given.items() if not callable(v.value)}
+        known = checked(term, method, now)
         for name, each in given.items():
-            value, before = known.get(name, each.value), values.get(name)
+            before = values.get(name)
             if name in givers and not (before and each.merge):
                 rule = ", or a rule that merges both, as `largest(value)`" if before else ""
                 raise InputError(
                     f"`{method}` of term {term.name} gives the {noun} {name}, which "
                     f"{givers[name]} already; allowed is another name{rule}"
                 )
-            if before and each.merge:
-                value = each.merge(before.value, value)
+            value = known.get(name, each.value)
+            value = each.merge(before.value, value) if before and each.merge else value
             values[name], givers[name] = each._replace(value=value), f"term {term.name} gives"
     results = {name: each.value for name, each in values.items()}
     return {

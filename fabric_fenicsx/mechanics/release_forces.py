@@ -72,12 +72,10 @@ class ReleaseForces(Term):
         return self.blank.mesh.comm.allreduce(float(sizes.sum()), MPI.SUM)
 
     def set_load(self, load: float) -> None:
-        """Set the load factor."""
         # a sheet gets soft as the forces go that keep it tight
         self._load, self._share = load, max(1.0 - load / self.NO_FORCES_FROM, 0.0) ** 6
 
     def accept(self) -> None:
-        """Count what is released from the present state."""
         if self._work.memory()[:, 0].any():
             self._released -= self._since_accepted()
         self._work.accept(*self._state())
@@ -119,7 +117,6 @@ class ReleaseForces(Term):
         self._released, self._start = float(row_of_all[-1]), memory["start"].ravel().copy()
 
     def nodal_fields(self) -> dict[str, Value]:
-        """`springback` along x, y, z."""
         return {"springback": Value(self.springback() @ self.blank.frame, "mm")}
 
     def _travel(self):

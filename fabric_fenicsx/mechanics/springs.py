@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import ufl
@@ -105,13 +106,10 @@ class Springs(Term):
         """Share of each owned node, (owned nodes,), 0 where it has no spring; 1 in all."""
         blank = self.blank
         owned, gdim = blank.V.dofmap.index_map.size_local, blank.mesh.geometry.dim
-
-        def where(points):
-            return values_at(self.where, points)
-
+        where = partial(values_at, self.where)
         try:
             side = ufl.TestFunction(blank.V)[0] * self.part.ds(where)
-            shares = assembled(side)[::gdim].copy()
+            shares = assembled(side)[::gdim]
         except InputError:  # none is marked, on any rank
             shares = (self.part.nodes & where(blank.coordinates()[:owned].T)).astype(float)
         whole = blank.mesh.comm.allreduce(float(shares.sum()))
@@ -163,11 +161,9 @@ class Springs(Term):
         return self.blank.mesh.comm.allreduce(on_frame, MPI.SUM) @ self.blank.frame
 
     def history(self) -> dict[str, Value]:
-        """The sum of the pulls, NAME_pull_N."""
         return {f"{'_'.join(self.name.split())}_pull_N": total(self.pull())}
 
     def summary(self) -> dict[str, Value]:
-        """Pull, force and the longest elongation, under the name of these springs."""
         longer = (self._now()[1] - self._lengths).max(initial=-np.inf)
         facts = {
             "pull_N": self.pull(),

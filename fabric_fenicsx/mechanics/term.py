@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import Protocol, Self
 
 import numpy as np
 import ufl
@@ -107,26 +107,9 @@ class Term:
     # weak, as circles of solver objects end at another time on each rank
     bound_to: weakref.ref[SceneFacts] | None = None
 
-    if not TYPE_CHECKING:
-
-        def __getattr__(self, name):
-            when = ", which is known in `set_up`" if name in ("blank", "part") else ""
-            raise AttributeError(f"{type(self).__name__} has no attribute `{name}`{when}")
-
     def on(self, part: str) -> Self:
-        """Restrict the term to a part of the blank: a sheet of a stack, or a patch.
-
-        Parameters
-        ----------
-        part : str
-            Name of the part.
-
-        Returns
-        -------
-        Term
-            The term itself.
-
-        """
+        """The term itself, restricted to the part of the blank of this name, a sheet of a stack
+        or a patch."""
         self.part_name = part
         self.name = f"{self.name} of {part}"
         return self

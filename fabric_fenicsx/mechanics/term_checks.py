@@ -30,14 +30,15 @@ def bind(term: Term, scene: SceneFacts) -> None:
         raise InputError(f"term {term.name} is {place}; each scene needs terms of its own")
     if term.bound_to is not None:
         return
-    unbound = copy(term)
-    term.fingerprint = of_attributes(term)
-    term.unbound = unbound
+    term.unbound, term.fingerprint = copy(term), of_attributes(term)
     term.bound_to, term.blank = weakref.ref(scene), scene.blank
     term.part = scene.blank.part(term.part_name)
     term.set_up(scene)
     if term.energy is not None:
         _check_form(term)
+    if any(overrides(term, name) for name in ("memory", "cell_memory")):
+        if not overrides(term, "recall"):
+            raise InputError(f"term {term.name} has a memory and needs `recall`, which takes it")
     stores = overrides(term, "stored") and not overrides(term, "energies")
     stores = (stores or term.energy is not None) and not overrides(term, "work")
     if stores and term.energy_kind is None:

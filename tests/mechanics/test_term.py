@@ -75,11 +75,9 @@ def test_terms_that_a_scene_refuses():
         ([used], "term elastic is in another scene already; each"),
         ([twice, twice], "term bedding is in the scene twice; each"),
         ([type("Stored", (Springs,), {"energy_kind": None})()], "needs an `energy_kind`"),
+        ([type("Kept", (Springs,), {"memory": dict})()], "has a memory and needs `recall`"),
         ([Springs], "a term of the scene is .*; allowed are objects of"),
-        (
-            [Bedding(K).on("left")],
-            "bedding of left, which is on a part, .* `self.part.dx",
-        ),  # not `ufl.dx`
+        ([Bedding(K).on("left")], "bedding of left, which is on a part, .* `self.part.dx"),
     ):
         with pytest.raises(ff.InputError, match=words):
             scene_with(*terms)

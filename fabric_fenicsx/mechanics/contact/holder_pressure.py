@@ -13,7 +13,7 @@ from ...runtime.rules import ABOVE_ZERO_OR_INF, FROM_ZERO
 from ...tools.primitives import Plane
 from ...tools.tool import Tool
 from ...tools.values import checked_vector
-from ..load import at_load, check_over_load
+from ..load import at_load
 from ..output import Value
 from ..term import SceneFacts
 from ..term_checks import bind
@@ -96,7 +96,7 @@ class BlankHolderPressure(ToolInteraction):
         friction: Friction = 0.0,
         borne: Callable[[np.ndarray], np.ndarray] | None = None,
     ) -> None:
-        check_over_load(self.PRESSURE, FROM_ZERO, pressure)
+        at_load(self.PRESSURE, FROM_ZERO, pressure, 0.0)
         if lag is not None:
             lag = ABOVE_ZERO_OR_INF.check(f"lag of the {self.name}", lag)
         self.under, self.lag, self._against = under, lag, list(against)
@@ -126,7 +126,6 @@ class BlankHolderPressure(ToolInteraction):
         self._start_friction()
 
     def _contact_with_die(self, scene):
-        """The contact that bears the pressure, if it and the holder are without friction."""
         die, up = (getattr(self._borne, name, None) for name in ("die", "up"))
         if not die or self.coulomb or self.direction[2] * up <= 0:
             return None
@@ -144,7 +143,6 @@ class BlankHolderPressure(ToolInteraction):
             self.friction_state.begin(self.normal_forces())
 
     def accept(self) -> None:
-        """Count `work` from the present state, and press what is under the holder now."""
         force = self.nodes.total(self._pressing_forces())
         self._accepted = _Accepted(self._travels()[0].copy(), self.now, self.areas, force)
         self.areas = self._next_areas = self._pressed()
@@ -219,7 +217,6 @@ class BlankHolderPressure(ToolInteraction):
         return self._accepted.force
 
     def cell_fields(self) -> dict[str, Value]:
-        """Fields of `PlyThickness`, of the face that the holder presses."""
         share = self.areas / np.maximum(self.nodes.areas_now(), 1e-300)
         lost = self.blank.cell_means(share) * self.plies.lost_under(self.now)
         return self.plies.fields(lost)

@@ -14,7 +14,7 @@ from ..term import NO_TANGENT, Term, Triplets
 from .coulomb import Friction, friction_law
 from .friction import FrictionState, SlipMap
 from .nodes import Nodes
-from .pressure_law import SheetFace
+from .pressure_law import FaceLaw
 from .slip_maps import ToolSlip
 
 
@@ -39,7 +39,7 @@ class Interaction(Term):
 
     friction_state: FrictionState | None = None
     depth = energy_correction = np.zeros(0)
-    face = SheetFace()
+    face = FaceLaw()
     _sliding: Callable[[], SlipMap]
     _stiffness_of_cells: Callable[[], float | np.ndarray]
     _update_pressing: Callable[[], bool]
@@ -59,7 +59,6 @@ class Interaction(Term):
         return stretching_stiffness(scene, part)
 
     def _coefficient(self, law):
-        """Friction coefficient of all points, or of each."""
         return law.coefficient
 
     def _of_place(self, field, x, sheet=""):
@@ -70,7 +69,6 @@ class Interaction(Term):
         return values
 
     def _start_friction(self):
-        """Begin friction in the present state."""
         if self.coulomb:
             # 0.05 of the sheets': forces of a stuck one grow to their full size over three cells
             stiffness = 0.0 if self.coulomb.slip else 0.05 * self._stiffness_of_cells()
@@ -104,7 +102,7 @@ class Interaction(Term):
         return np.asarray(self.face.thickness)
 
     def _penetrated(self):
-        return np.where(self.face.law.is_rigid, self.depth, 0.0)
+        return np.where(self.face.is_rigid, self.depth, 0.0)
 
     def _largest(self, values):
         return self.blank.mesh.comm.allreduce(float(values.max(initial=0.0)), MPI.MAX)
@@ -119,7 +117,6 @@ class Interaction(Term):
         return self._update_friction(self.normal_forces()) or changed
 
     def _update_friction(self, normal_forces):
-        """Let friction follow these normal forces, if needed; true if it did."""
         state = self.friction_state
         return state.update(normal_forces, self._sliding) if state else False
 
@@ -130,15 +127,14 @@ class Interaction(Term):
     def friction_used(self) -> tuple[float, float]:
         """Means over the friction that points can bear now, of all ranks: of the largest share of
         it that was used in accepted states, and of those points that slid."""
-        state, sums = self.friction_state, np.zeros(3)
-        if state:
-            sums[:] = np.minimum(state.used, 1) @ state.limit, (state.used >= 1) @ state.limit, 0
-            sums[2] = state.limit.sum()
+        sums = np.zeros(3)
+        if state := self.friction_state:
+            shares = np.minimum(state.used, 1), state.used >= 1, np.ones(len(state.used))
+            sums = np.stack(shares) @ state.limit
         used, slid, total = self.blank.mesh.comm.allreduce(sums)
         return float(used / max(total, 1e-300)), float(slid / max(total, 1e-300))
 
     def summary(self) -> dict[str, Value]:
-        """The share of friction that was used, by name."""
         used = {self._rubs_on(): self.friction_used()[0]}
         return {"friction_used": joined(used)} if self.coulomb else {}
 

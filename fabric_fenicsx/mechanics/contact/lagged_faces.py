@@ -68,7 +68,6 @@ class LaggedFaces:
         self.now = present._replace(areas=areas)
 
     def accept(self) -> None:
-        """Take the faces as they are, as the accepted ones."""
         self._place = self._u.copy()
         self.accepted = self.now = self._points.pairs()
 

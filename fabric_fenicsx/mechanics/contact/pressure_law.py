@@ -26,22 +26,18 @@ def default_penalty(material: Material, radius: float) -> float:
     """
     t = material.thickness
     radius = radius if np.isfinite(radius) else 10 * t
-    return _pull(material) / radius / (PENETRATION * t)
-
-
-def _pull(material):
-    """Tensions along two directions, added up [N/mm]."""
     if isinstance(material, Metal):
-        stress = float(material.hardening.stress(np.array(2 * PENALTY_STRAIN)))
-        return 2 * stress * material.thickness
-    stretched = kernel.evaluate(
-        material, gradient=[(1 + PENALTY_STRAIN) * np.eye(3)[:, :2]], fibres=np.eye(2)[:, None]
-    )
-    return float(np.trace(stretched.cauchy[0])) * material.thickness
+        stress = 2 * float(material.hardening.stress(np.array(2 * PENALTY_STRAIN)))
+    else:
+        F = (1 + PENALTY_STRAIN) * np.eye(3)[:, :2]
+        stretched = kernel.evaluate(material, gradient=[F], fibres=np.eye(2)[:, None])
+        stress = float(np.trace(stretched.cauchy[0]))
+    return stress * t / radius / (PENETRATION * t)
 
 
 class FaceLaw(NamedTuple):
-    """Pressure over the depth by which two faces overlap; it grows with the depth, from 0.
+    """A face of a sheet, or two that touch: pressure over the depth by which they overlap. It grows
+    with the depth, from 0.
 
     A rigid face has p = k e^2 / (2 s) at depths e up to s; beyond, p grows with the slope k, so the
     slope is continuous. Compacted fabric has p = p_0 (e^y - 1 - y), y = n ln(L / (L - e)), see
@@ -52,6 +48,8 @@ class FaceLaw(NamedTuple):
     - length: L [mm], half the thickness without pressure of one ply, or of two added up; exponent:
       n; onset: p_0 [MPa]; hardest: depth under `HARD_PRESSURE` [mm]
     - growth: how many times as thick as L or s says the faces are
+    - thickness: of the sheet without pressure [mm]; thickening: the power of the area by which a
+      sheared ply is thicker
     - beside: another fabric that is under the same pressure: both depths add up
     """
 
@@ -62,6 +60,8 @@ class FaceLaw(NamedTuple):
     onset: Values = 0.0
     hardest: Values = 0.0
     growth: Values = 1.0
+    thickness: Values = 1.0
+    thickening: Values = 0.0
     beside: "FaceLaw | None" = None
 
     @classmethod
@@ -75,12 +75,13 @@ class FaceLaw(NamedTuple):
     def of_points(cls, laws: Sequence[Self], which: np.ndarray) -> Self:
         """One of several single `laws` at each of n points: `which` (n,) counts from 0."""
         if len(laws) == 1:
-            return laws[0]
+            return laws[0]._replace(thickness=np.full(len(which), laws[0].thickness))
         return cls(*(np.array(each)[which] for each in zip(*(law[:-1] for law in laws))))
 
     def grown(self, growth: np.ndarray) -> Self:
-        """The law of faces that are `growth` (points,) times as thick."""
-        return self._replace(growth=self.growth * growth)
+        """Faces of a sheet `growth` (points,) times as thick; rigid ones are as stiff."""
+        of_law = self.growth * np.where(self.is_rigid, 1.0, growth)
+        return self._replace(thickness=growth * self.thickness, growth=of_law)
 
     def at(self, points: np.ndarray) -> Self:
         """The law at these `points` (k,), by their numbers."""
@@ -96,19 +97,15 @@ class FaceLaw(NamedTuple):
         e = e / self.growth
         if self.beside:
             energy, pressure, slope = self._in_series(e, self.beside)
-        elif not np.any(self.is_rigid):
-            energy, pressure, slope = self._compacted(e)
         else:
-            energy, pressure, slope = self._rigid(e)
-            if not np.all(self.is_rigid):
-                soft = self._compacted(e)
-                energy, pressure, slope = energy + soft[0], pressure + soft[1], slope + soft[2]
+            energy, pressure, slope = map(np.add, self._rigid(e), self._compacted(e))
         return energy * self.growth, pressure, slope / self.growth
 
     def depth(self, p: np.ndarray) -> np.ndarray:
         """Depths (n,) [mm] at pressures p (n,) from 0 [MPa]."""
         if self.beside:
-            return self.growth * (self._alone().depth(p) + self.beside.depth(p))
+            alone = self._replace(growth=1.0, beside=None)
+            return self.growth * (alone.depth(p) + self.beside.depth(p))
         k, s = np.maximum(self.penalty, 1e-300), self.smoothing
         rigid = np.where(p < k * s / 2, np.sqrt(2 * s * p / k), p / k + s / 2)
         y = log_compaction(np.minimum(p, HARD_PRESSURE) / np.maximum(self.onset, 1e-300))
@@ -136,12 +133,9 @@ class FaceLaw(NamedTuple):
         energy += beyond * (pressure + slope * beyond / 2)
         return energy, pressure + slope * beyond, slope
 
-    def _alone(self):
-        return self._replace(growth=1.0, beside=None)
-
     def _in_series(self, e, other):
         """As `_compacted`, of this fabric and another one, whose depths add up to e."""
-        one = self._alone()
+        one = self._replace(growth=1.0, beside=None)
         onset = min(one.onset, other.onset)
         low, high = np.zeros_like(e), np.array(e, dtype=float)
         depth = e * one.length / (one.length + other.length)
@@ -156,40 +150,19 @@ class FaceLaw(NamedTuple):
         return W + W_2, p, k * k_2 / np.maximum(k + k_2, 1e-300)
 
 
-class SheetFace(NamedTuple):
-    """A face of a sheet: its `thickness` without pressure [mm], its `law`, and `thickening`, the
-    power of the area by which a sheared ply is thicker. Numbers, or arrays (points,)."""
-
-    thickness: Values = 1.0
-    law: FaceLaw = FaceLaw()
-    thickening: Values = 0.0
-
-    @classmethod
-    def of_points(cls, faces: Sequence[Self], which: np.ndarray) -> Self:
-        """One of several `faces` at each of n points: `which` (n,) counts from 0."""
-        thickness, laws, thickening = zip(*faces)
-        law = FaceLaw.of_points(laws, which)
-        return cls(np.array(thickness)[which], law, np.array(thickening)[which])
-
-    def grown(self, growth: np.ndarray) -> Self:
-        """Faces of a sheet `growth` (points,) times as thick; rigid ones are as stiff."""
-        law = self.law.grown(np.where(self.law.is_rigid, 1.0, growth))
-        return self._replace(thickness=growth * self.thickness, law=law)
-
-
-def rigid_face(thickness: float, penalty: float) -> SheetFace:
+def rigid_face(thickness: float, penalty: float) -> FaceLaw:
     """A rigid face of a sheet of this thickness [mm] and penalty [N/mm^3]."""
-    return SheetFace(thickness, FaceLaw(penalty, SMOOTHING * PENETRATION * thickness))
+    return FaceLaw(penalty, SMOOTHING * PENETRATION * thickness, thickness=thickness)
 
 
-def face_of(material: Material, radius: float, penalty: float | None = None) -> SheetFace:
+def face_of(material: Material, radius: float, penalty: float | None = None) -> FaceLaw:
     """A face of a sheet on a tool of least `radius` [mm]: compacted fabric, or rigid for metal, and
     for all if a penalty is given [N/mm^3]."""
     compaction = material.compaction if isinstance(material, Law) else None
     if compaction and not penalty:
         t = material.thickness_under(0.0)
         law = FaceLaw.compacted(t / 2, compaction.exponent, compaction.onset)
-        return SheetFace(t, law, compaction.thickening)
+        return law._replace(thickness=t, thickening=compaction.thickening)
     return rigid_face(material.thickness, penalty or default_penalty(material, radius))
 
 

@@ -17,7 +17,7 @@ from ..shell.morley import Where
 from ..term import SceneFacts
 from .coulomb import Coulomb
 from .faces import MAX_NEIGHBOURS
-from .pressure_law import SheetFace
+from .pressure_law import FaceLaw
 from .sheet_contact import LAG, FaceContact
 from .sheet_points import SheetPoints
 
@@ -36,7 +36,7 @@ class SelfPoints(SheetPoints):
 
     SIDES = 2
 
-    def __init__(self, part: Part, rule: int, face: SheetFace, symmetric: Sequence[Where]) -> None:
+    def __init__(self, part: Part, rule: int, face: FaceLaw, symmetric: Sequence[Where]) -> None:
         super().__init__(part, part, rule, [face, face], symmetric)
         thickness = float(face.thickness)
         corners = self._own.X[self._own.triangles]
@@ -235,12 +235,11 @@ class SelfContact(FaceContact):
 
     def _lost(self, pressure):
         lost = np.zeros(len(self.blank.areas()))
-        depths = self._depths(self.points.faces[0].law, pressure, 0)
+        depths = self._depths(self.points.faces[0], pressure, 0)
         lost[self.points.part.cells] = self.points.means(depths).sum(1)
         return lost
 
     def summary(self) -> dict[str, Value]:
-        """Normal force and penetration."""
         deep = self.penetration_of_thickness()
         facts = {"normal_force_N": float(self.totals[3]), "penetration_of_thickness": deep}
         return {"self_contact": joined({self.part.name or self.blank.name: facts})}

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ...runtime.formatting import rounded
+from ...runtime.formatting import coordinates
 from ...sheets.blank import Blank, Part
 
 
@@ -15,15 +15,11 @@ def crossings(places: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     if not len(edges):
         return np.empty((0, 3))
     corners = places[triangles]
-    centres, starts, ways = (
-        corners.mean(1),
-        places[edges[:, 0]],
-        np.diff(places[edges], axis=1)[:, 0],
-    )
+    centres, starts = corners.mean(1), places[edges[:, 0]]
+    ways = places[edges[:, 1]] - starts
     reach = np.linalg.norm(corners - centres[:, None], axis=2).max()
-    near = cKDTree(centres).query_ball_point(
-        starts + ways / 2, np.linalg.norm(ways, axis=1) / 2 + reach
-    )
+    radii = np.linalg.norm(ways, axis=1) / 2 + reach
+    near = cKDTree(centres).query_ball_point(starts + ways / 2, radii)
     edge = np.repeat(np.arange(len(edges)), [len(found) for found in near])
     triangle = np.concatenate(near).astype(np.int64)
     apart = (edges[edge][:, :, None] != triangles[triangle][:, None]).all((1, 2))
@@ -67,10 +63,10 @@ def crossing_warning(blank: Blank) -> str:
     places = self_crossings(blank.whole)
     if not len(places) or len(parts) < 2 or any(len(self_crossings(part)) for part in parts):
         return ""
-    at = ", ".join(rounded(x, 4) for x in places[0])
     return (
         f"{' and '.join(part.name for part in parts)} pass through one another at {len(places)} "
-        f"places, as at ({at}) mm: contact acts at points within cells, so take smaller cells"
+        f"places, as at {coordinates(places[0])} mm: contact acts at points within cells, so take "
+        "smaller cells"
     )
 
 

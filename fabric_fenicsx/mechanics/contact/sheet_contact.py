@@ -17,7 +17,7 @@ from .coulomb import Coulomb
 from .interaction import Interaction
 from .lagged_faces import LaggedFaces
 from .pressing import Pressed, press, with_secant_stiffness
-from .pressure_law import SheetFace, between_faces, face_of, rigid_face
+from .pressure_law import between_faces, face_of, rigid_face
 from .relative_motion import RelativeMotion
 from .sheet_points import POINTS, ContactPairs, SheetPoints
 from .slip_maps import FaceSlip
@@ -60,7 +60,7 @@ class FaceContact(Interaction):
         if any(term.thickness_field for term in scene.terms):
             points.vary(thickness_shares_at_nodes(scene))
         self.points, thickness = points, min(face.thickness for face in points.faces)
-        self.face = SheetFace(thickness, between_faces(*(face.law for face in points.faces)))
+        self.face = between_faces(*points.faces)._replace(thickness=thickness)
         self.plies = PlyThickness(scene, rigid=bool(self._given["penalty"]))
         self.faces = LaggedFaces(points, self._given["lag"] or LAG, 3 * points.nodes.count)
         self.depth, self._load = np.zeros(points.count), 0.0
@@ -78,7 +78,7 @@ class FaceContact(Interaction):
         self._start_friction()
 
     def _face_of(self, scene, part, t):
-        """The `SheetFace` of a sheet, of t [mm] if its face is rigid by a penalty."""
+        """The `FaceLaw` of a sheet, of t [mm] if its face is rigid by a penalty."""
         k, material = self._given["penalty"], material_of(scene, part)
         t = t or (material.thickness_under(0.0) if material else None)
         if k and t:
@@ -107,7 +107,7 @@ class FaceContact(Interaction):
         # relative motion asks all ranks
         if found is None or not self.blank.mesh.comm.allreduce(known, MPI.LAND):
             gap, normal = pairs.paraboloid()
-            law = self.face.law.grown(pairs.growth)
+            law = self.face._replace(growth=pairs.growth)
             now = press(law, pairs.areas, gap, normal, pairs.curvature)
             self._found = found = u.copy(), pairs, now
         return found[2]
@@ -118,7 +118,7 @@ class FaceContact(Interaction):
 
     def depth_under(self, pressure: float) -> float:
         """Overlap of the faces [mm] under a pressure [MPa]."""
-        return float(self.face.law.depth(np.array(pressure)))
+        return float(self.face.depth(np.array(pressure)))
 
     def _totals(self):
         """Force by which the lower sheet presses the upper one, and sum of normal forces, (4,)."""
@@ -162,7 +162,7 @@ class FaceContact(Interaction):
         forces = f[: 3 * nodes.count].reshape(-1, 3)
         apart = pairs.motion.apart(forces / nodes.areas[:, None])
         missing = 0.5 * (apart * now.normal).sum(1)
-        law = self.face.law.grown(pairs.growth)
+        law = self.face._replace(growth=pairs.growth)
         now = with_secant_stiffness(law, pairs.areas, now, missing)
         self._found = self.blank.u.x.array.copy(), pairs, now
 
@@ -182,7 +182,6 @@ class FaceContact(Interaction):
         return self._update_friction(normal_forces) or changed
 
     def _update_pressing(self):
-        """Take the faces anew, if needed."""
         before = self.faces.now
         if not self.faces.update(lambda pairs: self.points.of_all(pairs, self.state(pairs).forces)):
             return False
@@ -335,13 +334,12 @@ class SheetContact(FaceContact):
     def _lost(self, pressure):
         points = self.points
         faces = points.faces[::-1] if points.side > 0 else points.faces
-        above, below = (self._depths(face.law, pressure, k) for k, face in enumerate(faces))
+        above, below = (self._depths(face, pressure, k) for k, face in enumerate(faces))
         lost = self.blank.cell_means(points.below(self.faces.now, below))
         lost[points.part.cells] += points.means(above)[:, 0]
         return lost
 
     def summary(self) -> dict[str, Value]:
-        """Force, penetration and largest sliding of the pair."""
         comm, sizes = self.blank.mesh.comm, np.linalg.norm(self.sliding(), axis=1)
         pair = {
             "force_N": float(np.linalg.norm(self.totals[:3])),

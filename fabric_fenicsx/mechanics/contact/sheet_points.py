@@ -11,7 +11,7 @@ from ...sheets.blank import Blank, Part
 from ..shell.morley import Where
 from .faces import Corners, Face
 from .nodes import Nodes
-from .pressure_law import SheetFace
+from .pressure_law import FaceLaw
 from .relative_motion import RelativeMotion
 
 POINTS = {1: 1, 3: 2, 6: 4}  # of a cell: degree that they integrate exactly
@@ -83,7 +83,7 @@ class SheetPoints:
         lower: Part,
         upper: Part,
         rule: int,
-        faces: Sequence[SheetFace],
+        faces: Sequence[FaceLaw],
         symmetric: Sequence[Where],
     ) -> None:
         self.parts, self.faces = (lower, upper), faces
@@ -158,7 +158,6 @@ class SheetPoints:
         return ContactPairs(at, areas, growth, growths, *shape, motion, motion.relative(), corners)
 
     def _project(self):
-        """The `FaceProjection` of all points."""
         own = self._own
         points = own.points(*self._on_face)
         # a sheet that is folded over shows its back to points of the other one
@@ -168,7 +167,6 @@ class SheetPoints:
         return below
 
     def _growths(self, below, at):
-        """`growths` of the `ContactPairs` of the points `at`."""
         if self._shares is None:
             return np.ones((2, len(at)))
         areas, powers = self.nodes.areas, np.zeros(self.nodes.count)
@@ -181,7 +179,6 @@ class SheetPoints:
         return np.stack([over, (below.weights[at] * others).sum(1)])
 
     def _corners(self, below, at):
-        """`corners` of the `ContactPairs` of the points `at`."""
         own, face, gap = self._own, self._face, below.gap[at]
         triangles = own.own_triangles[at // len(self.places)]
         N, share = self.places[at % len(self.places)], self._share

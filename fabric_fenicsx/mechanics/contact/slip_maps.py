@@ -38,7 +38,6 @@ class ToolSlip:
         return self._tool.displacement - self._tool_place
 
     def _moved(self):
-        """Motion of the nodes relative to the tool."""
         return self._nodes.view() - self._place - self.tool_moved()
 
     def slid(self) -> np.ndarray:

@@ -11,7 +11,7 @@ from ...runtime.rules import POSITIVE
 from ...tools.checks import check_start
 from ...tools.surfaces import Nearest
 from ...tools.tool import Tool
-from ..materials import materials_at_nodes, thickness_shares_at_nodes
+from ..materials import material_of, sheets_of, thickness_shares_at_nodes
 from ..output import Value, largest, least, total
 from ..shell.morley import Where
 from ..term import SceneFacts
@@ -21,7 +21,7 @@ from .force_balance import Resistance, find_balance
 from .interaction import ToolInteraction
 from .nodes import Nodes
 from .pressing import Pressed, press, with_secant_stiffness
-from .pressure_law import PENETRATION, SMOOTHING, SheetFace, face_of, rigid_face
+from .pressure_law import PENETRATION, SMOOTHING, FaceLaw, face_of, rigid_face
 from .thickness import PlyThickness
 
 
@@ -111,25 +111,28 @@ class Contact(ToolInteraction):
         self._start_friction()
 
     def _face_at_nodes(self, scene):
-        t, k = self._given.values()
-        materials, which = materials_at_nodes(scene) or ([], np.zeros(self.nodes.count, int))
-        radius = min(self.tool.surface.radii)
-        materials = [each.replace(thickness=t or each.thickness) for each in materials]
-        faces = [face_of(each, radius, k) for each in materials]
-        if not faces and t and k:
-            faces = [rigid_face(t, k)]
-        if not faces:
-            raise InputError(
-                f"contact with {self.tool.name} needs a {'penalty' if t else 'thickness'}, a "
-                "number above 0, as no term of the scene has a fabric or metal for each sheet"
-            )
-        return SheetFace.of_points(faces, which)
+        (t, k), parts = self._given.values(), sheets_of(self.blank)
+        radius, which = min(self.tool.surface.radii), np.zeros(self.nodes.count, int)
+        faces = []
+        for number, part in enumerate(parts):
+            which[part.nodes] = number
+            if material := material_of(scene, part):
+                material = material.replace(thickness=t or material.thickness)
+                faces.append(face_of(material, radius, k))
+        if len(faces) < len(parts):
+            if not (t and k):
+                raise InputError(
+                    f"contact with {self.tool.name} needs a {'penalty' if t else 'thickness'}, a "
+                    "number above 0, as no term of the scene has a fabric or metal for each sheet"
+                )
+            faces, which = [rigid_face(t, k)], 0 * which
+        return FaceLaw.of_points(faces, which)
 
     def _press_on(self, areas, correction):
         """Press on areas (nodes,) [mm^2], where a sheet may be thicker as they shrink."""
         self.areas, self.energy_correction, self._found = areas, correction, None
         self.face = self._flat
-        if self._flat.thickening.any():
+        if np.any(self._flat.thickening):
             ratios = np.where(areas > 0, areas / np.maximum(self.nodes.areas, 1e-300), 1.0)
             self.face = self._flat.grown(ratios**-self._flat.thickening)
 
@@ -148,7 +151,7 @@ class Contact(ToolInteraction):
         nearest = self._nearest(x)
         gap = nearest.gap - self.thickness / 2
         gap[~self.nodes.own] = np.inf
-        return press(self.face.law, self.areas, gap, nearest.normal, nearest.curvature)
+        return press(self.face, self.areas, gap, nearest.normal, nearest.curvature)
 
     def _nearest(self, x):
         off = x - self.tool.displacement
@@ -214,12 +217,12 @@ class Contact(ToolInteraction):
 
     def depth_under(self, pressure: float) -> np.ndarray:
         """Depth of the tool in the face at each node under a pressure [MPa], (nodes,) [mm]."""
-        return np.broadcast_to(self.face.law.depth(np.array(pressure)), self.nodes.count)
+        return np.broadcast_to(self.face.depth(np.array(pressure)), self.nodes.count)
 
     def pressed_by(self, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Depths in the face [mm] and energies [N mm] under forces on the nodes [N], (nodes,)."""
-        depth = np.array(self.face.law.depth(forces / np.maximum(self.areas, 1e-300)))
-        return depth, self.areas * self.face.law(depth)[0]
+        depth = np.array(self.face.depth(forces / np.maximum(self.areas, 1e-300)))
+        return depth, self.areas * self.face(depth)[0]
 
     def nearest(self, x: np.ndarray, exact: np.ndarray) -> Nearest:
         """Of the tool at places x (nodes, 3) [mm]: as far off as it may be where `exact` (nodes,)
@@ -241,7 +244,7 @@ class Contact(ToolInteraction):
         """See `Term` and `with_secant_stiffness`, until the sheet moves."""
         now, others = self.state(), f[: 3 * self.nodes.count].reshape(-1, 3)
         missing = (others * now.normal).sum(1) / np.maximum(self.areas, 1e-300)
-        now = with_secant_stiffness(self.face.law, self.areas, now, missing)
+        now = with_secant_stiffness(self.face, self.areas, now, missing)
         self._found = self.nodes.displacement(), now
 
     def compliance(self) -> tuple[np.ndarray, float] | None:
@@ -251,7 +254,6 @@ class Contact(ToolInteraction):
         return -pushed.ravel(), float(self.nodes.total(pushed) @ self.tool.direction)
 
     def set_load(self, load: float) -> None:
-        """Move the tool, from where it was in the last accepted state."""
         self._press_on(self._accepted.areas, self._accepted.correction)
         self._load = load
         self.tool.at(load)
@@ -259,7 +261,6 @@ class Contact(ToolInteraction):
         super().set_load(load)
 
     def accept(self) -> None:
-        """Take the present place of the tool as the last accepted one."""
         now = self.state()
         self.undefined_at = ""  # where the tool's surface gave no number since
         travel, correction = self.tool.travel, self.energy_correction
@@ -336,7 +337,7 @@ class Contact(ToolInteraction):
 
     def penetration(self) -> float:
         """Largest depth of the tool in rigid faces in the present state, of all ranks [mm]."""
-        return self._largest(np.where(self.face.law.is_rigid, -self.state().gap, 0.0))
+        return self._largest(np.where(self.face.is_rigid, -self.state().gap, 0.0))
 
     def where_deepest(self) -> str:
         depth, places = self._penetrated(), self.nodes.places
@@ -345,7 +346,7 @@ class Contact(ToolInteraction):
         return f"{self.tool.name} at {of_sheet(place[:2] if self.blank.is_flat() else place)}"
 
     def cell_fields(self) -> dict[str, Value]:
-        lost = np.where(self.face.law.is_rigid, 0.0, np.maximum(0.0, -self.state().gap))
+        lost = np.where(self.face.is_rigid, 0.0, np.maximum(0.0, -self.state().gap))
         return self.plies.fields(self.blank.cell_means(lost))
 
     def nodal_fields(self) -> dict[str, Value]:

@@ -190,11 +190,9 @@ class Bending(Term):
         return weights * np.where(measured, 1.0, cubes)
 
     def stored(self) -> float:
-        """Energy of this rank's owned cells [N mm]."""
         return self._state().energy
 
     def energies(self) -> dict[str | None, float]:
-        """As in `Term`: also of friction between yarns, elastic and dissipated up to now."""
         kinds = super().energies()
         if friction := self._state().friction:
             dissipated = self._slid["dissipated"]
@@ -202,7 +200,6 @@ class Bending(Term):
         return kinds
 
     def accept(self) -> None:
-        """Keep the sliding between yarns, and what it has dissipated."""
         if friction := self._state().friction:
             dissipated = self._slid["dissipated"] + friction.dissipated.sum(1)
             self._slid = {"sliding": friction.sliding, "dissipated": dissipated}
@@ -268,7 +265,6 @@ class Bending(Term):
         return self._cells.operator @ U + self._cells.curved
 
     def _state(self):
-        """The state at the present displacement, computed once."""
         U = self._stencil.displacement()
         if self._now is None or not np.array_equal(U, self._now.U):
             self._now = _State(U, 0.5 * float(np.vdot(U, self._matrix @ U)))

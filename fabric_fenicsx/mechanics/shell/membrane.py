@@ -168,7 +168,6 @@ class Membrane(FabricStates):
 
     @property
     def material(self) -> Law:
-        """The fabric."""
         return self.fabric
 
     def variations(self, v: Expr, w: Expr) -> list[ufl.Form]:
@@ -185,7 +184,6 @@ class Membrane(FabricStates):
         return super().energies() | ({KIND: self._rubbing.stored()} if self._rubbing else {})
 
     def accept(self) -> None:
-        """Keep how far the yarns slid."""
         if self._rubbing:
             self._rubbing.accept()
 

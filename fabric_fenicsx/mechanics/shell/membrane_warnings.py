@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from mpi4py import MPI
 
-from ...material import kernel, stability
+from ...material import stability
 from ...material.strains import nominal_strain
 from ...runtime.formatting import of_sheet, percent, rounded
 from ...sheets.part import MAX_OFF_YARNS
@@ -36,9 +36,8 @@ def band_warning(membrane: Membrane) -> str:
         return ""
     # to few digits, so that of cells that mirror each other the same is named on any ranks
     centres = membrane.blank.places()[part.cells].round(6)
-    order = np.lexsort((*centres.T[::-1], [float(f"{v:.4g}") for v in least]))[:1]
-    candidates = [(float(f"{least[i]:.4g}"), *centres[i]) for i in order]
-    _, *centre = min(each for rank in comm.allgather(candidates) for each in rank)
+    cells = zip((float(f"{value:.4g}") for value in least), *centres.T)
+    _, *centre = min(each for each in comm.allgather(min(cells, default=None)) if each)
     name = part.name or membrane.blank.name
     return (
         f"in {percent(share)} of {name}, as at {of_sheet(centre)}, "
@@ -54,9 +53,9 @@ def locking_warning(membrane: Membrane) -> str:
     Yarns hardly stretch. Cells without edges along both yarns can still only shear if they stretch
     yarns, and neighbours do so in opposite directions. The energy of this is the measure of
     locking: the strain energy less that of strains which are smoothed over neighbouring cells, at
-    the same shear angles. Quadratic cells that yarns cross at a small angle take some of it, too.
-    A sheet whose whole energy is that of yarns strained by 1e-4 is not doubted: pressed flat, it
-    has no other strains than those of cells.
+    the same shear angles. Quadratic cells that yarns cross at a small angle take some of it, too. A
+    sheet whose whole energy is that of yarns strained by 1e-4 is not doubted: pressed flat, it has
+    no other strains than those of cells.
     """
     blank, inner = membrane.blank, membrane.integration == "inner"
     share, plane = alternating_energy(membrane), blank.mesh.geometry.dim == 2
@@ -78,21 +77,17 @@ def locking_warning(membrane: Membrane) -> str:
     if share <= limit or _is_at_rest(membrane):
         return ""
     effect = "yarn strains of single cells mean little, and forces may be some per cent too high"
-    if plane:
-        effect = (
-            f"a strip's force is then about {percent(excess * share)} too high, mostly between "
-            "half and twice that"
-        )
-        effect = "forces say nothing" if share > 0.25 else effect
-    stretched = (
-        f"{percent(share)} of the strain energy stretches yarns in one cell and compresses them in "
-        "the next"
-    )
-    if blank.degree > 1:
-        return f"{stretched}, as cells are coarse for yarns at these angles: {effect}; take {cure}"
+    if plane and share > 0.25:
+        effect = "forces say nothing"
+    elif plane:
+        off_by = percent(excess * share)
+        effect = f"a strip's force is about {off_by} too high, mostly half to twice that"
+    reason = "cells are coarse for yarns at these angles"
+    if blank.degree == 1:
+        reason = f"cells lock, of which {percent(off)} have no edges along both yarns"
     return (
-        f"{percent(off)} of the linear cells have no edges along both yarns at their corners, and "
-        f"cells lock: {stretched}; {effect}; take {cure}"
+        f"{percent(share)} of the strain energy stretches yarns in one cell and compresses them in "
+        f"the next, as {reason}: {effect}; take {cure}"
     )
 
 
@@ -108,9 +103,7 @@ def _is_at_rest(membrane):
 
 def alternating_energy(membrane: Membrane) -> float:
     """Share of the strain energy that goes when yarn strains are smoothed over neighbours."""
-    blank = membrane.blank
-    state, _, _, _ = membrane.state()
-    _, b, _ = membrane.at_points()
+    blank, state = membrane.blank, membrane.state()[0]
     stretches, gamma = np.sqrt(state.invariants[..., [0, 2]]), state.invariants[..., 3]
     cells = membrane.part.cells
     corners, nodes = blank.corners()[cells], blank.cell_nodes[cells]
@@ -125,21 +118,12 @@ def alternating_energy(membrane: Membrane) -> float:
         return blank.summed(np.repeat(values[:, None], nodes.shape[1], 1), cells)[nodes]
 
     smooth = (at_nodes(means) / at_nodes(areas[:, None])).mean(1)[:, None]
-    before = np.arctan2(b[..., 1], b[..., 0])  # angle from yarns a to b
-
-    def energy(stretches):
-        turned = before - gamma
-        fa = np.stack([stretches[..., 0], 0 * gamma], -1)
-        fb = stretches[..., 1:] * np.stack([np.cos(turned), np.sin(turned)], -1)
-        frame = np.stack([np.broadcast_to([1.0, 0.0], b.shape), b], -1)
-        F = np.stack([fa, fb], -1) @ np.linalg.inv(frame)
-        fibres = [1.0, 0.0], b.reshape(-1, 2)
-        law, gradient = membrane.law_of_points, F.reshape(-1, 2, 2)
-        density = kernel.evaluate(law, gradient=gradient, fibres=fibres).energy
-        return float(areas @ (density.reshape(gamma.shape) @ membrane.weights))
-
-    parts = np.array([energy(stretches), energy(np.broadcast_to(smooth, stretches.shape))])
-    whole, smoothed = blank.mesh.comm.allreduce(parts, MPI.SUM)
+    strains = *np.moveaxis(np.broadcast_to(smooth - 1, stretches.shape), -1, 0), gamma
+    flat = (each.ravel() for each in strains)
+    density = membrane.law_of_points.derivatives(*flat, second=False).parts.sum(-1)
+    densities = state.energy, density.reshape(gamma.shape)
+    parts = np.array([areas @ (each @ membrane.weights) for each in densities])
+    whole, smoothed = blank.mesh.comm.allreduce(parts)
     return float((whole - smoothed) / whole) if whole > 0 else 0.0
 
 
@@ -154,7 +138,9 @@ def range_warnings(membrane: Membrane) -> list[str]:
     strains = {"eps_a": nominal_strain(I4), "eps_b": nominal_strain(I8), "gamma": abs(gamma)}
     whole, texts = comm.allreduce(float(areas.sum())), []
     for limits in ranges:
-        text = _as_angle if limits.strain == "gamma" else partial(percent, digits=4)
+        text = partial(percent, digits=4)
+        if limits.strain == "gamma":
+            text = lambda angle: f"{rounded(math.degrees(angle), 4)} deg"  # noqa: E731
         for sign, end in ((1, limits.high), (-1, limits.low)):
             beyond = sign * (strains[limits.strain] - end)
             share = comm.allreduce(float(areas @ ((beyond > 1e-9) @ membrane.weights))) / whole
@@ -166,7 +152,3 @@ def range_warnings(membrane: Membrane) -> list[str]:
                     f"reaches {text(furthest)}; {limits.beyond}"
                 )
     return texts
-
-
-def _as_angle(angle):
-    return f"{rounded(math.degrees(angle), 4)} deg"

@@ -126,18 +126,15 @@ class SheetMetal(Term):
 
     @property
     def material(self) -> Metal:
-        """The metal."""
         return self.metal
 
     def accept(self) -> None:
-        """Keep elastic and plastic strains, and take places through the thickness anew."""
         state = self._state()
         self._elastic = state.response.elastic.reshape(self._elastic.shape)
         self._plastic = state.response.plastic.reshape(self._plastic.shape)
         self._count_from(state.shape)
 
     def stored(self) -> float:
-        """Elastic energy and dissipation of this rank's cells [N mm]."""
         return sum(self.energies().values())
 
     def energies(self) -> dict[str | None, float]:
@@ -180,7 +177,6 @@ class SheetMetal(Term):
         self._stencil.add_difference(*self._linear, v, f)
 
     def _sections(self, state):
-        """As `metal_cells.sections`."""
         strain, response = state.strain, state.response
         first = strain.first @ MEAN_AND_SHEARS
         second = MEAN_AND_SHEARS.T @ strain.second(2 * response.stress) @ MEAN_AND_SHEARS
@@ -224,21 +220,16 @@ class SheetMetal(Term):
             self._of_cells(values).mean(1)
             for values in (self.thickness(), stress[:, -1], stress[:, 0])
         )
-        return {
-            "equivalent_plastic_strain": on_part(self.part, strain, "-"),
-            "metal_thickness": on_part(self.part, thickness, "mm"),
-            "von_mises_top": on_part(self.part, top, "MPa"),
-            "von_mises_bottom": on_part(self.part, bottom, "MPa"),
-        }
+        fields = {"equivalent_plastic_strain": (strain, "-"), "metal_thickness": (thickness, "mm")}
+        fields |= {"von_mises_top": (top, "MPa"), "von_mises_bottom": (bottom, "MPa")}
+        return {name: on_part(self.part, *field) for name, field in fields.items()}
 
     def thickness(self) -> np.ndarray:
         """Present thickness of the flat triangles of this rank's cells, (triangles,) [mm]."""
         state = self._state()
-        elastic = state.response.elastic.reshape(self._elastic.shape)
-        return self._thickness(state.shape, elastic)
+        return self._thickness(state.shape, state.response.elastic.reshape(self._elastic.shape))
 
     def _of_cells(self, values):
-        """Values (triangles,) as rows of the cells (cells, per cell)."""
         return values.reshape(-1, self._stencil.cells.per_cell)
 
     def _thickness(self, shape, elastic):
@@ -253,7 +244,6 @@ class SheetMetal(Term):
         self._now: _State | None = None
 
     def _state(self):
-        """The state at the present displacement, computed once."""
         U = self._stencil.displacement()
         if self._now is None or not np.array_equal(U, self._now.U):
             shape = self._stencil.shape(U)

@@ -144,13 +144,8 @@ def stiffness(
     values, V = np.zeros((count, 3, 3)), np.empty((nodes, nodes, 3))
     along, bend, mixed = np.empty((3, 3, 3)), np.empty((3, nodes)), np.empty((3, nodes))
     for c in range(len(slopes)):
-        n, g, B, M, pairs = (
-            shape.normal[c],
-            shape.gradients[c],
-            shape.bends[c],
-            moments[c],
-            places[c],
-        )
+        n, g, B, M = shape.normal[c], shape.gradients[c], shape.bends[c], moments[c]
+        pairs = places[c]
         _stretch_along(shape.base[c], slopes[c], along)
         _times(across[2, c], B, bend)
         _times(across[1, c], B, mixed)

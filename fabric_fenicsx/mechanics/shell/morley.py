@@ -93,8 +93,7 @@ def morley_cells(
     spread = np.einsum("cij,cje->cie", yarns, _relaxed(spread, root @ yarns, sides.free))
     operator = _without_rounding(np.einsum("cie,cen->cin", spread, bends))
     bends = _without_rounding(bends)
-    hinges = own.jumps * ~sides.free[:, :, None] / (2 * own.far[:, :, None])
-    hinges = _without_rounding(hinges)
+    hinges = _without_rounding(own.jumps * ~sides.free[:, :, None] / (2 * own.far[:, :, None]))
     arrays = [flat.area, flat.corners, -out / flat.height[:, :, None], nodes, codes]
     arrays += [bends, bends @ x, spread, operator, operator @ x, hinges, hinges @ x[:, :6]]
     here = (part.cells[:, None] * flat.per_cell + np.arange(flat.per_cell)).ravel()
@@ -151,11 +150,11 @@ class _Sides:
             total = comm.allreduce((flat.length[:, :, None] * flat.outward)[on].sum(0), MPI.SUM)
             is_plane = number < len(symmetric)
             total /= max(np.linalg.norm(total), 1e-300)
-            found = comm.allreduce(int(on.sum()))
-            off = comm.allreduce(int((flat.outward[on] @ total < 0.5).sum()))
+            counts = on.sum(), (flat.outward[on] @ total < 0.5).sum()
+            found, off = comm.allreduce(np.array(counts))
             if not found or (is_plane and off):
-                k, kind = number - len(symmetric), "clamped"
-                k, kind = (number, "symmetric") if is_plane else (k, kind)
+                kind = "symmetric" if is_plane else "clamped"
+                k = number if is_plane else number - len(symmetric)
                 fault = "sides in more than one plane" if found else "no side of the sheet's edge"
                 raise InputError(
                     f"function {k + 1} in `{kind}` of the bending of {flat.blank.name} marks "
@@ -238,7 +237,9 @@ class _Quadratics:
         inverse[lost] = 0
         # slopes of the cell's linear functions
         self.linear = np.einsum("cek,cnk->cen", flat.out2, slope)
-        at_middles = np.einsum("ceki,cei->cek", _gradients(flat.plane(flat.middle)), flat.out2)
+        # slopes of the monomials there
+        x, y, s, t = np.concatenate([flat.plane(flat.middle), flat.out2], 2).transpose(2, 0, 1)
+        at_middles = np.stack([x * s, y * t, y * s + x * t], -1)
         quadratic = at_middles - np.einsum("cen,cnk->cek", self.linear, _monomials(here))
         # slopes must not depend on a D_t near 0
         plate = np.broadcast_to(np.diag(weights), (count, 3, 3))
@@ -316,12 +317,6 @@ class _Beyond(NamedTuple):
 def _monomials(p):
     """1/2 x^2, 1/2 y^2, x y at points (..., 2), whose second derivatives are unit ones."""
     return np.stack([p[..., 0] ** 2 / 2, p[..., 1] ** 2 / 2, p[..., 0] * p[..., 1]], -1)
-
-
-def _gradients(p):
-    """Their gradients, (..., 3, 2)."""
-    x, y, zero = p[..., 0], p[..., 1], np.zeros_like(p[..., 0])
-    return np.stack([np.stack([x, zero], -1), np.stack([zero, y], -1), np.stack([y, x], -1)], -2)
 
 
 def _without_rounding(operator):

@@ -60,10 +60,6 @@ class Stencil:
         """Motion of nodes and mirror images along the frame's axes, (count, gdim) [mm]."""
         return self._with_images(self._gathered.displacement())
 
-    def values(self, v: np.ndarray) -> np.ndarray:
-        """As `displacement`, of other values v (owned dofs,)."""
-        return self._with_images(self._gathered.values(v))
-
     def _with_images(self, U):
         at = self._mirrored
         U[at] = np.einsum("nij,nj->ni", self._mirrors[self._codes[at]], U[at])
@@ -85,7 +81,7 @@ class Stencil:
 
     def add_difference(self, one: Section, other: Section, v: np.ndarray, f: np.ndarray) -> None:
         """Add to f (owned dofs,) what a section's stiffness gives along v, less that of another."""
-        motion, forces = self.values(v), np.zeros((self.count, 3))
+        motion, forces = self._with_images(self._gathered.values(v)), np.zeros((self.count, 3))
         for section, factor in ((one, 1.0), (other, -1.0)):
             along = motion, factor, forces
             self.loops.add_bending_along(section, self.slopes, self.columns, *along)

@@ -35,6 +35,8 @@ class YarnsRubbing(Energy):
         self._part, self._friction = part, friction
         mesh, count = part.blank.mesh, len(friction.stiffness)
         self._state = fem.Function(compat.quadrature_space(mesh, degree, count + 1))
+        # sliding of each element and dissipation at points, of which the part's are `_at`
+        self._values = self._state.x.array.reshape(-1, count + 1)
         self._at = compat.dofmap(self._state.function_space)[part.cells]
         self.rules = [(1.0, part.dx(degree))]
         _, _, gamma = membrane_energy.strains(*membrane_energy.invariants(*yarns), rest)
@@ -42,7 +44,7 @@ class YarnsRubbing(Energy):
         self._energy = compat.form(membrane_energy.energy(yarns, rest, self, self.rules))
         start = np.repeat(self._gamma()[..., None], count + 1, -1)
         start[..., -1] = 0.0
-        self._set(start)
+        self._values[self._at] = start
 
     def energy(self, eps_a: Any, eps_b: Any, gamma: Any) -> tuple[Any, Any, Any]:
         """As of a law: of this step, and dissipated before."""
@@ -56,29 +58,17 @@ class YarnsRubbing(Energy):
 
     def response(self) -> Response:
         """At all points (cells, points), before `accept`."""
-        return self._friction.respond(self._gamma(), self._known()[..., :-1])
+        return self._friction.respond(self._gamma(), self._values[self._at][..., :-1])
 
     def accept(self) -> None:
-        """Keep the sliding, and what it has dissipated."""
-        now, known = self.response(), self._known()
+        now, known = self.response(), self._values[self._at]
         dissipated = known[..., -1:] + now.dissipated[..., None]
-        self._set(np.concatenate([now.sliding, dissipated], -1))
+        self._values[self._at] = np.concatenate([now.sliding, dissipated], -1)
 
     def memory(self) -> np.ndarray:
         """Sliding and dissipation, in rows for `Term.cell_memory`."""
-        known = self._known()
+        known = self._values[self._at]
         return self._part.rows(known.reshape(-1, known.shape[-1]), known.shape[1])
 
     def recall(self, rows: np.ndarray) -> None:
-        """Take back what `memory` gave."""
-        self._set(rows[self._part.cells].reshape(self._known().shape))
-
-    def _known(self):
-        """Sliding of each element and dissipation at all points, (cells, points, k + 1)."""
-        return self._values()[self._at]
-
-    def _set(self, values):
-        self._values()[self._at] = values
-
-    def _values(self):
-        return self._state.x.array.reshape(-1, len(self._friction.stiffness) + 1)
+        self._values[self._at] = rows[self._part.cells].reshape(*self._at.shape, -1)

@@ -92,18 +92,18 @@ def test_compaction_is_straight_from_10_mpa_on():
     assert SOFT(places)[1] == pytest.approx(right, rel=1e-9)
     grown = SOFT.grown(np.array([2.0, 2.0]))
     assert grown(2 * places)[1] == pytest.approx(right, rel=1e-9)
-    assert face_of(FABRIC, 10.0).law.length == pytest.approx(1.07427 / 2, rel=1e-5)
+    assert face_of(FABRIC, 10.0).length == pytest.approx(1.07427 / 2, rel=1e-5)
 
 
 def test_rigid_faces():
     """Metal yields nothing to a fabric; nor does a fabric that keeps its thickness."""
-    metal, rigid = face_of(ff.load_metal("dc04"), 10.0).law, FABRIC.replace(compaction=None)
+    metal, rigid = face_of(ff.load_metal("dc04"), 10.0), FABRIC.replace(compaction=None)
     assert between_faces(metal, SOFT) == between_faces(SOFT, metal) == SOFT
     stiffer = metal._replace(penalty=2 * metal.penalty)
     assert between_faces(stiffer, metal) == metal
     assert rigid.thickness_under(0.0) == rigid.thickness_under(5.0) == FABRIC.thickness
-    assert face_of(rigid, 10.0).law.is_rigid and not face_of(FABRIC, 10.0).law.is_rigid
-    assert face_of(FABRIC, 10.0, penalty=700.0).law.penalty == 700.0
+    assert face_of(rigid, 10.0).is_rigid and not face_of(FABRIC, 10.0).is_rigid
+    assert face_of(FABRIC, 10.0, penalty=700.0).penalty == 700.0
 
 
 @pytest.mark.parametrize("radius, counted", [(8.0, 8.0), (np.inf, 5.0)])
@@ -115,6 +115,6 @@ def test_default_penalty(radius, counted):
     fabric = FABRIC.replace(compaction=None, thickness=0.5)
     pulls = 2 * 500.0 * 0.0405**0.2, nominal(FABRIC, np.array([[0.02, 0.02, 0.0]]))[0].sum() / 1.02
     for material, pull in zip((metal, fabric), pulls):
-        law = face_of(material, radius).law
+        law = face_of(material, radius)
         assert law.penalty == pytest.approx(pull / counted / 0.0125, rel=1e-6)
         assert law.smoothing == pytest.approx(0.3 * 0.0125 * 0.5)
