@@ -13,7 +13,7 @@ from ..results.fields import FieldSeries
 from ..results.history import History, viscous_warning
 from ..results.output import Output
 from ..results.result import Result
-from ..results.verdict import Reason
+from ..results.verdict import Numbers, Reason
 from ..runtime import status
 from ..runtime.formatting import rounded
 from ..runtime.timing import phase
@@ -61,11 +61,24 @@ class LimitWatch(Observer):
         return validity.not_formed(now, self.settings.limits)
 
 
-class HistoryWriter(Observer):
-    """Writes a row of the history for each state, with what `setup` measures."""
+class StateWriter(Observer):
+    """Writes of each state a row of the `history`, with what `setup` measures, the fields to the
+    `series` if `settings` ask for it, and the checkpoint; notes: those of a run that is resumed."""
 
-    def __init__(self, setup: Setup, history: History, output: Output) -> None:
-        self.setup, self.history, self.output = setup, history, output
+    @phase("output")
+    def __init__(
+        self,
+        setup: Setup,
+        settings: Settings,
+        output: Output,
+        checkpoint: Checkpoint,
+        notes: Numbers,
+    ) -> None:
+        self.setup, self.settings, self.output = setup, settings, output
+        self.checkpoint, folder = checkpoint, checkpoint.path.parent
+        self.series = FieldSeries(folder, setup.scene, notes.get("states", ()))
+        rows = notes.get("rows", ())
+        self.history = History(folder / "history.csv", setup.scene.comm, rows)
 
     def accept(self, accepted: Accepted) -> None:
         scene, rows = self.setup.scene, self.history.rows
@@ -80,34 +93,21 @@ class HistoryWriter(Observer):
             self.history.add(accepted, displacement, force, columns)
             if len(rows) == 1:
                 scene_output.summary(scene)  # which refuses names given twice
-        self.output.doubt(Reason(viscous_warning(rows, accepted.load)))
+            self.output.doubt(Reason(viscous_warning(rows, accepted.load)))
+            if self.is_written():
+                self.series.write(accepted.load)
+            notes = {"rows": rows, "states": self.series.states}
+            self.checkpoint.save(accepted.progress, notes)
 
     def _columns(self, force, further, taken):
         share = self.setup.modelled_share
         whole = {} if share == 1 else {"reaction_of_whole_N": force / share}
         return whole | scene_output.history(self.setup.scene, taken) | further
 
-
-class StateWriter(Observer):
-    """Writes the states that `settings` ask for to `series`, and each to the checkpoint."""
-
-    def __init__(
-        self, settings: Settings, history: History, series: FieldSeries, checkpoint: Checkpoint
-    ) -> None:
-        self.settings, self.rows = settings, history.rows
-        self.series, self.checkpoint = series, checkpoint
-
-    @phase("output")
-    def accept(self, accepted: Accepted) -> None:
-        if self.is_written():
-            self.series.write(accepted.load)
-        notes = {"rows": self.rows, "states": self.series.states}
-        self.checkpoint.save(accepted.progress, notes)
-
     def is_written(self) -> bool:
         """True if the last state is written for ParaView: at full load, as stages may follow."""
-        kept = *self.settings.milestones, 1.0
-        return (len(self.rows) - 1) % self.settings.every == 0 or self.rows[-1]["load"] in kept
+        rows, kept = self.history.rows, (*self.settings.milestones, 1.0)
+        return (len(rows) - 1) % self.settings.every == 0 or rows[-1]["load"] in kept
 
 
 class ProgressLog(Observer):
