@@ -94,7 +94,7 @@ def _of_sheets(made, result):
         whole = quantities.stack_quantities(result, plies, fabrics, metals) | {"plies": plies}
     whole["shortening_mean"] = None
     if fabrics:  # of yarns by compression, over the area of fabric
-        cells = np.concatenate([part.cells for part in fabrics])
+        cells = measures.cells_of(fabrics)
         short, areas = quantities.shortening(result.fields)[cells], made.blank.areas()[cells]
         whole["shortening_mean"] = measures.mean(made.comm, short, areas)
     return whole

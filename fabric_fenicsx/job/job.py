@@ -212,7 +212,9 @@ class Job(Settings):
             self._estimate(output, result, problem, states.series)
         self._show(output, result, pictures)
         if not is_kept:
-            result.forget_folder()
+            if comm.rank == 0:
+                assert result.grid  # is read while there is a folder
+            result.folder = None
         if wrong:
             where = f"; the run ends at load factor {reached}" if outcome.reached < 1 else ""
             where += f"; the results are in {folder}" if is_kept else ""
@@ -328,7 +330,7 @@ class Job(Settings):
         facts["wall_s"] = round(time.perf_counter() - began, 4)
         result.summary = output.amend(folder, result.summary, error=errors, error_run=facts)
         series.write(1.0, result.fields)
-        result.forget_grid()
+        vars(result).pop("grid", None)  # of the file before
 
     def _run_coarser(self, output, result, problem, name="coarse"):
         """The `Result` of the same run on a coarser mesh, in a subfolder of that `name`."""

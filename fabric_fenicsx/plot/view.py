@@ -12,10 +12,9 @@ from pathlib import Path
 import numpy as np
 import pyvista
 
-from ..postprocess.ply import ply_of, whole
+from ..postprocess.ply import check_field, ply_of, whole
 from ..postprocess.states import State, states, units
 from ..runtime.errors import InputError
-from ..runtime.rules import unknown_key
 from .pictures import shown
 from .press_pictures import VIEW
 from .space import COLOURS, STEEL, drawing, mirrored
@@ -105,8 +104,7 @@ def _known(field, plies):
     if field is None:
         usual = "shear_angle", "equivalent_plastic_strain", *fields
         return next(name for name in usual if name in fields)
-    if field not in fields:
-        raise unknown_key(field, sorted(fields), f"field {field}")
+    check_field(field, dict(data))
     return field
 
 

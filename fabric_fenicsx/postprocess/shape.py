@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from ..runtime.errors import InputError
 from ..runtime.formatting import coordinates
-from .ply import SAME, Grid, edge_sides, plan_area, ply_of
+from .ply import SAME, Grid, check_field, edge_sides, plan_area, ply_of
 
 File: TypeAlias = pathlib.Path | str
 
@@ -92,9 +92,7 @@ def value_at(grid: Grid, place: ArrayLike, name: str) -> float:
     """Field `name`, of one number a cell, of the cell at `place` (x, y) [mm] of the flat ply.
     Raises InputError for a place beside it and for a field that it does not have."""
     ply = ply_of(grid)
-    known = sorted(each for each, values in ply.fields.items() if values.ndim == 1)
-    if name not in known:
-        raise InputError(f"the sheet has no field {name}; allowed are {', '.join(known)}")
+    check_field(name, ply.fields)
     x, y = np.asarray(place, dtype=float)
     cell = int(_plan(ply)[1](x, y))
     if cell < 0:

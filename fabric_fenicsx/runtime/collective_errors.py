@@ -16,27 +16,22 @@ T = TypeVar("T")
 
 
 def on_root(comm: MPI.Comm, make: Callable[[], T]) -> T:
-    """What make() gives on rank 0, on all ranks; an InputError there, also for a file that can't be
-    read or written, is raised on all."""
-
-    def readable():
-        try:
-            return make() if comm.rank == 0 else None
-        except OSError as error:
-            if error.errno is None:  # of a library, not of a file
-                raise
-            raise unwritable(error) from None
-
-    return comm.bcast(on_all(comm, readable))
+    """What make() gives on rank 0, on all ranks; an InputError there is raised on all."""
+    return comm.bcast(on_all(comm, lambda: make() if comm.rank == 0 else None))
 
 
 def on_all(comm: MPI.Comm, make: Callable[[], T]) -> T:
-    """What make() gives on each rank; an InputError on any is raised on all."""
+    """What make() gives on each rank; an InputError on any, also for a file that can't be read or
+    written, is raised on all."""
     result, error = None, ""
     try:
         result = make()
     except InputError as e:
         error = str(e)
+    except OSError as e:
+        if e.errno is None:  # of a library, not of a file
+            raise
+        error = str(unwritable(e))
     if error := next(filter(None, comm.allgather(error)), ""):
         raise InputError(error)
     return result  # type: ignore[return-value]
