@@ -77,7 +77,9 @@ class FormingScene(BuiltPress):
     def begin(self, folder: Path, pictures: bool) -> None:
         """Draw the tools and the flat blank before anything moves."""
         if pictures:
-            _pictures().draw_setup(self, folder)
+            from . import pictures as drawn  # takes long to import
+
+            drawn.draw_setup(self, folder)
 
     def end(self, result: Result, folder: Path) -> None:
         """Write the heights of wrinkles, if any are told of."""
@@ -89,11 +91,6 @@ class FormingScene(BuiltPress):
 
     def pictures(self, result: Result, folder: Path) -> None:
         """As in `Setup`: the formed plies, shear, strain states, thickness and paths."""
-        _pictures().draw(self, result, folder)
+        from . import pictures
 
-
-def _pictures():
-    """The module, which takes long to import."""
-    from . import pictures
-
-    return pictures
+        pictures.draw(self, result, folder)

@@ -27,8 +27,8 @@ def draw_setup(made: BuiltPress, folder: Path) -> None:
     """setup.png: the tools and the flat blank before anything moves; called on all ranks."""
     moves = {name: made.schedule.first_move(name) for name in made.tools}
     motions = {name: move for name, move in moves.items() if move.any()}
-    plies = press_pictures.flat_grids(made.blank, planes_of_symmetry(made.scene))
-    if made.comm.rank:
+    plies = press_pictures.flat_grids(made.scene.blank, planes_of_symmetry(made.scene))
+    if made.scene.comm.rank:
         return
     with _no_loss("setup.png"):
         bodies = made.tools | _holders(made, plies)
@@ -37,7 +37,7 @@ def draw_setup(made: BuiltPress, folder: Path) -> None:
 
 def _holders(made, plies):
     """{name: surface} of what holders press, a little away from the blank, and of what pulls."""
-    size, surfaces = float(np.ptp(made.blank.extent(), axis=0).max()), dict[str, Surface]()
+    size, surfaces = float(np.ptp(made.scene.blank.extent(), axis=0).max()), dict[str, Surface]()
     owners = {term: name for name, terms in made.holders.items() for term in terms}
     for term in made.scene.terms:
         ply = ply_of(plies[term.part_name] if term.part_name else next(iter(plies.values())))

@@ -26,7 +26,7 @@ def all_of(made: BuiltPress, result: Result) -> Numbers:
         numbers["fields"] = fields
     if "sheet_pressure" in result.fields:  # means of cells on the next sheet
         pressure = np.nan_to_num(result.fields["sheet_pressure"])
-        numbers["sheet_pressure_largest_MPa"] = measures.extremes(made.comm, pressure)[1]
+        numbers["sheet_pressure_largest_MPa"] = measures.extremes(made.scene.comm, pressure)[1]
     return numbers
 
 
@@ -43,8 +43,10 @@ def field_ranges(made: BuiltPress) -> dict[str, str]:
         for name, (field, _, values) in term.fields.items():
             if name.startswith("friction"):
                 found[f"{name} on {owner}"] = field, values
-    extremes = measures.extremes
-    return {n: field.told(*extremes(made.comm, values)) for n, (field, values) in found.items()}
+    extremes, comm = measures.extremes, made.scene.comm
+    return {
+        n: field.told(*extremes(made.scene.comm, values)) for n, (field, values) in found.items()
+    }
 
 
 def _of_contact(made, result):
@@ -74,7 +76,7 @@ def _of_contact(made, result):
 
 def _of_sheets(made, result):
     """Quantities of the one sheet, or of all sheets of a stack together and of each."""
-    parts = made.blank.parts or {"": made.blank.whole}
+    parts = made.scene.blank.parts or {"": made.scene.blank.whole}
     fabrics, metals = (
         [part for sheet, part in zip(made.sheets, parts.values()) if bool(sheet.metal) == is_metal]
         for is_metal in (False, True)
@@ -84,7 +86,7 @@ def _of_sheets(made, result):
     for sheet, (name, part) in zip(made.sheets, parts.items()):
         of_cells = quantities.metal_quantities if sheet.metal else quantities.fabric_quantities
         heights = made.wrinkle_heights.get(name)
-        waves = on_root(made.comm, lambda: wrinkles(heights) if heights else None)
+        waves = on_root(made.scene.comm, lambda: wrinkles(heights) if heights else None)
         shape = {"draw_in": result.draw_in(part.name), "wrinkles": waves}
         plies[name] = of_cells(result, [part]) | shape
     whole = plies.get("")
@@ -95,17 +97,17 @@ def _of_sheets(made, result):
     whole["shortening_mean"] = None
     if fabrics:  # of yarns by compression, over the area of fabric
         cells = measures.cells_of(fabrics)
-        short, areas = quantities.shortening(result.fields)[cells], made.blank.areas()[cells]
-        whole["shortening_mean"] = measures.mean(made.comm, short, areas)
+        short, areas = quantities.shortening(result.fields)[cells], made.scene.blank.areas()[cells]
+        whole["shortening_mean"] = measures.mean(made.scene.comm, short, areas)
     return whole
 
 
 def wrinkle_heights(made: BuiltPress, result: Result) -> dict[str, Grid]:
     """{name of a sheet: its `height_map`}, on rank 0 only. What lies on a sheet on that side is
     between it and the tools."""
-    parts = made.blank.parts or {"": made.blank.whole}
+    parts = made.scene.blank.parts or {"": made.scene.blank.whole}
     waves = {n: quantities.shortest_wave_of(made.scene, part) for n, part in parts.items()}
-    if made.comm.rank:
+    if made.scene.comm.rank:
         return {}
     thickness = np.array([sheet.thickness_under(0.0) for sheet in made.sheets])
     below = thickness.cumsum() - thickness / 2
