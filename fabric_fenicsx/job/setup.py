@@ -35,9 +35,8 @@ class Observer:
 
 
 class Setup(Observer):
-    """A `scene`, and what is measured and drawn of it: a subclass overrides what it has, the
-    methods `measure`, `quantities`, `pictures` and `coarser`, and those of an `Observer`: `begin`,
-    `accept`, `reject` and `end`, as to write files of its own.
+    """A `scene`, and what is measured and drawn of it: a subclass overrides what it has of
+    `measure`, `quantities`, `pictures`, `coarser` and the methods of an `Observer`.
 
     Parameters
     ----------

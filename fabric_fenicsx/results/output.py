@@ -86,12 +86,13 @@ class Output:
             log.info(text)
 
     def say_assumed(self, name: str, values: Mapping[str, str]) -> None:
-        """Say which numbers {number: value} of the material `name` no test has determined, each
-        once, unless warnings are quiet, too."""
-        new = [f"{k} = {value}" for k, value in values.items() if f"{name} {k}" not in self._said]
-        self._said |= {f"{name} {k}" for k in values}
-        if new and not self.is_quiet:
-            self.say(f"no test has determined these numbers of {name}: {', '.join(new)}")
+        """Say which numbers {number: value} of the material `name` no test has determined, once,
+        unless warnings are quiet, too."""
+        numbers = ", ".join(f"{number} = {value}" for number, value in values.items())
+        text = f"no test has determined these numbers of {name}: {numbers}"
+        if values and not self.is_quiet and text not in self._said:
+            self.say(text)
+            self._said.add(text)
 
     def warn(self, text: str) -> None:
         """Print a text once, on rank 0, as `tell`; the summary repeats it."""
@@ -158,8 +159,8 @@ class Output:
         self._open.callback(log.removeHandler, handler)
 
     def _results(self):
-        names = [each for name in self.RESULTS for each in (name, f"*/{name}")]
-        return [file for name in names for file in self.path.glob(name)]
+        patterns = [under + name for name in self.RESULTS for under in ("", "*/")]
+        return [file for pattern in patterns for file in self.path.glob(pattern)]
 
     def write_table(self, path: Path, rows: Sequence[Numbers]) -> None:
         """Write dicts to a CSV file, on rank 0, with a column for each of their keys."""
@@ -171,13 +172,12 @@ class Output:
 
     def summarise(self, folder: Path | None, **facts: Any) -> Numbers:
         """`facts` with verdict, costs, warnings and versions, written to summary.json."""
-        total = round(time.perf_counter() - self._started, 4)
-        wall = {name: round(seconds, 4) for name, seconds in timing.taken().items()}
+        wall = timing.taken() | {"total": time.perf_counter() - self._started}
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         if "reason" in facts:
             facts["reason"] = self.translated(facts["reason"])
         costs = {
-            "wall_s": wall | {"total": total},
+            "wall_s": {name: round(seconds, 4) for name, seconds in wall.items()},
             "peak_memory_mib": round(self.comm.allreduce(peak, MPI.MAX), 1),
             "versions": self.VERSIONS,
         }

@@ -80,11 +80,9 @@ class Result:
         value, errors = self.number(name), self.summary.get("error", {})
         if value is None:
             return "-"
-        text = format(round(scale * value, 12) + 0.0, form)
-        if name not in errors:
-            return text
-        error = errors[name]
-        return with_error(text, scale * value, None if error is None else abs(scale) * error)
+        text, error = format(round(scale * value, 12) + 0.0, form), errors.get(name)
+        error = None if error is None else abs(scale) * error
+        return with_error(text, scale * value, error) if name in errors else text
 
     def force(self, tool: Tool | str) -> np.ndarray:
         """Force of `tool`, or of the tool of that name, on the sheet in the last accepted state,
@@ -96,9 +94,9 @@ class Result:
         if len(asked) != 1:
             name = tool if isinstance(tool, str) else tool.name
             known = ", ".join(each.name for each in tools) or "it has none"
-            allowed = f"one of its own tools, or the name of one alone: {known}"
             raise InputError(
-                f"the scene has {len(asked) or 'no'} tools {name!r}; allowed is {allowed}"
+                f"the scene has {len(asked) or 'no'} tools {name!r}; allowed is one of its own "
+                f"tools, or the name of one alone: {known}"
             )
         return output.tool_force(scene, asked[0])
 
@@ -111,9 +109,10 @@ class Result:
         z = blank.coordinates()[: len(part.nodes), 2][part.nodes]
         low, high = measures.extremes(self.scene.comm, z)
         if high - low > SAME:
-            apart = f"{sheet or blank.name} are up to {rounded(high - low, 4)} mm apart along z"
-            needs = "draw-in needs a sheet that is flat in z = const"
-            raise InputError(f"undeformed nodes of {apart}; {needs}")
+            raise InputError(
+                f"undeformed nodes of {sheet or blank.name} are up to {rounded(high - low, 4)} mm "
+                "apart along z; draw-in needs a sheet that is flat in z = const"
+            )
         return on_root(self.scene.comm, lambda: shape.draw_in(self._grid_of(sheet)))
 
     def _sheet(self, asked, name):
