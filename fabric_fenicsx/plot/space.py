@@ -66,9 +66,6 @@ def image(
     return pixels[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
 
 
-# -- plies and tools
-
-
 def surface_of(grid: Grid, full: bool = True, formed: bool = True) -> pyvista.PolyData:
     """The ply, formed or flat, with the nodes' `place` on the flat one, the size of the
     `shear_angle` [deg] and, if known, the distance across yarns, `yarn_a` and `yarn_b` [mm]; full:

@@ -106,9 +106,6 @@ def _sheet(ply):
     return net.simplify(SAME)
 
 
-# -- a plane
-
-
 def _beside(ply, plane):
     """The part of a ply on the side of a plane."""
     normal = np.asarray(plane.normal, float)
@@ -125,9 +122,6 @@ def _beside(ply, plane):
     fields = {name: np.asarray(kept.cell_data[name]) for name in ply.fields}
     u = np.asarray(kept.point_data["u"], dtype=float)
     return _cleaned(np.asarray(kept.points), u, triangles, fields)
-
-
-# -- a line
 
 
 def _nearest(ply, points, reach, number):
@@ -161,15 +155,12 @@ def _below(ply, points, reach, number):
     distance of 0; number: as of `_nearest`."""
     corners = ply.formed[ply.triangles]
     tree = shapely.STRtree(shapely.polygons(corners[:, :, :2]))
-    point, cells = tree.query(
-        shapely.points(points), predicate="dwithin", distance=MAX_BEYOND * reach
-    )
-    missing = ~np.isin(np.arange(len(points)), point)
-    beyond = np.zeros(len(points))
+    places = shapely.points(points)
+    point, cells = tree.query(places, predicate="dwithin", distance=MAX_BEYOND * reach)
+    missing, beyond = ~np.isin(np.arange(len(points)), point), np.zeros(len(points))
     if missing.any():
-        beyond[missing] = shapely.distance(
-            shapely.union_all(tree.geometries), shapely.points(points[missing])
-        )
+        ply_in_plan = shapely.union_all(tree.geometries)
+        beyond[missing] = shapely.distance(ply_in_plan, places[missing])
     _check_on(points, beyond, missing, number)
     shares = _shares(corners[cells][:, :, :2], points[point])
     height = (shares * corners[cells][:, :, 2]).sum(1)
@@ -239,9 +230,6 @@ def _cleaned(x, u, triangles, fields):
     grid = grid_of(x, triangles[real], u)
     grid.cell_data.update({name: values[real] for name, values in fields.items()})
     return ply_of(grid)
-
-
-# -- files
 
 
 def write_pattern(

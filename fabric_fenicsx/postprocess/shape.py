@@ -1,12 +1,9 @@
 """Measurements of a formed ply: paths, outline and draw-in, wrinkles.
 
-Every function takes the grid of a state, as `states.read_state` gives it: undeformed places, `u` at
-the points, fields on the cells. Nodes that several ranks wrote are merged. Other cells than
-triangles with nodes at their corners are cut into these. The ply lies flat at first. Where
-it has planes of symmetry, x = 0 or y = 0, its edges there are not free.
+Every function takes the grid of a state, as `states.read_state` gives it: undeformed places of a
+flat ply, `u` at the points, fields on the cells. Edges on planes of symmetry are not free.
 """
 
-import csv
 import pathlib
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, TypeAlias
@@ -53,10 +50,8 @@ def along_paths(
     centre[ply.planes] = 0.0
     centre = centre.round(9)
     if cell_at(*centre) < 0:
-        raise InputError(
-            f"the ply does not cover its centroid, {coordinates(centre)} mm, where paths start; "
-            "allowed is one that does"
-        )
+        flaw = f"the ply does not cover its centroid, {coordinates(centre)} mm, where paths start"
+        raise InputError(f"{flaw}; allowed is one that does")
     most = np.linalg.norm(ply.x[:, :2] - centre, axis=1).max()
     for angle in angles_deg:
         direction = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
@@ -102,13 +97,9 @@ def value_at(grid: Grid, place: ArrayLike, name: str) -> float:
 
 def write_paths(file: File, paths: Mapping[float, Path]) -> None:
     """Write `along_paths` to a CSV file, a row a point."""
-    with open(file, "w", newline="") as opened:
-        writer = csv.writer(opened)
-        names = "distance_mm", "formed_distance_mm", "log_eps_11", "log_eps_22", "shear_angle_deg"
-        writer.writerow(["path_deg", *names])
-        for angle, values in paths.items():
-            for row in zip(*values[:-1]):
-                writer.writerow([f"{angle:g}", *(f"{v:.8g}" for v in row)])
+    names = "path_deg,distance_mm,formed_distance_mm,log_eps_11,log_eps_22,shear_angle_deg"
+    rows = [[angle, *row] for angle, path in paths.items() for row in zip(*path[:-1])]
+    np.savetxt(file, rows, "%.8g", ",", "\r\n", header=names, comments="")
 
 
 class Outline(NamedTuple):

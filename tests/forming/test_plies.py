@@ -140,10 +140,8 @@ def laminate(*changes):
 
 def test_metal_covers_two_thirds_of_the_fabric():
     """13 568 against 20 268 elements in the paper, with cells as large as the plies'."""
-    laid = laminate()
-    areas = {
-        name: laid.scene.blank.areas()[part.cells] for name, part in laid.scene.blank.parts.items()
-    }
+    blank = laminate().scene.blank
+    areas = {name: blank.areas()[part.cells] for name, part in blank.parts.items()}
     covered = areas["lower metal"].sum() / areas["middle"].sum()
     assert covered == pytest.approx(AREA) == pytest.approx(0.669, abs=1e-3)
     assert areas["lower metal"].mean() == pytest.approx(areas["middle"].mean(), rel=0.3)
