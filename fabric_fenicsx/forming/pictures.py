@@ -25,8 +25,7 @@ from .built import BuiltPress
 
 def draw_setup(made: BuiltPress, folder: Path) -> None:
     """setup.png: the tools and the flat blank before anything moves; called on all ranks."""
-    moves = {name: made.schedule.first_move(name) for name in made.tools}
-    motions = {name: move for name, move in moves.items() if move.any()}
+    motions = {name: made.schedule.first_move(name) for name in made.tools}
     plies = press_pictures.flat_grids(made.scene.blank, planes_of_symmetry(made.scene))
     if made.scene.comm.rank:
         return

@@ -177,7 +177,10 @@ class Job(Settings):
         known_by = {k: v for part in parts for k, v in part.items()} | problem | scene.fingerprint()
         checkpoint = Checkpoint(folder / "checkpoint.npz", scene.blank, known_by)
         newton = Newton(scene, self.tolerance, linear_solver=self.linear_solver)
-        self._say_assumptions(output)
+        for material in materials_of(scene, scene.blank.whole):
+            output.say_assumed(material.label, material.assumed_values())
+        for words in [] if output.is_quiet else waves_that_do_not_form(scene):
+            output.say(words)
         start, notes = None, Numbers()
         # a part of several that was not begun yet has no checkpoint
         if output.resume and (folder == output.path or comm.bcast(checkpoint.path.exists())):
@@ -220,13 +223,6 @@ class Job(Settings):
             where += f"; the results are in {folder}" if is_kept else ""
             raise SolverFailure(wrong + where, result)
         return result
-
-    def _say_assumptions(self, output):
-        """Say what numbers and waves of the material no test has determined."""
-        for material in materials_of(self.scene, self.scene.blank.whole):
-            output.say_assumed(material.label, material.assumed_values())
-        for words in [] if output.is_quiet else waves_that_do_not_form(self.scene):
-            output.say(words)
 
     def _step_to_full_load(self, newton, start, observers):
         """The `Outcome` of load stepping, and the signal that stopped it, as text, or ""."""

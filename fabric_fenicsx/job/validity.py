@@ -62,10 +62,8 @@ def not_formed(result: Result, limits: Limits) -> list[str]:
 def _cure(scene, limit):
     """Advice where a limit of what can be formed is exceeded."""
     if limit == "fibre_share":
-        return (
-            "there is too much pressure or shear, or the fabric's thickness, `density`, "
-            "`fibre_density` or `compaction` is wrong"
-        )
+        may_be = "`density`, `fibre_density` or `compaction` is wrong"
+        return f"there is too much pressure or shear, or the fabric's thickness, {may_be}"
     if limit != "shortening":
         return "the ply can't be formed there; other yarn angles, a larger radius or a cut may help"
     if scene_output.locking(scene):

@@ -122,12 +122,12 @@ def draw_plies(
     shear = {"scalars": "shear_angle", "cmap": COLOURS, "clim": (0, limit)}
     for k, surface in enumerate(surfaces):
         shown = cut_away(surface, k / len(surfaces))
-        families = [name for name in ("yarn_a", "yarn_b") if name in surface.point_data]
+        families = {"yarn_a", "yarn_b"} & set(surface.point_data)
         look = shear if families else {"color": STEEL}
         plotter.add_mesh(shown, show_scalar_bar=False, **light, **look)
         # below the next ply yarns poke through
         seen = cut_away(surface, k / len(surfaces), (k + 1) / len(surfaces))
-        for across in (seen[name] + spacing / 2 for name in families):  # none on a mirror
+        for across in (seen[name] + spacing / 2 for name in sorted(families)):  # none on a mirror
             low, high = np.ceil(across.min() / spacing), np.floor(across.max() / spacing)
             places = spacing * np.arange(low, high + 1)
             yarns = seen.contour(places, scalars=across).strip(max_length=100000)

@@ -73,8 +73,7 @@ def stack_quantities(
     result: Result, plies: Mapping[str, Numbers], fabrics: Sequence[Part], metals: Sequence[Part]
 ) -> Numbers:
     """Quantities of a stack: those of cells over all cells of its plies of fabric and of metal, and
-    of the shapes of its `plies` {name: quantities} the largest ones. What is of one ply's edge or
-    area alone is left out: each ply has it."""
+    of the shapes of its `plies` {name: quantities} the largest ones; others each ply has."""
     quantities = fabric_quantities(result, fabrics) if fabrics else {}
     quantities |= metal_quantities(result, metals) if metals else {}
     of_shapes = {"draw_in": "largest_mm", "wrinkles": "height_mm ripples_mm rim_mm folds"}
@@ -172,12 +171,10 @@ def excess_length(result: Result, part: Part) -> float | None:
 def _of_fabric(result):
     """Each part of fabric of a sheet in space, which can fold, with its shear and shortening."""
     blank, fields = result.scene.blank, result.fields
-    known = {"shear_angle", "shortening_a", "shortening_b"} <= set(fields)
-    if blank.mesh.geometry.dim == 2 or not known:
+    if blank.mesh.geometry.dim == 2 or "shear_angle" not in fields:
         return
-    for part in list(blank.parts.values()) or [blank.whole]:
-        unknown = int(np.isnan(fields["shear_angle"][part.cells]).sum())
-        if not result.scene.comm.allreduce(unknown):
+    for part in blank.parts.values() or [blank.whole]:
+        if not result.scene.comm.allreduce(np.isnan(fields["shear_angle"][part.cells]).sum()):
             yield part, shear_quantities(result, [part]) | shortening_quantities(result, [part])
 
 
@@ -217,8 +214,14 @@ def fabric_doubts(result: Result) -> list[Reason]:
                 f"compression shortens yarns of {name} by up to {percent(most, 3)}, as at {place}, "
                 f"and by more than {percent(SHORTENED, 6)} in {percent(share, 3)} of the area"
                 f"{loses}. The law stores as shortening what a real ply folds into wrinkles"
-                f"{_shortest_wave_in_words(result.scene, part)}"
             )
+            if length := shortest_wave_of(result.scene, part):
+                words += (
+                    f". At {percent(SHORTENED, 6)} no wave shorter than {rounded(length)} mm forms,"
+                    " on any mesh: stiffness in bending and in compression decide that"
+                )
+                if "d" in fabric_of(result.scene, part).assumed_values():
+                    words += ", and no test has determined d"
             doubts.append(Reason(words))
         if crumples(found):
             words = (
@@ -230,17 +233,6 @@ def fabric_doubts(result: Result) -> list[Reason]:
             )
             doubts.append(Reason(words, of="shear_angle_max"))
     return doubts
-
-
-def _shortest_wave_in_words(scene, part):
-    if not (length := shortest_wave_of(scene, part)):
-        return ""
-    fabric = fabric_of(scene, part)
-    doubt = ", and no test has determined d" if fabric and "d" in fabric.assumed_values() else ""
-    return (
-        f". At {percent(SHORTENED, 6)} no wave shorter than {rounded(length)} mm forms, on any "
-        f"mesh: stiffness in bending and in compression decide that{doubt}"
-    )
 
 
 def shortest_wave_of(scene: Scene, part: Part) -> float | None:
