@@ -132,10 +132,10 @@ def _of_path(rows, energy):
             "one of the ways down was taken; others may lead to other results"
         )
     if balance["energy_imbalance"] > UNBALANCED:
-        cause = "take smaller steps (`max_step`), unless the sheet snapped"
         below = [kind for kind in energy if kind != "external_work" and energy[kind] < 0]
+        negative = " and ".join(f"{kind} {rounded(energy[kind])} N mm" for kind in below)
+        cause = "take smaller steps (`max_step`), unless the sheet snapped"
         if below:
-            negative = " and ".join(f"{kind} {rounded(energy[kind])} N mm" for kind in below)
             cause = f"what should resist drives the sheet, as energies are below 0: {negative}"
         yield (
             "work of supports and tools and stored energy differ by "
