@@ -45,10 +45,10 @@ def checked(
         low, high = (rounded(setup + each * steps * seconds * cells, 2) for each in (0.6, 1.5))
         return f"{low} to {high} s"
 
-    terms = ", ".join(scene_output.summary(scene)["terms"])
     size = scene_output.sizes(scene)
     lines = [
-        f"{size['cells']} cells ({size['element']}), {size['dofs']} degrees of freedom; {terms}",
+        f"{size['cells']} cells ({size['element']}), {size['dofs']} degrees of freedom; "
+        f"{', '.join(scene_output.summary(scene)['terms'])}",
         f"the run takes {cost()}, and several times as long in few steps or where plies crumple: "
         f"{iterations} iterations at the first of {job.steps:g} steps took "
         f"{rounded(seconds, 2)} s, setup took {rounded(setup, 2)} s",

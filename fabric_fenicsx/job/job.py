@@ -198,9 +198,8 @@ class Job(Settings):
             for old in [folder / "summary.json", *folder.glob("*.png")]:
                 old.unlink(missing_ok=True)  # of an earlier run, not of this one
         states = StateWriter(self.setup, self, output, checkpoint, notes)
-        names = folder.name if folder != output.path else "", output.name
-        stages, load = self.setup.stages, start.load if start else 0.0
-        progress = ProgressLog(states.history, newton, load, stages, names, output.is_quiet)
+        part = folder.name if folder != output.path else ""
+        progress = ProgressLog(states, newton, start.load if start else 0.0, part)
         watch = LimitWatch(scene, self)
         observers = watch, states, progress, self.setup, *self.observers
         for each in observers:

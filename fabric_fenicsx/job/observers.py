@@ -2,7 +2,6 @@
 
 import logging
 import time
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -111,26 +110,14 @@ class StateWriter(Observer):
 
 
 class ProgressLog(Observer):
-    """Tells how far a run is and how long it still takes, in the log and the status line.
-
-    start: load factor that it begins from; stages: as of `Setup`; names: of the part of several
-    that the run is, "" of the only one, and of a run with neither part nor stage; quiet: keep it
-    from the console.
-    """
+    """Tells how far the run of the `states` is from the load factor `start` on, and how long it
+    still takes, in the log and the status line; part: name of the part of several that it is."""
 
     MAX_SLOWDOWN = 1.5  # time of later steps over that of earlier ones, if all goes well
 
-    def __init__(
-        self,
-        history: History,
-        newton: Newton,
-        start: float,
-        stages: Sequence[tuple[float, str]],
-        names: tuple[str, str],
-        quiet: bool,
-    ) -> None:
-        self.rows, self.newton, self.quiet = history.rows, newton, quiet
-        self.stages, self.names = stages, names
+    def __init__(self, states: StateWriter, newton: Newton, start: float, part: str) -> None:
+        self.rows, self.newton, self.output = states.history.rows, newton, states.output
+        self.stages, self.part = states.setup.stages, part
         self.start = self.load = start
         self.size = self.seconds = 0.0  # of the last step
         self.began = self.step_began = time.monotonic()
@@ -149,7 +136,7 @@ class ProgressLog(Observer):
             f"{accepted.report.iterations} iterations"
         )
         if self.newton.scene.comm.rank == 0:
-            is_seen = status.on_terminal() or self.quiet
+            is_seen = status.on_terminal() or self.output.is_quiet
             log.log(logging.DEBUG if is_seen else logging.INFO, self.reached + self.left(0.0))
 
     def reject(self, load: float, report: Report) -> None:
@@ -174,6 +161,5 @@ class ProgressLog(Observer):
         return f", {tqdm.format_interval(low)} to {tqdm.format_interval(high)} left"
 
     def _name(self):
-        part, usual = self.names
         stage = next((name for end, name in self.stages if self.load <= end), "")
-        return ", ".join(filter(None, [part, stage])) or usual
+        return ", ".join(filter(None, [self.part, stage])) or self.output.name

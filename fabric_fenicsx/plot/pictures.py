@@ -51,10 +51,7 @@ def figure(
 def shown(name: str, unit: str = "") -> tuple[str, float, str]:
     """Label, factor to the unit shown and colour map of a field; unit: of one not in `SHOWN`."""
     plain = " / ".join(filter(None, (name.replace("_", " "), unit)))
-    label, factor, colours = SHOWN.get(name.removeprefix("error_"), (plain, 1.0, "viridis"))
-    return (
-        (f"error of {label}", factor, "magma_r") if "error_" in name else (label, factor, colours)
-    )
+    return SHOWN.get(name, (plain, 1.0, "viridis"))
 
 
 def colour_scale(colours: str, low: float, high: float) -> tuple[str, float, float]:
