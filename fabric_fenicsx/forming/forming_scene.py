@@ -54,10 +54,8 @@ class FormingScene(BuiltPress):
         press, name = self.data, self.leader().name
         if press.planes:
             if files := [sheet.sheet_file for sheet in self.sheets if sheet.sheet_file]:
-                raise InputError(
-                    f"{files[0]} is modelled by a {press.modelled}, which can't be disturbed; "
-                    "allowed is the whole blank"
-                )
+                flaw = f"{files[0]} is modelled by a {press.modelled}, which can't be disturbed"
+                raise InputError(f"{flaw}; allowed is the whole blank")
             sheets = [sheet.mirrored(press.planes) for sheet in self.sheets]
             press = press.replace(sheets=sheets, symmetry="none")
         x, y, *z = np.asarray(press.tool(name).at).tolist()

@@ -73,10 +73,8 @@ def unloading(
     """
     before = result.scene
     if result.summary.get("stroke_reached") != 1:
-        raise InputError(
-            "unloading needs a run that reached full load; this one reached "
-            f"{result.summary.get('stroke_reached')} of it"
-        )
+        reached = result.summary.get("stroke_reached")
+        raise InputError(f"unloading needs a run that reached full load, not {reached} of it")
     blank = before.blank
     blank.u.x.array[:] = _formed.setdefault(before, blank.u.x.array.copy())
     kept = _kept(before, keep)

@@ -127,20 +127,15 @@ class Output:
 
     def _make(self, path):
         """Make the folder and, the first time, lock it."""
-        is_first, kept = not self.parts, self._results()
-        if self.resume and is_first and "checkpoint.npz" not in {file.name for file in kept}:
+        is_first = not self.parts
+        if self.resume and is_first and "checkpoint.npz" not in {f.name for f in self._results()}:
             flaw = f"`resume=True` finds no checkpoint in {path}"
             raise InputError(f"{flaw}; allowed is the `out` of a run that was begun")
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-            tempfile.TemporaryFile(dir=path).close()
-            lock = lock_folder(self.path) if is_first else None
-        except OSError as error:
-            flaw = f"`out` {path} can't be written to ({error.strerror})"
-            raise InputError(f"{flaw}; allowed is a folder that can be made") from None
+        path.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=path).close()
         if not is_first:
             return
-        if not lock:
+        if not (lock := lock_folder(self.path)):
             allowed = "another folder, or this one when that run has ended"
             raise InputError(f"`out` {self.path} is in use by another run; allowed is {allowed}")
         self._open.enter_context(lock)
@@ -209,7 +204,7 @@ class Output:
         """Write report.html of all that was written; ending: as of `report.page`."""
         if self.comm.rank != 0 or not self.parts:
             return
-        folders = {part: self.path / part for part in dict.fromkeys(["", *self.parts])}
+        folders = {part: self.path / part for part in ["", *self.parts]}
         runs = {part: (at / "summary.json", at.glob("*.png")) for part, at in folders.items()}
         page = report.page(title or self.name, runs, description, ending, self.path / "log.txt")
         replace_file(self.path / "report.html", page)

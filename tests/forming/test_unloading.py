@@ -142,7 +142,7 @@ def test_what_cannot_be_unloaded():
     with pytest.raises(InputError, match="`keep` names 'grip'; allowed are supports of the scene"):
         ff.unloading(formed, keep=["grip"])
     formed.summary["stroke_reached"] = 0.4
-    with pytest.raises(InputError, match="a run that reached full load; this one reached 0.4"):
+    with pytest.raises(InputError, match="a run that reached full load, not 0.4"):
         ff.unloading(formed)
 
 
