@@ -83,14 +83,12 @@ def draw(made: BuiltPress, result: Result, folder: Path) -> None:
 
 def compare(made: BuiltPress, results: Mapping[str, Result], folder: Path) -> None:
     """Draw paths of runs {label: `Result`} side by side, and the middle ply."""
-    grids = {
-        " ".join(filter(None, (label, name))): grid
-        for label, result in results.items()
-        for name, grid in result.grids.items()
-    }
-    with _no_loss("paths.png"):
-        forming_pictures.draw_compared(folder, grids, made.leader())
     layers = {label: result.grids for label, result in results.items()}
+    plies = [
+        (f"{run} {name}".strip(), g) for run, all_of in layers.items() for name, g in all_of.items()
+    ]
+    with _no_loss("paths.png"):
+        forming_pictures.draw_compared(folder, dict(plies), made.leader())
     metals = [sheet.name for sheet in made.sheets if sheet.metal]
     middle = middle_of(made.sheets)
     if middle and all({middle, metals[-1]} <= set(each) for each in layers.values()):

@@ -161,7 +161,7 @@ def _where_it_was(support: Support) -> Support:
     """The same support, with the displacements at full load at any load."""
     value = support.value
 
-    def at_end(x: np.ndarray, load: float) -> np.ndarray:
+    def at_end(x, load):
         if callable(value):
             return value(x, 1.0)
         return np.tile(np.asarray(value, float)[:, None], (1, x.shape[1]))

@@ -168,7 +168,7 @@ def coarse_waves(quantities: Numbers) -> str:
 
 def ripples(quantities: Numbers) -> str:
     """A sentence if a ply has waves that are no wrinkles. quantities: of the summary."""
-    most = max(_wrinkles(quantities), key=lambda each: each["ripples_mm"], default={})
+    most: Numbers = max(_wrinkles(quantities), key=lambda each: each["ripples_mm"], default={})
     if most.get("ripples_mm", 0.0) < MIN_HEIGHT:
         return ""
     return (

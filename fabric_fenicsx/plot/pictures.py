@@ -178,10 +178,9 @@ def curves(
                 low, high = np.subtract(y, bands[label]), np.add(y, bands[label])
                 ax.fill_between(x, low, high, color=line.get_color(), alpha=0.25, lw=0)
         ax.grid(alpha=0.3)
-        if is_wide:
-            ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1), fontsize="small")
-        elif len(series) > 1:
-            ax.legend()
+        beside = {"loc": "upper left", "bbox_to_anchor": (1.01, 1), "fontsize": "small"}
+        if len(series) > 1:
+            ax.legend(**beside if is_wide else {})
 
 
 def reactions(

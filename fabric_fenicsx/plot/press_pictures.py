@@ -122,7 +122,9 @@ def _draw_setup(plotter, scene, motions):
 def _legend(scene, motions):
     handles = [Patch(facecolor="#e6d8a8", edgecolor="k", label="blank")]
     for name, colour in zip(scene.tools, cycle(TOOLS)):
-        moves = f", moves {rounded(np.linalg.norm(motions[name]))} mm" if name in motions else ""
+        moves = (
+            f", moves {rounded(float(np.linalg.norm(motions[name])))} mm" if name in motions else ""
+        )
         alpha = 0.45 if scene.above[name] else 1.0
         handles.append(Patch(color=colour, alpha=alpha, label=f"{name}{moves}"))
     return handles
@@ -131,7 +133,8 @@ def _legend(scene, motions):
 def _draw_section(ax, scene, axis, motions):
     """Lines of tools and plies in the plane through their middle across `axis`, with motions."""
     along, normal = 1 - axis, np.eye(3)[axis]
-    middle = np.append(sum(space.extent_of(scene.plies.values()))[:2].round(6) / 2, 0.0)
+    low, high = space.extent_of(scene.plies.values())
+    middle = np.append((low + high)[:2].round(6) / 2, 0.0)
     bodies = [("", surface, "k", 1.5) for surface in scene.plies.values()]
     bodies += [(n, s, c, 2.5) for (n, s), c in zip(scene.tools.items(), cycle(TOOLS))]
     for k, (name, surface, colour, width) in enumerate(bodies):

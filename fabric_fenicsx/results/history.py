@@ -62,9 +62,10 @@ class History:
         row = plain(row | further(row.keys() - {"min_stability"}))
         if self.rows and (other := row.keys() ^ self.rows[0].keys()):
             some = "no longer" if other & self.rows[0].keys() else "now"
-            flaw = f"the terms {some} give history.csv the column {sorted(other)[0]}"
-            allowed = "the same columns in `history` each time"
-            raise InputError(f"at load {rounded(accepted.load, 6)} {flaw}; allowed are {allowed}")
+            raise InputError(
+                f"at load {rounded(accepted.load, 6)} the terms {some} give history.csv the column "
+                f"{sorted(other)[0]}; allowed are the same columns in `history` each time"
+            )
         self.rows.append(row)
         self._write(row)
 

@@ -220,7 +220,8 @@ def fabric_doubts(result: Result) -> list[Reason]:
                     f". At {percent(SHORTENED, 6)} no wave shorter than {rounded(length)} mm forms,"
                     " on any mesh: stiffness in bending and in compression decide that"
                 )
-                if "d" in fabric_of(result.scene, part).assumed_values():
+                fabric = fabric_of(result.scene, part)
+                if fabric and "d" in fabric.assumed_values():
                     words += ", and no test has determined d"
             doubts.append(Reason(words))
         if crumples(found):
