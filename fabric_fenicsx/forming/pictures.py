@@ -84,11 +84,10 @@ def draw(made: BuiltPress, result: Result, folder: Path) -> None:
 def compare(made: BuiltPress, results: Mapping[str, Result], folder: Path) -> None:
     """Draw paths of runs {label: `Result`} side by side, and the middle ply."""
     layers = {label: result.grids for label, result in results.items()}
-    plies = [
-        (f"{run} {name}".strip(), g) for run, all_of in layers.items() for name, g in all_of.items()
-    ]
+    named = [(label, *ply) for label, grids in layers.items() for ply in grids.items()]
+    plies = {f"{label} {name}".strip(): grid for label, name, grid in named}
     with _no_loss("paths.png"):
-        forming_pictures.draw_compared(folder, dict(plies), made.leader())
+        forming_pictures.draw_compared(folder, plies, made.leader())
     metals = [sheet.name for sheet in made.sheets if sheet.metal]
     middle = middle_of(made.sheets)
     if middle and all({middle, metals[-1]} <= set(each) for each in layers.values()):

@@ -119,7 +119,7 @@ def draw_plies(folder: pathlib.Path, grids: Mapping[str, Grid], tool: str = "") 
 
 
 def _paths(name, grid):
-    """The paths of a ply, none where the origin is in a cut-out."""
+    """The paths of a ply, none where its centroid is in a cut-out."""
     try:
         return along_paths(grid, ANGLES)
     except InputError as error:

@@ -75,10 +75,11 @@ def _yarns_of_image(ply, a, b, mirror):
         shares = np.linalg.solve(square, (sides @ yarn[:, :, None]))
         flat.append(unit((shares * before).sum(1)))
     along, across = (abs((flat[0] * mirror * each).sum(1)).mean() for each in flat)
-    swapped = int(across > along)
-    images = [flat[swapped] * mirror, flat[1 - swapped] * mirror]
-    senses = [np.sign((new * old).sum(1))[:, None] for new, old in zip(images, flat)]
-    a, b = ((b, a) if swapped else (a, b))[0] * senses[0], (a if swapped else b) * senses[1]
+    swapped, images = across > along, [(a, flat[0] * mirror), (b, flat[1] * mirror)]
+    a, b = (
+        yarn * np.sign((image * old).sum(1))[:, None]
+        for (yarn, image), old in zip(images[::-1] if swapped else images, flat)
+    )
     shear = ply.fields["shear_angle"] * (1 if swapped else -1)
     return {"yarn_a": a, "yarn_b": b, "shear_angle": shear}
 

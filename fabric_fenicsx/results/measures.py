@@ -100,9 +100,8 @@ def planes_of_symmetry(scene: Scene) -> list[int]:
     planes = []
     for axis in (0, 1):
         there = held & (x[:, axis] <= SAME)
-        moves = comm.allreduce((~fixed[there]).sum(0), MPI.SUM) > 0
-        several = comm.allreduce(int(there.sum())) > 1
-        is_bound = abs(extremes(comm, x[held, axis])[0]) <= SAME and several
+        moves = comm.allreduce((~fixed[there]).sum(0)) > 0
+        is_bound = abs(extremes(comm, x[held, axis])[0]) <= SAME and comm.allreduce(there.sum()) > 1
         if is_bound and not moves[axis] and np.delete(moves, axis).all():
             planes.append(axis)
     return planes
