@@ -37,7 +37,6 @@ def _export(parser, words):
     modelled = "what was modelled, as a quarter (default: the whole part)"
     parser.add_argument("--modelled", action="store_true", help=modelled)
     args = parser.parse_args(words)
-    structural.checked(args.file)
     grids = states.read_grids(args.folder)
     labels = states.set_labels(grids) if ending(args.file) == ".inp" else {}
     for name, ply in structural.export(grids, args.file, args.modelled).items():

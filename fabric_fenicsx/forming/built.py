@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from mpi4py import MPI
 
 from ..job.setup import Measured, Setup
 from ..mechanics.contact.interaction import ToolInteraction
@@ -14,8 +13,6 @@ from ..mechanics.term import Term
 from ..postprocess.ply import Grid
 from ..scene import output
 from ..scene.scene import Scene
-from ..sheets.blank import Blank
-from ..sheets.stack import Stack
 from ..tools.tool import Tool
 from .laying import Laid
 from .press_data import PressData
@@ -25,7 +22,7 @@ from .stages import Schedule
 class BuiltPress(Setup):
     """A press that is built: its `scene`, and
 
-    - blank, sheets: what is laid, with final names, materials and meshes
+    - laid, sheets: what is laid, with final names, materials and meshes
     - tools {name: `Tool`}, schedule, thickness [mm] of the blank without pressure
     - pressing, contacts: terms that press the blank, and those of them that are contact with tools
     - holders: {name of a holder or segment: its terms}
@@ -51,12 +48,12 @@ class BuiltPress(Setup):
         self.pressing = [term for term in scene.terms if isinstance(term, ToolInteraction)]
         self.contacts = [term for term in self.pressing if isinstance(term, Contact)]
         self.wrinkle_heights: dict[str, Grid] = {}
-        leaders = dict.fromkeys(name for name in self.schedule.leaders() if name)
+        leaders = dict.fromkeys(filter(None, schedule.leaders()))
         of_part = f" on a {data.modelled} of the blank" if data.planes else ""
-        self.force_name = f"force of {' or '.join(leaders) or next(iter(self.tools))}{of_part}"
+        self.force_name = f"force of {' or '.join(leaders) or next(iter(tools))}{of_part}"
         self.modelled_share = data.share
-        names = [stage.name for stage in self.schedule.stages]
-        self.stages = list(zip(self.schedule.joints[1:].tolist(), names))
+        names = [stage.name for stage in schedule.stages]
+        self.stages = list(zip(schedule.joints[1:].tolist(), names))
         plies = "a ply" if len(self.sheets) == 1 else f"{len(self.sheets)} plies"
         self.title = data.title or "A press"
         self.text = f"Forming of {plies} by {', '.join(self.tools)}: {', then '.join(names)}."
@@ -64,21 +61,10 @@ class BuiltPress(Setup):
         self.resolved = {name: getattr(laid.first, name) for name in fields}
         self.resolved |= dict(zip(("length", "width"), laid.sides))
 
-    @property
-    def blank(self) -> Blank | Stack:
-        """What is formed: a sheet or a stack."""
-        return self.scene.blank
-
-    @property
-    def comm(self) -> MPI.Comm:
-        """Of the scene."""
-        return self.scene.comm
-
     def leader(self, load: float = 1.0) -> Tool:
         """The tool whose force the curve shows: that which moves furthest in the stage there."""
-        names = self.schedule.leaders()
-        leaders = [name for name in names[: self.schedule.stage_at(load) + 1] if name]
-        return self.tools[leaders[-1] if leaders else next(iter(self.tools))]
+        led = self.schedule.leaders()[: self.schedule.stage_at(load) + 1]
+        return self.tools[next(filter(None, reversed(led)), next(iter(self.tools)))]
 
     def measure(self, scene: Scene, load: float) -> Measured:
         """Travel [mm] and force [N], towards the blank, of the leading tools; `columns`."""
@@ -107,5 +93,5 @@ class BuiltPress(Setup):
         if isinstance(term, ToolInteraction):
             return float(term.tool_force()[2])
         if isinstance(term, EdgeTension):
-            return self.comm.allreduce(float(abs(term.applied_forces()).sum()))
+            return self.scene.comm.allreduce(float(abs(term.applied_forces()).sum()))
         return term.pull() if isinstance(term, Springs) else None

@@ -55,10 +55,8 @@ class FormingScene(BuiltPress):
         press, name = self.data, self.leader().name
         if press.planes:
             if files := [sheet.sheet_file for sheet in self.sheets if sheet.sheet_file]:
-                raise InputError(
-                    f"{files[0]} is modelled by a {press.modelled}, which can't be disturbed; "
-                    "allowed is the whole blank"
-                )
+                flaw = f"{files[0]} is modelled by a {press.modelled}, which can't be disturbed"
+                raise InputError(f"{flaw}; allowed is the whole blank")
             sheets = [sheet.mirrored(press.planes) for sheet in self.sheets]
             press = press.replace(sheets=sheets, symmetry="none")
         x, y, *z = np.asarray(press.tool(name).at).tolist()
@@ -78,7 +76,9 @@ class FormingScene(BuiltPress):
     def begin(self, folder: Path, pictures: bool) -> None:
         """Draw the tools and the flat blank before anything moves."""
         if pictures:
-            _pictures().draw_setup(self, folder)
+            from . import pictures as drawn  # takes long to import
+
+            drawn.draw_setup(self, folder)
 
     def end(self, result: Result, folder: Path) -> None:
         """Write the heights of wrinkles, if any are told of."""
@@ -90,11 +90,6 @@ class FormingScene(BuiltPress):
 
     def pictures(self, result: Result, folder: Path) -> None:
         """As in `Setup`: the formed plies, shear, strain states, thickness and paths."""
-        _pictures().draw(self, result, folder)
+        from . import pictures
 
-
-def _pictures():
-    """The module, which takes long to import."""
-    from . import pictures
-
-    return pictures
+        pictures.draw(self, result, folder)

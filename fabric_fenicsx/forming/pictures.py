@@ -25,10 +25,9 @@ from .built import BuiltPress
 
 def draw_setup(made: BuiltPress, folder: Path) -> None:
     """setup.png: the tools and the flat blank before anything moves; called on all ranks."""
-    moves = {name: made.schedule.first_move(name) for name in made.tools}
-    motions = {name: move for name, move in moves.items() if move.any()}
-    plies = press_pictures.flat_grids(made.blank, planes_of_symmetry(made.scene))
-    if made.comm.rank:
+    motions = {name: made.schedule.first_move(name) for name in made.tools}
+    plies = press_pictures.flat_grids(made.scene.blank, planes_of_symmetry(made.scene))
+    if made.scene.comm.rank:
         return
     with _no_loss("setup.png"):
         bodies = made.tools | _holders(made, plies)
@@ -37,7 +36,7 @@ def draw_setup(made: BuiltPress, folder: Path) -> None:
 
 def _holders(made, plies):
     """{name: surface} of what holders press, a little away from the blank, and of what pulls."""
-    size, surfaces = float(np.ptp(made.blank.extent(), axis=0).max()), dict[str, Surface]()
+    size, surfaces = float(np.ptp(made.scene.blank.extent(), axis=0).max()), dict[str, Surface]()
     owners = {term: name for name, terms in made.holders.items() for term in terms}
     for term in made.scene.terms:
         ply = ply_of(plies[term.part_name] if term.part_name else next(iter(plies.values())))
@@ -84,14 +83,11 @@ def draw(made: BuiltPress, result: Result, folder: Path) -> None:
 
 def compare(made: BuiltPress, results: Mapping[str, Result], folder: Path) -> None:
     """Draw paths of runs {label: `Result`} side by side, and the middle ply."""
-    grids = {
-        " ".join(filter(None, (label, name))): grid
-        for label, result in results.items()
-        for name, grid in result.grids.items()
-    }
-    with _no_loss("paths.png"):
-        forming_pictures.draw_compared(folder, grids, made.leader())
     layers = {label: result.grids for label, result in results.items()}
+    named = [(label, *ply) for label, grids in layers.items() for ply in grids.items()]
+    plies = {f"{label} {name}".strip(): grid for label, name, grid in named}
+    with _no_loss("paths.png"):
+        forming_pictures.draw_compared(folder, plies, made.leader())
     metals = [sheet.name for sheet in made.sheets if sheet.metal]
     middle = middle_of(made.sheets)
     if middle and all({middle, metals[-1]} <= set(each) for each in layers.values()):

@@ -1,5 +1,7 @@
 """The quantities of a formed blank, as functions of the built press and the result."""
 
+from functools import partial
+
 import numpy as np
 
 from ..job.job import Result
@@ -14,6 +16,7 @@ from ..results.verdict import Numbers
 from ..runtime.collective_errors import on_root
 from ..runtime.formatting import share
 from ..scene import output
+from ..sheets.part import Part
 from .built import BuiltPress
 
 
@@ -26,7 +29,7 @@ def all_of(made: BuiltPress, result: Result) -> Numbers:
         numbers["fields"] = fields
     if "sheet_pressure" in result.fields:  # means of cells on the next sheet
         pressure = np.nan_to_num(result.fields["sheet_pressure"])
-        numbers["sheet_pressure_largest_MPa"] = measures.extremes(made.comm, pressure)[1]
+        numbers["sheet_pressure_largest_MPa"] = measures.extremes(made.scene.comm, pressure)[1]
     return numbers
 
 
@@ -43,8 +46,8 @@ def field_ranges(made: BuiltPress) -> dict[str, str]:
         for name, (field, _, values) in term.fields.items():
             if name.startswith("friction"):
                 found[f"{name} on {owner}"] = field, values
-    extremes = measures.extremes
-    return {n: field.told(*extremes(made.comm, values)) for n, (field, values) in found.items()}
+    extremes = partial(measures.extremes, made.scene.comm)
+    return {name: field.told(*extremes(values)) for name, (field, values) in found.items()}
 
 
 def _of_contact(made, result):
@@ -74,19 +77,15 @@ def _of_contact(made, result):
 
 def _of_sheets(made, result):
     """Quantities of the one sheet, or of all sheets of a stack together and of each."""
-    parts = made.blank.parts or {"": made.blank.whole}
-    fabrics, metals = (
-        [part for sheet, part in zip(made.sheets, parts.values()) if bool(sheet.metal) == is_metal]
-        for is_metal in (False, True)
-    )
+    blank, comm = made.scene.blank, made.scene.comm
+    fabrics, metals = list[Part](), list[Part]()
     plies: dict[str, Numbers] = {}
     made.wrinkle_heights = wrinkle_heights(made, result)
-    for sheet, (name, part) in zip(made.sheets, parts.items()):
+    for sheet, (name, part) in zip(made.sheets, (blank.parts or {"": blank.whole}).items()):
+        (metals if sheet.metal else fabrics).append(part)
         of_cells = quantities.metal_quantities if sheet.metal else quantities.fabric_quantities
-        heights = made.wrinkle_heights.get(name)
-        waves = on_root(made.comm, lambda: wrinkles(heights) if heights else None)
-        shape = {"draw_in": result.draw_in(part.name), "wrinkles": waves}
-        plies[name] = of_cells(result, [part]) | shape
+        plies[name] = of_cells(result, [part]) | {"draw_in": result.draw_in(part.name)}
+        plies[name]["wrinkles"] = on_root(comm, lambda: wrinkles(made.wrinkle_heights[name]))
     whole = plies.get("")
     if not whole:
         if name := quantities.middle_of(made.sheets):
@@ -94,38 +93,33 @@ def _of_sheets(made, result):
         whole = quantities.stack_quantities(result, plies, fabrics, metals) | {"plies": plies}
     whole["shortening_mean"] = None
     if fabrics:  # of yarns by compression, over the area of fabric
-        cells = np.concatenate([part.cells for part in fabrics])
-        short, areas = quantities.shortening(result.fields)[cells], made.blank.areas()[cells]
-        whole["shortening_mean"] = measures.mean(made.comm, short, areas)
+        cells = measures.cells_of(fabrics)
+        short, areas = quantities.shortening(result.fields)[cells], blank.areas()[cells]
+        whole["shortening_mean"] = measures.mean(comm, short, areas)
     return whole
 
 
 def wrinkle_heights(made: BuiltPress, result: Result) -> dict[str, Grid]:
     """{name of a sheet: its `height_map`}, on rank 0 only. What lies on a sheet on that side is
     between it and the tools."""
-    parts = made.blank.parts or {"": made.blank.whole}
+    parts = made.scene.blank.parts or {"": made.scene.blank.whole}
     waves = {n: quantities.shortest_wave_of(made.scene, part) for n, part in parts.items()}
-    if made.comm.rank:
+    if made.scene.comm.rank:
         return {}
     thickness = np.array([sheet.thickness_under(0.0) for sheet in made.sheets])
     below = thickness.cumsum() - thickness / 2
     tools, heights = output.tools(result.scene), {}
     for (name, wave), z in zip(waves.items(), below):
-        off = _off_tools(tools, z, thickness.sum() - z)
+        off = partial(_off_tools, tools, z, thickness.sum() - z)
         shortest = wave if wave and np.isfinite(wave) else 0.0
         heights[name] = height_map(result.grids[name], off, shortest)
     return heights
 
 
-def _off_tools(tools, below, above):
-    """Function of places (n, 3) of a sheet to their distance from the nearest tool, less what lies
-    below or above the sheet [mm]."""
-
-    def height(x):
-        least = np.full(len(x), np.inf)
-        for tool in tools:
-            near = tool.evaluate(x)
-            least = np.fmin(least, near.gap - np.where(near.normal[:, 2] > 0, below, above))
-        return least
-
-    return height
+def _off_tools(tools, below, above, x):
+    """Distance of places x (n, 3) of a sheet from the nearest tool, less what lies below or above
+    the sheet [mm]."""
+    least = np.full(len(x), np.inf)
+    for near in (tool.evaluate(x) for tool in tools):
+        least = np.fmin(least, near.gap - np.where(near.normal[:, 2] > 0, below, above))
+    return least

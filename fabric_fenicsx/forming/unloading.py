@@ -73,10 +73,8 @@ def unloading(
     """
     before = result.scene
     if result.summary.get("stroke_reached") != 1:
-        raise InputError(
-            "unloading needs a run that reached full load; this one reached "
-            f"{result.summary.get('stroke_reached')} of it"
-        )
+        reached = result.summary.get("stroke_reached")
+        raise InputError(f"unloading needs a run that reached full load, not {reached} of it")
     blank = before.blank
     blank.u.x.array[:] = _formed.setdefault(before, blank.u.x.array.copy())
     kept = _kept(before, keep)
@@ -85,13 +83,22 @@ def unloading(
     forces = _Release(min(thicknesses, default=1e-3 * float(np.ptp(blank.extent(), 0).max())))
     own = [term for term in before.terms if _stays(term, together)]
     scene = _formed_scene(blank, own, forces, [*map(_where_it_was, kept), *held])
-    forces.take(_forces_from_outside(scene, kept))
+    scene.residual(scene.u.duplicate())
+    outside = scene.forces.array.copy()
+    for support in kept:  # what they bear stays
+        outside[scene.supports.dofs_of[support.name][:, list(support.components)]] = 0.0
+    forces.take(outside)
     return Job(Unloading(scene, forces, held), **{"path_tolerance": 1e-6} | changes)
 
 
 def _formed_scene(blank, own, forces, supports):
     """The scene of formed sheets, of copies of their `own` terms, which remember what those do."""
-    memory, formed = _memory_without_pressure(own), blank.u.x.array.copy()
+    memory, formed = memory_of(own), blank.u.x.array.copy()
+    for i, term in enumerate(own):
+        if isinstance(term, FaceContact) and term.friction_state:
+            # elastic slip: when the pressure goes, its energy would be lost without being counted
+            for name in ("slip", "energy"):
+                memory[f"{OF_CELLS}{i} {name}"] *= 0.0
     blank.u.x.array[:] = 0.0  # as terms are made for a sheet that lies as it was laid
     scene = Scene(blank, [*(copy(term.unbound) for term in own), forces], supports)
     blank.u.x.array[:] = formed
@@ -112,26 +119,6 @@ def _kept(scene, keep):
     return [each for each in scene.supports if each in planes or each.name in keep]
 
 
-def _memory_without_pressure(terms):
-    """What terms remember, but elastic slip: when the pressure goes, its energy would be lost
-    without being counted."""
-    memory = memory_of(terms)
-    for i, term in enumerate(terms):
-        if isinstance(term, FaceContact) and term.friction_state:
-            for name in ("slip", "energy"):
-                memory[f"{OF_CELLS}{i} {name}"] *= 0.0
-    return memory
-
-
-def _forces_from_outside(scene, kept):
-    """Forces (dofs,) [N] that hold the formed state, but those that the supports `kept` bear."""
-    scene.residual(scene.u.duplicate())
-    forces = scene.forces.array.copy()
-    for support in kept:
-        forces[scene.supports.dofs_of[support.name][:, list(support.components)]] = 0.0
-    return forces
-
-
 class _Release(ReleaseForces):
     """Release forces that tell what becomes of the fabric."""
 
@@ -146,30 +133,16 @@ class _Release(ReleaseForces):
 
     def warnings(self) -> list[str]:
         """Of each sheet of fabric that keeps no shape, as its shear has no friction."""
-        blank, warnings = self.blank, list[str]()
-        for part in blank.parts.values() or [blank.whole]:
-            if not (fabric := fabric_of(self._scene, part)) or fabric.shear_friction:
-                continue
-            heights, count = "", len(part.nodes)
-            if blank.mesh.geometry.dim == 3:
-                now = blank.coordinates()[:count] + blank.nodal_displacement()[:count]
-                formed = now - self.springback() @ blank.frame
-                before, after = (self._height(each[part.nodes]) for each in (formed, now))
-                heights = f", from {before} to {after} mm height over its mean plane,"
-            warnings.append(
-                f"{part.name or blank.name} springs back by up to "
-                f"{rounded(self.largest(part))} mm{heights} and keeps no shape: fabric is "
-                "elastic here and gives back all that it stored. Real fabric keeps most of its "
-                "shape; do not take this for its springback, but give its material a "
-                "`shear_friction`"
-            )
-        return warnings
-
-    def _height(self, places):
-        """Height over their mean plane of places (n, 3) of all ranks, as text."""
-        x = np.concatenate(self.blank.mesh.comm.allgather(places))
-        axes = np.linalg.svd(x - x.mean(0), full_matrices=False)[2]
-        return rounded(float(np.ptp(x @ axes[2])))
+        blank = self.blank
+        fabrics = {p: fabric_of(self._scene, p) for p in blank.parts.values() or [blank.whole]}
+        return [
+            f"{part.name or blank.name} springs back by up to {rounded(self.largest(part))} mm and "
+            "keeps no shape: fabric is elastic here and gives back all that it stored. Real fabric "
+            "keeps most of its shape; do not take this for its springback, but give its material a "
+            "`shear_friction`"
+            for part, fabric in fabrics.items()
+            if fabric and not fabric.shear_friction
+        ]
 
     def cell_fields(self) -> dict[str, Value]:
         return PlyThickness(self._scene).fields(0 * self.blank.areas())
@@ -188,7 +161,7 @@ def _where_it_was(support: Support) -> Support:
     """The same support, with the displacements at full load at any load."""
     value = support.value
 
-    def at_end(x: np.ndarray, load: float) -> np.ndarray:
+    def at_end(x, load):
         if callable(value):
             return value(x, 1.0)
         return np.tile(np.asarray(value, float)[:, None], (1, x.shape[1]))
@@ -218,16 +191,13 @@ class Unloading(Setup):
         dofs = [scene.supports.dofs_of[s.name][:, list(s.components)] for s in self._held]
         borne = sum(float(abs(scene.forces.array[each]).sum()) for each in dofs)
         largest = {part.name: self._forces.largest(part) for part in self._parts}
-        own: dict[str, object] = {
+        sheets = {name: {"springback_largest_mm": most} for name, most in largest.items()}
+        return {
             "springback_largest_mm": max(largest.values()),
             "energy_left_Nmm": sum(energy[kind] for kind in energy if kind not in self.SPENT),
             "energy_released_Nmm": energy[RELEASED],
             "supports_bear_N": scene.comm.allreduce(borne, MPI.SUM),
-        }
-        if len(largest) > 1:
-            sheets = {name: {"springback_largest_mm": most} for name, most in largest.items()}
-            own["sheets"] = sheets
-        return own
+        } | ({"sheets": sheets} if len(sheets) > 1 else {})
 
     def pictures(self, result: Result, folder: Path) -> None:
         """A map of the springback on the unloaded sheets."""

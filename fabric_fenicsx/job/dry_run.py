@@ -16,11 +16,6 @@ from ..solve.stepping import LoadStepping
 from . import validity
 from .job import Job
 
-# iterations of a run over those of its first step times the steps: of strips and presses of one ply
-# in 20 and 40 steps; in 5 steps 5, and 9 where two plies crumple
-LOW, HIGH = 0.6, 1.5
-MAX_ITERATIONS = 100  # of the first step: more of them do not tell of later steps
-
 
 def checked(
     job: Job, output: Output, part: str, pictures: bool, more: Mapping[str, float]
@@ -45,33 +40,35 @@ def checked(
     output.tell(failure)
 
     def cost(cells=1.0, steps=job.steps, setup=setup):
-        low, high = (rounded(setup + each * steps * seconds * cells, 2) for each in (LOW, HIGH))
+        # iterations of a run over those of its first step times the steps: of strips and presses
+        # of one ply in 20 and 40 steps; in 5 steps 5, and 9 where two plies crumple
+        low, high = (rounded(setup + each * steps * seconds * cells, 2) for each in (0.6, 1.5))
         return f"{low} to {high} s"
 
-    terms = ", ".join(scene_output.summary(scene)["terms"])
     size = scene_output.sizes(scene)
     lines = [
-        f"{size['cells']} cells ({size['element']}), {size['dofs']} degrees of freedom; {terms}",
+        f"{size['cells']} cells ({size['element']}), {size['dofs']} degrees of freedom; "
+        f"{', '.join(scene_output.summary(scene)['terms'])}",
         f"the run takes {cost()}, and several times as long in few steps or where plies crumple: "
         f"{iterations} iterations at the first of {job.steps:g} steps took "
         f"{rounded(seconds, 2)} s, setup took {rounded(setup, 2)} s",
     ]
     if job.error:
-        steps = job.coarser_settings(job.setup.fewer_steps).steps
-        told = cost(1 / 4, steps, setup=0)
-        lines.append(f"the run on coarser cells, for errors, takes {told} more")
+        fewer = cost(1 / 4, job.coarser_settings(job.setup.fewer_steps).steps, setup=0)
+        lines.append(f"the run on coarser cells, for errors, takes {fewer} more")
     lines += [f"{name} takes {cost(cells)} more" for name, cells in more.items()]
     memory = rounded(comm.allreduce(peak, MPI.SUM), 2)
     return [*lines, f"memory without pictures about {memory} MiB"]
 
 
 @task("taking the first step")
-def _first_step(newton, job):
-    """Iterations up to the first state under load, and why it failed, or ""."""
+def _first_step(newton, job, most=100):
+    """Iterations up to the first state under load, and why it failed, or ""; more than `most` of
+    them do not tell of later steps."""
 
     def is_enough():
         progress = stepping.progress
-        return "enough" if progress.load or progress.iterations >= MAX_ITERATIONS else ""
+        return "enough" if progress.load or progress.iterations >= most else ""
 
     stepping = LoadStepping(newton, job, stop=is_enough)
     outcome = stepping.run()

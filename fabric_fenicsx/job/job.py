@@ -2,16 +2,17 @@
 
 import logging
 import tempfile
+import time
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
 from ..mechanics.fingerprint import entries
 from ..mechanics.materials import materials_of
 from ..mechanics.output import Fields
+from ..results import error
 from ..results.fields import FieldSeries
 from ..results.history import ENERGIES, History, energy_balance
 from ..results.output import Output
@@ -34,12 +35,10 @@ from ..solve.newton import Newton
 from ..solve.settings import Settings
 from ..solve.stepping import LoadStepping
 from . import validity
-from .error_run import estimated
-from .observers import HistoryWriter, LimitWatch, ProgressLog, StateWriter
+from .observers import LimitWatch, ProgressLog, StateWriter
 from .setup import Observer, Setup
 
 log = logging.getLogger("fabric_fenicsx")
-COARSE = "coarse"  # folder of the run for errors, in the run's own
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,7 +177,10 @@ class Job(Settings):
         known_by = {k: v for part in parts for k, v in part.items()} | problem | scene.fingerprint()
         checkpoint = Checkpoint(folder / "checkpoint.npz", scene.blank, known_by)
         newton = Newton(scene, self.tolerance, linear_solver=self.linear_solver)
-        self._say_assumptions(output)
+        for material in materials_of(scene, scene.blank.whole):
+            output.say_assumed(material.label, material.assumed_values())
+        for words in [] if output.is_quiet else waves_that_do_not_form(scene):
+            output.say(words)
         start, notes = None, Numbers()
         # a part of several that was not begun yet has no checkpoint
         if output.resume and (folder == output.path or comm.bcast(checkpoint.path.exists())):
@@ -195,15 +197,11 @@ class Job(Settings):
         if comm.rank == 0:
             for old in [folder / "summary.json", *folder.glob("*.png")]:
                 old.unlink(missing_ok=True)  # of an earlier run, not of this one
-        with phase("output"):
-            series = FieldSeries(folder, scene, notes.get("states", ()))
-        history = History(folder / "history.csv", comm, notes.get("rows", ()))
-        states = StateWriter(self, history, series, checkpoint)
-        names = folder.name if folder != output.path else "", output.name
-        stages, load = self.setup.stages, start.load if start else 0.0
-        progress = ProgressLog(history, newton, load, stages, names, output.is_quiet)
-        watch, writer = LimitWatch(scene, self), HistoryWriter(self.setup, history, output)
-        observers = watch, writer, progress, states, self.setup, *self.observers
+        states = StateWriter(self.setup, self, output, checkpoint, notes)
+        part = folder.name if folder != output.path else ""
+        progress = ProgressLog(states, newton, start.load if start else 0.0, part)
+        watch = LimitWatch(scene, self)
+        observers = watch, states, progress, self.setup, *self.observers
         for each in observers:
             each.begin(folder, pictures)
         outcome, stopped = self._step_to_full_load(newton, start, observers)
@@ -213,26 +211,21 @@ class Job(Settings):
             words = f"{stopped} at load factor {reached}; `resume=True` goes on from there"
             raise Interrupted(words)
         if self.error and not wrong:
-            self._estimate(output, result, problem, series)
+            self._estimate(output, result, problem, states.series)
         self._show(output, result, pictures)
         if not is_kept:
-            result.forget_folder()
+            if comm.rank == 0:
+                assert result.grid  # is read while there is a folder
+            result.folder = None
         if wrong:
             where = f"; the run ends at load factor {reached}" if outcome.reached < 1 else ""
             where += f"; the results are in {folder}" if is_kept else ""
             raise SolverFailure(wrong + where, result)
         return result
 
-    def _say_assumptions(self, output):
-        """Say what numbers and waves of the material no test has determined."""
-        for material in materials_of(self.scene, self.scene.blank.whole):
-            output.say_assumed(material.label, material.assumed_values())
-        for words in [] if output.is_quiet else waves_that_do_not_form(self.scene):
-            output.say(words)
-
     def _step_to_full_load(self, newton, start, observers):
         """The `Outcome` of load stepping, and the signal that stopped it, as text, or ""."""
-        watch, writer, progress, *_ = observers
+        watch, states, progress, *_ = observers
         signals = StopSignals(self.scene.comm)
         stepping = LoadStepping(
             newton,
@@ -248,12 +241,12 @@ class Job(Settings):
                 return stepping.run(), signals()
         finally:
             signals.forget()
-            writer.history.close()
+            states.history.close()
 
     @phase("output")
     def _result(self, output, outcome, stopped, states, wrong_now):
         """The `Result` of the last state, whose summary is written, and why it is not valid, ""."""
-        scene, rows, folder = self.scene, states.rows, states.series.directory
+        scene, rows, folder = self.scene, states.history.rows, states.series.directory
         fields = scene_output.cell_fields(scene)
         if not states.is_written():
             states.series.write(outcome.reached, fields)
@@ -310,17 +303,32 @@ class Job(Settings):
 
     @task("estimating errors")
     def _estimate(self, output, result, problem, series):
-        """Add errors to result, history.csv, fields and summary.json."""
-        of_other_kind = not self.coarser and self.setup.coarser_is_other_kind
-        coarser = partial(self._run_coarser, output, result, problem)
-        facts = estimated(result, coarser, output, self.setup.headlines, of_other_kind)
-        result.summary = output.amend(result.folder, result.summary, **facts)
-        if facts:
-            series.write(1.0, result.fields)
-            result.forget_grid()
+        """Add errors, as a run on a coarser mesh tells them, to result, history.csv, fields and
+        summary.json; warn if that run fails."""
+        began, folder, comm = time.perf_counter(), result.folder, self.scene.comm
+        try:
+            other = self._run_coarser(output, result, problem)
+        except (InputError, SolverFailure) as failure:
+            output.warn(f"no error is known, as the run on the coarser mesh failed: {failure}")
+            result.summary = output.amend(folder, result.summary)
+            return
+        if reason := error.mesh_decides(result):
+            output.warn(f"no errors but those of forces and energies can be told, as {reason}")
+        how = {"of_other_kind": not self.coarser and self.setup.coarser_is_other_kind}
+        how["forces_only"] = bool(reason)
+        errors = error.estimate(result, other, self.setup.headlines, **how)
+        part = folder / "history.csv.part"
+        History(part, comm, result.rows).close()
+        if comm.rank == 0:
+            part.replace(folder / "history.csv")
+        facts = {"cells": other.summary["cells"], "steps": other.summary["steps_accepted"]}
+        facts["wall_s"] = round(time.perf_counter() - began, 4)
+        result.summary = output.amend(folder, result.summary, error=errors, error_run=facts)
+        series.write(1.0, result.fields)
+        vars(result).pop("grid", None)  # of the file before
 
-    def _run_coarser(self, output, result, problem):
-        """The `Result` of the same run on a coarser mesh, in a folder of the run's own."""
+    def _run_coarser(self, output, result, problem, name="coarse"):
+        """The `Result` of the same run on a coarser mesh, in a subfolder of that `name`."""
         comm = self.scene.comm
         made = self.coarser() if self.coarser else self.setup.coarser().build(comm).job()
         settings = vars(self.coarser_settings(self.setup.fewer_steps))
@@ -330,12 +338,12 @@ class Job(Settings):
             f"the error: the same run on {cells} cells instead of {result.summary['cells']}, in "
             f"{job.steps:g} steps"
         )
-        folder = result.folder / COARSE
+        folder = result.folder / name
         known = output.resume and comm.bcast((folder / "checkpoint.npz").exists())
         apart = Output(f"{job.name}, coarser", folder, comm, resume=known, overwrite=not known)
         apart.is_quiet = True
         try:
-            return job.run(apart, problem=dict(problem) | {"mesh": COARSE}, pictures=False)
+            return job.run(apart, problem=dict(problem) | {"mesh": name}, pictures=False)
         finally:
             apart.close()
 

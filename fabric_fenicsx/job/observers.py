@@ -2,7 +2,6 @@
 
 import logging
 import time
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from ..results.fields import FieldSeries
 from ..results.history import History, viscous_warning
 from ..results.output import Output
 from ..results.result import Result
-from ..results.verdict import Reason
+from ..results.verdict import Numbers, Reason
 from ..runtime import status
 from ..runtime.formatting import rounded
 from ..runtime.timing import phase
@@ -61,11 +60,24 @@ class LimitWatch(Observer):
         return validity.not_formed(now, self.settings.limits)
 
 
-class HistoryWriter(Observer):
-    """Writes a row of the history for each state, with what `setup` measures."""
+class StateWriter(Observer):
+    """Writes of each state a row of the `history`, with what `setup` measures, the fields to the
+    `series` if `settings` ask for it, and the checkpoint; notes: those of a run that is resumed."""
 
-    def __init__(self, setup: Setup, history: History, output: Output) -> None:
-        self.setup, self.history, self.output = setup, history, output
+    @phase("output")
+    def __init__(
+        self,
+        setup: Setup,
+        settings: Settings,
+        output: Output,
+        checkpoint: Checkpoint,
+        notes: Numbers,
+    ) -> None:
+        self.setup, self.settings, self.output = setup, settings, output
+        self.checkpoint, folder = checkpoint, checkpoint.path.parent
+        self.series = FieldSeries(folder, setup.scene, notes.get("states", ()))
+        rows = notes.get("rows", ())
+        self.history = History(folder / "history.csv", setup.scene.comm, rows)
 
     def accept(self, accepted: Accepted) -> None:
         scene, rows = self.setup.scene, self.history.rows
@@ -80,57 +92,32 @@ class HistoryWriter(Observer):
             self.history.add(accepted, displacement, force, columns)
             if len(rows) == 1:
                 scene_output.summary(scene)  # which refuses names given twice
-        self.output.doubt(Reason(viscous_warning(rows, accepted.load)))
+            self.output.doubt(Reason(viscous_warning(rows, accepted.load)))
+            if self.is_written():
+                self.series.write(accepted.load)
+            notes = {"rows": rows, "states": self.series.states}
+            self.checkpoint.save(accepted.progress, notes)
 
     def _columns(self, force, further, taken):
         share = self.setup.modelled_share
         whole = {} if share == 1 else {"reaction_of_whole_N": force / share}
         return whole | scene_output.history(self.setup.scene, taken) | further
 
-
-class StateWriter(Observer):
-    """Writes the states that `settings` ask for to `series`, and each to the checkpoint."""
-
-    def __init__(
-        self, settings: Settings, history: History, series: FieldSeries, checkpoint: Checkpoint
-    ) -> None:
-        self.settings, self.rows = settings, history.rows
-        self.series, self.checkpoint = series, checkpoint
-
-    @phase("output")
-    def accept(self, accepted: Accepted) -> None:
-        if self.is_written():
-            self.series.write(accepted.load)
-        notes = {"rows": self.rows, "states": self.series.states}
-        self.checkpoint.save(accepted.progress, notes)
-
     def is_written(self) -> bool:
         """True if the last state is written for ParaView: at full load, as stages may follow."""
-        kept = *self.settings.milestones, 1.0
-        return (len(self.rows) - 1) % self.settings.every == 0 or self.rows[-1]["load"] in kept
+        rows, kept = self.history.rows, (*self.settings.milestones, 1.0)
+        return (len(rows) - 1) % self.settings.every == 0 or rows[-1]["load"] in kept
 
 
 class ProgressLog(Observer):
-    """Tells how far a run is and how long it still takes, in the log and the status line.
-
-    start: load factor that it begins from; stages: as of `Setup`; names: of the part of several
-    that the run is, "" of the only one, and of a run with neither part nor stage; quiet: keep it
-    from the console.
-    """
+    """Tells how far the run of the `states` is from the load factor `start` on, and how long it
+    still takes, in the log and the status line; part: name of the part of several that it is."""
 
     MAX_SLOWDOWN = 1.5  # time of later steps over that of earlier ones, if all goes well
 
-    def __init__(
-        self,
-        history: History,
-        newton: Newton,
-        start: float,
-        stages: Sequence[tuple[float, str]],
-        names: tuple[str, str],
-        quiet: bool,
-    ) -> None:
-        self.rows, self.newton, self.quiet = history.rows, newton, quiet
-        self.stages, self.names = stages, names
+    def __init__(self, states: StateWriter, newton: Newton, start: float, part: str) -> None:
+        self.rows, self.newton, self.output = states.history.rows, newton, states.output
+        self.stages, self.part = states.setup.stages, part
         self.start = self.load = start
         self.size = self.seconds = 0.0  # of the last step
         self.began = self.step_began = time.monotonic()
@@ -149,7 +136,7 @@ class ProgressLog(Observer):
             f"{accepted.report.iterations} iterations"
         )
         if self.newton.scene.comm.rank == 0:
-            is_seen = status.on_terminal() or self.quiet
+            is_seen = status.on_terminal() or self.output.is_quiet
             log.log(logging.DEBUG if is_seen else logging.INFO, self.reached + self.left(0.0))
 
     def reject(self, load: float, report: Report) -> None:
@@ -174,6 +161,5 @@ class ProgressLog(Observer):
         return f", {tqdm.format_interval(low)} to {tqdm.format_interval(high)} left"
 
     def _name(self):
-        part, usual = self.names
         stage = next((name for end, name in self.stages if self.load <= end), "")
-        return ", ".join(filter(None, [part, stage])) or usual
+        return ", ".join(filter(None, [self.part, stage])) or self.output.name

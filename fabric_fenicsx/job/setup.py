@@ -4,9 +4,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..results.curve import default_measure
+import numpy as np
+
 from ..results.result import Result
 from ..results.verdict import Numbers
+from ..runtime.formatting import TINY
+from ..scene import output
 from ..scene.scene import Scene
 from ..solve.progress import Accepted
 from ..solve.report import Report
@@ -32,9 +35,8 @@ class Observer:
 
 
 class Setup(Observer):
-    """A `scene`, and what is measured and drawn of it: a subclass overrides what it has, the
-    methods `measure`, `quantities`, `pictures` and `coarser`, and those of an `Observer`: `begin`,
-    `accept`, `reject` and `end`, as to write files of its own.
+    """A `scene`, and what is measured and drawn of it: a subclass overrides what it has of
+    `measure`, `quantities`, `pictures`, `coarser` and the methods of an `Observer`.
 
     Parameters
     ----------
@@ -92,9 +94,19 @@ class Setup(Observer):
 
     def measure(self, scene: Scene, load: float) -> Measured:
         """Displacement [mm] and force [N] for the history, at a load factor, on all ranks; as a
-        third further columns of it {name: value}. By default of the first tool or support that
-        moves."""
-        return default_measure(scene, load)
+        third further columns of it {name: value}. By default of the first tool that moves, else of
+        the support that moves furthest, along the motion of either; 0 and 0 without both."""
+        for tool in output.tools(scene):
+            motion, moved = (np.subtract(tool.path(at), tool.path(0.0)) for at in (1.0, load))
+            if size := np.linalg.norm(motion):
+                along = motion / size
+                return float(along @ moved), float(along @ output.tool_force(scene, tool))
+        strokes = [(_stroke(scene, support, 1.0), support) for support in scene.supports]
+        if not strokes:
+            return 0.0, 0.0
+        stroke, support = max(strokes, key=lambda each: float(np.linalg.norm(each[0])))
+        along, reaction = stroke / max(np.linalg.norm(stroke), TINY), scene.reaction(support.name)
+        return float(along @ _stroke(scene, support, load)), float(along @ reaction)
 
     def quantities(self, result: Result) -> Numbers:
         """Its own numbers for the summary; their names end with their units."""
@@ -111,3 +123,12 @@ class Setup(Observer):
         """True if a study estimates errors unasked, for a tenth to a third of the cost."""
         cells = self.scene.blank.mesh.topology.index_map(2).size_global
         return 0 < self.data.CHEAP_FROM <= cells and self.coarser() is not None
+
+
+def _stroke(scene, support, load):
+    """Mean displacement of the nodes of a support, (gdim,) [mm]."""
+    if not callable(support.value):
+        return load * np.asarray(support.value, float)[: scene.blank.mesh.geometry.dim]
+    x = scene.blank.coordinates()[: scene.blank.V.dofmap.index_map.size_local].T
+    moved = support.value(x[:, support.where(x)], load)
+    return scene.comm.allreduce(moved.sum(1)) / scene.comm.allreduce(moved.shape[1])

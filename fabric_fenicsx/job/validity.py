@@ -18,7 +18,6 @@ from ..solve.limits import EDGES, Limits
 from ..solve.step_criteria import UNBALANCED
 
 MIN_CELLS = 7.0  # cells of a wave, from which on its height is within some per cent
-AIM = 7.5  # cells to be taken, as waves on finer ones may be shorter
 KERNEL_TOLERANCE = 1e-6  # of stresses of elements and kernel; usual is 1e-12
 
 
@@ -28,15 +27,12 @@ def not_believed(wrong: Sequence[str]) -> str:
 
 
 def _in_space(scene):
-    """Checks of a sheet in space, whose modules those in a plane do without; there None."""
+    """The checks of a sheet in space, None of one in a plane, which needs none of their modules."""
     if scene.blank.mesh.geometry.dim < 3:
         return None
     from . import space_validity
 
     return space_validity
-
-
-# -- limits
 
 
 def beyond_limits_now(scene: Scene, limits: Limits) -> list[str]:
@@ -66,10 +62,8 @@ def not_formed(result: Result, limits: Limits) -> list[str]:
 def _cure(scene, limit):
     """Advice where a limit of what can be formed is exceeded."""
     if limit == "fibre_share":
-        return (
-            "there is too much pressure or shear, or the fabric's thickness, `density`, "
-            "`fibre_density` or `compaction` is wrong"
-        )
+        may_be = "`density`, `fibre_density` or `compaction` is wrong"
+        return f"there is too much pressure or shear, or the fabric's thickness, {may_be}"
     if limit != "shortening":
         return "the ply can't be formed there; other yarn angles, a larger radius or a cut may help"
     if scene_output.locking(scene):
@@ -96,9 +90,6 @@ def beyond_limits_at_end(
     return [*passed, *limits.exceeded(shares)]
 
 
-# -- doubts
-
-
 def warnings_at_start(scene: Scene, formed: bool = False) -> list[str]:
     """Warnings of a scene that need no result, before it is loaded or when it is `formed`."""
     in_space = _in_space(scene)
@@ -112,7 +103,12 @@ def doubts(result: Result, energy: Mapping[str, float], quantities: Numbers) -> 
     summary."""
     scene, in_space = result.scene, _in_space(result.scene)
     untouched = in_space.untouched_warning(scene) if in_space else ""
-    still = not (untouched or any(energy.values()) or scene.u.norm())
+    still = ""
+    if not (untouched or any(energy.values()) or scene.u.norm()):
+        still = (
+            "nothing moves or loads the sheet: it stays as it was; a tool, a load or a support "
+            "that moves would, as `clamped_ends(stroke)`"
+        )
     found = [
         *warnings_at_start(scene, formed=True),
         *fabric_doubts(result),
@@ -121,9 +117,7 @@ def doubts(result: Result, energy: Mapping[str, float], quantities: Numbers) -> 
         untouched,
         in_space.plies_crossed(scene) if in_space else "",
         _mismatch(scene),
-        still
-        and "nothing moves or loads the sheet: it stays as it was; a tool, a load or a support "
-        "that moves would, as `clamped_ends(stroke)`",
+        still,
         *_of_path(result.rows, energy),
         *scene_output.warnings(scene),
     ]
@@ -138,10 +132,10 @@ def _of_path(rows, energy):
             "one of the ways down was taken; others may lead to other results"
         )
     if balance["energy_imbalance"] > UNBALANCED:
-        cause = "take smaller steps (`max_step`), unless the sheet snapped"
         below = [kind for kind in energy if kind != "external_work" and energy[kind] < 0]
+        negative = " and ".join(f"{kind} {rounded(energy[kind])} N mm" for kind in below)
+        cause = "take smaller steps (`max_step`), unless the sheet snapped"
         if below:
-            negative = " and ".join(f"{kind} {rounded(energy[kind])} N mm" for kind in below)
             cause = f"what should resist drives the sheet, as energies are below 0: {negative}"
         yield (
             "work of supports and tools and stored energy differ by "
@@ -156,8 +150,7 @@ def _wrinkles(quantities):
 
 def coarsest_waves(quantities: Numbers) -> dict[str, float]:
     """Wrinkles of the ply with the fewest cells a wave; {} if none has few."""
-    waves = _wrinkles(quantities)
-    coarse = [each for each in waves if (each["cells_a_wave"] or MIN_CELLS) < MIN_CELLS]
+    coarse = [w for w in _wrinkles(quantities) if (w["cells_a_wave"] or MIN_CELLS) < MIN_CELLS]
     return min(coarse, key=lambda each: each["cells_a_wave"], default={})
 
 
@@ -165,19 +158,18 @@ def coarse_waves(quantities: Numbers) -> str:
     """A sentence if a ply's wrinkles have few cells. quantities: of the summary."""
     if not (least := coarsest_waves(quantities)):
         return ""
-    height, length, cells = (
-        rounded(least[name]) for name in ("height_mm", "wavelength_mm", "cells_a_wave")
-    )
+    aim = 7.5  # cells, as waves on finer ones may be shorter
     return (
-        f"heights of wrinkles, up to {height} mm, are rough, as {length} mm of a wave are {cells} "
-        f"cells; take {AIM:g}: `nx` {rounded(AIM / least['cells_a_wave'])} times as large"
+        f"heights of wrinkles, up to {rounded(least['height_mm'])} mm, are rough, as "
+        f"{rounded(least['wavelength_mm'])} mm of a wave are {rounded(least['cells_a_wave'])} "
+        f"cells; take {aim:g}: `nx` {rounded(aim / least['cells_a_wave'])} times as large"
     )
 
 
 def ripples(quantities: Numbers) -> str:
     """A sentence if a ply has waves that are no wrinkles. quantities: of the summary."""
-    most = max(_wrinkles(quantities), key=lambda each: each["ripples_mm"], default=None)
-    if most is None or most["ripples_mm"] < MIN_HEIGHT:
+    most: Numbers = max(_wrinkles(quantities), key=lambda each: each["ripples_mm"], default={})
+    if most.get("ripples_mm", 0.0) < MIN_HEIGHT:
         return ""
     return (
         f"ripples of the mesh, up to {rounded(most['ripples_mm'])} mm high, are no wrinkles: cells "

@@ -31,15 +31,12 @@ ANGLES = 0, 45, 90  # of the paths to x [deg]
 
 
 def paths_picture(
-    path: File,
-    runs: Mapping[str, Mapping[float, Path]],
-    marks: Mapping[str, float | Sequence[float]],
+    path: File, runs: Mapping[str, Mapping[float, Path]], marks: Mapping[str, Sequence[float]]
 ) -> None:
     """Strains and shear angle over the distance on the flat ply, a row a path, of runs {label:
-    `along_paths`}. marks: {label: distances on the paths [mm], or one for all}, drawn as vertical
-    lines where that is on the path; NaN for none."""
+    `along_paths`}. marks: {label: distances on the paths [mm]}, drawn as vertical lines where that
+    is on the path; NaN for none."""
     angles = list(dict.fromkeys(angle for paths in runs.values() for angle in paths))
-    at_angles = {label: np.broadcast_to(at, len(angles)) for label, at in marks.items()}
     factors = {"log_eps_11": 100, "log_eps_22": 100, "shear_angle": 1}  # to units shown
     size, shared = (11, 2.6 * len(angles) + 0.6), {"sharex": "row", "sharey": "col"}
     with figure(path, size, len(angles), 3, **shared) as (page, axes):
@@ -49,7 +46,7 @@ def paths_picture(
             for ax, (name, factor) in zip(axes[row], factors.items()):
                 for label, each in here.items():
                     ax.plot(each.distance, factor * getattr(each, name), lw=1.4, label=label)
-                for style, (label, at) in zip(cycle(("--", ":", "-.")), at_angles.items()):
+                for style, (label, at) in zip(cycle(("--", ":", "-.")), marks.items()):
                     if at[row] <= end:
                         ax.axvline(at[row], label=label, color="0.45", lw=0.9, ls=style)
                 ax.axhline(0, color="k", lw=0.5)
@@ -97,9 +94,6 @@ def state_map(path: File, grid: Grid, formed: bool = False, edges: Sequence[Outl
         page.colorbar(cells, ax=right, label=label, location="bottom", shrink=0.8, aspect=30)
 
 
-# -- pictures of a run
-
-
 def draw_plies(folder: pathlib.Path, grids: Mapping[str, Grid], tool: str = "") -> None:
     """Paths and strain states of each ply {name: grid}; maps of all of fabric, thickness under
     pressure and shortening where there is some, and of metal; all plies formed over the `tool` of
@@ -125,7 +119,7 @@ def draw_plies(folder: pathlib.Path, grids: Mapping[str, Grid], tool: str = "") 
 
 
 def _paths(name, grid):
-    """The paths of a ply, none where the origin is in a cut-out."""
+    """The paths of a ply, none where its centroid is in a cut-out."""
     try:
         return along_paths(grid, ANGLES)
     except InputError as error:

@@ -133,16 +133,14 @@ def maps(
             is_nodal = any(name not in grid.cell_data for grid in variants.values())
             title = f"{name}, mean over each cell" if is_nodal else name
             label, factor, colours = shown(title, (units or {}).get(name, ""))
-            values = {}
-            for title, grid in variants.items():
-                of_cells = grid.point_data_to_cell_data() if is_nodal else grid
-                values[title] = factor * np.asarray(of_cells.cell_data[name])
-            every = np.concatenate(list(values.values()))
+            of_cells = [g.point_data_to_cell_data() if is_nodal else g for g in variants.values()]
+            values = [factor * np.asarray(grid.cell_data[name]) for grid in of_cells]
+            every = np.concatenate(values)
             low, high = np.quantile(every, (outliers, 1 - outliers))
             colours, *limits = colour_scale(colours, low, high)
-            for ax, title in zip(mine, variants):
-                cells = draw_cells(ax, polygons[title], values[title], colours, limits)
-                text = cells_range(values[title])
+            for ax, (title, shape), value in zip(mine, polygons.items(), values):
+                cells = draw_cells(ax, shape, value, colours, limits)
+                text = cells_range(value)
                 ax.set_title(text if one else f"{title}\n{text}", size="small" if one else "medium")
             place = {"location": "right", "aspect": 15} if one else {"location": "bottom"}
             bar = {"aspect": 30, "shrink": 0.9, "extend": arrows(every, *limits)} | place
@@ -155,15 +153,10 @@ def draw_state(name: str, result: Any, force_name: str) -> None:
     errors and, at last, curve.png, whose force is called `force_name`."""
     plies, folder = of_fabric(result.grids), Path(result.folder or ".")
     grids = {part or name.replace("_", " "): grid for part, grid in plies.items()}
-    if grids:  # not of metal alone
-        maps(folder / "maps.png", grids, MAPS, OUTLIERS)
-    errors = [f"error_{field}" for field in MAPS]
-    if grids and all(set(errors) <= set(grid.cell_data) for grid in grids.values()):
-        maps(folder / "error.png", grids, errors, OUTLIERS)
+    for file, fields in (("maps", MAPS), ("error", [f"error_{field}" for field in MAPS])):
+        if grids and all(set(fields) <= set(grid.cell_data) for grid in grids.values()):
+            maps(folder / f"{file}.png", grids, fields, OUTLIERS)
     reactions(folder / "curve.png", {"": result}, ylabel=f"{force_name} / N")
-
-
-# -- diagrams
 
 
 def curves(
@@ -185,10 +178,9 @@ def curves(
                 low, high = np.subtract(y, bands[label]), np.add(y, bands[label])
                 ax.fill_between(x, low, high, color=line.get_color(), alpha=0.25, lw=0)
         ax.grid(alpha=0.3)
-        if is_wide:
-            ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1), fontsize="small")
-        elif len(series) > 1:
-            ax.legend()
+        beside = {"loc": "upper left", "bbox_to_anchor": (1.01, 1), "fontsize": "small"}
+        if len(series) > 1:
+            ax.legend(**beside if is_wide else {})
 
 
 def reactions(
@@ -199,11 +191,10 @@ def reactions(
 ) -> None:
     """Curves of force over displacement of runs {label: `Result`} in one diagram, with a band of
     their estimated errors."""
-    series = {
-        label: [[row[key] for row in result.rows] for key in ("displacement_mm", "reaction_N")]
-        for label, result in results.items()
-    }
-    runs = results.items()
-    known = {label: run for label, run in runs if None not in [r.get("error_N") for r in run.rows]}
-    bands = {label: [row["error_N"] for row in run.rows] for label, run in known.items()}
+    series, bands = {}, {}
+    for label, run in results.items():
+        names = "displacement_mm", "reaction_N", "error_N"
+        *series[label], error = ([row.get(name) for row in run.rows] for name in names)
+        if None not in error:
+            bands[label] = error
     curves(path, series, xlabel, ylabel, bands=bands)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from functools import partial
+from itertools import cycle
 from typing import NamedTuple
 
 import numpy as np
@@ -39,7 +40,7 @@ def flat_grids(blank: Blank | Stack, symmetric: Sequence[int] = ()) -> dict[str,
     together; symmetric: axes to which planes of symmetry are perpendicular."""
     grids = {}
     corners, comm = blank.corners(), blank.mesh.comm
-    for part in list(blank.parts.values()) or [blank.whole]:
+    for part in blank.parts.values() or [blank.whole]:
         x = np.concatenate(comm.allgather(corners[part.cells]))
         cells = np.arange(x[:, :, 0].size).reshape(x.shape[:2])
         points = np.pad(x.reshape(-1, x.shape[2]), ((0, 0), (0, 3 - x.shape[2])))
@@ -118,28 +119,24 @@ def _draw_setup(plotter, scene, motions):
             plotter.add_mesh(pyvista.Arrow(shaft_radius=wide, **place, **tip), color=colour)
 
 
-def _middle(scene):
-    """Middle (3,) of the whole plies in x and y [mm]."""
-    low, high = space.extent_of(scene.plies.values())
-    return np.append((low + high)[:2].round(6) / 2, 0.0)
-
-
 def _legend(scene, motions):
     handles = [Patch(facecolor="#e6d8a8", edgecolor="k", label="blank")]
-    for k, name in enumerate(scene.tools):
-        way = float(np.linalg.norm(motions.get(name, 0.0)))
-        moves = f", moves {rounded(way)} mm" if way else ""
+    for name, colour in zip(scene.tools, cycle(TOOLS)):
+        moves = (
+            f", moves {rounded(float(np.linalg.norm(motions[name])))} mm" if name in motions else ""
+        )
         alpha = 0.45 if scene.above[name] else 1.0
-        handles.append(Patch(color=TOOLS[k % len(TOOLS)], alpha=alpha, label=f"{name}{moves}"))
+        handles.append(Patch(color=colour, alpha=alpha, label=f"{name}{moves}"))
     return handles
 
 
 def _draw_section(ax, scene, axis, motions):
     """Lines of tools and plies in the plane through their middle across `axis`, with motions."""
-    along, normal, middle = 1 - axis, np.eye(3)[axis], _middle(scene)
+    along, normal = 1 - axis, np.eye(3)[axis]
+    low, high = space.extent_of(scene.plies.values())
+    middle = np.append((low + high)[:2].round(6) / 2, 0.0)
     bodies = [("", surface, "k", 1.5) for surface in scene.plies.values()]
-    for k, (name, surface) in enumerate(scene.tools.items()):
-        bodies.append((name, surface, TOOLS[k % len(TOOLS)], 2.5))
+    bodies += [(n, s, c, 2.5) for (n, s), c in zip(scene.tools.items(), cycle(TOOLS))]
     for k, (name, surface, colour, width) in enumerate(bodies):
         cut = surface.slice(normal=normal, origin=middle + 1e-3 * normal)
         if not cut.n_cells:

@@ -66,9 +66,6 @@ def image(
     return pixels[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
 
 
-# -- plies and tools
-
-
 def surface_of(grid: Grid, full: bool = True, formed: bool = True) -> pyvista.PolyData:
     """The ply, formed or flat, with the nodes' `place` on the flat one, the size of the
     `shear_angle` [deg] and, if known, the distance across yarns, `yarn_a` and `yarn_b` [mm]; full:
@@ -125,12 +122,12 @@ def draw_plies(
     shear = {"scalars": "shear_angle", "cmap": COLOURS, "clim": (0, limit)}
     for k, surface in enumerate(surfaces):
         shown = cut_away(surface, k / len(surfaces))
-        families = [name for name in ("yarn_a", "yarn_b") if name in surface.point_data]
+        families = {"yarn_a", "yarn_b"} & set(surface.point_data)
         look = shear if families else {"color": STEEL}
         plotter.add_mesh(shown, show_scalar_bar=False, **light, **look)
         # below the next ply yarns poke through
         seen = cut_away(surface, k / len(surfaces), (k + 1) / len(surfaces))
-        for across in (seen[name] + spacing / 2 for name in families):  # none on a mirror
+        for across in (seen[name] + spacing / 2 for name in sorted(families)):  # none on a mirror
             low, high = np.ceil(across.min() / spacing), np.floor(across.max() / spacing)
             places = spacing * np.arange(low, high + 1)
             yarns = seen.contour(places, scalars=across).strip(max_length=100000)

@@ -5,17 +5,15 @@ import io
 import json
 import re
 import zipfile
-from collections.abc import Callable
 from html import escape
 from pathlib import Path
 
 import numpy as np
 import pyvista
 
-from ..postprocess.ply import ply_of, whole
-from ..postprocess.states import State, states, units
+from ..postprocess.ply import check_field, ply_of, whole
+from ..postprocess.states import states, units
 from ..runtime.errors import InputError
-from ..runtime.rules import unknown_key
 from .pictures import shown
 from .press_pictures import VIEW
 from .space import COLOURS, STEEL, drawing, mirrored
@@ -52,9 +50,7 @@ def show(folder: Path | str, field: str | None = None) -> None:
     plotter.show()
 
 
-def _draw(
-    plotter: pyvista.Plotter, folder: Path | str, state: State, field: str | None
-) -> Callable[[State], None]:
+def _draw(plotter, folder, state, field):
     """Add a state to a plotter; the function that shows another one there in the same colours."""
     field = _known(field, state.plies())
     label, factor, colours = shown(field, units(folder).get(field, ""))
@@ -70,7 +66,7 @@ def _draw(
     clear |= {"smooth_shading": True, "split_sharp_edges": True}
     coloured = {"scalars": "shown", "cmap": colours, "clim": limits, "scalar_bar_args": bar}
 
-    def update(other: State) -> None:
+    def update(other):
         surfaces, tools = _surfaces(other, field, factor)
         for name, surface in surfaces.items():
             look = coloured if "shown" in surface.array_names else {"color": STEEL}
@@ -100,13 +96,11 @@ def _surfaces(state, field, factor):
 
 
 def _known(field, plies):
-    data = [each for grid in plies.values() for each in grid.cell_data.items()]
-    fields = [name for name, values in data if np.ndim(values) == 1]
-    if field is None:
-        usual = "shear_angle", "equivalent_plastic_strain", *fields
-        return next(name for name in usual if name in fields)
-    if field not in fields:
-        raise unknown_key(field, sorted(fields), f"field {field}")
+    data = {name: values for grid in plies.values() for name, values in grid.cell_data.items()}
+    fields = [name for name, values in data.items() if np.ndim(values) == 1]
+    usual = "shear_angle", "equivalent_plastic_strain", *fields
+    field = field or next(name for name in usual if name in fields)
+    check_field(field, data)
     return field
 
 
@@ -133,10 +127,8 @@ def _exporter():
             "centerOfRotation": camera.GetFocalPoint(),
             "camera": number(camera),
         }
-        hashes = {
-            entry["hash"]: entry | {"content": context.get_cached_data_array(entry["hash"], False)}
-            for entry in serializers.extract_array_hash(scene)
-        }
+        arrays, content = serializers.extract_array_hash(scene), context.get_cached_data_array
+        hashes = {a["hash"]: a | {"content": content(a["hash"], False)} for a in arrays}
         return {"hashes": hashes, "scene": scene}
 
     return write_html, serialized

@@ -64,7 +64,7 @@ def flat_pattern(grid: Grid, trim: Plane | Sequence[np.ndarray], reach: float) -
     # spacing of points on a trim line, over the mean edge of the ply's cells
     fine = shapely.segmentize([*map(shapely.LineString, trim)], 0.1 * edge)
     points, number = shapely.get_coordinates(fine, include_z=in_space, return_index=True)
-    places, off = (_nearest if in_space else _below)(ply, points, reach, number)
+    places, off = (_nearest if in_space else _below)(ply, points, reach)
     lines = shapely.linestrings(places, indices=number)
     # of that edge, distance from a line within which points are left out of it
     flat = [shapely.get_coordinates(line) for line in shapely.simplify(lines, 1e-4 * edge)]
@@ -106,9 +106,6 @@ def _sheet(ply):
     return net.simplify(SAME)
 
 
-# -- a plane
-
-
 def _beside(ply, plane):
     """The part of a ply on the side of a plane."""
     normal = np.asarray(plane.normal, float)
@@ -127,18 +124,15 @@ def _beside(ply, plane):
     return _cleaned(np.asarray(kept.points), u, triangles, fields)
 
 
-# -- a line
-
-
-def _nearest(ply, points, reach, number):
+def _nearest(ply, points, reach):
     """Places (n, 2) on the flat ply of what is nearest to `points` (n, 3) on the formed one, and
-    the largest distance; number (n,): of the line that each is on."""
+    the largest distance."""
     surface = pyvista.PolyData.from_regular_faces(ply.formed, ply.triangles)
     cells, nearest = surface.find_closest_cell(points, return_closest_point=True)
     apart = np.linalg.norm(points - nearest, axis=1)
     if apart.max() > reach:
-        where = _where(points, apart, apart > reach, number)
-        flaw = f"the trim line is {rounded(apart.max())} mm away from the ply at {where}"
+        where = coordinates(points[apart.argmax()])
+        flaw = f"the trim line is {rounded(apart.max())} mm away from the ply at {where} mm"
         raise InputError(f"{flaw}; allowed is up to {rounded(reach)} mm, on the formed ply")
     corners = ply.formed[ply.triangles[cells]]
     p, q, r = corners.swapaxes(0, 1)
@@ -152,25 +146,22 @@ def _nearest(ply, points, reach, number):
     beyond = np.linalg.norm(beside, axis=1)
     edge = _sheet(ply).boundary
     on_edge = shapely.distance(edge, shapely.points(places)) < 1e-6 * np.sqrt(edge.length)
-    _check_on(points, beyond, (beyond > MAX_BEYOND * reach) & on_edge, number)
+    _check_on(points, beyond, (beyond > MAX_BEYOND * reach) & on_edge)
     return places, float(apart.max())
 
 
-def _below(ply, points, reach, number):
+def _below(ply, points, reach):
     """Places (n, 2) on the flat ply of what is at `points` (n, 2) in plan on the formed one, and a
-    distance of 0; number: as of `_nearest`."""
+    distance of 0."""
     corners = ply.formed[ply.triangles]
     tree = shapely.STRtree(shapely.polygons(corners[:, :, :2]))
-    point, cells = tree.query(
-        shapely.points(points), predicate="dwithin", distance=MAX_BEYOND * reach
-    )
-    missing = ~np.isin(np.arange(len(points)), point)
-    beyond = np.zeros(len(points))
+    places = shapely.points(points)
+    point, cells = tree.query(places, predicate="dwithin", distance=MAX_BEYOND * reach)
+    missing, beyond = ~np.isin(np.arange(len(points)), point), np.zeros(len(points))
     if missing.any():
-        beyond[missing] = shapely.distance(
-            shapely.union_all(tree.geometries), shapely.points(points[missing])
-        )
-    _check_on(points, beyond, missing, number)
+        ply_in_plan = shapely.union_all(tree.geometries)
+        beyond[missing] = shapely.distance(ply_in_plan, places[missing])
+    _check_on(points, beyond, missing)
     shares = _shares(corners[cells][:, :, :2], points[point])
     height = (shares * corners[cells][:, :, 2]).sum(1)
     low, high = np.full(len(points), np.inf), np.full(len(points), -np.inf)
@@ -178,30 +169,21 @@ def _below(ply, points, reach, number):
     np.maximum.at(high, point, height)
     folded = high - low
     if folded.max() > reach:
-        where = _where(points, folded, folded > reach, number)
-        flaw = f"the ply lies {rounded(folded.max())} mm above itself at {where}"
+        where = coordinates(points[folded.argmax()])
+        flaw = f"the ply lies {rounded(folded.max())} mm above itself at {where} mm"
         raise InputError(f"{flaw}; allowed for it is a trim line with z")
     _, first = np.unique(point, return_index=True)
     return (shares[first, :, None] * ply.x[ply.triangles[cells[first]], :2]).sum(1), 0.0
 
 
-def _check_on(points, beyond, gone, number):
-    """Raise InputError for points (n, d) that are `gone` (n,), `beyond` (n,) the ply's edge."""
+def _check_on(points, beyond, gone):
+    """Raise InputError for points (n, d) that are `gone` (n,), `beyond` (n,) the ply's edge; it
+    names the furthest."""
     if gone.any():
-        where = _where(points, beyond, gone, number)
-        raise InputError(f"the trim line leaves the ply at {where}; allowed is a line on the ply")
-
-
-def _where(points, size, wrong, number):
-    """The `wrong` (n,) points of lines as text: of each run of them the one of the largest `size`
-    (n,), the worst run first."""
-    rings = [np.flatnonzero(number == k) for k in range(number[-1] + 1)]
-    # none begins in the middle of a run
-    order = np.concatenate([np.roll(ring, -int((~wrong[ring]).argmax())) for ring in rings])
-    at = np.flatnonzero(wrong[order])
-    runs = np.split(order[at], np.flatnonzero(np.diff(at + number[at]) > 1) + 1)
-    worst = sorted((run[size[run].argmax()] for run in runs), key=lambda k: -size[k])
-    return " and ".join(coordinates(points[k]) for k in worst) + " mm"
+        where = coordinates(points[(beyond * gone).argmax()])
+        raise InputError(
+            f"the trim line leaves the ply at {where} mm; allowed is a line on the ply"
+        )
 
 
 def _shares(corners, points):
@@ -239,9 +221,6 @@ def _cleaned(x, u, triangles, fields):
     grid = grid_of(x, triangles[real], u)
     grid.cell_data.update({name: values[real] for name, values in fields.items()})
     return ply_of(grid)
-
-
-# -- files
 
 
 def write_pattern(

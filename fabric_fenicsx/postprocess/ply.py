@@ -1,9 +1,12 @@
 """A formed ply as nodes and triangles, from the grid of a state."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import lazy_loader
 import numpy as np
+
+from ..runtime.rules import unknown_key
 
 if TYPE_CHECKING:
     import pyvista
@@ -75,6 +78,15 @@ def image_of(
     image = np.arange(len(x))
     image[off] = len(x) + np.arange(len(off))
     return np.where(np.arange(3) == axis, -1.0, 1.0), off, image[cells][:, ::-1]
+
+
+def check_field(name: str, *fields: Mapping) -> None:
+    """Raise InputError for a `name` that none of the `fields` {name: values} of one number a place
+    has."""
+    arrays = [each for of_one in fields for each in of_one.items()]
+    known = sorted({each for each, values in arrays if np.ndim(values) == 1})
+    if name not in known:
+        raise unknown_key(name, known, f"field {name}")
 
 
 def plan_area(x: np.ndarray, triangles: np.ndarray) -> np.ndarray:

@@ -1,12 +1,9 @@
 """Measurements of a formed ply: paths, outline and draw-in, wrinkles.
 
-Every function takes the grid of a state, as `states.read_state` gives it: undeformed places, `u` at
-the points, fields on the cells. Nodes that several ranks wrote are merged. Other cells than
-triangles with nodes at their corners are cut into these. The ply lies flat at first. Where
-it has planes of symmetry, x = 0 or y = 0, its edges there are not free.
+Every function takes the grid of a state, as `states.read_state` gives it: undeformed places of a
+flat ply, `u` at the points, fields on the cells. Edges on planes of symmetry are not free.
 """
 
-import csv
 import pathlib
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, TypeAlias
@@ -16,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from ..runtime.errors import InputError
 from ..runtime.formatting import coordinates
-from .ply import SAME, Grid, edge_sides, plan_area, ply_of
+from .ply import SAME, Grid, check_field, edge_sides, plan_area, ply_of
 
 File: TypeAlias = pathlib.Path | str
 
@@ -53,10 +50,8 @@ def along_paths(
     centre[ply.planes] = 0.0
     centre = centre.round(9)
     if cell_at(*centre) < 0:
-        raise InputError(
-            f"the ply does not cover its centroid, {coordinates(centre)} mm, where paths start; "
-            "allowed is one that does"
-        )
+        flaw = f"the ply does not cover its centroid, {coordinates(centre)} mm, where paths start"
+        raise InputError(f"{flaw}; allowed is one that does")
     most = np.linalg.norm(ply.x[:, :2] - centre, axis=1).max()
     for angle in angles_deg:
         direction = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
@@ -92,9 +87,7 @@ def value_at(grid: Grid, place: ArrayLike, name: str) -> float:
     """Field `name`, of one number a cell, of the cell at `place` (x, y) [mm] of the flat ply.
     Raises InputError for a place beside it and for a field that it does not have."""
     ply = ply_of(grid)
-    known = sorted(each for each, values in ply.fields.items() if values.ndim == 1)
-    if name not in known:
-        raise InputError(f"the sheet has no field {name}; allowed are {', '.join(known)}")
+    check_field(name, ply.fields)
     x, y = np.asarray(place, dtype=float)
     cell = int(_plan(ply)[1](x, y))
     if cell < 0:
@@ -104,13 +97,9 @@ def value_at(grid: Grid, place: ArrayLike, name: str) -> float:
 
 def write_paths(file: File, paths: Mapping[float, Path]) -> None:
     """Write `along_paths` to a CSV file, a row a point."""
-    with open(file, "w", newline="") as opened:
-        writer = csv.writer(opened)
-        names = "distance_mm", "formed_distance_mm", "log_eps_11", "log_eps_22", "shear_angle_deg"
-        writer.writerow(["path_deg", *names])
-        for angle, values in paths.items():
-            for row in zip(*values[:-1]):
-                writer.writerow([f"{angle:g}", *(f"{v:.8g}" for v in row)])
+    names = "path_deg,distance_mm,formed_distance_mm,log_eps_11,log_eps_22,shear_angle_deg"
+    rows = [[angle, *row] for angle, path in paths.items() for row in zip(*path[:-1])]
+    np.savetxt(file, rows, "%.8g", ",", "\r\n", header=names, comments="")
 
 
 class Outline(NamedTuple):

@@ -18,8 +18,6 @@ from .ply import SYMMETRIC, Grid, Surface
 
 pyvista = lazy_loader.load("pyvista")
 
-MAX_LABEL = 64  # characters of a label, of the 80 that Abaqus reads, so that "_yarns_a" fits behind
-
 
 class State(NamedTuple):
     """A written state of a run: the `folder` of its results, and the load."""
@@ -116,11 +114,10 @@ def sheets_of(grid: Grid, names: Sequence[str]) -> dict[str, Grid]:
     if not names:
         return {"": grid}
     number = np.asarray(grid.cell_data["part"])
-    sheets = {
-        name: with_known_fields(grid.extract_cells(number == k)) for k, name in enumerate(names)
-    }
-    for sheet in sheets.values():
-        sheet.field_data.update(_symmetric(grid))
+    sheets = {}
+    for k, name in enumerate(names):
+        sheets[name] = with_known_fields(grid.extract_cells(number == k))
+        sheets[name].field_data.update(_symmetric(grid))
     return sheets
 
 
@@ -159,19 +156,14 @@ def save(
                 arrays[written] = values if unit == known[name] else np.degrees(values)
             if unit != known[name]:
                 radians.append(written)
-    if not portable:
-        data.field_data["units"] = units
-    if radians and not portable:
-        data.field_data["radians"] = radians
     is_grid = isinstance(data, pyvista.UnstructuredGrid)
-    kind = "UnstructuredGrid" if is_grid else "PolyData"
-    writer = getattr(vtkIOXML, f"vtkXML{kind}Writer")()
-    writer.SetInputData(data)
-    # LZ4 takes a third of zlib's time. Not VTK's raw data: ParaView 5.11 with Debian 12's
-    # expat can't read it.
-    writer.SetDataModeToBinary()
+    writer = vtkIOXML.vtkXMLUnstructuredGridWriter() if is_grid else vtkIOXML.vtkXMLPolyDataWriter()
     if not portable:
-        writer.SetCompressorTypeToLZ4()
+        data.field_data.update({"units": units} | ({"radians": radians} if radians else {}))
+        writer.SetCompressorTypeToLZ4()  # takes a third of zlib's time
+    writer.SetInputData(data)
+    # not VTK's raw data, which ParaView 5.11 can't read with Debian 12's expat
+    writer.SetDataModeToBinary()
     # to memory first, as VTK does not say what error it met with a file
     writer.WriteToOutputStringOn()
     writer.Write()
@@ -194,9 +186,10 @@ def triangulated(tool: Tool, low: np.ndarray, high: np.ndarray) -> Surface:
     return surface
 
 
-def set_labels(names: Iterable[str]) -> dict[str, str]:
+def set_labels(names: Iterable[str], longest: int = 64) -> dict[str, str]:
     """Labels {name: label} of plies in files' names and in Abaqus: letters, digits and _ only, a
-    letter first, no two alike but for capitals. A sign becomes p or m: +45 is p45."""
+    letter first, no two alike but for capitals. A sign becomes p or m: +45 is p45. longest: of a
+    label [characters]; Abaqus reads 80, so that "_yarns_a" fits behind."""
     labels: dict[str, str] = {}
     for name in names:
         plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
@@ -205,6 +198,6 @@ def set_labels(names: Iterable[str]) -> dict[str, str]:
         plain = plain if plain[:1].isalpha() else f"ply_{plain}".rstrip("_")
         taken = {each.lower() for each in labels.values()}
         endings = chain([""], (f"_{again}" for again in count(2)))
-        tried = (plain[: MAX_LABEL - len(end)] + end for end in endings)
+        tried = (plain[: longest - len(end)] + end for end in endings)
         labels[name] = next(label for label in tried if label.lower() not in taken)
     return labels

@@ -1,7 +1,7 @@
 """Formed plies with thickness and yarn directions, for a structural analysis: VTU, Abaqus, LS-DYNA
 and Nastran."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -75,31 +75,27 @@ def _yarns_of_image(ply, a, b, mirror):
         shares = np.linalg.solve(square, (sides @ yarn[:, :, None]))
         flat.append(unit((shares * before).sum(1)))
     along, across = (abs((flat[0] * mirror * each).sum(1)).mean() for each in flat)
-    swapped = int(across > along)
-    images = [flat[swapped] * mirror, flat[1 - swapped] * mirror]
-    senses = [np.sign((new * old).sum(1))[:, None] for new, old in zip(images, flat)]
-    a, b = ((b, a) if swapped else (a, b))[0] * senses[0], (a if swapped else b) * senses[1]
+    swapped, images = across > along, [(a, flat[0] * mirror), (b, flat[1] * mirror)]
+    a, b = (
+        yarn * np.sign((image * old).sum(1))[:, None]
+        for (yarn, image), old in zip(images[::-1] if swapped else images, flat)
+    )
     shear = ply.fields["shear_angle"] * (1 if swapped else -1)
     return {"yarn_a": a, "yarn_b": b, "shear_angle": shear}
-
-
-def checked(path: Path | str) -> Path:
-    """The path of a file to write; InputError if its ending is none of those known."""
-    path = Path(path)
-    if ending(path) not in WRITERS:
-        allowed = f"{', '.join(WRITERS)} (VTK, Abaqus, LS-DYNA, Nastran)"
-        raise InputError(f"the ending of {path} is unknown; allowed are {allowed}")
-    return path
 
 
 def export(
     grids: Mapping[str, Grid], path: Path | str, modelled: bool = False
 ) -> dict[str, FormedPly]:
     """Write the formed plies {name: grid} with their yarn directions, mirrored in the planes of
-    symmetry unless `modelled`, to `path`, in the format that its ending says; returns them."""
-    path, plies = checked(path), {n: formed_ply(grid, modelled) for n, grid in grids.items()}
-    if not any("yarn_a" in ply.fields for ply in plies.values()):
-        raise InputError("no sheet has yarns; allowed is at least one ply of fabric")
+    symmetry unless `modelled`, to `path`, in the format that its ending says; returns them. Raises
+    InputError for another ending, and for plies of unknown thickness, but in .vtu and .inp."""
+    path, writers = Path(path), {".inp": _abaqus, ".k": _dyna, ".key": _dyna}
+    writers |= {".bdf": _nastran, ".nas": _nastran}
+    if ending(path) not in (".vtu", *writers):
+        allowed = f".vtu, {', '.join(writers)} (VTK, Abaqus, LS-DYNA, Nastran)"
+        raise InputError(f"the ending of {path} is unknown; allowed are {allowed}")
+    plies = {name: formed_ply(grid, modelled) for name, grid in grids.items()}
     if ending(path) == ".vtu":
         units = dict.fromkeys(("yarn_a", "yarn_b", "normal", "area_ratio", "part"), "-")
         units |= {"shear_angle": "rad", "thickness": "mm"}
@@ -109,11 +105,11 @@ def export(
     if unknown and ending(path) != ".inp":
         flaw = f"the thickness of {unknown[0]} is not known, which {path} needs"
         raise InputError(f"{flaw}; allowed are results of a run with tools, or .inp and .vtu")
-    replace_file(path, "".join(WRITERS[ending(path)](plies)))
+    replace_file(path, "".join(writers[ending(path)](plies)))
     return plies
 
 
-def _joined(plies: Iterable[FormedPly]) -> Grid:
+def _joined(plies):
     """All plies as one grid; what a sheet does not have is NaN."""
     grids, fields = [], [name for ply in plies for name in ply.fields]
     for number, ply in enumerate(plies):
@@ -127,9 +123,7 @@ def _joined(plies: Iterable[FormedPly]) -> Grid:
     return pyvista.MultiBlock(grids).combine() if len(grids) > 1 else grids[0]
 
 
-def _numbered(
-    plies: Mapping[str, FormedPly],
-) -> Iterator[tuple[str, FormedPly, np.ndarray, np.ndarray, np.ndarray]]:
+def _numbered(plies):
     """Label and ply, with the numbers of its nodes and cells, and its cells by these numbers."""
     node = element = 1
     for name, label in set_labels(plies).items():
@@ -137,9 +131,6 @@ def _numbered(
         numbers = element + np.arange(len(ply.cells))
         yield label, ply, node + np.arange(len(ply.points)), numbers, ply.cells + node
         node, element = node + len(ply.points), element + len(ply.cells)
-
-
-# -- Abaqus
 
 
 def _abaqus(plies):
@@ -175,16 +166,13 @@ def _distribution(name, table, usual, elements, values):
 
 
 def _rows(numbers, rows):
-    """Rows of numbers, each behind its own number."""
     for number, row in zip(numbers, rows.tolist()):
         yield f"{number}, {', '.join(f'{value:.9g}' for value in row)}\n"
 
 
-# -- LS-DYNA and Nastran: layers a, b, b, a of a quarter of the thickness each
-
-
 def _layers(ply):
-    """Thickness [mm] and angle to the first side [deg] of layers a, b, b, a, or of one, (m,)."""
+    """Thickness [mm] and angle to the first side [deg] of a cell's layers, (m,) each, for LS-DYNA
+    and Nastran: a, b, b, a of a quarter of the thickness each, or one of metal."""
     whole = ply.fields["thickness"]
     if "yarn_a" not in ply.fields:
         return [(whole, 0 * whole)]
@@ -196,7 +184,6 @@ def _layers(ply):
 
 
 def _dyna(plies):
-    """Lines of LS-DYNA's keyword file; a triangle has its last corner twice."""
     yield "$ formed plies with their yarn directions, by fabric_fenicsx; mm, deg\n*NODE\n"
     for _, ply, nodes, _, _ in _numbered(plies):
         for node, x in zip(nodes, ply.points.tolist()):
@@ -206,7 +193,7 @@ def _dyna(plies):
         yield "*ELEMENT_SHELL_COMPOSITE\n"
         layers = np.array(_layers(ply)).transpose(2, 0, 1)
         for element, corners, own in zip(elements, cells.tolist(), layers.tolist()):
-            corners = (*corners, corners[-1])[:4]
+            corners = (*corners, corners[-1])[:4]  # a triangle has its last one twice
             yield "".join(f"{each:8d}" for each in (element, part, *corners)) + "\n"
             cards = [f"{part:10d}{t:10.6f}{angle:10.4f}{0:10d}" for t, angle in own]
             yield from ("".join(cards[k : k + 2]) + "\n" for k in range(0, len(cards), 2))
@@ -214,8 +201,8 @@ def _dyna(plies):
 
 
 def _nastran(plies):
-    """Lines of Nastran's bulk data: an element's layers are the PCOMP of its own number, of which
-    the upper half is the lower one mirrored."""
+    """An element's layers are the PCOMP of its own number, of which the upper half is the lower one
+    mirrored."""
     yield "$ formed plies with their yarn directions, by fabric_fenicsx; mm, deg\n"
     for part, (label, ply, nodes, elements, cells) in enumerate(_numbered(plies), 1):
         yield f"$ ply {label}: of layers of material {part}\n"
@@ -233,7 +220,3 @@ def _nastran(plies):
             for t, angle in lower:
                 turned = angle[k] - along[k]
                 yield f"*       {part:16d}{t[k]:16.9e}{turned:16.9e}\n"
-
-
-WRITERS = {".vtu": _joined, ".inp": _abaqus, ".k": _dyna, ".key": _dyna}
-WRITERS |= {".bdf": _nastran, ".nas": _nastran}

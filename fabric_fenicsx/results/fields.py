@@ -1,6 +1,6 @@
 """The fields of a scene as a time series for ParaView."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import product
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
@@ -17,6 +17,7 @@ from .. import dolfinx_compat as compat
 from ..mechanics.output import Fields
 from ..postprocess.ply import SYMMETRIC, Grid
 from ..postprocess.states import save, triangulated, with_known_fields
+from ..runtime.collective_errors import on_all, on_root
 from ..runtime.files import replace_file
 from ..scene import output
 from ..scene.scene import Scene
@@ -25,9 +26,6 @@ from ..sheets.sheet_mesh import bounds
 from .measures import planes_of_symmetry
 
 pyvista = lazy_loader.load("pyvista")
-# of the arrays that are there with any terms
-UNITS = dict.fromkeys(("u", "yarn_coordinate_a", "yarn_coordinate_b"), "mm")
-UNITS |= dict.fromkeys(("rank", "part", "Normals"), "-")
 
 
 def yarn_coordinates(blank: Blank) -> np.ndarray:
@@ -77,7 +75,7 @@ class FieldSeries:
     Times are load factors. The name of each array ends with its unit, see `states.save`; the field
     data `SYMMETRIC` are the axes to which planes of symmetry are perpendicular. states: those kept
     of a run that is resumed. Each file is whole at any moment and listed after it is there. Raises
-    OSError, on all ranks, that names the file which can't be written.
+    InputError, on all ranks, for a file that can't be written.
     """
 
     def __init__(self, directory: Path, scene: Scene, states: Iterable[Sequence] = ()) -> None:
@@ -85,11 +83,12 @@ class FieldSeries:
         self.directory = directory
         # (load, ranks with cells) of each state written
         self.states = [tuple(state) for state in states]
-        self._units = dict(UNITS)
+        self._units = dict.fromkeys(("u", "yarn_coordinate_a", "yarn_coordinate_b"), "mm")
+        self._units |= dict.fromkeys(("rank", "part", "Normals"), "-")
         self._tools = output.tools(scene)
         self._parts = list(self.blank.parts.values()) or [self.blank.whole]
-        extent, first = self.blank.extent(), self.comm.rank == 0
-        self._surfaces = [triangulated(tool, *extent) for tool in self._tools if first]
+        extent, tools = self.blank.extent(), self._tools if self.comm.rank == 0 else []
+        self._surfaces = [triangulated(tool, *extent) for tool in tools]
         cells, types, points = compat.vtk_mesh(self.blank.V)
         self._ranks = [rank for rank, n in enumerate(self.comm.allgather(len(types))) if n]
         yarns = yarn_coordinates(self.blank)
@@ -106,7 +105,7 @@ class FieldSeries:
             self._set_points(
                 self._grid, {f"yarn_coordinate_{k}": yarns[:, i] for i, k in enumerate("ab")}
             )
-        self._together(self._begin)
+        on_root(self.comm, self._begin)
 
     def write(self, load: float, fields: Fields | None = None) -> None:
         """Append the scene's present state at `load`, in place of one at that load; fields: its
@@ -116,9 +115,9 @@ class FieldSeries:
         cells = output.cell_fields(self.scene) if fields is None else fields
         nodes = output.nodal_fields(self.scene, cells)
         self._units |= cells.units | nodes.units
-        self._together(lambda: self._write(len(self.states), cells, nodes))
+        on_all(self.comm, lambda: self._write(len(self.states), cells, nodes))
         self.states.append((load, self._ranks))
-        self._together(self._list)
+        on_root(self.comm, self._list)
 
     def _file(self, number, rank, part):
         return f"fields/{number:04d}_{rank}" + (f"_{part}" if self.blank.parts else "") + ".vtu"
@@ -143,21 +142,8 @@ class FieldSeries:
             columns = self._at_vtk_nodes(values.reshape(len(values), -1))
             grid.point_data[name] = columns[:n].reshape(n, *values.shape[1:])
 
-    def _together(self, act: Callable[[], None]) -> None:
-        """Have all ranks act; what OSError any of them meets is raised on all."""
-        error = None
-        try:
-            act()
-        except OSError as e:
-            error = e.errno, e.strerror, e.filename
-        errors = [e for e in self.comm.allgather(error) if e]
-        if errors:
-            raise OSError(*errors[0])
-
     def _begin(self):
         """List the states kept, then remove files of others."""
-        if self.comm.rank != 0:
-            return
         self._list()
         for name, is_used in (("fields", True), ("tools", self._tools)):
             folder = self.directory / name
@@ -192,21 +178,18 @@ class FieldSeries:
         replace_file(path, _list_of("vtkMultiBlockDataSet", "1.0", blocks))
 
     def _list(self):
-        """Write the .pvd files of `states`, fields.pvd if there is one."""
-        if self.comm.rank != 0:
-            return
-        fields: list[str] = []
-        tools: list[str] = []
+        """Write the .pvd files of `states`, each if there is one."""
+        listed: dict[str, list[str]] = {"fields.pvd": [], "tools.pvd": []}
         for i, (load, ranks) in enumerate(self.states):
             at = f'timestep="{float(load)!r}"'
             for n, ((k, part), rank) in enumerate(product(enumerate(self._parts), ranks)):
                 file = self._file(i, rank, k)
                 if (self.directory / file).exists():
                     name = f" name={quoteattr(part.name)}" if part.name else ""
-                    fields.append(f'{at} part="{n}"{name} file="{file}"')
+                    listed["fields.pvd"].append(f'{at} part="{n}"{name} file="{file}"')
             if self._tools:
-                tools.append(f'{at} part="0" file="tools/{i:04d}.vtm"')
-        for path, entries in (("fields.pvd", fields), ("tools.pvd", tools)):
+                listed["tools.pvd"].append(f'{at} part="0" file="tools/{i:04d}.vtm"')
+        for path, entries in listed.items():
             if entries:
                 replace_file(self.directory / path, _list_of("Collection", "0.1", entries))
             else:

@@ -14,18 +14,11 @@ from .verdict import Numbers
 
 ENERGIES = "strain", "bending", "contact", "friction", "viscous"  # whose columns are always there
 COLUMN = "_energy_Nmm"  # after a kind
-COLUMNS = (
-    *("step", "load", "displacement_mm", "reaction_N"),
-    *(f"{kind}{COLUMN}" for kind in ENERGIES),
-    *("external_work_Nmm", "energy_imbalance", "iterations", "saddles", "shifts"),
-    *("line_search_cuts", "cuts", "negative_pivots", "residual_N", "force_scale_N"),
-    *("min_stability", "wall_s"),
-)
 
 
 class History:
-    """Rows with `COLUMNS` and, after them, those of the scene's further energies and terms, kept as
-    dicts in `rows` on every rank and flushed one by one to `path` on rank 0. rows: those of a run
+    """Rows, kept as dicts in `rows` on every rank and flushed one by one to `path` on rank 0; after
+    the columns of any run those of the scene's further energies and terms. rows: those of a run
     that is resumed."""
 
     def __init__(self, path: Path, comm: MPI.Comm, rows: Iterable[Numbers] = ()) -> None:
@@ -46,30 +39,33 @@ class History:
         add, `scene.output.history`. Raises InputError if these are others than before."""
         report, stored = accepted.report, sum(accepted.energies.values())
         imbalance = share(abs(accepted.external_work - stored), stored)
-        row = dict.fromkeys(COLUMNS, None) | {f"{kind}{COLUMN}": 0.0 for kind in ENERGIES}
-        row |= {
+        row = {
             "step": len(self.rows),
             "load": accepted.load,
             "displacement_mm": displacement,
             "reaction_N": reaction,
+            **{f"{kind}{COLUMN}": 0.0 for kind in ENERGIES},
             "external_work_Nmm": accepted.external_work,
             "energy_imbalance": imbalance if accepted.load else 0.0,
+            "iterations": report.iterations,
+            "saddles": report.saddles,
+            "shifts": report.shifts,
             "line_search_cuts": report.cuts,
             "cuts": accepted.cuts,
+            "negative_pivots": report.negative_pivots,
             "residual_N": report.residuals[-1] if report.residuals else 0.0,
             "force_scale_N": report.scale,
+            "min_stability": None,  # which terms fill
             "wall_s": round(accepted.wall, 4),
+            **{f"{kind}{COLUMN}": energy for kind, energy in accepted.energies.items()},
         }
-        of_solve = "saddles", "iterations", "shifts", "negative_pivots"
-        row |= {name: getattr(report, name) for name in of_solve}
-        row |= {f"{kind}{COLUMN}": energy for kind, energy in accepted.energies.items()}
-        row |= further(row.keys() - {"min_stability"})  # which terms fill
-        row = plain(row)
+        row = plain(row | further(row.keys() - {"min_stability"}))
         if self.rows and (other := row.keys() ^ self.rows[0].keys()):
             some = "no longer" if other & self.rows[0].keys() else "now"
-            flaw = f"the terms {some} give history.csv the column {sorted(other)[0]}"
-            allowed = "the same columns in `history` each time"
-            raise InputError(f"at load {rounded(accepted.load, 6)} {flaw}; allowed are {allowed}")
+            raise InputError(
+                f"at load {rounded(accepted.load, 6)} the terms {some} give history.csv the column "
+                f"{sorted(other)[0]}; allowed are the same columns in `history` each time"
+            )
         self.rows.append(row)
         self._write(row)
 

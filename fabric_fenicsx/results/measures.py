@@ -25,9 +25,7 @@ def covers(blank: Blank, point: ArrayLike) -> bool:
 
 def mean(comm: MPI.Comm, values: np.ndarray, weights: np.ndarray) -> float | None:
     """Mean of `values` (n,) of all ranks by `weights` (n,); None where these are 0 in sum."""
-    total, weight = comm.allreduce(
-        np.array([values @ weights, weights.sum()], dtype=float), MPI.SUM
-    )
+    total, weight = comm.allreduce(np.array([values @ weights, weights.sum()], dtype=float))
     return float(total / weight) if weight else None
 
 
@@ -51,8 +49,8 @@ def bulk(comm: MPI.Comm, values: np.ndarray, weights: np.ndarray) -> list[float]
 
 def extremes(comm: MPI.Comm, values: np.ndarray) -> tuple[float, float]:
     """Smallest and largest of the arrays of all ranks."""
-    low = comm.allreduce(values.min(initial=np.inf), MPI.MIN)
-    return float(low), float(comm.allreduce(values.max(initial=-np.inf), MPI.MAX))
+    low, high = values.min(initial=np.inf), values.max(initial=-np.inf)
+    return float(comm.allreduce(low, MPI.MIN)), float(comm.allreduce(high, MPI.MAX))
 
 
 def where_largest(
@@ -66,16 +64,20 @@ def where_largest(
     return largest, min(row for each in comm.allgather(mine) for row in each)
 
 
+def cells_of(parts: Sequence[Part]) -> np.ndarray:
+    """Numbers of all cells of the `parts`, one part after the other."""
+    return np.concatenate([part.cells for part in parts])
+
+
 def largest_in(
     blank: Blank, parts: Sequence[Part], values: np.ndarray, also: np.ndarray
 ) -> tuple[float, Numbers, float]:
     """Largest of the `values` (n,) in all cells of the `parts`; the place `at_mm` where it
     is, (x, y) of a flat sheet and (x, y, z) of another, and, of several parts, the name of the one
     that it is `in`; and what `also` (n,) is there."""
-    cells = np.concatenate([part.cells for part in parts])
     part_of = np.repeat(np.arange(len(parts)), [len(part.cells) for part in parts])
     # to few digits, so that of places that mirror each other the same is named on any ranks
-    rows = np.column_stack([part_of, blank.places()[cells].round(6), also])
+    rows = np.column_stack([part_of, blank.places()[cells_of(parts)].round(6), also])
     largest, (k, *centre, there) = where_largest(blank.mesh.comm, values, rows)
     place: Numbers = {"at_mm": [each + 0.0 for each in centre]}
     return largest, place | ({"in": parts[int(k)].name} if len(parts) > 1 else {}), there
@@ -98,9 +100,8 @@ def planes_of_symmetry(scene: Scene) -> list[int]:
     planes = []
     for axis in (0, 1):
         there = held & (x[:, axis] <= SAME)
-        moves = comm.allreduce((~fixed[there]).sum(0), MPI.SUM) > 0
-        several = comm.allreduce(int(there.sum())) > 1
-        is_bound = abs(extremes(comm, x[held, axis])[0]) <= SAME and several
+        moves = comm.allreduce((~fixed[there]).sum(0)) > 0
+        is_bound = abs(extremes(comm, x[held, axis])[0]) <= SAME and comm.allreduce(there.sum()) > 1
         if is_bound and not moves[axis] and np.delete(moves, axis).all():
             planes.append(axis)
     return planes

@@ -85,12 +85,13 @@ class Output:
             log.info(text)
 
     def say_assumed(self, name: str, values: Mapping[str, str]) -> None:
-        """Say which numbers {number: value} of the material `name` no test has determined, each
-        once, unless warnings are quiet, too."""
-        new = [f"{k} = {value}" for k, value in values.items() if f"{name} {k}" not in self._said]
-        self._said |= {f"{name} {k}" for k in values}
-        if new and not self.is_quiet:
-            self.say(f"no test has determined these numbers of {name}: {', '.join(new)}")
+        """Say which numbers {number: value} of the material `name` no test has determined, once,
+        unless warnings are quiet, too."""
+        numbers = ", ".join(f"{number} = {value}" for number, value in values.items())
+        text = f"no test has determined these numbers of {name}: {numbers}"
+        if values and not self.is_quiet and text not in self._said:
+            self.say(text)
+            self._said.add(text)
 
     def warn(self, text: str) -> None:
         """Print a text once, on rank 0, as `tell`; the summary repeats it."""
@@ -125,20 +126,15 @@ class Output:
 
     def _make(self, path):
         """Make the folder and, the first time, lock it."""
-        is_first, kept = not self.parts, self._results()
-        if self.resume and is_first and "checkpoint.npz" not in {file.name for file in kept}:
+        is_first = not self.parts
+        if self.resume and is_first and "checkpoint.npz" not in {f.name for f in self._results()}:
             flaw = f"`resume=True` finds no checkpoint in {path}"
             raise InputError(f"{flaw}; allowed is the `out` of a run that was begun")
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-            tempfile.TemporaryFile(dir=path).close()
-            lock = lock_folder(self.path) if is_first else None
-        except OSError as error:
-            flaw = f"`out` {path} can't be written to ({error.strerror})"
-            raise InputError(f"{flaw}; allowed is a folder that can be made") from None
+        path.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=path).close()
         if not is_first:
             return
-        if not lock:
+        if not (lock := lock_folder(self.path)):
             allowed = "another folder, or this one when that run has ended"
             raise InputError(f"`out` {self.path} is in use by another run; allowed is {allowed}")
         self._open.enter_context(lock)
@@ -157,8 +153,8 @@ class Output:
         self._open.callback(log.removeHandler, handler)
 
     def _results(self):
-        names = [each for name in self.RESULTS for each in (name, f"*/{name}")]
-        return [file for name in names for file in self.path.glob(name)]
+        patterns = [under + name for name in self.RESULTS for under in ("", "*/")]
+        return [file for pattern in patterns for file in self.path.glob(pattern)]
 
     def write_table(self, path: Path, rows: Sequence[Numbers]) -> None:
         """Write dicts to a CSV file, on rank 0, with a column for each of their keys."""
@@ -167,13 +163,12 @@ class Output:
 
     def summarise(self, folder: Path | None, **facts: Any) -> Numbers:
         """`facts` with verdict, costs, warnings and versions, written to summary.json."""
-        total = round(time.perf_counter() - self._started, 4)
-        wall = {name: round(seconds, 4) for name, seconds in timing.taken().items()}
+        wall = timing.taken() | {"total": time.perf_counter() - self._started}
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         if "reason" in facts:
             facts["reason"] = self.translated(facts["reason"])
         costs = {
-            "wall_s": wall | {"total": total},
+            "wall_s": {name: round(seconds, 4) for name, seconds in wall.items()},
             "peak_memory_mib": round(self.comm.allreduce(peak, MPI.MAX), 1),
             "versions": self.VERSIONS,
         }
@@ -205,7 +200,7 @@ class Output:
         """Write report.html of all that was written; ending: as of `report.page`."""
         if self.comm.rank != 0 or not self.parts:
             return
-        folders = {part: self.path / part for part in dict.fromkeys(["", *self.parts])}
+        folders = {part: self.path / part for part in ["", *self.parts]}
         runs = {part: (at / "summary.json", at.glob("*.png")) for part, at in folders.items()}
         page = report.page(title or self.name, runs, description, ending, self.path / "log.txt")
         replace_file(self.path / "report.html", page)

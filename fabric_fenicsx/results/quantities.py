@@ -20,6 +20,7 @@ from ..runtime.formatting import of_sheet, percent, rounded
 from ..scene.scene import Scene
 from ..sheets.blank import Part
 from . import measures
+from .measures import cells_of
 from .result import Result
 from .verdict import Numbers, Reason
 
@@ -27,7 +28,7 @@ from .verdict import Numbers, Reason
 def fabric_quantities(result: Result, parts: Sequence[Part]) -> Numbers:
     """Shear, shortening, strains and thickness of all cells of the `parts`, one ply or several of
     fabric. The largest fibre volume fraction is None without a fibre density."""
-    comm, cells = result.scene.comm, _cells(parts)
+    comm, cells = result.scene.comm, cells_of(parts)
     fields = {name: values[cells] for name, values in result.fields.items()}
     ellipticity, states = fields["stability_ellipticity"], fields["strain_state"]
     extremes, areas = partial(measures.extremes, comm), result.scene.blank.areas()[cells]
@@ -55,7 +56,7 @@ def _known(extreme, comm, values):
 
 def metal_quantities(result: Result, parts: Sequence[Part]) -> Numbers:
     """Plastic strain, thickness and von Mises' stress of all cells of the `parts`, of metal."""
-    cells, fields = _cells(parts), result.fields
+    cells, fields = cells_of(parts), result.fields
     extremes = partial(measures.extremes, result.scene.comm)
     thickness = fields["metal_thickness"][cells]
     before = np.repeat([part.thickness or 1.0 for part in parts], [len(p.cells) for p in parts])
@@ -68,19 +69,11 @@ def metal_quantities(result: Result, parts: Sequence[Part]) -> Numbers:
     }
 
 
-def _cells(parts):
-    return np.concatenate([part.cells for part in parts])
-
-
-# -- stacks
-
-
 def stack_quantities(
     result: Result, plies: Mapping[str, Numbers], fabrics: Sequence[Part], metals: Sequence[Part]
 ) -> Numbers:
     """Quantities of a stack: those of cells over all cells of its plies of fabric and of metal, and
-    of the shapes of its `plies` {name: quantities} the largest ones. What is of one ply's edge or
-    area alone is left out: each ply has it."""
+    of the shapes of its `plies` {name: quantities} the largest ones; others each ply has."""
     quantities = fabric_quantities(result, fabrics) if fabrics else {}
     quantities |= metal_quantities(result, metals) if metals else {}
     of_shapes = {"draw_in": "largest_mm", "wrinkles": "height_mm ripples_mm rim_mm folds"}
@@ -93,33 +86,29 @@ def stack_quantities(
 
 def middle_of(sheets: Sequence[Any]) -> str:
     """Name of the middle sheet, if it is of fabric with metal on both sides of it; otherwise ""."""
-    count = len(sheets)
-    middle = sheets[count // 2]
+    middle = len(sheets) // 2
     metals = [k for k, sheet in enumerate(sheets) if sheet.metal]
-    between = count > 1 and metals and min(metals) < count // 2 < max(metals)
-    return middle.name if middle.fabric and between else ""
+    between = metals and metals[0] < middle < metals[-1]
+    return sheets[middle].name if sheets[middle].fabric and between else ""
 
 
 def middle_quantities(result: Result, name: str) -> dict[str, float]:
     """Shear angle of ply `name` at 45 deg at most, and its `shape.contrast` [deg]."""
 
     def on_middle():
-        path = shape.along_paths(result.grids[name], (45,))[45]
-        contrast = np.degrees(shape.contrast(result.grids[name], "shear_angle"))
-        most = float(abs(path.shear_angle).max())
-        return {"shear_angle_on_45_deg_path_deg": most, "shear_contrast_deg": float(contrast)}
+        ply = result.grids[name]
+        most = float(abs(shape.along_paths(ply, (45,))[45].shear_angle).max())
+        contrast = float(np.degrees(shape.contrast(ply, "shear_angle")))
+        return {"shear_angle_on_45_deg_path_deg": most, "shear_contrast_deg": contrast}
 
     return on_root(result.scene.comm, on_middle)
-
-
-# -- shear and shortening
 
 
 def shear_quantities(result: Result, parts: Sequence[Part]) -> Numbers:
     """Shear of all cells of the `parts`, which are of fabric: the largest magnitude of the angle,
     its place (x, y) of the flat sheet [mm], of several parts with the name of that part, and the
     shortening of yarns there; the angle that 99 % of the area stay below [deg]."""
-    comm, blank, cells = result.scene.comm, result.scene.blank, _cells(parts)
+    comm, blank, cells = result.scene.comm, result.scene.blank, cells_of(parts)
     angle = np.degrees(np.abs(result.fields["shear_angle"][cells]))
     also = shortening(result.fields)[cells]
     largest, place, there = measures.largest_in(blank, parts, angle, also)
@@ -142,7 +131,7 @@ def shortening_quantities(result: Result, parts: Sequence[Part]) -> Numbers:
     largest (nominal strain, 0 if there is none) with its place as of `shear_quantities`, the shares
     of the area in which it is more than 1 %, `SHORTENED` and `CRUMPLED`, and the `excess_length`.
     """
-    comm, blank, cells = result.scene.comm, result.scene.blank, _cells(parts)
+    comm, blank, cells = result.scene.comm, result.scene.blank, cells_of(parts)
     values, areas = shortening(result.fields)[cells], blank.areas()[cells]
     largest, place, _ = measures.largest_in(blank, parts, values, values)
     lost = [excess_length(result, part) for part in parts]
@@ -182,12 +171,10 @@ def excess_length(result: Result, part: Part) -> float | None:
 def _of_fabric(result):
     """Each part of fabric of a sheet in space, which can fold, with its shear and shortening."""
     blank, fields = result.scene.blank, result.fields
-    known = {"shear_angle", "shortening_a", "shortening_b"} <= set(fields)
-    if blank.mesh.geometry.dim == 2 or not known:
+    if blank.mesh.geometry.dim == 2 or "shear_angle" not in fields:
         return
-    for part in list(blank.parts.values()) or [blank.whole]:
-        unknown = int(np.isnan(fields["shear_angle"][part.cells]).sum())
-        if not result.scene.comm.allreduce(unknown):
+    for part in blank.parts.values() or [blank.whole]:
+        if not result.scene.comm.allreduce(np.isnan(fields["shear_angle"][part.cells]).sum()):
             yield part, shear_quantities(result, [part]) | shortening_quantities(result, [part])
 
 
@@ -213,9 +200,6 @@ def crumples(quantities: Mapping[str, float]) -> bool:
     return bool(quantities.get(there, 0.0) > CRUMPLED or quantities.get(share, 0.0) > 0.01)
 
 
-# -- doubts
-
-
 def fabric_doubts(result: Result) -> list[Reason]:
     """Doubts about each part of fabric of a sheet in space: one where yarns are shortened, one
     where cells crumple, so that the largest shear angle depends on mesh and contact."""
@@ -230,8 +214,15 @@ def fabric_doubts(result: Result) -> list[Reason]:
                 f"compression shortens yarns of {name} by up to {percent(most, 3)}, as at {place}, "
                 f"and by more than {percent(SHORTENED, 6)} in {percent(share, 3)} of the area"
                 f"{loses}. The law stores as shortening what a real ply folds into wrinkles"
-                f"{_shortest_wave_in_words(result.scene, part)}"
             )
+            if length := shortest_wave_of(result.scene, part):
+                words += (
+                    f". At {percent(SHORTENED, 6)} no wave shorter than {rounded(length)} mm forms,"
+                    " on any mesh: stiffness in bending and in compression decide that"
+                )
+                fabric = fabric_of(result.scene, part)
+                if fabric and "d" in fabric.assumed_values():
+                    words += ", and no test has determined d"
             doubts.append(Reason(words))
         if crumples(found):
             words = (
@@ -243,18 +234,6 @@ def fabric_doubts(result: Result) -> list[Reason]:
             )
             doubts.append(Reason(words, of="shear_angle_max"))
     return doubts
-
-
-def _shortest_wave_in_words(scene, part):
-    """What waves the law allows, as text; "" if that is not known."""
-    if not (length := shortest_wave_of(scene, part)):
-        return ""
-    fabric = fabric_of(scene, part)
-    doubt = ", and no test has determined d" if fabric and "d" in fabric.assumed_values() else ""
-    return (
-        f". At {percent(SHORTENED, 6)} no wave shorter than {rounded(length)} mm forms, on any "
-        f"mesh: stiffness in bending and in compression decide that{doubt}"
-    )
 
 
 def shortest_wave_of(scene: Scene, part: Part) -> float | None:

@@ -61,8 +61,8 @@ def page(
     log: Path | None = None,
 ) -> str:
     """HTML, with its pictures in it, of runs {name: (path of the summary, paths of pictures)}, as
-    far as they are there: of each the verdict, the formed part, a few numbers and the curve first.
-    description: of the study; ending: "done", or the reason why it ended; log: path of a text."""
+    far as they are there. description: of the study; ending: "done", or the reason why it ended;
+    log: path of a text."""
     shown = [_shown(name, *files) for name, files in runs.items()]
     return rendered(
         Path(__file__).with_name("report.html.jinja"),
@@ -108,9 +108,9 @@ def label(name: str) -> str:
 
 def _shown(name, summary, pictures):
     facts = json.loads(summary.read_text()) if summary.is_file() else {}
-    place = {name: k for k, name in enumerate(CAPTIONS)}
-    files = sorted(pictures, key=lambda file: (place.get(file.stem, len(place)), file.stem))
-    captions = [CAPTIONS.get(file.stem, file.stem.replace("_", " ")) for file in files]
+    order = [*CAPTIONS]
+    files = sorted(pictures, key=lambda f: ([*order, f.stem].index(f.stem), f.stem))
+    captions = {file: CAPTIONS.get(file.stem, file.stem.replace("_", " ")) for file in files}
     quantities = _with_errors(facts.get("quantities", {}), facts.get("error") or {})
     sheets = {"": quantities} | quantities.get("plies", {})
     headlines = {text: [_headline(q, n) for q in sheets.values()] for n, text in HEADLINES.items()}
@@ -125,7 +125,7 @@ def _shown(name, summary, pictures):
         "headlines": {text: values for text, values in headlines.items() if any(values)},
         "quantities": quantities,
         "facts": {renamed.get(k, k): v for k, v in facts.items() if k not in elsewhere},
-        "pictures": [(f.stem, text, encoded(f)) for f, text in zip(files, captions)],
+        "pictures": [(file.stem, text, encoded(file)) for file, text in captions.items()],
     }
 
 
@@ -134,9 +134,10 @@ def _headline(quantities, name):
     *outer, name = name.split(".")
     for key in outer:
         quantities = quantities.get(key) or {}
+    if quantities.get(name) is None:
+        return ""
     place = quantities.get(re.sub("_(deg|mm)$", "", name) + "_at_mm", "")
-    text = "" if quantities.get(name) is None else _number(quantities[name])
-    return f"{text} at {place} mm" if text and place else text
+    return _number(quantities[name]) + (f" at {place} mm" if place else "")
 
 
 def _with_errors(values, errors, before=""):

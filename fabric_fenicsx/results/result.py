@@ -1,6 +1,7 @@
 """Result of a run: its summary, history and fields, to be asked and drawn."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -8,11 +9,10 @@ from numpy.typing import ArrayLike
 
 from ..mechanics.output import Fields
 from ..postprocess import shape, states, structural
-from ..postprocess.ply import SAME, Grid
+from ..postprocess.ply import SAME, Grid, check_field
 from ..runtime.collective_errors import on_root
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded, with_error
-from ..runtime.rules import unknown_key
 from ..scene import output
 from ..scene.scene import Scene
 from ..tools.tool import Tool
@@ -51,16 +51,13 @@ class Result:
     fields: Fields
     folder: Path | None
     scene: Scene
-    _grid: Grid | None = field(default=None, repr=False)
 
-    @property
+    @cached_property
     def grid(self) -> Grid:
         """The whole sheet as it lay at first, with the displacement `u` [mm] to its last state and
         the fields of that state, on rank 0 only: `grid.warp_by_vector("u")` is the formed one."""
-        if self._grid is None:
-            assert self.folder
-            self._grid = states.read_state(self.folder)
-        return self._grid
+        assert self.folder
+        return states.read_state(self.folder)
 
     @property
     def grids(self) -> dict[str, Grid]:
@@ -83,11 +80,9 @@ class Result:
         value, errors = self.number(name), self.summary.get("error", {})
         if value is None:
             return "-"
-        text = format(round(scale * value, 12) + 0.0, form)
-        if name not in errors:
-            return text
-        error = errors[name]
-        return with_error(text, scale * value, None if error is None else abs(scale) * error)
+        text, error = format(round(scale * value, 12) + 0.0, form), errors.get(name)
+        error = None if error is None else abs(scale) * error
+        return with_error(text, scale * value, error) if name in errors else text
 
     def force(self, tool: Tool | str) -> np.ndarray:
         """Force of `tool`, or of the tool of that name, on the sheet in the last accepted state,
@@ -99,9 +94,9 @@ class Result:
         if len(asked) != 1:
             name = tool if isinstance(tool, str) else tool.name
             known = ", ".join(each.name for each in tools) or "it has none"
-            allowed = f"one of its own tools, or the name of one alone: {known}"
             raise InputError(
-                f"the scene has {len(asked) or 'no'} tools {name!r}; allowed is {allowed}"
+                f"the scene has {len(asked) or 'no'} tools {name!r}; allowed is one of its own "
+                f"tools, or the name of one alone: {known}"
             )
         return output.tool_force(scene, asked[0])
 
@@ -114,9 +109,10 @@ class Result:
         z = blank.coordinates()[: len(part.nodes), 2][part.nodes]
         low, high = measures.extremes(self.scene.comm, z)
         if high - low > SAME:
-            apart = f"{sheet or blank.name} are up to {rounded(high - low, 4)} mm apart along z"
-            needs = "draw-in needs a sheet that is flat in z = const"
-            raise InputError(f"undeformed nodes of {apart}; {needs}")
+            raise InputError(
+                f"undeformed nodes of {sheet or blank.name} are up to {rounded(high - low, 4)} mm "
+                "apart along z; draw-in needs a sheet that is flat in z = const"
+            )
         return on_root(self.scene.comm, lambda: shape.draw_in(self._grid_of(sheet)))
 
     def _sheet(self, asked, name):
@@ -145,16 +141,6 @@ class Result:
         self._sheet("a field", sheet)
         return on_root(self.scene.comm, lambda: shape.value_at(self._grid_of(sheet), place, name))
 
-    def forget_grid(self) -> None:
-        """Read the last state anew when it is asked for, as it was written anew."""
-        self._grid = None
-
-    def forget_folder(self) -> None:
-        """Keep the grid, not the folder that it is in."""
-        if self.scene.comm.rank == 0:
-            self._grid = self.grid
-        self.folder = None
-
     def plot(self, name: str, path: Path | str) -> None:
         """Draw field `name`, of one number a cell or node, on the deformed sheet, to a PNG file, on
         rank 0; of nodes the mean over each cell. Raises InputError for a name that is none."""
@@ -163,10 +149,7 @@ class Result:
         def draw():
             from ..plot.pictures import OUTLIERS, maps
 
-            arrays = dict(self.grid.point_data) | dict(self.grid.cell_data)
-            known = sorted(each for each, values in arrays.items() if values.ndim == 1)
-            if name not in known:
-                raise unknown_key(name, known, f"field {name}")
+            check_field(name, self.grid.point_data, self.grid.cell_data)
             maps(Path(path), self.grids, (name,), outliers=OUTLIERS, units=units)
 
         on_root(self.scene.comm, draw)
@@ -175,6 +158,4 @@ class Result:
         """Write the formed plies with thickness and yarn directions for a structural analysis, on
         rank 0; the ending of `path` says how, see `postprocess.structural.export`. A quarter is
         mirrored to the whole part, unless `modelled`. Raises InputError for another ending."""
-        path = structural.checked(path)
-        if self.scene.comm.rank == 0:
-            structural.export(self.grids, path, modelled)
+        on_root(self.scene.comm, lambda: structural.export(self.grids, path, modelled) and None)

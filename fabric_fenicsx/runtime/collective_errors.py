@@ -29,12 +29,17 @@ def on_root(comm: MPI.Comm, make: Callable[[], T]) -> T:
 
 
 def on_all(comm: MPI.Comm, make: Callable[[], T]) -> T:
-    """What make() gives on each rank; an InputError on any is raised on all."""
+    """What make() gives on each rank; an InputError on any, also for a file that can't be read or
+    written, is raised on all."""
     result, error = None, ""
     try:
         result = make()
     except InputError as e:
         error = str(e)
+    except OSError as e:
+        if e.errno is None:  # of a library, not of a file
+            raise
+        error = str(unwritable(e))
     if error := max(comm.allgather(error)):
         raise InputError(error)
     return result  # type: ignore[return-value]

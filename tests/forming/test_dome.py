@@ -68,7 +68,7 @@ def test_a_punch_with_a_crack_beneath_the_ply_or_in_inches_is_refused():
 def test_a_whole_ply_is_fixed_in_the_nodes_nearest_to_centre_and_end(cells):
     """One of each, also where several are as near."""
     made = dome(full=True, **cells)
-    x = made.blank.coordinates()[: made.blank.V.dofmap.index_map.size_local]
+    x = made.scene.blank.coordinates()[: made.scene.blank.V.dofmap.index_map.size_local]
     for support, place in zip(made.scene.supports, ((0, 0), (235, 0))):
         fixed = np.vstack(COMM.allgather(x[support.where(x.T)]))
         least = COMM.allreduce(np.hypot(*(x[:, :2] - place).T).min(initial=np.inf), MPI.MIN)

@@ -80,7 +80,7 @@ def test_springs_pull_at_a_quarter_as_at_the_whole_blank():
     made = press.replace(holders={"springs": springs}).build()
     forces = [term.force() for term in made.holders["springs"]]
     assert np.array(forces) == pytest.approx(np.array([[4, 0, 0], [4, 0, 0], [4.8, 6.4, 0]]))
-    made.blank.u.x.array[::3] = -2.0  # by which those along x are longer
+    made.scene.blank.u.x.array[::3] = -2.0  # by which those along x are longer
     pulls = [term.pull() for term in made.holders["springs"]]
     assert pulls[:2] == pytest.approx([4.5, 4.5]) and pulls[2] == pytest.approx(8.6, abs=0.01)
 
@@ -128,7 +128,7 @@ def test_the_history_has_the_force_of_each_holder_on_the_whole_blank():
         told = q["contact_forces_N"][term.tool.name]
         assert told == pytest.approx(np.sqrt((forces**2).sum()), rel=1e-6)
     depths = [-term.gap()[term.nodes.own] for term in built.contacts]
-    most = max(built.comm.allgather(max(each.max(initial=0) for each in depths)))
+    most = max(built.scene.comm.allgather(max(each.max(initial=0) for each in depths)))
     assert q["penetration_mm"] == pytest.approx(most) and most > 0
     assert row["low_force_of_whole_N"] == pytest.approx(300, rel=1e-6)
     assert row["low_2_force_of_whole_N"] == pytest.approx(4 * built.pressing[-1].force()[2])

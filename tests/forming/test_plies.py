@@ -79,10 +79,10 @@ def laid():
 def test_thickness_and_face_are_those_of_the_metal(laid):
     t = ff.load("komeili").thickness_under(0.0)
     assert laid.thickness == pytest.approx(0.8 + 2 * t)
-    heights = np.unique(laid.blank.coordinates()[:, 2].round(6))
+    heights = np.unique(laid.scene.blank.coordinates()[:, 2].round(6))
     assert heights == pytest.approx([-t, -t / 2 + 0.4, t / 2 + 0.4], abs=2e-6)
     die = next(term for term in laid.contacts if term.tool is laid.tools["die"])
-    part = laid.blank.part("sheet").nodes
+    part = laid.scene.blank.part("sheet").nodes
     assert np.allclose(die.thickness[part], 0.8) and np.allclose(die.thickness[~part], t)
     depth = die.depth_under(2.0)
     assert depth[part].max(initial=0) < 0.01 * t < depth[~part].min(initial=t)
@@ -97,7 +97,7 @@ def test_a_holder_begins_with_sheets_pressed_as_it_presses(laid):
 
 
 def test_friction_of_tools_is_that_of_the_sheet_they_touch(laid):
-    part = laid.blank.part("sheet").nodes
+    part = laid.scene.blank.part("sheet").nodes
     for term in laid.pressing:
         mu = term.friction_state.coefficient
         assert np.allclose(mu[part], 0.1) and np.allclose(mu[~part], 0.25)
@@ -127,8 +127,8 @@ def laminate(*changes):
 
 def test_metal_covers_two_thirds_of_the_fabric():
     """13 568 against 20 268 elements in the paper, with cells as large as the plies'."""
-    laid = laminate()
-    areas = {name: laid.blank.areas()[part.cells] for name, part in laid.blank.parts.items()}
+    blank = laminate().scene.blank
+    areas = {name: blank.areas()[part.cells] for name, part in blank.parts.items()}
     covered = areas["lower metal"].sum() / areas["middle"].sum()
     assert covered == pytest.approx(AREA) == pytest.approx(0.669, abs=1e-3)
     assert areas["lower metal"].mean() == pytest.approx(areas["middle"].mean(), rel=0.3)

@@ -245,13 +245,15 @@ def test_a_run_whose_earlier_stages_differ_is_not_gone_on_with(tmp_path):
         hemisphere("blank.nx=4", stages=each) for each in ([six], [six, unload], [seven, back])
     )
     assert same.fingerprint() == before.fingerprint()
-    state = Progress(*(compat.petsc_vector(before.blank.u).copy() for _ in range(2)), step=0.1)
+    state = Progress(
+        *(compat.petsc_vector(before.scene.blank.u).copy() for _ in range(2)), step=0.1
+    )
     problems = [
         entries(each.fingerprint()["press"], "press") | each.fingerprint() for each in (before, now)
     ]
-    Checkpoint(tmp_path / "c.npz", before.blank, problems[0]).save(state, {})
+    Checkpoint(tmp_path / "c.npz", before.scene.blank, problems[0]).save(state, {})
     with pytest.raises(ff.InputError, match="press.stage.1.moves.punch = 6, now it is 7"):
-        Checkpoint(tmp_path / "c.npz", before.blank, problems[1]).load()
+        Checkpoint(tmp_path / "c.npz", before.scene.blank, problems[1]).load()
 
 
 def test_sheets_touch_themselves_and_a_run_stops_if_asked():

@@ -83,11 +83,13 @@ def test_fabric_gives_back_what_it_stored(full):
     assert q["energy_left_Nmm"] < 1e-6 * stored
     assert q["energy_released_Nmm"] == pytest.approx(stored, rel=0.01)
     (told,) = [each for each in said(unloaded.summary) if "keeps no shape" in each]
-    back, before, after = map(float, re.findall(r"[\d.e-]+(?= mm| to)", told))
+    (back,) = map(float, re.findall(r"[\d.e-]+(?= mm)", told))
     assert back == pytest.approx(q["springback_largest_mm"], rel=0.01)
-    assert before == pytest.approx(10, abs=0.5) and after < 0.05 * before
-    z = np.concatenate(formed.scene.comm.allgather(builders.displacement(formed.scene.blank)[:, 2]))
-    assert full or np.ptp(z) < 0.02  # a whole ply lies as its three nodes did
+    blank, u = formed.scene.blank, builders.displacement(formed.scene.blank)
+    x = np.concatenate(formed.scene.comm.allgather(blank.coordinates()[: len(u)] + u))
+    assert full or np.ptp(x[:, 2]) < 0.02  # a whole ply lies as its three nodes did
+    normal = np.linalg.svd(x - x.mean(0), full_matrices=False)[2][2]
+    assert np.ptp(x @ normal) < 0.5  # of 10
     held = {"point 1 of blank": (0, 1, 2), "point 2 of blank": (1, 2), "point 3 of blank": (2,)}
     given = {s.name: s.components for s in job.scene.supports}
     assert given.items() >= (held if full else {"point 1 of blank": (2,)}).items()
@@ -140,7 +142,7 @@ def test_what_cannot_be_unloaded():
     with pytest.raises(InputError, match="`keep` names 'grip'; allowed are supports of the scene"):
         ff.unloading(formed, keep=["grip"])
     formed.summary["stroke_reached"] = 0.4
-    with pytest.raises(InputError, match="a run that reached full load; this one reached 0.4"):
+    with pytest.raises(InputError, match="a run that reached full load, not 0.4"):
         ff.unloading(formed)
 
 

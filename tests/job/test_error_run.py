@@ -9,7 +9,6 @@ from builders import COARSE, COMM, said
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.job.job import COARSE as FOLDER
 
 
 @pytest.mark.versions
@@ -22,7 +21,7 @@ def test_a_strips_errors_are_told_by_other_cells(folder):
     apart, error = result.number("reaction_N") - other.number("reaction_N"), told(result)
     assert error["reaction_N"] == pytest.approx(1.75 * abs(apart), rel=1e-4)
     assert result.summary["error_run"]["cells"] == other.summary["cells"]
-    assert (folder / FOLDER / "history.csv").exists()
+    assert (folder / "coarse" / "history.csv").exists()
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["error"] == result.summary["error"]
     with open(folder / "history.csv", newline="") as file:

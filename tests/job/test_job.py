@@ -40,7 +40,7 @@ def test_without_a_folder_nothing_is_kept_but_the_result(tmp_path, monkeypatch):
     least, largest = result.summary["quantities"]["log_eps_11"]
     assert least <= result.at((100, 25), "log_eps_11") <= largest
     for place, name in (((300, 25), "log_eps_11"), ((100, 25), "nothing")):
-        with pytest.raises(ff.InputError, match="not on the flat sheet|has no field nothing"):
+        with pytest.raises(ff.InputError, match="not on the flat sheet|field nothing is unknown"):
             result.at(place, name)
 
 

@@ -113,7 +113,7 @@ def test_thickness_is_where_faces_touch_and_friction_of_plies_of_the_flat_place(
     lower = sheet(name="lower", fabric=fabric, thickness=thickness, friction=friction)
     built = press(lower, sheet(name="upper")).build()
     ball = built.contacts[0]
-    at = built.blank.parts["lower"].nodes
+    at = built.scene.blank.parts["lower"].nodes
     grown = KOMEILI.thickness_under(0.0)
     told = thickness(*ball.nodes.places[at, :2].T) * grown
     assert ball.thickness[at] == pytest.approx(told)

@@ -11,7 +11,6 @@ from mpi4py import MPI
 import fabric_fenicsx as ff
 from fabric_fenicsx.mechanics.output import last
 from fabric_fenicsx.postprocess.states import read_state
-from fabric_fenicsx.results.history import COLUMNS
 from fabric_fenicsx.scene import output as reports
 
 COMM = MPI.COMM_WORLD
@@ -59,7 +58,7 @@ def test_an_own_term_is_in_history_summary_fields_and_energy_balance(folder):
         return
     with open(folder / "history.csv") as file:
         rows = list(csv.DictReader(file))
-    assert list(rows[0]) == [*COLUMNS, "bedding_energy_Nmm", "bedding_traction_MPa"]
+    assert list(rows[0])[-2:] == ["bedding_energy_Nmm", "bedding_traction_MPa"]
     stored = result.summary["energy"]["bedding"]
     assert float(rows[-1]["bedding_energy_Nmm"]) == stored > 0
     assert float(rows[-1]["bedding_traction_MPa"]) == pytest.approx(K * stroke)

@@ -33,7 +33,7 @@ def test_paths_are_drawn_in_per_cent_and_degrees_with_marks_that_lie_on_them(tmp
     monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: figures.append(figure.axes))
     distance = np.array([0.0, 10, 20])
     path = Path(distance, 2 * distance, 0.01 * distance, -0.001 * distance, distance / 2, None)
-    marks = {"edge": [15.0, 25.0], "none": np.nan}
+    marks = {"edge": [15.0, 25.0], "none": [np.nan, np.nan]}
     forming_pictures.paths_picture(tmp_path / "p.png", {"run": {0: path, 90: path}}, marks)
     for axes, mark in ((figures[0][:3], [15.0]), (figures[0][3:], [])):
         for ax, values in zip(axes, ([0, 10, 20], [0, -1, -2], [0, 5, 10])):

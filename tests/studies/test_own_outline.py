@@ -55,8 +55,8 @@ def test_what_does_not_go_with_an_outline(table, fields, words):
 def test_planes_of_symmetry_cut_a_whole_outline(table):
     made = {"outline": table(500, 300), "size": 40, "fibre_angle": 30, "centred": True}
     ply = dome(FABRIC, **made, full=True)
-    assert np.ravel(ply.blank.extent()) == pytest.approx([-250, -150, 0, 250, 150, 0])
+    assert np.ravel(ply.scene.blank.extent()) == pytest.approx([-250, -150, 0, 250, 150, 0])
     ply = dome(FABRIC, **made, full=False)
-    assert np.ravel(ply.blank.extent()) == pytest.approx([0, 0, 0, 250, 150, 0])
+    assert np.ravel(ply.scene.blank.extent()) == pytest.approx([0, 0, 0, 250, 150, 0])
     with pytest.raises(ff.InputError, match="not its own mirror image in x = 0"):
         dome(FABRIC, **made | {"centred": False, "outline": table(500, 300, -100)}, full=False)

@@ -5,7 +5,6 @@ import pytest
 from builders import Elastic, sheet
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.results.curve import default_measure
 
 
 def test_a_tool_is_measured_along_its_motion(monkeypatch):
@@ -16,7 +15,7 @@ def test_a_tool_is_measured_along_its_motion(monkeypatch):
     scene = ff.Scene(sheet(20, 10, 2, 1, spatial=True), terms, ff.clamped_ends(1.0))
     forces = {"a": (9.0, 9.0, 9.0), "b": (1.0, 2.0, 3.0)}
     monkeypatch.setattr("fabric_fenicsx.scene.output.tool_force", lambda _, tool: forces[tool.name])
-    assert default_measure(scene, 0.5) == pytest.approx((2.5, 3.0))
+    assert ff.Setup(scene).measure(scene, 0.5) == pytest.approx((2.5, 3.0))
 
 
 def test_of_supports_the_one_that_moves_furthest_is_measured(monkeypatch):
@@ -28,6 +27,6 @@ def test_of_supports_the_one_that_moves_furthest_is_measured(monkeypatch):
     ]
     scene = ff.Scene(sheet(20, 10, 2, 2), [Elastic()], supports)
     monkeypatch.setattr(ff.Scene, "reaction", lambda _, name: {"large": [1.0, 2.0]}[name])
-    assert default_measure(scene, 0.5) == pytest.approx((2.5, 0.6 + 1.6))
+    assert ff.Setup(scene).measure(scene, 0.5) == pytest.approx((2.5, 0.6 + 1.6))
     still = ff.Scene(sheet(20, 10, 2, 2), [Elastic()])
-    assert default_measure(still, 1.0) == (0.0, 0.0)
+    assert ff.Setup(still).measure(still, 1.0) == (0.0, 0.0)
