@@ -21,7 +21,6 @@ from fabric_fenicsx.job.setup import Observer
 from fabric_fenicsx.postprocess.states import states
 from fabric_fenicsx.results.output import Output
 from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT, on_ranks
-from fabric_fenicsx.solve.limits import Limits
 
 
 @pytest.mark.mpi
@@ -64,7 +63,7 @@ def test_a_folder_holds_what_the_result_tells(folder):
 @pytest.mark.mpi
 def test_a_job_goes_on_from_its_checkpoint(folder):
     def pull(**limits):
-        return ff.Tensile(**COARSE).job(steps=4, limits=Limits(**limits))
+        return ff.Tensile(**COARSE).job(steps=4, limits=ff.Limits(**limits))
 
     whole = pull().run()
     with pytest.raises(ff.SolverFailure, match="not to be believed") as failure:
@@ -187,7 +186,7 @@ def test_what_a_run_costs_is_told_by_its_first_step(monkeypatch, folder):
 def test_a_last_state_that_is_not_believed_is_told_so():
     """There is no step after it that would not be taken."""
     with pytest.raises(ff.SolverFailure, match="stretched by more than 1 % in") as failure:
-        ff.Tensile(**COARSE).job(steps=1, limits=Limits(strain=0.01)).run()
+        ff.Tensile(**COARSE).job(steps=1, limits=ff.Limits(strain=0.01)).run()
     summary = failure.value.result.summary
     assert summary["stroke_reached"] == 1 and summary["verdict"] == "invalid"
 
