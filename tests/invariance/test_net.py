@@ -5,15 +5,7 @@ import shutil
 import numpy as np
 import pytest
 import scenes
-from changes import (
-    CHANGES,
-    COUPON_CHANGES,
-    allowed,
-    changed,
-    coupon_changed,
-    reason_against,
-    together,
-)
+from changes import CHANGES, COUPON_CHANGES, allowed, changed, coupon_changed, reason_against, runs
 from mpi4py import MPI
 from outcome import differences, outcome
 from scenes import COUPONS, PRESSES
@@ -24,7 +16,7 @@ import fabric_fenicsx as ff
 def test_three_changes_a_scene_and_three_scenes_a_change(tmp_path):
     """Of the scenes that allow a change, if these are fewer."""
     presses = {scene: make(tmp_path) for scene, make in PRESSES.items()}
-    made = {scene: {*sum(together(scene, press), ())} for scene, press in presses.items()}
+    made = {scene: {*sum(runs(scene, press), ())} for scene, press in presses.items()}
     assert min(len(names) for names in made.values()) > 4  # and data, twice
     for name in CHANGES:
         can = sum(not reason_against(name, *each) for each in presses.items())
@@ -35,7 +27,7 @@ def test_three_changes_a_scene_and_three_scenes_a_change(tmp_path):
 def test_a_press_in_other_words(scene, tmp_path):
     press = PRESSES[scene](tmp_path)
     first, told = formed(press), []
-    for made in together(scene, press):
+    for made in runs(scene, press):
         if words := off(scene, press, first, made, tmp_path):
             alone = {name: off(scene, press, first, [name], tmp_path) for name in made if made[1:]}
             told += [f"{' and '.join(made)}: {words}", *(f"  {n}: {w}" for n, w in alone.items())]

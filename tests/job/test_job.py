@@ -152,19 +152,13 @@ def test_a_setup_of_ones_own_is_measured_and_written(folder):
     assert [state.load for state in states(folder)] == pytest.approx([0, 0.6, 0.85, 1])
 
 
-@pytest.mark.parametrize(
-    "seconds, since, left",
-    [
-        (10.0, 0.0, ", 00:40 to 01:15 left"),
-        (10.0, 12.0, ", 00:40 to 01:30 left"),
-        (2.0, 0.0, ", 00:10 to 01:00 left"),
-    ],
-)
-def test_the_time_that_is_left_is_told_by_the_mean_and_the_last_step(seconds, since, left):
+def test_the_time_that_is_left_is_told_by_the_mean_and_the_last_step():
     """From a quarter on in 20 s; the last tenth took so many, the one under way 12 s up to now."""
-    times = {"began": 100.0, "step_began": 120.0, "seconds": seconds, "size": 0.1}
-    run = SimpleNamespace(load=0.5, start=0.25, MAX_SLOWDOWN=ProgressLog.MAX_SLOWDOWN, **times)
-    assert ProgressLog.left(run, since) == left
+    told = ((10, 0, "00:40 to 01:15"), (10, 12, "00:40 to 01:30"), (2, 0, "00:10 to 01:00"))
+    for seconds, since, left in told:
+        times = {"began": 100.0, "step_began": 120.0, "seconds": float(seconds), "size": 0.1}
+        run = SimpleNamespace(load=0.5, start=0.25, MAX_SLOWDOWN=ProgressLog.MAX_SLOWDOWN, **times)
+        assert ProgressLog.left(run, since) == f", {left} left"
     run.load = run.start
     assert ProgressLog.left(run, since) == ""
 
