@@ -10,6 +10,7 @@ from builders import sheet
 import fabric_fenicsx as ff
 from fabric_fenicsx.material import stability
 from fabric_fenicsx.material.laws import LAWS
+from fabric_fenicsx.postprocess import shape
 from fabric_fenicsx.studies.lib import compression_parameters as parameters
 from fabric_fenicsx.studies.lib.single_element import compare
 from fabric_fenicsx.studies.lib.stability_maps import kernel_difference, stability_maps
@@ -70,10 +71,18 @@ def test_maps_of_stability(unbalanced):
         assert shares["40 deg, p_min 0.25"][name] == pytest.approx(lost, abs=1e-4)
 
 
-def test_parameters_of_compression():
+def test_parameters_of_compression(monkeypatch):
     assert parameters.changed(KOMEILI, {"p_min": 0.5, "E_C": 13.0, "s_C": 10.0}).warp.d == 6.5
     varied = parameters.variants(["E_C", "s_C"])
     assert len(varied) == 8 and varied[0] == ("E_C", 0.13, {"p_min": 0.75, "E_C": 0.13, "s_C": 100})
     data = {"stability_ellipticity": np.array([-1e-6, 0.0, 1e-6])}
     grid = parameters.with_lost_ellipticity(SimpleNamespace(cell_data=data))
     assert grid.cell_data["ellipticity_lost"].tolist() == [1, 0, 0]
+    monkeypatch.setattr(shape, "contrast", lambda grid, name: 0.1 if name == "shear_angle" else 0)
+    assert parameters.shear_contrast(None) == pytest.approx(np.degrees(0.1))
+    q = {"shear_angle_max_deg": 1, "cells_that_lost_ellipticity": 2}
+    q |= {"stability_ellipticity_min": 4, "log_eps_11": (5, 0), "log_eps_22": (6, 0)}
+    q["draw_in"] = {"largest_mm": 7, "smallest_mm": 0}
+    summary = {"quantities": q, "stroke_reached": 8, "reaction_N": 3}
+    row = parameters.row("s_C", 10.0, summary, 9, "")
+    assert list(row.values()) == [14, "s_C", 10.0, 8, 1, 9, 2, 4, 5, 6, 7, 3, ""]
