@@ -241,11 +241,6 @@ ff.Job(scene, steps=1).run()
 
 @pytest.mark.versions
 def test_a_rank_that_fails_alone_ends_the_others(hang):
-    done = subprocess.run(
-        [*on_ranks(2), sys.executable, "-c", FAILS_ALONE],
-        capture_output=True,
-        text=True,
-        env=os.environ | RANKS_ENVIRONMENT,
-        timeout=hang,
-    )
+    how = {"capture_output": True, "text": True, "env": os.environ | RANKS_ENVIRONMENT}
+    done = subprocess.run([*on_ranks(2), sys.executable, "-c", FAILS_ALONE], timeout=hang, **how)
     assert done.returncode and "IndexError: on one rank alone" in done.stderr

@@ -106,9 +106,8 @@ def test_shear_of_the_middle_ply():
     grid = halves(shear_angle=[-0.5, 0.1], log_eps_11=[0, 0], log_eps_22=[0, 0])
     result = SimpleNamespace(grids={"b": grid}, scene=SimpleNamespace(comm=MPI.COMM_SELF))
     found = quantities.middle_quantities(result, "b")
-    assert found["shear_angle_on_45_deg_path_deg"] == pytest.approx(
-        np.degrees(0.35 + 0.15 * 2 / 9), rel=1e-6
-    )
+    on_path = np.degrees(0.35 + 0.15 * 2 / 9)
+    assert found["shear_angle_on_45_deg_path_deg"] == pytest.approx(on_path, rel=1e-6)
     assert found["shear_contrast_deg"] == pytest.approx(np.degrees(np.sqrt(0.05)))
 
 
@@ -138,9 +137,8 @@ def test_of_several_plies_and_of_places_that_mirror_each_other_the_first_is_name
     result.fields |= {"shear_angle": -x, "shortening_a": 0 * x, "shortening_b": x / 1000}
     parts = list(blank.parts.values())
     for name in ("shear_angle", "shortening"):
-        found = quantities.shear_quantities(result, parts) | quantities.shortening_quantities(
-            result, parts
-        )
+        found = quantities.shear_quantities(result, parts)
+        found |= quantities.shortening_quantities(result, parts)
         assert found[f"{name}_max_at_mm"] == pytest.approx([5 / 3, 5])
         assert found[f"{name}_max_in"] == "left"
 

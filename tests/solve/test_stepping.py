@@ -52,10 +52,7 @@ class Snapping(Losing):
 def stretched(share, balance, term=Losing):
     """Loads of the accepted states and reasons of the rejected ones, of a strip."""
     states, reasons = [], []
-    told = {
-        "on_accept": states.append,
-        "on_reject": lambda _, report: reasons.append(report.reason),
-    }
+    told = {"on_accept": states.append, "on_reject": lambda _, r: reasons.append(r.reason)}
     march(Newton(scene_of(term(share))), steps=4, balance=balance, **told)
     return [accepted.load for accepted in states], reasons
 
