@@ -28,8 +28,7 @@ def main(study):
         faults = "; not sound: " + "; ".join(row["faults"][:3]) if row["faults"] else ""
         study.say(f"{letter}  {holds}  {cost}  {row['must_hold']}\n     {row['found']}{faults}")
     failed = [row["case"] for row in rows if not row["holds"]]
-    quantities = {row["case"]: row for row in rows}
-    bench.finish(study, {"cases": rows}, not failed, quantities=quantities)
+    bench.finish(study, {"cases": rows}, not failed, quantities={r["case"]: r for r in rows})
     if failed:
         raise ff.SolverFailure(f"cases {', '.join(failed)} do not hold; see {folder}/cases.csv")
 

@@ -14,7 +14,6 @@ from fabric_fenicsx.command_line.study import run
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.settings import Settings
 
-DEGREES = {"P1": 1, "P2": 2}  # of quadrature, with which the files of studies/reference were made
 SETTINGS = Settings(steps=20, path_tolerance=None, milestones=LOADS[1:])
 
 
@@ -27,13 +26,13 @@ def options():
 def solved(study, name, mesh):
     """Values, reactions at LOADS [N], cost and the camera's displacements on one mesh."""
     args, began = study.args, time.perf_counter()
-    scene = strip_scene(study.comm, study.fabric, name, mesh, DEGREES[mesh[:2]], "full")
+    degree = int(mesh[1])  # of quadrature, with which the files of studies/reference were made
+    scene = strip_scene(study.comm, study.fabric, name, mesh, degree, "full")
     newton = Newton(scene, args.tolerance, linear_solver=args.linear_solver)
     outcome, (loads, forces) = pull(newton, SETTINGS)
     if outcome.reason:
         raise ff.SolverFailure(f"{mesh}: {outcome.reason}")
-    reaction = dict(zip(loads, forces.tolist()))
-    values = strip_values(scene)
+    reaction, values = dict(zip(loads, forces.tolist())), strip_values(scene)
     del values["shear_deg_min"]  # 0 somewhere
     return {
         "dofs": 2 * scene.blank.V.dofmap.index_map.size_global,

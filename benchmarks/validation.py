@@ -36,8 +36,7 @@ def main(study):
         if weave == "plain":
             simulated = middle_angles(fabric)
             found["middle_deg"] = dict(zip(map(str, MIDDLE), simulated))
-            for (d, measured), angle in zip(MIDDLE.items(), simulated):
-                by_hand, by_images, formula = measured
+            for (d, (by_hand, by_images, formula)), angle in zip(MIDDLE.items(), simulated):
                 study.say(
                     f"{d} mm: in the middle {by_hand:g} deg by hand, {by_images:g} by images, "
                     f"{angle:.1f} simulated, {formula:g} by the formula"

@@ -38,16 +38,11 @@ def dome_press(
     words += ["blank.symmetry=none"] * full
     press = ff.Press.read("double_dome", [*words, *changes])
     sheet, tools = press.sheets[0], dict(press.tools)
-    sheets = [sheet]
-    if fabric:
-        sheets = [sheet := replace(sheet, fabric=fabric)]
-    if plies is not None:
-        sheets = [
-            replace(
-                sheet, **{"name": f"ply {k}"} | ({"fabric": None} if "metal" in own else {}) | own
-            )
-            for k, own in enumerate(plies, 1)
-        ]
+    sheet = replace(sheet, fabric=fabric or sheet.fabric)
+    sheets = [sheet] if plies is None else []
+    for k, own in enumerate(plies or [], 1):
+        metal = {"fabric": None} if "metal" in own else {}
+        sheets.append(replace(sheet, **{"name": f"ply {k}"} | metal | own))
     if surface is not None:
         tools["punch"] = replace(tools["punch"], surface=surface)
     holders = press.holders if holder is None else {"blank holder": holder}
@@ -97,13 +92,8 @@ def bent(radius, angle, tail):
         s = x[:, 0] - tail - radius * angle / 2
         t = np.clip(s / radius, -angle / 2, angle / 2)
         beyond = s - t * radius
-        return np.column_stack(
-            [
-                radius * np.sin(t) + beyond * np.cos(t),
-                x[:, 1],
-                radius * np.cos(t) - beyond * np.sin(t),
-            ]
-        )
+        along, up = radius * np.sin(t), radius * np.cos(t)
+        return np.column_stack([along + beyond * np.cos(t), x[:, 1], up - beyond * np.sin(t)])
 
     c, s = np.cos(angle / 2), np.sin(angle / 2)
     return shape, (-c, 0, -s), (c, 0, -s)

@@ -11,28 +11,9 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "fabric_fenicsx"
 # a room imports what stands before it, and itself
 ORDER = (
-    "runtime",
-    "dolfinx_compat",
-    "readers",
-    "material",
-    "identification",
-    "tools",
-    "meshes",
-    "sheets",
-    "mechanics",
-    "scene",
-    "solve",
-    "postprocess",
-    "plot",
-    "results",
-    "job",
-    "verification",
-    "coupons",
-    "forming",
-    "sweep",
-    "command_line",
-    "studies",
-)
+    "runtime dolfinx_compat readers material identification tools meshes sheets mechanics scene "
+    "solve postprocess plot results job verification coupons forming sweep command_line studies"
+).split()
 DOORS = "__init__", "__main__"  # of the package: they lead into all rooms
 FILES = {p.relative_to(PACKAGE): p for room in PACKAGE.iterdir() for p in room.rglob("*.py")}
 FILES |= {p.relative_to(PACKAGE): p for p in PACKAGE.glob("*.py")}

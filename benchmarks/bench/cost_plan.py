@@ -71,6 +71,5 @@ def plan_forming(angles, quick):
         base = Configuration(f"{angle:g} deg", f"{kind} {nx}", steps=steps, fibre_angle=angle)
         varied = on("P1 crossed 12 24 47, P2 crossed 6 12 24") + [{"steps": 20}, {"steps": 80}]
         changes = [{}, *([] if quick else varied), {"mesh": f"{kind} {last}"}]
-        each = (replace(base, path_tolerance=1e-6, **change) for change in changes)
-        runs += dict.fromkeys(each)
+        runs += dict.fromkeys(replace(base, path_tolerance=1e-6, **each) for each in changes)
     return runs

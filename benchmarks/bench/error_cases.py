@@ -40,8 +40,7 @@ def cases(seed, strips=32, domes=8):
 
 
 def _strip(rng):
-    test = str(rng.choice(["tensile", "bias"]))
-    between = float(rng.choice(ANGLES))
+    test, between = str(rng.choice(["tensile", "bias"])), float(rng.choice(ANGLES))
     if test == "tensile":
         angle = float(rng.choice([0.0, round(rng.uniform(2, 45))]))
     else:
@@ -80,8 +79,7 @@ def compare(case, result, truth):
     """A row for each quantity of a run with estimated errors: true error, to the last run of the
     `truth`; estimated one; what the true one is known to, by the run before; and whether the
     estimate covers it."""
-    found: dict = {}
-    roots: dict = {}
+    found, roots = dict[str, tuple](), dict[str, list]()
     runs, (before, finest) = (result, *truth), truth
     for name in result.summary["error"]:  # -> true error, and what it is known to
         values = [run.number(name) for run in runs]
@@ -89,15 +87,14 @@ def compare(case, result, truth):
             found[name] = values[0] - values[2], values[1] - values[2]
     curves = [np.array([(r["load"], r["reaction_N"]) for r in run.rows]).T for run in runs]
     last = abs(curves[2][1, -1])
-    found["curve_N"] = [last * curve_distance(curve, curves[2]) for curve in curves[:2]]
+    found["curve_N"] = tuple(last * curve_distance(curve, curves[2]) for curve in curves[:2])
     for run in (result, before):
         comm, areas = run.scene.comm, run.scene.blank.areas()
         for name, off in field_differences(run, finest).items():
             root = np.sqrt(measures.mean(comm, off**2, areas) or 0.0)
-            if name == "shear_angle":
-                roots.setdefault("shear_angle_rms_deg", []).append(np.degrees(root))
-            else:
-                roots.setdefault(f"{name}_rms", []).append(root)
+            in_deg = name == "shear_angle"
+            own = roots.setdefault(f"{name}_rms_deg" if in_deg else f"{name}_rms", [])
+            own.append(np.degrees(root) if in_deg else root)
     rows = []
     for quantity, pair in (found | roots).items():
         error, (true, bar) = result.summary["error"][quantity], map(float, np.abs(pair))

@@ -56,8 +56,7 @@ def draw_fronts(path, strips, cost_of):
     """Draw error over cost of the strips {name: rows}, with their fronts; cost_of: what cost is."""
     from fabric_fenicsx.plot.pictures import figure
 
-    colours: dict = {}
-    shown: dict = {}
+    colours, shown = dict[str, str](), dict[str, object]()
     with figure(path, (5.2 * len(strips), 5.8), 1, len(strips)) as (drawn, (axes,)):
         for ax, (name, rows) in zip(axes, strips.items()):
             for r in succeeded(rows):

@@ -20,28 +20,22 @@ GRID = SPACING * np.moveaxis(np.mgrid[0:81, 0:21], 0, -1)
 
 class Strip(NamedTuple):
     """A strip with yarns a at `angle` [deg] to its length, clamped and pulled by `strain`. Its
-    `series` has meshes of one `kind` with `nx` rectangles along the length, others are `checks`:
-    words such as "P2 crossed 24 degree 4", the last of quadrature."""
+    `series` has meshes of one kind with more and more rectangles along the length, others are
+    `checks`: words such as "P2 crossed 24 degree 4", the last of quadrature."""
 
     angle: float
     strain: float
-    kind: str
-    nx: tuple[int, ...]
+    series: list[str]
     checks: tuple[str, ...]
-
-    @property
-    def series(self):
-        return [f"{self.kind} {nx}" for nx in self.nx]
 
 
 # Shear jumps across yarns from the corners, over tenths of a millimetre: meshes are graded there.
-FINER = 24, 48, 96, 192
+GRADED = [f"P1 graded {nx}" for nx in (24, 48, 96, 192, 384)]
+CROSSED = [f"P2 crossed {nx}" for nx in (24, 48, 96, 192)]
 STRIPS = {
-    "tensile": Strip(0.0, 0.03, "P2 crossed", FINER, ("P1 crossed 192", "P2 unstructured 96")),
-    "bias10": Strip(
-        45.0, 0.1, "P1 graded", (*FINER, 384), ("P2 graded 96", "P2 graded 96 degree 4")
-    ),
-    "bias30": Strip(45.0, 0.3, "P1 graded", FINER, ("P2 crossed 96", "P2 crossed 96 degree 4")),
+    "tensile": Strip(0.0, 0.03, CROSSED, ("P1 crossed 192", "P2 unstructured 96")),
+    "bias10": Strip(45.0, 0.1, GRADED, ("P2 graded 96", "P2 graded 96 degree 4")),
+    "bias30": Strip(45.0, 0.3, GRADED[:-1], ("P2 crossed 96", "P2 crossed 96 degree 4")),
 }
 
 

@@ -17,20 +17,13 @@ from fabric_fenicsx.solve.progress import Accepted
 
 DATA = Path(__file__).parents[1] / "data"
 # laboratory, width, height [mm] of the test that the law is fitted to
-FITTED = {
-    "plain": ("INSA-NU", 150, 450),
-    "balanced twill": ("INSA-NU", 150, 450),
-    "unbalanced twill": ("UN", 100, 300),
-}
+FITTED = dict.fromkeys(("plain", "balanced twill"), ("INSA-NU", 150, 450))
+FITTED["unbalanced twill"] = "UN", 100, 300
 SHEET = Sheet("glass/PP of Cao et al.", thickness=1.2, density=0.619, balanced=True)
 # of the plain weave, 150 x 450 mm, Fig. 36: displacement [mm] -> shear angle in the middle [deg] by
 # hand, by images and as printed from the usual formula
-MIDDLE = {
-    20: (5.8, 5.5, 7.9),
-    40: (13.5, 13.6, 16.5),
-    60: (25.3, 22.1, 26.1),
-    80: (31.7, 30.9, 37.2),
-}
+MIDDLE = {20: (5.8, 5.5, 7.9), 40: (13.5, 13.6, 16.5)}
+MIDDLE |= {60: (25.3, 22.1, 26.1), 80: (31.7, 30.9, 37.2)}
 
 
 def _table(name, weave):
@@ -49,17 +42,12 @@ def bias_tests(weave):
     for row, force in zip(rows, forces):
         name = row["laboratory"], int(row["width_mm"]), int(row["height_mm"])
         keys = {"width": float(name[1]), "height": float(name[2])}
-        found[name] = Curve(
-            "{} {}x{}".format(*name),
-            "bias_extension",
-            np.outer(gamma, [0, 0, 1]),
-            (response("F", force, gamma, "bias_extension", keys, SHEET.thickness),),
-            np.arange(len(gamma)),
-            2,
-            noise=("value", 0.05),  # so that all angles count alike
-            keys=keys,
-            displacement=(name[2] - name[1]) * (np.cos(gamma / 2) + np.sin(gamma / 2) - 1),
-        )
+        what = "{} {}x{}".format(*name), "bias_extension", np.outer(gamma, [0, 0, 1])
+        measured = response("F", force, gamma, "bias_extension", keys, SHEET.thickness)
+        displacement = (name[2] - name[1]) * (np.cos(gamma / 2) + np.sin(gamma / 2) - 1)
+        # with noise, so that all angles count alike
+        more: dict = {"noise": ("value", 0.05), "keys": keys, "displacement": displacement}
+        found[name] = Curve(*what, (measured,), np.arange(len(gamma)), 2, **more)
     return found
 
 
@@ -95,10 +83,8 @@ def ratios(weave, fabric):
 
 def middle_angles(fabric: WovenFabric) -> list[float]:
     """Simulated shear angles [deg] at the displacements of `MIDDLE`."""
-    strain = max(MIDDLE) / 450
-    strip = BiasExtension(
-        fabric, length=450, width=150, strain=strain, nx=18, pattern="graded"
-    ).build(MPI.COMM_SELF)
+    size: dict = {"length": 450, "width": 150, "strain": max(MIDDLE) / 450}
+    strip = BiasExtension(fabric, **size, nx=18, pattern="graded").build(MPI.COMM_SELF)
     middle, angles = strip.near_centre(), dict[float, float]()
 
     class Middle(Observer):

@@ -4,15 +4,11 @@ import csv
 
 import pytest
 
+FIRST = pytest.param("a", marks=[pytest.mark.mpi, pytest.mark.versions])
+LONG = pytest.param("j", marks=pytest.mark.long)
 
-@pytest.mark.parametrize(
-    "cases",
-    [
-        pytest.param("a", marks=[pytest.mark.mpi, pytest.mark.versions]),
-        *("cl", "h", "fk", "i"),
-        pytest.param("j", marks=pytest.mark.long),
-    ],
-)
+
+@pytest.mark.parametrize("cases", [FIRST, "cl", "h", "fk", "i", LONG])
 def test_hard_cases(launch, cases):
     done = launch("hard_cases", "--quick", "--only", cases)
     assert done.status == 0, done.out + done.err

@@ -34,8 +34,5 @@ def test_sizes_of_an_own_mesh(tmp_path):
         else:
             with pytest.raises(ff.InputError, match="does not fit .* of 100 mm"):
                 strip.build()
-    assert [modelled_share(planes).tolist() for planes in ([], [0], [1])] == [
-        [1, 1],
-        [0.5, 1],
-        [1, 0.5],
-    ]
+    shares = [modelled_share(planes).tolist() for planes in ([], [0], [1])]
+    assert shares == [[1, 1], [0.5, 1], [1, 0.5]]

@@ -1,12 +1,14 @@
 """The changes of the net: each describes a press or a coupon in another way."""
 
 import dataclasses
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import reduce
 
 import ezdxf
 import numpy as np
+import tomli_w
 from maps import MIRROR, Map, about_z, moved_press, moved_sheet
 from scenes import PRESSES
 
@@ -31,21 +33,16 @@ class Change:
 
 def weft_for_warp(press, folder):
     """Yarns b are called a."""
-
     return press.replace(sheets=[s if s.metal else weft_for_warp_of(s) for s in press.sheets])
 
 
 def weft_for_warp_of(sheet):
     law, weave = sheet.fabric, sheet.weave_angle
-    return dataclasses.replace(
-        sheet,
-        fabric=law.replace(warp=law.weft, weft=law.warp),
-        fibre_angle=Map().field(
-            sheet.fibre_angle, lambda a: (a + sheet.yarn_angle + 180) % 360 - 180
-        ),
-        yarn_angle=180 - sheet.yarn_angle,
-        weave_angle=None if weave is None else 180 - weave,
-    )
+    angle = Map().field(sheet.fibre_angle, lambda a: (a + sheet.yarn_angle + 180) % 360 - 180)
+    between = {"yarn_angle": 180 - sheet.yarn_angle}
+    between["weave_angle"] = None if weave is None else 180 - weave
+    swapped = law.replace(warp=law.weft, weft=law.warp)
+    return dataclasses.replace(sheet, fabric=swapped, fibre_angle=angle, **between)
 
 
 def renamed(press, folder):
@@ -84,14 +81,9 @@ def renamed(press, folder):
 
 def reordered(press, folder):
     """Tools, holders and moves stand in another order."""
-    return press.replace(
-        tools=dict(reversed(press.tools.items())),
-        holders=dict(reversed(press.holders.items())),
-        stages=[
-            dataclasses.replace(each, moves=dict(reversed(each.moves.items())))
-            for each in press.stages
-        ],
-    )
+    back = lambda table: dict(reversed(table.items()))  # noqa: E731
+    stages = [dataclasses.replace(each, moves=back(each.moves)) for each in press.stages]
+    return press.replace(tools=back(press.tools), holders=back(press.holders), stages=stages)
 
 
 def centred(press, folder):
@@ -137,10 +129,6 @@ def written(press, folder):
 
 def set_again(press, folder):
     """A file says other numbers, and `--set` the right ones."""
-    import tomllib
-
-    import tomli_w
-
     press.write(folder / "set.toml")
     document, changes = tomllib.loads((folder / "set.toml").read_text()), []
 
@@ -163,15 +151,12 @@ def set_again(press, folder):
 def longer(press, folder):
     """Strokes and lengths are off by 1e-10."""
     more = 1 + 1e-10
-    sheets = [
-        dataclasses.replace(each, length=each.length * more) if each.length else each
-        for each in press.sheets
-    ]
-    stages = [
-        dataclasses.replace(each, moves={name: more * way for name, way in each.moves.items()})
-        for each in press.stages
-    ]
-    return press.replace(sheets=sheets, stages=stages)
+    wider = lambda each: dataclasses.replace(each, length=each.length * more)  # noqa: E731
+    moves = [{name: more * way for name, way in each.moves.items()} for each in press.stages]
+    return press.replace(
+        sheets=[wider(each) if each.length else each for each in press.sheets],
+        stages=[dataclasses.replace(each, moves=m) for each, m in zip(press.stages, moves)],
+    )
 
 
 def whole(press, folder):
@@ -183,9 +168,7 @@ def whole(press, folder):
 RASTER = {"besides": HEIGHTS, "why": "waves are sought along six directions from x on"}
 TURNED = {"within": 1e-6} | RASTER
 CHANGES = {
-    "moved": Change(  # its corner to the origin
-        map=Map(shift=(50.0, 40.0))
-    ),
+    "moved": Change(map=Map(shift=(50.0, 40.0))),  # its corner to the origin
     "far away": Change(map=Map(shift=(2300.0, -400.0)), within=2e-6, why="12 digits of places"),
     "turned by 30 deg": Change(map=Map(axes=about_z(30.0)), **TURNED),
     "turned by 45 deg": Change(map=Map(axes=about_z(45.0)), **TURNED),
@@ -259,7 +242,7 @@ def reason_against(name, scene, press):
     return NOT_BY_DESIGN.get(name, {}).get(scene, "")
 
 
-def together(scene, press):
+def runs(scene, press):
     """Changes that are made of a scene in each run."""
 
     def made(groups):

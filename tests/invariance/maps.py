@@ -14,8 +14,6 @@ from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.forming.holders import EDGES, Region
 
 KINDS = {"triangle": "triangle", "quadrilateral": "quad"}
-
-
 MIRROR = np.diag([-1.0, 1.0, 1.0])
 
 
@@ -39,12 +37,9 @@ class Map:
 
     def then(self, other):
         """This map, and then the other."""
-        return Map(
-            other(np.append(self.shift, 0.0))[:2],
-            other.axes @ self.axes,
-            self.lifted or other.lifted,
-            self.renumbered or other.renumbered,
-        )
+        shift, axes = other(np.append(self.shift, 0.0))[:2], other.axes @ self.axes
+        more = self.lifted or other.lifted, self.renumbered or other.renumbered
+        return Map(shift, axes, *more)
 
     def back(self, x):
         return (x - [*self.shift, 0.0]) @ self.axes
@@ -85,8 +80,7 @@ def moved_sheet(sheet, blank, file, map):
     """The sheet with its own mesh, moved, in a file."""
     mesh = blank.mesh
     cells = compat.geometry_dofmap(mesh)[: mesh.topology.index_map(2).size_local]
-    kind = compat.cell_name(mesh)
-    cells = cells[:, blank.around]
+    kind, cells = compat.cell_name(mesh), cells[:, blank.around]
     x = map(mesh.geometry.x * [1.0, 1.0, 0.0]) + [0.0, 0.0, map.lifted]
     if map.reverses:
         cells = cells[:, ::-1]

@@ -5,13 +5,8 @@ from fabric_fenicsx.postprocess.wrinkles import MIN_RIDGE
 
 KINDS = ("strain", "bending", "metal", "plastic", "friction", "viscous", "external_work")
 NAMES = ("shear_angle_max_deg", "shear_angle_99_percent_deg", "thickness_min_mm")
-NAMES += (
-    "draw_in.largest_mm",
-    "shortening_max",
-    "force_of_whole_blank_N",
-    "width_at_middle_mm",
-    "springback_largest_mm",
-)
+NAMES += "draw_in.largest_mm", "shortening_max", "force_of_whole_blank_N"
+NAMES += "width_at_middle_mm", "springback_largest_mm"
 WRINKLES = ("wrinkles.height_mm", "wrinkles.height_rms_mm", "wrinkles.rim_mm")
 
 

@@ -66,14 +66,10 @@ def press(*sheets, **given):
         "ball": ff.PressTool(ff.Sphere(24)),
         "ring": ff.PressTool(ff.Turned(ff.Plate(length=56, entry=5), OVER), side="above"),
     }
-    usual = {
-        "interface": ff.Interface(friction=0.2),
-        "holders": {"holder": ff.PressureHolder(0.02)},
-        "stages": ff.Stage("forming", moves={"ball": 4.0}, steps=2),
-    }
-    return ff.Press(
-        sheets=sheets or [sheet()], tools=tools | given.pop("tools", {}), **usual | given
-    )
+    usual = {"interface": ff.Interface(friction=0.2), "stages": FAR}
+    usual |= {"holders": {"holder": ff.PressureHolder(0.02)}}
+    tools |= given.pop("tools", {})
+    return ff.Press(sheets=sheets or [sheet()], tools=tools, **usual | given)
 
 
 def held(holder, **given):
@@ -130,7 +126,7 @@ def die_of(folder):
 
 def two_plies(**given):
     plies = sheet(name="lower", nx=4), sheet(name="upper", nx=4, fibre_angle=30)
-    return press(*plies, stages=ff.Stage("forming", moves={"ball": 2.0}, steps=2), **given)
+    return press(*plies, stages=SHORT, **given)
 
 
 WARM = TWILL.replace(at_temperatures={20.0: {"shear_factor": 4.0}, 200.0: {"shear_factor": 1.0}})
@@ -163,11 +159,11 @@ def of_files(folder):
     )
 
 
+MIDDLES = [(-50, 0), (50, 0), (0, -40), (0, 40)]  # of edges
 FORCE = {"ball": ff.PressTool(ff.Sphere(24), force=1.0)}
-BACK = [
-    ff.Stage("forming", moves={"ball": 4.0}, steps=2),
-    ff.Stage("back", moves={"ball": -2.0}, steps=1),
-]
+PUSHED = ff.Stage("forming", forces={"ball": 2.0}, steps=2)
+SHORT, FAR = (ff.Stage("forming", moves={"ball": way}, steps=2) for way in (2.0, 4.0))
+BACK = [FAR, ff.Stage("back", moves={"ball": -2.0}, steps=1)]
 TWICE = [
     ff.Stage("first", moves={"ball": 4.0}, steps=2),
     ff.Stage("second", moves={"ball": 2.0}, pressures={"holder": 0.04}, steps=2),
@@ -190,18 +186,14 @@ PRESSES: dict[str, Callable] = {
     "gap": held(ff.GapHolder(1.2)),
     "force": held(ff.ForceHolder(50.0)),
     "tension": held(ff.Grippers(0.02, edges=["low x", "high x"])),
-    "springs": held(
-        ff.SpringHolder(stiffness=0.02, preload=0.5, at=[(-50, 0), (50, 0), (0, -40), (0, 40)])
-    ),
+    "springs": held(ff.SpringHolder(stiffness=0.02, preload=0.5, at=MIDDLES)),
     "edge_springs": held(ff.SpringHolder(stiffness=0.05, edges=["low x", "high x"])),
     "segments": lambda folder: press(holders=SEGMENTS),
     "own_term": held(Bed()),
     "stl": of_file,
     "step": of_model,
     "die_of": die_of,
-    "by_force": lambda folder: press(
-        tools=FORCE, stages=ff.Stage("forming", forces={"ball": 2.0}, steps=2)
-    ),
+    "by_force": lambda folder: press(tools=FORCE, stages=PUSHED),
     "back": lambda folder: press(stages=BACK),
     "two_stages": lambda folder: press(stages=TWICE),
     "outline": of_outline,
@@ -211,9 +203,7 @@ PRESSES: dict[str, Callable] = {
     "Q1": lambda folder: press(sheet(element="Q1", bending_modulus=0.0)),
     "two_plies": lambda folder: two_plies(),
     "ply_and_metal": lambda folder: press(
-        ff.Sheet(metal=STEEL, name="steel", **SIDES, nx=5),
-        sheet(name="ply", nx=5),
-        stages=ff.Stage("forming", moves={"ball": 2.0}, steps=2),
+        ff.Sheet(metal=STEEL, name="steel", **SIDES, nx=5), sheet(name="ply", nx=5), stages=SHORT
     ),
     "self": lambda folder: press(interface=ff.Interface(friction=0.2, self=True)),
     "no_bending": lambda folder: press(sheet(bending_modulus=0.0)),

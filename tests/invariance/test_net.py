@@ -5,15 +5,7 @@ import shutil
 import numpy as np
 import pytest
 import scenes
-from changes import (
-    CHANGES,
-    COUPON_CHANGES,
-    allowed,
-    changed,
-    coupon_changed,
-    reason_against,
-    together,
-)
+from changes import CHANGES, COUPON_CHANGES, allowed, changed, coupon_changed, reason_against, runs
 from mpi4py import MPI
 from outcome import differences, outcome
 from scenes import COUPONS, PRESSES
@@ -24,7 +16,7 @@ import fabric_fenicsx as ff
 def test_three_changes_a_scene_and_three_scenes_a_change(tmp_path):
     """Of the scenes that allow a change, if these are fewer."""
     presses = {scene: make(tmp_path) for scene, make in PRESSES.items()}
-    made = {scene: {*sum(together(scene, press), ())} for scene, press in presses.items()}
+    made = {scene: {*sum(runs(scene, press), ())} for scene, press in presses.items()}
     assert min(len(names) for names in made.values()) > 4  # and data, twice
     for name in CHANGES:
         can = sum(not reason_against(name, *each) for each in presses.items())
@@ -35,7 +27,7 @@ def test_three_changes_a_scene_and_three_scenes_a_change(tmp_path):
 def test_a_press_in_other_words(scene, tmp_path):
     press = PRESSES[scene](tmp_path)
     first, told = formed(press), []
-    for made in together(scene, press):
+    for made in runs(scene, press):
         if words := off(scene, press, first, made, tmp_path):
             alone = {name: off(scene, press, first, [name], tmp_path) for name in made if made[1:]}
             told += [f"{' and '.join(made)}: {words}", *(f"  {n}: {w}" for n, w in alone.items())]
@@ -56,9 +48,8 @@ def formed(press):
 
 
 def test_steps_count_for_nothing_where_no_energy_is_lost():
-    few, many = (
-        outcome(slippery(steps).job(balance=None, path_tolerance=1e-8).run()) for steps in (1, 3)
-    )
+    how = {"balance": None, "path_tolerance": 1e-8}
+    few, many = (outcome(slippery(steps).job(**how).run()) for steps in (1, 3))
     last = {"force": few.pop("1.force") / many.pop("3.force")}
     assert last["force"] == pytest.approx(1, rel=1e-6)
     curve = [name for name in {*few, *many} if name.endswith(".force")]
@@ -144,10 +135,8 @@ def test_a_run_that_was_killed_goes_on(scene, tmp_path):
 @pytest.mark.parametrize("scene", ["ply_and_metal", "yarn_friction"])
 def test_a_second_unloading_ends_where_the_first_did(scene, tmp_path):
     result = PRESSES[scene](tmp_path).job(balance=None).run()
-    first, second = (
-        outcome(ff.unloading(result, steps=2, balance=None, limits=ff.Limits(imbalance=9)).run())
-        for _ in range(2)
-    )
+    how = {"steps": 2, "balance": None, "limits": ff.Limits(imbalance=9)}
+    first, second = (outcome(ff.unloading(result, **how).run()) for _ in range(2))
     assert first["springback_largest_mm"] > 1e-3 and not differences(first, second, 1e-9)
 
 
@@ -187,9 +176,7 @@ def test_ranks_change_no_number(scene, tmp_path):
     """States on the way are solved closely too: the work of a step is integrated over them."""
     comm = MPI.COMM_WORLD
     press = PRESSES[scene](comm.bcast(tmp_path))
-    alone, together = (
-        outcome(press.build(each).job(balance=None, path_tolerance=1e-8).run())
-        for each in (MPI.COMM_SELF, comm)
-    )
+    how, ranks = {"balance": None, "path_tolerance": 1e-8}, (MPI.COMM_SELF, comm)
+    alone, together = (outcome(press.build(each).job(**how).run()) for each in ranks)
     within = 1e-8 if len(press.sheets) == 1 else 1e-6  # faces of sheets lag
     assert comm.rank or not differences(alone, together, within)

@@ -91,11 +91,8 @@ def nastran(pick, points, cells):
             lines.append(f"GRID,{node},,{','.join(words)}")
     for number, cell in zip(numbered(pick, len(cells)), nodes[cells].tolist()):
         words = [name, number, 1, *cell]
-        lines.append(
-            ",".join(map(str, words))
-            if form == "free"
-            else "".join(f"{each!s:8}" for each in words)
-        )
+        wide = "".join(f"{each!s:8}" for each in words)
+        lines.append(",".join(map(str, words)) if form == "free" else wide)
     return pick("\n", "\r\n").join([*lines, "ENDDATA", ""])
 
 
@@ -123,10 +120,8 @@ def vtk(pick, points, cells):
     data = f"# vtk DataFile Version 3.0\na ply\n{form}\nDATASET {of}\n".encode()
     for head, values, kind in blocks:
         text = "\n".join(" ".join(map(repr, row)) for row in values.tolist())
-        data += f"{head}\n".encode() + (
-            values.astype(kind).tobytes() if is_binary else text.encode()
-        )
-        data += b"\n"
+        body = values.astype(kind).tobytes() if is_binary else text.encode()
+        data += f"{head}\n".encode() + body + b"\n"
     return data
 
 
@@ -152,14 +147,8 @@ def stl(pick, points, cells):
 
 
 # how a surface is written, whether quadrilaterals may be, and numbers of examples
-SURFACES = [
-    (".inp", abaqus, True, 12),
-    (".bdf", nastran, True, 10),
-    (".msh", gmsh, True, 10),
-    (".vtk", vtk, True, 12),
-    (".obj", obj, True, 10),
-    (".stl", stl, False, 12),
-]
+SURFACES = [(".inp", abaqus, True, 12), (".bdf", nastran, True, 10), (".msh", gmsh, True, 10)]
+SURFACES += [(".vtk", vtk, True, 12), (".obj", obj, True, 10), (".stl", stl, False, 12)]
 
 
 def in_this_process(work, path):
@@ -215,15 +204,10 @@ def sheets(draw):
     return [ring(130.0, middle), *([ring(2.0, middle)] if draw(st.booleans()) else [])]
 
 
-def area_of(rings):
-    outline, *holes = rings
-    return shapely.Polygon(outline, holes)
-
-
 def check_outline(path, rings, off=1e-9):
     sheet, _ = read_outline(path)
     path.unlink()
-    right = area_of(rings)
+    right = shapely.Polygon(rings[0], rings[1:])
     assert len(sheet.interiors) == len(right.interiors)
     assert sheet.symmetric_difference(right).area <= off * right.area
 
@@ -234,10 +218,8 @@ def test_an_outline_is_read_from_any_table(tmp_path):
         unit, factor = pick(("", 1), (" [mm]", 1), (" [cm]", 0.1), (" (m)", 1e-3), (" [um]", 1e3))
         number = pick("{:.7f}", "{:.9f}", "{:.12e}", "{:+.7f}")  # three decimals may be thousands
         order, by_column = pick([0, 1], [1, 0]), pick(0, 1)
-        case, quoted = (
-            pick(str.lower, str.upper),
-            pick("{}", '"{}"') if delimiter in ";,\t" else "{}",
-        )
+        case = pick(str.lower, str.upper)
+        quoted = pick("{}", '"{}"') if delimiter in ";,\t" else "{}"
         names = [quoted.format(case("xy"[k]) + unit) for k in order] + ["ring"] * by_column
         has_header = pick(0, 1) or unit or by_column or order == [1, 0]
         lines = pick([], ["# a ply of glass, für Proben"])
@@ -291,9 +273,8 @@ def spline(space, ring, pick):
 
 def mirrored(space, ring, pick):
     """Drawn from below."""
-    space.add_lwpolyline(
-        (ring * [-1, 1]).tolist(), close=True, dxfattribs={"extrusion": (0, 0, -1)}
-    )
+    below = {"extrusion": (0, 0, -1)}
+    space.add_lwpolyline((ring * [-1, 1]).tolist(), close=True, dxfattribs=below)
 
 
 UNITS = {1: 25.4, 2: 304.8, 4: 1.0, 5: 10.0, 6: 1e3, 10: 914.4, 14: 100.0, 22: 1e5 / 3937}

@@ -21,7 +21,6 @@ from fabric_fenicsx.job.setup import Observer
 from fabric_fenicsx.postprocess.states import states
 from fabric_fenicsx.results.output import Output
 from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT, on_ranks
-from fabric_fenicsx.solve.limits import Limits
 
 
 @pytest.mark.mpi
@@ -64,7 +63,7 @@ def test_a_folder_holds_what_the_result_tells(folder):
 @pytest.mark.mpi
 def test_a_job_goes_on_from_its_checkpoint(folder):
     def pull(**limits):
-        return ff.Tensile(**COARSE).job(steps=4, limits=Limits(**limits))
+        return ff.Tensile(**COARSE).job(steps=4, limits=ff.Limits(**limits))
 
     whole = pull().run()
     with pytest.raises(ff.SolverFailure, match="not to be believed") as failure:
@@ -153,19 +152,13 @@ def test_a_setup_of_ones_own_is_measured_and_written(folder):
     assert [state.load for state in states(folder)] == pytest.approx([0, 0.6, 0.85, 1])
 
 
-@pytest.mark.parametrize(
-    "seconds, since, left",
-    [
-        (10.0, 0.0, ", 00:40 to 01:15 left"),
-        (10.0, 12.0, ", 00:40 to 01:30 left"),
-        (2.0, 0.0, ", 00:10 to 01:00 left"),
-    ],
-)
-def test_the_time_that_is_left_is_told_by_the_mean_and_the_last_step(seconds, since, left):
+def test_the_time_that_is_left_is_told_by_the_mean_and_the_last_step():
     """From a quarter on in 20 s; the last tenth took so many, the one under way 12 s up to now."""
-    times = {"began": 100.0, "step_began": 120.0, "seconds": seconds, "size": 0.1}
-    run = SimpleNamespace(load=0.5, start=0.25, MAX_SLOWDOWN=ProgressLog.MAX_SLOWDOWN, **times)
-    assert ProgressLog.left(run, since) == left
+    told = ((10, 0, "00:40 to 01:15"), (10, 12, "00:40 to 01:30"), (2, 0, "00:10 to 01:00"))
+    for seconds, since, left in told:
+        times = {"began": 100.0, "step_began": 120.0, "seconds": float(seconds), "size": 0.1}
+        run = SimpleNamespace(load=0.5, start=0.25, MAX_SLOWDOWN=ProgressLog.MAX_SLOWDOWN, **times)
+        assert ProgressLog.left(run, since) == f", {left} left"
     run.load = run.start
     assert ProgressLog.left(run, since) == ""
 
@@ -187,7 +180,7 @@ def test_what_a_run_costs_is_told_by_its_first_step(monkeypatch, folder):
 def test_a_last_state_that_is_not_believed_is_told_so():
     """There is no step after it that would not be taken."""
     with pytest.raises(ff.SolverFailure, match="stretched by more than 1 % in") as failure:
-        ff.Tensile(**COARSE).job(steps=1, limits=Limits(strain=0.01)).run()
+        ff.Tensile(**COARSE).job(steps=1, limits=ff.Limits(strain=0.01)).run()
     summary = failure.value.result.summary
     assert summary["stroke_reached"] == 1 and summary["verdict"] == "invalid"
 
@@ -248,11 +241,6 @@ ff.Job(scene, steps=1).run()
 
 @pytest.mark.versions
 def test_a_rank_that_fails_alone_ends_the_others(hang):
-    done = subprocess.run(
-        [*on_ranks(2), sys.executable, "-c", FAILS_ALONE],
-        capture_output=True,
-        text=True,
-        env=os.environ | RANKS_ENVIRONMENT,
-        timeout=hang,
-    )
+    how = {"capture_output": True, "text": True, "env": os.environ | RANKS_ENVIRONMENT}
+    done = subprocess.run([*on_ranks(2), sys.executable, "-c", FAILS_ALONE], timeout=hang, **how)
     assert done.returncode and "IndexError: on one rank alone" in done.stderr

@@ -10,7 +10,6 @@ from made_results import made, strip
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.job import validity
-from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.solve import step_criteria
 
 
@@ -116,7 +115,7 @@ def test_stresses_of_elements_and_kernel_differ_by_a_millionth_at_most(monkeypat
     held = ff.Support("all", everywhere, (0, 1, 2))
     for most, told in ((1.1e-6, True), (0.9e-6, False)):
         given = {"kernel_mismatch": ff.largest(most)}
-        monkeypatch.setattr(Membrane, "summary", lambda self, given=given: given)
+        monkeypatch.setattr(ff.Membrane, "summary", lambda self, given=given: given)
         scene = moved(strip(), lambda x, y, z: (0.001 * x, 0 * x, 0 * x), supports=[held])
         found = doubts(scene=scene)
         assert any("of the kernel differ by 0.00011 %" in each for each in found) == told

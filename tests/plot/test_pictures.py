@@ -8,14 +8,11 @@ from formed_plies import halves
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
-from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.mechanics.shell.membrane import Membrane
+import fabric_fenicsx as ff
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.plot import forming_pictures, pictures, space
 from fabric_fenicsx.postprocess.states import read_state
 from fabric_fenicsx.results.fields import FieldSeries
-from fabric_fenicsx.scene.scene import Scene
-from fabric_fenicsx.sheets.blank import Blank
 
 pytestmark = pytest.mark.versions
 
@@ -24,10 +21,10 @@ pytestmark = pytest.mark.versions
 def test_polygons_cover_the_deformed_sheet(tmp_path, element):
     cell = "triangle" if element[0] == "P" else "quadrilateral"
     arrays = specimen(60.0, 40.0, 6, 4, cell=cell)
-    blank = Blank.from_arrays(MPI.COMM_SELF, *arrays, degree=int(element[1]))
+    blank = ff.Blank.from_arrays(MPI.COMM_SELF, *arrays, degree=int(element[1]))
     x, stretch = blank.coordinates()[:, :2], np.array([[0.1, 0.05], [0.0, -0.02]])
     blank.u.x.array[:] = (x @ stretch.T).ravel()
-    FieldSeries(tmp_path, Scene(blank, [Membrane(load("komeili"))])).write(1.0)
+    FieldSeries(tmp_path, ff.Scene(blank, [ff.Membrane(ff.load("komeili"))])).write(1.0)
     x, y = np.moveaxis(pictures.cell_polygons(read_state(tmp_path)), -1, 0)
     areas = (x * np.roll(y, -1, 1) - y * np.roll(x, -1, 1)).sum(1) / 2
     assert len(areas) == blank.mesh.topology.index_map(2).size_local

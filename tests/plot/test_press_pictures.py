@@ -9,19 +9,13 @@ import pytest
 from matplotlib.colors import to_rgb
 from mpi4py import MPI
 
-from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.mechanics.contact.tool_contact import Contact
-from fabric_fenicsx.mechanics.shell.membrane import Membrane
+import fabric_fenicsx as ff
 from fabric_fenicsx.plot import forming_pictures, press_pictures, space
 from fabric_fenicsx.postprocess.states import states
 from fabric_fenicsx.results import report
 from fabric_fenicsx.results.fields import FieldSeries
-from fabric_fenicsx.scene.scene import Scene
-from fabric_fenicsx.scene.supports import Support
-from fabric_fenicsx.tools.primitives import Plane, Sphere
-from fabric_fenicsx.tools.tool import Tool
 
-QUARTER = [Support(f"x{i} = 0", lambda x, i=i: x[i] < 1e-6, (i,)) for i in (0, 1)]
+QUARTER = [ff.Support(f"x{i} = 0", lambda x, i=i: x[i] < 1e-6, (i,)) for i in (0, 1)]
 
 
 @pytest.fixture(scope="module")
@@ -29,10 +23,12 @@ def run(tmp_path_factory):
     """A folder with two states of a ply that is lifted over a ball that rises to a plate."""
     folder = tmp_path_factory.mktemp("run")
     sheet = builders.sheet(60, 40, 6, 4, comm=MPI.COMM_SELF, spatial=True, a=0.0)
-    bodies = [Tool(Sphere(15.0, centre=(0, 0, -16)), path=(0, 0, 10), name="ball")]
-    bodies.append(Tool(Plane((0, 0, 12), (0, 0, -1)), name="lid"))
+    bodies = [ff.Tool(ff.Sphere(15.0, centre=(0, 0, -16)), path=(0, 0, 10), name="ball")]
+    bodies.append(ff.Tool(ff.Plane((0, 0, 12), (0, 0, -1)), name="lid"))
     with builders.compiled_as_it_stands():  # and never run
-        scene = Scene(sheet, [Membrane(load("komeili")), *map(Contact, bodies)], QUARTER)
+        scene = ff.Scene(
+            sheet, [ff.Membrane(ff.load("komeili")), *map(ff.Contact, bodies)], QUARTER
+        )
     series, x = FieldSeries(folder, scene), sheet.coordinates()
     for at in (0.0, 0.8):
         u = np.zeros_like(x)

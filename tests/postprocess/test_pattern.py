@@ -165,9 +165,8 @@ def test_the_command(tmp_path, capsys):
     )
     line = np.array([(-60, -40.3, 0), (60, -40.3, 0), (60, 40.3, 0), (-60, 40.3, 0)])
     file = str(tmp_path / "line.csv")
-    np.savetxt(
-        file, rolled(dense(line[[*range(4), 0]])), delimiter=",", header="x,y,z", comments=""
-    )
+    ring = rolled(dense(line[[*range(4), 0]]))
+    np.savetxt(file, ring, delimiter=",", header="x,y,z", comments="")
     for words, status, told in (
         (["--plane", "z=-10", "--out", "no/where"], 2, "no/where.dxf can't be read or written"),
         (["--line", file, "--edge"], 0, "trim line, 0.18"),

@@ -12,15 +12,11 @@ import pyvista
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 
+import fabric_fenicsx as ff
 from fabric_fenicsx.command_line import main
-from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.postprocess import states, structural
 from fabric_fenicsx.readers.read import read_surface_mesh
 from fabric_fenicsx.results.fields import FieldSeries
-from fabric_fenicsx.scene.scene import Scene
-from fabric_fenicsx.scene.supports import Support
-from fabric_fenicsx.sheets.stack import Stack
 
 A, B = 0.4, 1.8  # of the yarns to x [rad]
 # of the formed sheet: sheared, stretched and turned out of its plane
@@ -32,12 +28,12 @@ def formed(folder, element="P1", comm=MPI.COMM_SELF, plies=(), supports=()):
     cell = "triangle" if element[0] == "P" else "quadrilateral"
     options = {"comm": comm, "cell": cell, "spatial": True, "degree": int(element[1])}
     sheets = [builders.sheet(60, 40, 3, 2, a=A, b=B, **options) for _ in plies or [""]]
-    blank, terms = sheets[0], [Membrane(load("komeili"))]
+    blank, terms = sheets[0], [ff.Membrane(ff.load("komeili"))]
     if plies:
-        blank = Stack([(sheet, 1.0, name) for sheet, name in zip(sheets, plies)])
-        terms = [Membrane(load("komeili")).on(name) for name in plies]
+        blank = ff.Stack([(sheet, 1.0, name) for sheet, name in zip(sheets, plies)])
+        terms = [ff.Membrane(ff.load("komeili")).on(name) for name in plies]
     with builders.compiled_as_it_stands():  # and never run
-        scene = Scene(blank, terms, supports)
+        scene = ff.Scene(blank, terms, supports)
     blank.u.x.array[:] = (blank.coordinates() @ (F - np.eye(3)).T).ravel()
     folder.mkdir(exist_ok=True)
     FieldSeries(folder, scene).write(1.0)
@@ -229,7 +225,7 @@ def test_nodes_of_several_ranks_are_one(tmp_path):
 def test_the_command_exports_the_whole_part(tmp_path, capsys, plies):
     """Of a quarter, as its supports tell; a clamped end is no plane of symmetry. What is not
     believed is exported with a warning."""
-    planes = [Support(f"{x} = 0", builders.near(k, 0.0), (k,)) for k, x in enumerate("xy")]
+    planes = [ff.Support(f"{x} = 0", builders.near(k, 0.0), (k,)) for k, x in enumerate("xy")]
     folder = formed(tmp_path / "quarter", plies=plies, supports=planes)
     file, whole = tmp_path / "ply.inp", ", 96 cells, mirrored in x and y = 0"
     name = plies[0] if plies else "the ply"
@@ -241,7 +237,7 @@ def test_the_command_exports_the_whole_part(tmp_path, capsys, plies):
     ):
         assert main.main(["export", *map(str, words)]) == status
         assert "".join(capsys.readouterr()).count(told) >= count
-    held = [Support("clamp", builders.near(0, 0.0), (0, 1, 2))]
+    held = [ff.Support("clamp", builders.near(0, 0.0), (0, 1, 2))]
     folder = formed(tmp_path / "clamped", plies=plies, supports=held)
     (folder / "summary.json").write_text(json.dumps({"converged": False, "reason": "folds"}))
     assert main.main(["export", str(folder), str(file)]) == 0

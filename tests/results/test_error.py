@@ -71,9 +71,8 @@ def test_two_runs_know_no_error_below_a_thousandth_and_twice_the_lag(apart, lag,
 
 def test_a_tool_that_has_gone_back_tells_no_share():
     """Forces are compared with at least 5 % of the largest."""
-    assert both((0, 10.0, 0.0), (0, 9.0, 0.01))[1].share == pytest.approx(
-        np.hypot(0.1, 0.01 / 0.5) / np.sqrt(2)
-    )
+    share = np.hypot(0.1, 0.01 / 0.5) / np.sqrt(2)
+    assert both((0, 10.0, 0.0), (0, 9.0, 0.01))[1].share == pytest.approx(share)
 
 
 def test_lag_is_the_largest_of_the_terms_and_their_friction():
@@ -99,10 +98,8 @@ def test_errors_of_all_that_is_told():
     and beside them the nearest. Curves are 10 % apart in the end, and on the way 0.2 N of 2."""
     fields = {"log_eps_11": (0.1, 0.3), "shear_angle": (-0.4, 0.2)}
     run = made(strip((1, 3)), **fields)
-    other = strip((2, 2), (5, 5))
-    other = made(
-        other, log_eps_11=(0.12, 0.12, 0.28, 0.28), shear_angle=(-0.4, -0.4, 4 / 15, 4 / 15)
-    )
+    others = {"log_eps_11": (0.12, 0.12, 0.28, 0.28), "shear_angle": (-0.4, -0.4, 4 / 15, 4 / 15)}
+    other = made(strip((2, 2), (5, 5)), **others)
     run.fields.units["shear_angle"] = "rad"
     run.rows, other.rows = rows((0, 0.5, 1), (0, 2.0, 10)), rows((0, 0.5, 1), (0, 1.8, 9.0))
     for result, force, strain, own in ((run, 10.0, 4.0, 1.0), (other, 9.0, 3.0, 0.9)):

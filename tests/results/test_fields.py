@@ -4,25 +4,18 @@ import builders
 import numpy as np
 import pytest
 import pyvista
-from mpi4py import MPI
+from builders import COMM
 from scipy.spatial import cKDTree
 
+import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
-from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.mechanics.contact.tool_contact import Contact
-from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.postprocess.ply import grid_of
 from fabric_fenicsx.postprocess.states import _drop_units, read_state, save
 from fabric_fenicsx.postprocess.states import units as state_units
 from fabric_fenicsx.results.fields import FieldSeries, yarn_coordinates
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scene import output as reports
-from fabric_fenicsx.scene.scene import Scene
-from fabric_fenicsx.tools.primitives import Plane, Sphere
-from fabric_fenicsx.tools.surfaces import Offset, Reversed
-from fabric_fenicsx.tools.tool import Tool
 
-COMM = MPI.COMM_WORLD
 LENGTH, WIDTH = 60.0, 40.0
 # VTK's numbers; 69, 70: Lagrange triangle, quadrilateral
 VTK_CELL = {"P1": 5, "P3": 69, "Q2": 70}
@@ -39,7 +32,7 @@ def bare(element="P1", spatial=False, nx=6, shape=None, comm=COMM, **options):
 
 def sheet(*args, terms=(), **options):
     """The scene of a sheet's membrane and other `terms`."""
-    return Scene(bare(*args, **options), [Membrane(load("komeili")), *terms])
+    return ff.Scene(bare(*args, **options), [ff.Membrane(ff.load("komeili")), *terms])
 
 
 def deform(blank, amount):
@@ -160,10 +153,10 @@ def test_yarn_coordinates_of_curved_yarns(by_position, element, spatial):
 @pytest.mark.mpi
 def test_contact_fields_and_tools_at_each_state(tmp_path):
     folder, thickness = COMM.bcast(tmp_path), 0.4
-    ball = Offset(Sphere(13.0, (30, 20, -20.0)), 2.0)
-    ball = Tool(ball, path=(0, 2, 6.0), name="ball & chain")
-    table = Tool(Reversed(Plane((0, 0, 1.0), (0, 0, 1))), name="table")
-    contacts = [Contact(tool, thickness, 100.0) for tool in (ball, table)]
+    ball = ff.Offset(ff.Sphere(13.0, (30, 20, -20.0)), 2.0)
+    ball = ff.Tool(ball, path=(0, 2, 6.0), name="ball & chain")
+    table = ff.Tool(ff.Reversed(ff.Plane((0, 0, 1.0), (0, 0, 1))), name="table")
+    contacts = [ff.Contact(tool, thickness, 100.0) for tool in (ball, table)]
     scene = sheet(spatial=True, nx=18, terms=contacts)
     blank = scene.blank
 

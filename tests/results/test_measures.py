@@ -2,13 +2,11 @@
 
 import numpy as np
 import pytest
-from mpi4py import MPI
+from builders import COMM
 
+import fabric_fenicsx as ff
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.results import measures
-from fabric_fenicsx.sheets.blank import Blank
-
-COMM = MPI.COMM_WORLD
 
 
 @pytest.mark.mpi
@@ -21,7 +19,7 @@ def test_a_hole_is_seen(pattern, cell):
     def sheet(hole):
         x, cells, kind = specimen(nx=24, ny=6, pattern="unstructured", cell=cell)
         cells = cells[np.linalg.norm(x[cells].mean(1) - [100, 25, 0], axis=1) >= hole]
-        return Blank.from_arrays(COMM, *((x, cells, kind) if COMM.rank == 0 else 3 * (None,)))
+        return ff.Blank.from_arrays(COMM, *((x, cells, kind) if COMM.rank == 0 else 3 * (None,)))
 
     whole, holed = sheet(0.0), sheet(9.0)
     assert measures.covers(whole, (100, 25)) and not measures.covers(holed, (100, 25))

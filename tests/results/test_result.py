@@ -6,7 +6,6 @@ from builders import Elastic, sheet
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.results.fields import FieldSeries
-from fabric_fenicsx.results.result import Result
 
 SIZES = np.array([45.0, 40.0, 0.0])
 SHRINK = np.array([0.02, 0.1, 0.0])  # along x and y
@@ -30,7 +29,7 @@ def test_draw_in_of_a_scene_of_ones_own(folder, supports, share, about):
     blank.u.x.array[:] = (-SHRINK * (blank.coordinates() - about)).ravel()
     folder.mkdir(exist_ok=True)
     FieldSeries(folder, scene).write(1.0)
-    found = Result({}, [], {}, folder, scene).draw_in()
+    found = ff.Result({}, [], {}, folder, scene).draw_in()
     assert len(found.pop("largest_at_mm")) == 2
     x, y = share * (SHRINK * SIZES)[:2]
     long, short = (y, x) if (share * SIZES[:2]).argmax() == 0 else (x, y)
@@ -54,4 +53,4 @@ def test_draw_in_of_a_sheet_that_is_not_flat_is_refused(folder):
 
     scene = ff.Scene(sheet(45, 40, 3, 3, shape=shape, spatial=True), [Elastic()])
     with pytest.raises(ff.InputError, match="0.45 mm apart along z; draw-in needs a sheet"):
-        Result({}, [], {}, folder, scene).draw_in()
+        ff.Result({}, [], {}, folder, scene).draw_in()

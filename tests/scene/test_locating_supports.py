@@ -22,10 +22,8 @@ def pressed(friction, where=None, nx=8):
     table = ff.Contact(ff.Tool(below, name="table"), friction=friction, where=where)
     press = ff.BlankHolderPressure(0.5, (0, 0, -1), lambda x: np.ones(x.shape[1]))
     pull = ff.EdgeTension(lambda load: PULL * load, (1, 0, 0), lambda x: x[0] > 40 - 1e-6)
-    supports = [
-        ff.Support("centre", around(20), (0, 1), locates=True),
-        ff.Support("end", around(40), (1,), locates=True),
-    ]
+    supports = [ff.Support("centre", around(20), (0, 1), locates=True)]
+    supports.append(ff.Support("end", around(40), (1,), locates=True))
     terms = [ff.Membrane(fabric), ff.Bending(modulus=100.0), table, press, pull]
     return ff.Scene(blank, terms, supports)
 

@@ -3,13 +3,10 @@
 import numpy as np
 import pytest
 from builders import Elastic, near, sheet
-from mpi4py import MPI
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.scene import output
 from fabric_fenicsx.scene.rigid_motions import beyond_planes, isostatic, planes_of_symmetry
-
-COMM = MPI.COMM_WORLD
 
 
 def moved(x):

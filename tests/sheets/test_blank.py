@@ -5,16 +5,13 @@ import math
 import numpy as np
 import pytest
 import ufl
+from builders import COMM
 from dolfinx import fem
-from mpi4py import MPI
 
+import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.meshes.gmsh_cells import own_model
 from fabric_fenicsx.meshes.specimen import specimen, yarns_through_corners
-from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.sheets.blank import Blank
-
-COMM = MPI.COMM_WORLD
 
 
 def area(blank):
@@ -67,7 +64,7 @@ def test_graded_cells_are_moved_by_a_sine_along_both_diagonals():
     s, d = (v - 0.95 * 50 / (2 * np.pi) * np.sin(2 * np.pi * v / 50) for v in (s, d))
     points = specimen(200, 50, 48, 12, "graded")[0]
     assert points[:, :2] == pytest.approx(np.column_stack([s + d, s - d]) / 2, abs=1e-9)
-    with pytest.raises(InputError, match="210 x 50 mm .* multiple of the width"):
+    with pytest.raises(ff.InputError, match="210 x 50 mm .* multiple of the width"):
         specimen(210, 50, 48, 12, "graded")
 
 
@@ -83,7 +80,7 @@ def test_curved_cells(tmp_path, kind):
         gmsh.model.mesh.generate(2)
         gmsh.model.mesh.setOrder(2)
         gmsh.write(str(tmp_path / "disk.msh"))
-    blank = Blank.read(tmp_path / "disk.msh")
+    blank = ff.Blank.read(tmp_path / "disk.msh")
     assert blank.mesh.geometry.dim == 2 and not blank.warnings
     assert area(blank) == pytest.approx(100 * math.pi, rel=1e-3)
 
@@ -99,7 +96,7 @@ def cylinder(cell="triangle"):
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_fibres_on_a_curved_blank(cell):
     arrays = cylinder(cell) if COMM.rank == 0 else (None,) * 3
-    blank = Blank.from_arrays(COMM, *arrays, a=(1.0, 0.0, -1.0), up=(1.0, 0.0, 1.0))
+    blank = ff.Blank.from_arrays(COMM, *arrays, a=(1.0, 0.0, -1.0), up=(1.0, 0.0, 1.0))
     a, b = (f.x.array.reshape(-1, 3) for f in (blank.a0, blank.b0))
     x = blank.mesh.geometry.x[compat.geometry_dofmap(blank.mesh)].mean(1)
     radial = x * [1, 0, 1] / np.linalg.norm(x * [1, 0, 1], axis=1, keepdims=True)
@@ -116,7 +113,7 @@ def test_fibres_from_angle_vector_and_function_agree():
     vector = [math.cos(angle), math.sin(angle)]
     ways = [angle, [3 * v for v in vector] + [0.0], lambda x: np.full(x.shape[1], angle)]
     for a in [*ways, lambda x: np.outer(vector, np.ones(x.shape[1]))]:
-        blank = Blank.from_arrays(COMM, *arrays, a=a)
+        blank = ff.Blank.from_arrays(COMM, *arrays, a=a)
         assert np.allclose(blank.a0.x.array.reshape(-1, 2), vector, atol=1e-15)
         assert np.allclose(blank.b0.x.array.reshape(-1, 2), [-vector[1], vector[0]], atol=1e-15)
 
@@ -128,5 +125,5 @@ def test_fibres_that_are_refused():
         ({"frame": [[1, 0], [1, 1]]}, "frame of the blank"),
         ({"a": (0.0, 0.0)}, "a is zero or not finite"),
     ):
-        with pytest.raises(InputError, match=words):
-            Blank.from_arrays(COMM, *(flat if COMM.rank == 0 else (None,) * 3), **options)
+        with pytest.raises(ff.InputError, match=words):
+            ff.Blank.from_arrays(COMM, *(flat if COMM.rank == 0 else (None,) * 3), **options)

@@ -2,17 +2,12 @@
 
 import numpy as np
 import pytest
-from builders import slit_strip
-from mpi4py import MPI
+from builders import COMM, slit_strip
 
+import fabric_fenicsx as ff
 from fabric_fenicsx.meshes.specimen import PATTERNS, specimen
-from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.sheets.cells import CELLS
 from fabric_fenicsx.sheets.mesh_checks import checked_mesh
-
-COMM = MPI.COMM_WORLD
-
 
 STRIP = specimen(4, 2, 4, 2, "right")
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
@@ -72,8 +67,8 @@ LIES = {
 def test_a_mesh_that_lies_is_refused_with_its_place(case):
     mesh, words = LIES[case]
     arrays = mesh if COMM.rank == 0 else (None,) * 3
-    with pytest.raises(InputError, match=words) as error:
-        Blank.from_arrays(COMM, *arrays, source="sheet.msh")
+    with pytest.raises(ff.InputError, match=words) as error:
+        ff.Blank.from_arrays(COMM, *arrays, source="sheet.msh")
     assert str(error.value).startswith("sheet.msh ") and "; allowed" in str(error.value)
 
 
@@ -84,7 +79,7 @@ def test_a_cell_that_is_turned_over_between_its_nodes_only():
     ds = np.stack([1 - 4 * r, 4 * s - 1, zero, 4 * (r - s), 4 * t, -4 * t], 1) @ points
     dt = np.stack([1 - 4 * r, zero, 4 * t - 1, -4 * s, 4 * s, 4 * (r - t)], 1) @ points
     assert (np.linalg.det(np.stack([ds, dt], 1)) > 0).all()
-    with pytest.raises(InputError, match="turn over inside"):
+    with pytest.raises(ff.InputError, match="turn over inside"):
         checked_mesh(points, cells, kind, "sheet")
 
 
@@ -103,7 +98,7 @@ def test_specimens_are_not_doubted(pattern, cell):
 @pytest.mark.parametrize("make", [lambda mesh: mesh, lambda mesh: second_order(*mesh)])
 def test_a_slit_is_doubted_on_all_ranks(make):
     arrays = make(slit_strip()) if COMM.rank == 0 else (None,) * 3
-    (doubt,) = Blank.from_arrays(COMM, *arrays, source="sheet.msh").warnings
+    (doubt,) = ff.Blank.from_arrays(COMM, *arrays, source="sheet.msh").warnings
     assert "where another one lies" in doubt and "1.0, 0.0] mm" in doubt
     assert f"{3 if len(arrays[0]) < 40 else 7} nodes" in doubt if COMM.rank == 0 else True
 
@@ -130,7 +125,7 @@ def test_meshes_just_within_and_just_beyond_a_tolerance(case):
     def said(off):
         try:
             mesh = checked_mesh(*make(off), "it")
-        except InputError as error:
+        except ff.InputError as error:
             return str(error)
         return " ".join(mesh.warnings) or {2: "plane", 3: ""}[mesh.points.shape[1]]
 

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from mpi4py import MPI
+from builders import COMM
 
 import fabric_fenicsx as ff
 
-COMM = MPI.COMM_WORLD
 RINGS = [(100, 50), (300, 50), (300, 200), (100, 200)], [(150, 100), (200, 100), (200, 150)]
 AREA = 200 * 150 - 50 * 50 / 2
 

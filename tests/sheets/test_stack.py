@@ -102,9 +102,8 @@ def test_sheets_that_do_not_touch_bear_what_they_bear_alone():
 
 
 def bent():
-    return rectangle(
-        20, 10, 4, 2, spatial=True, shape=lambda x: x + x[:, :1] ** 2 * [0.0, 0.0, 1e-3]
-    )
+    shape = lambda x: x + x[:, :1] ** 2 * [0.0, 0.0, 1e-3]  # noqa: E731
+    return rectangle(20, 10, 4, 2, spatial=True, shape=shape)
 
 
 @pytest.mark.mpi

@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 import pytest
-from builders import slit_strip
+from builders import COMM, slit_strip
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
@@ -15,7 +15,6 @@ from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.progress import Progress
 
-COMM = MPI.COMM_WORLD
 LIP = 1e4
 
 

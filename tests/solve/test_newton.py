@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import ufl
-from builders import march, sheet
+from builders import COMM, march, sheet
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -19,7 +19,6 @@ from fabric_fenicsx.solve.progress import Viscosity
 from fabric_fenicsx.solve.report import Report
 from fabric_fenicsx.solve.tangent import NarrowTangent
 
-COMM = MPI.COMM_WORLD
 KOMEILI = ff.load("komeili")
 NO_MINIMUM = KOMEILI.replace(p_min=0.0)  # bands: the homogeneous state of a strip is none
 
