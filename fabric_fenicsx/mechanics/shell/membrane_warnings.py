@@ -119,12 +119,16 @@ def alternating_energy(membrane: Membrane) -> float:
 
     smooth = (at_nodes(means) / at_nodes(areas[:, None])).mean(1)[:, None]
     strains = *np.moveaxis(np.broadcast_to(smooth - 1, stretches.shape), -1, 0), gamma
-    flat = (each.ravel() for each in strains)
-    density = membrane.law_of_points.derivatives(*flat, second=False).parts.sum(-1)
+    ea, eb, angles = (each.ravel() for each in strains)
+    density = membrane.law_of_points.derivatives(ea, eb, angles, second=False).parts.sum(-1)
     densities = state.energy, density.reshape(gamma.shape)
     parts = np.array([areas @ (each @ membrane.weights) for each in densities])
     whole, smoothed = blank.mesh.comm.allreduce(parts)
     return float((whole - smoothed) / whole) if whole > 0 else 0.0
+
+
+def _degrees(angle, digits):
+    return f"{rounded(math.degrees(angle), digits)} deg"
 
 
 def range_warnings(membrane: Membrane) -> list[str]:
@@ -138,9 +142,7 @@ def range_warnings(membrane: Membrane) -> list[str]:
     strains = {"eps_a": nominal_strain(I4), "eps_b": nominal_strain(I8), "gamma": abs(gamma)}
     whole, texts = comm.allreduce(float(areas.sum())), []
     for limits in ranges:
-        text = partial(percent, digits=4)
-        if limits.strain == "gamma":
-            text = lambda angle: f"{rounded(math.degrees(angle), 4)} deg"  # noqa: E731
+        text = partial(_degrees if limits.strain == "gamma" else percent, digits=4)
         for sign, end in ((1, limits.high), (-1, limits.low)):
             beyond = sign * (strains[limits.strain] - end)
             share = comm.allreduce(float(areas @ ((beyond > 1e-9) @ membrane.weights))) / whole
