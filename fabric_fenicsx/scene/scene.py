@@ -53,7 +53,6 @@ class Scene:
     @phase("setup")
     def __init__(self, blank: Blank, terms: Iterable[Term], supports: Supports = ()) -> None:
         self.blank, self.terms = blank, list(terms)
-        self.comm = blank.mesh.comm
         for term in self.terms:
             bind(term, self)
         self.u = compat.petsc_vector(blank.u)
@@ -72,6 +71,11 @@ class Scene:
         self.drag, self.origin = 0.0, None
         self.forces, self._free = self.u.duplicate(), self.u.duplicate()
         self._mark_free()
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """The ranks that share the blank."""
+        return self.blank.mesh.comm
 
     def _mark_free(self):
         self._free.set(1.0)

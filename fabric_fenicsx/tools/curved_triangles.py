@@ -42,7 +42,6 @@ class CurvedTriangles:
         self.corners = corners = points[triangles]
         edges = np.roll(corners, -1, 1) - corners
         longest = math.sqrt((edges**2).sum(2).max())
-        self.middles = corners.mean(1)
         order = np.argsort(triangles.ravel(), kind="stable")
         starts = np.searchsorted(triangles.ravel()[order], np.arange(len(points) + 1))
         self.corners_at = order, starts
@@ -55,6 +54,11 @@ class CurvedTriangles:
         aligned = ((own * self.facets[:, None]).sum(2) >= 1 - 1e-15).all(1)
         self.flat = aligned | (own == self.facets[:, None]).all((1, 2))
         self.flat &= self.patches.bulge <= 1e-12 * longest
+
+    @property
+    def middles(self) -> np.ndarray:
+        """Centroids (m, 3) of the triangles."""
+        return self.corners.mean(1)
 
     def ends(self, which: np.ndarray) -> np.ndarray:
         """Points (k, 2) at the ends of the edges of which (m, 3) is true, each once."""
