@@ -29,6 +29,7 @@ def default_penalty(material: Material, radius: float) -> float:
     if isinstance(material, Metal):
         stress = 2 * float(material.hardening.stress(np.array(2 * PENALTY_STRAIN)))
     else:
+        assert isinstance(material, Law)
         F = (1 + PENALTY_STRAIN) * np.eye(3)[:, :2]
         stretched = kernel.evaluate(material, gradient=[F], fibres=np.eye(2)[:, None])
         stress = float(np.trace(stretched.cauchy[0]))
