@@ -144,7 +144,7 @@ class Assembly:
 
 
 def _summed(parts):
-    total = Counter[str]()
+    total: Counter[str | None] = Counter()
     for part in parts:
         total.update(part)
     return dict(total)

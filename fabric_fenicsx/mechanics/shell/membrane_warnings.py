@@ -118,17 +118,13 @@ def alternating_energy(membrane: Membrane) -> float:
         return blank.summed(np.repeat(values[:, None], nodes.shape[1], 1), cells)[nodes]
 
     smooth = (at_nodes(means) / at_nodes(areas[:, None])).mean(1)[:, None]
-    strains = *np.moveaxis(np.broadcast_to(smooth - 1, stretches.shape), -1, 0), gamma
-    ea, eb, angles = (each.ravel() for each in strains)
-    density = membrane.law_of_points.derivatives(ea, eb, angles, second=False).parts.sum(-1)
+    a, b = np.moveaxis(np.broadcast_to(smooth - 1, stretches.shape), -1, 0)
+    strains = a.ravel(), b.ravel(), gamma.ravel()
+    density = membrane.law_of_points.derivatives(*strains, second=False).parts.sum(-1)
     densities = state.energy, density.reshape(gamma.shape)
     parts = np.array([areas @ (each @ membrane.weights) for each in densities])
     whole, smoothed = blank.mesh.comm.allreduce(parts)
     return float((whole - smoothed) / whole) if whole > 0 else 0.0
-
-
-def _degrees(angle, digits):
-    return f"{rounded(math.degrees(angle), digits)} deg"
 
 
 def range_warnings(membrane: Membrane) -> list[str]:
@@ -142,7 +138,7 @@ def range_warnings(membrane: Membrane) -> list[str]:
     strains = {"eps_a": nominal_strain(I4), "eps_b": nominal_strain(I8), "gamma": abs(gamma)}
     whole, texts = comm.allreduce(float(areas.sum())), []
     for limits in ranges:
-        text = partial(_degrees if limits.strain == "gamma" else percent, digits=4)
+        text = _as_angle if limits.strain == "gamma" else partial(percent, digits=4)
         for sign, end in ((1, limits.high), (-1, limits.low)):
             beyond = sign * (strains[limits.strain] - end)
             share = comm.allreduce(float(areas @ ((beyond > 1e-9) @ membrane.weights))) / whole
@@ -154,3 +150,7 @@ def range_warnings(membrane: Membrane) -> list[str]:
                     f"reaches {text(furthest)}; {limits.beyond}"
                 )
     return texts
+
+
+def _as_angle(angle):
+    return f"{rounded(math.degrees(angle), 4)} deg"
