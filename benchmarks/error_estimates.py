@@ -9,7 +9,7 @@ from bench.cost import dome
 from tqdm import tqdm
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.command_line.study import run
+from fabric_fenicsx.cli.study import run
 
 TESTS = {"tensile": ff.Tensile, "bias": ff.BiasExtension, "dome": dome}
 

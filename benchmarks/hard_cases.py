@@ -5,7 +5,7 @@ import bench
 from bench.hard_cases import CASES, Setting, run_case
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.command_line.study import run
+from fabric_fenicsx.cli.study import run
 
 
 def options():

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from bench import explicit_code
 
-from fabric_fenicsx.command_line.press_study import PressStudy, press_parser
-from fabric_fenicsx.command_line.study import run
+from fabric_fenicsx.cli.press_study import PressStudy, press_parser
+from fabric_fenicsx.cli.study import run
 
 REFERENCE = Path(__file__).resolve().parents[1] / "studies" / "reference" / "openradioss"
 SAME = (  # as in OpenRadioss, which has rigid contact, and no bending: ours is small

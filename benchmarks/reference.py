@@ -10,7 +10,7 @@ from bench.reference import LOADS, make_reference
 from bench.strips import STRIPS, camera_displacements, pull, strip_scene, strip_values
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.command_line.study import run
+from fabric_fenicsx.cli.study import run
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.settings import Settings
 

@@ -11,9 +11,9 @@ from bench.reference import read_references
 from bench.strips import STRIPS
 from tqdm import tqdm
 
-from fabric_fenicsx.command_line.options import option_type
-from fabric_fenicsx.command_line.study import run
-from fabric_fenicsx.runtime.rules import FINITE
+from fabric_fenicsx.cli.options import option_type
+from fabric_fenicsx.cli.study import run
+from fabric_fenicsx.core.rules import FINITE
 
 REFERENCE = Path(__file__).resolve().parents[1] / "studies" / "reference"
 PRINTED = "cost", "error_curve", "error_reaction", "error_strain", "reason"

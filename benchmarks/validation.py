@@ -4,7 +4,7 @@ sizes and the angle in the middle are predicted, beside what picture frames meas
 import bench
 from bench.validation import FITTED, MIDDLE, fitted, frames, middle_angles, normalised, ratios
 
-from fabric_fenicsx.command_line.study import run
+from fabric_fenicsx.cli.study import run
 
 
 def options():

@@ -15,8 +15,8 @@ from pathlib import Path
 
 from PIL import Image
 
-from fabric_fenicsx.plot.space import formed_picture
-from fabric_fenicsx.postprocess.states import states
+from fabric_fenicsx.results.space import formed_picture
+from fabric_fenicsx.results.states import states
 
 DOCS = Path(__file__).parent
 EXAMPLES = sorted((DOCS / "examples").glob("*.py"))

@@ -4,18 +4,21 @@
 imported when it is first used.
 """
 
+import sys
 from contextlib import suppress
 from importlib import import_module
 
 import lazy_loader
 
-from .runtime.timing import phase
-from .runtime.version import __version__
+from .core.moved import EarlierNames
+from .core.timing import phase
+from .core.version import __version__
 
 # pip's DOLFINx wants this before mpi4py, petsc4py and dolfinx; Debian's has no such package
 with suppress(ModuleNotFoundError):
     import_module("dolfinx_solver")
 
+sys.meta_path.insert(0, EarlierNames(__name__))
 _load, _, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 

@@ -7,8 +7,8 @@ import argparse
 
 import pyvista
 
-from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.tools.double_dome import DoubleDome
+from fabric_fenicsx.sheet.specimen import specimen
+from fabric_fenicsx.surfaces.double_dome import DoubleDome
 
 parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
 parser.add_argument("out", help="file to write")

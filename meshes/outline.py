@@ -1,6 +1,6 @@
 """Triangles in an outline with holes, in any format that meshio writes:
 
-python3 meshes/outline.py blank.dxf blank.msh --size 8
+python3 sheet/outline.py blank.dxf blank.msh --size 8
 """
 
 import argparse
@@ -8,8 +8,8 @@ import math
 
 import meshio
 
-from fabric_fenicsx.meshes.outline import PATTERNS, outline_mesh
-from fabric_fenicsx.meshes.outline_files import read_outline
+from fabric_fenicsx.io.outline_files import read_outline
+from fabric_fenicsx.sheet.outline import PATTERNS, outline_mesh
 
 parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
 parser.add_argument("outline", help="DXF, CSV of x and y [mm], or a mesh")

@@ -1,6 +1,6 @@
 """Cells of a rectangular specimen, in any format that meshio writes:
 
-python3 meshes/specimen.py specimen.msh --length 200 --width 50 --nx 100 --ny 25
+python3 sheet/specimen.py specimen.msh --length 200 --width 50 --nx 100 --ny 25
 """
 
 import argparse
@@ -8,7 +8,7 @@ import math
 
 import meshio
 
-from fabric_fenicsx.meshes.specimen import PATTERNS, specimen
+from fabric_fenicsx.sheet.specimen import PATTERNS, specimen
 
 parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
 parser.add_argument("out", help="file to write")

@@ -1,7 +1,7 @@
 """Bias extension of a woven strip with yarns at +-45 deg to the load and clamped ends: Fig. 9 of
 Schäfer et al."""
 
-from fabric_fenicsx.command_line.study import Study, parser, run
+from fabric_fenicsx.cli.study import Study, parser, run
 from fabric_fenicsx.coupons.bias_extension import BiasExtension
 
 

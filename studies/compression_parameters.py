@@ -1,10 +1,10 @@
 """Influence of the compression parameters on a formed double dome: Figs 12 to 14 of Schäfer et al.,
 each varied alone."""
 
-from fabric_fenicsx.command_line.press_study import PressStudy, press_parser
-from fabric_fenicsx.command_line.study import run
+from fabric_fenicsx.cli.press_study import PressStudy, press_parser
+from fabric_fenicsx.cli.study import run
+from fabric_fenicsx.core.errors import SolverFailure
 from fabric_fenicsx.results.verdict import INVALID, Reason
-from fabric_fenicsx.runtime.errors import SolverFailure
 from fabric_fenicsx.studies.lib import compression_parameters as parameters
 
 
@@ -51,7 +51,7 @@ def main(study):
         )
     study.write_table(folder / "parameters.csv", rows)
     if study.comm.rank == 0 and not study.args.no_pictures:
-        from fabric_fenicsx.plot import pictures
+        from fabric_fenicsx.results import pictures
 
         fields = "shear_angle", "log_eps_11", "ellipticity_lost"
         for name, plies in grids.items():

@@ -1,8 +1,8 @@
 """Forming of a woven ply over a generic double dome: Figs 11 to 16 of Schäfer et al., for a single
 ply between rigid tools. It is `form double_dome`."""
 
-from fabric_fenicsx.command_line.press_study import PressStudy
-from fabric_fenicsx.command_line.study import run
+from fabric_fenicsx.cli.press_study import PressStudy
+from fabric_fenicsx.cli.study import run
 from fabric_fenicsx.studies.form import main, options
 
 if __name__ == "__main__":

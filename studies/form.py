@@ -1,14 +1,14 @@
 """Forming in a press of your own: blank, tools, holders and stages from a file."""
 
-from fabric_fenicsx.command_line.options import Parser, option_type
-from fabric_fenicsx.command_line.press_study import PressStudy, press_parser
-from fabric_fenicsx.command_line.study import run
-from fabric_fenicsx.forming.unloading import unloading
+from fabric_fenicsx.cli.options import Parser, option_type
+from fabric_fenicsx.cli.press_study import PressStudy, press_parser
+from fabric_fenicsx.cli.study import run
+from fabric_fenicsx.core.errors import InputError, SolverFailure
+from fabric_fenicsx.core.formatting import percent, rounded
+from fabric_fenicsx.core.rules import POSITIVE
 from fabric_fenicsx.job.validity import AIM, MIN_CELLS, coarsest_waves
+from fabric_fenicsx.press.unloading import unloading
 from fabric_fenicsx.results.verdict import INVALID, Reason
-from fabric_fenicsx.runtime.errors import InputError, SolverFailure
-from fabric_fenicsx.runtime.formatting import percent, rounded
-from fabric_fenicsx.runtime.rules import POSITIVE
 from fabric_fenicsx.studies.lib.coupling_variants import coupling_variants
 from fabric_fenicsx.sweep.folder import REFINED, flat
 
@@ -76,8 +76,8 @@ def compared(study, press):
     folder = study.folder()
     study.write_table(folder / "variants.csv", rows)
     if study.comm.rank == 0 and not study.args.no_pictures:
-        from fabric_fenicsx.forming.pictures import compare
-        from fabric_fenicsx.plot import pictures
+        from fabric_fenicsx.press.pictures import compare
+        from fabric_fenicsx.results import pictures
 
         compare(made, results, folder)
         labels = "stroke / mm", f"{made.force_name} / N"
@@ -116,7 +116,7 @@ def disturbed(study, press, result):
 
 
 def _compare(study, press, result, found):
-    from fabric_fenicsx.postprocess.wrinkles import MIN_HEIGHT
+    from fabric_fenicsx.results.wrinkles import MIN_HEIGHT
 
     names = "force_of_whole_blank_N", "shear_angle_99_percent_deg", "wrinkles.height_mm"
     numbers = {name: (result.number(name), found.number(name)) for name in names}

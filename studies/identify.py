@@ -12,12 +12,12 @@ import numpy as np
 import scipy
 
 from fabric_fenicsx import __version__, identification
-from fabric_fenicsx.command_line.options import Parser, exit_status, program, restart_command
+from fabric_fenicsx.cli.options import Parser, exit_status, program, restart_command
+from fabric_fenicsx.core.errors import InputError, SolverFailure
+from fabric_fenicsx.core.files import ending
+from fabric_fenicsx.core.status import shown, task
 from fabric_fenicsx.identification import curves
 from fabric_fenicsx.results import report as html
-from fabric_fenicsx.runtime.errors import InputError, SolverFailure
-from fabric_fenicsx.runtime.files import ending
-from fabric_fenicsx.runtime.status import shown, task
 
 
 def options():

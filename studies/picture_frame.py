@@ -1,7 +1,7 @@
 """Picture-frame test: a square sheared by a hinged rigid frame, with or without pre-tension along
 the yarns."""
 
-from fabric_fenicsx.command_line.study import Study, parser, run
+from fabric_fenicsx.cli.study import Study, parser, run
 from fabric_fenicsx.coupons.picture_frame import PictureFrame
 
 

@@ -3,12 +3,12 @@ Schäfer et al."""
 
 from functools import partial
 
-from fabric_fenicsx.command_line.study import parser, run
+from fabric_fenicsx.cli.study import parser, run
+from fabric_fenicsx.core.errors import SolverFailure
 from fabric_fenicsx.coupons.coupon import Coupon
-from fabric_fenicsx.mechanics.shell.membrane import Membrane
-from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.runtime.errors import SolverFailure
-from fabric_fenicsx.sheets.blank import Blank
+from fabric_fenicsx.energy.membrane import Membrane
+from fabric_fenicsx.sheet.blank import Blank
+from fabric_fenicsx.sheet.specimen import specimen
 from fabric_fenicsx.studies.lib.single_element import LABELS, MODELS, compare
 
 AGREEMENT = 1e-9  # of the stresses at a state, or of s1 where they are smaller
@@ -26,7 +26,7 @@ def draw(path, series, labels):
     """Diagrams side by side, of {title: {(label, model): (x, closed form, kernel, elements)}} and
     {title: (x label, y label, x limits)}: closed form is a line (the second model's dashed), the
     kernel a square, elements a dot."""
-    from fabric_fenicsx.plot.pictures import figure
+    from fabric_fenicsx.results.pictures import figure
 
     with figure(path, (11, 8), 2, (len(series) + 1) // 2) as (_, axes):
         for ax, (title, curves) in zip(axes.flat, series.items()):

@@ -3,9 +3,9 @@ p_min, c, d and s_C."""
 
 import numpy as np
 
-from fabric_fenicsx.command_line.study import parser, run
+from fabric_fenicsx.cli.study import parser, run
+from fabric_fenicsx.core.errors import InputError, SolverFailure
 from fabric_fenicsx.coupons.coupon import Coupon
-from fabric_fenicsx.runtime.errors import InputError, SolverFailure
 from fabric_fenicsx.studies.lib.stability_maps import HIGH, LOW, kernel_difference, stability_maps
 
 AGREEMENT = 1e-9  # of the kernel's stresses with the closed form, or of s1 where they are smaller
@@ -26,7 +26,7 @@ def draw(path, x, panels):
     ellipticity)}, each (n, n) with x (n,) along its last axis."""
     from matplotlib.colors import ListedColormap
 
-    from fabric_fenicsx.plot.pictures import figure, label_outer
+    from fabric_fenicsx.results.pictures import figure, label_outer
 
     rows, columns = (list(dict.fromkeys(key[k] for key in panels)) for k in (0, 1))
     size = 2.1 * len(columns) + 0.6, 2.4 * len(rows) + 1.2

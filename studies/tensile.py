@@ -1,7 +1,7 @@
 """Uniaxial tension of a woven strip along its yarns, with clamped ends: Figs 8 and 10 of Schäfer et
 al."""
 
-from fabric_fenicsx.command_line.study import Study, parser, run
+from fabric_fenicsx.cli.study import Study, parser, run
 from fabric_fenicsx.coupons.tensile import Tensile, strains_across
 from fabric_fenicsx.studies.lib.coupling_variants import coupling_variants
 
@@ -30,7 +30,7 @@ def main(study: Study):
     facts = {"quantities": found, "variants": sorted(found)}
     study.summarise(folder, converged=True, stroke_reached=1.0, **facts)
     if study.comm.rank == 0 and not study.args.no_pictures:
-        from fabric_fenicsx.plot import pictures
+        from fabric_fenicsx.results import pictures
 
         names = "log_eps_11", "log_eps_22", "shear_angle"
         pictures.maps(folder / "compare.png", {k: r.grid for k, r in results.items()}, names)

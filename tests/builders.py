@@ -13,11 +13,11 @@ from scipy import sparse
 
 import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
+from fabric_fenicsx.energy.term import Term
+from fabric_fenicsx.energy.term_checks import bind
 from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.mechanics.term import Term
-from fabric_fenicsx.mechanics.term_checks import bind
-from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.sheets.blank import Blank
+from fabric_fenicsx.sheet.blank import Blank
+from fabric_fenicsx.sheet.specimen import specimen
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.settings import Settings
 from fabric_fenicsx.solve.stepping import LoadStepping

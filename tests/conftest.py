@@ -18,7 +18,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT, on_ranks
+from fabric_fenicsx.core.ranks import RANKS_ENVIRONMENT, on_ranks
 
 ROOT = Path(__file__).parents[1]
 # Seconds after which what a test started counts as hung: far more than the slowest takes on a
@@ -77,9 +77,9 @@ def run_here(patch, script):
     end would undo is undone; an exception that a study does not expect is raised."""
     from matplotlib.figure import Figure
 
-    from fabric_fenicsx.command_line import study
-    from fabric_fenicsx.forming.forming_scene import FormingScene
-    from fabric_fenicsx.runtime import timing
+    from fabric_fenicsx.cli import study
+    from fabric_fenicsx.core import timing
+    from fabric_fenicsx.press.forming_scene import FormingScene
 
     made, log = [], logging.getLogger("fabric_fenicsx")
 

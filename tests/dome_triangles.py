@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from fabric_fenicsx.tools.double_dome import DoubleDome
+from fabric_fenicsx.surfaces.double_dome import DoubleDome
 
 
 def double_dome(dome=None, size=10.0, turn=10.0):

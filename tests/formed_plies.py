@@ -3,9 +3,9 @@
 import numpy as np
 import pyvista
 
-from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.postprocess.ply import SYMMETRIC
-from fabric_fenicsx.tools.double_dome import DoubleDome
+from fabric_fenicsx.results.ply import SYMMETRIC
+from fabric_fenicsx.sheet.specimen import specimen
+from fabric_fenicsx.surfaces.double_dome import DoubleDome
 
 
 def formed(

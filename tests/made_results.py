@@ -5,7 +5,7 @@ from builders import Elastic
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.mechanics.output import Fields
+from fabric_fenicsx.energy.output import Fields
 from fabric_fenicsx.results.result import Result
 
 

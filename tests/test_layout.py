@@ -1,81 +1,124 @@
-"""Rules for the source: imports go one way."""
+"""Rules for the source: imports go one way, and no part grows beyond its bound."""
 
 import ast
 import importlib.resources
-from functools import cache
+import re
+import subprocess
 from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).parents[1] / "fabric_fenicsx"
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "fabric_fenicsx"
 # a room imports what stands before it, and itself
 ORDER = (
-    "runtime dolfinx_compat readers material identification tools meshes sheets mechanics scene "
-    "solve postprocess plot results job verification coupons forming sweep command_line studies"
-).split()
+    *("core", "dolfinx_compat", "io", "material", "surfaces", "sheet", "energy", "contact"),
+    *("scene", "solve", "results", "job", "verification", "coupons", "press", "identification"),
+    *("sweep", "cli"),
+)
 DOORS = "__init__", "__main__"  # of the package: they lead into all rooms
-FILES = {p.relative_to(PACKAGE): p for room in PACKAGE.iterdir() for p in room.rglob("*.py")}
-FILES |= {p.relative_to(PACKAGE): p for p in PACKAGE.glob("*.py")}
-MODULES = {
-    ".".join(p.with_suffix("").parts).removesuffix(".__init__"): path for p, path in FILES.items()
+FILES = {
+    path.relative_to(PACKAGE): path.read_text()
+    for path in sorted(PACKAGE.rglob("*.py"))
+    if "studies" not in path.parts
 }
+TREES = {name: ast.parse(text) for name, text in FILES.items()}
 
 
-@cache
-def trees():
-    """{module: its syntax tree}."""
-    return {name: ast.parse(path.read_text()) for name, path in MODULES.items()}
-
-
-def imported(name, at_once=False):
-    """Modules of the package that `name` imports, but for types; `at_once`: without those that its
-    functions import when they are called."""
-    here = MODULES[name].relative_to(PACKAGE).with_suffix("").parts
-    skipped = {
-        id(inner)
-        for node in ast.walk(trees()[name])
-        if (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")
-        or (at_once and isinstance(node, ast.FunctionDef))
-        for inner in ast.walk(node)
-    }
-    for node in ast.walk(trees()[name]):
-        if not isinstance(node, ast.ImportFrom) or id(node) in skipped:
-            continue
-        words = tuple(node.module.split(".")) if node.module else ()
-        if node.level:
-            home = (*here[: len(here) - node.level], *words)
-        elif words[0] == PACKAGE.name:
-            home = words[1:]
-        else:
-            continue
-        for alias in node.names:
-            inside = ".".join((*home, alias.name))
-            yield inside if inside in MODULES else ".".join(home) or "__init__"
+def imported(path):
+    """Files of the package that a file imports, also for types or within functions."""
+    for node in ast.walk(TREES[path]):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            home = path.parents[node.level - 1].joinpath(*(node.module or "").split("."))
+            for target in (home, *(home / alias.name for alias in node.names)):
+                if (file := Path(f"{target}.py")) in FILES:
+                    yield file
 
 
 def test_the_list_of_rooms_leaves_out_none():
-    found = {path.stem for path in PACKAGE.iterdir()} - {"__pycache__", "py"}
-    assert found == {*ORDER, *DOORS}
+    assert {path.with_suffix("").parts[0] for path in FILES} == {*ORDER, *DOORS}
 
 
 def test_imports_go_down():
-    """The package's own doors and the studies are outermost."""
-    rank = {room: place for place, room in enumerate(ORDER)}
-    wrong = []
-    for name in MODULES:
-        own = name.split(".")[0]
-        if own in (*DOORS, "studies"):
-            continue
-        found = ((module, module.split(".")[0]) for module in imported(name))
-        wrong += [(name, module) for module, room in found if rank.get(room, 99) > rank[own]]
+    """From room to room; the package's own doors and the studies are outermost."""
+    rank = {room: place for place, room in enumerate((*ORDER, *DOORS))}
+    rooms = {path: rank[path.with_suffix("").parts[0]] for path in FILES}
+    wrong = [(str(a), str(b)) for a in FILES for b in imported(a) if rooms[b] > rooms[a]]
     assert not wrong
 
 
-def test_no_module_leads_back_to_itself():
-    """Data (a press, a coupon) import what builds them when they are built."""
-    graph = {name: {*imported(name, at_once=True)} for name in MODULES}
-    TopologicalSorter(graph).prepare()  # its CycleError names the circle
+def test_no_file_leads_back_to_itself():
+    TopologicalSorter({path: {*imported(path)} for path in FILES}).prepare()  # names the circle
+
+
+def nodes(kind):
+    return [
+        (path, node)
+        for path, tree in TREES.items()
+        for node in ast.walk(tree)
+        if isinstance(node, kind)
+    ]
+
+
+def tracked(*patterns):
+    command = ["git", "ls-files", *patterns]
+    names = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    return [(ROOT / name).read_text() for name in names.split()]
+
+
+def lines(texts):
+    return sum(text.count("\n") for text in texts)
+
+
+def input_errors():
+    names = re.compile("InputError|unknown_key|WrongFormat")
+    return sum(bool(names.search(ast.dump(n.exc))) for _, n in nodes(ast.Raise) if n.exc)
+
+
+def constants():
+    name = re.compile(r"^[A-Z][A-Z_]+(?:, [A-Z_]+)*\s*(?::[^=\n]+)?=", re.M)
+    return sum(len(name.findall(text)) for text in FILES.values())
+
+
+def late_imports():
+    found = nodes(ast.ImportFrom)
+    return sum(node.level > 0 and node not in TREES[path].body for path, node in found)
+
+
+def attributes(node):
+    """Names that a class stores on itself."""
+    stored = (
+        n for n in ast.walk(node) if isinstance(n, ast.Attribute) and isinstance(n.ctx, ast.Store)
+    )
+    return {n.attr for n in stored if isinstance(n.value, ast.Name) and n.value.id == "self"}
+
+
+BOUNDS = {
+    "lines of the package": (32_750, lambda: lines(FILES.values())),
+    "lines of tests": (19_700, lambda: lines(tracked("tests/*.py"))),
+    "lines of benchmarks": (1_400, lambda: lines(tracked("benchmarks/*.py"))),
+    "words of pages": (
+        33_000,
+        lambda: sum(len(t.split()) for t in tracked("README.md", "docs/*.md")),
+    ),
+    "input errors": (311, input_errors),
+    "constants": (200, constants),
+    "imports within functions or for types": (60, late_imports),
+    "Any": (250, lambda: sum(len(re.findall(r"\bAny\b", text)) for text in FILES.values())),
+    "lines of a file": (400, lambda: max(text.count("\n") for text in FILES.values())),
+    "lines of a function": (
+        60,
+        lambda: max(n.end_lineno - n.lineno + 1 for _, n in nodes(ast.FunctionDef)),
+    ),
+    "attributes of a class": (15, lambda: max(len(attributes(n)) for _, n in nodes(ast.ClassDef))),
+}
+
+
+@pytest.mark.parametrize("what", BOUNDS)
+def test_bounds(what):
+    most, count = BOUNDS[what]
+    assert count() <= most
 
 
 @pytest.mark.versions

@@ -1,4 +1,4 @@
-"""Each number that a user gives is checked by a rule (tests/runtime/test_rules.py)."""
+"""Each number that a user gives is checked by a rule (tests/core/test_rules.py)."""
 
 import re
 

@@ -1,6 +1,6 @@
 """Benchmarks of the program against itself and others, and what their scripts share."""
 
-from fabric_fenicsx.command_line.study import parser
+from fabric_fenicsx.cli.study import parser
 from fabric_fenicsx.coupons.coupon import Coupon
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
-from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.core.errors import InputError
 
 ANGLES = 0, 45  # of yarns a of the formed plies [deg]
 # stroke [mm] from which forces are compared: before, the explicit ones scatter, and inertia counts

@@ -54,7 +54,7 @@ def succeeded(rows):
 
 def draw_fronts(path, strips, cost_of):
     """Draw error over cost of the strips {name: rows}, with their fronts; cost_of: what cost is."""
-    from fabric_fenicsx.plot.pictures import figure
+    from fabric_fenicsx.results.pictures import figure
 
     colours, shown = dict[str, str](), dict[str, object]()
     with figure(path, (5.2 * len(strips), 5.8), 1, len(strips)) as (drawn, (axes,)):

@@ -8,7 +8,7 @@ import dataclasses
 import numpy as np
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.postprocess.pattern import edge_distance, flat_pattern, write_pattern
+from fabric_fenicsx.results.pattern import edge_distance, flat_pattern, write_pattern
 
 press = ff.Press.read("hemisphere", ["blank.nx=8", "stage.1.moves.punch=25"])
 angle = np.linspace(0, 2 * np.pi, 181)

@@ -6,8 +6,8 @@ Prints the reaction of a bias test with it [N], after its derivatives were check
 from dataclasses import dataclass
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.core.rules import above_zero
 from fabric_fenicsx.material.functions import negative, positive, tan
-from fabric_fenicsx.runtime.rules import above_zero
 
 
 @dataclass(frozen=True)

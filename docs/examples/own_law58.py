@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.core.rules import above_zero, fraction, not_negative
 from fabric_fenicsx.material.functions import cos, log, negative, positive, tan, where
-from fabric_fenicsx.runtime.rules import above_zero, fraction, not_negative
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ import numpy as np
 from nets.relaxed_net import relaxed_net  # beside this file
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.core.rules import above_zero
 from fabric_fenicsx.material.functions import log, sin
-from fabric_fenicsx.runtime.rules import above_zero
 
 
 @dataclass(frozen=True)

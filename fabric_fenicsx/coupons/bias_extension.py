@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
+from ..core.errors import InputError
+from ..core.fields import documented
+from ..core.formatting import rounded
+from ..energy.bending import Bending
 from ..identification.curves import bias_normalised
 from ..job.job import Result
-from ..mechanics.shell.bending import Bending
 from ..results import measures
-from ..runtime.errors import InputError
-from ..runtime.fields import documented
-from ..runtime.formatting import rounded
 from ..scene.supports import Supports, clamped_ends
-from ..sheets.sheet import Values, YarnBending, declared_again
+from ..sheet.sheet import Values, YarnBending, declared_again
 from .pin_jointed import PinJointedStrip
 from .strip import Strip, StripSetup
 
@@ -105,7 +105,7 @@ class BiasSetup(StripSetup):
 
     def pictures(self, result: Result, folder: Path) -> None:
         """axis.png, beside theory, on rank 0."""
-        from ..plot import pictures  # takes long to import
+        from ..results import pictures  # takes long to import
 
         profile = np.loadtxt(folder / "axis.csv", delimiter=",", skiprows=1, ndmin=2)
         series = {"simulated": (*profile.T, ".")}

@@ -7,17 +7,17 @@ from typing import Any, ClassVar
 
 from mpi4py import MPI
 
+from ..core.rules import FINITE
+from ..energy.membrane import Membrane
+from ..energy.term import Term
 from ..job.job import Job
 from ..job.setup import Setup
 from ..material.laws import Law
 from ..material.presets import load
-from ..mechanics.shell.membrane import Membrane
-from ..mechanics.term import Term
-from ..runtime.rules import FINITE
 from ..scene.scene import Scene
 from ..scene.supports import Supports
-from ..sheets.meshing import mesh_sheet
-from ..sheets.sheet import FULL_TURN, SheetFields, Values, declared_again
+from ..sheet.meshing import mesh_sheet
+from ..sheet.sheet import FULL_TURN, SheetFields, Values, declared_again
 
 
 class CouponSetup(Setup):

@@ -7,17 +7,17 @@ from typing import Any
 
 import numpy as np
 
+from ..core.errors import InputError
+from ..core.fields import documented, number
+from ..core.rules import POSITIVE, Rule
 from ..job.job import Job, Result
 from ..material.homogeneous import conjugate, gradient
 from ..material.laws.base import stresses_of_energy
 from ..results import measures
-from ..runtime.errors import InputError
-from ..runtime.fields import documented, number
-from ..runtime.rules import POSITIVE, Rule
 from ..scene import output as scene_output
 from ..scene.scene import Scene
 from ..scene.supports import Supports, frame
-from ..sheets.sheet import Values, declared_again
+from ..sheet.sheet import Values, declared_again
 from .coupon import Coupon, CouponSetup
 
 
@@ -91,7 +91,7 @@ class FrameSetup(CouponSetup):
 
     def pictures(self, result: Result, folder: Path) -> None:
         """shear_force.png: elements beside the law."""
-        from ..plot import pictures  # takes long to import
+        from ..results import pictures  # takes long to import
 
         rows = [r for r in result.rows if not self.data.pre_tension or self.state(r["load"])[1] > 0]
         angles, forces = np.array([self.shear_force(row) for row in rows]).T

@@ -4,11 +4,11 @@ import numpy as np
 from mpi4py import MPI
 from scipy.interpolate import CubicSpline
 
+from ..core.errors import SolverFailure
 from ..identification.curves import Curve
 from ..material.laws.coupled import SHEAR, WovenFabric
 from ..material.strains import nominal_strain
-from ..meshes.specimen import can_be_graded
-from ..runtime.errors import SolverFailure
+from ..sheet.specimen import can_be_graded
 from ..solve.newton import Newton
 from ..solve.progress import Accepted
 from ..solve.settings import Settings

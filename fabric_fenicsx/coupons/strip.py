@@ -6,13 +6,13 @@ from typing import ClassVar
 
 import numpy as np
 
+from ..core.fields import number
+from ..core.rules import POSITIVE, SHARE
 from ..job.job import Result
-from ..meshes.specimen import can_be_graded
 from ..results import measures
-from ..runtime.fields import number
-from ..runtime.rules import POSITIVE, SHARE
 from ..scene.scene import Scene
-from ..sheets.sheet import SheetFields, Values, declared_again
+from ..sheet.sheet import SheetFields, Values, declared_again
+from ..sheet.specimen import can_be_graded
 from .coupon import Coupon, CouponSetup
 
 

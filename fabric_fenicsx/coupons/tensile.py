@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..core.fields import choice, documented, number
+from ..core.rules import FINITE
 from ..job.job import Result
 from ..results import measures
-from ..runtime.fields import choice, documented, number
-from ..runtime.rules import FINITE
 from ..scene.supports import Supports, clamped_ends, rolling_ends
-from ..sheets.sheet import Values, declared_again
+from ..sheet.sheet import Values, declared_again
 from .strip import Strip, StripSetup
 
 

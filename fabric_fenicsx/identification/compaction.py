@@ -8,9 +8,9 @@ import numpy as np
 from scipy import stats
 from scipy.optimize import curve_fit
 
+from ..core.errors import InputError, SolverFailure
+from ..core.formatting import rounded
 from ..material.compaction import Compaction, log_compaction
-from ..runtime.errors import InputError, SolverFailure
-from ..runtime.formatting import rounded
 from .curves import CompactionTest, Sheet
 from .problem import Assumed, Determined, by_logarithm, numbers_report
 

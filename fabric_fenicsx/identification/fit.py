@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
+from ..core.errors import InputError
+from ..core.formatting import rounded
 from ..material.files import FIBRES, SHEET
 from ..material.laws.coupled import SHEAR, WovenFabric, Yarn
-from ..runtime.errors import InputError
-from ..runtime.formatting import rounded
 from .compaction import fit_compaction
 from .curves import Curve, Sheet, curve_warnings
 from .friction import fit_friction

@@ -7,10 +7,10 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
+from ..core.errors import InputError, SolverFailure
 from ..material.friction import ShearFriction
 from ..material.laws.coupled import SHEAR, YARN, WovenFabric
 from ..material.presets import PRESETS
-from ..runtime.errors import InputError, SolverFailure
 from .curves import Curve, Sheet
 from .points import Points
 

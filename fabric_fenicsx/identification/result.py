@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..core.formatting import percent, rounded
 from ..material.laws.coupled import WovenFabric
-from ..runtime.formatting import percent, rounded
 from .compaction import CompactionFit
 from .curves import Curve, Response
 from .friction import FrictionFit

@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from ..core.errors import SolverFailure
 from ..material.laws.coupled import SHEAR, WovenFabric
-from ..runtime.errors import SolverFailure
 from .curves import Curve, Sheet
 from .fit import identify
 from .result import Identification, SimulatedFit

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 from mpi4py import MPI
 
+from ..core.collective_errors import all_or_none
+from ..core.formatting import rounded
+from ..core.status import task
 from ..results.output import Output
-from ..runtime.collective_errors import all_or_none
-from ..runtime.formatting import rounded
-from ..runtime.status import task
 from ..scene import output as scene_output
 from ..solve.newton import Newton
 from ..solve.stepping import LoadStepping

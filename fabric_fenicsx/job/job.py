@@ -9,9 +9,18 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
 
-from ..mechanics.fingerprint import entries
-from ..mechanics.materials import materials_of
-from ..mechanics.output import Fields
+from ..core import status
+from ..core.collective_errors import all_or_none
+from ..core.errors import NOT_BELIEVED, InputError, Interrupted, SolverFailure
+from ..core.fields import declared
+from ..core.files import read_summary
+from ..core.formatting import rounded
+from ..core.signals import StopSignals
+from ..core.status import task
+from ..core.timing import phase
+from ..energy.fingerprint import entries
+from ..energy.materials import materials_of
+from ..energy.output import Fields
 from ..results import error
 from ..results.fields import FieldSeries
 from ..results.history import ENERGIES, History, energy_balance
@@ -19,15 +28,6 @@ from ..results.output import Output
 from ..results.quantities import waves_that_do_not_form
 from ..results.result import Result
 from ..results.verdict import INVALID, Numbers, Reason
-from ..runtime import status
-from ..runtime.collective_errors import all_or_none
-from ..runtime.errors import NOT_BELIEVED, InputError, Interrupted, SolverFailure
-from ..runtime.fields import declared
-from ..runtime.files import read_summary
-from ..runtime.formatting import rounded
-from ..runtime.signals import StopSignals
-from ..runtime.status import task
-from ..runtime.timing import phase
 from ..scene import output as scene_output
 from ..scene.scene import Scene
 from ..solve.checkpoint import Checkpoint
@@ -356,7 +356,7 @@ class Job(Settings):
             for each in (self.setup, *self.observers):
                 each.end(result, result.folder)
         if self.scene.comm.rank == 0 and pictures:
-            from ..plot.pictures import draw_state
+            from ..results.pictures import draw_state
 
             if reached:
                 self.setup.pictures(result, result.folder)

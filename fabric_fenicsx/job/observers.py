@@ -8,14 +8,14 @@ from pathlib import Path
 from petsc4py import PETSc
 from tqdm import tqdm
 
+from ..core import status
+from ..core.formatting import rounded
+from ..core.timing import phase
 from ..results.fields import FieldSeries
 from ..results.history import History, viscous_warning
 from ..results.output import Output
 from ..results.result import Result
 from ..results.verdict import Numbers, Reason
-from ..runtime import status
-from ..runtime.formatting import rounded
-from ..runtime.timing import phase
 from ..scene import output as scene_output
 from ..scene.scene import Scene
 from ..solve.checkpoint import Checkpoint

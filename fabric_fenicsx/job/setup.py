@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from ..core.formatting import TINY
 from ..results.result import Result
 from ..results.verdict import Numbers
-from ..runtime.formatting import TINY
 from ..scene import output
 from ..scene.scene import Scene
 from ..solve.progress import Accepted

@@ -3,15 +3,15 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from ..mechanics.materials import materials_of
-from ..mechanics.shell.membrane import Membrane
-from ..postprocess.wrinkles import MIN_HEIGHT
+from ..core.errors import NOT_BELIEVED
+from ..core.formatting import of_sheet, percent, rounded, share
+from ..energy.materials import materials_of
+from ..energy.membrane import Membrane
 from ..results.history import energy_balance, stretching
 from ..results.quantities import fabric_doubts, limited
 from ..results.result import Result
 from ..results.verdict import Numbers, Reason
-from ..runtime.errors import NOT_BELIEVED
-from ..runtime.formatting import of_sheet, percent, rounded, share
+from ..results.wrinkles import MIN_HEIGHT
 from ..scene import output as scene_output
 from ..scene.scene import Scene
 from ..solve.limits import EDGES, Limits

@@ -1,1 +1,1 @@
-"""Fabrics at a point: laws, kernel, stability, identification. Nothing here imports DOLFINx."""
+"""Fabrics and metals at a point: laws, kernel, stability. Nothing here imports DOLFINx."""

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..runtime.errors import InputError
-from ..runtime.rules import above_zero, of_either_sign
+from ..core.errors import InputError
+from ..core.rules import above_zero, of_either_sign
 from .files import Several
 from .material import Parameters, parameter, parameters
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..runtime.rules import FROM_ZERO, Rule, above_zero
+from ..core.rules import FROM_ZERO, Rule, above_zero
 from .material import Parameters, parameter, parameters
 
 

@@ -5,7 +5,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..runtime.errors import InputError
+from ..core.errors import InputError
 from .hyperdual import HyperDual, Number
 
 

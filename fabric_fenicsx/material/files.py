@@ -7,10 +7,10 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from ..readers.units import OWN, UNITS, suffixes
-from ..runtime.errors import InputError
-from ..runtime.files import replace_file
-from ..runtime.rules import POSITIVE, SHARE, Rule, above_zero, did_you_mean, shown, unknown_key
+from ..core.errors import InputError
+from ..core.files import replace_file
+from ..core.rules import POSITIVE, SHARE, Rule, above_zero, did_you_mean, shown, unknown_key
+from ..io.units import OWN, UNITS, suffixes
 
 Document = dict[str, Any]  # of a TOML file: its keys, or those of a table
 T = TypeVar("T")

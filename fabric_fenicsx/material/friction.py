@@ -6,8 +6,8 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from ..runtime.errors import InputError
-from ..runtime.rules import above_zero
+from ..core.errors import InputError
+from ..core.rules import above_zero
 from .files import Several
 from .functions import negative, positive
 from .hyperdual import Number

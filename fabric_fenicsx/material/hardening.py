@@ -11,9 +11,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..runtime import rules as numbers
-from ..runtime.errors import InputError
-from ..runtime.rules import above_zero, not_negative
+from ..core import rules as numbers
+from ..core.errors import InputError
+from ..core.rules import above_zero, not_negative
 from .files import Document, Several
 from .material import Parameters, parameter, parameters
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..runtime.errors import SolverFailure
+from ..core.errors import SolverFailure
 from .laws import Law
 
 

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..runtime.errors import InputError
+from ..core.errors import InputError
 from .laws import Law
 from .strains import check_weave_angle, in_invariants, nominal_strain, shear_angle
 

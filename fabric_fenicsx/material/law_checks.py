@@ -4,9 +4,9 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from ..runtime.errors import InputError
-from ..runtime.formatting import rounded
-from ..runtime.rules import shown, unknown_key
+from ..core.errors import InputError
+from ..core.formatting import rounded
+from ..core.rules import shown, unknown_key
 from .energy import Energy
 
 COUPLINGS = ("biaxial", "tension_shear", "compression_shear")

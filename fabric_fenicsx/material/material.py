@@ -10,10 +10,10 @@ from typing import Any, ClassVar, Self
 
 import tomli_w
 
-from ..readers.units import suffixes
-from ..runtime.errors import InputError
-from ..runtime.fields import Kind, declared, documented
-from ..runtime.rules import POSITIVE, Rule, check_complete, unknown_key
+from ..core.errors import InputError
+from ..core.fields import Kind, declared, documented
+from ..core.rules import POSITIVE, Rule, check_complete, unknown_key
+from ..io.units import suffixes
 from .files import OWN_UNITS, SHEET, Document, Several, read_numbers, read_toml, write_whole
 from .hyperdual import Number
 

@@ -7,8 +7,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import ClassVar, Self
 
-from ..runtime.errors import InputError
-from ..runtime.rules import Rule, above_zero, check_complete, shown
+from ..core.errors import InputError
+from ..core.rules import Rule, above_zero, check_complete, shown
 from . import files
 from .files import OWN_UNITS, Document
 from .hardening import Hardening, Swift, hardening_from

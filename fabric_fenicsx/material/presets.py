@@ -6,8 +6,8 @@ from pathlib import Path
 from runpy import run_path
 from types import MappingProxyType
 
-from ..runtime.errors import InputError
-from ..runtime.rules import shown, unknown_key
+from ..core.errors import InputError
+from ..core.rules import shown, unknown_key
 from .files import preset_or_file, read_toml
 from .laws import LAWS, Law
 from .laws.coupled import WovenFabric, Yarn

@@ -2,7 +2,7 @@
 
 import math
 
-from ..runtime.rules import Rule
+from ..core.rules import Rule
 from .functions import atan, sqrt
 from .hyperdual import Number
 

@@ -1,0 +1,1 @@
+"""Results of runs: numbers, fields, wrinkles, flat patterns, exports, pictures, reports."""

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from ..scene import output
 from ..scene.scene import Scene
-from ..sheets.blank import Part
+from ..sheet.blank import Part
 from . import measures
 from .quantities import crumples
 from .result import Result

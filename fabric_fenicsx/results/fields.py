@@ -14,16 +14,16 @@ from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from .. import dolfinx_compat as compat
-from ..mechanics.output import Fields
-from ..postprocess.ply import SYMMETRIC, Grid
-from ..postprocess.states import save, triangulated, with_known_fields
-from ..runtime.collective_errors import on_all, on_root
-from ..runtime.files import replace_file
+from ..core.collective_errors import on_all, on_root
+from ..core.files import replace_file
+from ..energy.output import Fields
 from ..scene import output
 from ..scene.scene import Scene
-from ..sheets.blank import Blank
-from ..sheets.sheet_mesh import bounds
+from ..sheet.blank import Blank
+from ..sheet.sheet_mesh import bounds
 from .measures import planes_of_symmetry
+from .ply import SYMMETRIC, Grid
+from .states import save, triangulated, with_known_fields
 
 pyvista = lazy_loader.load("pyvista")
 

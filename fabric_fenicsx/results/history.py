@@ -6,9 +6,9 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from ..runtime.errors import InputError
-from ..runtime.files import plain
-from ..runtime.formatting import percent, rounded, share
+from ..core.errors import InputError
+from ..core.files import plain
+from ..core.formatting import percent, rounded, share
 from ..solve.progress import Accepted
 from .verdict import Numbers
 

@@ -7,9 +7,9 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 
-from ..postprocess.ply import SAME
 from ..scene.scene import Scene
-from ..sheets.blank import Blank, Part
+from ..sheet.blank import Blank, Part
+from .ply import SAME
 from .verdict import Numbers
 
 

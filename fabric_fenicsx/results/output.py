@@ -18,12 +18,12 @@ import petsc4py
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from ..runtime import timing
-from ..runtime.collective_errors import on_root
-from ..runtime.errors import InputError
-from ..runtime.files import csv_text, lock_folder, plain, replace_file
-from ..runtime.logs import MARKED, LogFile, log
-from ..runtime.version import __version__
+from ..core import timing
+from ..core.collective_errors import on_root
+from ..core.errors import InputError
+from ..core.files import csv_text, lock_folder, plain, replace_file
+from ..core.logs import MARKED, LogFile, log
+from ..core.version import __version__
 from . import report
 from .verdict import INVALID, OK, Numbers, Reason
 

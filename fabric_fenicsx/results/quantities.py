@@ -11,15 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from ..core.collective_errors import on_root
+from ..core.formatting import of_sheet, percent, rounded
+from ..energy.bending import Bending, shortest_wave
+from ..energy.materials import fabric_of
 from ..material.strains import CRUMPLED, SHORTENED, share_name
-from ..mechanics.materials import fabric_of
-from ..mechanics.shell.bending import Bending, shortest_wave
-from ..postprocess import shape
-from ..runtime.collective_errors import on_root
-from ..runtime.formatting import of_sheet, percent, rounded
 from ..scene.scene import Scene
-from ..sheets.blank import Part
-from . import measures
+from ..sheet.blank import Part
+from . import measures, shape
 from .measures import cells_of
 from .result import Result
 from .verdict import Numbers, Reason

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from datetime import datetime
 from pathlib import Path
 
-from ..runtime.formatting import rounded, with_error
+from ..core.formatting import rounded, with_error
 
 # what a person looks at first, where a run has it
 HEADLINES = {

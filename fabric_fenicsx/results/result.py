@@ -7,16 +7,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mechanics.output import Fields
-from ..postprocess import shape, states, structural
-from ..postprocess.ply import SAME, Grid, check_field
-from ..runtime.collective_errors import on_root
-from ..runtime.errors import InputError
-from ..runtime.formatting import rounded, with_error
+from ..core.collective_errors import on_root
+from ..core.errors import InputError
+from ..core.formatting import rounded, with_error
+from ..energy.output import Fields
 from ..scene import output
 from ..scene.scene import Scene
-from ..tools.tool import Tool
-from . import measures
+from ..surfaces.tool import Tool
+from . import measures, shape, states, structural
+from .ply import SAME, Grid, check_field
 from .verdict import Numbers
 
 
@@ -147,7 +146,7 @@ class Result:
         units = self.fields.units | output.nodal_fields(self.scene).units
 
         def draw():
-            from ..plot.pictures import OUTLIERS, maps
+            from .pictures import OUTLIERS, maps
 
             check_field(name, self.grid.point_data, self.grid.cell_data)
             maps(Path(path), self.grids, (name,), outliers=OUTLIERS, units=units)

@@ -7,10 +7,10 @@ from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from ..mechanics.work import Work
-from ..runtime.errors import InputError
-from ..runtime.formatting import percent, rounded, share
-from ..sheets.blank import Blank
+from ..core.errors import InputError
+from ..core.formatting import percent, rounded, share
+from ..energy.work import Work
+from ..sheet.blank import Blank
 from .supports import Support
 
 

@@ -4,10 +4,10 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from ..mechanics.output import arrays
-from ..mechanics.term import Term
-from ..mechanics.work import STATES
-from ..runtime.errors import InputError
+from ..core.errors import InputError
+from ..energy.output import arrays
+from ..energy.term import Term
+from ..energy.work import STATES
 
 OF_CELLS = "cells "  # begins the names of arrays in cells
 

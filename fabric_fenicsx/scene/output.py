@@ -6,11 +6,11 @@ import numpy as np
 from mpi4py import MPI
 
 from .. import dolfinx_compat as compat
-from ..mechanics.output import Content, Fields, merged
-from ..mechanics.shell.membrane import Membrane
-from ..mechanics.shell.membrane_warnings import band_warning, locking_warning, membrane_warnings
-from ..mechanics.term import overrides
-from ..tools.tool import Tool
+from ..energy.membrane import Membrane
+from ..energy.membrane_warnings import band_warning, locking_warning, membrane_warnings
+from ..energy.output import Content, Fields, merged
+from ..energy.term import overrides
+from ..surfaces.tool import Tool
 from .scene import Scene
 
 # names in every sheet, without terms

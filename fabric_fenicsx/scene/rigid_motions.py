@@ -6,10 +6,10 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from mpi4py import MPI
 
-from ..mechanics.term import Term, overrides
-from ..runtime.errors import InputError
-from ..sheets.blank import Blank
-from ..sheets.sheet_mesh import bounds
+from ..core.errors import InputError
+from ..energy.term import Term, overrides
+from ..sheet.blank import Blank
+from ..sheet.sheet_mesh import bounds
 from .dirichlet import FixedDofs
 from .supports import Support
 

@@ -8,13 +8,13 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from .. import dolfinx_compat as compat
-from ..mechanics.assembly import Assembly
-from ..mechanics.fingerprint import entries, of_values, plain
-from ..mechanics.term import Term, overrides
-from ..mechanics.term_checks import bind, check_answers
-from ..runtime.errors import InputError
-from ..runtime.timing import phase
-from ..sheets.blank import Blank
+from ..core.errors import InputError
+from ..core.timing import phase
+from ..energy.assembly import Assembly
+from ..energy.fingerprint import entries, of_values, plain
+from ..energy.term import Term, overrides
+from ..energy.term_checks import bind, check_answers
+from ..sheet.blank import Blank
 from .dirichlet import FixedDofs
 from .memory import memory_of, recall
 from .rigid_motions import check_held, is_held_by_friction

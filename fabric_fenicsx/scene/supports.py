@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..runtime.errors import InputError
-from ..runtime.formatting import rounded
-from ..runtime.rules import FINITE
-from ..sheets.blank import Blank
-from ..sheets.sheet_mesh import bounds
-from ..tools.values import checked_vector
+from ..core.errors import InputError
+from ..core.formatting import rounded
+from ..core.rules import FINITE
+from ..sheet.blank import Blank
+from ..sheet.sheet_mesh import bounds
+from ..surfaces.values import checked_vector
 
 
 @dataclass(frozen=True)

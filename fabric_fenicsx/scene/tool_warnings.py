@@ -6,12 +6,12 @@ from collections.abc import Iterable
 import numpy as np
 from mpi4py import MPI
 
-from ..mechanics.contact.interaction import ToolInteraction
-from ..mechanics.contact.tool_contact import Contact
-from ..runtime.formatting import rounded
-from ..sheets.blank import Blank
-from ..tools.checks import hole_warning, radius_over, size_warning
-from ..tools.tool import Tool
+from ..contact.interaction import ToolInteraction
+from ..contact.tool_contact import Contact
+from ..core.formatting import rounded
+from ..sheet.blank import Blank
+from ..surfaces.checks import hole_warning, radius_over, size_warning
+from ..surfaces.tool import Tool
 from . import output
 from .rigid_motions import planes_of_symmetry
 from .scene import Scene

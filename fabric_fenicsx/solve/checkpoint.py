@@ -16,11 +16,11 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from .. import dolfinx_compat as compat
-from ..runtime.collective_errors import on_root
-from ..runtime.errors import InputError
-from ..runtime.files import plain, replace_file
+from ..core.collective_errors import on_root
+from ..core.errors import InputError
+from ..core.files import plain, replace_file
 from ..scene.memory import OF_CELLS, rescale_loads
-from ..sheets.blank import Blank
+from ..sheet.blank import Blank
 from .progress import Progress, Viscosity
 
 # entry of a problem whose run has stages, {number of a stage: its steps}

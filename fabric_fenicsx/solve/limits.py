@@ -4,10 +4,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from ..core.fields import check_fields, documented, number
+from ..core.formatting import percent, rounded
+from ..core.rules import ABOVE_ZERO_OR_INF, POSITIVE
 from ..material.strains import CRUMPLED
-from ..runtime.fields import check_fields, documented, number
-from ..runtime.formatting import percent, rounded
-from ..runtime.rules import ABOVE_ZERO_OR_INF, POSITIVE
 
 GROUP = "limits, beyond which a result is invalid (exit status 3)"  # of options
 SENTENCES = {

@@ -4,7 +4,7 @@ import functools
 
 from petsc4py import PETSc
 
-from ..runtime.errors import InputError
+from ..core.errors import InputError
 
 PREFIX = "fabric_"  # of PETSc's options
 LINEAR_SOLVERS: dict[str, dict[str, str | float]] = {

@@ -4,8 +4,8 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from ..runtime.fields import check_fields, choice, documented, number, switch
-from ..runtime.rules import COUNT, POSITIVE, Rule
+from ..core.fields import check_fields, choice, documented, number, switch
+from ..core.rules import COUNT, POSITIVE, Rule
 from .limits import Limits
 from .linear import LINEAR_SOLVERS
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from ..runtime.formatting import percent, share
+from ..core.formatting import percent, share
 
 UNBALANCED = 0.02  # of the energies, above which a run warns that its work does not match
 MAX_MISSING = 0.1  # of all work, at full load

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..runtime.formatting import rounded, share
+from ..core.formatting import rounded, share
 from . import step_criteria
 from .newton import Newton
 from .prediction import keep_contact, predict

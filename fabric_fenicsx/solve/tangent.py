@@ -3,7 +3,7 @@
 import numpy as np
 from petsc4py import PETSc
 
-from ..runtime.timing import phase
+from ..core.timing import phase
 from ..scene.scene import Scene
 from . import linear
 from .report import Report, SolveFailed, Termination

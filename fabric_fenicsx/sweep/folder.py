@@ -11,10 +11,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from ..core.errors import InputError
+from ..core.files import lock_folder, plain, read_summary, replace_file
+from ..core.rules import did_you_mean
 from ..results.verdict import INVALID
-from ..runtime.errors import InputError
-from ..runtime.files import lock_folder, plain, read_summary, replace_file
-from ..runtime.rules import did_you_mean
 from .varied import Values, folder_name, label
 
 REFINED = "finer", "finest"  # folders of a run's own runs on the cells that waves need

@@ -5,10 +5,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..forming.press import Press
-from ..forming.schema import OF_ALL_PLIES, short_forms
+from ..core.ranks import on_ranks
 from ..material.presets import read_laws
-from ..runtime.ranks import on_ranks
+from ..press.press import Press
+from ..press.schema import OF_ALL_PLIES, short_forms
 from .varied import Range, Values, changes
 
 

@@ -5,8 +5,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..runtime.errors import InputError
-from ..runtime.files import replace_file
+from ..core.errors import InputError
+from ..core.files import replace_file
 
 SCRIPT = """\
 #!/bin/bash

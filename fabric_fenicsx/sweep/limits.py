@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..runtime.errors import InputError
-from ..runtime.formatting import rounded
+from ..core.errors import InputError
+from ..core.formatting import rounded
 from .folder import Run
 from .varied import is_wide, number, short_names, spelled
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..plot.pictures import curves, figure, maps
-from ..postprocess import states
+from ..results import states
+from ..results.pictures import curves, figure, maps
 from .folder import Run, force_name
 from .scatter import BOUNDS
 from .varied import is_wide, label, number

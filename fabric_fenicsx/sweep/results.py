@@ -4,10 +4,10 @@ import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from ..core.errors import NOT_BELIEVED
+from ..core.files import csv_text, replace_file
+from ..core.formatting import rounded
 from ..results import report
-from ..runtime.errors import NOT_BELIEVED
-from ..runtime.files import csv_text, replace_file
-from ..runtime.formatting import rounded
 from .folder import Run, SweepFolder, force_name
 from .pictures import draw
 from .varied import number, short_names

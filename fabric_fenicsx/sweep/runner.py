@@ -11,11 +11,11 @@ from contextlib import suppress
 from pathlib import Path
 from threading import RLock
 
-from ..runtime.errors import NOT_BELIEVED, InputError, Interrupted
-from ..runtime.files import failure_reason
-from ..runtime.formatting import rounded
-from ..runtime.ranks import RANKS_ENVIRONMENT
-from ..runtime.status import shown, task
+from ..core.errors import NOT_BELIEVED, InputError, Interrupted
+from ..core.files import failure_reason
+from ..core.formatting import rounded
+from ..core.ranks import RANKS_ENVIRONMENT
+from ..core.status import shown, task
 from .folder import Run, SweepFolder
 from .form import Form
 from .varied import Values

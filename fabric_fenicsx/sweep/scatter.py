@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.stats import qmc
 
-from ..runtime.errors import SolverFailure
-from ..runtime.formatting import percent, rounded, with_error
+from ..core.errors import SolverFailure
+from ..core.formatting import percent, rounded, with_error
 from .folder import Run
 from .varied import Range, Values, short_names, spelled
 

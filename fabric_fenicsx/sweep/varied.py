@@ -6,7 +6,7 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
-from ..runtime.errors import InputError
+from ..core.errors import InputError
 
 Values = Mapping[str, str]  # of a run {key: value as the press file would have it}
 

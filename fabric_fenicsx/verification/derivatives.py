@@ -6,15 +6,15 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 
+from ..core.errors import InputError
+from ..core.rules import FINITE, POSITIVE
+from ..energy.assembly import Assembly
+from ..energy.term import Term
+from ..energy.term_checks import check_answers
 from ..material.laws import Law
-from ..mechanics.assembly import Assembly
-from ..mechanics.term import Term
-from ..mechanics.term_checks import check_answers
-from ..runtime.errors import InputError
-from ..runtime.rules import FINITE, POSITIVE
 from ..scene.scene import Scene
-from ..tools.implicit import ImplicitSurface
-from ..tools.surfaces import Surface
+from ..surfaces.implicit import ImplicitSurface
+from ..surfaces.surfaces import Surface
 
 DIFFERENCE_TOLERANCE = 1e-4  # over the largest of its kind
 

@@ -36,7 +36,7 @@ def with_lost_ellipticity(grid: Any) -> Any:
 
 def shear_contrast(grid: Any) -> float:
     """Contrast of the shear angle of a ply's PyVista grid [deg], as in `postprocess.shape`."""
-    from fabric_fenicsx.postprocess import shape
+    from fabric_fenicsx.results import shape
 
     return float(np.degrees(shape.contrast(grid, "shear_angle")))
 

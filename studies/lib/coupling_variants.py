@@ -1,7 +1,7 @@
 """A fabric with and without its couplings, as studies compare them."""
 
+from fabric_fenicsx.core.errors import InputError
 from fabric_fenicsx.material.laws import Law
-from fabric_fenicsx.runtime.errors import InputError
 
 
 def coupling_variants(fabric: Law) -> dict[str, Law]:

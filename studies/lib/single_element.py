@@ -7,17 +7,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fabric_fenicsx.core.errors import SolverFailure
+from fabric_fenicsx.energy.membrane import Membrane
+from fabric_fenicsx.io.units import DEG
 from fabric_fenicsx.material.homogeneous import conjugate, gradient, lateral_strain
 from fabric_fenicsx.material.kernel import evaluate
 from fabric_fenicsx.material.laws import Law
 from fabric_fenicsx.material.laws.base import stresses_of_energy
-from fabric_fenicsx.mechanics.shell.membrane import Membrane
-from fabric_fenicsx.readers.units import DEG
-from fabric_fenicsx.runtime.errors import SolverFailure
 from fabric_fenicsx.scene import output
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import rolling_ends
-from fabric_fenicsx.sheets.blank import Blank
+from fabric_fenicsx.sheet.blank import Blank
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.settings import Settings
 from fabric_fenicsx.solve.stepping import LoadStepping

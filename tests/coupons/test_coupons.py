@@ -4,8 +4,8 @@ import meshio
 import pytest
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.sheets.meshing import modelled_share
+from fabric_fenicsx.sheet.meshing import modelled_share
+from fabric_fenicsx.sheet.specimen import specimen
 
 
 def test_a_strip_of_less_than_two_widths_is_refused():

@@ -10,6 +10,7 @@ from scipy import stats
 from scipy.optimize import curve_fit
 from synthetic_curves import synthesise
 
+from fabric_fenicsx.core.errors import InputError
 from fabric_fenicsx.identification import curves as data
 from fabric_fenicsx.identification import draw, identify
 from fabric_fenicsx.identification.curves import Curve, Response, Sheet
@@ -17,7 +18,6 @@ from fabric_fenicsx.identification.curves.forces import response as predicted
 from fabric_fenicsx.identification.problem import true_values
 from fabric_fenicsx.material.homogeneous import nominal
 from fabric_fenicsx.material.presets import PRESETS
-from fabric_fenicsx.runtime.errors import InputError
 
 KOMEILI = PRESETS["komeili"]
 SHEET = Sheet("x", 1.0, 0.75, True)

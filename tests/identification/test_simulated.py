@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from synthetic_curves import bias_test
 
+from fabric_fenicsx.core.errors import SolverFailure
 from fabric_fenicsx.identification import identify, identify_simulated
 from fabric_fenicsx.identification.curves import Sheet
 from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.runtime.errors import SolverFailure
 
 SHEET = Sheet("glass", 1.2, 0.619, True)
 GAMMA = np.radians(np.arange(5.0, 50, 5))

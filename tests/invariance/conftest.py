@@ -5,7 +5,7 @@ import logging
 import pytest
 import pyvista
 
-from fabric_fenicsx.forming import placement
+from fabric_fenicsx.press import placement
 from fabric_fenicsx.results import fields
 
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
-from fabric_fenicsx.forming.holders import EDGES, Region
+from fabric_fenicsx.press.holders import EDGES, Region
 
 KINDS = {"triangle": "triangle", "quadrilateral": "quad"}
 MIRROR = np.diag([-1.0, 1.0, 1.0])

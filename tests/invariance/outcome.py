@@ -1,7 +1,7 @@
 """What a run gives, as numbers that are compared."""
 
-from fabric_fenicsx.postprocess.ply import plan_area, ply_of, whole
-from fabric_fenicsx.postprocess.wrinkles import MIN_RIDGE
+from fabric_fenicsx.results.ply import plan_area, ply_of, whole
+from fabric_fenicsx.results.wrinkles import MIN_RIDGE
 
 KINDS = ("strain", "bending", "metal", "plastic", "friction", "viscous", "external_work")
 NAMES = ("shear_angle_max_deg", "shear_angle_99_percent_deg", "thickness_min_mm")

@@ -8,7 +8,7 @@ import numpy as np
 import pyvista
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.forming.holders import Region
+from fabric_fenicsx.press.holders import Region
 
 KOMEILI = ff.load("komeili")
 # warp and weft differ, so that a change that takes one for the other is seen

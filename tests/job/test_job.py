@@ -15,12 +15,12 @@ from builders import COARSE, COMM, said
 from dolfinx import fem
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.core.ranks import RANKS_ENVIRONMENT, on_ranks
 from fabric_fenicsx.job import dry_run
 from fabric_fenicsx.job.observers import ProgressLog
 from fabric_fenicsx.job.setup import Observer
-from fabric_fenicsx.postprocess.states import states
 from fabric_fenicsx.results.output import Output
-from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT, on_ranks
+from fabric_fenicsx.results.states import states
 
 
 @pytest.mark.mpi

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.core.errors import InputError
 from fabric_fenicsx.material.compaction import growth, log_compaction
-from fabric_fenicsx.runtime.errors import InputError
 
 KOMEILI = ff.load("komeili")
 

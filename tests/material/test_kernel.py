@@ -9,12 +9,12 @@ import ufl
 from mpi4py import MPI
 
 from fabric_fenicsx import dolfinx_compat as compat
+from fabric_fenicsx.core.errors import InputError
+from fabric_fenicsx.energy.membrane_energy import energy_density
 from fabric_fenicsx.material import kernel
 from fabric_fenicsx.material.laws import COUPLINGS
 from fabric_fenicsx.material.laws.tabulated import Curve, TabulatedFabric
 from fabric_fenicsx.material.presets import PRESETS
-from fabric_fenicsx.mechanics.membrane_energy import energy_density
-from fabric_fenicsx.runtime.errors import InputError
 
 
 def relative(value, reference):

@@ -5,7 +5,7 @@ import pytest
 from fabrics import LAW58, TABLE
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.core.errors import InputError
 
 KOMEILI = ff.load("komeili")
 FABRIC = KOMEILI.dumps() + "[scatter]\n"

@@ -9,11 +9,11 @@ from scipy.spatial import cKDTree
 
 import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
-from fabric_fenicsx.postprocess.ply import grid_of
-from fabric_fenicsx.postprocess.states import _drop_units, read_state, save
-from fabric_fenicsx.postprocess.states import units as state_units
+from fabric_fenicsx.core.errors import InputError
 from fabric_fenicsx.results.fields import FieldSeries, yarn_coordinates
-from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.results.ply import grid_of
+from fabric_fenicsx.results.states import _drop_units, read_state, save
+from fabric_fenicsx.results.states import units as state_units
 from fabric_fenicsx.scene import output as reports
 
 LENGTH, WIDTH = 60.0, 40.0

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from fabric_fenicsx.core.errors import InputError
 from fabric_fenicsx.results.history import History, energy_balance, viscous_warning
-from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.solve.progress import Accepted
 from fabric_fenicsx.solve.report import Report
 

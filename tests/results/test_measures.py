@@ -5,8 +5,8 @@ import pytest
 from builders import COMM
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.results import measures
+from fabric_fenicsx.sheet.specimen import specimen
 
 
 @pytest.mark.mpi

@@ -10,7 +10,7 @@ from made_results import made, strip
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.mechanics.output import Fields
+from fabric_fenicsx.energy.output import Fields
 from fabric_fenicsx.results import quantities
 
 SHEAR = -0.9, 0.1, 0.2, 0.3, 0.4, 0.6

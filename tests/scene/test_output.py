@@ -7,7 +7,7 @@ import pytest
 from builders import Elastic, sheet
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.mechanics import output as values
+from fabric_fenicsx.energy import output as values
 from fabric_fenicsx.scene import output
 from fabric_fenicsx.scene.memory import rescale_loads
 

@@ -7,7 +7,7 @@ import pytest
 from bench.strips import curve_distance
 
 from fabric_fenicsx.coupons.pin_jointed import PinJointedStrip
-from fabric_fenicsx.postprocess.states import read_state
+from fabric_fenicsx.results.states import read_state
 
 ROOT = Path(__file__).parents[2]
 REFERENCE = ROOT / "studies" / "reference"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from builders import said
 
-from fabric_fenicsx.postprocess.states import read_state
+from fabric_fenicsx.results.states import read_state
 from fabric_fenicsx.studies.lib import compression_parameters
 
 EXACT = "--tolerance", 1e-9, "--path-tolerance", 1e-8, "--viscosity", "off", "--no-pictures"

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from fabric_fenicsx.forming.press import EXAMPLES
+from fabric_fenicsx.press.press import EXAMPLES
 
 PRESS = EXAMPLES / "hemisphere.toml"
 

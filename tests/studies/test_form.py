@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.command_line.press_study import PressStudy, press_parser
-from fabric_fenicsx.forming.press import EXAMPLES
+from fabric_fenicsx.cli.press_study import PressStudy, press_parser
+from fabric_fenicsx.press.press import EXAMPLES
 
 PRESS = EXAMPLES / "hemisphere.toml"
 SMALL = PRESS, "--set", "blank.nx=4", "--steps", 2, "--balance", 9, "--no-pictures"

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from builders import COMM
 
-from fabric_fenicsx.plot import forming_pictures
-from fabric_fenicsx.postprocess.states import read_state
+from fabric_fenicsx.results import forming_pictures
+from fabric_fenicsx.results.states import read_state
 
 SHEETS = ["lower metal", "lower", "middle", "upper", "upper metal"]
 

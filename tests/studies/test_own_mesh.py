@@ -7,10 +7,10 @@ import pytest
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.command_line.study import Study, parser
+from fabric_fenicsx.cli.study import Study, parser
+from fabric_fenicsx.core.errors import InputError
 from fabric_fenicsx.coupons.tensile import Tensile
-from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.sheet.specimen import specimen
 
 COMM = MPI.COMM_WORLD
 

@@ -5,7 +5,7 @@ import pytest
 from builders import dome
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.command_line.study import Study, parser
+from fabric_fenicsx.cli.study import Study, parser
 from fabric_fenicsx.coupons.tensile import Tensile
 
 FABRIC = ff.load("komeili")

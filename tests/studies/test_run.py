@@ -18,12 +18,12 @@ import pytest
 import pyvista
 from mpi4py import MPI
 
-from fabric_fenicsx.command_line.study import Study, parser
+from fabric_fenicsx.cli.study import Study, parser
+from fabric_fenicsx.core.errors import InputError
+from fabric_fenicsx.core.files import lock_folder
+from fabric_fenicsx.core.ranks import RANKS_ENVIRONMENT, on_ranks
 from fabric_fenicsx.coupons.tensile import Tensile
-from fabric_fenicsx.postprocess.states import read_state
-from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.runtime.files import lock_folder
-from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT, on_ranks
+from fabric_fenicsx.results.states import read_state
 
 COMM = MPI.COMM_WORLD
 ROOT = Path(__file__).parents[2]

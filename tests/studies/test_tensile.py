@@ -139,7 +139,7 @@ def test_a_comparison_goes_on_where_it_was_killed(launch):
 
 
 def test_a_sheet_without_a_middle(launch, tmp_path):
-    from fabric_fenicsx.meshes.specimen import specimen
+    from fabric_fenicsx.sheet.specimen import specimen
 
     x, cells, kind = specimen(nx=20, ny=5)
     cells = cells[np.linalg.norm(x[cells].mean(1) - [100, 25, 0], axis=1) > 8]

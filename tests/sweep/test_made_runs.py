@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fabric_fenicsx.runtime.errors import SolverFailure
+from fabric_fenicsx.core.errors import SolverFailure
 from fabric_fenicsx.sweep import pictures, results, scatter
 from fabric_fenicsx.sweep.folder import Run
 from fabric_fenicsx.sweep.limits import below

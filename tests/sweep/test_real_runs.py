@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from fabric_fenicsx.command_line import sweep
-from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.cli import sweep
+from fabric_fenicsx.core.errors import InputError
 from fabric_fenicsx.sweep.form import Form
 
 EXAMPLE = Path(__file__).parents[2] / "studies/presses/hemisphere.toml"

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from fabric_fenicsx.command_line import sweep
-from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.runtime.files import lock_folder
+from fabric_fenicsx.cli import sweep
+from fabric_fenicsx.core.errors import InputError
+from fabric_fenicsx.core.files import lock_folder
 from fabric_fenicsx.sweep import varied
 from fabric_fenicsx.sweep.form import Form
 

@@ -7,7 +7,7 @@ import pytest
 from nets.relaxed_net import relaxed_net
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.runtime.rules import above_zero
+from fabric_fenicsx.core.rules import above_zero
 
 
 @dataclass(frozen=True)

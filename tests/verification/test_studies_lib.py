@@ -10,7 +10,7 @@ from builders import sheet
 import fabric_fenicsx as ff
 from fabric_fenicsx.material import stability
 from fabric_fenicsx.material.laws import LAWS
-from fabric_fenicsx.postprocess import shape
+from fabric_fenicsx.results import shape
 from fabric_fenicsx.studies.lib import compression_parameters as parameters
 from fabric_fenicsx.studies.lib.single_element import compare
 from fabric_fenicsx.studies.lib.stability_maps import kernel_difference, stability_maps

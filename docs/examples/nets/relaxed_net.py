@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import minimize
 
+from fabric_fenicsx.core.errors import InputError
 from fabric_fenicsx.material.laws.base import Law
-from fabric_fenicsx.runtime.errors import InputError
 
 
 class RelaxedNet(NamedTuple):

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ...readers.text_tables import some
-from ...runtime.errors import InputError
+from ...core.errors import InputError
+from ...io.text_tables import some
 from .model import Table, unit_inside
 
 NOISE = 0.01  # of its range, by which a column may go back or begin below 0

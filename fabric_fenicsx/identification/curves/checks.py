@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from ...runtime.errors import InputError
-from ...runtime.formatting import rounded
+from ...core.errors import InputError
+from ...core.formatting import rounded
 from .forces import bias_angle
 from .model import STRAINS, TESTS, Curve, Table, unit_inside, units
 

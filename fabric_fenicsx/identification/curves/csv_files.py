@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...readers.text_tables import Problems, read_lines, table_of, values_of
-from ...readers.units import factors
-from ...runtime.errors import InputError
-from ...runtime.rules import unknown_key
+from ...core.errors import InputError
+from ...core.rules import unknown_key
+from ...io.text_tables import Problems, read_lines, table_of, values_of
+from ...io.units import factors
 from . import checks
 from .branch import from_zero, kept, loading_branch, way_back
 from .forces import MEASURES, image_angle, of_fabric, response

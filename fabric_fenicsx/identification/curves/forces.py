@@ -15,7 +15,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...runtime.errors import InputError
+from ...core.errors import InputError
 from .model import Response, unit_inside
 
 Lengths = Mapping[str, float]

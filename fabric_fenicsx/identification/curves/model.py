@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...readers.units import ANGLE, PER_WIDTH, STRAIN, factors, stresses
+from ...io.units import ANGLE, PER_WIDTH, STRAIN, factors, stresses
 
 MIN_POINTS = 5
 STRAINS = ("eps_a", "eps_b", "gamma")

@@ -3,6 +3,10 @@
 import dataclasses
 from pathlib import Path
 
+from ...core.errors import InputError
+from ...core.files import ending
+from ...core.rules import check_complete, unknown_key
+from ...io.text_tables import Problems
 from ...material.files import (
     FIBRES,
     read_numbers,
@@ -12,10 +16,6 @@ from ...material.files import (
     take_units,
 )
 from ...material.laws.coupled import SHEAR, YARN
-from ...readers.text_tables import Problems
-from ...runtime.errors import InputError
-from ...runtime.files import ending
-from ...runtime.rules import check_complete, unknown_key
 from . import checks
 from .csv_files import read_test
 from .model import COLUMNS, KEYS, CompactionTest, Curve, Sheet

@@ -8,9 +8,9 @@ from typing import Self
 
 import numpy as np
 
-from ...readers.units import OWN
-from ...runtime.errors import InputError
-from ...runtime.rules import FINITE, POSITIVE, Rule, check_complete, shown, unknown_key
+from ...core.errors import InputError
+from ...core.rules import FINITE, POSITIVE, Rule, check_complete, shown, unknown_key
+from ...io.units import OWN
 from .. import files, law_checks
 from ..bending import MeasuredBending
 from ..compaction import Compaction

@@ -8,8 +8,8 @@ from typing import Self
 
 import numpy as np
 
-from ...runtime.errors import InputError
-from ...runtime.rules import (
+from ...core.errors import InputError
+from ...core.rules import (
     Rule,
     above_zero,
     check_complete,

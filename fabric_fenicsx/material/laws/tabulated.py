@@ -11,11 +11,11 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...readers.text_tables import columns_of, read_lines, table_of
-from ...readers.units import ANGLE, STRAIN, stresses
-from ...runtime.errors import InputError
-from ...runtime.formatting import percent
-from ...runtime.rules import check_complete, shown
+from ...core.errors import InputError
+from ...core.formatting import percent
+from ...core.rules import check_complete, shown
+from ...io.text_tables import columns_of, read_lines, table_of
+from ...io.units import ANGLE, STRAIN, stresses
 from ..energy import Derivatives, Range
 from ..files import Document, take_units
 from ..functions import where

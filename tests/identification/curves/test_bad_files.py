@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from curve_texts import BIAS, FREE, SHEET, UNIAXIAL, WIDENED, folder
 
+from fabric_fenicsx.core.errors import InputError
 from fabric_fenicsx.identification import curves as data
-from fabric_fenicsx.runtime.errors import InputError
 
 NARROW = "allowed is at most 0, free sides narrow (is its sign turned?)"
 CASES = [

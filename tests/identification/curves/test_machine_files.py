@@ -7,8 +7,8 @@ import pytest
 from curve_texts import BIAS, SHEET, folder
 from synthetic_curves import bias_displacement
 
+from fabric_fenicsx.core.errors import InputError
 from fabric_fenicsx.identification import curves as data
-from fabric_fenicsx.runtime.errors import InputError
 
 KEYS = "# test: bias_extension\n# height: 230 mm\n# width: 115 mm\n"
 ROWS = [(2.5, 0.29), (6, 0.95), (12, 2.1), (17.25, 1058.5), (21, 1450.25)]

@@ -8,6 +8,7 @@ from builders import sheet
 from fabrics import LAW58, TABLE
 
 from fabric_fenicsx import InputError, Membrane, Scene, load
+from fabric_fenicsx.core.rules import above_zero
 from fabric_fenicsx.material import functions
 from fabric_fenicsx.material.functions import exp, negative, positive, sqrt
 from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
@@ -15,7 +16,6 @@ from fabric_fenicsx.material.hyperdual import HyperDual
 from fabric_fenicsx.material.laws import COUPLINGS, LAWS, Law
 from fabric_fenicsx.material.laws.coupled import WovenFabric
 from fabric_fenicsx.material.presets import PRESETS
-from fabric_fenicsx.runtime.rules import above_zero
 from fabric_fenicsx.studies.lib.coupling_variants import coupling_variants
 
 

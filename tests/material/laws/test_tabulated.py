@@ -5,9 +5,9 @@ import pytest
 from fabrics import TABLE
 from scipy.integrate import quad
 
+from fabric_fenicsx.core.errors import InputError
 from fabric_fenicsx.material.laws.tabulated import Curve
 from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.runtime.errors import InputError
 
 
 def test_curve_keeps_points_monotony_and_a_twice_continuous_energy():

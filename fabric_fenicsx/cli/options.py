@@ -1,0 +1,132 @@
+"""Options and exit status, shared by scripts that need no DOLFINx."""
+
+import argparse
+import os
+import re
+import shlex
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from ..core.errors import NOT_BELIEVED, InputError, Interrupted
+from ..core.files import unwritable
+from ..core.ranks import on_ranks
+from ..core.rules import Rule
+from ..io.field import OfPlace
+
+STUDIES = Path(__file__).parents[1] / "studies"  # a link in the repository, a copy where installed
+
+
+def asks_for_help(words: Sequence[str]) -> bool:
+    """Whether the words of a command line ask for help, so that nothing else is to be printed."""
+    return not {"-h", "--help"}.isdisjoint(words)
+
+
+def exit_status(error: Exception) -> tuple[int, str]:
+    """Status and words to leave with for an InputError or OSError (2), SolverFailure or Interrupted
+    (3)."""
+    error = unwritable(error) if isinstance(error, OSError) else error
+    if isinstance(error, InputError):
+        return 2, f"error: {error}"
+    words = str(error)
+    ended = isinstance(error, Interrupted) or words.startswith(NOT_BELIEVED)
+    return 3, words if ended else f"stopped: {words}"
+
+
+def program(name: str) -> str:
+    """First words of the command that started study `name`: `fabric` or a script."""
+    script = Path(sys.argv[0])
+    by_fabric = script.parent == STUDIES
+    return f"fabric {name}" if by_fabric else f"{script.parent.name}/{script.name}"
+
+
+def restart_command(ranks: int = 1) -> str:
+    """Command that starts this program anew, without --resume and --overwrite."""
+    options = [word for word in sys.argv[1:] if word not in ("--resume", "--overwrite")]
+    script, here = Path(sys.argv[0]), f"{Path.cwd()}/"
+    start = ["-m", "fabric_fenicsx", script.stem] if script.parent == STUDIES else [str(script)]
+    words = [sys.executable.removeprefix(here), *start, *options]
+    mpirun = on_ranks(ranks)[0].removeprefix(here).removesuffix(".openmpi")
+    return (f"{mpirun} -n {ranks} " if ranks > 1 else "") + shlex.join(words)
+
+
+def spelled(name: str) -> str:
+    """The option of a parameter of this name."""
+    return "--" + name.replace("_", "-")
+
+
+def option_type(rule: Rule) -> Callable[[str], object]:
+    """An argparse type of the numbers that `rule` allows, or of files of points where it does."""
+
+    def convert(text: str) -> object:
+        if isinstance(rule, OfPlace) and os.path.isfile(text):
+            return os.path.abspath(text)
+        try:
+            return rule.check("", float(text))
+        except (ValueError, InputError):
+            flaw = f"{text} is not allowed; allowed is {rule.allowed}"
+            raise argparse.ArgumentTypeError(flaw) from None
+
+    return convert
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser that raises InputError, where argparse would print its usage and leave.
+    `free`: names of the options that a resumed run may change; all others define the problem."""
+
+    # what most runs are told, first in the help of a study
+    USUAL = (
+        *("--material", "--length", "--width", "--strain", "--nx", "--steps", "--quick"),
+        *("--out", "--overwrite", "--resume"),
+    )
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(allow_abbrev=False, formatter_class=HelpFormatter, **settings)
+        self.free: set[str] = set()
+        self._groups: dict[str, argparse._ArgumentGroup] = {}
+        self._group: argparse._ActionsContainer = self
+
+    def group(self, title: str) -> None:
+        """Add the options that follow to the group of this title."""
+        if title not in self._groups:
+            self._groups[title] = self.add_argument_group(title)
+        self._group = self._groups[title]
+
+    def option(self, *names: str, free: bool = False, **settings: Any) -> None:
+        """Add an option, as argparse's add_argument; free: a resumed run may change it."""
+        group = self._groups.get("usual") if names[0] in self.USUAL else None
+        action = (group or self._group).add_argument(*names, **settings)
+        self.free |= {action.dest} if free else set()
+
+    def switch(self, name: str, words: str) -> None:
+        """Add an option without a value, which a resumed run may change."""
+        self.option(name, action="store_true", help=words, free=True)
+
+    def format_help(self) -> str:
+        """Argparse's help, with parameters as options."""
+        return self.translated(super().format_help())
+
+    def translated(self, text: str) -> str:
+        """A message with its parameters as options: `resume=True` as --resume, `steps=3` as
+        --steps 3 and `Limits.strain` as --max-strain; other words stay."""
+
+        def option(match: re.Match[str]) -> str:
+            name = spelled(("max_" if match[1] else "") + match[2])
+            if name not in self._option_string_actions:
+                return match[0]
+            return name if match[3] in (None, "True") else f"{name} {match[3]}".replace('"', "")
+
+        return re.sub(r'`(Limits\.)?(\w+)(?:=(\w+|"[^"`]*"))?`', option, text)
+
+    def error(self, message: str) -> NoReturn:
+        """Raise InputError with what argparse says."""
+        raise InputError(f"{message}; --help tells what is allowed")
+
+
+class HelpFormatter(argparse.ArgumentDefaultsHelpFormatter):
+    """Tells defaults, where there is one to tell."""
+
+    def _get_help_string(self, action):
+        has_default = action.default not in (None, False, [])
+        return super()._get_help_string(action) if has_default else action.help

@@ -1,0 +1,92 @@
+"""A study of a press in a file."""
+
+from typing import Any
+
+from ..core.fields import declared
+from ..material.presets import read_laws
+from ..press.press import Press
+from ..press.schema import OF_ALL_PLIES, short_forms
+from ..results.result import Result
+from ..sheet.sheet import Sheet
+from ..solve.limits import Limits
+from .options import Parser, program, spelled
+from .study import Study, add_material, add_output, add_solver, kind_of_option
+
+
+def press_parser(description: str | None, name: str = Press.NAME, press: str = "") -> Parser:
+    """The parser of a study of the example `press`, by default of the press that is named."""
+    usage = f"%(prog)s {'' if press else 'press.toml '}[option ...]"
+    p = Parser(prog=program(name), usage=usage, description=description)
+    p.set_defaults(file=press)
+    if not press:
+        words = "the press: blank, tools, holders, stages; or the name of one in studies/presses"
+        p.option("file", metavar="press.toml", help=words, free=True)
+    p.group("usual")
+    p.group("press")
+    several = {"action": "append", "metavar": "KEY=VALUE", "default": []}
+    words = "change an entry of the file, as tools.punch.radius=40"
+    p.option("--set", **several, help=words, free=True)
+    p.group("all plies, in place of what the press says")
+    for each in declared(Sheet):
+        if each.name in OF_ALL_PLIES:
+            how = kind_of_option(each.metadata)
+            p.option(spelled(each.name), help=each.metadata["help"], free=True, **how)
+    add_material(p, None)
+    add_solver(p, Press)
+    add_output(p, name)
+    # which the press says
+    from_press = dict.fromkeys(["steps", *(f"max_{each.name}" for each in declared(Limits))])
+    sizes = {False: Press.FULL, True: Press.QUICK}
+    p.set_defaults(_sizes=sizes, **dict(Press.SOLVER) | from_press)
+    return p
+
+
+class PressStudy(Study):
+    """A running study of a press, whose file names the fabric."""
+
+    def read_fabric(self) -> None:
+        """None: the fabric is known when the press is read."""
+        if self.args.law_file:
+            read_laws(self.args.law_file)
+
+    def read(self, *changes: str) -> Press:
+        """The press of the options, with these changes before theirs; with --quick its cells are
+        twice as large and its steps a third as many."""
+        args = self.args
+        changes = *changes, *short_forms(vars(args)), *args.set
+        press = Press.read(args.file, changes).with_fabrics(self.coupled)
+        asked = {name: value for name, value in vars(args).items() if value is not None}
+        limits = {f"max_{each.name}": getattr(press.limits, each.name) for each in declared(Limits)}
+        vars(args).update(limits | asked)
+        args.stop_when_invalid |= press.stop_when_invalid
+        self.fabric = press.fabric
+        for doubt in press.fabric.plausibility_warnings():
+            self.warn(doubt)
+        if args.quick:
+            made = press.build(self.comm)
+            if coarser := made.coarser():
+                press = press.replace(sheets=coarser.sheets)
+            args.steps = args.steps or max(len(made.schedule.stages), made.schedule.steps // 3)
+        return press
+
+    def more_runs(self, setup: Any) -> dict[str, float]:
+        """As in `Study`: on finer cells, and of the whole blank."""
+        given, whole = vars(self.args), 1 / setup.data.share
+        more = {"--refine, if waves need cells half as long,": 4.0} if given.get("refine") else {}
+        if given.get("disturb"):
+            after = {f"--disturb after {name}": whole * cells for name, cells in more.items()}
+            more |= {"--disturb": whole} | after
+        return more
+
+    def problem(self, setup: Any) -> dict[str, Any]:
+        """As in `Study`, with the press."""
+        return super().problem(setup) | setup.fingerprint()
+
+    def run(self, setup: Any, part: str = "") -> Result:
+        """As in `Study`; the press, as it was read and changed, is kept beside the results."""
+        folder = self.output.path / part
+        try:
+            return super().run(setup, part)
+        finally:
+            if self.comm.rank == 0 and (folder / "summary.json").exists():
+                setup.data.write(folder / "press.toml")

@@ -1,0 +1,134 @@
+"""`fabric export`, `pattern` and `view`: commands on the results of a forming run."""
+
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.files import ending, failure_reason, replace_file
+from ..core.formatting import rounded
+from ..core.rules import POSITIVE, unknown_key
+from ..io.outline_files import read_trim_line
+from ..results import pattern, states, structural, view
+from ..results.ply import planes_of
+from .options import Parser, option_type
+
+PLANE = '"z=5" (what is above it), or "x,y,z,nx,ny,nz": a point [mm] and the normal to what is kept'
+
+
+def run(command: str, words: Sequence[str]) -> None:
+    """Run a command with these words. Raises InputError, and OSError for files."""
+    how = {"export": _export, "pattern": _pattern, "view": _view}[command]
+    parser = Parser(prog=f"fabric {command}", description=how.__doc__)
+    parser.add_argument("folder", metavar="DIR", help="results of a run")
+    args = how(parser, words)
+    if reason := failure_reason(Path(args.folder) / "summary.json"):
+        print(f"warning: the run in {args.folder} did not end well: {reason}", file=sys.stderr)
+
+
+def _export(parser, words):
+    """Formed plies with thickness and yarns, for a structural analysis."""
+    kinds = ".vtu (VTK), .inp (Abaqus), .k or .key (LS-DYNA), .bdf or .nas (Nastran)"
+    parser.add_argument("file", metavar="FILE", help=f"to write, as its ending says: {kinds}")
+    modelled = "what was modelled, as a quarter (default: the whole part)"
+    parser.add_argument("--modelled", action="store_true", help=modelled)
+    args = parser.parse_args(words)
+    grids = states.read_grids(args.folder)
+    labels = states.set_labels(grids) if ending(args.file) == ".inp" else {}
+    for name, ply in structural.export(grids, args.file, args.modelled).items():
+        own = f" (ELSET {labels[name]})" if labels else ""
+        planes = [] if args.modelled else ["xy"[axis] for axis in planes_of(grids[name])]
+        mirrored = f", mirrored in {' and '.join(planes)} = 0" if planes else ""
+        print(f"{args.file}: {name or 'ply'}{own}, {len(ply.cells)} cells{mirrored}")
+    return args
+
+
+def _view(parser, words):
+    """Formed plies and tools in a window, or as a page for a browser."""
+    page = "write a page that needs no network, in place of a window (without a display: "
+    parser.add_argument("--html", metavar="FILE", help=f"{page}DIR/view.html)")
+    field = "field of the cells to show (default: shear_angle)"
+    parser.add_argument("--field", metavar="NAME", help=field)
+    args = parser.parse_args(words)
+    states.states(args.folder)
+    if args.html is None and os.environ.get("DISPLAY"):
+        view.show(args.folder, args.field)
+    else:
+        file = Path(args.html or Path(args.folder) / "view.html")
+        replace_file(file, view.page(args.folder, args.field))
+        print(f"{file}: the last state, for a browser")
+    return args
+
+
+def _pattern(parser, words):
+    """The flat pattern of a trimmed part, of the results of a forming run."""
+    trim = parser.add_mutually_exclusive_group(required=True)
+    line = "closed trim line on the formed ply: x, y and z in a .csv, or a .dxf; without z it is "
+    trim.add_argument("--line", metavar="FILE", help=f"{line}projected along z; inner rings: holes")
+    trim.add_argument("--plane", help=f"plane that trims: {PLANE}")
+    parser.add_argument("--out", metavar="STEM", help="of the files (default: DIR/pattern)")
+    parser.add_argument("--sheet", metavar="NAME", help="ply of a stack (default: all)")
+    reach = "distance of the line from the ply (default: 2 thicknesses of all plies)"
+    parser.add_argument("--reach", type=option_type(POSITIVE), metavar="MM", help=reach)
+    edge = "of a formed net blank: tell how far its edge lies from the line, and write nothing"
+    parser.add_argument("--edge", action="store_true", help=edge)
+    # a plane may begin with a minus, which argparse takes for an option
+    joined = "\n".join(words).replace("--plane\n", "--plane=")
+    args = parser.parse_args(joined.split("\n") if words else [])
+    if args.edge and args.plane:
+        raise InputError("--edge is not allowed beside --plane; allowed is --line FILE")
+    grids = states.read_grids(args.folder)
+    if args.sheet is not None and args.sheet not in grids:
+        raise unknown_key(args.sheet, filter(None, grids), f"--sheet {args.sheet}")
+    where, notes = (_plane(args.plane), []) if args.plane else read_trim_line(args.line)
+    trimmed = {name: grid for name, grid in grids.items() if args.sheet in (None, name)}
+    if args.edge:
+        for name, grid in trimmed.items():
+            largest, mean = map(rounded, pattern.edge_distance(grid, where))
+            of_ply = f"the edge of {f'ply {name}' if name else 'the ply'}"
+            print(f"{of_ply} is up to {largest} mm from the trim line, {mean} mm in the mean")
+        return args
+    reach = args.reach or 2 * sum(map(_thickness, grids.values()))
+    labels = states.set_labels(grids) if len(grids) > 1 else dict.fromkeys(grids, "")
+    patterns = {}
+    for name, grid in trimmed.items():
+        try:
+            patterns[name] = pattern.flat_pattern(grid, where, reach)
+        except InputError as error:
+            raise InputError(f"ply {name}: {error}" if name else str(error)) from None
+    stem, units = Path(args.out or Path(args.folder) / "pattern"), states.units(args.folder)
+    for note in notes:
+        print(note)
+    for name, flat in patterns.items():
+        own = stem.with_name("_".join(filter(None, [stem.name, labels[name]])))
+        pattern.write_pattern(own, flat, units)
+        off = f", trim line up to {rounded(flat.off)} mm off the ply" if flat.off else ""
+        sizes = f"area {rounded(flat.net.area, 6)} mm2, perimeter {rounded(flat.net.length, 6)} mm"
+        formed = f"area of the formed part {rounded(flat.formed_area, 6)} mm2"
+        print(f"{own}.dxf, .csv, .vtu: {sizes}, {formed}{off}")
+    return args
+
+
+def _plane(text):
+    try:
+        axis, _, place = text.replace(" ", "").partition("=")
+        if place:
+            normal = np.eye(3)["xyz".index(axis)] if len(axis) == 1 else np.zeros(3)
+            point = float(place) * normal
+        else:
+            point, normal = np.array(text.split(","), dtype=float).reshape(2, 3)
+    except ValueError:
+        point = normal = np.zeros(3)
+    if not (np.isfinite([*point, *normal]).all() and np.any(normal)):
+        raise InputError(f"--plane is {text}; allowed is {PLANE}")
+    return pattern.Plane(tuple(point), tuple(normal))
+
+
+def _thickness(grid):
+    for name in ("thickness_under_pressure", "metal_thickness"):
+        if name in grid.cell_data and np.isfinite(grid.cell_data[name]).any():
+            return float(np.nanmax(grid.cell_data[name]))
+    return 1.0

@@ -1,0 +1,145 @@
+"""`fabric sweep`: many runs of a press file side by side."""
+
+import itertools
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..core.errors import InputError, Interrupted, SolverFailure
+from ..core.rules import COUNT, Rule
+from ..sweep import job_array, limits, results, scatter, varied
+from ..sweep.folder import SweepFolder
+from ..sweep.form import Form
+from ..sweep.runner import Runner
+from .options import STUDIES, Parser, exit_status, option_type
+
+
+def parser() -> Parser:
+    """Runs `fabric form` with all combinations of values of a press file, side by side, or lets
+    numbers scatter. Called again, it goes on. DIR gets table.csv, pictures, report.html, and a
+    folder a run. Options behind -- go to `fabric form`."""
+    usage = "%(prog)s press.toml --vary KEY=VALUES [option ...] [-- option of form ...]"
+    description = " ".join((parser.__doc__ or "").split())
+    p = Parser(prog="fabric sweep", usage=usage, description=description)
+    power = Rule("a power of 2 from 8 on", lambda v: v >= 8 and v.bit_count() == 1, int)
+    count: dict = {"type": option_type(COUNT)}
+    several: dict = {"action": "append", "default": []}
+    words = "the press file, or the name of one in studies/presses"
+    p.option("press", metavar="press.toml", type=_press_file, help=words)
+    words = 'as "holder.pressure=0.01,0.05,0.2"; with --scatter as "holder.pressure=0.01..0.2"; '
+    p.option("--vary", metavar="KEY=VALUES", **several, help=f"{words}several are combined")
+    p.option("--out", metavar="DIR", type=Path, help="default results/sweep_PRESS")
+    words = "runs at a time (by default as many as cores and free memory allow)"
+    p.option("--jobs", metavar="N", **count, help=words)
+    p.option("--ranks", metavar="N", **count, default=1, help="of each run, one core each (1)")
+    words = "run nothing here, but write a script for Slurm: a job array with a task for each run"
+    p.option("--slurm", metavar="FILE", type=Path, help=words)
+    either = p.add_mutually_exclusive_group()
+    words = "do run K alone, counted from 1, as a task of the array does"
+    either.add_argument("--only", metavar="K", **count, help=words)
+    words = "delete the sweep in --out first"
+    either.add_argument("--overwrite", action="store_true", help=words)
+    words = "say where a quantity is below X over the one number that is varied; with --scatter "
+    p.option("--below", metavar="QUANTITY=X", **several, help=f"{words}count the runs")
+    words = "N runs, 16, 32 or 64, over intervals of [scatter] of the material files and of --vary"
+    p.option("--scatter", metavar="N", type=option_type(power), help=words)
+    p.switch("--no-pictures", "draw nothing")
+    return p
+
+
+def _press_file(word):
+    """The press file of this path, or the example of this name."""
+    example = STUDIES / "presses" / f"{word}.toml"
+    return example if example.is_file() and not Path(word).is_file() else Path(word)
+
+
+def main(argv: Sequence[str], program: type[Form] = Form) -> int:
+    """Run the sweep of these words; returns its exit status: 0 if all runs are believed, 2 for bad
+    input, 3 if one is not believed or the sweep was stopped. program: of the runs."""
+    try:
+        cut = argv.index("--") if "--" in argv else len(argv)
+        args, passed = parser().parse_args(argv[:cut]), list(argv[cut + 1 :])
+        if unbelieved := _sweep(args, passed, program(args.press, passed, args.ranks), argv):
+            raise SolverFailure(unbelieved)
+    except (InputError, SolverFailure, Interrupted, OSError) as error:
+        status, text = exit_status(error)
+        print(f"fabric sweep: {text.removeprefix('stopped: ')}", file=sys.stderr, flush=True)
+        return status
+    return 0
+
+
+def _sweep(args, passed, form, argv):
+    """Run it and write what it found; why not all runs are believed, or ""."""
+    ranges, values = _planned(args, passed, form)
+    below = [limits.limit_of(word) for word in args.below]
+    out = args.out or Path("results") / f"sweep_{args.press.stem}"
+    sweep = SweepFolder(out, args.press, list(values[0]), args.overwrite, bool(args.only))
+    if args.slurm:
+        sweep.close()
+        job_array.write(args.slurm, argv, len(values), args.ranks)
+        return ""
+    asked = [name for name, _ in below]
+    runner, answers = Runner(sweep, form, args.jobs, asked), list[str]()
+    if args.only:
+        (run,) = runner.all([values[args.only - 1]])
+        return run.reason
+    sweep.state["asked"] = asked
+    try:
+        _announce(values, runner)
+        runs = runner.all(values)
+        if args.scatter:
+            labels = results.headlines(runs, asked)
+            answers, sweep.state["scatter"] = scatter.told(runs, ranges, labels, below)
+        else:
+            answers = [limits.below(runs, *limit) for limit in below]
+        sweep.save()
+        print(*answers, sep="\n", end="\n" * bool(answers))
+    finally:
+        if any(run.summary() for run in sweep.runs.values()):
+            results.write(sweep, answers, not args.no_pictures)
+            print(f"table, pictures and report are in {out}")
+        sweep.close()
+    doubted = sum(not run.is_believed() for run in runs)
+    some = f"{doubted} of {len(runs)} runs are not believed"
+    return f"{some}; table.csv in {out} says why" if doubted else ""
+
+
+def _planned(args, passed, form):
+    given = "--set", "--out", "--resume", "--overwrite"  # to each run, by the sweep
+    if own := [word for word in passed if word.split("=")[0] in given]:
+        allowed = f"options of fabric form but {', '.join(given)}"
+        raise InputError(f"option {own[0]} is behind --; allowed are {allowed}")
+    lists = {} if args.scatter else varied.lists(args.vary)
+    ranges = [*form.scatter(), *varied.ranges(args.vary)] if args.scatter else []
+    if not (lists or ranges):
+        allowed = "--vary, or --scatter and a table [scatter] in a material file"
+        raise InputError(f"nothing is varied; allowed is {allowed}")
+    values: list[varied.Values]
+    checked = values = [dict(zip(lists, each)) for each in itertools.product(*lists.values())]
+    if args.scatter:
+        if args.scatter < (least := 2 * len(ranges) + 2):
+            power = 1 << (least - 1).bit_length()
+            allowed = f"allowed for {len(ranges)} numbers is {power} or more"
+            raise InputError(f"--scatter is {args.scatter}; {allowed}")
+        values = scatter.design(ranges, args.scatter)
+        checked = [{r.key: varied.spelled(r[k]) for r in ranges} for k in (1, 2)]
+    elif args.below and [None in map(varied.number, v) for v in lists.values()] != [False]:
+        raise InputError(
+            f"--below is given for {', '.join(args.vary)}; allowed is one key's numbers"
+        )
+    for each in checked:
+        form.read(each)
+    if args.only and args.only > len(values):
+        raise InputError(f"--only is {args.only}; allowed is 1 to {len(values)}")
+    return ranges, values
+
+
+def _announce(values, runner):
+    runs, passed = [runner.folder.run(each) for each in values], runner.program.options
+    done = [run for run in runs if run.is_done(passed)]
+    where = f"{min(runner.jobs, len(runs))} at a time; folder {runner.folder.path}"
+    print(f"{len(runs)} runs, {len(done)} done before, {where}", flush=True)
+    others = {shlex.join(run.options) for run in done} - {shlex.join(passed)}
+    for each in sorted(others):
+        print(f"warning: some were made with other options: {each or 'none'}", file=sys.stderr)

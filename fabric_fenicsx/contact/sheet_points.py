@@ -1,0 +1,231 @@
+"""Points of a sheet that lie over another sheet."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import basix
+import numpy as np
+from mpi4py import MPI
+
+from ..energy.morley import Where
+from ..energy.nodes import Nodes
+from ..sheet.blank import Blank, Part
+from .faces import Corners, Face
+from .pressure_law import FaceLaw
+from .relative_motion import RelativeMotion
+
+POINTS = {1: 1, 3: 2, 6: 4}  # of a cell: degree that they integrate exactly
+
+
+class ContactPairs(NamedTuple):
+    """The points of a sheet that lie over the other one, with the sheets in one shape.
+
+    - points (n,): their numbers among all points; areas (n,): that they stand for [mm^2], as the
+      sheet has stretched and sheared
+    - gap (n,) between the faces [mm], its gradient `normal` (n, 3), its Hessian `curvature`
+      (n, 3, 3) [1/mm]; growth (n,): how many times as thick both sheets are together as at the
+      start, and growths (2, n): each of them, of the one with the points first
+    - motion: what the points move with, on flat triangles, so that few nodes are coupled; relative
+      (n, 3): their displacement relative to the other sheet in that shape [mm]
+    - corners: the flat triangles of both sheets, of the one with the points first
+    """
+
+    points: np.ndarray
+    areas: np.ndarray
+    growth: np.ndarray
+    growths: np.ndarray
+    gap: np.ndarray
+    normal: np.ndarray
+    curvature: np.ndarray
+    motion: RelativeMotion
+    relative: np.ndarray
+    corners: tuple[Corners, Corners]
+
+    def unit_normals(self) -> np.ndarray:
+        """Unit normals of the face below, towards the points (n, 3)."""
+        return self.normal / np.linalg.norm(self.normal, axis=1)[:, None]
+
+    def offsets(self) -> np.ndarray:
+        """Vectors from mid-surface to mid-surface, across the faces (n, 3) [mm]."""
+        over, below = self.corners
+        return (below.offset - over.offset)[:, None] * self.unit_normals()
+
+    def paraboloid(self) -> tuple[np.ndarray, np.ndarray]:
+        """Gap (n,) [mm] and its gradient (n, 3) now, by the Hessian of then: without kinks."""
+        moved = self.moved()
+        turned = np.einsum("nij,nj->ni", self.curvature, moved)
+        gap = self.gap + ((self.normal + 0.5 * turned) * moved).sum(1)
+        return gap, self.normal + turned
+
+    def moved(self) -> np.ndarray:
+        """Displacement relative to the other sheet since then, (n, 3) [mm]."""
+        return self.motion.relative() - self.relative
+
+
+class SheetPoints:
+    """Points in the triangles of one of two sheets, and the smooth `Face` of the other one below
+    them.
+
+    The points are in the sheet of smaller cells, in the upper one if they are equal.
+
+    - parts: lower and upper sheet; part: the one with the points
+    - places (k, 3): barycentric coordinates of the points of each triangle
+    - areas (count,): undeformed areas that this rank's `count` points stand for [mm^2]
+    - faces (lower, upper): the mean of their thicknesses is the distance of the mid-surfaces where
+      the gap is 0
+    - nodes: of the whole blank
+    """
+
+    SIDES = 1  # that points look to
+
+    def __init__(
+        self,
+        lower: Part,
+        upper: Part,
+        rule: int,
+        faces: Sequence[FaceLaw],
+        symmetric: Sequence[Where],
+    ) -> None:
+        self.parts, self.faces = (lower, upper), faces
+        comm, areas = self.blank.mesh.comm, [self.blank.areas()[part.cells] for part in self.parts]
+        sizes = [comm.allreduce(each.sum()) / comm.allreduce(len(each)) for each in areas]
+        over = 1 if sizes[1] <= sizes[0] * (1 + 1e-6) else 0
+        self.part = self.parts[over]
+        # of the distance, by which the face is off
+        self._share = faces[over].thickness / sum(face.thickness for face in faces)
+        self._face = Face(self.parts[1 - over], self.side, list(symmetric))
+        self._own = Face(self.part, 1.0, list(symmetric)) if self.SIDES == 1 else self._face
+        # other sheets may lie between them, and points rise by the distance where both touch
+        apart = abs(self._own.flat_height() - self._face.flat_height())
+        self._reach = apart + self._distance
+        places, weights = basix.make_quadrature(basix.CellType.triangle, POINTS[rule])
+        N = np.tile(np.column_stack([1 - places.sum(1), places]), (self.SIDES, 1))
+        weights = np.tile(weights, self.SIDES)
+        many = self.blank.triangles(self.part.cells).shape[1]
+        self.places, self.per_cell = N, many * len(N)
+        self._on_face = self._own.own_weights(N), self._own.flat(N)
+        self.areas = (areas[over][:, None] / many * np.tile(weights / weights.sum(), many)).ravel()
+        self.nodes = Nodes(self.blank)
+        # of the thickness at nodes, where that is a field; None if no sheet's thickness varies
+        thickens = any(face.thickening for face in faces)
+        self._shares = np.ones(self.nodes.count) if thickens else None
+        self._below = np.full(self.count, -1)  # what was found last
+        self._found: tuple[np.ndarray, ContactPairs] | None = None
+
+    @property
+    def blank(self) -> Blank:
+        """The stack of both sheets."""
+        return self.parts[0].blank
+
+    @property
+    def count(self) -> int:
+        """Number of this rank's points."""
+        return len(self.areas)
+
+    @property
+    def side(self) -> float:
+        """1 if the upper sheet has the points, else -1."""
+        return 1.0 if self.part is self.parts[1] else -1.0
+
+    @property
+    def _distance(self):
+        return sum(face.thickness for face in self.faces) / 2
+
+    def vary(self, shares: np.ndarray) -> None:
+        """Let the sheets be `shares` (owned nodes,) as thick as they were made."""
+        self._shares, self._found = shares, None
+
+    def pairs(self) -> ContactPairs:
+        """The points over the other sheet at the present displacement, on all ranks together."""
+        u = self.blank.u.x.array
+        is_current = self._found is not None and np.array_equal(u, self._found[0])
+        if self._found is None or not self.blank.mesh.comm.allreduce(is_current, MPI.LAND):
+            self._found = u.copy(), self._faced()
+        return self._found[1]
+
+    def _faced(self):
+        for face in dict.fromkeys((self._face, self._own)):
+            face.take()
+        below = self._project()
+        at = np.flatnonzero(below.triangle >= 0)
+        corners = self._corners(below, at)
+        motion = RelativeMotion(self.blank, corners)
+        areas = self.areas[at] * self.blank.area_ratios()[self.part.cells[at // self.per_cell]]
+        growths = self._growths(below, at)
+        growth = self._share * growths[0] + (1 - self._share) * growths[1]
+        gap = below.gap[at] - self._distance * growth
+        shape = gap, below.normal[at], below.curvature[at]
+        return ContactPairs(at, areas, growth, growths, *shape, motion, motion.relative(), corners)
+
+    def _project(self):
+        own = self._own
+        points = own.points(*self._on_face)
+        # a sheet that is folded over shows its back to points of the other one
+        ahead = self.side * own.flat(self.places, own.normals)
+        below = self._face.project(points, self._below, self._reach, ahead)
+        self._below = below.triangle
+        return below
+
+    def _growths(self, below, at):
+        if self._shares is None:
+            return np.ones((2, len(at)))
+        areas, powers = self.nodes.areas, np.zeros(self.nodes.count)
+        for part, face in zip(self.parts, self.faces):
+            powers[part.nodes] = face.thickening
+        ratios = np.where(areas > 0, self.nodes.areas_now() / np.maximum(areas, 1e-300), 1.0)
+        thicker = (self._shares * ratios**-powers)[:, None]
+        over = self._own.flat(self.places, self._own.gathered(thicker))[at, 0]
+        others = self._face.gathered(thicker)[self._face.triangles[below.triangle[at]], 0]
+        return np.stack([over, (below.weights[at] * others).sum(1)])
+
+    def _corners(self, below, at):
+        own, face, gap = self._own, self._face, below.gap[at]
+        triangles = own.own_triangles[at // len(self.places)]
+        N, share = self.places[at % len(self.places)], self._share
+        return (
+            own.corners(triangles, N, -share * gap),
+            face.corners(below.triangle[at], below.weights[at], (1 - share) * gap),
+        )
+
+    def of_all(self, pairs: ContactPairs, values: np.ndarray, other: float = 0.0) -> np.ndarray:
+        """Values (n, ...) of `pairs` as those of all points (count, ...), `other` over nothing."""
+        result = np.full((self.count, *values.shape[1:]), other)
+        result[pairs.points] = values
+        return result
+
+    def flat_places(self) -> np.ndarray:
+        """Places of all points in the undeformed sheet, (count, 3) [mm]."""
+        corners = self.blank.coordinates()[self.blank.triangles(self.part.cells)]
+        return np.einsum("kc,nmci->nmki", self.places, corners).reshape(self.count, 3)
+
+    def means(self, values: np.ndarray) -> np.ndarray:
+        """Means over cells of values of all points (count, ...), by side (cells, SIDES, ...)."""
+        count, many = len(self.part.cells), len(self.places)
+        shape = count, self.per_cell // many, self.SIDES, many // self.SIDES
+        return values.reshape(*shape, *values.shape[1:]).mean((1, 3))
+
+    def of_cells(self, rows: np.ndarray) -> np.ndarray:
+        """Values of all points (count, k), or (count,), by `rows` of the blank's owned cells."""
+        values = rows[self.part.cells]
+        wide = values.shape[1] // self.per_cell
+        return values.reshape((self.count, wide) if wide > 1 else self.count)
+
+    def below(self, pairs: ContactPairs, values: np.ndarray) -> np.ndarray:
+        """Means of values (count,) at owned nodes of the sheet below, 0 with no points above."""
+        areas = pairs.areas
+        weighed = np.column_stack([areas * values[pairs.points], areas, 0 * areas])
+        sums_at_nodes = np.zeros(3 * self.nodes.count)
+        pairs.motion.add(weighed, sums_at_nodes)
+        sums, areas = sums_at_nodes.reshape(-1, 3)[:, :2].T
+        return np.divide(sums, areas, out=np.zeros_like(sums), where=areas < 0)
+
+    def covered(self, above: np.ndarray | None = None) -> np.ndarray:
+        """Areas of the lower sheet over which the upper one lies, at this rank's owned nodes (n,)
+        [mm^2]. above (n,): such areas of the upper sheet, if only those count."""
+        now, forces = self.pairs(), np.zeros(3 * self.nodes.count)
+        areas = now.areas
+        if above is not None:
+            share = np.where(self.parts[1].nodes, above / self.nodes.areas_now(), 0.0)
+            areas = areas * abs(now.motion.apart(np.tile(share[:, None], 3)))[:, 0]
+        now.motion.add(np.tile(areas[:, None], 3), forces)
+        return np.where(self.parts[0].nodes, abs(forces[::3]), 0.0)

@@ -1,0 +1,1 @@
+"""What all rooms share: errors, declared quantities, tables, files, ranks, signals, timing."""

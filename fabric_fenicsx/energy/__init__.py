@@ -1,0 +1,1 @@
+"""Energies and loads of sheets: terms of a scene."""

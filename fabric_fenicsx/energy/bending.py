@@ -1,0 +1,324 @@
+"""Bending: the yarns' resistance to being curved, out of the sheet and, if wanted, within it."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from mpi4py import MPI
+from scipy import sparse
+
+from ..core.errors import InputError
+from ..core.rules import FROM_ZERO
+from ..material import kernel
+from ..material.bending import MeasuredBending
+from ..material.friction import Response, respond
+from ..material.laws import Law
+from .materials import fabric_of, thickness_shares
+from .morley import Where, morley_cells
+from .shapes import Section, Shape
+from .stencil import Stencil
+from .term import SceneFacts, Term, Triplets
+from .yarn_friction import KIND
+
+TWIST = np.array([1.0, 1.0, 2.0])  # times x,aa, x,bb, x,ab: the curvatures of a `Shape`
+
+
+def plate_stiffness(modulus: float, thickness: float) -> float:
+    """Bending stiffness E t^3 / 12 [N mm] per width, of `modulus` E [MPa] and thickness t [mm]."""
+    return modulus * thickness**3 / 12
+
+
+def shortest_wave(fabric: Law, D: float, strain: float) -> float:
+    """Length [mm] below which a yarn of bending stiffness `D` [N mm] shortens by `strain` before it
+    buckles: Euler's 2 pi sqrt(D / P), P being the force per width at which the law has that
+    strain; inf if it has none."""
+    pressed = kernel.evaluate(
+        fabric, gradient=[np.array([[1 - strain, 0], [0, 1], [0, 0]])], fibres=np.eye(2)[:, None]
+    )
+    force = -float(pressed.cauchy[0, 0, 0]) * fabric.thickness
+    return 2 * np.pi * np.sqrt(D / force) if force > 0 else np.inf
+
+
+class _State(NamedTuple):
+    """At a displacement U (nodes, gdim): energy [N mm]; in space the shape of cells, with the
+    slopes out of their edges in place of the curvature, what is conjugate to these (cells, 3)
+    [N mm] and its derivative (cells, 3, 3), and friction's response."""
+
+    U: np.ndarray
+    energy: float
+    shape: Shape | None = None
+    moments: np.ndarray | None = None
+    section: np.ndarray | None = None
+    friction: Response | None = None
+
+
+class Bending(Term):
+    """Energy 1/2 D_a |x,aa|^2 + 1/2 D_b |x,bb|^2 + 1/2 D_t |x,ab|^2 over the undeformed sheet.
+
+    x,aa is the second derivative of the deformed position along yarn a, x,ab the twist. Their parts
+    normal to the deformed cell count in full, their parts tangent to it times `in_plane`. Curvature
+    of the undeformed sheet takes no energy. The operator is that of `morley_cells`, and
+    normals are those of the present state, so rigid motions are free of energy, however large. A
+    fabric's `bending_friction` acts beside it on the normal curvatures along both yarns, as the
+    kind of energy "yarn_friction".
+
+    Parameters
+    ----------
+    D_a, D_b, D_t : float
+        Stiffnesses [N mm], D_b by default D_a. An isotropic plate without lateral contraction has
+        D_t = 2 D_a. With D_t = 0 only the membrane resists pure twist, which is a saddle along the
+        yarns' diagonals.
+    in_plane : float
+        Factor from 0 on D_a, D_b and D_t for bending within the sheet, the only bending of a plane
+        blank. It gives shear bands a width of about sqrt(in_plane D / membrane stiffness in shear).
+    symmetric, clamped : callable or sequence of callables
+        Functions of points (3, n) [mm] to a mask (n,). Each of `symmetric` marks the blank's edge
+        in one plane of symmetry, where supports must hold it; `clamped` marks edges whose tangent
+        plane is held. All other edges are free of moment.
+    modulus, twist_modulus : float
+        E of both yarns and G [MPa], in place of D_a, D_b, D_t: D_a = D_b = E t^3 / 12 and D_t =
+        G t^3 / 3, with the thickness t of the scene's fabric. A fabric's `bending`, as measured,
+        takes the place of `modulus`; bending within the sheet then has its slopes at the start.
+
+    Raises
+    ------
+    InputError
+        On all ranks, for a blank other than of linear triangles (P1, or P2 with straight sides),
+        negative stiffnesses, a modulus beside D_a or without a fabric, a plane blank without
+        `in_plane`, a curved one with it, or edges not found.
+
+    Examples
+    --------
+    >>> strip = ff.Blank.rectangle(20, 10, nx=2, spatial=True)
+    >>> bending = ff.Bending(modulus=100.0, twist_modulus=1.0)
+    >>> scene = ff.Scene(strip, [ff.Membrane(ff.load("komeili")), bending], ff.clamped_ends(0.1))
+    >>> bending.stiffnesses.round(2).tolist()  # D_a, D_b, D_t [N mm] of t = 1 mm
+    [8.33, 8.33, 0.33]
+    """
+
+    name = energy_kind = "bending"
+    # and the sheet's weight [N/mm^2]
+    _measured: tuple[MeasuredBending, float] | None = None
+
+    def __init__(
+        self,
+        D_a: float | None = None,
+        D_b: float | None = None,
+        D_t: float = 0.0,
+        in_plane: float = 0.0,
+        symmetric: Where | Sequence[Where] = (),
+        clamped: Where | Sequence[Where] = (),
+        *,
+        modulus: float | None = None,
+        twist_modulus: float = 0.0,
+    ) -> None:
+        self.in_plane = FROM_ZERO.check("`in_plane` of the bending", in_plane)
+        self._edges = symmetric, clamped
+        self.resists = ("turn",) if symmetric or clamped else ()
+        if modulus is not None and D_a is None:
+            stiffness = {"modulus": modulus, "twist_modulus": twist_modulus}
+        elif modulus is None and D_a is not None:
+            stiffness = {"D_a": D_a, "D_b": D_a if D_b is None else D_b, "D_t": D_t}
+        else:
+            raise InputError("bending needs one of `D_a` and `modulus`")
+        self._given = {
+            name: FROM_ZERO.check(f"`{name}` of the bending", value)
+            for name, value in stiffness.items()
+        }
+
+    def set_up(self, scene: SceneFacts) -> None:
+        blank, fabric = scene.blank, fabric_of(scene, self.part)
+        if blank.mesh.geometry.dim == 2 and not self.in_plane:
+            raise InputError(
+                f"bending of {blank.name} needs a blank made with `spatial=True`, or `in_plane` "
+                "above 0"
+            )
+        blank.check_triangulated("bending")
+        self._set_stiffnesses(fabric)
+        cells = morley_cells(self.part, self.stiffnesses, *self._edges)
+        is_curved = np.abs(cells.curved).max(initial=0) * np.sqrt(cells.area.max(initial=0)) > 1e-10
+        if blank.mesh.comm.allreduce(bool(is_curved), MPI.LOR) and self.in_plane:
+            raise InputError(
+                f"`in_plane` of the bending of {blank.name} needs a sheet that is flat undeformed"
+            )
+        flat = cells.curved * is_curved  # but for rounding
+        self._cells = cells._replace(curved=flat, spread=TWIST[:, None] * cells.spread)
+        self._stencil = Stencil(cells, cells.bends, cells.own * is_curved)
+        weights = self._weights(scene, cells)
+        self._section = (1 - self.in_plane) * weights / TWIST**2
+        # stiffness of all second derivatives along each axis, of pairs of nodes
+        both = cells.operator * (self.in_plane * weights)[:, :, None]
+        products, pairs = both.swapaxes(1, 2) @ cells.operator, self._stencil.coupled
+        here, size = pairs.places >= 0, self._stencil.count
+        within = np.bincount(pairs.places[here], products[here], pairs.count)
+        self._matrix = sparse.csr_matrix((within, pairs.ends), shape=(size, size))
+        if not self.in_plane:
+            self._matrix.eliminate_zeros()
+        self._rest: np.ndarray | float = 0.0
+        self._now: _State | None = None
+        self._friction = np.zeros((2, 2, 0))
+        if blank.mesh.geometry.dim == 3:
+            undeformed = self._stencil.shape(0 * self._stencil.displacement())
+            self._rest = self._curvature(_angles(undeformed.curvature)[0])
+            self._friction = _elements(fabric, self._measured and self._measured[0])
+        sliding = np.zeros((len(cells.area), *self._friction.shape[1:]))
+        self._slid = {"sliding": sliding, "dissipated": 0 * cells.area}
+
+    def _set_stiffnesses(self, fabric):
+        self.stiffnesses = np.array([*self._given.values()], float)
+        if "modulus" not in self._given:
+            return
+        if fabric is None:
+            raise InputError(
+                f"`modulus` of the bending of {self.blank.name} needs a fabric, which no term of "
+                "the scene has; `D_a` needs none"
+            )
+        D, D_t = (plate_stiffness(each, fabric.thickness) for each in self._given.values())
+        self.stiffnesses = np.array([D, D, 4 * D_t])
+        if fabric.bending:
+            self._measured = fabric.bending, fabric.density * fabric.thickness
+            self.stiffnesses[:2] = fabric.bending.stiffnesses(self._measured[1])
+
+    def _weights(self, scene, cells):
+        """Areas times stiffnesses of the cells (cells, 3), of a sheet as thick as it is there."""
+        weights = cells.area[:, None] * self.stiffnesses
+        if "modulus" not in self._given:
+            return weights
+        x = cells.corners.mean(1) @ self.blank.frame @ np.eye(len(self.blank.frame), 3)
+        cubes = thickness_shares(scene, self.part, x)[:, None] ** 3
+        measured = np.array([True, True, False]) & bool(self._measured)
+        return weights * np.where(measured, 1.0, cubes)
+
+    def stored(self) -> float:
+        return self._state().energy
+
+    def energies(self) -> dict[str | None, float]:
+        kinds = super().energies()
+        if friction := self._state().friction:
+            dissipated = self._slid["dissipated"]
+            kinds[KIND] = float(self._cells.area @ (friction.energy.sum(1) + dissipated))
+        return kinds
+
+    def accept(self) -> None:
+        if friction := self._state().friction:
+            dissipated = self._slid["dissipated"] + friction.dissipated.sum(1)
+            self._slid = {"sliding": friction.sliding, "dissipated": dissipated}
+            self._now = None
+
+    def cell_memory(self) -> dict[str, np.ndarray]:
+        """Sliding between yarns, and what it has dissipated, of the triangles of each cell."""
+        if not self._friction.size:
+            return {}
+        many = self._cells.per_cell
+        return {name: self.part.rows(each, many) for name, each in self._slid.items()}
+
+    def recall(self, memory: dict[str, np.ndarray]) -> None:
+        if self._friction.size:
+            self._slid = {
+                name: memory[name][self.part.cells].reshape(now.shape)
+                for name, now in self._slid.items()
+            }
+            self._now = None
+
+    def add_forces(self, f: np.ndarray) -> None:
+        U, _, shape, moments, *_ = self._state()
+        forces = self._matrix @ U
+        if shape:
+            columns, count = self._stencil.columns, self._stencil.count
+            forces += self._stencil.loops.bending_forces(shape, moments, columns, count)
+        self._stencil.add_forces(forces, f)
+
+    def tangent(self) -> Triplets:
+        """As in `Term` [N/mm]: a cell reaches over two neighbours, beyond a rank's ghosts."""
+        U, _, shape, moments, section, _ = self._state()
+        pairs = self._stencil.coupled
+        blocks = np.zeros((pairs.count, *2 * U.shape[1:]))
+        if self.in_plane:  # of pairs in their order
+            blocks += self._matrix.data[:, None, None] * np.eye(U.shape[1])
+        if shape:
+            self._stencil.loops.add_bending(shape, moments, section, pairs.places, blocks)
+        return self._stencil.triplets(blocks)
+
+    def narrow_tangent(self) -> Triplets:
+        """See `Term`: each edge as a hinge of the two cells at it, by itself."""
+        U, _, shape, moments, section, _ = self._state()
+        if self.in_plane or shape is None:
+            self._linear = None
+            return self.tangent()
+        hinges, diagonal = self._stencil.hinges, section * np.eye(3)
+        bent, mixed = hinges.shape(U), np.zeros_like(section)
+        self._linear = (
+            Section(shape, moments, section, mixed),
+            Section(bent, moments, diagonal, mixed),
+        )
+        blocks = np.zeros((hinges.coupled.count, 3, 3))
+        hinges.loops.add_bending(bent, moments, diagonal, hinges.coupled.places, blocks)
+        return hinges.triplets(blocks)
+
+    def add_beyond(self, v: np.ndarray, f: np.ndarray) -> None:
+        if self._linear:
+            self._stencil.add_difference(*self._linear, v, f)
+
+    def curvatures(self) -> np.ndarray:
+        """x,aa, x,bb, x,ab in each owned cell along the frame's axes, (cells, 3, gdim) [1/mm]."""
+        U = self._stencil.displacement()[self._stencil.columns]
+        return self._cells.operator @ U + self._cells.curved
+
+    def _state(self):
+        U = self._stencil.displacement()
+        if self._now is None or not np.array_equal(U, self._now.U):
+            self._now = _State(U, 0.5 * float(np.vdot(U, self._matrix @ U)))
+            if U.shape[1] == 3:
+                self._now = self._bent(self._now)
+        return self._now
+
+    def _bent(self, state):
+        """The state with what is normal to the cells."""
+        shape, section, friction = self._stencil.shape(state.U), self._section, None
+        angles, slope, growth = _angles(shape.curvature)
+        bent = self._curvature(angles) - self._rest
+        moments = section * bent
+        energy = state.energy + 0.5 * float(np.vdot(moments, bent))
+        if self._measured:
+            measured, weight = self._measured
+            along = measured.respond(bent[:, :2], weight)
+            area = (1 - self.in_plane) * np.tile(self._cells.area[:, None], 2)
+            straight = 0.5 * np.vdot(moments[:, :2], bent[:, :2])
+            energy += float(np.vdot(area, along.energy) - straight)
+            section = section.copy()
+            moments[:, :2], section[:, :2] = area * along.moment, area * along.slope
+        if self._friction.size:
+            stiffness, slides = self._friction
+            friction = respond(stiffness, slides, bent[:, :2], self._slid["sliding"])
+            section, area = section.copy(), self._cells.area[:, None]
+            moments[:, :2] += area * friction.stress
+            section[:, :2] += area * friction.tangent
+        given = self._cells.spread, slope, growth, moments, section
+        moments, section = self._stencil.loops.at_edges(*given)
+        return _State(state.U, energy, shape, moments, section, friction)
+
+    def _curvature(self, angles):
+        """Curvatures (cells, 3), 11, 22, 2 12, from angles (cells, 3) at the cells' edges."""
+        return np.einsum("cke,ce->ck", self._cells.spread, angles)
+
+
+def _elements(fabric, measured):
+    """Stiffness [N mm] of the elements of friction of each yarn, and the curvature at which they
+    slide [1/mm], (2, 2, k): those of a fabric's `bending_friction`, and of thresholds."""
+    stiffness, slides = [], []
+    if friction := fabric and fabric.bending_friction:
+        for k, f in zip(friction.stiffness, friction.strength):
+            stiffness.append([k, k])
+            slides.append([f / k] * 2)
+    if measured and any(measured.thresholds):
+        stiffness.append([f / measured.stuck for f in measured.thresholds])
+        slides.append([measured.stuck] * 2)
+    return np.array([stiffness, slides]).reshape(2, -1, 2).swapaxes(1, 2)
+
+
+def _angles(slopes):
+    """Angles by which cells are bent at their edges, of slopes relative to the cell, and their
+    first and second derivatives. On an arc of equal cells in rows, which turns by w from cell to
+    cell, slopes are sin(w) / 2, and the angles w / 2 but for terms of w^5."""
+    square = slopes * slopes
+    return slopes * (1 + 2 / 3 * square), 1 + 2 * square, 4 * slopes

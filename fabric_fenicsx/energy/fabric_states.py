@@ -1,0 +1,216 @@
+"""States of a fabric at the quadrature points of its membrane, and what is told of them."""
+
+from functools import cached_property
+
+import numpy as np
+import ufl
+from mpi4py import MPI
+
+from .. import dolfinx_compat as compat
+from ..io.field import Field
+from ..material import kernel, stability
+from ..material.laws import Law
+from ..material.strains import SHORTENED, nominal_strain, share_name, shear_angle
+from . import membrane_energy
+from .output import Value, joined, largest, last, least, on_part
+from .term import Term
+from .yarn_friction import YarnsRubbing
+
+
+class FabricStates(Term):
+    """A term of a fabric, and its states at the points at which the energy is integrated.
+
+    - degree: of quadrature; integration, weave_angle: as in `Membrane`
+
+    A subclass also gives `_ufl`, law, fibres, deformed fibres, cosine between fibres and of the
+    weave as UFL; `_distance` of points from the cells' centres, over those of the usual rule;
+    `_warm` and `_numbers`, if cells have laws of their own; and `_rubbing`, friction between the
+    yarns.
+    """
+
+    fabric: Law
+    integration: str
+    weave_angle: float | None
+    degree: int
+    _ufl: tuple
+    _distance: float
+    _warm: tuple[Law, Field] | None
+    _numbers: np.ndarray | None
+    _rubbing: YarnsRubbing | None = None
+    _evaluated: tuple[np.ndarray, np.ndarray] | None = None  # displacements, values at points
+
+    @cached_property
+    def law_of_points(self) -> Law:
+        """The fabric, or the law of all quadrature points, each with its own numbers."""
+        if self._warm is None or self._numbers is None:
+            return self.fabric
+        many = len(compat.quadrature(self.blank.mesh, self.degree)[1])
+        return self.fabric.by_points(np.repeat(self._numbers, many, axis=0))
+
+    @cached_property
+    def _points(self):
+        """F by columns, the cosine between the yarns, and UFL's S, at all points."""
+        law, _, (fa, fb), cosine, rest = self._ufl
+        sine = ufl.sqrt(1 - cosine**2)
+        f1, f2 = fa, (fb - cosine * fa) / sine
+        C = ufl.as_matrix([[ufl.dot(x, y) for y in (f1, f2)] for x in (f1, f2)])
+        # FFCx from 0.9 names code by the variable's number, and would compile each one anew
+        C = ufl.classes.Variable(C, ufl.classes.Label(0))
+        b = ufl.as_vector([cosine, sine])
+        I6, I8 = ufl.dot(ufl.sym(C), b)[0], ufl.dot(b, ufl.dot(C, b))
+        S = 2 * ufl.diff(membrane_energy.energy_density(C[0, 0], I6, I8, rest, law), C)
+        values = ufl.as_vector([*f1, *f2, cosine, S[0, 0], S[1, 1], S[0, 1]])
+        return compat.PointEvaluation(
+            values, self.blank.mesh, self.degree, self.part.cells, self._distance
+        )
+
+    def at_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """F (cells, points, 3, 2) on the basis (a0, perpendicular), b0 (cells, points, 2) there and
+        UFL's S as 11, 22, 12 (cells, points, 3) [MPa] at all quadrature points."""
+        u = self.blank.u.x.array
+        if self._evaluated is None or not np.array_equal(u, self._evaluated[0]):
+            self._evaluated = u.copy(), self._points()
+        values = self._evaluated[1]
+        gdim = self.blank.mesh.geometry.dim
+        F = np.zeros((*values.shape[:2], 3, 2))
+        F[:, :, :gdim, 0], F[:, :, :gdim, 1] = values[:, :, :gdim], values[:, :, gdim : 2 * gdim]
+        cosine = values[:, :, 2 * gdim]
+        return F, np.stack([cosine, np.sqrt(1 - cosine**2)], -1), values[:, :, 2 * gdim + 1 :]
+
+    def state(self) -> tuple[kernel.State, np.ndarray, np.ndarray, float]:
+        """`kernel.State` at every quadrature point, arrays (cells, points, ...), the deformed
+        fibres fa, fb (cells, points, 3), and the kernel's mismatch on this rank: the largest
+        |S_UFL - S_kernel| over max(|S_kernel|, s1), or over 1 MPa for a law without shear."""
+        F, b, S_ufl = self.at_points()
+        cells, points = F.shape[:2]
+        b = b.reshape(-1, 2)
+        state = kernel.evaluate(
+            self.law_of_points,
+            gradient=F.reshape(-1, 3, 2),
+            fibres=([1.0, 0.0], b),
+            weave_angle=self.weave_angle,
+        )
+        S = np.stack([state.S[:, 0, 0], state.S[:, 1, 1], state.S[:, 0, 1]], -1)
+        difference = np.linalg.norm(S_ufl.reshape(-1, 3) - S, axis=1)
+        least = self.fabric.shear_stiffness or 1.0
+        mismatch = (difference / np.maximum(np.linalg.norm(S, axis=1), least)).max(initial=0.0)
+        arrays = {name: values for name, values in state._asdict().items() if values is not None}
+        shaped = {name: v.reshape(cells, points, *v.shape[1:]) for name, v in arrays.items()}
+        fb = np.einsum("cqij,cqj->cqi", F, b.reshape(cells, points, 2))
+        return state._replace(**shaped), F[..., 0], fb, mismatch
+
+    @property
+    def weights(self) -> np.ndarray:
+        """Quadrature weights over the points of a cell (points,), summing to one."""
+        return self._points.weights / self._points.weights.sum()
+
+    def cell_fields(self) -> dict[str, Value]:
+        """Means over the part's cells, (cells,) or (cells, 3).
+
+        a, b: deformed fibres; eps_a, eps_b: nominal, log_eps_11, log_eps_22: logarithmic fibre
+        strains; shortening_a, shortening_b: of yarns under compression; shear_angle; I4, I6, I8,
+        I10; energy_a, energy_b, energy_shear; strain_state 1..4, eq. (13); sigma_a, sigma_b: Cauchy
+        stress along the deformed fibres; shear_friction: shear stress of friction between yarns, if
+        there is any; stability_convexity, stability_ellipticity: the smallest indicators of a
+        cell's points, 1 at rest and negative where the law itself allows a band, see
+        `material.stability`.
+        """
+        state, fa, fb, _ = self.state()
+
+        def mean(values):
+            return np.einsum("q,cq...->c...", self.weights, values)
+
+        I4, I6, I8, I10 = np.moveaxis(state.invariants, -1, 0)
+        parts, gamma, short = mean(state.energy_parts), mean(I10), self.shortening()
+        eps_a, eps_b = mean(np.sqrt(I4) - 1), mean(np.sqrt(I8) - 1)
+        stable = stability.evaluate(self.law_of_points, state.invariants)
+        fields = {
+            "-": {
+                **{"a": mean(fa), "b": mean(fb), "eps_a": eps_a, "eps_b": eps_b},
+                **{"shortening_a": short[:, 0], "shortening_b": short[:, 1]},
+                **{"log_eps_11": mean(np.log(I4)) / 2, "log_eps_22": mean(np.log(I8)) / 2},
+                **{"I4": mean(I4), "I6": mean(I6), "I8": mean(I8)},
+                "strain_state": (1 + (eps_b <= 0) + 2 * (eps_a <= 0)).astype(np.int32),
+                "stability_convexity": stable.convexity.min(1),
+                "stability_ellipticity": stable.ellipticity.min(1),
+            },
+            "rad": {"shear_angle": gamma, "I10": gamma},
+            "N mm/mm^3": dict(zip(("energy_a", "energy_b", "energy_shear"), parts.T)),
+            "MPa": {
+                f"sigma_{name}": mean(np.einsum("cqi,cqij,cqj->cq", f, state.cauchy, f) / I)
+                for name, f, I in (("a", fa, I4), ("b", fb, I8))
+            },
+        }
+        if self._rubbing:
+            fields["MPa"]["shear_friction"] = mean(self._rubbing.response().stress)
+        return {
+            name: on_part(self.part, values, unit)
+            for unit, group in fields.items()
+            for name, values in group.items()
+        }
+
+    def invariants_at_points(self) -> np.ndarray:
+        """I4, I6, I8 and shear angle (cells, points, 4), at a third of the cost of `state`."""
+        F, b, _ = self.at_points()
+        fa, fb = F[..., 0], F[..., 0] * b[..., :1] + F[..., 1] * b[..., 1:]
+        I4, I6, I8 = (np.einsum("cqi,cqi->cq", x, y) for x, y in ((fa, fa), (fa, fb), (fb, fb)))
+        weave, cosine, sine = self.weave_angle, b[..., 0], b[..., 1]
+        if weave is not None:
+            cosine, sine = np.cos(weave), np.sin(weave)
+        gamma = shear_angle(I6, np.sqrt(I4 * I8 - I6 * I6), cosine, sine)
+        return np.stack([I4, I6, I8, gamma], -1)
+
+    def history(self) -> dict[str, Value]:
+        """`min_stability`, the least ellipticity indicator of all points, negative where the law
+        itself allows a band. In space also the largest shortening of yarns in a cell, and the share
+        of the area in which it is above `SHORTENED`: there it hides wrinkles."""
+        comm = self.blank.mesh.comm
+        stable = stability.least_ellipticity(self.law_of_points, self.invariants_at_points())
+        columns = {"min_stability": least(comm.allreduce(stable, MPI.MIN))}
+        if self.blank.mesh.geometry.dim == 3:
+            most = self.shortening().max(1)
+            of_all = comm.allreduce(float(most.max(initial=0.0)), MPI.MAX)
+            columns["shortening_max"] = largest(of_all)
+            columns[share_name(SHORTENED)] = largest(self.share_of(most > SHORTENED))
+        return columns
+
+    def summary(self) -> dict[str, Value]:
+        """Material, integration and the kernel's mismatch."""
+        mismatch = self.blank.mesh.comm.allreduce(self.state()[3], MPI.MAX)
+        facts = {"couplings": sorted(self.fabric.couplings), "material": self.fabric.name}
+        by_part = {"parts": joined({self.part.name: facts})}
+        return {
+            "integration": last(self.integration),
+            **({k: last(v) for k, v in facts.items()} if self.part.is_whole else by_part),
+            "kernel_mismatch": largest(mismatch),
+            "assumed": joined({self.fabric.name: list(self.fabric.assumed_values())}),
+        }
+
+    def overstretched(self, strain: float) -> float:
+        """Share of the area, 0 to 1, in whose cells a yarn is stretched by more than `strain`."""
+        stretches = np.sqrt(self.invariants_at_points()[..., [0, 2]])
+        return self.share_of(np.einsum("q,cqk->ck", self.weights, stretches).max(1) - 1 > strain)
+
+    def shortening(self) -> np.ndarray:
+        """Shortening of both yarns under compression, means over cells (cells, 2): the nominal
+        strain, as far as the yarn's stress is what that strain alone gives. Contraction beside
+        stretched yarns, free of stress, is not in it."""
+        invariants = self.invariants_at_points()
+        I4, _, I8, gamma = invariants.reshape(-1, 4).T
+        eps_a, eps_b, none = nominal_strain(I4), nominal_strain(I8), 0 * I4
+
+        def stress(a, b, gamma):
+            return self.law_of_points.derivatives(a, b, gamma, second=False).first
+
+        now, alone = stress(eps_a, eps_b, gamma), stress(eps_a, none, none)[:1]
+        alone = np.concatenate([alone, stress(none, eps_b, none)[1:2]])
+        share = np.clip(now[:2] / np.minimum(alone, -1e-300), 0.0, 1.0)
+        share[(alone == 0) & (now[:2] <= 0)] = 1.0  # laws that do not resist compression
+        short = np.maximum(0.0, -np.stack([eps_a, eps_b])) * share
+        return np.einsum("q,kcq->ck", self.weights, short.reshape(2, *invariants.shape[:2]))
+
+    def share_of(self, cells: np.ndarray) -> float:
+        """Share of the part's area that lies in `cells` (cells,) of bool, of all ranks."""
+        areas = self.blank.areas()[self.part.cells]
+        inside, whole = self.blank.mesh.comm.allreduce(np.array([areas[cells].sum(), areas.sum()]))
+        return float(inside / whole)

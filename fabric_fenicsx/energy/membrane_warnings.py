@@ -1,0 +1,156 @@
+"""Warnings of a membrane's state though nothing failed: cells that lock, bands, strains beyond
+the law's ranges."""
+
+import math
+from functools import partial
+
+import numpy as np
+from mpi4py import MPI
+
+from ..core.formatting import of_sheet, percent, rounded
+from ..material import stability
+from ..material.strains import nominal_strain
+from ..sheet.part import MAX_OFF_YARNS
+from .membrane import Membrane
+
+
+def membrane_warnings(membrane: Membrane) -> list[str]:
+    """A sentence each on cells that lock, on bands, and on strains beyond the law's ranges."""
+    texts = locking_warning(membrane), band_warning(membrane), *range_warnings(membrane)
+    return [text for text in texts if text]
+
+
+def band_warning(membrane: Membrane) -> str:
+    """A sentence if the law allows bands in more than 1 % of the sheet's area in the present
+    state, else "".
+
+    The law has no length, so a band is as wide as a row of cells, and which of two rows becomes one
+    is open: with yarns at +-45 deg the double dome's corner has neighbouring equilibria, whose
+    largest shear angles are 52.1 and 54.5 deg.
+    """
+    part, comm = membrane.part, membrane.blank.mesh.comm
+    state = stability.evaluate(membrane.law_of_points, membrane.invariants_at_points())
+    least = state.ellipticity.min(1)
+    share = membrane.share_of(least < 0)
+    if share <= 0.01:
+        return ""
+    # to few digits, so that of cells that mirror each other the same is named on any ranks
+    centres = membrane.blank.places()[part.cells].round(6)
+    cells = zip((float(f"{value:.4g}") for value in least), *centres.T)
+    _, *centre = min(each for each in comm.allgather(min(cells, default=None)) if each)
+    name = part.name or membrane.blank.name
+    return (
+        f"in {percent(share)} of {name}, as at {of_sheet(centre)}, "
+        "the law allows bands: strains gather in rows of cells, and which rows depends on mesh and "
+        "steps; so do the largest strains and shear angles, unless bending within the sheet "
+        "(`in_plane_bending`) gives bands a width"
+    )
+
+
+def locking_warning(membrane: Membrane) -> str:
+    """A sentence if cells lock, or are too coarse, in the present state, else "".
+
+    Yarns hardly stretch. Cells without edges along both yarns can still only shear if they stretch
+    yarns, and neighbours do so in opposite directions. The energy of this is the measure of
+    locking: the strain energy less that of strains which are smoothed over neighbouring cells, at
+    the same shear angles. Quadratic cells that yarns cross at a small angle take some of it, too. A
+    sheet whose whole energy is that of yarns strained by 1e-4 is not doubted: pressed flat, it has
+    no other strains than those of cells.
+    """
+    blank, inner = membrane.blank, membrane.integration == "inner"
+    share, plane = alternating_energy(membrane), blank.mesh.geometry.dim == 2
+    # limits of the share, and by how much a strip's force is too high, over it: medians of strips
+    # at 10 to 45 deg, of which four in five lie between half and twice that
+    if blank.degree > 1:
+        limit, excess, cure = (0.03, 4.0, "finer cells") if inner else (0.01, 6.0, "finer cells")
+        if plane and not inner and blank.degree == 2 and blank.triangulated:
+            cure = 'finer cells or `integration="inner"`'
+    else:
+        off = membrane.part.share_off_the_yarns()
+        # in space strains vary from cell to cell as the tools' curvature does
+        aligned = 0.02 if off and plane else math.inf
+        limit, excess = (2.5e-3 if off > MAX_OFF_YARNS else aligned), 12.0
+        cure = "P2, as by default, or finer cells"
+        if plane:
+            better = 'P2 with `integration="inner"`'
+            cure = f"{better} or P3" if blank.from_file else f'{better}, P3 or `pattern="yarns"`'
+    if share <= limit or _is_at_rest(membrane):
+        return ""
+    effect = "yarn strains of single cells mean little, and forces may be some per cent too high"
+    if plane and share > 0.25:
+        effect = "forces say nothing"
+    elif plane:
+        off_by = percent(excess * share)
+        effect = f"a strip's force is about {off_by} too high, mostly half to twice that"
+    reason = "cells are coarse for yarns at these angles"
+    if blank.degree == 1:
+        reason = f"cells lock, of which {percent(off)} have no edges along both yarns"
+    return (
+        f"{percent(share)} of the strain energy stretches yarns in one cell and compresses them in "
+        f"the next, as {reason}: {effect}; take {cure}"
+    )
+
+
+def _is_at_rest(membrane):
+    """True if the strain energy is at most that of yarns strained by 1e-4 all over."""
+    energy, areas = membrane.state()[0].energy, membrane.blank.areas()[membrane.part.cells]
+    strains = 1e-4 * np.eye(3)[:, :2]
+    most = membrane.fabric.derivatives(*strains, second=False).parts.max()
+    sums = np.array([areas @ (energy @ membrane.weights), areas.sum()])
+    whole, area = membrane.blank.mesh.comm.allreduce(sums)
+    return bool(whole <= most * area)
+
+
+def alternating_energy(membrane: Membrane) -> float:
+    """Share of the strain energy that goes when yarn strains are smoothed over neighbours."""
+    blank, state = membrane.blank, membrane.state()[0]
+    stretches, gamma = np.sqrt(state.invariants[..., [0, 2]]), state.invariants[..., 3]
+    cells = membrane.part.cells
+    corners, nodes = blank.corners()[cells], blank.cell_nodes[cells]
+    # of two sides, or both diagonals
+    ends = ((1, 0), (2, 0)) if corners.shape[1] == 3 else ((2, 0), (3, 1))
+    p, q = (corners[:, i] - corners[:, j] for i, j in ends)
+    square = (p * p).sum(1) * (q * q).sum(1) - (p * q).sum(1) ** 2
+    areas = np.sqrt(np.maximum(square, 0)) / 2
+    means = np.einsum("q,cqk->ck", membrane.weights, stretches) * areas[:, None]
+
+    def at_nodes(values):
+        return blank.summed(np.repeat(values[:, None], nodes.shape[1], 1), cells)[nodes]
+
+    smooth = (at_nodes(means) / at_nodes(areas[:, None])).mean(1)[:, None]
+    a, b = np.moveaxis(np.broadcast_to(smooth - 1, stretches.shape), -1, 0)
+    strains = a.ravel(), b.ravel(), gamma.ravel()
+    density = membrane.law_of_points.derivatives(*strains, second=False).parts.sum(-1)
+    densities = state.energy, density.reshape(gamma.shape)
+    parts = np.array([areas @ (each @ membrane.weights) for each in densities])
+    whole, smoothed = blank.mesh.comm.allreduce(parts)
+    return float((whole - smoothed) / whole) if whole > 0 else 0.0
+
+
+def range_warnings(membrane: Membrane) -> list[str]:
+    """A sentence for each end of the law's ranges that the present state leaves: in which share of
+    the sheet's area, and how far. Collective."""
+    comm, part = membrane.blank.mesh.comm, membrane.part
+    ranges, areas = membrane.fabric.ranges(), membrane.blank.areas()[part.cells]
+    if not ranges:
+        return []
+    I4, _, I8, gamma = np.moveaxis(membrane.invariants_at_points(), -1, 0)
+    strains = {"eps_a": nominal_strain(I4), "eps_b": nominal_strain(I8), "gamma": abs(gamma)}
+    whole, texts = comm.allreduce(float(areas.sum())), []
+    for limits in ranges:
+        text = _as_angle if limits.strain == "gamma" else partial(percent, digits=4)
+        for sign, end in ((1, limits.high), (-1, limits.low)):
+            beyond = sign * (strains[limits.strain] - end)
+            share = comm.allreduce(float(areas @ ((beyond > 1e-9) @ membrane.weights))) / whole
+            if share > 0:
+                furthest = end + sign * comm.allreduce(beyond.max(initial=-math.inf), MPI.MAX)
+                texts.append(
+                    f"in {percent(share, 3)} of {part.name or membrane.blank.name} "
+                    f"{limits.strain} is beyond {limits.source}, which ends at {text(end)}: it "
+                    f"reaches {text(furthest)}; {limits.beyond}"
+                )
+    return texts
+
+
+def _as_angle(angle):
+    return f"{rounded(math.degrees(angle), 4)} deg"

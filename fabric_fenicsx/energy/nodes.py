@@ -1,0 +1,125 @@
+"""The nodes of a sheet that tools press."""
+
+from collections.abc import Callable
+
+import numpy as np
+import ufl
+from mpi4py import MPI
+
+from ..core.errors import InputError
+from ..sheet.blank import Blank, Part
+from .assembly import assembled
+from .gathered import CoupledNodes
+from .morley import Where
+
+
+def values_at(
+    function: Callable[[np.ndarray], np.ndarray], points: np.ndarray, kind: type = bool
+) -> np.ndarray:
+    """Values of a `function` of `points` (3, n): a mask (n,) or, of `kind` float, numbers (n,)."""
+    return np.broadcast_to(np.asarray(function(points)).astype(kind), points.shape[1])
+
+
+def shares_at(function: Callable[[np.ndarray], np.ndarray], points: np.ndarray) -> np.ndarray:
+    """Values (n,) of a `function` of `points` (3, n), from 0 to 1."""
+    return np.clip(values_at(function, points, float), 0, 1)
+
+
+def _centres(k):
+    """Barycentric coordinates (k^2, 3) of the centres of k^2 equal triangles."""
+    i, j = (3 * each.ravel() for each in np.mgrid[:k, :k])
+    up, down = (np.column_stack([i + n, j + n])[i + j < 3 * (k + 1 - n)] for n in (1, 2))
+    first = np.concatenate([up, down]) / (3 * k)
+    return np.column_stack([1 - first.sum(1), first])
+
+
+class Nodes:
+    """This rank's owned nodes of a blank in space, where forces of tools go.
+
+    - part: of the blank, by default all of it; where: function of undeformed points (3, n) to a
+      mask (n,), by default true: which nodes of the part count
+    - own (count,): which ones count, of the `count` nodes of the blank
+    - places (count, 3) [mm], areas of the part (count,) [mm^2]: undeformed, 0 at other nodes; of
+      a quadratic triangle those of its four flat ones; `areas_now` gives those of the present
+    - rows, cols (9 count,): global degrees of freedom of each node's 3 x 3 block
+
+    Raises InputError for a blank in a plane, along turned axes or of other cells, and for a `where`
+    that marks no node.
+    """
+
+    WITHIN = _centres(5)  # of each triangle
+    BEYOND = 1e-3  # weight of corners that are not borne
+
+    def __init__(self, blank: Blank, part: Part | None = None, where: Where | None = None) -> None:
+        mesh, part = blank.mesh, part or blank.whole
+        cells = blank.degree == 1 or blank.triangulated
+        refused = {
+            "in a plane; allowed is a blank made with `spatial=True`": mesh.geometry.dim != 3,
+            "along turned axes; allowed are x, y and z": (blank.frame != np.eye(3)).any(),
+            "on other cells; allowed are P1, Q1, and P2 with straight sides": not cells,
+        }
+        for words in (words for words, is_refused in refused.items() if is_refused):
+            raise InputError(f"contact of {blank.name} is asked for {words}")
+        self.blank, self.comm = blank, mesh.comm
+        self.count = blank.V.dofmap.index_map.size_local
+        self.places = blank.coordinates()[: self.count]
+        self.areas, self.part = _areas(blank, part)[: self.count], part
+        self.own = part.nodes
+        if where:
+            self.own = part.nodes & values_at(where, self.places.T)
+            self.areas[~self.own] = 0.0
+            if not self.comm.allreduce(int(self.own.sum())):
+                raise InputError(
+                    f"contact of {blank.name} is asked for where no node is; allowed are 1 or more"
+                )
+        each = np.arange(self.count)
+        alone = CoupledNodes(blank.V.dofmap.index_map.local_range[0] + each, each[:, None])
+        self.rows, self.cols = alone.rows, alone.cols
+
+    def displacement(self) -> np.ndarray:
+        """(count, 3) [mm]."""
+        return self.view().copy()
+
+    def view(self) -> np.ndarray:
+        """As `displacement`, in the memory of the blank's own."""
+        return self.blank.u.x.array.reshape(-1, 3)[: self.count]
+
+    def areas_now(self) -> np.ndarray:
+        """Areas of the part at the nodes at the present displacement (count,) [mm^2]."""
+        return self.areas * self.part.growth()[: self.count]
+
+    def shares_under(self, under: Where, borne: Where) -> np.ndarray:
+        """Shares (count,) of the present areas at the nodes, by two functions of `shares_at`: of
+        what is `under` one, at `WITHIN` each triangle, and goes to the corners that are `borne`.
+        An `under` that tells what it is `over` whole triangles is not asked within them."""
+        blank, triangles = self.blank, self.blank.triangles(self.part.cells).reshape(-1, 3)
+        x = blank.coordinates() + blank.nodal_displacement()
+        corners, held = x[triangles], shares_at(borne, x.T)[triangles][:, None] + self.BEYOND
+        over = under.over(corners) if hasattr(under, "over") else np.full(len(corners), np.nan)
+        pressed = np.repeat(over[:, None] / 3, 3, 1)
+        split = np.isnan(over) | (over > 0) & (np.ptp(held, axis=(1, 2)) > 0)
+        places = np.einsum("kc,nci->ink", self.WITHIN, corners[split]).reshape(3, -1)
+        weights = self.WITHIN * held[split]
+        shares = shares_at(under, places).reshape(-1, len(self.WITHIN), 1)
+        weights *= shares / weights.sum(2)[..., None]
+        pressed[split] = weights.mean(1)
+        sides = corners[:, 1:] - corners[:, :1]
+        areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)[:, None]
+        both = np.stack([areas * pressed, areas * np.full((1, 3), 1 / 3)], -1)
+        share, whole = blank.summed_at(triangles, both)[: self.count].T
+        return np.divide(share, whole, out=np.zeros_like(share), where=whole > 0)
+
+    def common(self, rows: np.ndarray) -> np.ndarray:
+        """The row (k,) that all nodes of all ranks have in `rows` (count, k)."""
+        return next(firsts[0] for firsts in self.comm.allgather(rows[:1]) if len(firsts))
+
+    def total(self, values: np.ndarray) -> np.ndarray:
+        """Sum over all ranks' nodes of values (count, ...)."""
+        return self.comm.allreduce(values.sum(0), MPI.SUM)
+
+
+def _areas(blank, part):
+    """Areas of the part at the nodes of the blank, this rank's own first."""
+    if blank.degree == 2:  # the integrals of shape functions are 0 at corners
+        return part.flat_areas().copy()
+    return assembled(ufl.TestFunction(blank.V)[0] * part.dx())[::3].copy()

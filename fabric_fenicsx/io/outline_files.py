@@ -1,0 +1,223 @@
+"""Outlines of sheets in files: polygons in CSV, drawings in DXF, boundaries of meshes."""
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from ..core.errors import InputError
+from ..core.files import check_file, ending
+from ..core.formatting import rounded
+from .read import read_surface_mesh
+from .rings import joined, sheet_of
+from .text_tables import columns_of, read_lines, table_of
+from .units import factors
+
+ALLOWED = "a drawing (.dxf), a table of x and y (.csv, .txt), or a mesh"
+CURVES = "LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE"  # of DXF
+TABLES = ".csv", ".txt", ".xy"
+PLANE_TOLERANCE = 1e-6  # extent in z over the others, below which lines lie in a plane
+
+
+def read_outline(path: Path | str, layer: str | None = None) -> tuple[shapely.Polygon, list[str]]:
+    """The sheet that a file's rings bound [mm], and what to say of it, a sentence each.
+
+    The largest ring is the outline, those in it are holes. A table (.csv) has columns x and y, and
+    blank lines or a column `ring` between rings. Of a drawing (.dxf) all lines of its `layer`
+    count, or of several with commas between them, by default of all that are visible; of any other
+    file, a mesh, the boundary.
+    """
+    path, notes, hint = Path(path), [], ""
+    source = f"outline {path}"
+    check_file(path, "outline", ALLOWED)
+    if ending(path) == ".dxf":
+        lines, notes, hint = _drawing(path, source, layer)
+    elif layer is not None:
+        raise InputError(f"`layer` is allowed only for a .dxf, not for {source}")
+    elif ending(path) in TABLES:
+        return sheet_of(_table(path, source), source), []
+    else:
+        lines = _boundary(path)
+    size = np.ptp(np.concatenate(lines), axis=0)
+    if size[2] > PLANE_TOLERANCE * size.max():
+        raise InputError(
+            f"{source} reaches over {rounded(size[2])} mm in z; allowed is a plane z = const"
+        )
+    try:
+        return sheet_of(joined([line[:, :2] for line in lines], source), source), notes
+    except InputError as error:
+        raise InputError(f"{error}{hint}") from None
+
+
+def read_trim_line(path: Path | str) -> tuple[list[np.ndarray], list[str]]:
+    """Lines in space (n, 3) [mm], or (n, 2) without z, that a file's trim line consists of, and
+    what to say of it: a table of `read_outline` that may have a column z, or all that is visible of
+    a drawing, without z if that is the same all over."""
+    path, notes = Path(path), []
+    source, allowed = f"trim line {path}", "a table of x, y and z (.csv, .txt), or a drawing (.dxf)"
+    check_file(path, "trim line", allowed)
+    if ending(path) in TABLES:
+        lines = [np.vstack([ring, ring[:1]]) for ring in _table(path, source, ("x", "y", "z"))]
+    elif ending(path) == ".dxf":
+        lines, notes, _ = _drawing(path, source, None)
+        size = np.ptp(np.concatenate(lines), axis=0)
+        if size[2] <= PLANE_TOLERANCE * size.max():
+            lines = [line[:, :2] for line in lines]
+    else:
+        raise InputError(f"{source} is of another format; allowed is {allowed}")
+    if lines[0].shape[1] == 2:
+        notes.append(f"{source} has no z and is projected along z")
+    return lines, notes
+
+
+def _table(path, source, names=("x", "y")):
+    """The rings of a table, (n, 2) or with z, if it has that and it is asked for, (n, 3)."""
+    try:
+        lines = read_lines(path)
+        table = table_of(lines, ("x", "y", "X", "Y").__contains__, names)
+        table = table._replace(names=[name.lower() for name in table.names])
+        units = dict.fromkeys(names, {None: 1.0} | factors("length")) | {"ring": {None: 1.0}}
+        columns = columns_of(table, units, ("z", "ring"))
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from None
+    # a comment is no blank line
+    blank = [not text.strip(" ,;\t") for text in lines]
+    block = np.cumsum(blank)[np.array(table.rows) - 1]
+    keys = np.column_stack([block, columns.get("ring", 0 * block)])
+    _, first, of = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    points = np.column_stack([columns[name] for name in names if name in columns])
+    return [points[of.ravel() == k] for k in np.argsort(first).argsort()]
+
+
+def _drawing(path, source, layer):
+    """Lines (n, 3) of a drawing [mm], sentences on its unit if that is not mm and on what is not
+    read, and what to add to errors."""
+    from ezdxf import readfile, recover
+    from ezdxf.lldxf.const import DXFError
+    from ezdxf.math import Matrix44
+
+    try:
+        if path.read_bytes().startswith(b"AutoCAD Binary DXF"):  # which `recover` does not know
+            drawing = readfile(path)
+            auditor = drawing.audit()
+        else:
+            drawing, auditor = recover.readfile(path)
+    except (DXFError, OSError, ValueError) as error:
+        raise InputError(f"{source} cannot be read ({error!r}); allowed is {ALLOWED}") from None
+    states = {each.dxf.name.lower(): each for each in drawing.layers}
+    drawn = [*_drawn(drawing.modelspace(), states, "0", Matrix44())]
+    layers = sorted({layer for entity, layer, _ in drawn if _is_curve(entity)})
+    if layer is not None:
+        asked = [name.strip().lower() for name in layer.split(",")]
+        if missing := [name for name in asked if name not in map(str.lower, layers)]:
+            raise InputError(
+                f"`layer` {', '.join(missing)} of {source} has no lines; allowed are {layers}"
+            )
+        drawn = [each for each in drawn if each[1].lower() in asked]
+    curves = [each for each in drawn if _is_curve(each[0])]
+    others = Counter(entity.dxftype() for entity, *_ in drawn if not _is_curve(entity))
+    beside = "TEXT MTEXT DIMENSION ARC_DIMENSION LEADER MULTILEADER POINT ATTDEF".split()
+    unread = ", ".join(f"{others[kind]} {kind}" for kind in sorted({*others}.difference(beside)))
+    notes = [f"{source} has {unread}, not read; allowed are {', '.join(CURVES)}"] if unread else []
+    fixes = [each.message for each in auditor.fixes]
+    notes += [f"{source} is damaged: {each}" for each in fixes if each.startswith("Removed")]
+    if not curves:
+        raise InputError(
+            f"{source} has no lines, but {unread or 'nothing'}; allowed are {', '.join(CURVES)}"
+        )
+    factor, unit = _unit(drawing)
+    lines = []
+    for curve, _, place in curves:
+        if curve.dxftype() == "POLYLINE":  # R12 has vertices, by this flag, that steer a spline
+            on_it = [vertex for vertex in curve.vertices if not vertex.dxf.flags & 16]
+            curve.vertices[:] = on_it or curve.vertices
+        stretch = np.linalg.norm(np.array([*place.rows()])[:3, :3], 2)
+        for line in _flattened(curve, 0.01 / factor / stretch):  # chords within 0.01 mm
+            lines.append(factor * np.array([tuple(x) for x in place.transform_vertices(line)]))
+    if unit:
+        sides = " x ".join(rounded(each, 4) for each in np.ptp(np.concatenate(lines), axis=0)[:2])
+        notes.append(f"{source} {unit}, so it is {sides} mm")
+    hint = f"; it has {unread}, not read" if unread else ""
+    if layer is None and len(layers) > 1:
+        hint += f"; of its layers {', '.join(layers)} some may be left out by `layer`"
+    return lines, notes, hint
+
+
+def _flattened(curve, chord):
+    """Lines of points on a curve, whose chords lie up to `chord` off it. ezdxf's paths alone are
+    too coarse for arcs, and leave splines whose ends are not clamped."""
+    from ezdxf import path as paths
+
+    kind = curve.dxftype()
+    if kind in ("ARC", "CIRCLE", "ELLIPSE"):
+        return [[*curve.flattening(chord)]]
+    if kind in ("LWPOLYLINE", "POLYLINE") and curve.has_arc:
+        return [line for each in curve.virtual_entities() for line in _flattened(each, chord)]
+    if kind != "SPLINE":
+        line = [*paths.make_path(curve).flattening(chord)]
+        return [line] if len(line) > 1 else []
+    spline = curve.construction_tool()
+    ends = np.unique(spline.knots()[spline.degree : spline.count + 1])
+    for parts in 2 ** np.arange(2, 13):  # of each stretch between knots
+        shares = np.arange(parts)[:, None] / parts
+        t = np.append((ends[:-1] + shares * np.diff(ends)).T, ends[-1])
+        points = [*spline.points(t)]
+        x = np.array([tuple(point) for point in points])
+        if np.linalg.norm(x[1::2] - (x[:-1:2] + x[2::2]) / 2, axis=1).max() < chord:
+            break
+    return [points]
+
+
+def _is_curve(entity):
+    kind = entity.dxftype()
+    # flags of a POLYLINE that is a mesh
+    return kind in CURVES and not (kind == "POLYLINE" and entity.dxf.flags & (16 | 64))
+
+
+def _drawn(entities, states, above, place):
+    """What is visible of entities of a block at a `place`, a matrix, on the layer `above`, and in
+    the blocks that it inserts: each with its layer and place; `states`: the layers by name."""
+    # by products of matrices, as ezdxf loses the shear of scales within scales
+    for each in entities:
+        layer = above if each.dxf.layer == "0" else each.dxf.layer
+        state = states.get(layer.lower())
+        if each.dxf.get("invisible") or (state and state.is_frozen()):
+            continue
+        if each.dxftype() == "INSERT" and (block := each.block()):
+            for one in each.multi_insert():
+                yield from _drawn(block, states, layer, one.matrix44() @ place)
+        elif not (state and state.is_off()):
+            yield each, layer, place
+
+
+def _unit(drawing):
+    """Factor from a drawing's unit to mm, and words on a unit that is another one or none."""
+    from ezdxf import units
+
+    # mm in units without a factor in ezdxf: microinches, mils, those of the US survey
+    missing = {8: 2.54e-5, 9: 0.0254, 21: 1.2e6 / 3937, 22: 1e5 / 3937, 23: 3.6e6 / 3937}
+    missing |= {24: 6.336e9 / 3937}
+    unit, mm = drawing.header.get("$INSUNITS", 0), units.InsertUnits.Millimeters
+    if unit == mm:
+        return 1.0, ""
+    try:
+        factor = missing.get(unit) or units.conversion_factor(units.InsertUnits(unit), mm)
+        words = f"is in {units.unit_name(unit).lower()} ($INSUNITS {unit})"
+        return float(f"{factor:.9g}"), words
+    except (TypeError, ValueError):
+        return 1.0, f"names no unit ($INSUNITS {unit}) and is taken in mm"
+
+
+def _boundary(path):
+    points, cells, _ = read_surface_mesh(path, "outline", ALLOWED)
+    edges = []
+    for kind, nodes in cells.items():
+        if not kind.startswith(("triangle", "quad")):
+            raise InputError(
+                f"outline {path} holds cells {kind}; allowed are triangles and quadrilaterals"
+            )
+        corners = nodes[:, : 3 if kind.startswith("triangle") else 4]
+        edges += [*np.stack([corners, np.roll(corners, -1, 1)], 2).reshape(-1, 2)]
+    ends, count = np.unique(np.sort(edges, 1), axis=0, return_counts=True)
+    return [*points[ends[count == 1]]]

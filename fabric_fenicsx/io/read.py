@@ -1,0 +1,156 @@
+"""The surface mesh in a file, by the one library that reads its format, in a process of its own:
+libraries print, exit, crash, and change the locale."""
+
+import re
+from contextlib import suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from ..core.child import in_child
+from ..core.errors import InputError
+from ..core.files import check_file, ending
+from .abaqus import read_abaqus
+from .stl import read_stl
+from .surface_mesh import SurfaceMesh, surface_kind
+
+READ = "a mesh that gmsh, PyVista or meshio reads"
+NASTRAN = ".bdf", ".nas", ".dat", ".fem"
+# how whole files end, which libraries read without a word where they are cut off
+ENDS = {
+    (".step", ".stp"): rb"END-ISO-10303-21\s*;",
+    (".iges", ".igs"): rb"T *\d+\s*$",
+    (".brep",): rb"\n[+-]\d+ \d+\s*$",
+    (".unv",): rb"\n *-1\s*$",
+    (".obj", ".ply2"): rb"\n$",
+    NASTRAN: rb"\n$|ENDDATA\s*$",
+}
+# a node of Nastran with its coordinate system, of which gmsh knows nothing: separated by commas, in
+# fields of 16 columns, in fields of 8
+_GRID = re.compile(
+    r"^ *GRID(?: *\*? *,[^,\n]*, *(\d+)|\* {3}.{16}([ \d]{16})| {4}.{8}([ \d]{8})).*$",
+    re.MULTILINE | re.IGNORECASE,
+)
+
+
+def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh:
+    """The mesh in a file, with surface cells; `what` and `allowed` are words of errors."""
+    check_file(path, what, allowed)
+    check_end(path, what)
+    kind = ending(path)
+    # gmsh would run a .msh that does not begin with $, as those of Ansys, as a script
+    is_gmsh = kind == ".msh" and path.read_bytes().startswith(b"$")
+    is_gmsh = is_gmsh or kind in (".unv", ".ply2", ".p3d", *NASTRAN)
+    is_vtk = re.fullmatch(r"\.(vt\w+|pv\w+|e|exo|ex2)", kind)
+    library = _by_gmsh if is_gmsh else _by_pyvista if is_vtk else _by_meshio
+    try:
+        if reader := {".stl": read_stl, ".inp": read_abaqus, ".obj": _read_obj}.get(kind):
+            mesh = reader(path)
+        else:
+            mesh = SurfaceMesh.collected(*in_child(library, path.absolute()))
+    except (RuntimeError, ValueError, OSError) as error:
+        raise InputError(
+            f"{what} {path} cannot be read as {kind or 'a mesh'} ({error}); allowed is {allowed}"
+        ) from None
+    if not mesh.cells:
+        raise InputError(
+            f"{what} {path} holds no surface cells, but {sorted(mesh.others) or 'nodes alone'}; "
+            f"allowed is {allowed}, with triangles or quadrilaterals"
+        )
+    last = len(mesh.points) - 1
+    if not all(0 <= cells.min() and cells.max() <= last for cells in mesh.cells.values()):
+        raise InputError(f"{what} {path} lacks nodes of its cells; allowed is a whole file")
+    return mesh
+
+
+def check_end(path: Path, what: str) -> None:
+    """InputError for a file that ends before its format does; `what` it is, in words."""
+    end = next((end for endings, end in ENDS.items() if ending(path) in endings), b"")
+    if not re.search(end, path.read_bytes()[-1000:], re.IGNORECASE):
+        flaw = f"does not end as {path.suffix} files do: it is cut off, or of another format"
+        raise InputError(f"{what} {path} {flaw}; allowed is a whole file")
+
+
+def _read_obj(path):
+    """Points and faces, without weights, textures and normals, in which libraries stumble."""
+    points, blocks = [], []
+    for line in path.read_text("utf-8", "replace").splitlines():
+        word, *rest = line.split() or [""]
+        if word == "v":
+            points.append(rest[:3])
+        elif word == "f":  # of numbers from 1, or back from the last point
+            numbers = [int(each.split("/")[0]) for each in rest]
+            cell = [n - 1 if n > 0 else n + len(points) for n in numbers]
+            blocks.append((surface_kind(len(cell), len(cell)), np.array([cell])))
+    return SurfaceMesh.collected(np.array(points, float).reshape(-1, 3), blocks, {})
+
+
+# Libraries' readers give points (n, 2 or 3), (kind, cells (m, k)) of surface cells, and {kind:
+# dimension} of others. They raise whatever their parsing stumbles on.
+
+
+def _by_gmsh(path):
+    import gmsh
+
+    is_nastran = ending(path) in NASTRAN
+    for card in _GRID.finditer(path.read_text("latin-1").expandtabs(8)) if is_nastran else ():
+        if (system := "".join(card.groups("")).strip()).strip("0"):
+            words = " ".join(card[0].split())
+            raise ValueError(f"it has a GRID in coordinate system {system}, {words}")
+    gmsh.initialize(readConfigFiles=False)
+    with TemporaryDirectory() as folder:
+        # gmsh does not know OptiStruct's name, and few in capitals
+        link = Path(folder) / f"mesh{'.bdf' if is_nastran else ending(path)}"
+        link.symlink_to(path)
+        gmsh.merge(str(link))
+    numbers, x, _ = gmsh.model.mesh.getNodes()
+    order = np.argsort(numbers)
+    blocks, others = [], {}
+    for kind, _, nodes in zip(*gmsh.model.mesh.getElements()):
+        name, dim, _, count, *_ = gmsh.model.mesh.getElementProperties(kind)
+        if dim == 2:
+            at = order[np.searchsorted(numbers, nodes, sorter=order)]
+            corners = 3 if name.startswith("Tri") else 4
+            blocks.append((surface_kind(corners, count), at.reshape(-1, count)))
+        else:
+            others[name.lower()] = dim
+    return x.reshape(-1, 3), blocks, others
+
+
+def _by_pyvista(path):
+    import pyvista
+
+    with pyvista.VtkErrorCatcher(send_to_logging=False) as caught, suppress(RuntimeError):
+        reader = pyvista.get_reader(str(path))
+        if hasattr(reader.reader, "SetGenerateGlobalNodeIdArray"):  # blocks of Exodus share nodes
+            reader.reader.SetGenerateGlobalNodeIdArray(True)
+        mesh = reader.read()
+    if caught.error_events:  # others follow from the first
+        raise ValueError(caught.error_events[0].alert)
+    if isinstance(mesh, pyvista.MultiBlock):
+        mesh = mesh.combine(merge_points=True)
+    if isinstance(mesh, pyvista.PolyData) and mesh.n_strips:
+        mesh = mesh.triangulate()
+    return _parts(pyvista.to_meshio(mesh))
+
+
+def _by_meshio(path):
+    import meshio
+
+    if b"Temporal" in path.read_bytes() and ending(path) in (".xdmf", ".xmf"):
+        with meshio.xdmf.TimeSeriesReader(path) as series:  # all times share the mesh
+            return _parts(meshio.Mesh(*series.read_points_cells()))
+    return _parts(meshio.read(path))
+
+
+def _parts(mesh):
+    blocks, others = [], {}
+    for block in mesh.cells:
+        if block.dim != 2:
+            others[block.type] = block.dim
+        elif block.type.startswith("polygon"):
+            blocks += [(surface_kind(len(cell), len(cell)), cell[None]) for cell in block.data]
+        else:
+            blocks.append((block.type, block.data))
+    return mesh.points, blocks, others

@@ -1,1 +1,0 @@
-"""Energies and loads that a scene is made of."""

@@ -1,1 +1,0 @@
-"""Energies of a sheet: membrane, bending, metal."""

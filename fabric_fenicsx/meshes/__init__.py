@@ -1,1 +1,0 @@
-"""Meshes of specimens, outlines and tools; `meshes/` has a script for each."""

@@ -1,0 +1,1 @@
+"""Presses as data, how they are built, and what their jobs write."""

@@ -1,0 +1,175 @@
+"""The scene of a press: the blank is laid, the tools are placed, terms and supports are made."""
+
+import math
+from dataclasses import replace
+from itertools import chain
+
+from mpi4py import MPI
+
+from ..contact.holder_pressure import BlankHolderPressure
+from ..contact.self_contact import SelfContact
+from ..contact.tool_contact import Contact
+from ..core.errors import InputError
+from ..core.rules import unknown_key
+from ..core.status import task
+from ..core.timing import phase
+from ..energy.bending import Bending
+from ..energy.membrane import Membrane
+from ..energy.metal import SheetMetal
+from ..energy.term import Term
+from ..io.field import Field
+from ..scene.scene import Scene
+from ..scene.supports import Support
+from . import stack
+from .forming_scene import FormingScene
+from .holders import PressureHolder, segments
+from .laying import Laid, lay_blank, on_plane
+from .placement import place_tools
+from .press_data import PressData
+from .site import Flange, HolderSite, Where
+
+
+@phase("setup")
+@task("building the press")
+def build(press: PressData, comm: MPI.Comm | None = None) -> FormingScene:
+    """The `FormingScene` of a press. Raises InputError, on all ranks, for a blank that can't be
+    meshed and for tools that can't stand or move as given."""
+    comm, interface = comm or MPI.COMM_WORLD, press.interface
+    laid, warnings = lay_blank(press.sheets, press.planes, comm, interface.is_rigid)
+    press = press.replace(sheets=laid.sheets)
+    tools, schedule, doubts = place_tools(press, laid)
+    sheets, planes = laid.sheets, [on_plane(axis) for axis in press.planes]
+
+    fabrics = [sheet for sheet in sheets if sheet.fabric]
+    terms = [laid.on(s, _membrane(s)) for s in fabrics]
+    terms += [laid.on(s, _bending(s, planes)) for s in fabrics if s.bending_modulus]
+    on_tools = interface.on_tools(sheets)
+    for name, tool in tools.items():
+        own = press.tools[name].friction
+        friction = on_tools if own is None else interface.coulomb(own)
+        terms.append(Contact(tool, penalty=interface.penalty, friction=friction))
+    terms += [laid.on(s, SheetMetal(s.metal, symmetric=planes)) for s in sheets if s.metal]
+    between = stack.between(laid.stack, sheets, interface, planes) if laid.stack else []
+    held, on_die, more = _hold(press, laid, tools, schedule, on_tools, between)
+    terms += [*chain(*held.values()), *between]
+    for sheet in sheets if interface.self else ():
+        friction = interface.coulomb(sheet.friction_to(sheet))
+        k, lag = interface.penalty, interface.lag_of_faces
+        folds = SelfContact(penalty=k, lag=lag, symmetric=planes, friction=friction)
+        terms.append(laid.on(sheet, folds))
+
+    scene = Scene(laid.blank, terms, _supports(press, laid))
+    if laid.stack:
+        stack.press(laid.stack, sheets, scene.terms, on_die)
+    warnings = list(dict.fromkeys([*warnings, *doubts, *more]))
+    return FormingScene(press, scene, warnings, laid, tools, schedule, held)
+
+
+def _membrane(sheet):
+    return Membrane(
+        sheet.fabric,
+        integration=sheet.integration,
+        weave_angle=None if sheet.weave_angle is None else math.radians(sheet.weave_angle),
+        temperature=sheet.temperature,
+        thickness=sheet.thickness if isinstance(sheet.thickness, Field) else None,
+    )
+
+
+def _bending(sheet, planes):
+    return Bending(
+        modulus=sheet.bending_modulus,
+        twist_modulus=sheet.twist_modulus,
+        in_plane=sheet.in_plane_bending,
+        symmetric=planes,
+    )
+
+
+def _supports(press: PressData, laid: Laid) -> list[Support]:
+    """The planes of symmetry, and what keeps the blank from moving and turning in its plane: the
+    nodes nearest to its centroid, and without planes to the end of the axis there."""
+    supports = [
+        Support(f"plane of symmetry {'xy'[axis]} = 0", on_plane(axis), (axis,))
+        for axis in press.planes
+    ]
+    free = tuple(axis for axis in (0, 1) if axis not in press.planes)
+    if free:
+        middle = laid.nearest_nodes(laid.centre)
+        supports.append(Support("centre", middle, free, locates=True))
+    if not press.planes:
+        end = laid.nearest_nodes(laid.centre + [laid.sides[0] / 2, 0.0])
+        supports.append(Support("end of the axis", end, (1,), locates=True))
+    return supports
+
+
+# -- holders
+
+
+def _hold(press, laid, tools, schedule, friction, between):
+    """{name of a holder or segment: its terms}, the last tool on which one presses, and doubts.
+    friction: of tools; between: contacts of the sheets of a stack."""
+    held, on_die, doubts = dict[str, list[Term]](), None, list[str]()
+    taken: dict[str, dict[str, Where]] = {}
+    against = stack.neighbours(between, laid.sheets) if laid.stack else []
+    for name, holder in _segments(press, schedule):
+        die = _die_of(name, holder, press, laid, tools, schedule)
+        on_die = die if getattr(holder, "presses", True) else on_die
+        site = HolderSite(
+            name=name,
+            laid=laid,
+            planes=press.planes,
+            share=press.share,
+            die=die,
+            up=-press.tools[die.name].towards,
+            thickness=press.thickness(),
+            interface=press.interface,
+            friction=friction,
+            against=against,
+            taken=taken,
+        )
+        held[name] = terms = list(holder.terms(site))
+        unnamed = [term.tool for term in terms if term.tool and term.tool.name == term.name]
+        for k, tool in enumerate(unnamed, 1):
+            tool.name = name if len(unnamed) == 1 else f"{name}, {k}"
+        doubts += site.warnings
+        pressures = [term for term in terms if isinstance(term, BlankHolderPressure)]
+        if any(term.direction @ site.up < 0 for term in pressures):
+            doubts.append(
+                f"the pressure of {name} is directed away from the die: towards it is "
+                f"(0, 0, {site.up[2]:g})"
+            )
+    return held, on_die, doubts
+
+
+def _segments(press, schedule):
+    """Name and holder of each segment, with the pressure over all stages."""
+    for name, options in press.holders.items():
+        changing = schedule.pressure(name)
+        for k, holder in enumerate(segments(name, options), 1):
+            if changing and isinstance(holder, PressureHolder):
+                holder = replace(holder, pressure=changing)
+            yield (f"{name} {k}" if k > 1 else name), holder
+
+
+def _die_of(name, holder, press, laid, tools, schedule):
+    """The tool on which a holder presses the blank; of one that only pulls any."""
+    path, asked = f"holders.{name}.against", getattr(holder, "against", "")
+    if asked and asked not in tools:
+        raise unknown_key(asked, tools, f"{path} {asked}")
+
+    def is_flat(tool):
+        up = -press.tools[tool.name].towards[2]
+        share = Flange(tool, press.thickness(), up, laid.blank.extent())(laid.flat_nodes().T)
+        return laid.blank.mesh.comm.allreduce(int((share > 0).sum())) > 0
+
+    still = [tools[n] for n in ([asked] if asked else tools) if not schedule.is_moved(n)]
+    flat = [tool for tool in still if is_flat(tool)]
+    if not getattr(holder, "presses", True):
+        return (flat or list(tools.values()))[0]
+    if len(flat) != 1:
+        names = ", ".join(tool.name for tool in flat) or "there is none"
+        flaw = f"is {asked}{'' if still else ', which moves'}" if asked else f"is one of: {names}"
+        raise InputError(
+            f"{path} {flaw}; allowed is a tool that stands still and has a flat face on the blank, "
+            "or a tool with a force in place of a holder"
+        )
+    return flat[0]

@@ -1,0 +1,127 @@
+"""What a press is, as data: sheets, tools, holders and stages; no mesh, no MPI."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
+
+from ..core.errors import InputError
+from ..core.fields import KnowsItsFields, check_fields, choice, switch
+from ..core.rules import shown, unknown_key
+from ..material.laws import Law
+from ..material.metal import Metal
+from ..sheet.sheet import Sheet
+from ..solve.limits import Limits
+from .holders import Holder, segments
+from .interface import Interface
+from .stages import Schedule, Stage
+from .tools import DieOf, PressTool
+
+
+@dataclass(frozen=True, kw_only=True)
+class PressData(KnowsItsFields):
+    """The fields of a `Press`. Raises InputError for parts that do not fit together."""
+
+    sheets: Sequence[Sheet]
+    symmetry: str = choice("none", ("none", "x", "y", "xy"), "planes of symmetry")
+    interface: Interface = Interface()
+    tools: Mapping[str, PressTool] = field(default_factory=dict)
+    holders: Mapping[str, Holder | Sequence[Holder]] = field(default_factory=dict)
+    stages: Sequence[Stage] = ()
+    limits: Limits = Limits()
+    stop_when_invalid: bool = switch("the run ends at the step where the ply can't be formed")
+    title: str = ""
+
+    def __post_init__(self) -> None:
+        paths = {"symmetry": "blank.symmetry", "stop_when_invalid": "limits.stop_when_invalid"}
+        check_fields(self, paths.__getitem__)
+        object.__setattr__(self, "sheets", _all_of(Sheet, "plies", self.sheets))
+        object.__setattr__(self, "stages", _all_of(Stage, "stages", self.stages))
+        _all_of(PressTool, "tools", list(self.tools.values()))
+        for name, holder in self.holders.items():
+            segments(name, holder)
+        self._check_sides()
+        self.schedule({die.tool: 0.0 for die in self.dies().values()}, 0.0)
+
+    def _check_sides(self):
+        if len({tool.side for tool in self.tools.values()}) == 1 and not self.holders:
+            side = next(iter(self.tools.values())).side
+            flaw = f"all tools stand {side} the blank, and nothing resists them"
+            raise InputError(f"{flaw}; allowed is a tool on the other side, or a holder")
+        surfaces = [name for name in self.tools if name not in self.dies()]
+        for name, die in self.dies().items():
+            if (of := die.tool) not in surfaces:
+                raise unknown_key(of, surfaces, f"tools.{name}.die_of {of}")
+            if self.tools[of].side == (side := self.tools[name].side):
+                flaw = f"tools.{name}.side is {side}, the side of {of}, whose die it is"
+                raise InputError(f"{flaw}; allowed is the other side")
+
+    @property
+    def planes(self) -> tuple[int, ...]:
+        """Axes to which the planes of symmetry are perpendicular: 0 for x, 1 for y."""
+        return tuple(axis for axis in (0, 1) if "xy"[axis] in self.symmetry)
+
+    @property
+    def share(self) -> float:
+        """Share of the whole blank that is modelled."""
+        return 0.5 ** len(self.planes)
+
+    @property
+    def modelled(self) -> str:
+        """Name of what is modelled of the blank."""
+        return ("whole", "half", "quarter")[len(self.planes)]
+
+    @property
+    def fabric(self) -> Law | Metal:
+        """The first sheet's fabric, or metal."""
+        found: list = [sheet.fabric for sheet in self.sheets if sheet.fabric]
+        return [*found, self.sheets[0].metal][0]
+
+    def paths(self) -> list[str]:
+        """The path of each sheet's table in a file."""
+        names = [sheet.name.removeprefix("ply ") for sheet in self.sheets]
+        return [f"ply.{name or k}" for k, name in enumerate(names, 1)] if names[1:] else ["blank"]
+
+    def replace(self, **changes: Any) -> Self:
+        """The press with other fields."""
+        return replace(self, **changes)
+
+    def with_fabrics(self, change: Callable[[Law], Law]) -> Self:
+        """The press with `change` made in the fabric of each sheet."""
+        changed = [sheet.fabric and change(sheet.fabric) for sheet in self.sheets]
+        if changed == [sheet.fabric for sheet in self.sheets]:
+            return self
+        return self.replace(sheets=[replace(s, fabric=f) for s, f in zip(self.sheets, changed)])
+
+    def dies(self) -> dict[str, DieOf]:
+        """{name of a die: what it is the die of}."""
+        surfaces = {name: tool.surface for name, tool in self.tools.items()}
+        return {name: s for name, s in surfaces.items() if isinstance(s, DieOf)}
+
+    def tool(self, name: str) -> PressTool:
+        """The tool of this name with its `at`, of a die by default that of its tool."""
+        tool = self.tools[name]
+        of = self.tools[tool.surface.tool] if isinstance(tool.surface, DieOf) else tool
+        return tool if tool.at else replace(tool, at=(of.at or (0.0, 0.0))[:2])
+
+    def schedule(self, reach: Mapping[str, float], thickness: float) -> Schedule:
+        """What tools and holders do over the load factor; reach, thickness: as in `Schedule`."""
+        return Schedule(self.stages, self.tools, self.holders, reach, thickness)
+
+    def thickness(self, pressure: float = 0.0) -> float:
+        """Thickness of all sheets together under a pressure [MPa], [mm]."""
+        rigid = self.interface.is_rigid
+        return sum(sheet.thickness_under(pressure, rigid) for sheet in self.sheets)
+
+
+def _all_of(kind, what, values):
+    """One object of a kind, or several, as a tuple. Raises InputError for others, for none, and for
+    two of one name."""
+    values = (values,) if isinstance(values, kind) else tuple(values)
+    other = [f"one of the {what} is {shown(v)}" for v in values if not isinstance(v, kind)]
+    if other or not values:
+        flaw = other[0] if other else f"there are no {what}"
+        raise InputError(f"{flaw}; allowed is `{kind.__name__}(...)`, or several")
+    names = [name for each in values if (name := getattr(each, "name", ""))]
+    if twice := next((name for name in names if names.count(name) > 1), ""):
+        raise InputError(f"two {what} are called {twice}; allowed are different names")
+    return values

@@ -1,0 +1,85 @@
+"""Sheets laid on one another: the terms of each and between them."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from ..contact.holder_pressure import BlankHolderPressure
+from ..contact.sheet_contact import SheetContact
+from ..contact.tool_contact import Contact
+from ..energy.morley import Where
+from ..energy.term import Term
+from ..sheet.sheet import Sheet
+from ..sheet.stack import Stack
+from ..surfaces.tool import Tool
+from .interface import Interface
+
+REACH_TOLERANCE = 1e-6  # mm by which a sheet reaches beyond another
+
+
+def between(
+    stack: Stack, sheets: Sequence[Sheet], interface: Interface, planes: Sequence[Where]
+) -> list[Term]:
+    """Contact of each sheet with the next, and of two around a smaller one. planes: of symmetry."""
+    pairs, reach = list(pairwise(sheets)), _reach(stack)
+    for k, (lower, _, upper) in enumerate(zip(sheets, sheets[1:], sheets[2:])):
+        if (np.minimum(reach[k], reach[k + 2]) > reach[k + 1] + REACH_TOLERANCE).any():
+            pairs.append((lower, upper))
+    return [
+        SheetContact(
+            lower.name,
+            upper.name,
+            penalty=interface.penalty,
+            lag=interface.lag_of_faces,
+            symmetric=planes,
+            friction=interface.coulomb(lower.friction_to(upper)),
+        )
+        for lower, upper in pairs
+    ]
+
+
+def neighbours(terms: Sequence[Term], sheets: Sequence[Sheet]) -> list[SheetContact]:
+    """The contacts among the terms between each sheet and the next, the lowest first."""
+    contacts = {term.sheets: term for term in terms if isinstance(term, SheetContact)}
+    return [contacts[lower.name, upper.name] for lower, upper in pairwise(sheets)]
+
+
+def rims(stack: Stack, sheets: Sequence[Sheet]) -> list[str]:
+    """Names of the sheets that reach beyond all those below them, without the lowest one."""
+    reach = _reach(stack)
+    below = np.maximum.accumulate(reach)
+    beyond = (reach[1:] > below[:-1] + REACH_TOLERANCE).any(1)
+    return [s.name for s, reaches in zip(sheets[1:], beyond) if reaches]
+
+
+def _reach(stack):
+    """How far each sheet reaches towards high and low x and y (sheets, 4) [mm]."""
+    extents = [sheet.blank.extent() for sheet in stack.sheets]
+    return np.array([[*high[:2], *-low[:2]] for low, high in extents])
+
+
+def press(stack: Stack, sheets: Sequence[Sheet], terms: Sequence[Term], die: Tool | None) -> None:
+    """Press the sheets together and onto the `die`, as the present pressures of holders do: sheets
+    that do not touch at first resist nothing. Metal moves up as a whole, as it would not bend at
+    the flange's end."""
+    holders = [t for t in terms if isinstance(t, BlankHolderPressure) and t.now]
+    if not holders:
+        return
+    on_top = next(t for t in terms if isinstance(t, Contact) and t.tool is die)
+    pairs, comm = neighbours(terms, sheets), stack.mesh.comm
+    names = [sheet.name for sheet in stack.sheets]
+    on_it = stack.parts[names[-1]].nodes
+    depths = [on_top.depth_under(each.now)[on_it].max(initial=0.0) for each in holders]
+    rises = np.max(comm.allgather(depths), axis=0)[:, None]
+    places = stack.coordinates()[: len(on_it)].T
+    shares = np.array([each.shares(places) for each in holders])
+    if any(sheet.metal for sheet in sheets):
+        shares[:] = 1 / len(holders)
+    u = stack.u.x.array.reshape(-1, 3)
+    for k, name in reversed(list(enumerate(names))):
+        at = np.flatnonzero(stack.parts[name].nodes)
+        u[at, 2] = (shares[:, at] * rises).sum(0)
+        if k:
+            rises += [[pairs[k - 1].depth_under(each.now)] for each in holders]
+    stack.u.x.scatter_forward()

@@ -1,0 +1,213 @@
+"""The stages of a press: which tools move, and how, one stage after the other."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.fields import KnowsItsFields, documented, number, switch
+from ..core.rules import COUNT, FINITE, FROM_ZERO, POSITIVE, shown, unknown_key
+from ..core.tables import as_table
+from ..surfaces.values import checked_vector
+from .holders import Holder, PressureHolder
+from .tools import PressTool
+
+
+@documented
+@dataclass(frozen=True)
+class Stage(KnowsItsFields):
+    """What tools and holders do in one part of a run, all in proportion to the load.
+
+    Parameters
+    ----------
+    name
+        In results.
+    moves
+        {name of a tool: distance towards the blank, or a vector (3,)} [mm]; a distance below 0 is
+        away from it.
+    forces
+        {name of a tool that a force moves: force on the whole blank at the end of the stage} [N].
+    pressures
+        {name of a holder with a pressure: pressure at the end of the stage} [MPa].
+    leave
+        Names of tools that go back to where they started.
+
+    Raises
+    ------
+    InputError
+        For values that are not allowed, and for a stage in which nothing happens.
+
+    Examples
+    --------
+    >>> ff.Stage("forming", moves={"punch": 40}, steps=20).moves["punch"]
+    40
+    """
+
+    name: str = ""
+    moves: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
+    close: float | None = number(
+        None, POSITIVE, "distance to which tools with a die close [thicknesses of the blank]"
+    )
+    forces: Mapping[str, float] = field(default_factory=dict)
+    pressures: Mapping[str, float] = field(default_factory=dict)
+    leave: Sequence[str] = ()
+    steps: int = number(20, COUNT, "load steps")
+    unload: bool = switch("take all tools and holders away, allowed in the last stage")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for kind, rule in (("moves", FINITE), ("forces", POSITIVE), ("pressures", FROM_ZERO)):
+            for name, value in as_table(getattr(self, kind), f"`{kind}`", "a table").items():
+                is_vector = kind == "moves" and np.ndim(value) == 1
+                (checked_vector if is_vector else rule.check)(f"`{kind}`.{name}", value)
+        if not isinstance(self.leave, (list, tuple)):
+            raise InputError(f"`leave` is {shown(self.leave)}; allowed is a list of names of tools")
+        moves = any(map(np.any, self.moves.values()))
+        if self.unload == bool(moves or self.forces or self.pressures or self.leave or self.close):
+            raise InputError(
+                "a stage needs `moves` other than 0, `close`, `forces`, `pressures` or `leave`; or "
+                "`unload` alone"
+            )
+
+
+class Schedule:
+    """What tools and holders do over the load factor, from 0 to 1 over all `stages` in proportion
+    to their steps; `joints`: load factors at their ends.
+
+    reach: {name of a tool with a die: distance that it moves until it touches the die} [mm];
+    thickness: of the blank [mm]. Raises InputError for stages that name what is not there.
+    """
+
+    def __init__(
+        self,
+        stages: Sequence[Stage],
+        tools: Mapping[str, PressTool],
+        holders: Mapping[str, Holder | Sequence[Holder]],
+        reach: Mapping[str, float],
+        thickness: float,
+    ) -> None:
+        self._tools, self._reach, self._thickness = tools, reach, thickness
+        self.stages = [
+            stage if stage.name else replace(stage, name=f"stage {k}")
+            for k, stage in enumerate(stages, 1)
+            if not stage.unload
+        ]
+        if not self.stages or any(stage.unload for stage in list(stages)[:-1]):
+            flaw = "stage needs one or more stages that form, as [[stage]]"
+            raise InputError(f"{flaw}; `unload` is allowed only in the last")
+        self.unloads = bool(stages[-1].unload)
+        self.steps = sum(stage.steps for stage in self.stages)
+        self.joints = np.append(0, np.cumsum([s.steps for s in self.stages])) / self.steps
+        # places of tools from the start, forces of tools and pressures of holders, at the joints
+        self._places = {name: [np.zeros(3)] for name in tools}
+        self._forces = {n: [t.force] for n, t in tools.items() if t.force is not None}
+        self._pressures = {
+            name: [holder.pressure]
+            for name, holder in holders.items()
+            if isinstance(holder, PressureHolder) and not callable(holder.pressure)
+        }
+        for stage in self.stages:
+            self._add(stage, f"stage.{stage.name.removeprefix('stage ')}")
+        for name in tools:
+            gone = self._gone(name)
+            if min(gone) < 0 and max(gone) <= 0:
+                flaw = f"tools.{name} only moves away from the blank"
+                raise InputError(f"{flaw}; allowed are numbers above 0 in `moves`, towards it")
+
+    def _add(self, stage, label):
+        for kind, series in (("forces", self._forces), ("pressures", self._pressures)):
+            given = getattr(stage, kind)
+            if other := next((name for name in given if name not in series), ""):
+                raise InputError(
+                    f"{label}.{kind}.{other} needs a `{kind[:-1]}` from the start; those that have "
+                    f"one are {', '.join(series) or 'none here'}"
+                )
+            for name, values in series.items():
+                values.append(given.get(name, values[-1]))
+        moves, moved = dict(stage.moves), [*stage.moves, *stage.leave]
+        if stage.close is not None:
+            if not self._reach:
+                raise InputError(f"{label}.close needs a tool with a die, as die_of")
+            left = stage.close * self._thickness
+            moves |= {n: reach - left - self._gone(n)[-1] for n, reach in self._reach.items()}
+            moved += self._reach
+        for name in moved:
+            if name not in self._tools:
+                raise unknown_key(name, self._tools, f"{label}: tool {name}")
+            if name in self._forces or moved.count(name) > 1:
+                raise InputError(
+                    f"{label} moves {name} twice; a tool moves by its force, in `forces`, or by "
+                    "one of `moves`, `close` and `leave`"
+                )
+        for name, places in self._places.items():
+            move = np.asarray(moves.get(name, 0.0), dtype=float)
+            along = move if move.ndim else move * self._tools[name].towards
+            places.append(np.zeros(3) if name in stage.leave else places[-1] + along)
+
+    def _gone(self, name):
+        """How far a tool has gone towards the blank at the joints [mm]."""
+        return [float(place @ self._tools[name].towards) for place in self._places[name]]
+
+    def path(self, name: str, start: np.ndarray) -> Callable[[float], np.ndarray]:
+        """Function of the load factor to where the tool's origin is, (3,) [mm]; start (3,)."""
+        places = np.array(self._places[name]) + start
+        return lambda load: np.array([np.interp(load, self.joints, axis) for axis in places.T])
+
+    def force(self, name: str, share: float) -> Callable[[float], np.ndarray] | None:
+        """Function of the load factor to the force (3,) [N] of a tool on this share of the blank,
+        None if it has none."""
+        if name not in self._forces:
+            return None
+        whole, towards = self._forces[name], self._tools[name].towards
+        return lambda load: share * float(np.interp(load, self.joints, whole)) * towards
+
+    def pressure(self, name: str) -> Callable[[float], float] | None:
+        """Function of the load factor to a holder's pressure [MPa], if stages change it."""
+        values = self._pressures.get(name, [])
+        if len(set(values)) < 2:
+            return None
+        return lambda load: float(np.interp(load, self.joints, values))
+
+    def closes_straight(self, name: str, die: str) -> bool:
+        """Whether a tool moves only along z and by no force, and its die does not move."""
+        sideways = np.any(np.array(self._places[name])[:, :2])
+        return not (self.is_moved(die) or name in self._forces or sideways)
+
+    def distance(self, name: str, load: float) -> float:
+        """Distance of a tool from its die at a load factor, where both are flat [mm]."""
+        return self._reach[name] - float(np.interp(load, self.joints, self._gone(name)))
+
+    def is_moved(self, name: str) -> bool:
+        """Whether any stage moves the tool, or a force does."""
+        return name in self._forces or bool(np.ptp(self._places[name], axis=0).any())
+
+    def first_move(self, name: str) -> np.ndarray:
+        """Displacement of the tool in the first stage that moves it (3,) [mm]."""
+        steps = np.diff(self._places[name], axis=0)
+        return steps[steps.any(1).argmax()]
+
+    def leaders(self) -> list[str]:
+        """For each stage the tool whose force and travel the curve shows: the one that moves
+        furthest, else the one whose force changes most, or "" if none does."""
+        leaders = [""] * len(self.stages)
+        for of_tools in (self._forces, self._places):
+            for k, changes in enumerate(self._changes(of_tools)):
+                if changes.any():
+                    leaders[k] = list(of_tools)[changes.argmax()]
+        return leaders
+
+    def _changes(self, of_tools):
+        """By how much each stage changes the forces or places of each tool (stages, tools)."""
+        steps = [np.diff(np.reshape(v, (len(v), -1)), axis=0) for v in of_tools.values()]
+        sizes = [np.linalg.norm(each, axis=1) for each in steps]
+        return np.reshape(sizes, (len(sizes), len(self.stages))).T
+
+    def stage_at(self, load: float) -> int:
+        """Number of the stage at a load factor, counted from 0."""
+        return int(np.clip(np.searchsorted(self.joints, load) - 1, 0, len(self.stages) - 1))
+
+    def travel(self, load: float) -> float:
+        """Travel of the leading tools in all stages up to a load factor [mm]."""
+        moves = self._changes(self._places).max(1)
+        return float(np.interp(load, self.joints, np.append(0.0, np.cumsum(moves))))

@@ -1,0 +1,153 @@
+"""The tools of a press as data: what each is, and where it stands before anything moves."""
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from inspect import signature
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.fields import KnowsItsFields, choice, documented, number
+from ..core.rules import FROM_ZERO, POSITIVE, check_complete, shown, unknown_key
+from ..core.tables import located, names_of
+from ..io.field import Field, of_place
+from ..surfaces.double_dome import DoubleDome
+from ..surfaces.primitives import Block, Cylinder, Plane, Plate, Sphere, Torus
+from ..surfaces.surfaces import Surface, Turned
+from ..surfaces.values import checked_vector
+
+
+@documented
+@dataclass(frozen=True)
+class DieOf(KnowsItsFields):
+    """The die of another tool, in place of a surface of its own.
+
+    Parameters
+    ----------
+    tool
+        Name of the other tool, which is on the other side of the blank.
+
+    Raises
+    ------
+    InputError
+        For a clearance that is not above 0.
+
+    Examples
+    --------
+    >>> ff.PressTool(ff.DieOf("punch"), side="above").surface.tool
+    'punch'
+    """
+
+    tool: str
+    clearance: float | None = number(
+        None, POSITIVE, "distance from the tool (1.2 thicknesses of the blank) [mm]"
+    )
+
+
+@documented
+@dataclass(frozen=True)
+class PressTool(KnowsItsFields):
+    """A tool of a press.
+
+    Parameters
+    ----------
+    surface
+        Its surface; or the name of a file with triangles or a CAD model [mm]; or `DieOf` another
+        tool.
+    at
+        Place of the origin of its surface, (x, y, z) or (x, y) [mm], by default (0, 0), of a die
+        that of its tool. Without z the tool is moved along z until it touches the blank, and then
+        back by the distance `off`.
+    turn
+        Angles (3,) about x, then y, then z [deg], by which it is turned about its origin.
+
+    Raises
+    ------
+    InputError
+        For values that are not allowed.
+
+    Examples
+    --------
+    >>> ff.PressTool(ff.Sphere(50), side="above").towards
+    array([ 0.,  0., -1.])
+    """
+
+    surface: Surface | str | DieOf
+    side: str = choice(
+        "below", ("below", "above"), "below or above the blank, which is then up or down"
+    )
+    at: Sequence[float] | None = None
+    off: float | None = number(
+        None,
+        FROM_ZERO,
+        "distance from the blank at the start (0; with a die the clearance minus the blank's "
+        "thickness, so that tools that close touch it everywhere at once) [mm]",
+    )
+    turn: Sequence[float] = (0.0, 0.0, 0.0)
+    force: float | None = number(
+        None, POSITIVE, "towards the whole blank from the start (none: stages move the tool) [N]"
+    )
+    friction: float | Field | None = number(
+        None, of_place(FROM_ZERO, "xyz"), "coefficient to the blank (that of the `Interface`)"
+    )
+    chord: float = number(0.1, POSITIVE, "largest distance of triangles from a CAD model [mm]")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not isinstance(self.surface, (Surface, str, os.PathLike, DieOf)):
+            flaw = f"`surface` is {shown(self.surface)}"
+            raise InputError(f"{flaw}; allowed is a surface, a file's name, or `DieOf` a tool")
+        turn, at = checked_vector("`turn`", self.turn), self.at
+        if at is not None:
+            at = tuple(checked_vector("`at`", at, size="two or three").tolist())
+        for name, value in (("at", at), ("turn", tuple(turn.tolist()))):  # so that tools compare
+            object.__setattr__(self, name, value)
+        if self.off is not None and at is not None and len(at) == 3:
+            raise InputError("`off` is not allowed beside a z in `at`")
+
+    @property
+    def towards(self) -> np.ndarray:
+        """The direction from it to the blank (3,)."""
+        return np.array([0.0, 0.0, 1.0 if self.side == "below" else -1.0])
+
+
+class Shape(NamedTuple):
+    """A kind of surface that a press file names, with the numbers `keys`; its face is up, its
+    origin at `PressTool.at`. usual: other arguments of the kind, and defaults."""
+
+    kind: Callable[..., Surface]
+    keys: tuple[str, ...]
+    usual: Mapping[str, Sequence[float]] = MappingProxyType({})
+
+    def read(self, table: Mapping[str, float], path: str, side: str) -> Surface:
+        """The surface of a table at a path, turned over on a `side` above. Raises InputError."""
+        for key in table:
+            if key not in self.keys:
+                raise unknown_key(key, (*self.keys, *names_of(PressTool)[1:]), f"{path}.{key}")
+        needed = (p.name for p in signature(self.kind).parameters.values() if p.default is p.empty)
+        check_complete({**table, **self.usual}, needed, f"{path}.", f"in [{path}]")
+        with located(path, ()):
+            surface = self.kind(**{**self.usual, **table})
+        return Turned(surface, (180.0, 0.0, 0.0)) if side == "above" else surface
+
+    def entries(self, surface: Surface, side: str) -> dict[str, float] | None:
+        """The table that is read as this surface, None if there is none."""
+        inner = surface.surface if side == "above" and isinstance(surface, Turned) else surface
+        if type(inner) is not self.kind:
+            return None
+        table = {key: np.asarray(getattr(inner, key)).tolist() for key in self.keys}
+        return table if self.read(table, "", side) == surface else None
+
+
+SHAPES = {
+    "sphere": Shape(Sphere, ("radius",)),
+    "cylinder": Shape(Cylinder, ("radius", "axis"), {"point": (0, 0, 0), "axis": (0, 1, 0)}),
+    "plane": Shape(Plane, (), {"point": (0, 0, 0), "normal": (0, 0, 1)}),
+    "torus": Shape(Torus, ("ring", "tube"), {"centre": (0, 0, 0), "axis": (0, 0, 1)}),
+    "plate": Shape(Plate, ("length", "width", "corner", "entry")),
+    "block": Shape(Block, ("length", "width", "height", "radius", "corner")),
+    "double_dome": Shape(DoubleDome, tuple(names_of(DoubleDome))),
+}

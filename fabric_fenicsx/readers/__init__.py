@@ -1,1 +1,0 @@
-"""Surface meshes in files, by the library that reads them, or own readers where none does."""

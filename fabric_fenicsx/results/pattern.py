@@ -1,0 +1,262 @@
+"""The flat pattern of a trimmed part: a trim line on the formed ply, or a plane through it, as an
+outline on the flat ply; files of it.
+
+A point of the formed ply lies in one of its triangles and has its place in the same triangle of the
+flat ply.
+"""
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pyvista
+import shapely
+from scipy.spatial import cKDTree
+
+from ..core.errors import InputError
+from ..core.files import replace_file
+from ..core.formatting import coordinates, rounded
+from ..io.rings import joined, sheet_of
+from .ply import SAME, Grid, Ply, areas, edge_sides, grid_of, plan_area, ply_of, whole
+from .states import save
+
+MAX_BEYOND = 0.05  # of the distance that is allowed, by which a line may be beyond the ply's edge
+
+
+class Plane(NamedTuple):
+    """A plane by a `point` [mm] and its `normal`, which points to what is kept."""
+
+    point: Sequence[float]
+    normal: Sequence[float]
+
+
+class FlatPattern(NamedTuple):
+    """net: the outline on the flat ply with its holes, a polygon or several [mm]; part: the trimmed
+    part, flat and formed, with the cells' fields; off: the largest distance of the trim line from
+    the formed ply [mm]."""
+
+    net: shapely.Polygon | shapely.MultiPolygon
+    part: Ply
+    off: float
+
+    @property
+    def formed_area(self) -> float:
+        """Area of the formed part [mm2]."""
+        return float(areas(self.part.formed[self.part.triangles]).sum())
+
+
+def flat_pattern(grid: Grid, trim: Plane | Sequence[np.ndarray], reach: float) -> FlatPattern:
+    """The flat pattern of the formed ply in `grid`, inside a trim line or on the side of a plane to
+    which its normal points; of a quarter that of the whole ply.
+
+    trim: lines (n, 3) in space, each point of which counts where the ply is nearest, or (n, 2),
+    projected along z [mm]; of the closed rings that they form the largest is the outline, others
+    are holes. reach: distance from the ply up to which a line counts [mm].
+    """
+    ply = whole(ply_of(grid))
+    if isinstance(trim, Plane):
+        part = _beside(ply, trim)
+        return FlatPattern(_sheet(part), part, 0.0)
+    edge = float(np.sqrt(2 * plan_area(ply.x, ply.triangles).mean()))
+    in_space = trim[0].shape[1] == 3
+    # spacing of points on a trim line, over the mean edge of the ply's cells
+    fine = shapely.segmentize([*map(shapely.LineString, trim)], 0.1 * edge)
+    points, number = shapely.get_coordinates(fine, include_z=in_space, return_index=True)
+    places, off = (_nearest if in_space else _below)(ply, points, reach)
+    lines = shapely.linestrings(places, indices=number)
+    # of that edge, distance from a line within which points are left out of it
+    flat = [shapely.get_coordinates(line) for line in shapely.simplify(lines, 1e-4 * edge)]
+    source = "the trim line, on the flat ply,"
+    net = sheet_of(joined(flat, source), source).intersection(_sheet(ply))
+    return FlatPattern(net, _inside(ply, net), off)
+
+
+def edge_distance(grid: Grid, trim: Sequence[np.ndarray]) -> tuple[float, float]:
+    """The largest distance between the edge of the formed ply in `grid`, of a quarter that of the
+    whole ply, and a trim line, from each to the other, and the mean distance of the edge from the
+    line [mm].
+
+    trim: lines (n, 3) in space, or (n, 2), to which distances are along x and y [mm].
+    """
+    ply = whole(ply_of(grid))
+    sides = ply.formed[edge_sides(ply.triangles), : trim[0].shape[1]]
+    longest = 0.02 * np.linalg.norm(sides[:, 1] - sides[:, 0], axis=1).mean()
+    edge, lengths = _pieces(sides, longest)
+    line, _ = _pieces(np.vstack([np.stack([p[:-1], p[1:]], 1) for p in trim]), longest)
+    (there, _), (back, _) = cKDTree(line).query(edge), cKDTree(edge).query(line)
+    return float(max(there.max(), back.max())), float(np.average(there, weights=lengths))
+
+
+def _pieces(sides, longest):
+    """Middles (m, d), lengths (m,) of equal pieces of `sides` (n, 2, d), up to the `longest`."""
+    start, along = sides[:, 0], sides[:, 1] - sides[:, 0]
+    length = np.linalg.norm(along, axis=1)
+    count = np.maximum(1, np.ceil(length / longest)).astype(int)
+    of = np.repeat(np.arange(len(sides)), count)
+    share = (np.arange(len(of)) - (np.cumsum(count) - count)[of] + 0.5) / count[of]
+    return start[of] + share[:, None] * along[of], (length / count)[of]
+
+
+def _sheet(ply):
+    """The flat ply as a polygon, or several: what the edges of single triangles bound."""
+    net = shapely.build_area(shapely.multilinestrings(ply.x[edge_sides(ply.triangles), :2]))
+    # points that the mesh alone has on straight edges
+    return net.simplify(SAME)
+
+
+def _beside(ply, plane):
+    """The part of a ply on the side of a plane."""
+    normal = np.asarray(plane.normal, float)
+    height = (ply.formed - plane.point) @ (normal / np.linalg.norm(normal))
+    if not height.min() < 0 < height.max():
+        lies = f"which lies from {rounded(height.min())} to {rounded(height.max())} mm before it"
+        flaw = f"the plane at {coordinates(plane.point)} mm does not cut the ply, {lies}"
+        raise InputError(f"{flaw}; allowed is a plane through the ply")
+    flat = grid_of(ply.x, ply.triangles, ply.u)
+    flat.cell_data.update(ply.fields)
+    flat.point_data["height"] = height
+    kept = flat.clip_scalar(scalars="height", invert=False, value=0.0).triangulate()
+    triangles = kept.cells_dict[pyvista.CellType.TRIANGLE]
+    fields = {name: np.asarray(kept.cell_data[name]) for name in ply.fields}
+    u = np.asarray(kept.point_data["u"], dtype=float)
+    return _cleaned(np.asarray(kept.points), u, triangles, fields)
+
+
+def _nearest(ply, points, reach):
+    """Places (n, 2) on the flat ply of what is nearest to `points` (n, 3) on the formed one, and
+    the largest distance."""
+    surface = pyvista.PolyData.from_regular_faces(ply.formed, ply.triangles)
+    cells, nearest = surface.find_closest_cell(points, return_closest_point=True)
+    apart = np.linalg.norm(points - nearest, axis=1)
+    if apart.max() > reach:
+        where = coordinates(points[apart.argmax()])
+        flaw = f"the trim line is {rounded(apart.max())} mm away from the ply at {where} mm"
+        raise InputError(f"{flaw}; allowed is up to {rounded(reach)} mm, on the formed ply")
+    corners = ply.formed[ply.triangles[cells]]
+    p, q, r = corners.swapaxes(0, 1)
+    normal = np.cross(q - p, r - p)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    # where nothing but the edge of the ply is nearest, the point is beside the triangle's plane
+    beside = points - nearest
+    beside -= (beside * normal).sum(1, keepdims=True) * normal
+    shares = _shares(corners, nearest)[:, :, None]
+    places = (shares * ply.x[ply.triangles[cells], :2]).sum(1)
+    beyond = np.linalg.norm(beside, axis=1)
+    edge = _sheet(ply).boundary
+    on_edge = shapely.distance(edge, shapely.points(places)) < 1e-6 * np.sqrt(edge.length)
+    _check_on(points, beyond, (beyond > MAX_BEYOND * reach) & on_edge)
+    return places, float(apart.max())
+
+
+def _below(ply, points, reach):
+    """Places (n, 2) on the flat ply of what is at `points` (n, 2) in plan on the formed one, and a
+    distance of 0."""
+    corners = ply.formed[ply.triangles]
+    tree = shapely.STRtree(shapely.polygons(corners[:, :, :2]))
+    places = shapely.points(points)
+    point, cells = tree.query(places, predicate="dwithin", distance=MAX_BEYOND * reach)
+    missing, beyond = ~np.isin(np.arange(len(points)), point), np.zeros(len(points))
+    if missing.any():
+        ply_in_plan = shapely.union_all(tree.geometries)
+        beyond[missing] = shapely.distance(ply_in_plan, places[missing])
+    _check_on(points, beyond, missing)
+    shares = _shares(corners[cells][:, :, :2], points[point])
+    height = (shares * corners[cells][:, :, 2]).sum(1)
+    low, high = np.full(len(points), np.inf), np.full(len(points), -np.inf)
+    np.minimum.at(low, point, height)
+    np.maximum.at(high, point, height)
+    folded = high - low
+    if folded.max() > reach:
+        where = coordinates(points[folded.argmax()])
+        flaw = f"the ply lies {rounded(folded.max())} mm above itself at {where} mm"
+        raise InputError(f"{flaw}; allowed for it is a trim line with z")
+    _, first = np.unique(point, return_index=True)
+    return (shares[first, :, None] * ply.x[ply.triangles[cells[first]], :2]).sum(1), 0.0
+
+
+def _check_on(points, beyond, gone):
+    """Raise InputError for points (n, d) that are `gone` (n,), `beyond` (n,) the ply's edge; it
+    names the furthest."""
+    if gone.any():
+        where = coordinates(points[(beyond * gone).argmax()])
+        raise InputError(
+            f"the trim line leaves the ply at {where} mm; allowed is a line on the ply"
+        )
+
+
+def _shares(corners, points):
+    """Barycentric coordinates (n, 3) of `points` (n, d) in the planes of triangles (n, 3, d)."""
+    p, q, r = corners.swapaxes(0, 1)
+    a, b, c = q - p, r - p, points - p
+    aa, ab, bb, ac, bc = ((s * t).sum(1) for s, t in ((a, a), (a, b), (b, b), (a, c), (b, c)))
+    second, third = (bb * ac - ab * bc) / (aa * bb - ab**2), (aa * bc - ab * ac) / (aa * bb - ab**2)
+    return np.column_stack([1 - second - third, second, third])
+
+
+def _inside(ply, net):
+    """The part of a ply inside its pattern; cells that the net cuts become triangles of pieces."""
+    shapes = shapely.polygons(ply.x[ply.triangles, :2])
+    shapely.prepare(net)
+    inner = shapely.covers(net, shapes)
+    cut = np.flatnonzero(~inner & shapely.intersects(net, shapes))
+    pieces = shapely.constrained_delaunay_triangles(shapely.intersection(shapes[cut], net))
+    pieces, owner = shapely.get_parts(pieces, return_index=True)
+    corners = shapely.get_coordinates(pieces).reshape(-1, 4, 2)[:, :3].reshape(-1, 2)
+    owner = cut[owner]
+    cells = ply.triangles[np.repeat(owner, 3)]
+    shares = _shares(ply.x[cells, :2], corners)[:, :, None]
+    x, u = (np.vstack([v, (shares * v[cells]).sum(1)]) for v in (ply.x, ply.u))
+    added = len(ply.x) + np.arange(len(corners)).reshape(-1, 3)
+    parents = np.concatenate([np.flatnonzero(inner), owner])
+    fields = {name: values[parents] for name, values in ply.fields.items()}
+    return _cleaned(x, u, np.vstack([ply.triangles[inner], added]), fields)
+
+
+def _cleaned(x, u, triangles, fields):
+    """The ply of these triangles but those with a side that is rounding."""
+    sides = x[triangles] - x[np.roll(triangles, -1, 1)]
+    real = np.linalg.norm(sides, axis=2).min(1) > 2 * SAME
+    grid = grid_of(x, triangles[real], u)
+    grid.cell_data.update({name: values[real] for name, values in fields.items()})
+    return ply_of(grid)
+
+
+def write_pattern(
+    stem: Path | str, pattern: FlatPattern, units: dict[str, str] | None = None
+) -> list[Path]:
+    """Write STEM.dxf with layers OUTLINE and HOLES, STEM.csv of x, y and `ring`, and STEM.vtu, the
+    formed part with fields, `u` and places `flat` on the flat ply; returns their paths."""
+    stem = Path(stem)
+    files = [stem.with_name(stem.name + ending) for ending in (".dxf", ".csv", ".vtu")]
+    parts = shapely.get_parts(pattern.net)
+    rings = [
+        (layer, shapely.get_coordinates(ring)[:-1])  # without the first point again
+        for part in parts
+        for layer, own in (("OUTLINE", [part.exterior]), ("HOLES", part.interiors))
+        for ring in own
+    ]
+    replace_file(files[0], _drawing(rings))
+    rows = [f"{x:.6f},{y:.6f},{k}\n" for k, (_, ring) in enumerate(rings) for x, y in ring]
+    replace_file(files[1], "".join(["x [mm],y [mm],ring\n", *rows]))
+    ply = pattern.part
+    part = grid_of(ply.formed, ply.triangles, ply.u)
+    part.cell_data.update(ply.fields)
+    part.point_data["flat"] = ply.x
+    save(files[2], part, {"u": "mm", "flat": "mm"} | (units or {}))
+    return files
+
+
+def _drawing(rings):
+    import ezdxf
+
+    drawing = ezdxf.new()
+    drawing.units = ezdxf.units.MM
+    drawing.layers.add("OUTLINE")
+    drawing.layers.add("HOLES", color=1)
+    for layer, points in rings:
+        drawing.modelspace().add_lwpolyline(points, close=True, dxfattribs={"layer": layer})
+    text = io.StringIO()
+    drawing.write(text)
+    return text.getvalue()

@@ -1,0 +1,148 @@
+"""A formed ply as nodes and triangles, from the grid of a state."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+import lazy_loader
+import numpy as np
+
+from ..core.rules import unknown_key
+
+if TYPE_CHECKING:
+    import pyvista
+
+    Grid: TypeAlias = pyvista.UnstructuredGrid
+    Surface: TypeAlias = pyvista.PolyData
+else:  # takes half a second
+    Grid = Surface = object
+    pyvista = lazy_loader.load("pyvista")
+
+SAME = 1e-6  # mm within which places are the same
+SYMMETRIC = "planes_of_symmetry"  # field data: axes to which the scene's planes are perpendicular
+
+
+class Ply(NamedTuple):
+    """x, u (n, 3) [mm]: undeformed places of nodes and displacements; triangles (m, 3),
+    anticlockwise on the flat ply; fields {name: (m,) or (m, 3)} on these; planes: axes to which a
+    plane of symmetry is perpendicular."""
+
+    x: np.ndarray
+    u: np.ndarray
+    triangles: np.ndarray
+    fields: dict
+    planes: list
+
+    @property
+    def formed(self) -> np.ndarray:
+        """Places of the nodes now, (n, 3) [mm]."""
+        return self.x + self.u
+
+    def at_nodes(self, values: np.ndarray) -> np.ndarray:
+        """Means (n,) of `values` (m,) over the cells around each node, by areas on the flat ply."""
+        area, n = plan_area(self.x, self.triangles), len(self.x)
+        sums = (
+            np.bincount(self.triangles.ravel(), np.repeat(v, 3), n) for v in (area * values, area)
+        )
+        return np.divide(*sums)
+
+
+def grid_of(points: np.ndarray, cells: np.ndarray, u: np.ndarray) -> Grid:
+    """A grid of points (n, 3) with displacements `u`, and cells (m, 3 or 4) of corners."""
+    kind = pyvista.CellType.TRIANGLE if cells.shape[1] == 3 else pyvista.CellType.QUAD
+    grid = pyvista.UnstructuredGrid({kind: cells}, points)
+    grid.point_data["u"] = u
+    return grid
+
+
+def whole(ply: Ply) -> Ply:
+    """The ply with its mirror images; numbers of cells are those of the modelled part."""
+    x, u, triangles, fields = ply.x, ply.u, ply.triangles, ply.fields
+    for axis in ply.planes:
+        mirror, off, images = image_of(x, triangles, axis)
+        x, u = (np.vstack([p, p[off] * mirror]) for p in (x, u))
+        triangles = np.vstack([triangles, images])
+        fields = {
+            name: np.concatenate([v, v * mirror if v.shape[1:] == (3,) else v])
+            for name, v in fields.items()
+        }
+    return Ply(x, u, triangles, fields, [])
+
+
+def image_of(
+    x: np.ndarray, cells: np.ndarray, axis: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The image of flat nodes x (n, 3) and cells (m, k) in the plane of symmetry perpendicular to
+    `axis`: factors of vectors (3,), which nodes are off the plane, and have images behind the
+    others, and the images' cells (m, k), turned round."""
+    off = np.flatnonzero(abs(x[:, axis]) > SAME)
+    image = np.arange(len(x))
+    image[off] = len(x) + np.arange(len(off))
+    return np.where(np.arange(3) == axis, -1.0, 1.0), off, image[cells][:, ::-1]
+
+
+def check_field(name: str, *fields: Mapping) -> None:
+    """Raise InputError for a `name` that none of the `fields` {name: values} of one number a place
+    has."""
+    arrays = [each for of_one in fields for each in of_one.items()]
+    known = sorted({each for each, values in arrays if np.ndim(values) == 1})
+    if name not in known:
+        raise unknown_key(name, known, f"field {name}")
+
+
+def plan_area(x: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Areas (m,) in plan of `triangles`, negative where clockwise."""
+    p, q, r = x[triangles, :2].swapaxes(0, 1)
+    return np.linalg.det(np.stack([q - p, r - p], 1)) / 2
+
+
+def areas(corners: np.ndarray) -> np.ndarray:
+    """Areas (m,) of cells with corners (m, 3 or 4, 3), as of triangles that share the first."""
+    sides = corners[:, 1:] - corners[:, :1]
+    return np.linalg.norm(np.cross(sides[:, :-1], sides[:, 1:]), axis=2).sum(1) / 2
+
+
+def edge_sides(triangles: np.ndarray) -> np.ndarray:
+    """Nodes (k, 2) of the sides that one of the `triangles` (m, 3) has alone, in its order."""
+    sides = np.stack([triangles, np.roll(triangles, -1, 1)], 2).reshape(-1, 2)
+    _, first, count = np.unique(np.sort(sides, 1), axis=0, return_index=True, return_counts=True)
+    return sides[first[count == 1]]
+
+
+def planes_of(grid: Grid) -> list[int]:
+    """Axes to which the planes of symmetry at the ply in a grid are perpendicular."""
+    marked = map(int, grid.field_data.get(SYMMETRIC, ()))
+    return [axis for axis in marked if abs(grid.points[:, axis].min()) < SAME]
+
+
+def _halved(grid):
+    """The grid with quadrilaterals as halves along their shorter diagonal; of equal ones along that
+    which ends nearest to low x, then y, whatever the order of the nodes."""
+    quads = grid.cells_dict.get(pyvista.CellType.QUAD)  # a sheet has cells of one kind
+    if quads is None:
+        return grid
+    x = grid.points[quads].round(6)
+    apart = np.linalg.norm(x[:, :2] - x[:, 2:], axis=2)
+    first = np.lexsort(np.moveaxis(x, -1, 0)[1::-1], axis=1)[:, 0] % 2
+    equal = abs(apart[:, 0] - apart[:, 1]) < SAME
+    start = np.where(equal, first, apart.argmin(1))
+    nodes = np.take_along_axis(quads, (start[:, None] + np.arange(4)) % 4, 1)
+    halves = nodes[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    triangles = pyvista.UnstructuredGrid({pyvista.CellType.TRIANGLE: halves}, grid.points)
+    triangles.point_data.update(grid.point_data)
+    triangles.field_data.update(grid.field_data)
+    for name, values in grid.cell_data.items():
+        triangles.cell_data[name] = np.repeat(values, 2, axis=0)
+    return triangles
+
+
+def ply_of(grid: Grid) -> Ply:
+    """The ply in a grid, its nodes merged and its cells cut into triangles."""
+    planes = planes_of(grid)
+    grid = _halved(grid).triangulate().clean(tolerance=SAME)
+    triangles = grid.cells_dict[pyvista.CellType.TRIANGLE].astype(np.int64)
+    x = np.array(grid.points, dtype=float)
+    x[abs(x) < SAME] = 0  # a path on a plane of symmetry must not miss the ply by rounding
+    clockwise = plan_area(x, triangles) < 0
+    triangles[clockwise] = triangles[clockwise, ::-1]
+    fields = {name: np.asarray(values) for name, values in grid.cell_data.items()}
+    return Ply(x, np.asarray(grid.point_data["u"], dtype=float), triangles, fields, planes)

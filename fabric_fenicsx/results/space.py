@@ -1,0 +1,205 @@
+"""Formed plies and tools drawn in space, without a window (VTK)."""
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+import pyvista
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from scipy.spatial import cKDTree
+from vtkmodules.vtkCommonCore import vtkLogger
+
+from ..core.errors import InputError
+from ..surfaces.facets import unit
+from .ply import SAME, Grid, ply_of, whole
+from .shape import File
+
+COLOURS = "YlOrRd"  # light, so that the shading shows the shape
+STEEL, YARNS = "#8f9aa8", "#30343b"
+
+
+@contextmanager
+def drawing() -> Iterator[pyvista.Plotter]:
+    """A plotter without a window. Raises InputError where VTK finds nothing to draw on."""
+    # from 9.4 on it draws without a screen, by EGL
+    if not os.environ.get("DISPLAY") and pyvista.vtk_version_info < (9, 4):
+        flaw = "this VTK draws on a screen only"
+        raise InputError(f"{flaw}; allowed is `xvfb-run -a` before the command, or --no-pictures")
+    verbosity = vtkLogger.GetCurrentVerbosityCutoff()
+    # VTK warns of no screen before it does without
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
+    plotter = pyvista.Plotter(off_screen=True, window_size=(2400, 1500))
+    try:
+        plotter.set_background("white")
+        yield plotter
+    finally:
+        plotter.close()
+        vtkLogger.SetStderrVerbosity(verbosity)
+
+
+def image(
+    draw: Callable[[pyvista.Plotter], None],
+    view: Sequence[float],
+    bounds: Sequence[float] | None = None,
+) -> np.ndarray:
+    """Pixels (rows, columns, 3) of what `draw` adds to a plotter, seen from the direction `view`,
+    without the white around it; bounds: to show, with bodies that are translucent."""
+    with drawing() as plotter:
+        if bounds is not None:
+            plotter.disable_anti_aliasing()  # with it depth peeling loses what is translucent
+            # not by PyVista, whose check opens a window of its own: that ended the process on
+            # Debian 13
+            plotter.ren_win.AlphaBitPlanesOn()
+            plotter.renderer.SetUseDepthPeeling(True)
+            plotter.renderer.SetMaximumNumberOfPeels(8)
+        draw(plotter)
+        plotter.view_vector(unit(np.array(view)), viewup=(0, 0, 1))
+        if bounds is not None:
+            plotter.reset_camera(bounds=bounds)
+            plotter.renderer.ResetCameraClippingRange()  # what is beyond the bounds is drawn, too
+        pixels = plotter.screenshot(None, return_img=True)
+    drawn = (pixels < 255).any(2)
+    rows, columns = np.flatnonzero(drawn.any(1)), np.flatnonzero(drawn.any(0))
+    return pixels[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+
+
+def surface_of(grid: Grid, full: bool = True, formed: bool = True) -> pyvista.PolyData:
+    """The ply, formed or flat, with the nodes' `place` on the flat one, the size of the
+    `shear_angle` [deg] and, if known, the distance across yarns, `yarn_a` and `yarn_b` [mm]; full:
+    with images in the planes of symmetry."""
+    ply = ply_of(grid)
+    planes = ply.planes if full else []
+    ply = whole(ply) if full else ply
+    shear = abs(np.degrees(ply.fields.get("shear_angle", np.zeros(len(ply.triangles)))))
+    points = ply.formed if formed else ply.x
+    surface = pyvista.PolyData.from_regular_faces(points, ply.triangles)
+    surface.point_data["place"] = ply.x
+    surface.point_data["shear_angle"] = ply.at_nodes(shear)
+    surface.field_data["planes"] = np.array(planes, dtype=int)
+    if "yarn_coordinate_a" in grid.point_data and "shear_angle" in grid.cell_data:
+        place = np.where(np.isin(np.arange(3), planes), abs(ply.x), ply.x)
+        nearest = cKDTree(grid.points).query(place)[1]
+        for family in "ab":
+            across = grid.point_data[f"yarn_coordinate_{family}"]
+            surface.point_data[f"yarn_{family}"] = across[nearest]
+    return surface
+
+
+def mirrored(surface: pyvista.PolyData, planes: Iterable[int]) -> pyvista.PolyData:
+    """The part of a surface in x >= 0 or y >= 0, its `planes` of symmetry, and its images."""
+    for axis in planes:
+        normal = np.eye(3)[int(axis)]
+        half = surface.clip(normal=normal, origin=(0, 0, 0), invert=False).triangulate()
+        points, faces = np.array(half.points), half.faces.reshape(-1, 4)[:, 1:]
+        points[abs(points[:, axis]) < SAME, axis] = 0.0
+        points = np.vstack([points, points * (1 - 2 * normal)])
+        faces = np.vstack([faces, faces[:, ::-1] + half.n_points])
+        surface = pyvista.PolyData.from_regular_faces(points, faces).clean()
+    return surface
+
+
+def cut_away(surface: pyvista.PolyData, share: float, end: float = 1.0) -> pyvista.PolyData:
+    """A ply, as of `surface_of`, between these shares of its length, from its lower end."""
+    x = surface["place"][:, 0]
+    surface["along"] = x
+    for part, beyond in ((share, False), (end, True)):
+        if 0 < part < 1:
+            place = float(x.min() + part * np.ptp(x))
+            surface = surface.clip_scalar(scalars="along", invert=beyond, value=place)
+    return surface
+
+
+def draw_plies(
+    plotter: pyvista.Plotter, surfaces: Sequence[pyvista.PolyData], limit: float, spacing: float
+) -> None:
+    """Add plies, as of `surface_of`, the lowest first, each cut away further than the one below.
+    Fabric is coloured by its shear angle up to `limit` [deg], with a yarn each `spacing` [mm];
+    metal is grey."""
+    light = {"ambient": 0.25, "diffuse": 0.8, "specular": 0.15, "smooth_shading": True}
+    shear = {"scalars": "shear_angle", "cmap": COLOURS, "clim": (0, limit)}
+    for k, surface in enumerate(surfaces):
+        shown = cut_away(surface, k / len(surfaces))
+        families = {"yarn_a", "yarn_b"} & set(surface.point_data)
+        look = shear if families else {"color": STEEL}
+        plotter.add_mesh(shown, show_scalar_bar=False, **light, **look)
+        # below the next ply yarns poke through
+        seen = cut_away(surface, k / len(surfaces), (k + 1) / len(surfaces))
+        for across in (seen[name] + spacing / 2 for name in sorted(families)):  # none on a mirror
+            low, high = np.ceil(across.min() / spacing), np.floor(across.max() / spacing)
+            places = spacing * np.arange(low, high + 1)
+            yarns = seen.contour(places, scalars=across).strip(max_length=100000)
+            tubes = yarns.tube(radius=spacing / 28, n_sides=8)
+            plotter.add_mesh(tubes, color=YARNS, smooth_shading=True)
+
+
+def round_length(about: float) -> float:
+    """The length [mm] nearest to one that is 1, 2 or 5 times a power of ten."""
+    lengths = [10.0**k * n for k in range(-2, 5) for n in (1, 2, 5)]
+    return min(lengths, key=lambda length: abs(np.log(length / about)))
+
+
+def extent_of(surfaces: Iterable[pyvista.PolyData]) -> tuple[np.ndarray, np.ndarray]:
+    """The least and the largest corner (3,) of all surfaces [mm]."""
+    ends = np.array([surface.bounds for surface in surfaces]).reshape(-1, 3, 2)
+    return ends[:, :, 0].min(0), ends[:, :, 1].max(0)
+
+
+def draw_axes(plotter: pyvista.Plotter, surfaces: Sequence[pyvista.PolyData]) -> None:
+    """Add arrows along x, y and z beside the lowest corner of plies, with their length."""
+    low, high = extent_of(surfaces)
+    length = round_length(0.12 * (high - low).max())
+    start = low - 0.5 * length * np.array([1.0, 1.0, 0.0])
+    for along in np.eye(3):
+        arrow = pyvista.Arrow(start=start, direction=along, scale=length, shaft_radius=0.03)
+        plotter.add_mesh(arrow, color=YARNS)
+    tips, names = start + 1.15 * length * np.eye(3), ["x", "y", f"z, {length:g} mm"]
+    look = {"shape": None, "show_points": False, "always_visible": True, "bold": False}
+    plotter.add_point_labels(tips, names, font_size=28, text_color=YARNS, **look)
+
+
+def shear_limit(surfaces: Iterable[pyvista.PolyData]) -> float:
+    """End of the colours that cover the shear angles of plies, a multiple of 5 deg."""
+    highest = max(surface["shear_angle"].max() for surface in surfaces)
+    return max(5.0, 5 * np.ceil(highest / 5))
+
+
+def formed_picture(
+    path: File,
+    plies: Sequence[Grid],
+    tool: pyvista.PolyData | None = None,
+    spacing: float = 10.0,
+    full: bool = True,
+) -> None:
+    """The formed plies, the lowest first, each cut away further than the one below, coloured by the
+    magnitude of the shear angle, with a yarn each `spacing` [mm], over the tool: 1600 x 1000
+    pixels. full: mirror a half or quarter."""
+    fabrics = [grid["shear_angle"] for grid in plies if "shear_angle" in grid.cell_data]
+    largest = max(abs(np.degrees(shear)).max() for shear in fabrics)
+    surfaces = [surface_of(grid, full) for grid in plies]
+    view, limit = (0.4, -1.0, 0.75), shear_limit(surfaces)
+
+    def draw(plotter):
+        draw_plies(plotter, surfaces, limit, spacing)
+        draw_axes(plotter, surfaces)
+        if tool is not None:
+            whole = mirrored(tool, surfaces[0].field_data["planes"])
+            # away from the camera, so that it looks the same but does not show through the ply
+            behind = whole.translate(-3 * unit(np.array(view)))
+            look = {"color": "#d3d8e0", "ambient": 0.35, "diffuse": 0.75}
+            plotter.add_mesh(behind, smooth_shading=True, **look)
+
+    page = Figure(figsize=(16, 10))
+    ax = page.add_axes((0.02, 0.13, 0.96, 0.85))
+    ax.imshow(image(draw, view), interpolation="lanczos")
+    ax.axis("off")
+    extend = "max" if largest > limit else "neither"  # as nodes have means over cells
+    shown = ScalarMappable(Normalize(0, limit), COLOURS)
+    place = {"cax": page.add_axes((0.3, 0.09, 0.4, 0.022)), "orientation": "horizontal"}
+    bar = page.colorbar(shown, extend=extend, **place)
+    words = f"magnitude of the shear angle / deg (largest of a cell: {largest:.2f})"
+    bar.set_label(words, fontsize=18)
+    bar.ax.tick_params(labelsize=16)
+    page.savefig(path, dpi=100)

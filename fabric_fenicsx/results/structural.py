@@ -1,0 +1,222 @@
+"""Formed plies with thickness and yarn directions, for a structural analysis: VTU, Abaqus, LS-DYNA
+and Nastran."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import lazy_loader
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.files import ending, replace_file
+from ..surfaces.facets import unit
+from .ply import SAME, Grid, areas, grid_of, image_of, planes_of
+from .states import save, set_labels
+
+pyvista = lazy_loader.load("pyvista")
+
+
+class FormedPly(NamedTuple):
+    """points, flat (n, 3) [mm] of the formed and the flat ply's nodes, cells (m, 3 or 4) by their
+    corners, anticlockwise about the normal, and fields {name: (m,) or (m, 3)}: `area_ratio`,
+    `thickness` [mm] if known, and with yarns unit vectors `yarn_a`, `yarn_b`, `normal` (from which
+    b is anticlockwise of a), and `shear_angle` [rad]."""
+
+    points: np.ndarray
+    flat: np.ndarray
+    cells: np.ndarray
+    fields: dict[str, np.ndarray]
+
+
+def formed_ply(grid: Grid, modelled: bool = False) -> FormedPly:
+    """The formed ply of a grid as `Result.grids` has it, with its images in the planes of symmetry,
+    unless `modelled`; cells of higher degree by their corners."""
+    # of VTK's cells, which begin with them
+    corners = {5: 3, 69: 3, 9: 4, 70: 4}[int(grid.celltypes[0])]
+    cells = grid.cell_connectivity.reshape(grid.n_cells, -1)[:, :corners]
+    x, u = (np.asarray(each, dtype=float) for each in (grid.points, grid.point_data["u"]))
+    merged = grid_of(x, cells, u).clean(tolerance=SAME)
+    ((_, cells),) = merged.cells_dict.items()
+    cells, x = cells.astype(np.int64), np.asarray(merged.points)
+    points, fields = x + np.asarray(merged.point_data["u"]), {}
+    # not VTK's compute_cell_sizes, which crashed on Debian 13
+    ratio = areas(points[cells]) / areas(x[cells])
+    if "a" in grid.cell_data:
+        a, b = (unit(np.asarray(grid.cell_data[name], dtype=float)) for name in "ab")
+        fields = {"yarn_a": a, "yarn_b": b, "normal": unit(np.cross(a, b))}
+        fields["shear_angle"] = np.asarray(grid.cell_data["shear_angle"])
+        p, q, r = points[cells[:, 0]], points[cells[:, 1]], points[cells[:, -1]]
+        behind = (np.cross(q - p, r - p) * fields["normal"]).sum(1) < 0
+        cells[behind] = cells[behind, ::-1]
+    for name in ("thickness_under_pressure", "metal_thickness"):
+        if name in grid.cell_data:
+            fields["thickness"] = np.asarray(grid.cell_data[name])
+    ply = FormedPly(points, x, cells, fields | {"area_ratio": ratio})
+    for axis in () if modelled else planes_of(grid):
+        mirror, off, images = image_of(ply.flat, ply.cells, axis)
+        points, flat = (np.vstack([x, x[off] * mirror]) for x in (ply.points, ply.flat))
+        new = {name: v * mirror if v.ndim == 2 else v for name, v in ply.fields.items()}
+        if "yarn_a" in new:
+            new |= _yarns_of_image(ply, new["yarn_a"], new["yarn_b"], mirror)
+        fields = {name: np.concatenate([v, new[name]]) for name, v in ply.fields.items()}
+        ply = FormedPly(points, flat, np.vstack([ply.cells, images]), fields)
+    return ply
+
+
+def _yarns_of_image(ply, a, b, mirror):
+    """Yarns and shear angle of the image of a ply, from its yarns a, b (m, 3), mirrored. The image
+    of yarns at 45 deg runs along the others; a yarn keeps its name and sense over the plane."""
+    p, q, r = (ply.cells[:, k] for k in (0, 1, -1))
+    sides, before = (np.stack([x[q] - x[p], x[r] - x[p]], 1) for x in (ply.points, ply.flat))
+    square = sides @ sides.swapaxes(1, 2)
+    flat = []  # directions of yarns on the flat ply
+    for yarn in (ply.fields["yarn_a"], ply.fields["yarn_b"]):
+        shares = np.linalg.solve(square, (sides @ yarn[:, :, None]))
+        flat.append(unit((shares * before).sum(1)))
+    along, across = (abs((flat[0] * mirror * each).sum(1)).mean() for each in flat)
+    swapped, images = across > along, [(a, flat[0] * mirror), (b, flat[1] * mirror)]
+    a, b = (
+        yarn * np.sign((image * old).sum(1))[:, None]
+        for (yarn, image), old in zip(images[::-1] if swapped else images, flat)
+    )
+    shear = ply.fields["shear_angle"] * (1 if swapped else -1)
+    return {"yarn_a": a, "yarn_b": b, "shear_angle": shear}
+
+
+def export(
+    grids: Mapping[str, Grid], path: Path | str, modelled: bool = False
+) -> dict[str, FormedPly]:
+    """Write the formed plies {name: grid} with their yarn directions, mirrored in the planes of
+    symmetry unless `modelled`, to `path`, in the format that its ending says; returns them. Raises
+    InputError for another ending, and for plies of unknown thickness, but in .vtu and .inp."""
+    path, writers = Path(path), {".inp": _abaqus, ".k": _dyna, ".key": _dyna}
+    writers |= {".bdf": _nastran, ".nas": _nastran}
+    if ending(path) not in (".vtu", *writers):
+        allowed = f".vtu, {', '.join(writers)} (VTK, Abaqus, LS-DYNA, Nastran)"
+        raise InputError(f"the ending of {path} is unknown; allowed are {allowed}")
+    plies = {name: formed_ply(grid, modelled) for name, grid in grids.items()}
+    if ending(path) == ".vtu":
+        units = dict.fromkeys(("yarn_a", "yarn_b", "normal", "area_ratio", "part"), "-")
+        units |= {"shear_angle": "rad", "thickness": "mm"}
+        save(path, _joined(plies.values()), units, portable=True)
+        return plies
+    unknown = [name or "the ply" for name, ply in plies.items() if "thickness" not in ply.fields]
+    if unknown and ending(path) != ".inp":
+        flaw = f"the thickness of {unknown[0]} is not known, which {path} needs"
+        raise InputError(f"{flaw}; allowed are results of a run with tools, or .inp and .vtu")
+    replace_file(path, "".join(writers[ending(path)](plies)))
+    return plies
+
+
+def _joined(plies):
+    """All plies as one grid; what a sheet does not have is NaN."""
+    grids, fields = [], [name for ply in plies for name in ply.fields]
+    for number, ply in enumerate(plies):
+        grid, m = grid_of(ply.points, ply.cells, 0 * ply.points), len(ply.cells)
+        grid.clear_point_data()
+        vectors = "yarn_a", "yarn_b", "normal"
+        missing = {n: np.full((m, 3) if n in vectors else m, np.nan) for n in fields}
+        grid.cell_data.update(missing | ply.fields)
+        grid.cell_data["part"] = np.full(m, number, dtype=np.int32)
+        grids.append(grid)
+    return pyvista.MultiBlock(grids).combine() if len(grids) > 1 else grids[0]
+
+
+def _numbered(plies):
+    """Label and ply, with the numbers of its nodes and cells, and its cells by these numbers."""
+    node = element = 1
+    for name, label in set_labels(plies).items():
+        ply = plies[name]
+        numbers = element + np.arange(len(ply.cells))
+        yield label, ply, node + np.arange(len(ply.points)), numbers, ply.cells + node
+        node, element = node + len(ply.points), element + len(ply.cells)
+
+
+def _abaqus(plies):
+    yield "** formed plies with their yarn directions, by fabric_fenicsx; mm, deg\n"
+    tables = {"yarn_axes": "COORD3D, COORD3D", "length": "LENGTH", "angle": "ANGLE"}
+    for name, what in tables.items():
+        yield f"*DISTRIBUTION TABLE, NAME={name}\n{what}\n"
+    for name, (label, ply, nodes, elements, cells) in zip(plies, _numbered(plies)):
+        fields = ply.fields
+        yield f"** ply {name!a}: ELSET {label}\n" if name else ""
+        yield "*NODE\n"
+        yield from _rows(nodes, ply.points)
+        yield f"*ELEMENT, TYPE=S{cells.shape[1]}, ELSET={label}\n"
+        yield from _rows(elements, cells)
+        if "thickness" in fields:
+            own, t = f"{label}_thickness", fields["thickness"]
+            yield from _distribution(own, "length", f"{t.mean():.9g}", elements, t)
+        if "yarn_a" in fields:
+            shear = np.degrees(fields["shear_angle"])
+            yield from _distribution(f"{label}_shear_angle", "angle", "0.0", elements, shear)
+            for yarn in "ab":
+                own, along = f"{label}_yarns_{yarn}", fields[f"yarn_{yarn}"]
+                # the second axis so that the third is the normal
+                axes = np.hstack([along, np.cross(fields["normal"], along)])
+                usual = "1.0, 0.0, 0.0, 0.0, 1.0, 0.0"
+                yield from _distribution(own, "yarn_axes", usual, elements, axes)
+                yield f"*ORIENTATION, NAME={own}, SYSTEM=RECTANGULAR\n{own}\n3, 0.0\n"
+
+
+def _distribution(name, table, usual, elements, values):
+    yield f"*DISTRIBUTION, NAME={name}, LOCATION=ELEMENT, TABLE={table}\n, {usual}\n"
+    yield from _rows(elements, values.reshape(len(elements), -1))
+
+
+def _rows(numbers, rows):
+    for number, row in zip(numbers, rows.tolist()):
+        yield f"{number}, {', '.join(f'{value:.9g}' for value in row)}\n"
+
+
+def _layers(ply):
+    """Thickness [mm] and angle to the first side [deg] of a cell's layers, (m,) each, for LS-DYNA
+    and Nastran: a, b, b, a of a quarter of the thickness each, or one of metal."""
+    whole = ply.fields["thickness"]
+    if "yarn_a" not in ply.fields:
+        return [(whole, 0 * whole)]
+    side = ply.points[ply.cells[:, 1]] - ply.points[ply.cells[:, 0]]
+    yarns = np.array([ply.fields["yarn_a"], ply.fields["yarn_b"]])
+    beside = np.cross(ply.fields["normal"], side)
+    a, b = np.degrees(np.arctan2((yarns * beside).sum(2), (yarns * side).sum(2)))
+    return [(whole / 4, angle) for angle in (a, b, b, a)]
+
+
+def _dyna(plies):
+    yield "$ formed plies with their yarn directions, by fabric_fenicsx; mm, deg\n*NODE\n"
+    for _, ply, nodes, _, _ in _numbered(plies):
+        for node, x in zip(nodes, ply.points.tolist()):
+            yield f"{node:8d}" + "".join(f"{each:16.9g}" for each in x) + "\n"
+    for part, (label, ply, _, elements, cells) in enumerate(_numbered(plies), 1):
+        yield f"$ ply {label}: part {part}, of layers of material {part}\n"
+        yield "*ELEMENT_SHELL_COMPOSITE\n"
+        layers = np.array(_layers(ply)).transpose(2, 0, 1)
+        for element, corners, own in zip(elements, cells.tolist(), layers.tolist()):
+            corners = (*corners, corners[-1])[:4]  # a triangle has its last one twice
+            yield "".join(f"{each:8d}" for each in (element, part, *corners)) + "\n"
+            cards = [f"{part:10d}{t:10.6f}{angle:10.4f}{0:10d}" for t, angle in own]
+            yield from ("".join(cards[k : k + 2]) + "\n" for k in range(0, len(cards), 2))
+    yield "*END\n"
+
+
+def _nastran(plies):
+    """An element's layers are the PCOMP of its own number, of which the upper half is the lower one
+    mirrored."""
+    yield "$ formed plies with their yarn directions, by fabric_fenicsx; mm, deg\n"
+    for part, (label, ply, nodes, elements, cells) in enumerate(_numbered(plies), 1):
+        yield f"$ ply {label}: of layers of material {part}\n"
+        for node, (x, y, z) in zip(nodes, ply.points.tolist()):
+            yield f"GRID*   {node:16d}{'':16}{x:16.9e}{y:16.9e}\n*       {z:16.9e}\n"
+        layers = _layers(ply)
+        lower = layers[: max(1, len(layers) // 2)]
+        kind = "CTRIA3" if cells.shape[1] == 3 else "CQUAD4"
+        along = lower[0][1]  # the axis of the element's material, to which layers are turned
+        for k, (element, corners) in enumerate(zip(elements, cells.tolist())):
+            card = "".join(f"{each:8d}" for each in (element, element, *corners))
+            yield f"{kind:8}{card}{along[k]:8.3f}\n"
+            symmetric = "SYM" if layers[1:] else ""
+            yield f"PCOMP*  {element:16d}\n*       {'':48}{symmetric}\n"
+            for t, angle in lower:
+                turned = angle[k] - along[k]
+                yield f"*       {part:16d}{t[k]:16.9e}{turned:16.9e}\n"

@@ -1,1 +1,0 @@
-"""The process of a run: errors, ranks, signals, files, timing, declared fields."""

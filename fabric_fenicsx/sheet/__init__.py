@@ -1,0 +1,1 @@
+"""Sheets as data and meshed, stacks of them, and meshes of specimens and outlines."""

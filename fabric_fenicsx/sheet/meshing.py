@@ -1,0 +1,105 @@
+"""A sheet's fields made into a blank: a rectangle, an own mesh or an outline."""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import TypeVar
+
+import numpy as np
+from mpi4py import MPI
+
+from ..core import timing
+from ..core.errors import InputError
+from ..core.formatting import rounded
+from ..core.status import task
+from . import flat
+from .blank import Blank
+from .sheet import SheetFields, Values
+
+SIZE_TOLERANCE = 1e-3  # of a length, by which an own mesh may differ from what is asked for
+Kind = TypeVar("Kind", bound=SheetFields)
+
+
+def mesh_sheet(
+    sheet: Kind,
+    comm: MPI.Comm,
+    *,
+    spatial: bool = False,
+    turned: float = 0.0,
+    centred: bool | Sequence[bool] = False,
+    planes: Sequence[int] = (),
+    height: float | None = None,
+) -> tuple[Kind, Blank, list[str]]:
+    """The sheet with the values that its mesh has, its blank, and doubts.
+
+    sheet: with its `defaults`; spatial: free to leave its plane; turned, centred, planes: as in
+    `Blank.outline`; height: as in `Blank.read`. Raises InputError as `Blank` does, and for fields
+    that do not fit the mesh.
+    """
+    names, source = [*sheet.SIDES], sheet.sheet_file or "the specimen"
+    sides = names[0], names[-1]
+    with timing.phase("setup"), task("meshing the sheet"):
+        options = sheet.options(turned)
+        if sheet.mesh:
+            options |= {"centred": centred, "height": height}
+            blank = Blank.read(sheet.mesh, spatial=spatial, comm=comm, **options)
+        elif sheet.outline:
+            rim, cells = sheet.outline, (sheet.size, sheet.layer)
+            make = partial(flat.outline, sheet, rim, cells, turned, bool(centred), planes)
+            blank = Blank.made(comm, make, flat.outline_source(rim), spatial, options)
+            blank.from_file = True
+        else:
+            modelled = modelled_share(planes) * [getattr(sheet, name) for name in sides]
+            make = partial(flat.rectangle, sheet, modelled, turned, centred)
+            blank = Blank.made(comm, make, source, spatial, options)
+    if blank.mesh.geometry.dim == 3 and not spatial:
+        raise InputError(f"{source} is not plane in z; allowed is a sheet in a plane z = const")
+    kind = "P" if blank.around == [0, 1, 2] else "Q"
+    if sheet.element and sheet.element[0] != kind:
+        raise InputError(
+            f"`element` {sheet.element} does not fit the cells of {source}; "
+            "allowed is P on triangles, Q on quadrilaterals"
+        )
+    doubts = [*blank.warnings, size_warning(blank, source)]
+    integration = sheet.integration or "full"
+    if not sheet.integration and blank.degree == 2 and blank.triangulated:
+        follow = sheet.pattern == "yarns" or blank.whole.follows_yarns()
+        integration = sheet.points_of_p2(follow)
+    values: Values = {"element": f"{kind}{blank.degree}", "integration": integration}
+    if sheet.sheet_file:
+        idle = ("nx", "ny", "pattern") if sheet.mesh else ("ny",)
+        usual = None, type(sheet).pattern
+        if asked := ", ".join(f"`{name}`" for name in idle if getattr(sheet, name) not in usual):
+            why = "has its own cells" if sheet.mesh else "has cells of one size"
+            doubts.append(f"{asked} changes nothing, as {source} {why}")
+        values |= _own_sizes(sheet, sides, blank, planes) | dict.fromkeys(idle)
+    return sheet.filled(**values), blank, [*filter(None, doubts)]
+
+
+def modelled_share(planes: Sequence[int]) -> np.ndarray:
+    """Shares (2,) of length and width that planes of symmetry perpendicular to these axes leave."""
+    return np.where(np.isin([0, 1], planes), 0.5, 1.0)
+
+
+def size_warning(blank: Blank, source: str) -> str:
+    """A sentence if the sheet's size may be in another unit than mm, else ""."""
+    if 20 <= blank.sides().max() <= 10_000:  # a few yarns, more than looms weave
+        return ""
+    sides = " x ".join(rounded(side, 4) for side in blank.sides())
+    return f"{source} is {sides} mm; lengths are in mm (metres times 1000, inches times 25.4)"
+
+
+def whole_sides(blank: Blank, planes: Sequence[int]) -> list[float]:
+    """Length and width of the whole sheet [mm], rounded, to be the same on any number of ranks."""
+    return [float(f"{size:.9g}") for size in blank.sides()[:2] / modelled_share(planes)]
+
+
+def _own_sizes(sheet, names, blank, planes):
+    """Length and width of an own mesh, by their fields, of a square the same one."""
+    sizes = dict[str, float]()
+    for name, size in zip(names, whole_sides(blank, planes)):
+        asked = sizes.setdefault(name, getattr(sheet, name) or size)
+        if abs(asked - size) > SIZE_TOLERANCE * size:
+            given = f"`{name}` {asked:g} does not fit {sheet.sheet_file}, of {size:g} mm"
+            raise InputError(f"{given}; allowed is its own, or none")
+        sizes[name] = size
+    return sizes

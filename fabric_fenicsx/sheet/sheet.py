@@ -1,0 +1,273 @@
+"""A sheet as data: its cells, yarns and material, declared once for coupons and presses."""
+
+import math
+from collections.abc import Mapping
+from copy import copy
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.fields import KnowsItsFields, choice, documented, number, switch, text
+from ..core.rules import BELOW_180, COUNT, FINITE, FROM_ZERO, POSITIVE, Rule
+from ..io.field import Field, of_place
+from ..material.laws import Law
+from ..material.laws.base import Material
+from ..material.metal import Metal, load_metal
+from ..material.presets import checked_fabric, load
+from .specimen import PATTERNS
+
+Values = dict[str, Any]  # values of fields, or quantities, by their names
+FULL_TURN = Rule("an angle from -360 to 360 deg", lambda v: abs(v) <= 360)
+
+
+def axes_of(turned: float) -> np.ndarray:
+    """Directions of length and width of a sheet `turned` from x [rad], as rows (2, 2)."""
+    c, s = math.cos(turned), math.sin(turned)
+    return np.array([[c, s], [-s, c]])
+
+
+def declared_again(kind: type, name: str, **changes: object) -> Any:
+    """A field of the dataclass `kind` for a subclass, with another `default` or `rule`."""
+    (base,) = (each for each in fields(kind) if each.name == name)
+    default = changes.pop("default", base.default)
+    return field(default=default, metadata={**base.metadata, **changes})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout(KnowsItsFields):
+    """Cells of a sheet and directions of its yarns."""
+
+    nx: int = number(None, COUNT, "rectangles along the length that is modelled", "mesh")
+    ny: int | None = number(None, COUNT, "rectangles across the width (square ones)", "mesh")
+    pattern: str = choice("crossed", PATTERNS, "how rectangles are divided into cells", "mesh")
+    element: str | None = choice(
+        None,
+        ("P1", "P2", "P3", "Q1", "Q2"),
+        "triangles (P) or quadrilaterals (Q), and their degree (P2; P1 where cells of a press "
+        "follow the yarns, or yarns bend in the plane of a bias test)",
+        "mesh",
+    )
+    fibre_angle: float | Field = number(
+        0.0, of_place(FULL_TURN), "from the length to yarns a [deg]", "mesh"
+    )
+    yarn_angle: float = number(90.0, BELOW_180, "from yarns a to b as they lie [deg]", "weave")
+
+    def fibre_angles(self, places: np.ndarray) -> np.ndarray:
+        """`fibre_angle` (n,) [deg] at places (n, 3) [mm]."""
+        angle = self.fibre_angle
+        return angle.at(places) if isinstance(angle, Field) else np.full(len(places), angle)
+
+    def options(self, turned: float = 0.0) -> Values:
+        """Directions of yarns, degree and frame of a `Blank` whose length is `turned` from x
+        [rad]."""
+
+        def direction(more):
+            if isinstance(self.fibre_angle, Field):
+                return lambda x: np.radians(self.fibre_angles(x.T)) + more
+            return math.radians(self.fibre_angle) + more
+
+        b = None if self.yarn_angle == 90 else direction(turned + math.radians(self.yarn_angle))
+        degree, frame = self.element and int(self.element[1]), axes_of(turned) if turned else None
+        return {"a": direction(turned), "b": b, "degree": degree, "frame": frame}
+
+    def filled(self, **values: Any) -> Self:
+        """The same with values that the program made, which are not checked again."""
+        new = copy(self)
+        vars(new).update(values)
+        return new
+
+
+@dataclass(frozen=True, kw_only=True)
+class SheetFields(Layout):
+    """Material, mesh and yarns of a sheet; a subclass adds its sides. Lengths in mm, angles in deg.
+    None stands for a default that depends on other fields or on the mesh: see `defaults` and
+    `meshing.mesh_sheet`. Raises InputError for a value that is not allowed, and for fields that
+    contradict each other."""
+
+    SIDES: ClassVar[Mapping[str, float | None]]  # fields of length and width, and defaults [mm]
+    OF_OUTLINE: ClassVar[str] = "unstructured"  # default of `pattern` for an outline
+
+    fabric: Law | None = field(kw_only=False, default=None, metadata={"read": load})
+    mesh: str | None = text(None, "cells of the sheet from a file [mm]", "FILE", "mesh")
+    outline: str | None = text(
+        None, "outline of the sheet with holes: DXF, CSV of x and y [mm], or a mesh", "FILE", "mesh"
+    )
+    size: float = number(None, POSITIVE, "of cells in an outline (length / nx) [mm]", "mesh")
+    layer: str | None = text(None, "layers of a DXF outline, as `A,B` (all)", "NAME", "mesh")
+    integration: str = choice(
+        None,
+        ("full", "inner"),
+        "points of P2: full, or inner: nearer to a cell's centre (of strips, where cells don't "
+        "follow the yarns)",
+        "mesh",
+    )
+    temperature: float | Field | None = number(
+        None, of_place(FINITE), "of fabric that has numbers at temperatures [deg C]", "weave"
+    )
+    weave_angle: float | None = number(
+        None, BELOW_180, "yarn angle without shear (that of the flat sheet) [deg]", "weave"
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        of_metal = ("fabric", "metal"), ("temperature", "metal")
+        for one, other in (("outline", "mesh"), ("nx", "size"), *of_metal):
+            if self._has(one) and self._has(other):
+                raise InputError(f"`{one}` is given beside `{other}`; allowed is one of them")
+        needs = {"size": ["outline"], "layer": ["outline"], "centred": ["outline", "mesh"]}
+        for name, needed in needs.items():
+            if self._has(name) and not any(map(self._has, needed)):
+                raise InputError(f"`{name}` needs `{'` or `'.join(needed)}`")
+        if self.fabric is not None:
+            at = self.temperature
+            coldest = min(checked_fabric("`fabric`", self.fabric).at_temperatures, default=0.0)
+            self.fabric.at(coldest if isinstance(at, Field) else at)
+
+    def _has(self, name):
+        value = getattr(self, name, None)
+        return not (value is None or value is False or value == "")
+
+    @property
+    def sheet_file(self) -> str:
+        """The field that names the file of the sheet, and the file; "" for a rectangle."""
+        given = next((k for k in ("mesh", "outline") if getattr(self, k)), "")
+        return given and f"`{given}` {getattr(self, given)}"
+
+    def defaults(self, nx: int) -> Values:
+        """Values of fields that depend on others, of `nx` where it has no cells of its own."""
+        values: Values = {}
+        if self.outline and self.pattern in (None, type(self).pattern):
+            values["pattern"] = self.OF_OUTLINE
+        if not (self.nx or self.mesh or self.size):
+            values["nx"] = nx
+        sides = {} if self.sheet_file else self.SIDES
+        return values | {k: side for k, side in sides.items() if getattr(self, k) is None}
+
+    def points_of_p2(self, cells_follow_yarns: bool) -> str:
+        """Default of `integration` on quadratic triangles."""
+        return "full"
+
+    def coarser(self, sides: np.ndarray, times: int = 2) -> Self | None:
+        """The same with cells so many `times` as large, None if that is no mesh or not known;
+        sides (2,): of the modelled part [mm]."""
+        size = self.size or (sides[0] / self.nx if self.nx else math.inf)
+        few = 2 * times * size > min(sides) * (1 + 1e-9) if self.outline else self.nx in (None, 1)
+        return None if few else self._with_cells(1 / times, lambda n: max(1, round(n)))
+
+    def _with_cells(self, share, whole):
+        """The same with this share of the rectangles along each side, made `whole` numbers. The
+        sides of an outline are its own."""
+        cells: Values = {k: whole(share * n) for k in ("nx", "ny") if (n := getattr(self, k))}
+        cells |= {"size": self.size and self.size / share}
+        return replace(self, **cells | (dict.fromkeys(self.SIDES) if self.outline else {}))
+
+
+@dataclass(frozen=True, kw_only=True)
+class YarnBending(KnowsItsFields):
+    """Stiffness of yarns against bending."""
+
+    bending_modulus: float = number(100.0, FROM_ZERO, "bending modulus of the yarns [MPa]")
+    in_plane_bending: float = number(
+        0.0, FROM_ZERO, "stiffness of yarns against bending within the sheet, over that out of it"
+    )
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class Sheet(SheetFields, YarnBending):
+    """A sheet of fabric, or of metal: a blank, or one ply of a stack.
+
+    It is a rectangle of `length` and `width`, or has a `mesh` or an `outline`, which is flat, in a
+    plane z = const, and lies as in its file unless it is `centred`. A thickness, fibre angle,
+    friction and temperature, which is given, as no heat is conducted, may be a `Field` of x and y
+    of the flat sheet as it is laid. Stiffnesses in bending are those of `Bending`.
+
+    Parameters
+    ----------
+    fabric, metal
+        What it is made of: one of them.
+    name
+        In results; by default "ply 1" and so on.
+
+    Raises
+    ------
+    InputError
+        For numbers out of range, and for fields that exclude each other.
+
+    Examples
+    --------
+    >>> ply = ff.Sheet(fabric=ff.load("komeili"), length=200, width=100, fibre_angle=45)
+    >>> ply.fibre_angle, round(ply.thickness_under(0.0), 3)
+    (45.0, 1.074)
+    """
+
+    SIDES = {"length": None, "width": None}
+    OF_OUTLINE = "along"  # see docs/howto/meshes.md
+    # field of a ply -> fields of the blank that this ply does not take over
+    REPLACES: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        "mesh": ("outline", "size", "layer", "nx", "ny", "pattern", "length", "width"),
+        "outline": ("mesh", "length", "width", "ny"),
+        "size": ("nx",),
+        "nx": ("size",),
+        "metal": ("fabric", "weave_angle"),
+    }
+    # Table 2 of Schäfer et al.: of fabric on fabric, and of metal on fabric
+    BETWEEN_FABRICS: ClassVar[float] = 0.334
+    ON_METAL: ClassVar[float] = 0.25
+
+    metal: Metal | None = field(default=None, metadata={"read": load_metal})
+    name: str = ""
+    length: float | None = number(None, POSITIVE, "of the whole sheet, along x [mm]")
+    width: float | None = number(None, POSITIVE, "of the whole sheet, along y [mm]")
+    thickness: float | Field | None = number(None, of_place(POSITIVE), "if not the material's [mm]")
+    centred: bool = switch("put the middle of an outline or mesh at the origin")
+    twist_modulus: float = number(1.0, FROM_ZERO, "twisting modulus of the sheet [MPa]")
+    friction: float | Field | None = number(
+        None,
+        of_place(FROM_ZERO),
+        "coefficient to the next sheet above (Table 2 of Schäfer et al.: 0.334, beside metal 0.25)",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        flaw = ""
+        if not (self.metal or self.fabric):
+            flaw = "a sheet needs `fabric` or `metal`"
+        elif not (self.sheet_file or (self.length and self.width)):
+            flaw = "a sheet needs `length` and `width`, `outline` or `mesh`"
+        elif self.metal and isinstance(self.thickness, Field):
+            flaw = "`thickness` of metal is a field; allowed is a number above 0"
+        if flaw:
+            raise InputError(flaw)
+
+    def material(self, rigid: bool = False) -> Material:
+        """Its metal or fabric, with the sheet's own thickness if that is a number; rigid: fabric
+        keeps its thickness under pressure."""
+        material: Any = self.metal or self.fabric
+        if self.thickness and not isinstance(self.thickness, Field):
+            material = material.replace(thickness=self.thickness)
+        return material.replace(compaction=None) if self.fabric and rigid else material
+
+    def thickness_under(self, pressure: float, rigid: bool = False) -> float:
+        """Thickness under a pressure [MPa], [mm]; rigid: as in `material`."""
+        return self.material(rigid).thickness_under(pressure)
+
+    def friction_to(self, upper: "Sheet") -> float | Field:
+        """Coefficient of friction with a sheet above it."""
+        if self.friction is not None:
+            return self.friction
+        return self.ON_METAL if self.metal or upper.metal else self.BETWEEN_FABRICS
+
+    def finer(self, times: float) -> Self:
+        """The sheet with `times` as many cells along each side; InputError for a mesh's file."""
+        if self.mesh:
+            allowed = "allowed is a rectangle or an outline, which the program meshes"
+            raise InputError(f"cells of {self.mesh} can't be made finer; {allowed}")
+        return self._with_cells(times, lambda n: 2 * math.ceil(n / 2))
+
+    def mirrored(self, planes: tuple[int, ...]) -> Self:
+        """The sheet, a rectangle, with the cells of its images in the planes of symmetry."""
+        names = [("nx", "ny")[axis] for axis in planes]
+        return replace(self, **{name: 2 * n for name in names if (n := getattr(self, name))})

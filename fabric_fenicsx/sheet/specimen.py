@@ -1,0 +1,176 @@
+"""Rectangular specimen: structured (crossed, left, right), unstructured or with edges along yarns,
+of triangles or quadrilaterals."""
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+from scipy.spatial import Delaunay
+
+from ..core.errors import InputError
+from .gmsh_cells import meshed, own_model
+
+PATTERNS = ("crossed", "graded", "left", "right", "along", "unstructured", "yarns")
+
+
+def specimen(
+    length: float = 200.0,
+    width: float = 50.0,
+    nx: int = 100,
+    ny: int = 25,
+    pattern: str = "crossed",
+    cell: str = "triangle",
+    yarns: float = 0.0,
+    between: float = math.pi / 2,
+) -> tuple[np.ndarray, np.ndarray, str]:
+    """Points (n, 3) [mm], cells (m, k) in gmsh's order and their kind, of the sheet [0, length] x
+    [0, width]; yarns: angle of one family of yarns to the length, between: to the other [rad].
+
+    pattern: of nx x ny rectangles `crossed` makes four triangles each by both diagonals, `right`
+    two by the diagonal that rises to the right, `left` by the other; `graded` is `crossed` with
+    cells small across the lines at 45 deg through the corners; `along` is `crossed` of squares
+    along the yarns, with other triangles between them and the edges; `unstructured` meshes with
+    cells of about those sizes; `yarns`, too, but with edges along the yarns through the corners,
+    where the shear angle jumps, and small cells there.
+    """
+    if pattern == "graded" and not can_be_graded(length, width):
+        raise InputError(
+            f"a strip of {length:g} x {width:g} mm is asked for in pattern graded; allowed is a "
+            "length that is a multiple of the width"
+        )
+    if pattern == "along":
+        return _along(length, width, max(length / nx, width / ny), yarns)
+    if pattern in ("unstructured", "yarns"):
+        lines = yarns_through_corners(length, width, yarns, between) if pattern == "yarns" else ()
+        return _unstructured(length, width, max(length / nx, width / ny), cell, lines)
+    x, y = np.meshgrid(np.linspace(0, length, nx + 1), np.linspace(0, width, ny + 1), indexing="ij")
+    points = np.column_stack([x.ravel(), y.ravel()])
+    p00 = (np.arange(nx)[:, None] * (ny + 1) + np.arange(ny)).ravel()
+    p01, p10, p11 = p00 + 1, p00 + ny + 1, p00 + ny + 2
+    cells: list[tuple[np.ndarray, ...]]
+    if cell == "quadrilateral":
+        cells = [(p00, p10, p11, p01)]
+    elif pattern == "right":
+        cells = [(p00, p10, p11), (p00, p11, p01)]
+    elif pattern == "left":
+        cells = [(p00, p10, p01), (p10, p11, p01)]
+    else:
+        centre = len(points) + np.arange(nx * ny)
+        points = np.vstack([points, points[[p00, p10, p11, p01]].mean(0)])
+        cells = [(p00, p10, centre), (p10, p11, centre), (p11, p01, centre), (p01, p00, centre)]
+    if pattern == "graded":
+        points = graded(points, width)
+    numbers = np.stack([np.column_stack(c) for c in cells], 1).reshape(-1, len(cells[0]))
+    kind = "quad" if cell == "quadrilateral" else "triangle"
+    return np.column_stack([points, np.zeros(len(points))]), numbers, kind
+
+
+def can_be_graded(length: float, width: float) -> bool:
+    """True if lines at 45 deg from corners at both ends of a strip meet on its edges."""
+    return abs(length / width - round(length / width)) <= 1e-9
+
+
+def graded(points: np.ndarray, width: float) -> np.ndarray:
+    """Points (n, 2) [mm] moved along both diagonals towards the lines at 45 deg through a strip's
+    corners; its edges stay, and so do the directions of edges at 45 deg."""
+    along = np.stack([points[:, 0] + points[:, 1], points[:, 0] - points[:, 1]])
+    # by which cells of `graded` are shorter on the lines through the corners
+    along -= 0.95 * width / (2 * np.pi) * np.sin(2 * np.pi * along / width)
+    return np.column_stack([along.sum(0) / 2, (along[0] - along[1]) / 2])
+
+
+def yarns_through_corners(
+    length: float, width: float, angle: float, between: float = math.pi / 2
+) -> np.ndarray:
+    """Segments (n, 2, 2) [mm] inside the sheet of the yarns that start at its corners, at `angle`
+    and at `angle + between` [rad]."""
+    size, segments = np.array([length, width]), []
+    for corner in np.array([(0, 0), (1, 0), (1, 1), (0, 1)]):
+        for turned in (angle, angle + between, angle + math.pi, angle + between + math.pi):
+            direction = np.array([math.cos(turned), math.sin(turned)])
+            inwards = direction * (1 - 2 * corner)
+            if inwards.min() > 1e-9:
+                start = corner * size
+                segments.append((start, start + direction * (size / inwards).min()))
+    # rounded and in order, so that cells do not depend on which yarns are called a
+    found = np.array(segments).reshape(-1, 2, 2).round(12)
+    return found[np.lexsort(found.reshape(-1, 4).T)]
+
+
+def _along(
+    length: float, width: float, size: float, angle: float
+) -> tuple[np.ndarray, np.ndarray, str]:
+    """Squares along `angle` [rad], each of four triangles by both diagonals, where their corners
+    are half of their size off the sheet's edges; other triangles from there to points on the
+    edges."""
+    sides = np.array([length, width])
+    half = math.ceil(math.hypot(length, width) / 2 / size) + 1
+    axes = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
+    grid = np.indices((2 * half + 1, 2 * half + 1)).reshape(2, -1).T
+    places = size * (grid - half - 0.5) @ axes + sides / 2
+    inside = (np.minimum(places, sides - places) > size / 2).all(1)
+    grid, places = grid[inside], places[inside]
+    x, y = (np.linspace(0, side, max(1, round(side / size)) + 1) for side in sides)
+    edges = [np.column_stack([x, 0 * x + at]) for at in (0, width)]
+    edges += [np.column_stack([0 * y + at, y])[1:-1] for at in (0, length)]
+    points = np.concatenate([places, *edges])
+    cells = Delaunay(points).simplices
+    area = np.linalg.det(points[cells[:, 1:]] - points[cells[:, :1]])
+    cells = cells[abs(area) > 1e-6 * size**2]  # flat ones lie along the edges
+    # of each square both triangles, whichever diagonal they have
+    nowhere = np.full((len(points) - len(grid), 2), -2)
+    at = np.concatenate([grid, nowhere])[cells]
+    halves = np.flatnonzero((at.max(1) - at.min(1) == 1).all(1))
+    squares, of, count = np.unique(
+        at.min(1)[halves], axis=0, return_inverse=True, return_counts=True
+    )
+    gone, (i, j) = halves[count[of.ravel()] == 2], squares[count == 2].T
+    number = np.zeros((2 * half + 1, 2 * half + 1), dtype=np.int64)
+    number[tuple(grid.T)] = np.arange(len(grid))
+    corners = np.stack([number[i, j], number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]], -1)
+    centre = len(points) + np.arange(len(corners))
+    crossed = [(corners[:, k], corners[:, (k + 1) % 4], centre) for k in range(4)]
+    points = np.concatenate([points, points[corners].mean(1)])
+    cells = np.concatenate([np.delete(cells, gone, axis=0), *map(np.column_stack, crossed)])
+    return np.column_stack([points, np.zeros(len(points))]), cells, "triangle"
+
+
+def _unstructured(
+    length: float, width: float, size: float, cell: str, lines: Iterable[np.ndarray] = ()
+) -> tuple[np.ndarray, np.ndarray, str]:
+    import gmsh
+
+    # to 1e-6 mm, so that cells do not change with an angle as little as rounding
+    lines = np.asarray(lines).reshape(-1, 2, 2).round(6)
+    # sizes of cells at the yarns through the corners, and from `reach` off them on
+    near, far, reach = (0.4 * size, 2 * size, 4 * size) if len(lines) else (size, size, 0.0)
+    options = {"MeshSizeMin": near, "MeshSizeMax": far, "Algorithm": 6.0}
+    corners = 4 if cell == "quadrilateral" else 3
+    if corners == 4:
+        options |= {"RecombineAll": 1.0, "RecombinationAlgorithm": 3.0}  # blossom, no triangles
+    if len(lines):
+        options["MeshSizeExtendFromBoundary"] = 0.0
+    segments = np.hstack([lines[:, 0], lines[:, 1] - lines[:, 0]]).tolist()
+
+    def graded_size(_, __, x, y, *___):
+        """Size at a place by the distance from lines, in plain floats: gmsh asks so often."""
+        least = reach
+        for x0, y0, dx, dy in segments:
+            along = ((x - x0) * dx + (y - y0) * dy) / (dx * dx + dy * dy)
+            along = min(1.0, max(0.0, along))
+            least = min(least, math.hypot(x - x0 - along * dx, y - y0 - along * dy))
+        return near + (far - near) * least / reach
+
+    with own_model(gmsh, **options):
+        occ = gmsh.model.occ
+        sheet = occ.addRectangle(0, 0, 0, length, width)
+        edges = [(1, occ.addLine(*(occ.addPoint(*end, 0) for end in line))) for line in lines]
+        if edges:
+            occ.fragment([(2, sheet)], edges)
+            gmsh.model.mesh.setSizeCallback(graded_size)
+        occ.synchronize()
+        try:
+            return *meshed(gmsh, corners), "quad" if corners == 4 else "triangle"
+        finally:
+            if edges:
+                gmsh.model.mesh.removeSizeCallback()

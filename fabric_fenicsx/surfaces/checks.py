@@ -1,0 +1,118 @@
+"""Checks of tools before anything runs: errors, and warnings, a sentence each."""
+
+import numpy as np
+from mpi4py import MPI
+
+from ..core.errors import InputError
+from ..core.formatting import coordinates, rounded
+from ..core.graph import connected
+from .radii import least_radii
+from .surfaces import innermost
+from .tool import Tool
+from .triangulated import TriangulatedSurface
+
+MIN_SHARE = 0.02  # of a sheet's size, below which a tool is refused as in another unit
+FLANGE = 0.05  # share of the thickness by which a tool may be in the sheet at the start
+MIRRORED = 0.25  # share of the thickness by which a tool and its mirror image may differ
+
+
+def unit_doubt(size: float, sheet: float, least: float) -> str:
+    """Words on a tool of this size [mm], below a `least` share of a sheet's, or ""."""
+    units = {"metres": 1000.0, "inches": 25.4, "cm": 10.0}
+    fitting = [unit for unit, factor in units.items() if 0.1 < size * factor / sheet < 10]
+    if not fitting or size >= least * sheet:
+        return ""
+    return (
+        f"is {rounded(size, 4)} mm large beside a sheet of {rounded(sheet, 4)} mm, as if it were "
+        f"in {' or '.join(fitting)}"
+    )
+
+
+def check_triangles(surface: TriangulatedSurface, name: str, thickness: float) -> list[str]:
+    """What can only be doubted, a sentence each; InputError for a surface `name` that is no surface
+    or too coarse for a ply of this thickness [mm]."""
+
+    def middle(nodes):
+        return coordinates(surface.points[nodes].mean(0))
+
+    if count := len(surface.forks):
+        raise InputError(
+            f"{name} has {count} edges with more than two triangles, one at "
+            f"{middle(surface.forks[0])}; allowed are at most two at an edge"
+        )
+    off = 0.75 * surface.curved.patches.bulge  # more than the patches themselves
+    worst = int(off.argmax())
+    if off[worst] > thickness:
+        raise InputError(
+            f"{name} has facets that are {rounded(off[worst])} mm off the curved surface through "
+            f"their corners, at {middle(surface.triangles[worst])}; allowed is up to the ply's "
+            f"thickness {thickness:g} mm"
+        )
+    edges, turn = surface.curved.turns()
+    if not len(turn) or (sharpest := np.degrees(turn.max())) <= 20.0:
+        return []
+    return [
+        f"{name} is coarse: its facets turn by {sharpest:.0f} deg at "
+        f"{middle(edges[turn.argmax()])} where it is to be smooth; beyond 20 deg its curvature is "
+        "a guess"
+    ]
+
+
+def check_start(tool: Tool, places: np.ndarray, thickness: float, comm: MPI.Comm) -> None:
+    """Raise InputError on all ranks for a tool in which nodes of a sheet are, at places (n, 3) of
+    this rank [mm], or whose surface gives no number there."""
+    gap = tool.evaluate(places, reach=thickness).gap
+    deep = gap < -thickness / 2  # may be a bound
+    exact = tool.evaluate(places[deep]).gap
+    gap[deep] = np.where(np.isnan(exact), gap[deep], exact)
+    gap[np.isnan(gap)] = -np.inf
+    none: tuple[float, list[float]] = (np.inf, [])
+    nearest = min(zip(gap.tolist(), places.tolist()), default=none)
+    off, place = min(comm.allgather(nearest))
+    if thickness / 2 - off > (0.5 + 1e-6) * thickness:
+        depth = f"is {rounded(thickness / 2 - off)} mm deep in the sheet's face"
+        flaw = "has a gap that is not a number" if off == -np.inf else depth
+        raise InputError(
+            f"{tool.name} {flaw} at {coordinates(place)} before anything moves; allowed is up to "
+            f"{thickness / 2:g} mm, half the thickness: begin its path further off, or turn it "
+            "round with `Reversed`"
+        )
+
+
+def _triangles(tool):
+    surface = innermost(tool.surface)
+    return surface if isinstance(surface, TriangulatedSurface) else None
+
+
+def radius_over(tool: Tool, length: float) -> float:
+    """Least radius of a tool's surface [mm], of triangles over a length [mm]."""
+    least, surface = min(tool.surface.radii), _triangles(tool)
+    if not surface or least > length:
+        return least
+    return max(least, min(least_radii(surface.curved, length)))
+
+
+def size_warning(tool: Tool, sheet: float) -> str:
+    """A sentence if a tool of triangles is as small as if it were in another unit, else ""."""
+    surface = _triangles(tool)
+    doubt = surface and unit_doubt(float(np.ptp(surface.points, axis=0).max()), sheet, 0.2)
+    return f"the surface of {tool.name} {doubt}; lengths are in mm" if doubt else ""
+
+
+def hole_warning(tool: Tool) -> str:
+    """A sentence if triangles of a tool leave an opening below a tenth of them, so no die's, else
+    ""."""
+    if not (surface := _triangles(tool)):
+        return ""
+    x, (p, q) = surface.points, surface.rim.T
+    loop = connected(len(x), [p, q])[1][p]
+    for number in np.unique(loop):
+        around = x[surface.rim[loop == number]].reshape(-1, 3)
+        width = float(np.ptp(around, axis=0).max())
+        if width < 0.1 * np.ptp(x, axis=0).max():
+            return (
+                f"the surface of {tool.name} has a hole {rounded(width)} mm wide at "
+                f"{coordinates(around.mean(0))} mm in its own coordinates, where nothing stops the "
+                "sheet"
+            )
+    return ""

@@ -1,0 +1,67 @@
+"""`fabric` runs studies from any folder and finds their example data."""
+
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fabric_fenicsx.cli import main, prepare
+from fabric_fenicsx.cli.options import STUDIES
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def fabric(tmp_path, hang):
+    def run(*words):
+        command = [sys.executable, "-m", "fabric_fenicsx", *words]
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=hang)
+
+    return run
+
+
+@pytest.mark.versions
+def test_a_study_runs_and_its_command_repeats_it(fabric, tmp_path):
+    done = fabric("single_element", "--points", "3", "--no-pictures")
+    assert done.returncode == 0, done.stderr
+    summary = (tmp_path / "results/single_element/summary.json").read_text()
+    (command,) = [line for line in summary.splitlines() if '"command"' in line]
+    words = shlex.split(command.split('"')[3])
+    assert words[1:4] == ["-m", "fabric_fenicsx", "single_element"]
+    assert words[4:] == ["--points", "3", "--no-pictures"]
+    again = fabric(*words[3:])
+    assert again.returncode == 2
+    assert again.stderr.startswith("fabric single_element: error: --out")
+
+
+def test_example_data_are_found_from_any_folder(fabric):
+    done = fabric("identify", "--data", "studies/data/komeili_paper", "--no-pictures")
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.versions
+def test_studies_and_data_are_listed(capsys):
+    assert main.main(["list"]) == 0
+    words = capsys.readouterr().out.split()
+    assert {path.stem for path in (ROOT / "studies").glob("*.py")} <= set(words)
+    data = [word for word in words if word.startswith("studies/") and word != "studies/reference,"]
+    assert len(data) > 3 and all((STUDIES.parent / word).exists() for word in data)
+
+
+def test_usual_runs_are_prepared(caplog, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(prepare, "PRESSES", ("hemisphere",))
+    assert main.main(["prepare"]) == 0
+    assert not caplog.records and not list(tmp_path.iterdir())
+
+
+def test_another_command_is_not_allowed(capsys):
+    for words, told in (
+        ("tensil", "fabric: error: command tensil is unknown (did you mean tensile?); allowed are"),
+        ("sweep press.toml", "fabric sweep: error: nothing is varied; allowed is"),
+    ):
+        assert main.main(words.split()) == 2
+        out, err = capsys.readouterr()
+        assert not out and err.startswith(told) and err.count("\n") == 1

@@ -1,0 +1,31 @@
+"""Arrays that are kept in the cache."""
+
+import numpy as np
+
+from fabric_fenicsx.core.cache_folders import kept_arrays
+
+
+def test_what_was_made_of_a_file_is_kept_until_it_changes(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    file, calls = tmp_path / "model", []
+
+    def make():
+        calls.append(file.read_text())
+        return np.arange(3.0), np.array([[len(calls)]])
+
+    file.write_text("a")
+    first, again = kept_arrays(file, 0.1, make), kept_arrays(file, 0.1, make)
+    assert calls == ["a"]
+    assert [each.tolist() for each in again] == [each.tolist() for each in first]
+    kept_arrays(file, 0.2, make)
+    file.write_text("b")
+    changed = kept_arrays(file, 0.1, make)
+    assert calls == ["a", "a", "b"] and changed[1] == 3
+    files = [*tmp_path.rglob("*.npz")]  # a damaged or closed cache is made do without
+    for damaged in (b"", b"no arrays", files[0].read_bytes()[:60]):
+        for kept in files:
+            kept.write_bytes(damaged)
+        assert kept_arrays(file, 0.1, lambda: (np.zeros(2),))[0].tolist() == [0, 0]
+    (tmp_path / "no folder").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "no folder"))
+    assert kept_arrays(file, 1, lambda: (np.zeros(2),))[0].tolist() == [0, 0]

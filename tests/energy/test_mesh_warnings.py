@@ -1,0 +1,142 @@
+"""What is doubted of a sheet, and what is not."""
+
+import math
+
+import builders
+import numpy as np
+import pytest
+from builders import alone
+from mpi4py import MPI
+from scipy.optimize import brentq
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.energy.membrane_warnings import (
+    alternating_energy,
+    band_warning,
+    locking_warning,
+)
+from fabric_fenicsx.sheet.meshing import size_warning
+from fabric_fenicsx.sheet.specimen import specimen
+
+COMM = MPI.COMM_WORLD
+KOMEILI = ff.load("komeili")
+
+
+@pytest.mark.parametrize(
+    "size, doubted",
+    [((20.1, 10), False), ((19.9, 2.0), True), ((9_990, 50), False), ((10_100, 5_000), True)],
+)
+def test_a_size_that_speaks_of_other_units_is_doubted(size, doubted):
+    told = f"s.msh is {size[0]:g} x {size[1]:g} mm; lengths are in mm"
+    assert size_warning(builders.sheet(*size, 8, 2), "s.msh").startswith(told) == doubted
+
+
+@pytest.mark.parametrize(
+    "pattern, cell, angle, off",
+    [
+        ("crossed", "triangle", 45, 0.0),
+        ("crossed", "triangle", 43, 1.0),
+        ("left", "triangle", 45, 1.0),
+        ("crossed", "quadrilateral", 0, 0.0),
+        ("crossed", "quadrilateral", 45, 1.0),
+    ],
+)
+def test_cells_that_follow_the_yarns(pattern, cell, angle, off):
+    how = {"cell": cell, "a": math.radians(angle), "spatial": angle > 40}
+    blank = builders.sheet(40, 20, 8, 4, pattern, **how)
+    assert blank.whole.share_off_the_yarns() == off
+
+
+@pytest.mark.mpi
+def test_some_cells_follow_the_yarns():
+    """Yarns along edges up to the middle only; the column behind it shares nodes."""
+    arrays = specimen(40, 20, 8, 4, "left") if COMM.rank == 0 else (None,) * 3
+    blank = ff.Blank.from_arrays(COMM, *arrays, a=lambda x: np.where(x[0] < 20, 0.0, 0.5))
+    assert blank.whole.share_off_the_yarns() == 24 / 64
+
+
+LINEAR = ff.load("fabric").replace(a=0.0, s1=0.025, s2=0.0, s3=0.0)
+# element, integration, yarns of a third of the cells [rad], the others' are at 0.5; share of the
+# energy from which they are doubted, and what a strip's force is too high by, over that share
+DOUBTED = [
+    ("P1", "full", 0.5, 2.5e-3, 12),
+    ("P1", "full", 0.0, 0.02, 12),
+    ("P2", "full", 0.5, 0.01, 6),
+    ("P2", "inner", 0.5, 0.03, 4),
+]
+
+
+def alternating(element, integration="full", right=0.5):
+    """Membrane of cells of two sizes, and a function of the size of displacements to and fro [mm]
+    and of a strain all over, which moves it so, to the share of the energy that goes when stretches
+    are means at nodes, by area, and then of a cell's nodes, and to the energy."""
+    corners = np.array([[x, y, 0] for y in (0.0, 10.0) for x in (0.0, 2.0, 5.0, 20.0)])
+    cells = np.array([[k + i for k in c] for i in range(3) for c in ((0, 1, 4), (1, 5, 4))])
+    degree = int(element[1])
+    angle = lambda x: np.where(x[0] < 5, 0.5, right)  # noqa: E731
+    blank = ff.Blank.from_arrays(COMM, corners, cells, "triangle", degree=degree, a=angle)
+    membrane = alone(blank, ff.Membrane(LINEAR, integration=integration))
+    X, nodes, areas = blank.coordinates()[:, :2], blank.cell_nodes, blank.areas()
+    T, ends = np.insert(X[nodes[:, :3]], 0, 1.0, axis=2), nodes[:, :3]
+    wild = np.column_stack([np.sin(9 * X[:, 0] + X[:, 1]), np.cos(7 * X[:, 0] - X[:, 1])])
+    c, s = np.cos(a := angle(blank.midpoints())), np.sin(a)
+    yarns = np.array([[c, s], [-s, c]]).transpose(2, 0, 1)
+
+    def made(size, strain=0.01):
+        plane = np.linalg.solve(T, strain * X[ends] + size * wild[ends])  # linear in each cell
+        for each, c in zip(plane, nodes):
+            blank.u.x.array.reshape(-1, 2)[c] = np.insert(X[c], 0, 1.0, axis=1) @ each
+        f = yarns + yarns @ plane[:, 1:]
+        stretch, sums = np.linalg.norm(f, axis=2), np.zeros((len(X), 3))
+        shear = 0.0125 * np.arcsin((f[:, 0] * f[:, 1]).sum(1) / stretch.prod(1)) ** 2
+        np.add.at(sums, nodes, (areas[:, None] * np.insert(stretch, 2, 1.0, axis=1))[:, None])
+        smooth = (sums[:, :2] / sums[:, 2:])[nodes].mean(1)
+        whole, less = (
+            areas @ (shear + (np.where(each > 1, 667.5, 0.65) * (each - 1) ** 2).sum(1))
+            for each in (stretch, smooth)
+        )
+        return 1 - less / whole, whole
+
+    return membrane, made
+
+
+@pytest.mark.parametrize("element, integration, right, least, excess", DOUBTED)
+def test_cells_that_stretch_yarns_to_and_fro_are_doubted(
+    element, integration, right, least, excess
+):
+    """From a share of the energy on, and by so much too high a force."""
+    membrane, made = alternating(element, integration, right)
+    for share in (0.98 * least, 1.02 * least, 0.26, 2 * least):
+        made(brentq(lambda size: made(size)[0] - share, 0.0, 1.0))  # noqa: B023
+        assert alternating_energy(membrane) == pytest.approx(share, rel=1e-6)
+        told = locking_warning(membrane)
+        assert bool(told) == (share > least) and ("forces say nothing" in told) == (share == 0.26)
+    assert f"about {200 * excess * least:.2g} % too high" in told
+
+
+@pytest.mark.parametrize("strain, told", [(0.97e-4, False), (1.03e-4, True)])
+def test_a_sheet_that_hardly_strains_is_not_doubted(strain, told):
+    """As one pressed flat between planes, whose strains are those of rounding and of its cells:
+    with the energy of one yarn strained by 1e-4 all over, 667.5 MPa 1e-8."""
+    membrane, made = alternating("P1")
+    size = brentq(lambda size: made(size, 0.0)[1] - 667.5 * strain**2 * 200, 0.0, 1.0)
+    made(size, 0.0)
+    assert alternating_energy(membrane) > 0.1
+    assert bool(locking_warning(membrane)) == told
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "width, told", [(0.0, ""), (0.9, ""), (1.1, "in 1.1 % of blank, as at (0.")]
+)
+def test_where_the_law_allows_bands(width, told):
+    """Yarns a are compressed in the first mm of 100, and the sheet is stretched beside it."""
+
+    def shape(x):
+        return np.column_stack([np.interp(x[:, 0], [0, 50, 100], [0, width or 50, 100]), x[:, 1:]])
+
+    membrane = alone(builders.sheet(100, 20, 2, 2, shape=shape), ff.Membrane(KOMEILI))
+    x = membrane.blank.coordinates()[:, 0]
+    membrane.blank.u.x.array[::2] = np.where(x <= width, -0.02 * x, 0.001 * x - 0.021 * width)
+    said = band_warning(membrane)
+    assert said.startswith(told) and bool(said) == bool(told)

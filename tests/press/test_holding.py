@@ -1,0 +1,141 @@
+"""Blank holders: objects that make terms, several of them as segments."""
+
+import numpy as np
+import pytest
+from builders import dome
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.press.holders import Region
+from fabric_fenicsx.scene import output as reports
+
+SIZES = {"nx": 4, "stroke": 8.0}
+LEFT, RIGHT = Region({"x": [-100, 40]}), Region({"x": [0, 100]})
+HALVES = [lambda x: x[0] < 140, lambda x: x[0] >= 140]
+
+
+@pytest.mark.mpi
+def test_segments_of_a_stack_press_its_sheets_together_as_one_does():
+    plies = [{"fibre_angle": angle} for angle in (0, 45)]
+    halves = [ff.PressureHolder(1.0, where=half) for half in HALVES]
+    one, two = (
+        dome(**SIZES, plies=plies, holder=each) for each in (ff.PressureHolder(1.0), halves)
+    )
+    assert one.comm.allreduce(float(np.abs(one.blank.u.x.array).max())) > 0
+    assert two.blank.u.x.array == pytest.approx(one.blank.u.x.array, abs=1e-14)
+    names = [tool.name for tool in reports.tools(two.scene)] + [t.tool.name for t in two.pressing]
+    assert {"blank holder", "blank holder 2"} <= {*names}
+
+
+def held_whole(holders, symmetry="xy"):
+    """Force of the pressures on what is modelled of the hemisphere's blank at the start [N]."""
+    nx = 5 if symmetry == "xy" else 10
+    press = ff.Press.read("hemisphere", [f"blank.nx={nx}", f"blank.symmetry={symmetry}"])
+    built = press.replace(holders=holders).build()
+    return sum(t.force()[2] for t in built.pressing if isinstance(t, ff.BlankHolderPressure))
+
+
+@pytest.mark.parametrize("limit", [20, 37.3])  # on nodes, and between them
+def test_segments_with_a_common_limit_press_each_node_once(limit):
+    """Also those that rounding puts just beyond the blank's edge."""
+    segments = [
+        ff.PressureHolder(0.02, Region({"x": ends})) for ends in ((-100, limit), (limit, 100))
+    ]
+    whole = held_whole({"holder": ff.PressureHolder(0.02)})
+    assert held_whole(dict(zip("ab", segments))) == pytest.approx(whole, rel=1e-12)
+    assert held_whole({"holder": segments}) == pytest.approx(whole, rel=1e-12)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "one, other, words",
+    [
+        (ff.PressureHolder(0.02), ff.PressureHolder(0.02), "28800 mm2"),
+        (ff.PressureHolder(0.02, LEFT), ff.ForceHolder(100, RIGHT), "7200 mm2 of the blank"),
+        (*(ff.Grippers(1.0, edges=[f"{k} x", "low y"]) for k in ("low", "high")), "11 nodes of"),
+    ],
+)
+def test_segments_that_overlap_are_refused_with_their_area(one, other, words):
+    with pytest.raises(ff.InputError, match=f"holders.a and holders.b overlap on ({words})"):
+        held_whole({"a": one, "b": other}, "none" if "nodes" in words else "xy")
+
+
+def test_grippers_may_share_corners():
+    ends = [ff.Grippers(1.0, edges=[f"{end} {axis}" for axis in "xy"]) for end in ("low", "high")]
+    assert held_whole(dict(zip("ab", ends)), "none") == 0
+
+
+@pytest.mark.parametrize("gap, meant", [(None, 1.1 * 1.07427), (0.54, 0.54)])
+def test_a_plate_stands_at_its_gap_from_the_die(gap, meant):
+    press = ff.Press.read("hemisphere", ["blank.nx=4"])
+    made = press.replace(holders={"plate": ff.GapHolder(gap)}).build()
+    (plate,) = made.holders["plate"]
+    face = made.tools["ring"].path(0)[2]
+    assert plate.tool.evaluate([[90, 90, face]]).gap == pytest.approx([meant], rel=1e-5)
+
+
+def test_springs_pull_at_a_quarter_as_at_the_whole_blank():
+    """Half of one on a plane of symmetry, and of the parallel ones of an edge across it."""
+    springs = ff.SpringHolder(0.5, preload=8.0, edges=["high x"], at=[(100, 0), (60, 80)])
+    press = ff.Press.read("hemisphere", ["blank.nx=5"])
+    made = press.replace(holders={"springs": springs}).build()
+    forces = [term.force() for term in made.holders["springs"]]
+    assert np.array(forces) == pytest.approx(np.array([[4, 0, 0], [4, 0, 0], [4.8, 6.4, 0]]))
+    made.scene.blank.u.x.array[::3] = -2.0  # by which those along x are longer
+    pulls = [term.pull() for term in made.holders["springs"]]
+    assert pulls[:2] == pytest.approx([4.5, 4.5]) and pulls[2] == pytest.approx(8.6, abs=0.01)
+
+
+def test_grippers_pull_at_the_edges_that_are_marked():
+    ply = dome(**SIZES, holder=ff.Grippers(3.0, where=lambda x: x[0] > 234))
+    assert sum(isinstance(term, ff.EdgeTension) for term in ply.scene.terms) == 1
+    with pytest.raises(ff.InputError, match="`where` of holders.blank holder marks no edge"):
+        dome(**SIZES, holder=ff.Grippers(where=lambda x: x[0] < 1))
+
+
+def test_a_checkpoint_knows_the_number_of_a_holder():
+    """So that a run is not gone on with by another."""
+    first, second = (dome(**SIZES, holder=ff.PressureHolder(p)).scene.fingerprint() for p in (2, 3))
+    assert {key.split(" of ")[0] for key in first if first[key] != second[key]} == {"pressure"}
+
+
+def test_a_pressure_that_is_directed_away_from_the_die_is_told_of():
+    class Own:
+        def terms(self, site):
+            return [ff.BlankHolderPressure(1.0, (0, 0, -1), site.on_flange())]
+
+    told = "of blank holder is directed away from the die: towards it is (0, 0, 1)"
+    assert any(told in words for words in dome(**SIZES, holder=Own()).warnings)
+
+
+@pytest.mark.mpi
+def test_the_history_has_the_force_of_each_holder_on_the_whole_blank():
+    """Of the quarter that is modelled, too, as its file gives them."""
+    left, right = Region({"x": [0, 70]}), Region({"x": [70, 100]})
+    holders = {
+        "low": [ff.ForceHolder(300.0, left), ff.PressureHolder(0.02, right)],
+        "pull": ff.Grippers(2.0),
+        "springs": ff.SpringHolder(0.5, preload=80.0, edges=["high y"]),
+    }
+    rigid = ["blank.nx=6", "stage.1.moves.punch=3", "contact.penalty=300"]
+    built = ff.Press.read("hemisphere", rigid).replace(holders=holders).build()
+    result = built.job(steps=1, balance=None).run()
+    row, q = result.rows[-1], result.summary["quantities"]
+    assert row["springs_force_of_whole_N"] == pytest.approx(2 * 80, rel=0.05)
+    assert q["force_of_whole_blank_N"] == pytest.approx(4 * row["reaction_N"])
+    assert q["unbalanced_force_N"] < 1e-4 * row["reaction_N"]
+    for term in built.pressing:
+        forces = term.nodes.total(term._pressing_forces())
+        told = q["contact_forces_N"][term.tool.name]
+        assert told == pytest.approx(np.sqrt((forces**2).sum()), rel=1e-6)
+    depths = [-term.gap()[term.nodes.own] for term in built.contacts]
+    most = max(built.scene.comm.allgather(max(each.max(initial=0) for each in depths)))
+    assert q["penetration_mm"] == pytest.approx(most) and most > 0
+    assert row["low_force_of_whole_N"] == pytest.approx(300, rel=1e-6)
+    assert row["low_2_force_of_whole_N"] == pytest.approx(4 * built.pressing[-1].force()[2])
+    assert row["pull_force_of_whole_N"] == pytest.approx(2.0 * 4 * 200)
+    assert (row["punch_way_mm"], row["ring_way_mm"]) == (pytest.approx(3), 0)
+    tools = [row[f"{name}_force_N"] for name in ("punch", "ring")]
+    assert tools[0] == pytest.approx(row["reaction_N"])
+    held = [row[f"low{k}_force_of_whole_N"] / 4 for k in ("", "_2")]
+    sprung = sum(term.force()[2] for term in built.holders["springs"])
+    assert sum(tools) + sum(held) + sprung == pytest.approx(0, abs=1e-4 * abs(tools[1]))

@@ -1,0 +1,143 @@
+"""Sheets of a stack, in Python and from a file."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from builders import KOMEILI, dome
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.press import quantities
+from fabric_fenicsx.press.press import EXAMPLES
+
+COARSE = {"nx": 4, "stroke": 5}
+OWN = ff.load("komeili").replace(name="own")
+
+
+@pytest.fixture
+def plies_of(tmp_path):
+    """Function of tables of plies to the sheets of a press file that has them, with a fabric and a
+    metal beside it."""
+    for name, material in (("own", OWN), ("own_metal", ff.load_metal("dc04"))):
+        (tmp_path / f"{name}.toml").write_text(material.replace(name=name).dumps())
+
+    def read(text):
+        rest = (EXAMPLES / "double_dome.toml").read_text()
+        (tmp_path / "press.toml").write_text(f"ply = [{text}]\n{rest}")
+        return ff.Press.read(tmp_path / "press.toml", ["blank.nx=4"]).sheets
+
+    return read
+
+
+def test_plies_of_a_file_take_what_they_lack_from_the_blank(plies_of):
+    plies = plies_of("""
+  {name = "inner", fibre_angle = 45, nx = 5, friction = 0.2},
+  {fabric = "own.toml", length = 400, width = 200.5, thickness = 0.3},
+  {metal = "dc04"},
+  {},
+  {metal = "own_metal.toml"}
+""")
+    inner, outer, *_ = plies
+    assert (inner.name, inner.fibre_angle, inner.nx, inner.friction) == ("inner", 45.0, 5, 0.2)
+    assert (inner.fabric, inner.length, inner.width, outer.nx) == (KOMEILI, 470, 270, 4)
+    assert (outer.name, outer.length, outer.width, outer.thickness) == ("ply 2", 400.0, 200.5, 0.3)
+    fabrics, metals = (
+        [getattr(ply, kind) and getattr(ply, kind).name for ply in plies]
+        for kind in ("fabric", "metal")
+    )
+    assert fabrics == ["komeili", "own", None, "komeili", None]
+    assert metals == [None, None, "dc04", None, "own_metal"]
+    # Table 2 of the paper: metal on fabric, fabric on fabric; and one that is given
+    assert [one.friction_to(next) for one, next in zip(plies, plies[1:])] == [0.2, *3 * [0.25]]
+    assert outer.friction_to(inner) == 0.334
+
+
+def test_rigid_contact_makes_each_fabric_keep_its_thickness():
+    thin = ff.load("komeili").replace(thickness=0.3)
+    made = dome(plies=[{"fabric": thin}, {"name": "own"}], **COARSE, penalty=100.0)
+    assert [sheet.fabric.compaction for sheet in made.sheets] == [None, None]
+    assert made.thickness == pytest.approx(1.3)
+    single = dome(nx=4, penalty=100.0)
+    assert single.sheets[0].fabric.compaction is None and single.thickness == pytest.approx(1.0)
+
+
+def test_a_ply_beyond_a_shorter_one_meets_the_next():
+    made = dome(plies=[{}, {"length": 300, "width": 200}, {"name": "top"}], **COARSE)
+    names = [term.name for term in made.scene.terms if term.name.startswith("contact of ply")]
+    pairs = ("ply 1", "ply 2"), ("ply 2", "top"), ("ply 1", "top")
+    assert names == [f"contact of {a} and {b}" for a, b in pairs]
+
+
+@pytest.fixture(scope="module")
+def laid():
+    """Two plies, smaller metal below them, no bending of plies of metal."""
+    metal = {"metal": ff.load_metal("dc04"), "thickness": 0.8, "length": 380, "width": 220}
+    metal["name"] = "sheet"
+    return dome(plies=[metal, {"name": "a"}, {"name": "b"}], **COARSE)
+
+
+def test_thickness_and_face_are_those_of_the_metal(laid):
+    t = ff.load("komeili").thickness_under(0.0)
+    assert laid.thickness == pytest.approx(0.8 + 2 * t)
+    heights = np.unique(laid.scene.blank.coordinates()[:, 2].round(6))
+    assert heights == pytest.approx([-t, -t / 2 + 0.4, t / 2 + 0.4], abs=2e-6)
+    die = next(term for term in laid.contacts if term.tool is laid.tools["die"])
+    part = laid.scene.blank.part("sheet").nodes
+    assert np.allclose(die.thickness[part], 0.8) and np.allclose(die.thickness[~part], t)
+    depth = die.depth_under(2.0)
+    assert depth[part].max(initial=0) < 0.01 * t < depth[~part].min(initial=t)
+
+
+def test_a_holder_begins_with_sheets_pressed_as_it_presses(laid):
+    scene = laid.scene
+    scene.accept()
+    whole = 2.0 * 470 * 270 / 4
+    for pair in (term for term in scene.terms if isinstance(term, ff.SheetContact)):
+        assert 0.1 * whole < pair.force()[2] < whole
+
+
+def test_friction_of_tools_is_that_of_the_sheet_they_touch(laid):
+    part = laid.scene.blank.part("sheet").nodes
+    for term in laid.pressing:
+        mu = term.friction_state.coefficient
+        assert np.allclose(mu[part], 0.1) and np.allclose(mu[~part], 0.25)
+
+
+def test_heights_are_those_off_the_faces_of_the_stack(laid, monkeypatch):
+    """The holder's plate touches the stack from below, the die its flange from above, as seen from
+    each mid-surface: what lies below and above it is between."""
+    monkeypatch.setattr(quantities, "height_map", lambda grid, over, wave: over)
+    result = SimpleNamespace(scene=laid.scene, grids=dict.fromkeys(("sheet", "a", "b")))
+    over, t = quantities.wrinkle_heights(laid, result), ff.load("komeili").thickness_under(0.0)
+    for name, z in zip(over, (-t, -t / 2 + 0.4, t / 2 + 0.4)):
+        heights = over[name](np.array([[152.0, 0, z + 0.1], [230, 130, z + 0.1]]))
+        assert heights == pytest.approx([0.1, -0.1], abs=1e-6)
+
+
+# -- the laminate of metal and fabric
+
+
+AREA = 13568 / 20268  # of metal over that of fabric, from the paper's numbers of elements
+
+
+def laminate(*changes):
+    """The press, built."""
+    return ff.Press.read("laminate", ["nx=6", "stage.1.moves.punch=2", *changes]).build()
+
+
+def test_metal_covers_two_thirds_of_the_fabric():
+    """13 568 against 20 268 elements in the paper, with cells as large as the plies'."""
+    blank = laminate().scene.blank
+    areas = {name: blank.areas()[part.cells] for name, part in blank.parts.items()}
+    covered = areas["lower metal"].sum() / areas["middle"].sum()
+    assert covered == pytest.approx(AREA) == pytest.approx(0.669, abs=1e-3)
+    assert areas["lower metal"].mean() == pytest.approx(areas["middle"].mean(), rel=0.3)
+
+
+@pytest.mark.parametrize("sizes, loose", [((470, 400), "x = 192"), ((640, 170), "y = 69.5")])
+def test_metal_that_ends_over_the_opening_is_told_of(sizes, loose):
+    own = dict(zip(("length", "width"), np.multiply(sizes, AREA**0.5)))
+    metal = [f"ply.{side} metal.{k}={v}" for side in ("lower", "upper") for k, v in own.items()]
+    made = laminate(f"blank.length={sizes[0]}", f"blank.width={sizes[1]}", *metal)
+    found = [words for words in made.warnings if "opening" in words]
+    assert len(found) == 1 and loose in found[0]

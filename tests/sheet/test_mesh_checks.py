@@ -1,0 +1,132 @@
+"""Meshes that lie are refused or doubted with their place; sound ones pass without a word."""
+
+import numpy as np
+import pytest
+from builders import COMM, slit_strip
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.sheet.cells import CELLS
+from fabric_fenicsx.sheet.mesh_checks import checked_mesh
+from fabric_fenicsx.sheet.specimen import PATTERNS, specimen
+
+STRIP = specimen(4, 2, 4, 2, "right")
+SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+TWO = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [2, 1, 0], [2, 2, 0.0]])
+
+
+def hanging(off=0.0):
+    """Sheet of 4 x 2 mm, of which a cell under y = 1 is cut at x = 1.5, and the one above it is
+    not."""
+    points, cells, kind = specimen(4, 2, 4, 2, "right")
+    at = {tuple(p): i for i, p in enumerate(points[:, :2].astype(int).tolist())}
+    low, high = at[1, 0], [at[x, 1] for x in (1, 2)]
+    n = len(points)
+    points = np.vstack([points, [1.5, 1 + off, 0], [1.5, 0, 0]])
+    cut = [[low, high[1], n], [low, n, high[0]]]
+    (below,) = [i for i, c in enumerate(cells) if set(c) == {low, *high}]
+    return points, np.vstack([np.delete(cells, below, 0), cut]), kind
+
+
+def second_order(points, cells, kind):
+    """The same mesh with a node in the middle of each edge and, of quadrilaterals, each cell."""
+    k = CELLS[kind].corners
+    ends = np.stack([cells, np.roll(cells, -1, 1)], -1).reshape(-1, 2)
+    keys, number = np.unique(np.sort(ends, 1), axis=0, return_inverse=True)
+    middles = len(points) + number.reshape(-1, k)
+    new = [points, points[keys].mean(1)]
+    columns = [cells, middles]
+    if k == 4:
+        columns.append(len(points) + len(keys) + np.arange(len(cells))[:, None])
+        new.append(points[cells].mean(1))
+    return np.vstack(new), np.hstack(columns), {3: "triangle6", 4: "quad9"}[k]
+
+
+def one(kind, moved):
+    """One cell of kind, 10 mm wide, with some nodes moved (by number)."""
+    points = 10 * CELLS[kind].nodes
+    for node, by in moved.items():
+        points[node] += by
+    return points, np.arange(len(points))[None], kind
+
+
+LIES = {
+    "hanging node": (hanging(), r"hanging node, number 15 at \[1.5, 1.0, 0.0\] mm: it lies on"),
+    "one of quadratic cells": (second_order(*hanging()), r"number 31 at \[1.25, 1.0, 0.0\] mm"),
+    "a cell twice": ((STRIP[0], STRIP[1][[0, *range(16)]], "triangle"), "that 3 cells share, .*0"),
+    "a cell that crosses itself": ((SQUARE, [[0, 2, 1, 3]], "quad"), "degenerate or non-convex"),
+    "no number": ((SQUARE * np.nan, [[0, 1, 2]], "triangle"), "not a number at node 0"),
+    "no cells": ((SQUARE, np.empty((0, 3), int), "triangle"), "0 cells"),
+    "cells that share a corner": ((TWO, [[0, 1, 2], [2, 3, 4]], "triangle"), "falls into 2 parts"),
+    "a corner turned over": (one("triangle6", {3: (-3, 0)}), "number 0, that its curved edges"),
+    "node that is not there": ((STRIP[0], [[0, 1, 99]], "triangle"), r"nodes \[0, 1, 99\]; allow"),
+}
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("case", LIES)
+def test_a_mesh_that_lies_is_refused_with_its_place(case):
+    mesh, words = LIES[case]
+    arrays = mesh if COMM.rank == 0 else (None,) * 3
+    with pytest.raises(ff.InputError, match=words) as error:
+        ff.Blank.from_arrays(COMM, *arrays, source="sheet.msh")
+    assert str(error.value).startswith("sheet.msh ") and "; allowed" in str(error.value)
+
+
+def test_a_cell_that_is_turned_over_between_its_nodes_only():
+    points, cells, kind = one("triangle6", {3: (2.5, 2.5), 4: (3, -3), 5: (-3, 1)})
+    s, t = CELLS[kind].nodes.T
+    r, zero = 1 - s - t, 0 * s
+    ds = np.stack([1 - 4 * r, 4 * s - 1, zero, 4 * (r - s), 4 * t, -4 * t], 1) @ points
+    dt = np.stack([1 - 4 * r, zero, 4 * t - 1, -4 * s, 4 * s, 4 * (r - t)], 1) @ points
+    assert (np.linalg.det(np.stack([ds, dt], 1)) > 0).all()
+    with pytest.raises(ff.InputError, match="turn over inside"):
+        checked_mesh(points, cells, kind, "sheet")
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_specimens_are_not_doubted(pattern, cell):
+    mesh = specimen(60, 20, 12, 4, pattern, "triangle" if pattern == "along" else cell, 0.5)
+    x, y = np.moveaxis(mesh[0][mesh[1]], 2, 0)[:2]
+    areas = (x * np.roll(y, -1, 1) - y * np.roll(x, -1, 1)).sum(1) / 2
+    assert abs(areas).sum() == pytest.approx(1200, rel=1e-12)
+    assert checked_mesh(*mesh, "sheet").warnings == []
+    assert checked_mesh(*second_order(*mesh), "sheet").warnings == []
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("make", [lambda mesh: mesh, lambda mesh: second_order(*mesh)])
+def test_a_slit_is_doubted_on_all_ranks(make):
+    arrays = make(slit_strip()) if COMM.rank == 0 else (None,) * 3
+    (doubt,) = ff.Blank.from_arrays(COMM, *arrays, source="sheet.msh").warnings
+    assert "where another one lies" in doubt and "1.0, 0.0] mm" in doubt
+    assert f"{3 if len(arrays[0]) < 40 else 7} nodes" in doubt if COMM.rank == 0 else True
+
+
+def lips(apart):
+    points, cells, kind = slit_strip()
+    points[-3:, 1] += apart
+    return points, cells, kind
+
+
+LIMITS = {  # over an edge of 1 mm, of a curved cell of 0.5; over the extent of 4 mm
+    "a hanging node": (hanging, (0.9e-3, 1.1e-3), "hanging node"),
+    "one of curved cells": (lambda off: second_order(*hanging(off)), (0.028, 0.032), "hanging"),
+    "a slit": (lips, (0.9e-6, 1.1e-6), "where another one lies"),
+    "a plane sheet": (lambda off: (STRIP[0] + off * AT_ONE, *STRIP[1:]), (3.9e-7, 4.1e-7), "plane"),
+}
+AT_ONE = np.eye(len(STRIP[0]))[:, [7]] * [0, 0, 1]
+
+
+@pytest.mark.parametrize("case", LIMITS)
+def test_meshes_just_within_and_just_beyond_a_tolerance(case):
+    make, offs, words = LIMITS[case]
+
+    def said(off):
+        try:
+            mesh = checked_mesh(*make(off), "it")
+        except ff.InputError as error:
+            return str(error)
+        return " ".join(mesh.warnings) or {2: "plane", 3: ""}[mesh.points.shape[1]]
+
+    assert [words in said(off) for off in offs] == [True, False]

@@ -1,0 +1,143 @@
+"""Triangles in an outline with holes."""
+
+import numpy as np
+import pytest
+import shapely
+from shapely import affinity
+
+from fabric_fenicsx.core.errors import InputError
+from fabric_fenicsx.sheet import outline
+from fabric_fenicsx.sheet.mesh_checks import checked_mesh
+from fabric_fenicsx.sheet.outline import PATTERNS, outline_mesh
+
+YARNS = np.radians([30, 120])
+NOTCHED = [(0, 0), (200, 0), (200, 60), (180, 60), (180, 80), (200, 80), (200, 150), (0, 150)]
+HOLE = shapely.get_coordinates(shapely.Point(60, 90).buffer(15, quad_segs=200))
+# with a neck of 0.5 mm between slots, a small hole and a spline's close points
+WILD = [(0, 0), (100, 0), (100, 38), (60, 38), (60, 40), (100, 40), (100, 80), (0, 80), (0, 42)]
+WILD += [(58, 42), (58, 40.5), (0, 40)]
+BOX = shapely.box(0, 0, 100, 100)
+SHEETS = {
+    "notch and hole": shapely.Polygon(NOTCHED, [HOLE]),
+    "slots": shapely.Polygon(WILD, [shapely.Point(30, 20).buffer(1.5, 50).exterior]),
+    "ellipse": affinity.scale(shapely.Point(0, 0).buffer(1, 1000), 50, 30),
+}
+
+
+def corners_angles(points, cells):
+    """Angles of triangles [deg], (m, 3)."""
+    x = points[cells][:, :, :2]
+    sides = np.linalg.norm(np.roll(x, -1, 1) - np.roll(x, 1, 1), axis=2)
+    p, q, r = sides.T, np.roll(sides.T, -1, 0), np.roll(sides.T, 1, 0)
+    return np.degrees(np.arccos((q**2 + r**2 - p**2) / (2 * q * r)))
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("name", SHEETS)
+def test_cells_fill_the_sheet_and_are_none_thin(name, pattern):
+    points, cells, kind, told = outline_mesh(SHEETS[name], 8.0, pattern, YARNS)
+    sheet, _, _, warnings = checked_mesh(points, cells, kind, "it")  # no overlaps, slits, turns
+    arms = sheet[cells[:, 1:]] - sheet[cells[:, :1]]
+    area = np.linalg.det(arms).sum() / 2
+    assert not warnings and area == pytest.approx(SHEETS[name].area, rel=4e-3)
+    assert corners_angles(points, cells).min() > 15 and not told
+    for corner in NOTCHED if name == "notch and hole" else ():
+        assert abs(points[:, :2] - corner).sum(1).min() < 1e-9
+    moved = affinity.translate(SHEETS[name], 1234.567, -98.7)  # cells are the same anywhere
+    there = outline_mesh(moved, 8.0, pattern, YARNS)[0] - [1234.567, -98.7, 0]
+    here, there = (x[np.lexsort(x.round(6).T)] for x in (points, there))
+    assert there == pytest.approx(here, abs=1e-8)
+
+
+@pytest.mark.parametrize("between", [90, 60])
+def test_inner_cells_follow_both_yarns(between):
+    yarns = np.radians([30, 30 + between])
+    points, cells, _, _ = outline_mesh(SHEETS["notch and hole"], 8.0, "along", yarns)
+    edges = (np.roll(points[cells], -1, 1) - points[cells])[:, :, :2]
+    edges /= np.linalg.norm(edges, axis=2, keepdims=True)
+    across = np.stack([-np.sin(yarns), np.cos(yarns)])
+    along = (abs(edges @ across) < 1e-9).any(2).any(1)
+    middles = shapely.points(points[cells].mean(1))
+    inner = ~shapely.dwithin(SHEETS["notch and hole"].boundary, middles, 20)
+    assert inner.sum() > 500 and along[inner].all()
+
+
+def test_squares_that_touch_in_a_corner_alone_are_left_out():
+    for angle in range(0, 90, 7):  # some have such squares
+        yarns = np.radians([angle, angle + 90])
+        points, cells, kind, _ = outline_mesh(SHEETS["slots"], 6.0, "along", yarns)
+        checked_mesh(points, cells, kind, "it")
+
+
+def test_cells_are_of_the_size():
+    sheet = shapely.Polygon(NOTCHED)
+    cells = outline_mesh(sheet, 8.0)[1]
+    assert len(cells) == pytest.approx(sheet.area / (np.sqrt(3) / 4 * 64), rel=0.05)
+
+
+@pytest.mark.parametrize("side, count", [(108, 8), (112, 10)])
+def test_squares_are_half_of_their_size_off_the_outline(side, count):
+    """They are of 10 mm about the middle, each of four triangles."""
+    box = shapely.box(0, 0, side, side)
+    points, cells, *_ = outline_mesh(box, 10.0, "along", (0, np.pi / 2))
+    x = points[cells][:, :, :2]
+    sides = np.sort(np.linalg.norm(np.roll(x, -1, 1) - x, axis=2), 1)
+    assert (abs(sides - [50**0.5, 50**0.5, 10]) < 1e-5).all(1).sum() == 4 * count**2
+
+
+def test_sizes_at_short_edges_narrow_places_and_curves():
+    """They grow by 0.4 of the distance: from 1 to 8 mm over 17.5 mm; 4 mm have two cells across;
+    nodes are within 0.02 of the size of a curve."""
+    chamfered = shapely.Polygon([(0, 0), (99.4, 0), (100, 0.8), (100, 80), (0, 80)])
+    points = outline_mesh(chamfered, 8.0)[0]
+    count = (abs(points[:, 1]) < 1e-9).sum() - 1
+    assert count == pytest.approx(np.log(8) / 0.4 + (99.4 - 17.5) / 8, abs=1)
+    points = outline_mesh(shapely.box(0, 0, 100, 80) - shapely.box(30, 4, 70, 70), 8.0)[0]
+    low = np.sort(points[(abs(points[:, 1]) < 1e-9) & (abs(points[:, 0] - 50) < 15), 0])
+    assert np.diff(low).mean() == pytest.approx(2 + 0.4 * 2, rel=0.12)
+    r = np.hypot(*outline_mesh(shapely.Point(0, 0).buffer(50, 1000), 8.0)[0].T[:2])
+    assert r[r > 49].min() > 50 - 0.17
+
+
+def holed(side):
+    return shapely.box(0, 0, 100, 80) - shapely.box(50, 40, 50 + side, 40 + side)
+
+
+def narrow(width):
+    return shapely.box(0, 0, 100, 80) - shapely.box(40, width, 60, 20)
+
+
+class Meshed(Exception):
+    """What was asked for is allowed."""
+
+
+LIMITS = [  # a sheet, size and pattern with what is told of it, and one without
+    ((holed(0.79), 8.0), "a hole of 0.79 mm", (holed(0.81), 8.0)),
+    ((narrow(0.75), 8.0), "the outline is 0.75", (narrow(0.82), 8.0)),
+    ((narrow(0.0079), 8.0), "comes within 0.0079 mm of itself", (narrow(0.0081), 8.0)),
+    ((SHEETS["ellipse"], 30.1), "allowed is up to half of it", (SHEETS["ellipse"], 29.9)),
+    ((BOX, 0.1519), "mm, about 1e6 cells", (BOX, 0.152)),
+    ((BOX, 0.1999, "along"), "mm, about 1e6 cells", (BOX, 0.2001, "along")),
+]
+
+
+@pytest.mark.parametrize("beyond, words, within", LIMITS)
+def test_outlines_just_within_and_just_beyond_a_limit(beyond, words, within, monkeypatch):
+    told = []
+
+    def divided(*_):
+        raise Meshed
+
+    places = outline._fine_places
+
+    def noted(sheet, size, notes, centre):
+        told.append(notes)
+        return places(sheet, size, notes, centre)
+
+    monkeypatch.setattr(outline, "_divided", divided)
+    monkeypatch.setattr(outline, "_fine_places", noted)
+    for given, is_told in ((beyond, True), (within, False)):
+        told.clear()
+        with pytest.raises((InputError, Meshed)) as error:
+            outline_mesh(*given)
+        assert (words in f"{error.value}{told}") == is_told
