@@ -18,8 +18,8 @@ from ..energy.term_checks import bind
 from ..surfaces.primitives import Plane
 from ..surfaces.tool import Tool
 from ..surfaces.values import checked_vector
+from .contact_term import ToolContactTerm
 from .coulomb import Friction
-from .interaction import ToolInteraction
 from .sheet_contact import SheetContact
 from .thickness import PlyThickness
 from .tool_contact import Contact
@@ -35,7 +35,7 @@ class _Accepted(NamedTuple):
     force: np.ndarray
 
 
-class BlankHolderPressure(ToolInteraction):
+class BlankHolderPressure(ToolContactTerm):
     """Dead pressure of a blank holder on the parts of a sheet under it.
 
     A `Contact` bears it on the other side of the sheet. The pressed areas are lagged.

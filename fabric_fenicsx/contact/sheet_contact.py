@@ -13,8 +13,8 @@ from ..energy.morley import Where
 from ..energy.output import Value, joined, largest, size_of
 from ..energy.term import SceneFacts, Triplets, overrides
 from ..io.field import Field
+from .contact_term import ContactTerm
 from .coulomb import Coulomb
-from .interaction import Interaction
 from .lagged_faces import LaggedFaces
 from .pressing import Pressed, press, with_secant_stiffness
 from .pressure_law import between_faces, face_of, rigid_face
@@ -26,7 +26,7 @@ from .thickness import PlyThickness
 LAG = 0.01  # of the contact's forces, by which those of the faces as they are may differ
 
 
-class FaceContact(Interaction):
+class FaceContact(ContactTerm):
     """Contact of faces of sheets at points of one over the smooth `Face` of the other, whose depth
     in one another gives the pressure. A subclass names the sheets and gives their `points` to
     `_begin`. penalty, points, lag, friction: as in `SheetContact`."""

@@ -17,9 +17,9 @@ from ..energy.work import Work
 from ..surfaces.checks import check_start
 from ..surfaces.surfaces import Nearest
 from ..surfaces.tool import Tool
+from .contact_term import ToolContactTerm
 from .coulomb import LAG, Friction
 from .force_balance import Resistance, find_balance
-from .interaction import ToolInteraction
 from .pressing import Pressed, press, with_secant_stiffness
 from .pressure_law import PENETRATION, SMOOTHING, FaceLaw, face_of, rigid_face
 from .thickness import PlyThickness
@@ -35,7 +35,7 @@ class _Accepted(NamedTuple):
     correction: np.ndarray
 
 
-class Contact(ToolInteraction):
+class Contact(ToolContactTerm):
     """Contact of a sheet with a rigid tool, by an energy of its nodes.
 
     The pressure follows from the depth of the tool in the sheet's face: fabric is compacted, by

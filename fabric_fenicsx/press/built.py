@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..contact.interaction import ToolInteraction
+from ..contact.contact_term import ToolContactTerm
 from ..contact.tool_contact import Contact
 from ..energy.load import EdgeTension
 from ..energy.springs import Springs
@@ -45,7 +45,7 @@ class BuiltPress(Setup):
         self.laid, self.sheets, self.holders = laid, laid.sheets, holders
         self.tools, self.schedule = tools, schedule
         self.thickness = data.thickness()
-        self.pressing = [term for term in scene.terms if isinstance(term, ToolInteraction)]
+        self.pressing = [term for term in scene.terms if isinstance(term, ToolContactTerm)]
         self.contacts = [term for term in self.pressing if isinstance(term, Contact)]
         self.wrinkle_heights: dict[str, Grid] = {}
         leaders = dict.fromkeys(filter(None, schedule.leaders()))
@@ -90,7 +90,7 @@ class BuiltPress(Setup):
 
     def _held_by(self, term):
         """Force of a holder's term on the modelled part [N], None of one that tells none."""
-        if isinstance(term, ToolInteraction):
+        if isinstance(term, ToolContactTerm):
             return float(term.tool_force()[2])
         if isinstance(term, EdgeTension):
             return self.scene.comm.allreduce(float(abs(term.applied_forces()).sum()))

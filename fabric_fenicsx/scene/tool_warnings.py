@@ -6,7 +6,7 @@ from collections.abc import Iterable
 import numpy as np
 from mpi4py import MPI
 
-from ..contact.interaction import ToolInteraction
+from ..contact.contact_term import ToolContactTerm
 from ..contact.tool_contact import Contact
 from ..core.formatting import rounded
 from ..sheet.blank import Blank
@@ -33,7 +33,7 @@ def tool_warnings(scene: Scene, formed: bool = False) -> list[str]:
     asked = _touched(scene) if formed else tools
     sentences = [few_cells_warning(scene) or _cell_size_warning(scene.blank, asked)]
     for term in scene.terms:
-        if isinstance(term, ToolInteraction) and term.coulomb:
+        if isinstance(term, ToolContactTerm) and term.coulomb:
             mu, name = term.coulomb.largest, term.tool.name
             much = f"friction on {name} has a coefficient of {mu:g}, which is much: 25 % is 0.25"
             sentences += [much] if MAX_FRICTION < mu < np.inf else []

@@ -18,7 +18,7 @@ from .pressure_law import FaceLaw
 from .slip_maps import ToolSlip
 
 
-class Interaction(Term):
+class ContactTerm(Term):
     """A potential of points that are pressed and rub on a face: value (`energies`), gradient
     (`add_forces`) and Hessian (`tangent`) at the present displacement. `set_load` begins a step
     from the last accepted state, `accept` ends it.
@@ -158,7 +158,7 @@ class Interaction(Term):
         return sum(self.energies().values())
 
 
-class ToolInteraction(Interaction):
+class ToolContactTerm(ContactTerm):
     """An interaction of a `tool` with the sheet's `nodes`.
 
     A subclass also gives three hooks, of this rank's nodes. `_pressing_forces()` are the tool's
