@@ -13,10 +13,10 @@ from ..energy.morley import Where
 from ..energy.output import Value, joined, largest, size_of
 from ..energy.term import SceneFacts, Triplets, overrides
 from ..io.field import Field
+from .contact_response import ContactResponse, contact_response, with_secant_stiffness
 from .contact_term import ContactTerm
 from .coulomb import Coulomb
 from .lagged_faces import LaggedFaces
-from .pressing import Pressed, press, with_secant_stiffness
 from .pressure_law import between_faces, face_of, rigid_face
 from .relative_motion import RelativeMotion
 from .sheet_points import POINTS, ContactPairs, SheetPoints
@@ -66,7 +66,7 @@ class FaceContact(ContactTerm):
         self.depth, self._load = np.zeros(points.count), 0.0
         self.energy_correction = self._accepted_correction = np.zeros(points.count)
         # the last displacement and faces, and what was found there
-        self._found: tuple[np.ndarray, ContactPairs, Pressed] | None = None
+        self._found: tuple[np.ndarray, ContactPairs, ContactResponse] | None = None
         # in the last accepted state, before faces were taken anew
         self.totals, self.first = self._totals(), self.faces.accepted
         deepest = -self.blank.mesh.comm.allreduce(self.first.gap.min(initial=np.inf), MPI.MIN)
@@ -99,7 +99,7 @@ class FaceContact(ContactTerm):
     def where_deepest(self) -> str:
         return self.name
 
-    def state(self, pairs: ContactPairs | None = None) -> Pressed:
+    def state(self, pairs: ContactPairs | None = None) -> ContactResponse:
         """The points of `pairs`, by default those of this solve, as they are pressed now."""
         pairs, u = pairs or self.faces.now, self.blank.u.x.array
         found = self._found
@@ -108,7 +108,7 @@ class FaceContact(ContactTerm):
         if found is None or not self.blank.mesh.comm.allreduce(known, MPI.LAND):
             gap, normal = pairs.paraboloid()
             law = self.face._replace(growth=pairs.growth)
-            now = press(law, pairs.areas, gap, normal, pairs.curvature)
+            now = contact_response(law, pairs.areas, gap, normal, pairs.curvature)
             self._found = found = u.copy(), pairs, now
         return found[2]
 

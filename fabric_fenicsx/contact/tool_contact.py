@@ -17,10 +17,10 @@ from ..energy.work import Work
 from ..surfaces.checks import check_start
 from ..surfaces.surfaces import Nearest
 from ..surfaces.tool import Tool
+from .contact_response import ContactResponse, contact_response, with_secant_stiffness
 from .contact_term import ToolContactTerm
 from .coulomb import LAG, Friction
 from .force_balance import Resistance, find_balance
-from .pressing import Pressed, press, with_secant_stiffness
 from .pressure_law import PENETRATION, SMOOTHING, FaceLaw, face_of, rigid_face
 from .thickness import PlyThickness
 
@@ -90,7 +90,7 @@ class Contact(ToolContactTerm):
             if value is not None:
                 POSITIVE.check(f"{name} of the contact with {tool.name}", value)
         # the last displacement, and what was found at it
-        self._found: tuple[np.ndarray, Pressed] | None = None
+        self._found: tuple[np.ndarray, ContactResponse] | None = None
         self._seen: tuple[np.ndarray, Nearest] | None = None  # the last places from the tool's
         self._load, self._work = 0.0, Work()
 
@@ -136,7 +136,7 @@ class Contact(ToolContactTerm):
             ratios = np.where(areas > 0, areas / np.maximum(self.nodes.areas, 1e-300), 1.0)
             self.face = self._flat.grown(ratios**-self._flat.thickening)
 
-    def state(self) -> Pressed:
+    def state(self) -> ContactResponse:
         """This rank's nodes as they are pressed at the sheet's present displacement."""
         u = self.nodes.view()
         is_current = self._found is not None and bool((u == self._found[0]).all())
@@ -151,7 +151,7 @@ class Contact(ToolContactTerm):
         nearest = self._nearest(x)
         gap = nearest.gap - self.thickness / 2
         gap[~self.nodes.own] = np.inf
-        return press(self.face, self.areas, gap, nearest.normal, nearest.curvature)
+        return contact_response(self.face, self.areas, gap, nearest.normal, nearest.curvature)
 
     def _nearest(self, x):
         off = x - self.tool.displacement

@@ -5,8 +5,8 @@ import pytest
 from scipy.optimize import brentq
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.contact.contact_response import contact_response, with_secant_stiffness
 from fabric_fenicsx.contact.force_balance import Resistance, find_balance
-from fabric_fenicsx.contact.pressing import press, with_secant_stiffness
 from fabric_fenicsx.contact.pressure_law import FaceLaw, between_faces, face_of
 from fabric_fenicsx.material.homogeneous import nominal
 
@@ -24,7 +24,7 @@ FLAT = np.zeros((4, 3, 3))
 
 def pressed(law, z):
     """Points at heights z (n,) over a plane."""
-    return press(law, AREAS, z, UP, FLAT)
+    return contact_response(law, AREAS, z, UP, FLAT)
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -9,7 +9,7 @@ from .pressure_law import FaceLaw
 MAX_SECANT_PRESSURE = 4.0  # of the present one, up to which a secant stiffness looks
 
 
-class Pressed(NamedTuple):
+class ContactResponse(NamedTuple):
     """n points pressed into a face: gap (n,) [mm] between both, below 0 where they overlap, its
     gradient `normal` (n, 3) and Hessian `curvature` (n, 3, 3) [1/mm], depth (n,) [mm] to which the
     face is pressed in, pressure (n,) [MPa] and its slope (n,) [N/mm^3], forces (n, 3) [N], `blocks`
@@ -26,9 +26,9 @@ class Pressed(NamedTuple):
     energy: np.ndarray
 
 
-def press(
+def contact_response(
     law: FaceLaw, areas: np.ndarray, gap: np.ndarray, normal: np.ndarray, curvature: np.ndarray
-) -> Pressed:
+) -> ContactResponse:
     """Points of `areas` (n,) [mm^2] pressed at gaps (n,) [mm], with gradients and Hessians."""
     depth = np.maximum(0.0, -gap)
     energy, pressure, slope = np.zeros((3, len(gap)))
@@ -38,12 +38,14 @@ def press(
     force, n = (areas * pressure)[at, None], normal[at]
     forces[at] = force * n
     blocks[at] = _across((areas * slope)[at], n) - force[:, None] * curvature[at]
-    return Pressed(gap, normal, curvature, depth, pressure, slope, forces, blocks, areas * energy)
+    return ContactResponse(
+        gap, normal, curvature, depth, pressure, slope, forces, blocks, areas * energy
+    )
 
 
 def with_secant_stiffness(
-    law: FaceLaw, areas: np.ndarray, now: Pressed, missing: np.ndarray
-) -> Pressed:
+    law: FaceLaw, areas: np.ndarray, now: ContactResponse, missing: np.ndarray
+) -> ContactResponse:
     """The same points with other blocks: of the law's slope up to the pressure that balances the
     other forces. missing (n,): what is missing to that pressure [MPa].
 
