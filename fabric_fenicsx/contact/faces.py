@@ -17,7 +17,7 @@ UP = np.array([0.0, 0.0, 1.0])
 MAX_NEIGHBOURS = 24  # triangles nearest to a point, among which the one below it is sought
 
 
-class FaceProjection(NamedTuple):
+class ClosestPoint(NamedTuple):
     """Places on the face below n points.
 
     - triangle (n,), -1 where there is none; weights (n, 3): barycentric coordinates in it
@@ -207,7 +207,7 @@ class Face:
 
     def project(
         self, points: np.ndarray, guess: np.ndarray, reach: float, ahead: np.ndarray | None = None
-    ) -> FaceProjection:
+    ) -> ClosestPoint:
         """The places below points (n, 3) [mm], up to `reach` [mm] away. guess (n,): triangles to
         look in first, -1 for none; ahead (n, 3): if given, triangles are passed over whose normal
         is more than 90 deg off this one."""
@@ -251,11 +251,11 @@ class Face:
             triangle[at[within]], y[at[within]] = candidates[at[within]], place[within]
         return triangle, y
 
-    def projection(self, triangle: np.ndarray, y: np.ndarray, reach: float) -> FaceProjection:
+    def projection(self, triangle: np.ndarray, y: np.ndarray, reach: float) -> ClosestPoint:
         """The places below points up to `reach` [mm] away, from what `seek` gives."""
         n = len(triangle)
         empty = np.zeros((n, 3)), np.full(n, np.inf), np.zeros((n, 3)), np.zeros((n, 3, 3))
-        below = FaceProjection(triangle, *empty)
+        below = ClosestPoint(triangle, *empty)
         at = np.flatnonzero(triangle >= 0)
         if len(at):
             self._fill(at, y, below)

@@ -83,7 +83,7 @@ class SelfPoints(SheetPoints):
         return over, others._replace(mirrors=mirrors)
 
     def _over_others(self):
-        """The `FaceProjection` of all points on other places of the sheet."""
+        """The `ClosestPoint` of all points on other places of the sheet."""
         face, many = self._own, len(self.places)
         triangle, y = np.full(self.count, -1), np.zeros((self.count, 3))
         self._partners_now = np.full((self.count, 3), np.inf)
