@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from mpi4py import MPI
 
-from .sheet_points import ContactPairs, SheetPoints
+from .contact_points import ContactPairs, ContactPoints
 
 
 class Aitken:
@@ -44,7 +44,7 @@ class LaggedFaces:
     accepted, now: those of the last accepted state and of the present solve
     """
 
-    def __init__(self, points: SheetPoints, lag: float, owned: int) -> None:
+    def __init__(self, points: ContactPoints, lag: float, owned: int) -> None:
         self._points, self.lag = points, lag
         self._place = self._u.copy()  # of the last accepted state
         self._aitken = Aitken(points.blank.mesh.comm, owned, self._place)

@@ -15,14 +15,14 @@ from ..io.field import Field
 from ..sheet.blank import Part
 from ..sheet.stack import Stack
 from ..surfaces.facets import facet_normals
+from .contact_points import ContactPoints
 from .coulomb import Coulomb
 from .faces import MAX_NEIGHBOURS
 from .pressure_law import FaceLaw
 from .sheet_contact import LAG, FaceContact
-from .sheet_points import SheetPoints
 
 
-class SelfPoints(SheetPoints):
+class SelfPoints(ContactPoints):
     """Points in the triangles of a sheet that look to both sides for another place of it, or for
     their own image in a plane of symmetry: of a fold the same face looks back, the top at the top,
     of a roll the other one.

@@ -13,13 +13,13 @@ from ..energy.morley import Where
 from ..energy.output import Value, joined, largest, size_of
 from ..energy.term import SceneFacts, Triplets, overrides
 from ..io.field import Field
+from .contact_points import POINTS, ContactPairs, ContactPoints
 from .contact_response import ContactResponse, contact_response, with_secant_stiffness
 from .contact_term import ContactTerm
 from .coulomb import Coulomb
 from .lagged_faces import LaggedFaces
 from .pressure_law import between_faces, face_of, rigid_face
 from .relative_motion import RelativeMotion
-from .sheet_points import POINTS, ContactPairs, SheetPoints
 from .slip_maps import FaceSlip
 from .thickness import PlyThickness
 
@@ -307,7 +307,7 @@ class SheetContact(FaceContact):
                 )
         faces = [self._face_of(scene, part, part.thickness) for part in parts]
         rule = self._points_of_cell
-        self._begin(scene, SheetPoints(lower, upper, rule, faces, self.symmetric))
+        self._begin(scene, ContactPoints(lower, upper, rule, faces, self.symmetric))
 
     def force(self) -> np.ndarray:
         """Force by which the lower sheet presses the upper one, of all ranks, (3,) [N]."""

@@ -5,9 +5,9 @@ import numpy as np
 from ..energy.nodes import Nodes
 from ..energy.term import Triplets
 from ..surfaces.tool import Tool
+from .contact_points import ContactPairs, ContactPoints
 from .friction_loops import turned
 from .relative_motion import RelativeMotion
-from .sheet_points import ContactPairs, SheetPoints
 
 
 class ToolSlip:
@@ -65,7 +65,7 @@ class FaceSlip:
       nothing
     """
 
-    def __init__(self, points: SheetPoints, start: ContactPairs) -> None:
+    def __init__(self, points: ContactPoints, start: ContactPairs) -> None:
         normals = start.unit_normals()
         self._points, self.start = points, start
         self.normals = points.of_all(start, normals)

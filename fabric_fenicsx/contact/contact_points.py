@@ -62,7 +62,7 @@ class ContactPairs(NamedTuple):
         return self.motion.relative() - self.relative
 
 
-class SheetPoints:
+class ContactPoints:
     """Points in the triangles of one of two sheets, and the smooth `Face` of the other one below
     them.
 
