@@ -31,7 +31,7 @@ def _owned(form):
 
 def triplets(terms: Iterable[Term], narrow: bool = False) -> Triplets:
     """Rows, columns and values (k,) of the tangents, or narrow ones, of terms that are no forms."""
-    parts = [term.narrow_tangent() if narrow else term.tangent() for term in terms]
+    parts = [term.preconditioner() if narrow else term.tangent() for term in terms]
     rows, cols, values = (np.concatenate(part) for part in zip(*parts))
     return rows, cols, values
 
@@ -65,7 +65,7 @@ class Assembly:
         # where any of the parts and edges has entries
         whole = ufl.inner(v, w) * ufl.dx
         self._places = self._tangents[0] if list(on) == [("",)] else compat.form(whole)
-        self._narrowing = [term for term in terms if overrides(term, "narrow_tangent")]
+        self._narrowing = [term for term in terms if overrides(term, "preconditioner")]
         # of the matrix and the narrow one: patterns, and places of the terms that are no forms
         self._made: dict[bool, tuple[list[int], TripletPlaces | None]] = {}
 
@@ -126,11 +126,11 @@ class Assembly:
             extra.add(A, values, free)
         A.assemble()
 
-    def add_beyond(self, v: PETSc.Vec, f: PETSc.Vec, free: PETSc.Vec) -> None:
+    def add_remainder(self, v: PETSc.Vec, f: PETSc.Vec, free: PETSc.Vec) -> None:
         """Add to f what the tangent gives along v beyond the last narrow one, where `free`."""
         more, along = np.zeros(f.local_size), v.array_r * free.array_r
         for term in self._narrowing:
-            term.add_beyond(along, more)
+            term.add_remainder(along, more)
         f.array[:] += more * free.array_r
 
     def _assemble(self, A, bcs):

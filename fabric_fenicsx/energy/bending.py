@@ -239,7 +239,7 @@ class Bending(Term):
             self._stencil.loops.add_bending(shape, moments, section, pairs.places, blocks)
         return self._stencil.triplets(blocks)
 
-    def narrow_tangent(self) -> Triplets:
+    def preconditioner(self) -> Triplets:
         """See `Term`: each edge as a hinge of the two cells at it, by itself."""
         U, _, shape, moments, section, _ = self._state()
         if self.in_plane or shape is None:
@@ -255,7 +255,7 @@ class Bending(Term):
         hinges.loops.add_bending(bent, moments, diagonal, hinges.coupled.places, blocks)
         return hinges.triplets(blocks)
 
-    def add_beyond(self, v: np.ndarray, f: np.ndarray) -> None:
+    def add_remainder(self, v: np.ndarray, f: np.ndarray) -> None:
         if self._linear:
             self._stencil.add_difference(*self._linear, v, f)
 

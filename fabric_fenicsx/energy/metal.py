@@ -157,7 +157,7 @@ class SheetMetal(Term):
         blocks = metal_cells.stiffness(*given, stencil.coupled.places, stencil.coupled.count)
         return stencil.triplets(blocks)
 
-    def narrow_tangent(self) -> Triplets:
+    def preconditioner(self) -> Triplets:
         """See `Term`: each edge as a hinge of two cells, apart from others and stretching."""
         state, stencil, hinges = self._state(), self._stencil, self._stencil.hinges
         plane, mixed, bending = self._sections(state)
@@ -173,7 +173,7 @@ class SheetMetal(Term):
         blocks = metal_cells.stiffness(*given, hinges.coupled.places, hinges.coupled.count)
         return hinges.triplets(blocks)
 
-    def add_beyond(self, v: np.ndarray, f: np.ndarray) -> None:
+    def add_remainder(self, v: np.ndarray, f: np.ndarray) -> None:
         self._stencil.add_difference(*self._linear, v, f)
 
     def _sections(self, state):

@@ -141,12 +141,12 @@ class Term:
         the same ones as long as `pattern` is the same, and values (k,), to be summed."""
         return NO_TANGENT
 
-    def narrow_tangent(self) -> Triplets:
-        """As `tangent`, nearly, at fewer places: a preconditioner, with `add_beyond`."""
+    def preconditioner(self) -> Triplets:
+        """As `tangent`, nearly, at fewer places: a preconditioner, with `add_remainder`."""
         return self.tangent()
 
-    def add_beyond(self, v: np.ndarray, f: np.ndarray) -> None:
-        """Add to f (owned dofs,), along v, what `tangent` has beyond the last `narrow_tangent`."""
+    def add_remainder(self, v: np.ndarray, f: np.ndarray) -> None:
+        """Add to f (owned dofs,), along v, what `tangent` has beyond the last `preconditioner`."""
 
     def variations(self, v: Expr, w: Expr) -> Sequence[ufl.Form]:
         """First variation of the form `energy` in v, and second in v and w (UFL arguments)."""

@@ -207,9 +207,9 @@ class Scene:
             A.shift(self.drag)
 
     @phase("linear_solve")
-    def add_beyond(self, v: PETSc.Vec, f: PETSc.Vec) -> None:
+    def add_remainder(self, v: PETSc.Vec, f: PETSc.Vec) -> None:
         """Add to f what the tangent gives along v beyond the narrow one that was made last."""
-        self._assembly.add_beyond(v, f, self._free)
+        self._assembly.add_remainder(v, f, self._free)
 
     @phase("contact")
     def motion_to_gaps(self) -> np.ndarray:

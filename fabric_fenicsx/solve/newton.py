@@ -10,7 +10,7 @@ from ..scene.scene import Scene
 from .line_search import LineSearch, Objective
 from .report import Report, SolveFailed, Termination
 from .saddles import Saddles
-from .tangent import NarrowTangent, Tangent
+from .tangent import Preconditioner, Tangent
 
 log = logging.getLogger(__name__)
 
@@ -34,8 +34,8 @@ class Directions:
 
     def __init__(self, scene: Scene, tangent: Tangent) -> None:
         self._scene, self._tangent = scene, tangent
-        self._narrow = NarrowTangent(scene, tangent)
-        self._last: Tangent | NarrowTangent = tangent
+        self._narrow = Preconditioner(scene, tangent)
+        self._last: Tangent | Preconditioner = tangent
         self.noise, self.reused = 0.0, False
 
     def find(

@@ -129,7 +129,7 @@ class Tangent:
         return True
 
 
-class NarrowTangent:
+class Preconditioner:
     """Solver of A d = rhs by conjugate gradients, with the factors of a tangent with fewer places.
 
     A itself is not assembled. It is taken as positive definite, so that a state found with it is to
@@ -181,4 +181,4 @@ class NarrowTangent:
     def mult(self, _: PETSc.Mat, v: PETSc.Vec, f: PETSc.Vec) -> None:
         """Make f = A v, as PETSc asks for it."""
         self._P.mult(v, f)
-        self._scene.add_beyond(v, f)
+        self._scene.add_remainder(v, f)

@@ -17,7 +17,7 @@ from fabric_fenicsx.solve.linear import LINEAR_SOLVERS, is_there
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.progress import Viscosity
 from fabric_fenicsx.solve.report import Report
-from fabric_fenicsx.solve.tangent import NarrowTangent
+from fabric_fenicsx.solve.tangent import Preconditioner
 
 KOMEILI = ff.load("komeili")
 NO_MINIMUM = KOMEILI.replace(p_min=0.0)  # bands: the homogeneous state of a strip is none
@@ -220,12 +220,12 @@ def test_a_scene_that_was_solved_is_freed():
 @pytest.mark.versions
 @pytest.mark.mpi
 def test_loose_solves_by_the_narrow_tangent_lead_to_the_same_state(monkeypatch):
-    solved, narrow = [], NarrowTangent.solve
+    solved, narrow = [], Preconditioner.solve
     noted = lambda *given: solved.append(narrow(*given)) or solved[-1]  # noqa: E731
-    monkeypatch.setattr(NarrowTangent, "solve", noted)
+    monkeypatch.setattr(Preconditioner, "solve", noted)
     forces = []
     for unknowns in (np.inf, 0):
-        monkeypatch.setattr(NarrowTangent, "UNKNOWNS", unknowns)
+        monkeypatch.setattr(Preconditioner, "UNKNOWNS", unknowns)
         solved.clear()
         job = ff.Press.read("hemisphere", ["blank.nx=4"]).build().job(steps=2)
         forces.append(job.run().number("reaction_N"))
