@@ -295,7 +295,7 @@ class Contact(ToolContactTerm):
         work = self._work.since(self._load, self.force(), self.tool.displacement)
         return (work if self.nodes.comm.rank == 0 else 0.0) + self._friction_work()
 
-    def motion_to_gaps(self) -> np.ndarray:
+    def contact_prediction(self) -> np.ndarray:
         """See `Term`, by a thickness at most."""
         if self.tool.force:  # which moves with the sheet
             return np.zeros(3 * self.nodes.count)

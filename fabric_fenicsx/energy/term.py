@@ -179,7 +179,7 @@ class Term:
         """Update, after a solve, what was held in it, if that is off; true on all ranks if so."""
         return False
 
-    def motion_to_gaps(self) -> np.ndarray:
+    def contact_prediction(self) -> np.ndarray:
         """Motion of the nodes (owned dofs,) [mm] with which a step begins: those that a tool
         pressed in the last accepted state are then as deep in it as there, and no others are in
         it."""

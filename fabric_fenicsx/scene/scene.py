@@ -59,7 +59,7 @@ class Scene:
         if not any(term.energy is not None or "stretch" in term.resists for term in self.terms):
             raise InputError(f"the scene of {blank.name} has no elastic term; it needs a membrane")
         self._assembly = Assembly(blank, self.terms)
-        self.keeping = [term for term in self.terms if overrides(term, "motion_to_gaps")]
+        self.keeping = [term for term in self.terms if overrides(term, "contact_prediction")]
         self.has_lagged_terms = any(overrides(term, "update_lagged") for term in self.terms)
         self._checked = False
         self._fixed_in_matrix: dict[bool, np.ndarray] = {}  # and in the narrow one
@@ -212,9 +212,9 @@ class Scene:
         self._assembly.add_remainder(v, f, self._free)
 
     @phase("contact")
-    def motion_to_gaps(self) -> np.ndarray:
+    def contact_prediction(self) -> np.ndarray:
         """Sum of the terms' motions to the last accepted gaps, 0 at supports (owned dofs,) [mm]."""
-        motion = np.sum([term.motion_to_gaps() for term in self.keeping], 0)
+        motion = np.sum([term.contact_prediction() for term in self.keeping], 0)
         motion[self.fixed_dofs] = 0.0
         return motion
 

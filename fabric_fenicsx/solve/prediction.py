@@ -29,7 +29,7 @@ def predict(newton: Newton, progress: Progress, size: float, values: np.ndarray)
 def keep_contact(scene: Scene, x: PETSc.Vec) -> bool:
     """Move nodes of the prediction x out of tools; False if that does not lower the energy."""
     scene.set(x)
-    energy, motion = scene.energy(), scene.motion_to_gaps()
+    energy, motion = scene.energy(), scene.contact_prediction()
     x.array[:] += motion
     scene.set(x)
     return scene.energy() < energy
