@@ -14,7 +14,7 @@ from ..material.strains import SHORTENED, nominal_strain, share_name, shear_angl
 from . import membrane_energy
 from .output import Value, joined, largest, last, least, on_part
 from .term import Term
-from .yarn_friction import YarnsRubbing
+from .yarn_friction import YarnFriction
 
 
 class FabricStates(Term):
@@ -36,7 +36,7 @@ class FabricStates(Term):
     _distance: float
     _warm: tuple[Law, Field] | None
     _numbers: np.ndarray | None
-    _rubbing: YarnsRubbing | None = None
+    _rubbing: YarnFriction | None = None
     _evaluated: tuple[np.ndarray, np.ndarray] | None = None  # displacements, values at points
 
     @cached_property

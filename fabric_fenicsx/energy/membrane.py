@@ -20,7 +20,7 @@ from ..sheet.part import Part
 from . import membrane_energy
 from .fabric_states import FabricStates
 from .term import SceneFacts
-from .yarn_friction import KIND, YarnsRubbing
+from .yarn_friction import KIND, YarnFriction
 
 # More points change forces by less than the element's own error, see docs/howto/meshes.md. The
 # degree that UFL estimates for this energy would take thousands of points.
@@ -164,7 +164,7 @@ class Membrane(FabricStates):
         self.energy = membrane_energy.energy(yarns, rest, law, self._rules)
         friction, self._rubbing = self.fabric.shear_friction, None
         if friction:
-            self._rubbing = YarnsRubbing(self.part, friction, law, yarns, rest, self.degree)
+            self._rubbing = YarnFriction(self.part, friction, law, yarns, rest, self.degree)
 
     @property
     def material(self) -> Law:

@@ -18,7 +18,7 @@ from .membrane_energy import Yarns
 KIND = "yarn_friction"  # of energy: in springs, and dissipated up to now
 
 
-class YarnsRubbing(Energy):
+class YarnFriction(Energy):
     """Friction of a fabric's `shear_friction`, integrated over a part by a rule of its own, with
     the sliding of each element at each point.
 
