@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from numbers import Real
-from reprlib import repr as shown
+from reprlib import repr as repr_short
 from typing import Any
 
 from .errors import InputError
@@ -32,7 +32,7 @@ class Rule:
                 finite = math.isfinite(number) or (self.endless and number == math.inf)
                 if finite and number == plain and self.test(number):
                     return number
-        raise InputError(f"{name} is {shown(value)}; allowed is {self.allowed}")
+        raise InputError(f"{name} is {repr_short(value)}; allowed is {self.allowed}")
 
 
 def above_zero(unit: str = "") -> Rule:

@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from typing import TypeVar
 
 from .errors import InputError
-from .rules import shown, unknown_key
+from .rules import repr_short, unknown_key
 
 Kind = TypeVar("Kind")
 # of an entry that is no number, its field's metadata and the entry's path: the field's value
@@ -23,14 +23,14 @@ def names_of(kind: type) -> list[str]:
 def as_table(value: object, path: str, allowed: str = "a table") -> dict:
     """A copy of the table at a path. Raises InputError for anything else."""
     if not isinstance(value, Mapping):
-        raise InputError(f"{path} is {shown(value)}; allowed is {allowed}")
+        raise InputError(f"{path} is {repr_short(value)}; allowed is {allowed}")
     return dict(value)
 
 
 def as_list(value: object, path: str) -> list[dict]:
     """The tables [[path]]. Raises InputError for anything else, and for none."""
     if not (isinstance(value, list) and value and all(isinstance(each, dict) for each in value)):
-        raise InputError(f"{path} is {shown(value)}; allowed is a table [[{path}]] for each")
+        raise InputError(f"{path} is {repr_short(value)}; allowed is a table [[{path}]] for each")
     return value
 
 
@@ -53,7 +53,7 @@ def read(kind: type[Kind], table: Mapping, path: str, convert: Convert) -> Kind:
                 raise unknown_key(key, fields, f"{path}.{key}")
             meta, is_text = fields[key].metadata, fields[key].type in (str, "str")
             if is_text and not isinstance(value, str) and "choices" not in meta:
-                raise InputError(f"{path}.{key} is {shown(value)}; allowed is a text")
+                raise InputError(f"{path}.{key} is {repr_short(value)}; allowed is a text")
             is_number = "rule" in meta and isinstance(value, (int, float))
             given[key] = value if is_number else convert(value, meta, f"{path}.{key}")
         return kind(**given)
@@ -88,7 +88,7 @@ def key_and_value(change: str) -> tuple[list[str], object]:
     key, equals, text = change.partition("=")
     names = key.strip().split(".")
     if not equals or not all(names):
-        raise InputError(f"change {shown(change)} is no KEY=VALUE; allowed is e.g. blank.nx=8")
+        raise InputError(f"change {repr_short(change)} is no KEY=VALUE; allowed is e.g. blank.nx=8")
     with suppress(tomllib.TOMLDecodeError):
         return names, tomllib.loads(f"value = {text.strip()}")["value"]
     return names, text.strip()

@@ -2,7 +2,7 @@
 
 import weakref
 from copy import copy
-from reprlib import repr as shown
+from reprlib import repr as repr_short
 
 import numpy as np
 import ufl
@@ -21,7 +21,7 @@ def bind(term: Term, scene: SceneFacts) -> None:
     """
     if not isinstance(term, Term):
         raise InputError(
-            f"a term of the scene is {shown(term)}; allowed are objects of `Term`, as "
+            f"a term of the scene is {repr_short(term)}; allowed are objects of `Term`, as "
             "`Membrane(fabric)`"
         )
     elsewhere = term.bound_to is not None and term.bound_to() is not scene
@@ -54,7 +54,7 @@ def _check_form(term):
     is_energy = isinstance(form, ufl.Form) and not form.arguments()
     if not is_energy or term.blank.u not in form.coefficients():
         raise InputError(
-            f"{of} is {shown(form)}; allowed is the energy itself in `blank.u`, from which forces "
+            f"{of} is {repr_short(form)}; allowed is the energy itself in `blank.u`, from which forces "
             "and stiffness follow, integrated: `W * self.part.dx(degree)`"
         )
     if term.part_name and any(each.subdomain_id() == "everywhere" for each in form.integrals()):

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from ..core.errors import InputError
 from ..core.files import replace_file
-from ..core.rules import POSITIVE, SHARE, Rule, above_zero, did_you_mean, shown, unknown_key
+from ..core.rules import POSITIVE, SHARE, Rule, above_zero, did_you_mean, repr_short, unknown_key
 from ..io.units import OWN, UNITS, suffixes
 
 Document = dict[str, Any]  # of a TOML file: its keys, or those of a table
@@ -41,7 +41,9 @@ class Interval(Several):
         numbers = super().check(name, value)
         if len(numbers) == 2 and numbers[0] < numbers[1]:
             return numbers
-        raise InputError(f"{name} is {shown(value)}; allowed are two numbers, [lowest, highest]")
+        raise InputError(
+            f"{name} is {repr_short(value)}; allowed are two numbers, [lowest, highest]"
+        )
 
 
 def preset_or_file(
@@ -54,7 +56,7 @@ def preset_or_file(
     if isinstance(source, (str, os.PathLike)) and os.path.exists(source):
         return read(source)
     raise InputError(
-        f"{kind} {shown(source)} is unknown{did_you_mean(source, presets)}; allowed is a preset "
+        f"{kind} {repr_short(source)} is unknown{did_you_mean(source, presets)}; allowed is a preset "
         f"({', '.join(presets)}) or a file that exists"
     )
 
@@ -89,7 +91,7 @@ def take_table(document: Document, key: str) -> Document:
     """The table of this key, taken out of the document, empty if it is not there."""
     table = document.pop(key, {})
     if not isinstance(table, dict):
-        raise InputError(f"{key} is {shown(table)}; allowed is a table, [{key}]")
+        raise InputError(f"{key} is {repr_short(table)}; allowed is a table, [{key}]")
     return table
 
 

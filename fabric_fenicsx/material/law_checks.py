@@ -6,7 +6,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.formatting import rounded
-from ..core.rules import shown, unknown_key
+from ..core.rules import repr_short, unknown_key
 from .energy import Energy
 
 COUPLINGS = ("biaxial", "tension_shear", "compression_shear")
@@ -16,10 +16,12 @@ def check_couplings(names: object, label: str = "couplings") -> frozenset[str]:
     """The named couplings as a set, each one of `COUPLINGS`, spelled with "_", "-" or an en dash;
     otherwise an InputError that calls them `label`."""
     if isinstance(names, (str, Mapping)) or not isinstance(names, Iterable):
-        raise InputError(f"{label} is {shown(names)}; allowed is a list of {', '.join(COUPLINGS)}")
+        raise InputError(
+            f"{label} is {repr_short(names)}; allowed is a list of {', '.join(COUPLINGS)}"
+        )
     couplings = {str(word).replace("-", "_").replace("–", "_") for word in names}
     for name in couplings.difference(COUPLINGS):
-        raise unknown_key(name, COUPLINGS, f"{label}: coupling {shown(name)}")
+        raise unknown_key(name, COUPLINGS, f"{label}: coupling {repr_short(name)}")
     return frozenset(couplings)
 
 

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import ClassVar, Self
 
 from ..core.errors import InputError
-from ..core.rules import Rule, above_zero, check_complete, shown
+from ..core.rules import Rule, above_zero, check_complete, repr_short
 from . import files
 from .files import OWN_UNITS, Document
 from .hardening import Hardening, Swift, hardening_from
@@ -67,7 +67,9 @@ class Metal(Material):
     def from_document(cls, document: Document, folder: Path) -> Self:
         law = document.pop("law", None)
         if law != cls.law:
-            raise InputError(f"law is {shown(law)}; allowed for a metal is {shown(cls.law)}")
+            raise InputError(
+                f"law is {repr_short(law)}; allowed for a metal is {repr_short(cls.law)}"
+            )
         name = document.pop("name", "")
         units, curve = files.take_units(document), files.take_table(document, "hardening")
         scatter = files.read_scatter(document, cls.numbers(), cls.factors, units)

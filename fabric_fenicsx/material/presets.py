@@ -7,7 +7,7 @@ from runpy import run_path
 from types import MappingProxyType
 
 from ..core.errors import InputError
-from ..core.rules import shown, unknown_key
+from ..core.rules import repr_short, unknown_key
 from .files import preset_or_file, read_toml
 from .laws import LAWS, Law
 from .laws.coupled import WovenFabric, Yarn
@@ -63,7 +63,9 @@ def checked_fabric(name: str, fabric: object) -> Law:
     """`fabric` if it is one; InputError, which calls it `name`, for all else, as a preset's
     name."""
     if not isinstance(fabric, Law):
-        raise InputError(f'{name} is {shown(fabric)}; allowed is a fabric, as of `load("komeili")`')
+        raise InputError(
+            f'{name} is {repr_short(fabric)}; allowed is a fabric, as of `load("komeili")`'
+        )
     return fabric
 
 
@@ -71,7 +73,7 @@ def _read(path):
     def fabric(document):
         name = document.get("law", "tabulated" if document.get("model") == "fabric" else "coupled")
         if not isinstance(name, str) or name not in LAWS:
-            known = unknown_key(name, LAWS, f"law {shown(name)}")
+            known = unknown_key(name, LAWS, f"law {repr_short(name)}")
             raise InputError(f"{known}, and own ones that were imported, or by `--law-file`")
         return LAWS[name].from_document(document, Path(path).parent)
 

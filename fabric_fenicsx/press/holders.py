@@ -10,7 +10,7 @@ from ..contact.holder_pressure import BlankHolderPressure
 from ..core.errors import InputError
 from ..core.fields import KnowsItsFields, check_fields, documented, number
 from ..core.formatting import coordinates
-from ..core.rules import FROM_ZERO, POSITIVE, shown
+from ..core.rules import FROM_ZERO, POSITIVE, repr_short
 from ..energy.load import EdgeTension
 from ..energy.springs import Springs
 from ..energy.term import Term
@@ -50,7 +50,9 @@ class Kind(KnowsItsFields):
         super().__post_init__()
         edges = getattr(self, "edges", ())
         if not isinstance(edges, (list, tuple)) or any(each not in EDGES for each in edges):
-            raise InputError(f"`edges` is {shown(edges)}; allowed is a list of some of {[*EDGES]}")
+            raise InputError(
+                f"`edges` is {repr_short(edges)}; allowed is a list of some of {[*EDGES]}"
+            )
 
 
 @documented
@@ -317,7 +319,7 @@ def segments(name: str, given: Holder | Sequence[Holder]) -> list[Holder]:
     holders: list = list(given) if isinstance(given, (list, tuple)) else [given]
     if not holders or not all(callable(getattr(each, "terms", None)) for each in holders):
         raise InputError(
-            f"holders.{name} is {shown(given)}; allowed is a holder, as `PressureHolder(2.0)` or "
+            f"holders.{name} is {repr_short(given)}; allowed is a holder, as `PressureHolder(2.0)` or "
             "an object with a method `terms(site)`, or a list of one or more"
         )
     return holders

@@ -6,7 +6,7 @@ from typing import Any, Self
 
 from ..core.errors import InputError
 from ..core.fields import KnowsItsFields, check_fields, choice, switch
-from ..core.rules import shown, unknown_key
+from ..core.rules import repr_short, unknown_key
 from ..material.laws import Law
 from ..material.metal import Metal
 from ..sheet.sheet import Sheet
@@ -117,7 +117,7 @@ def _all_of(kind, what, values):
     """One object of a kind, or several, as a tuple. Raises InputError for others, for none, and for
     two of one name."""
     values = (values,) if isinstance(values, kind) else tuple(values)
-    other = [f"one of the {what} is {shown(v)}" for v in values if not isinstance(v, kind)]
+    other = [f"one of the {what} is {repr_short(v)}" for v in values if not isinstance(v, kind)]
     if other or not values:
         flaw = other[0] if other else f"there are no {what}"
         raise InputError(f"{flaw}; allowed is `{kind.__name__}(...)`, or several")

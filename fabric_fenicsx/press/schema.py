@@ -14,7 +14,7 @@ import tomli_w
 from ..core import tables
 from ..core.errors import InputError
 from ..core.files import check_file
-from ..core.rules import shown, unknown_key
+from ..core.rules import repr_short, unknown_key
 from ..core.tables import as_list, as_table, key_of, located, names_of
 from ..io.field import Field, OfPlace, from_entry
 from ..material.files import read_toml, write_whole
@@ -125,7 +125,9 @@ def _value(value, meta, path, folder):
         numbers = dict(value) if isinstance(value, Mapping) else {"material": value}
         source = numbers.pop("material", None)
         if not isinstance(source, str):
-            raise InputError(f"{path} is {shown(value)}; allowed is a preset or a material file")
+            raise InputError(
+                f"{path} is {repr_short(value)}; allowed is a preset or a material file"
+            )
         beside = folder / source
         with located(path, ()):
             return meta["read"](str(beside) if beside.is_file() else source).changed(numbers)
@@ -144,7 +146,9 @@ def _file(value, path, folder):
     names = [folder / value, Path(value)] if isinstance(value, str) else []
     if file := next(filter(os.path.isfile, names), None):
         return str(file)
-    raise InputError(f"{path} is {shown(value)}, no file; allowed is one beside the press file")
+    raise InputError(
+        f"{path} is {repr_short(value)}, no file; allowed is one beside the press file"
+    )
 
 
 # -- changes
@@ -301,7 +305,7 @@ def write(press: PressData, path: str | os.PathLike[str]) -> None:
             return file.name
         if isinstance(value, (str, bool, int, float)):
             return value
-        flaw = f"{where} is {shown(value)}, which a file cannot hold"
+        flaw = f"{where} is {repr_short(value)}, which a file cannot hold"
         raise InputError(f"{flaw}; allowed are numbers, names, files, shapes and regions")
 
     text = tomli_w.dumps(plain(document_of(press), ""))

@@ -15,7 +15,7 @@ from ..contact.sheet_contact import SheetContact
 from ..contact.tool_contact import Contact
 from ..core.errors import InputError
 from ..core.formatting import rounded
-from ..core.rules import FINITE, shown, unknown_key
+from ..core.rules import FINITE, repr_short, unknown_key
 from ..energy.nodes import values_at
 from ..material.files import Interval
 from ..sheet.blank import Blank
@@ -43,7 +43,9 @@ class Region:
 
     def __post_init__(self) -> None:
         if not isinstance(self.limits, Mapping) or not self.limits:
-            raise InputError(f"`where` is {shown(self.limits)}; allowed is a table, as x = [0, 50]")
+            raise InputError(
+                f"`where` is {repr_short(self.limits)}; allowed is a table, as x = [0, 50]"
+            )
         for name, ends in self.limits.items():
             if name == "at":
                 checked_vector("`where`.at", ends, size="two")

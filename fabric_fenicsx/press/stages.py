@@ -7,7 +7,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.fields import KnowsItsFields, documented, number, switch
-from ..core.rules import COUNT, FINITE, FROM_ZERO, POSITIVE, shown, unknown_key
+from ..core.rules import COUNT, FINITE, FROM_ZERO, POSITIVE, repr_short, unknown_key
 from ..core.tables import as_table
 from ..surfaces.values import checked_vector
 from .holders import Holder, PressureHolder
@@ -62,7 +62,9 @@ class Stage(KnowsItsFields):
                 is_vector = kind == "moves" and np.ndim(value) == 1
                 (checked_vector if is_vector else rule.check)(f"`{kind}`.{name}", value)
         if not isinstance(self.leave, (list, tuple)):
-            raise InputError(f"`leave` is {shown(self.leave)}; allowed is a list of names of tools")
+            raise InputError(
+                f"`leave` is {repr_short(self.leave)}; allowed is a list of names of tools"
+            )
         moves = any(map(np.any, self.moves.values()))
         if self.unload == bool(moves or self.forces or self.pressures or self.leave or self.close):
             raise InputError(

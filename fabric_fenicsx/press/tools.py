@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.fields import KnowsItsFields, choice, documented, number
-from ..core.rules import FROM_ZERO, POSITIVE, check_complete, shown, unknown_key
+from ..core.rules import FROM_ZERO, POSITIVE, check_complete, repr_short, unknown_key
 from ..core.tables import located, names_of
 from ..io.field import Field, of_place
 from ..surfaces.double_dome import DoubleDome
@@ -98,7 +98,7 @@ class PressTool(KnowsItsFields):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not isinstance(self.surface, (Surface, str, os.PathLike, DieOf)):
-            flaw = f"`surface` is {shown(self.surface)}"
+            flaw = f"`surface` is {repr_short(self.surface)}"
             raise InputError(f"{flaw}; allowed is a surface, a file's name, or `DieOf` a tool")
         turn, at = checked_vector("`turn`", self.turn), self.at
         if at is not None:

@@ -1,6 +1,6 @@
 """Vectors and points that users give, checked."""
 
-from reprlib import repr as shown
+from reprlib import repr as repr_short
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +20,9 @@ def checked_vector(
         vector = np.empty(0)
     if {2: "two", 3: "three"}.get(len(vector), "none") not in size or (unit and not vector.any()):
         besides = ", not all 0" if unit else ""
-        raise InputError(f"{name} is {shown(value)}; allowed are {size} finite numbers{besides}")
+        raise InputError(
+            f"{name} is {repr_short(value)}; allowed are {size} finite numbers{besides}"
+        )
     if not unit:
         return vector
     vector /= abs(vector).max()  # so that its square neither overflows nor vanishes

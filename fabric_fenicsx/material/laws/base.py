@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 
 from ...core.errors import InputError
-from ...core.rules import FINITE, POSITIVE, Rule, check_complete, shown, unknown_key
+from ...core.rules import FINITE, POSITIVE, Rule, check_complete, repr_short, unknown_key
 from ...io.units import OWN
 from .. import files, law_checks
 from ..bending import MeasuredBending
@@ -116,7 +116,7 @@ class Law(Material, Energy):
         super().__post_init__()
         for name in self.assumed:
             if name not in self.parameters:
-                raise unknown_key(name, self.parameters, f"assumed: {shown(name)}")
+                raise unknown_key(name, self.parameters, f"assumed: {repr_short(name)}")
         assumed = tuple(filter(self.assumed.__contains__, self.parameters))
         object.__setattr__(self, "assumed", assumed)
         object.__setattr__(self, "at_temperatures", self._checked_temperatures())

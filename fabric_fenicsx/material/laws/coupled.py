@@ -16,7 +16,7 @@ from ...core.rules import (
     fraction,
     not_negative,
     of_either_sign,
-    shown,
+    repr_short,
 )
 from ..energy import Derivatives
 from ..files import OWN_UNITS, Document, read_numbers, take_table, take_units
@@ -100,7 +100,7 @@ class WovenFabric(Law):
     def __post_init__(self) -> None:
         for direction in ("warp", "weft"):
             if not isinstance(yarn := getattr(self, direction), Yarn):
-                raise InputError(f"{direction} is {shown(yarn)}; allowed is a Yarn")
+                raise InputError(f"{direction} is {repr_short(yarn)}; allowed is a Yarn")
         super().__post_init__()
         object.__setattr__(self, "couplings", check_couplings(self.couplings))
 

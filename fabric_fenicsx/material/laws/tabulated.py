@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from ...core.errors import InputError
 from ...core.formatting import percent
-from ...core.rules import check_complete, shown
+from ...core.rules import check_complete, repr_short
 from ...io.text_tables import columns_of, read_lines, table_of
 from ...io.units import ANGLE, STRAIN, stresses
 from ..energy import Derivatives, Range
@@ -61,7 +61,7 @@ class Curve(Parameters):
             raise InputError(f"the curve has {len(x)} points; allowed is 3 or more, with (0, 0)")
         if self.extrapolation not in _BEYOND:
             raise InputError(
-                f"extrapolation is {shown(self.extrapolation)}; allowed is {' or '.join(_BEYOND)}"
+                f"extrapolation is {repr_short(self.extrapolation)}; allowed is {' or '.join(_BEYOND)}"
             )
         from scipy.interpolate import PchipInterpolator, PPoly  # take long to import
 
