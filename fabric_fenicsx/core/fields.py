@@ -71,7 +71,7 @@ def check_fields(owner: object, label: Callable[[str], str] = "`{}`".format) -> 
     return doubts
 
 
-def number(
+def quantity(
     default: float | None,
     rule: Rule,
     text: str,
@@ -89,12 +89,12 @@ def choice(default: str | None, allowed: tuple[str, ...], text: str, group: str 
     return _field(default, text, group, choices=allowed)
 
 
-def switch(text: str, group: str = "test") -> Any:
+def flag(text: str, group: str = "test") -> Any:
     """A field: off unless asked for."""
     return _field(False, text, group, switch=True)
 
 
-def text(default: str | None, words: str, metavar: str, group: str = "test") -> Any:
+def path(default: str | None, words: str, metavar: str, group: str = "test") -> Any:
     """A field: a name, as of a file."""
     return _field(default, words, group, metavar=metavar)
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.fields import documented, number
+from ..core.fields import documented, quantity
 from ..core.rules import POSITIVE, Rule
 from ..job.job import Job, Result
 from ..material.homogeneous import conjugate, gradient
@@ -135,13 +135,13 @@ class PictureFrame(Coupon):
     SIDES = {"side": 200.0}
 
     element: str = declared_again(Coupon, "element", default="P1")
-    side: float = number(None, POSITIVE, "side of the square (200, or the mesh's) [mm]")
-    angle: float = number(
+    side: float = quantity(None, POSITIVE, "side of the square (200, or the mesh's) [mm]")
+    angle: float = quantity(
         45.0,
         Rule("an angle above 0 and below 85 deg", lambda v: 0 < v < 85),
         "shear angle at full load [deg]",
     )
-    pre_tension: float = number(
+    pre_tension: float = quantity(
         0.0,
         Rule("a strain from 0 to 0.1", lambda v: 0 <= v <= 0.1),
         "yarn strain applied first, in the first tenth of the load",

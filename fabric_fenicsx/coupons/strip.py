@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..core.fields import number
+from ..core.fields import quantity
 from ..core.rules import POSITIVE, SHARE
 from ..job.job import Result
 from ..results import measures
@@ -25,11 +25,11 @@ class Strip(Coupon):
     MAX_GRADED: ClassVar[float] = 0.2  # nominal strain, from where on graded cells would fold
     ANGLE_TOLERANCE: ClassVar[float] = 1e-6  # [deg], within which yarns count as at +-45 deg
 
-    length: float = number(
+    length: float = quantity(
         None, POSITIVE, "of the specimen, along the load (200, or the mesh's) [mm]"
     )
-    width: float = number(None, POSITIVE, "of the specimen (50, or the mesh's) [mm]")
-    strain: float = number(0.10, SHARE, "nominal strain at full load: 0.1 is 10 %")
+    width: float = quantity(None, POSITIVE, "of the specimen (50, or the mesh's) [mm]")
+    strain: float = quantity(0.10, SHARE, "nominal strain at full load: 0.1 is 10 %")
     pattern: str = declared_again(
         SheetFields,
         "pattern",

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.fields import choice, documented, number
+from ..core.fields import choice, documented, quantity
 from ..core.rules import FINITE
 from ..job.job import Result
 from ..results import measures
@@ -86,7 +86,7 @@ class Tensile(Strip):
         ("clamped", "rollers"),
         "rollers let the ends narrow: the state is then homogeneous",
     )
-    turned: float = number(0.0, FINITE, "angle of the whole test in the plane [deg]")
+    turned: float = quantity(0.0, FINITE, "angle of the whole test in the plane [deg]")
 
 
 def strains_across(result: Result) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..contact.holder_pressure import BlankHolderPressure
 from ..core.errors import InputError
-from ..core.fields import KnowsItsFields, check_fields, documented, number
+from ..core.fields import KnowsItsFields, check_fields, documented, quantity
 from ..core.formatting import coordinates
 from ..core.rules import FROM_ZERO, POSITIVE, repr_short
 from ..energy.load import EdgeTension
@@ -80,7 +80,7 @@ class PressureHolder(Kind):
     0.1
     """
 
-    pressure: float | Callable[[float], float] = number(
+    pressure: float | Callable[[float], float] = quantity(
         *(2.0, FROM_ZERO, "pressure on what lies on the flange [MPa]"),
         doubt=(10.0, "pressures are in MPa (Pa over 1e6)"),
     )
@@ -146,7 +146,7 @@ class ForceHolder(Kind):
     20000.0
     """
 
-    force: float = number(1e5, POSITIVE, "force on the whole ply [N]")
+    force: float = quantity(1e5, POSITIVE, "force on the whole ply [N]")
     where: Where | None = _mask()
     against: str = ""
 
@@ -177,7 +177,9 @@ class GapHolder(Kind):
     True
     """
 
-    gap: float | None = number(None, POSITIVE, "distance of holder and die (1.1 thicknesses) [mm]")
+    gap: float | None = quantity(
+        None, POSITIVE, "distance of holder and die (1.1 thicknesses) [mm]"
+    )
     where: Where | None = _mask()
     against: str = ""
 
@@ -223,7 +225,7 @@ class Grippers(Kind):
     3.0
     """
 
-    tension: float = number(5.0, FROM_ZERO, "pull at the edges of the ply [N/mm]")
+    tension: float = quantity(5.0, FROM_ZERO, "pull at the edges of the ply [N/mm]")
     where: Where | None = _mask()
     edges: Sequence[str] = tuple(EDGES)
     presses: ClassVar[bool] = False
@@ -266,9 +268,9 @@ class SpringHolder(Kind):
     100.0
     """
 
-    stiffness: float = number(None, FROM_ZERO, "of each spring, for the whole blank [N/mm]")
-    preload: float = number(0.0, FROM_ZERO, "pull of each at the start, for the whole blank [N]")
-    length: float = number(100.0, POSITIVE, "of each at the start [mm]")
+    stiffness: float = quantity(None, FROM_ZERO, "of each spring, for the whole blank [N/mm]")
+    preload: float = quantity(0.0, FROM_ZERO, "pull of each at the start, for the whole blank [N]")
+    length: float = quantity(100.0, POSITIVE, "of each at the start [mm]")
     edges: Sequence[str] = ()
     at: Sequence[Sequence[float]] = ()
     presses: ClassVar[bool] = False

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ..contact.coulomb import Coulomb
-from ..core.fields import KnowsItsFields, documented, number, switch
+from ..core.fields import KnowsItsFields, documented, flag, quantity
 from ..core.rules import FROM_ZERO, POSITIVE
 from ..io.field import Field, of_place
 from ..sheet.sheet import Sheet
@@ -30,26 +30,26 @@ class Interface(KnowsItsFields):
     0.1
     """
 
-    friction: float | Field = number(
+    friction: float | Field = quantity(
         0.25, of_place(FROM_ZERO, "xyz"), "coefficient between fabric and tools"
     )
-    metal_friction: float | Field = number(
+    metal_friction: float | Field = quantity(
         0.1, of_place(FROM_ZERO, "xyz"), "coefficient between metal and tools", "tools"
     )
-    slip: float | None = number(
+    slip: float | None = quantity(
         None, POSITIVE, "elastic slip while a sheet sticks, by default of each pair [mm]"
     )
-    lag: float = number(
+    lag: float = quantity(
         0.0005,
         POSITIVE,
         "share of normal forces, and of areas under the holder, that may lag behind the state",
     )
-    penalty: float | None = number(
+    penalty: float | None = quantity(
         None,
         POSITIVE,
         "stiffness of contact with rigid faces (by default fabric is compacted) [N/mm^3]",
     )
-    self: bool = switch("let each sheet touch itself where a fold closes")
+    self: bool = flag("let each sheet touch itself where a fold closes")
 
     @property
     def is_rigid(self) -> bool:

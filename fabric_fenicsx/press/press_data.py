@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 from ..core.errors import InputError
-from ..core.fields import KnowsItsFields, check_fields, choice, switch
+from ..core.fields import KnowsItsFields, check_fields, choice, flag
 from ..core.rules import repr_short, unknown_key
 from ..material.laws import Law
 from ..material.metal import Metal
@@ -28,7 +28,7 @@ class PressData(KnowsItsFields):
     holders: Mapping[str, Holder | Sequence[Holder]] = field(default_factory=dict)
     stages: Sequence[Stage] = ()
     limits: Limits = Limits()
-    stop_when_invalid: bool = switch("the run ends at the step where the ply can't be formed")
+    stop_when_invalid: bool = flag("the run ends at the step where the ply can't be formed")
     title: str = ""
 
     def __post_init__(self) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.fields import KnowsItsFields, documented, number, switch
+from ..core.fields import KnowsItsFields, documented, flag, quantity
 from ..core.rules import COUNT, FINITE, FROM_ZERO, POSITIVE, repr_short, unknown_key
 from ..core.tables import as_table
 from ..surfaces.values import checked_vector
@@ -46,14 +46,14 @@ class Stage(KnowsItsFields):
 
     name: str = ""
     moves: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
-    close: float | None = number(
+    close: float | None = quantity(
         None, POSITIVE, "distance to which tools with a die close [thicknesses of the blank]"
     )
     forces: Mapping[str, float] = field(default_factory=dict)
     pressures: Mapping[str, float] = field(default_factory=dict)
     leave: Sequence[str] = ()
-    steps: int = number(20, COUNT, "load steps")
-    unload: bool = switch("take all tools and holders away, allowed in the last stage")
+    steps: int = quantity(20, COUNT, "load steps")
+    unload: bool = flag("take all tools and holders away, allowed in the last stage")
 
     def __post_init__(self) -> None:
         super().__post_init__()

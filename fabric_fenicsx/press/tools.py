@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.fields import KnowsItsFields, choice, documented, number
+from ..core.fields import KnowsItsFields, choice, documented, quantity
 from ..core.rules import FROM_ZERO, POSITIVE, check_complete, repr_short, unknown_key
 from ..core.tables import located, names_of
 from ..io.field import Field, of_place
@@ -42,7 +42,7 @@ class DieOf(KnowsItsFields):
     """
 
     tool: str
-    clearance: float | None = number(
+    clearance: float | None = quantity(
         None, POSITIVE, "distance from the tool (1.2 thicknesses of the blank) [mm]"
     )
 
@@ -80,20 +80,20 @@ class PressTool(KnowsItsFields):
         "below", ("below", "above"), "below or above the blank, which is then up or down"
     )
     at: Sequence[float] | None = None
-    off: float | None = number(
+    off: float | None = quantity(
         None,
         FROM_ZERO,
         "distance from the blank at the start (0; with a die the clearance minus the blank's "
         "thickness, so that tools that close touch it everywhere at once) [mm]",
     )
     turn: Sequence[float] = (0.0, 0.0, 0.0)
-    force: float | None = number(
+    force: float | None = quantity(
         None, POSITIVE, "towards the whole blank from the start (none: stages move the tool) [N]"
     )
-    friction: float | Field | None = number(
+    friction: float | Field | None = quantity(
         None, of_place(FROM_ZERO, "xyz"), "coefficient to the blank (that of the `Interface`)"
     )
-    chord: float = number(0.1, POSITIVE, "largest distance of triangles from a CAD model [mm]")
+    chord: float = quantity(0.1, POSITIVE, "largest distance of triangles from a CAD model [mm]")
 
     def __post_init__(self) -> None:
         super().__post_init__()

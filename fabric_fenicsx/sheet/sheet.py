@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.fields import KnowsItsFields, choice, documented, number, switch, text
+from ..core.fields import KnowsItsFields, choice, documented, flag, path, quantity
 from ..core.rules import BELOW_180, COUNT, FINITE, FROM_ZERO, POSITIVE, Rule
 from ..io.field import Field, of_place
 from ..material.laws import Law
@@ -39,8 +39,8 @@ def declared_again(kind: type, name: str, **changes: object) -> Any:
 class Layout(KnowsItsFields):
     """Cells of a sheet and directions of its yarns."""
 
-    nx: int = number(None, COUNT, "rectangles along the length that is modelled", "mesh")
-    ny: int | None = number(None, COUNT, "rectangles across the width (square ones)", "mesh")
+    nx: int = quantity(None, COUNT, "rectangles along the length that is modelled", "mesh")
+    ny: int | None = quantity(None, COUNT, "rectangles across the width (square ones)", "mesh")
     pattern: str = choice("crossed", PATTERNS, "how rectangles are divided into cells", "mesh")
     element: str | None = choice(
         None,
@@ -49,10 +49,10 @@ class Layout(KnowsItsFields):
         "follow the yarns, or yarns bend in the plane of a bias test)",
         "mesh",
     )
-    fibre_angle: float | Field = number(
+    fibre_angle: float | Field = quantity(
         0.0, of_place(FULL_TURN), "from the length to yarns a [deg]", "mesh"
     )
-    yarn_angle: float = number(90.0, BELOW_180, "from yarns a to b as they lie [deg]", "weave")
+    yarn_angle: float = quantity(90.0, BELOW_180, "from yarns a to b as they lie [deg]", "weave")
 
     def fibre_angles(self, places: np.ndarray) -> np.ndarray:
         """`fibre_angle` (n,) [deg] at places (n, 3) [mm]."""
@@ -90,12 +90,12 @@ class SheetFields(Layout):
     OF_OUTLINE: ClassVar[str] = "unstructured"  # default of `pattern` for an outline
 
     fabric: Law | None = field(kw_only=False, default=None, metadata={"read": load})
-    mesh: str | None = text(None, "cells of the sheet from a file [mm]", "FILE", "mesh")
-    outline: str | None = text(
+    mesh: str | None = path(None, "cells of the sheet from a file [mm]", "FILE", "mesh")
+    outline: str | None = path(
         None, "outline of the sheet with holes: DXF, CSV of x and y [mm], or a mesh", "FILE", "mesh"
     )
-    size: float = number(None, POSITIVE, "of cells in an outline (length / nx) [mm]", "mesh")
-    layer: str | None = text(None, "layers of a DXF outline, as `A,B` (all)", "NAME", "mesh")
+    size: float = quantity(None, POSITIVE, "of cells in an outline (length / nx) [mm]", "mesh")
+    layer: str | None = path(None, "layers of a DXF outline, as `A,B` (all)", "NAME", "mesh")
     integration: str = choice(
         None,
         ("full", "inner"),
@@ -103,10 +103,10 @@ class SheetFields(Layout):
         "follow the yarns)",
         "mesh",
     )
-    temperature: float | Field | None = number(
+    temperature: float | Field | None = quantity(
         None, of_place(FINITE), "of fabric that has numbers at temperatures [deg C]", "weave"
     )
-    weave_angle: float | None = number(
+    weave_angle: float | None = quantity(
         None, BELOW_180, "yarn angle without shear (that of the flat sheet) [deg]", "weave"
     )
 
@@ -168,8 +168,8 @@ class SheetFields(Layout):
 class YarnBending(KnowsItsFields):
     """Stiffness of yarns against bending."""
 
-    bending_modulus: float = number(100.0, FROM_ZERO, "bending modulus of the yarns [MPa]")
-    in_plane_bending: float = number(
+    bending_modulus: float = quantity(100.0, FROM_ZERO, "bending modulus of the yarns [MPa]")
+    in_plane_bending: float = quantity(
         0.0, FROM_ZERO, "stiffness of yarns against bending within the sheet, over that out of it"
     )
 
@@ -219,12 +219,14 @@ class Sheet(SheetFields, YarnBending):
 
     metal: Metal | None = field(default=None, metadata={"read": load_metal})
     name: str = ""
-    length: float | None = number(None, POSITIVE, "of the whole sheet, along x [mm]")
-    width: float | None = number(None, POSITIVE, "of the whole sheet, along y [mm]")
-    thickness: float | Field | None = number(None, of_place(POSITIVE), "if not the material's [mm]")
-    centred: bool = switch("put the middle of an outline or mesh at the origin")
-    twist_modulus: float = number(1.0, FROM_ZERO, "twisting modulus of the sheet [MPa]")
-    friction: float | Field | None = number(
+    length: float | None = quantity(None, POSITIVE, "of the whole sheet, along x [mm]")
+    width: float | None = quantity(None, POSITIVE, "of the whole sheet, along y [mm]")
+    thickness: float | Field | None = quantity(
+        None, of_place(POSITIVE), "if not the material's [mm]"
+    )
+    centred: bool = flag("put the middle of an outline or mesh at the origin")
+    twist_modulus: float = quantity(1.0, FROM_ZERO, "twisting modulus of the sheet [MPa]")
+    friction: float | Field | None = quantity(
         None,
         of_place(FROM_ZERO),
         "coefficient to the next sheet above (Table 2 of Schäfer et al.: 0.334, beside metal 0.25)",

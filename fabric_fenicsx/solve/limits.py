@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ..core.fields import check_fields, documented, number
+from ..core.fields import check_fields, documented, quantity
 from ..core.formatting import percent, rounded
 from ..core.rules import ABOVE_ZERO_OR_INF, POSITIVE
 from ..material.strains import CRUMPLED
@@ -26,7 +26,7 @@ EDGES = 1e-2  # of the area, in which yarns at singular points may be stretched 
 
 
 def _limit(default, text):
-    return number(default, POSITIVE, text, GROUP)
+    return quantity(default, POSITIVE, text, GROUP)
 
 
 @documented
@@ -57,7 +57,7 @@ class Limits:
     shortening: float = _limit(
         0.05, "area in which compression shortens yarns by more than 5 % (1: no limit)"
     )
-    cell_size: float = number(
+    cell_size: float = quantity(
         math.inf, ABOVE_ZERO_OR_INF, "cells, over the least radius of a touched tool", GROUP
     )
     located: float = _limit(0.05, "forces of supports that only locate, over all from outside")

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from ..core.fields import check_fields, choice, documented, number, switch
+from ..core.fields import check_fields, choice, documented, flag, quantity
 from ..core.rules import COUNT, POSITIVE, Rule
 from .limits import Limits
 from .linear import LINEAR_SOLVERS
@@ -31,24 +31,24 @@ class Settings:
         For a value that is not allowed.
     """
 
-    steps: int = number(20, COUNT, "load steps", "solver")
-    max_step: float | None = number(None, LOAD_FACTOR, "largest load step (1/steps)", "solver")
-    tolerance: float = number(
+    steps: int = quantity(20, COUNT, "load steps", "solver")
+    max_step: float | None = quantity(None, LOAD_FACTOR, "largest load step (1/steps)", "solver")
+    tolerance: float = quantity(
         1e-8, BELOW_ONE, "residual of the last state, over the forces on the sheet", "solver"
     )
-    path_tolerance: float | None = number(
+    path_tolerance: float | None = quantity(
         1e-4, BELOW_ONE, "residual of states before full load and milestones", "solver"
     )
     viscosity: str = choice(
         "auto", ("auto", "off"), "auto: a drag on the nodes for steps that fail", "solver"
     )
-    accuracy: float | None = number(
+    accuracy: float | None = quantity(
         None,
         POSITIVE,
         "distance of a state from the straight continuation of the path, over the displacement",
         "solver",
     )
-    balance: float | None = number(
+    balance: float | None = quantity(
         None,
         POSITIVE,
         "share of a step's work that may be missing from the energies; else it is halved",
@@ -57,8 +57,8 @@ class Settings:
     linear_solver: str = choice(
         "mumps-cholesky", tuple(LINEAR_SOLVERS), "solver of the linear systems", "solver"
     )
-    every: int = number(5, COUNT, "accepted steps between states written for ParaView", "output")
-    stop_when_invalid: bool = switch(
+    every: int = quantity(5, COUNT, "accepted steps between states written for ParaView", "output")
+    stop_when_invalid: bool = flag(
         "end at the step where fabric is sheared, shortened or filled beyond its limits", "solver"
     )
     limits: Limits = field(default_factory=Limits)

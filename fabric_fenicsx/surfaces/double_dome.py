@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.compiled import compiled
 from ..core.errors import InputError
-from ..core.fields import KnowsItsFields, check_fields, documented, number
+from ..core.fields import KnowsItsFields, check_fields, documented, quantity
 from ..core.rules import FROM_ZERO, POSITIVE, Rule
 from .implicit import ImplicitSurface
 
@@ -143,19 +143,19 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
     array([2.])
     """
 
-    dome_distance: float = number(304.0, POSITIVE, "between the centres of the domes [mm]")
-    dome_radius: float = number(65.0, POSITIVE, "of a dome's outline [mm]")
-    waist: float = number(55.0, POSITIVE, "half width of the outline at the middle [mm]")
-    depth: float = number(60.0, POSITIVE, "height of the domes over the flange [mm]")
-    wall_angle: float = number(
+    dome_distance: float = quantity(304.0, POSITIVE, "between the centres of the domes [mm]")
+    dome_radius: float = quantity(65.0, POSITIVE, "of a dome's outline [mm]")
+    waist: float = quantity(55.0, POSITIVE, "half width of the outline at the middle [mm]")
+    depth: float = quantity(60.0, POSITIVE, "height of the domes over the flange [mm]")
+    wall_angle: float = quantity(
         10.0,
         Rule("an angle from 0, below 90 deg", lambda v: 0 <= v < 90),
         "of the wall from the vertical [deg]",
     )
-    top_radius: float = number(40.0, POSITIVE, "of the rounding between top and wall [mm]")
-    entry_radius: float = number(15.0, POSITIVE, "of the fillet between wall and flange [mm]")
-    saddle_depth: float = number(15.0, FROM_ZERO, "by which the top is lower at the middle [mm]")
-    saddle_length: float = number(304.0, POSITIVE, "along x, over which the top is lowered [mm]")
+    top_radius: float = quantity(40.0, POSITIVE, "of the rounding between top and wall [mm]")
+    entry_radius: float = quantity(15.0, POSITIVE, "of the fillet between wall and flange [mm]")
+    saddle_depth: float = quantity(15.0, FROM_ZERO, "by which the top is lower at the middle [mm]")
+    saddle_length: float = quantity(304.0, POSITIVE, "along x, over which the top is lowered [mm]")
     # what follows from them; each dome has its own, ClassVar only says that they are no fields
     _shape: ClassVar[_Shape]
 

@@ -6,17 +6,17 @@ from dataclasses import dataclass
 import pytest
 
 from fabric_fenicsx.core.errors import InputError
-from fabric_fenicsx.core.fields import check_fields, choice, number, switch
+from fabric_fenicsx.core.fields import check_fields, choice, flag, quantity
 from fabric_fenicsx.core.files import failure_reason
 from fabric_fenicsx.core.rules import COUNT, POSITIVE
 
 
 @dataclass
 class Made:
-    size: float = number(2, POSITIVE, "of it [mm]", doubt=(5.0, "is it in um?"))
-    nx: int = number(None, COUNT, "cells")
+    size: float = quantity(2, POSITIVE, "of it [mm]", doubt=(5.0, "is it in um?"))
+    nx: int = quantity(None, COUNT, "cells")
     kind: str = choice("a", ("a", "b"), "which")
-    fast: bool = switch("quickly")
+    fast: bool = flag("quickly")
 
 
 def test_fields_are_checked_and_doubted_above_their_bound():
