@@ -133,7 +133,7 @@ def test_the_history_has_the_force_of_each_holder_on_the_whole_blank():
     assert row["low_force_of_whole_N"] == pytest.approx(300, rel=1e-6)
     assert row["low_2_force_of_whole_N"] == pytest.approx(4 * built.pressing[-1].force()[2])
     assert row["pull_force_of_whole_N"] == pytest.approx(2.0 * 4 * 200)
-    assert (row["punch_way_mm"], row["ring_way_mm"]) == (pytest.approx(3), 0)
+    assert (row["punch_travel_mm"], row["ring_travel_mm"]) == (pytest.approx(3), 0)
     tools = [row[f"{name}_force_N"] for name in ("punch", "ring")]
     assert tools[0] == pytest.approx(row["reaction_N"])
     held = [row[f"low{k}_force_of_whole_N"] / 4 for k in ("", "_2")]
