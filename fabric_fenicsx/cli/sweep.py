@@ -10,7 +10,7 @@ from ..core.errors import InputError, Interrupted, SolverFailure
 from ..core.rules import COUNT, Rule
 from ..sweep import job_array, limits, results, scatter, varied
 from ..sweep.folder import SweepFolder
-from ..sweep.form import Form
+from ..sweep.form import SweepRun
 from ..sweep.runner import Runner
 from .options import STUDIES, Parser, exit_status, option_type
 
@@ -54,7 +54,7 @@ def _press_file(word):
     return example if example.is_file() and not Path(word).is_file() else Path(word)
 
 
-def main(argv: Sequence[str], program: type[Form] = Form) -> int:
+def main(argv: Sequence[str], program: type[SweepRun] = SweepRun) -> int:
     """Run the sweep of these words; returns its exit status: 0 if all runs are believed, 2 for bad
     input, 3 if one is not believed or the sweep was stopped. program: of the runs."""
     try:

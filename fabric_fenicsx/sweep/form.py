@@ -12,7 +12,7 @@ from ..press.schema import OF_ALL_PLIES, short_forms
 from .varied import Range, Values, changes
 
 
-class Form:
+class SweepRun:
     """`fabric form` of a press file with these options, on so many ranks."""
 
     def __init__(self, press: Path, options: Sequence[str] = (), ranks: int = 1) -> None:

@@ -17,7 +17,7 @@ from ..core.formatting import rounded
 from ..core.ranks import RANKS_ENVIRONMENT
 from ..core.status import shown, task
 from .folder import Run, SweepFolder
-from .form import Form
+from .form import SweepRun
 from .varied import Values
 
 
@@ -27,7 +27,7 @@ class Runner:
     run that is believed must have the quantities `asked` for."""
 
     def __init__(
-        self, folder: SweepFolder, program: Form, jobs: int | None, asked: Sequence[str]
+        self, folder: SweepFolder, program: SweepRun, jobs: int | None, asked: Sequence[str]
     ) -> None:
         self.folder, self.program, self.asked = folder, program, asked
         memory = max((run.memory() for run in folder.runs.values()), default=0)

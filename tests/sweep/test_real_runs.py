@@ -9,7 +9,7 @@ import pytest
 
 from fabric_fenicsx.cli import sweep
 from fabric_fenicsx.core.errors import InputError
-from fabric_fenicsx.sweep.form import Form
+from fabric_fenicsx.sweep.form import SweepRun
 
 EXAMPLE = Path(__file__).parents[2] / "studies/presses/hemisphere.toml"
 PRESS = re.sub(" *#.*", "", EXAMPLE.read_text()).replace("nx = 16", "nx = 4")
@@ -40,7 +40,7 @@ def test_more_pressure_of_the_holder_draws_in_less(press, capsys):
 
 
 def test_the_press_of_a_run_has_its_values_and_options(press):
-    form = Form(Path(press), ["--nx", "8", "--fibre-angle=45", "--no-pictures"])
+    form = SweepRun(Path(press), ["--nx", "8", "--fibre-angle=45", "--no-pictures"])
     (sheet,) = form.read({"blank.width": "150"}).sheets
     assert (sheet.nx, sheet.fibre_angle, sheet.width) == (8, 45, 150)
     with pytest.raises(InputError, match="width is 0; allowed is"):
