@@ -54,8 +54,8 @@ def _check_form(term):
     is_energy = isinstance(form, ufl.Form) and not form.arguments()
     if not is_energy or term.blank.u not in form.coefficients():
         raise InputError(
-            f"{of} is {repr_short(form)}; allowed is the energy itself in `blank.u`, from which forces "
-            "and stiffness follow, integrated: `W * self.part.dx(degree)`"
+            f"{of} is {repr_short(form)}; allowed is the energy itself in `blank.u`, from which "
+            "forces and stiffness follow, integrated: `W * self.part.dx(degree)`"
         )
     if term.part_name and any(each.subdomain_id() == "everywhere" for each in form.integrals()):
         raise InputError(

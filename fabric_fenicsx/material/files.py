@@ -56,8 +56,8 @@ def preset_or_file(
     if isinstance(source, (str, os.PathLike)) and os.path.exists(source):
         return read(source)
     raise InputError(
-        f"{kind} {repr_short(source)} is unknown{did_you_mean(source, presets)}; allowed is a preset "
-        f"({', '.join(presets)}) or a file that exists"
+        f"{kind} {repr_short(source)} is unknown{did_you_mean(source, presets)}; allowed is a "
+        f"preset ({', '.join(presets)}) or a file that exists"
     )
 
 

@@ -173,5 +173,5 @@ def hardening_from(table: Document, units: Mapping[str, str]) -> Hardening:
     """The curve of a file's table [hardening]; units: of its table [units]. InputError by key."""
     law = table.pop("law", None)
     if not isinstance(law, str) or law not in Hardening.known:
-        raise numbers.unknown_key(law, Hardening.known, f"hardening.law {numbers.shown(law)}")
+        raise numbers.unknown_key(law, Hardening.known, f"hardening.law {numbers.repr_short(law)}")
     return Hardening.known[law].from_table(table, units, "hardening")

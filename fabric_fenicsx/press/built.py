@@ -78,8 +78,8 @@ class BuiltPress(Setup):
         of its pulls."""
         columns = {}
         for name, tool in self.tools.items():
-            way = tool.displacement[2] - np.asarray(tool.path(0.0))[2]
-            columns[f"{name}_travel_mm"] = float(way)
+            travel = tool.displacement[2] - np.asarray(tool.path(0.0))[2]
+            columns[f"{name}_travel_mm"] = float(travel)
             columns[f"{name}_force_N"] = float(output.tool_force(scene, tool)[2])
         for name, terms in self.holders.items():
             forces = [force for term in terms if (force := self._held_by(term)) is not None]

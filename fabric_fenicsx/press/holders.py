@@ -321,7 +321,7 @@ def segments(name: str, given: Holder | Sequence[Holder]) -> list[Holder]:
     holders: list = list(given) if isinstance(given, (list, tuple)) else [given]
     if not holders or not all(callable(getattr(each, "terms", None)) for each in holders):
         raise InputError(
-            f"holders.{name} is {repr_short(given)}; allowed is a holder, as `PressureHolder(2.0)` or "
-            "an object with a method `terms(site)`, or a list of one or more"
+            f"holders.{name} is {repr_short(given)}; allowed is a holder, as `PressureHolder(2.0)` "
+            "or an object with a method `terms(site)`, or a list of one or more"
         )
     return holders

@@ -61,7 +61,8 @@ class Curve(Parameters):
             raise InputError(f"the curve has {len(x)} points; allowed is 3 or more, with (0, 0)")
         if self.extrapolation not in _BEYOND:
             raise InputError(
-                f"extrapolation is {repr_short(self.extrapolation)}; allowed is {' or '.join(_BEYOND)}"
+                f"extrapolation is {repr_short(self.extrapolation)}; allowed is "
+                f"{' or '.join(_BEYOND)}"
             )
         from scipy.interpolate import PchipInterpolator, PPoly  # take long to import
 
