@@ -75,7 +75,8 @@ class Parameters:
         last."""
         beside = "density fibre_density fibre_share compaction bending bending_friction".split()
         new, names = copy.copy(self), [field.name for field in dataclasses.fields(self)]
-        for name in sorted(set(names).difference(beside), key=[*names, "thickness"].index):
+        names.sort(key="thickness".__eq__)
+        for name in (each for each in names if each not in beside):
             value = getattr(self, name)
             if isinstance(value, float):
                 object.__setattr__(new, name, make(value))
