@@ -9,8 +9,8 @@ import numpy as np
 
 from ..results import states
 from ..results.pictures import curves, figure, maps
+from .answers import BOUNDS
 from .folder import Run, force_name
-from .scatter import BOUNDS
 from .varied import is_wide, label, number
 
 
