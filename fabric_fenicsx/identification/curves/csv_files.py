@@ -13,7 +13,6 @@ from ...core.rules import unknown_key
 from ...io.text_tables import Problems, read_lines, table_of, values_of
 from ...io.units import factors
 from . import checks
-from .branch import from_zero, kept, loading_branch, way_back
 from .forces import MEASURES, image_angle, of_fabric, response
 from .model import (
     COLUMNS,
@@ -74,15 +73,15 @@ def _curve(file, table, keys, thickness, remarks):
     given = {raw: column for raw, (column, _) in test.raw.items() if raw in columns}
     raw = {column: raw for raw, column in given.items() if column not in columns}
     moved = raw.get(test.strains[0], test.strains[0])
-    table, notes = from_zero(table, moved, test.sign)
+    table, notes = table.from_zero(moved, test.sign)
     checks.check_length(table, MIN_POINTS)
     runs = max(test.strains, key=lambda name: np.ptp(table.columns[raw.get(name, name)]))
     whole = table
-    table, left_out = loading_branch(whole, raw.get(runs, runs))
+    table, left_out = whole.loading_branch(raw.get(runs, runs))
     notes, loose = notes + left_out, 0.0
     if "slack" in keys.texts:
         loose = _quantity("slack", keys.texts["slack"], units(moved))
-        table = kept(table, table.columns[moved] > loose) if loose else table
+        table = table.kept(table.columns[moved] > loose) if loose else table
         table.columns[moved] = table.columns[moved] - loose
     for column, machine in raw.items():
         values = table.columns[machine]
@@ -100,7 +99,7 @@ def _curve(file, table, keys, thickness, remarks):
     specimen, back = (keys.test, keys.lengths, thickness), None
     responses = [response(column, columns[column], strains[:, 2], *specimen) for column in measured]
     if keys.test in ("shear", "picture_frame"):  # of which loops tell friction
-        less = way_back(whole, runs, table.rows[-1])
+        less = whole.way_back(runs, table.rows[-1])
         if len(less.rows) >= MIN_POINTS:
             angles, (column,) = less.columns[runs] - loose, measured
             back = angles, response(column, less.columns[column], angles, *specimen)
@@ -112,8 +111,8 @@ def _curve(file, table, keys, thickness, remarks):
 
 
 def _compaction_test(file, table, keys, remarks):
-    table, notes = from_zero(table, "pressure", 1)
-    table, left_out = loading_branch(table, "pressure")
+    table, notes = table.from_zero("pressure", 1)
+    table, left_out = table.loading_branch("pressure")
     (column,) = {*table.columns} - {"pressure"}
     checks.check_length(table, 4)  # to tell three numbers
     checks.check_values(keys.test, table, "pressure", [column])
@@ -153,6 +152,9 @@ def _keys(lines, stated, problems):
         if key not in texts:
             example = f"`# {key}: {'free` or `held' if key == 'lateral' else '200 mm'}`"
             problems.append(f"the test {name} needs a line for {key}; allowed is {example}")
+    place, lateral = texts.get("lateral", ("", "held"))
+    if lateral not in ("held", "free"):
+        problems.append(f"{place}: lateral is {lateral!r}; allowed is held or free")
     problems.stop()
     lengths = {
         key: _quantity(key, text, factors("length"))
@@ -161,9 +163,6 @@ def _keys(lines, stated, problems):
     }
     free, measured = None, test.measured
     if "lateral" in texts:  # of test uniaxial_a or uniaxial_b
-        place, lateral = texts["lateral"]
-        if lateral not in ("held", "free"):
-            raise InputError(f"{place}: lateral is {lateral!r}; allowed is held or free")
         along = "ab".index(name[-1])
         free = along if lateral == "free" else None
         measured += (f"{'sigma' if free is None else 'eps'}_{'ba'[along]}",)
@@ -215,22 +214,23 @@ def _table(cells, keys, sheet, problems):
         if column not in COLUMNS or is_second:
             unread += [name] if name else []
             continue
-        with problems:
-            if column in header:
-                raise InputError(
-                    f"{place}: the column {column} is repeated; allowed is once (a line `{name} = "
-                    f'"{column}"` in [columns] of sheet.toml says which one counts)'
-                )
-            header[column] = unit = (other or [unit])[0]
-            known = units(column, sheet.thickness)
-            if column not in allowed:
-                raise unknown_key(column, allowed, f"{place}: column {column} of {keys.test}")
-            if unit not in known:
-                example = f"{column} [{unit_inside(column)}], for example, or a row of units below"
-                none = InputError(f"{place}: the column {column} has no unit; allowed is {example}")
-                label = f"{place}: unit [{unit}] of column {column}"
-                raise unknown_key(unit, known, label) if unit else none
+        unit, known = (other or [unit])[0], units(column, sheet.thickness)
+        if column in header:
+            once = (
+                f'(a line `{name} = "{column}"` in [columns] of sheet.toml says which one counts)'
+            )
+            problems.append(f"{place}: the column {column} is repeated; allowed is once {once}")
+        elif column not in allowed:
+            label = f"{place}: column {column} of {keys.test}"
+            problems.append(str(unknown_key(column, allowed, label)))
+        elif unit not in known:
+            example = f"{column} [{unit_inside(column)}], for example, or a row of units below"
+            none = f"{place}: the column {column} has no unit; allowed is {example}"
+            label = f"{place}: unit [{unit}] of column {column}"
+            problems.append(str(unknown_key(unit, known, label)) if unit else none)
+        else:
             factors[i] = column, known[unit]
+        header.setdefault(column, unit)
     problems += [f"{place}: {words}" for words in _of_columns(keys, header, unread)]
     while cells.rows and not any(
         cells.cells[-1][i].strip() for i in factors if i < len(cells.cells[-1])

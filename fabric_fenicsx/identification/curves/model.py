@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.errors import InputError
+from ...io.text_tables import some
 from ...io.units import ANGLE, PER_WIDTH, STRAIN, factors, stresses
 
 MIN_POINTS = 5
@@ -101,12 +103,59 @@ KEYS = ("test", "noise", *dict.fromkeys(key for test in TESTS.values() for key i
 
 class Table(NamedTuple):
     """A file's columns {name: (n,)} in inner units, the unit of each in the file, line numbers (n,)
-    of the rows, and that of the header."""
+    of the rows, and that of the header. noise: of its range, by which a column may go back or begin
+    below 0."""
 
     columns: dict[str, np.ndarray]
     header: dict[str, str]
     rows: list[int]
     top: int
+    noise: float = 0.01
+
+    def kept(self, which: np.ndarray) -> "Table":
+        """The rows by numbers or flags `which`."""
+        columns = {name: values[which] for name, values in self.columns.items()}
+        return self._replace(columns=columns, rows=np.array(self.rows)[which].tolist())
+
+    def from_zero(self, column: str, sign: int) -> tuple["Table", list[str]]:
+        """It without rows of a column that is by noise beyond 0, and words on these."""
+        values = sign * self.columns[column]
+        below = (values < 0) & (values >= -self.noise * values.max(initial=0.0))
+        rows = some([f"row {row}" for row in np.array(self.rows)[below]])
+        words = [f"{rows} left out, as {column} is by noise beyond 0 there"]
+        return (self.kept(~below), words) if below.any() else (self, [])
+
+    def loading_branch(self, column: str) -> tuple["Table", list[str]]:
+        """The rows up to the first turn of the column, and sentences on those behind it and on
+        those in which it goes back by no more than noise. InputError if that ends before its
+        largest value."""
+        x = self.columns[column]
+        size = x - x[:1]
+        if not size.any():
+            return self, []
+        size = size * np.sign(size[np.abs(size).argmax()])
+        top = np.maximum.accumulate(size)
+        stop = int(np.argmax(np.append(top - size > self.noise * size.max(), True)))
+        if top[stop - 1] < 0.99 * size.max():
+            turn = f"{x[stop]:.4g} {unit_inside(column)} after {x[stop - 1]:.4g}"
+            allowed = "to rise or fall throughout (keep one loading branch)"
+            raise InputError(f"row {self.rows[stop]}: {column} is {turn}; allowed is {allowed}")
+        end, rows, remarks = int(size[:stop].argmax()), self.rows, []
+        if end + 1 < len(size):
+            loop = f"{column} turns back behind row {rows[end]}: of the loop the loading branch"
+            remarks.append(f"{loop} is fitted, rows {rows[0]} to {rows[end]}")
+        if (still := np.flatnonzero(np.diff(size[: end + 1]) <= 0) + 1).size:
+            places = some([f"row {rows[k]}" for k in still])
+            remarks.append(f"{column} does not move on in {places}; read as scatter")
+        return self.kept(np.arange(end + 1)), remarks
+
+    def way_back(self, column: str, turn: int) -> "Table":
+        """The rows from the row `turn` of the file on, down to the next turn of the column."""
+        table = self.kept(np.flatnonzero(np.array(self.rows) >= turn))
+        x = table.columns[column]
+        up = x - np.minimum.accumulate(x) > self.noise * np.ptp(x)
+        stop = int(np.argmax(np.append(up, True)))
+        return table.kept(np.arange(x[:stop].argmin() + 1))
 
 
 @dataclass(frozen=True)

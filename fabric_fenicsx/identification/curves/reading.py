@@ -3,7 +3,6 @@
 import dataclasses
 from pathlib import Path
 
-from ...core.errors import InputError
 from ...core.files import ending
 from ...core.rules import check_complete, unknown_key
 from ...io.text_tables import Problems
@@ -27,31 +26,26 @@ def read(path: Path | str) -> tuple[Sheet, tuple[Curve, ...]]:
     path = Path(path)
     folder = path.parent if path.is_file() else path
     sheet = read_sheet(folder / "sheet.toml")
-    named = sheet.keys
+    named, tests, problems = sheet.keys, list[Curve | CompactionTest](), Problems()
     paths = sorted(p for p in folder.iterdir() if ending(p) in (".csv", ".tsv") or p.name in named)
-    if not paths:
-        raise InputError(
-            f"{folder} has no *.csv; allowed is a CSV file a test, or files of other names with a "
-            'table [tests."NAME"] each in sheet.toml'
-        )
-    tests, problems = [], Problems()
     for each in paths if path in (folder, folder / "sheet.toml") else [path]:
         with problems:
             tests.append(read_test(each, sheet))
-    files = [each.name for each in paths]
-    if lost := sorted({*named} - {*files}):
-        allowed = f"allowed are {', '.join(files)}"
-        problems.append(f"{folder / 'sheet.toml'}: tests.{lost[0]!r} is no file; {allowed}")
-    problems.stop()
+    files = ", ".join(each.name for each in paths)
+    allowed = 'a CSV file a test, or files of other names with a table [tests."NAME"] each in'
+    problems += [] if paths else [f"{folder} has no *.csv; allowed is {allowed} sheet.toml"]
+    for name in sorted({*named} - {each.name for each in paths}):
+        lost = f"{folder / 'sheet.toml'}: tests.{name!r} is no file"
+        problems.append(f"{lost}; allowed are {files}")
     curves = tuple(test for test in tests if isinstance(test, Curve))
-    checks.check_copies(curves)
+    problems += checks.copies(curves)
     compaction = tuple(test for test in tests if isinstance(test, CompactionTest))
+    allowed = "a line fibre_density_g_per_cm3 = 2.54 in sheet.toml, for example"
     for test in compaction:
         if test.response.column == "fibre_volume_fraction" and sheet.fibre_density is None:
-            raise InputError(
-                f"{test.file}: the column fibre_volume_fraction needs the fibres' density; allowed "
-                "is a line fibre_density_g_per_cm3 = 2.54 in sheet.toml, for example"
-            )
+            flaw = f"{test.file}: the column fibre_volume_fraction needs the fibres' density"
+            problems.append(f"{flaw}; allowed is {allowed}")
+    problems.stop()
     return dataclasses.replace(sheet, compaction=compaction), curves
 
 
@@ -64,22 +58,29 @@ def read_sheet(path: Path | str) -> Sheet:
 
 
 def _sheet(document):
+    problems = Problems()
     name, balanced = str(document.pop("name", "")), document.pop("balanced", None)
     if not isinstance(balanced, bool):
         allowed = "true (warp and weft are equal) or false"
-        raise InputError(f"balanced is {balanced!r}; allowed is {allowed}")
+        problems.append(f"balanced is {balanced!r}; allowed is {allowed}")
     assumed, units = take_table(document, "assumed"), take_units(document)
-    columns = _texts(take_table(document, "columns"), "columns")
-    for key, text in columns.items():
-        if text.split(" ")[0] not in COLUMNS:
-            raise unknown_key(text, COLUMNS, f"columns.{key} {text!r}")
-    signs = {"delimiter": [";", ",", "\t", " "], "decimal": [".", ","], "encoding": []}
-    csv = _texts(take_table(document, "csv"), "csv", signs)
-    for key, text in csv.items():
-        if signs[key] and text not in signs[key]:
-            raise InputError(f"csv.{key} is {text!r}; allowed is one of {str(signs[key])[1:-1]}")
-    tests = take_table(document, "tests")
-    keys = {file: _texts(take_table(tests, file), f"tests.{file!r}", KEYS) for file in [*tests]}
+    columns, csv, tests = (take_table(document, key) for key in ("columns", "csv", "tests"))
+    signs = {"delimiter": (";", ",", "\t", " "), "decimal": (".", ","), "encoding": ()}
+    keys = {file: take_table(tests, file) for file in [*tests]}
+    of_files = [(f"tests.{file!r}", table, KEYS) for file, table in keys.items()]
+    for where, table, known in [("columns", columns, columns), ("csv", csv, signs), *of_files]:
+        for key, text in table.items():
+            label, is_text = f"{where}.{key}", isinstance(text, str)
+            if key not in known:
+                problems.append(str(unknown_key(key, known, label)))
+            elif not is_text:
+                problems.append(f'{label} is {text!r}; allowed is a text, as "200 mm"')
+            elif table is columns and text.split(" ")[0] not in COLUMNS:
+                problems.append(str(unknown_key(text, COLUMNS, f"{label} {text!r}")))
+            elif table is csv and signs[key] and text not in signs[key]:
+                allowed = str(signs[key])[1:-1]
+                problems.append(f"{label} is {text!r}; allowed is one of {allowed}")
+    problems.stop()
     also = "name", "balanced", "assumed", "units"
     numbers, weight = read_sheet_numbers(document, units, also, FIBRES)
     needed = "as thickness_mm = 1.2, and density_g_per_cm3 or areal_weight_g_per_m2"
@@ -92,13 +93,3 @@ def _sheet(document):
         values |= {f"{yarn}.{key}": value for key, value in own_numbers.items()}
     stated = {"keys": keys, "columns": columns, "csv": csv}
     return Sheet(name, balanced=balanced, assumed=values, areal_weight=weight, **stated, **numbers)
-
-
-def _texts(table, where, known=()):
-    """A table of texts by keys that are `known`, if any are."""
-    for key, text in table.items():
-        if known and key not in known:
-            raise unknown_key(key, known, f"{where}.{key}")
-        if not isinstance(text, str):
-            raise InputError(f'{where}.{key} is {text!r}; allowed is a text, as "200 mm"')
-    return table
