@@ -109,6 +109,7 @@ def _planned(args, passed, form):
     """Ranges that scatter, and the values of each run; InputError for what cannot be run."""
     lists = {} if args.scatter else varied.lists(args.vary)
     ranges = [*form.scatter(), *varied.ranges(args.vary)] if args.scatter else []
+    values: Sequence[varied.Values]
     values = checked = [dict(zip(lists, each)) for each in itertools.product(*lists.values())]
     if ranges:
         values = answers.design(ranges, args.scatter)

@@ -202,7 +202,7 @@ def _noise(texts, responses, thickness):
 
 def _table(cells, keys, sheet, problems):
     """The `Table` of a file's cells, and a sentence on each column that is not read."""
-    place, factors, header, unread = f"row {cells.top}", {}, {}, list[str]()
+    place, factors, header, unread = f"row {cells.top}", {}, dict[str, str](), list[str]()
     test, named = TESTS[keys.test], sheet.columns
     allowed = (*test.strains, *test.optional, *keys.measured, *test.image, *test.raw)
     counts = [cells.names[: i + 1].count(name) for i, name in enumerate(cells.names)]

@@ -91,5 +91,5 @@ def _sheet(document):
     for yarn, table in own.items():
         own_numbers = read_numbers(table, YARN, units, f"assumed.{yarn}.")
         values |= {f"{yarn}.{key}": value for key, value in own_numbers.items()}
-    stated = {"keys": keys, "columns": columns, "csv": csv}
+    stated: dict = {"keys": keys, "columns": columns, "csv": csv}
     return Sheet(name, balanced=balanced, assumed=values, areal_weight=weight, **stated, **numbers)
