@@ -10,8 +10,7 @@ from ..core.errors import InputError, Interrupted, SolverFailure
 from ..core.rules import COUNT, Rule
 from ..sweep import answers, job_array, results, varied
 from ..sweep.folder import SweepFolder
-from ..sweep.form import SweepRun
-from ..sweep.runner import Runner
+from ..sweep.runner import Runner, SweepRun
 from .options import STUDIES, Parser, exit_status, option_type
 
 

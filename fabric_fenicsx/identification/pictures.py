@@ -38,25 +38,22 @@ def _panels(result, residuals):
     figure = _figure(0.6 + 3.1 * across, 0.4 + 2.5 * down)
     axes = figure.subplots(down, across, squeeze=False).ravel()
     for ax, (curve, response, predicted, sd) in zip(axes, result.fits):
-        in_degrees = STRAINS[curve.abscissa] == "gamma"
-        x = curve.strains[:, curve.abscissa]
-        x = np.degrees(x) if in_degrees else 100 * x
-        sd = sd * math.sqrt(result.variance)
+        name, sd = STRAINS[curve.abscissa], sd * math.sqrt(result.variance)
+        factor, unit = (180 / math.pi, "deg") if name == "gamma" else (100, "%")
+        x = factor * curve.strains[:, curve.abscissa]
         if residuals:
             ax.axhline(0, color="0.6", linewidth=0.8)
             ax.plot(x, (response.values - predicted) / np.where(sd > 0, sd, 1), ".", markersize=4)
+            ax.set_ylabel("residual / std. deviation", fontsize=8)
         else:
             style = {"fmt": ".", "markersize": 4, "elinewidth": 0.6}
             ax.errorbar(x, response.values, sd, label="measured", **style)
             ax.plot(x, predicted, "-", label="fitted")
-        label = "residual / std. deviation" if residuals else f"{response.column} / {response.unit}"
-        ax.set_ylabel(label, fontsize=8)
-        unit = "deg" if in_degrees else "%"
-        ax.set_xlabel(f"{STRAINS[curve.abscissa]} / {unit}", fontsize=8)
+            ax.set_ylabel(f"{response.column} / {response.unit}", fontsize=8)
+            axes[0].legend(fontsize=7)
+        ax.set_xlabel(f"{name} / {unit}", fontsize=8)
         ax.set_title(f"{curve.file.removesuffix('.csv')}: {response.column}", fontsize=8)
         ax.tick_params(labelsize=7)
-    if not residuals:
-        axes[0].legend(fontsize=7)
     for ax in axes[n:]:
         ax.set_axis_off()
     return figure

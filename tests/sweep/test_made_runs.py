@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fabric_fenicsx.core.errors import SolverFailure
-from fabric_fenicsx.sweep import answers, pictures, results
+from fabric_fenicsx.sweep import answers, results
 from fabric_fenicsx.sweep.answers import below
 from fabric_fenicsx.sweep.folder import Run
 from fabric_fenicsx.sweep.varied import Range
@@ -167,9 +167,9 @@ def test_curves_of_a_scatter_are_mean_and_quantiles_at_each_displacement(made, m
     lost = made({"k.x": 9}, status=3)
     history(lost, [(0, 0, 0), (1, 10, 1000)])
     drawn = []
-    monkeypatch.setattr(pictures, "curves", lambda path, series, x, y: drawn.append(series))
-    monkeypatch.setattr(pictures, "_draw_trends", lambda *_: None)
-    pictures.draw({name: Path("x.png") for name in ("curves", "trends")}, [*runs, lost], {}, True)
+    monkeypatch.setattr(results, "curves", lambda path, series, x, y: drawn.append(series))
+    monkeypatch.setattr(results, "_draw_trends", lambda *_: None)
+    results.draw({name: Path("x.png") for name in ("curves", "trends")}, [*runs, lost], {}, True)
     forces = {name: np.array(series[1]) for name, series in drawn[0].items()}
     assert [*forces] == ["mean", "5 % of runs below", "95 % of runs below"]
     wanted = np.array([[0, 5, 10], [0, 0.5, 1], [0, 9.5, 19]])
