@@ -15,6 +15,5 @@ neither pulled nor stated is refused: it would get another fabric's values.
 
 from .compaction import CompactionFit, fit_compaction
 from .fit import identify, identify_simulated
-from .pictures import draw
 from .problem import Assumed, Determined
-from .result import Identification, result_lines
+from .result import Identification, draw, result_lines
