@@ -63,6 +63,7 @@ class Kind(NamedTuple):
     optional: tuple[str, ...]  # strains that are 0 if their column is not there
     measured: tuple[str, ...]  # one of these at least
     keys: tuple[str, ...] = ()  # that must be there
+    more: tuple[str, ...] = ()  # keys that may be there, besides `noise`
     sign: int = 0  # that the first strain and what is measured have; 0: either
     # what a machine writes -> the column that it becomes, and the key of the specimen it needs
     raw: Mapping[str, tuple[str, str]] = MappingProxyType({})
@@ -72,33 +73,30 @@ class Kind(NamedTuple):
         """Columns of image correlation that the test may have in place of gamma."""
         return ("exx", "eyy", "exy") if self.strains == ("gamma",) else ()
 
-    @property
-    def all_keys(self) -> tuple[str, ...]:
-        """All keys that files of the test may have besides `test` and `noise`."""
-        may_be_slack = self.sign > 0 and self.strains != ("pressure",)
-        has_load_cell = "F" in (*self.measured, *self.raw)
-        keys = *self.keys, *(key for _, key in self.raw.values()), *["strain"][: len(self.image)]
-        return tuple(dict.fromkeys((*keys, *["slack"][:may_be_slack], *["zero"][:has_load_cell])))
+
+_LOADED, _FRAME = ("slack", "zero"), ("frame_length", "fabric_length")
+_MOVED = {"displacement": ("gamma", "height")}
 
 
 def _strip(strain: str, stress: str) -> Kind:
     raw = {"displacement": (strain, "length"), "F": (stress, "width")}
-    return Kind((strain,), (), (stress,), ("lateral",), 1, raw)
+    return Kind((strain,), (), (stress,), ("lateral",), ("length", "width", *_LOADED), 1, raw)
 
 
-_FRAME, _MOVED = ("frame_length", "fabric_length"), {"displacement": ("gamma", "height")}
 TESTS = {
     "uniaxial_a": _strip("eps_a", "sigma_a"),
     "uniaxial_b": _strip("eps_b", "sigma_b"),
     "biaxial": Kind(("eps_a", "eps_b"), (), ("sigma_a", "sigma_b")),
     "compression_a": Kind(("eps_a",), ("gamma",), ("sigma_a",), sign=-1),
     "compression_b": Kind(("eps_b",), ("gamma",), ("sigma_b",), sign=-1),
-    "shear": Kind(("gamma",), ("eps_a", "eps_b"), ("tau", "F_sh"), sign=1),
-    "picture_frame": Kind(("gamma",), ("eps_a", "eps_b"), ("F",), _FRAME, 1),
-    "bias_extension": Kind(("gamma",), (), ("F",), ("height", "width"), 1, _MOVED),
-    "compaction": Kind(("pressure",), (), ("thickness", "fibre_volume_fraction"), (), 1),
+    "shear": Kind(("gamma",), ("eps_a", "eps_b"), ("tau", "F_sh"), (), ("strain", "slack"), 1),
+    "picture_frame": Kind(("gamma",), ("eps_a", "eps_b"), ("F",), _FRAME, ("strain", *_LOADED), 1),
+    "bias_extension": Kind(
+        ("gamma",), (), ("F",), ("height", "width"), ("strain", *_LOADED), 1, _MOVED
+    ),
+    "compaction": Kind(("pressure",), (), ("thickness", "fibre_volume_fraction"), sign=1),
 }
-KEYS = ("test", "noise", *dict.fromkeys(key for test in TESTS.values() for key in test.all_keys))
+KEYS = ("test", "noise", *dict.fromkeys(k for t in TESTS.values() for k in (*t.keys, *t.more)))
 
 
 class Table(NamedTuple):

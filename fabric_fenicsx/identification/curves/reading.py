@@ -229,7 +229,7 @@ def _keys(lines, stated, problems):
         problems.append(str(unknown) if name else no_test)
         problems.stop()
     test = TESTS[name]
-    allowed = ("noise", *test.all_keys)
+    allowed = ("noise", *test.keys, *test.more)
     for key, (place, _) in texts.items():
         if key not in allowed:
             label = f"{place}: the key {key} of the test {name}"
