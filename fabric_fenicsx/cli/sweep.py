@@ -7,11 +7,24 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..core.errors import InputError, Interrupted, SolverFailure
+from ..core.files import replace_file
 from ..core.rules import COUNT, Rule
-from ..sweep import answers, job_array, results, varied
+from ..sweep import answers, results, varied
 from ..sweep.folder import SweepFolder
 from ..sweep.runner import Runner, SweepRun
 from .options import STUDIES, Parser, exit_status, option_type
+
+
+JOB_ARRAY = """\
+#!/bin/bash
+#SBATCH --job-name=sweep
+#SBATCH --array=1-{count}
+#SBATCH --nodes=1
+#SBATCH --ntasks={ranks}
+#SBATCH --signal=B:TERM@120
+cd {folder}
+exec {start} --only "$SLURM_ARRAY_TASK_ID"{passed}
+"""  # exec: so that the signal reaches the sweep, which ends its run after its step
 
 
 def parser() -> Parser:
@@ -77,7 +90,7 @@ def _sweep(args, passed, form, argv):
     sweep = SweepFolder(out, args.press, list(values[0]), args.overwrite, bool(args.only))
     if args.slurm:
         sweep.close()
-        job_array.write(args.slurm, argv, len(values), args.ranks)
+        _write_job_array(args.slurm, argv, len(values), args.ranks)
         return ""
     runner, told = Runner(sweep, form, args.jobs, asked), list[str]()
     if args.only:
@@ -147,3 +160,24 @@ def _announce(values, runner):
     others = {shlex.join(run.options) for run in done} - {shlex.join(passed)}
     for each in sorted(others):
         print(f"warning: some were made with other options: {each or 'none'}", file=sys.stderr)
+
+
+def _write_job_array(file, words, count, ranks):
+    """Write a script for Slurm, a task a run of the `count` that `fabric sweep` with these words
+    does, to start in the present folder. InputError for a file that is another's."""
+    if file.exists() and "#SBATCH --job-name=sweep\n" not in file.read_text(errors="replace"):
+        flaw = f"--slurm {file} is there and no script of a sweep"
+        raise InputError(f"{flaw}; allowed is another file")
+    cut = words.index("--") if "--" in words else len(words)
+    own = [word for word, before in zip(words[:cut], ["", *words]) if before != "--slurm"]
+    own = [w for w in own if w != "--overwrite" and w.split("=")[0] != "--slurm"]
+    script = JOB_ARRAY.format(
+        count=count,
+        ranks=ranks,
+        folder=shlex.quote(str(Path.cwd())),
+        start=shlex.join([sys.executable, "-m", "fabric_fenicsx", "sweep", *own]),
+        passed="".join(f" {shlex.quote(word)}" for word in words[cut:]),
+    )
+    replace_file(file, script)
+    print(f"{file}: a job array of {count} runs, for sbatch; the same sweep without --slurm then")
+    print("writes their table and does those that are missing")
