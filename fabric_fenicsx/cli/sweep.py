@@ -14,7 +14,6 @@ from ..sweep.folder import SweepFolder
 from ..sweep.runner import Runner, SweepRun
 from .options import STUDIES, Parser, exit_status, option_type
 
-
 JOB_ARRAY = """\
 #!/bin/bash
 #SBATCH --job-name=sweep
