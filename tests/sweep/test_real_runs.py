@@ -9,7 +9,7 @@ import pytest
 
 from fabric_fenicsx.cli import sweep
 from fabric_fenicsx.core.errors import InputError
-from fabric_fenicsx.sweep.form import SweepRun
+from fabric_fenicsx.sweep.runner import SweepRun
 
 EXAMPLE = Path(__file__).parents[2] / "studies/presses/hemisphere.toml"
 PRESS = re.sub(" *#.*", "", EXAMPLE.read_text()).replace("nx = 16", "nx = 4")
