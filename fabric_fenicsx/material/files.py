@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, TypeVar
 from ..core.errors import InputError
 from ..core.files import replace_file
 from ..core.rules import POSITIVE, SHARE, Rule, above_zero, did_you_mean, repr_short, unknown_key
+from ..core.tables import as_table
 from ..io.units import OWN, UNITS, suffixes
 
 Document = dict[str, Any]  # of a TOML file: its keys, or those of a table
@@ -89,10 +90,7 @@ def _reason(error):
 
 def take_table(document: Document, key: str) -> Document:
     """The table of this key, taken out of the document, empty if it is not there."""
-    table = document.pop(key, {})
-    if not isinstance(table, dict):
-        raise InputError(f"{key} is {repr_short(table)}; allowed is a table, [{key}]")
-    return table
+    return as_table(document.pop(key, {}), key, f"a table, [{key}]")
 
 
 def take_units(document: Document) -> dict[str, str]:

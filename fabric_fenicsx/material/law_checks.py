@@ -42,23 +42,25 @@ def check_rest(law: Energy) -> None:
     """InputError where the fabric as it lies, without strain, has energy or stress, or a negative
     stiffness."""
     rest = Energy.derivatives(law, *np.transpose([(0.0, 0.0, 0.0), (0.01, 0.01, 0.1)]))
+    beside = Energy.derivatives(law, *np.array(3 * [[-1e-9, 1e-9]])).second  # sides of a kink
     stiffness = np.nanmax(abs(rest.second[[0, 2, 5]]), 1, initial=0.0)
     names = "energy", "stress sigma_a", "stress sigma_b", "stress tau"
-    values = rest.parts[0].sum(), *rest.first[:, 0]
-    most = 1e-9 * stiffness.max(), *(1e-5 * stiffness)
-    for name, value, limit in zip(names, values, most):
-        if not abs(value) <= limit:
-            raise InputError(
-                f"the {name} of law {law.law} is {value:.3g} MPa in fabric as it lies, without "
-                "strain; allowed is 0: take off what it is there"
-            )
-    beside = Energy.derivatives(law, *np.array(3 * [[-1e-9, 1e-9]])).second  # sides of a kink
-    for name, k, scale in zip(("eps_a", "eps_b", "gamma"), beside[[0, 2, 5]], stiffness):
-        if k.min() < -1e-6 * scale:
-            raise InputError(
-                f"the stiffness of law {law.law} along {name} is {rounded(k.min())} MPa in "
-                "fabric as it lies, without strain; allowed is 0 or more: look at its signs"
-            )
+    values, limits = [rest.parts[0].sum(), *rest.first[:, 0]], [1e-9 * stiffness.max()]
+    flaws = [
+        f"{name} of law {law.law} is {value:.3g} MPa in fabric as it lies, without strain; allowed "
+        "is 0: take off what it is there"
+        for name, value, limit in zip(names, values, [*limits, *(1e-5 * stiffness)])
+        if not abs(value) <= limit
+    ]
+    least = beside[[0, 2, 5]].min(1)
+    flaws += [
+        f"stiffness of law {law.law} along {name} is {rounded(value)} MPa in fabric as it lies, "
+        "without strain; allowed is 0 or more: look at its signs"
+        for name, value, scale in zip(("eps_a", "eps_b", "gamma"), least, stiffness)
+        if value < -1e-6 * scale
+    ]
+    for flaw in flaws[:1]:
+        raise InputError(f"the {flaw}")
 
 
 def implausible(label: str, values: Mapping[str, float | None]) -> list[str]:

@@ -98,18 +98,17 @@ class Law(Material, Energy):
 
     def __init_subclass__(cls) -> None:
         other = LAWS.get(cls.law, cls)
+        has_energy = "energy" in vars(cls) and "derivatives" not in vars(cls)
+        flaw = ""
         # the same class again, as from a notebook's cell run twice, replaces itself
         if (other.__module__, other.__qualname__) != (cls.__module__, cls.__qualname__):
-            raise InputError(
-                f"law of class {cls.__name__} is {cls.law!r}; allowed is a name of its own, other "
-                f"than {', '.join(sorted(LAWS))}"
-            )
-        has_energy = "energy" in vars(cls) and "derivatives" not in vars(cls)
-        if has_energy and cls.derivatives != Law.derivatives:
-            raise InputError(
-                f"law {cls.law} has an `energy` of its own and inherits closed-form `derivatives`; "
-                "allowed is `derivatives = ff.Law.derivatives`, or own ones"
-            )
+            flaw = f"of class {cls.__name__} is {cls.law!r}; allowed is a name of its own, other "
+            flaw += f"than {', '.join(sorted(LAWS))}"
+        elif has_energy and cls.derivatives != Law.derivatives:
+            flaw = f"{cls.law} has an `energy` of its own and inherits closed-form `derivatives`; "
+            flaw += "allowed is `derivatives = ff.Law.derivatives`, or own ones"
+        if flaw:
+            raise InputError(f"law {flaw}")
         LAWS[cls.law] = cls
 
     def __post_init__(self) -> None:
