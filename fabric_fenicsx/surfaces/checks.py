@@ -35,19 +35,18 @@ def check_triangles(surface: TriangulatedSurface, name: str, thickness: float) -
     def middle(nodes):
         return coordinates(surface.points[nodes].mean(0))
 
-    if count := len(surface.forks):
-        raise InputError(
-            f"{name} has {count} edges with more than two triangles, one at "
-            f"{middle(surface.forks[0])}; allowed are at most two at an edge"
-        )
+    flaw, count = "", len(surface.forks)
     off = 0.75 * surface.curved.patches.bulge  # more than the patches themselves
     worst = int(off.argmax())
-    if off[worst] > thickness:
-        raise InputError(
-            f"{name} has facets that are {rounded(off[worst])} mm off the curved surface through "
-            f"their corners, at {middle(surface.triangles[worst])}; allowed is up to the ply's "
-            f"thickness {thickness:g} mm"
-        )
+    if count:
+        flaw = f"{count} edges with more than two triangles, one at {middle(surface.forks[0])}; "
+        flaw += "allowed are at most two at an edge"
+    elif off[worst] > thickness:
+        flaw = f"facets that are {rounded(off[worst])} mm off the curved surface through their "
+        flaw += f"corners, at {middle(surface.triangles[worst])}; allowed is up to the ply's "
+        flaw += f"thickness {thickness:g} mm"
+    if flaw:
+        raise InputError(f"{name} has {flaw}")
     edges, turn = surface.curved.turns()
     if not len(turn) or (sharpest := np.degrees(turn.max())) <= 20.0:
         return []
