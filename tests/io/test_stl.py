@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from fabric_fenicsx.io.stl import read_stl
+from fabric_fenicsx.io.read import read_stl
 
 CORNERS = np.array([[[0, 0, 0], [2, 0, 0], [2, 1.5, 0]], [[0, 0, 0], [2, 1.5, 0], [0, 1, -0.5]]])
 
