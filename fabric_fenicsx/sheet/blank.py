@@ -17,8 +17,7 @@ from ..core.collective_errors import on_root
 from ..core.errors import InputError
 from ..core.rules import FINITE, POSITIVE
 from . import flat
-from .cells import CELLS
-from .mesh_checks import MeshArrays, checked_mesh
+from .mesh_checks import CELLS, MeshArrays, checked_mesh
 from .mesh_files import read_mesh
 from .part import Part
 from .sheet import Layout, Values
@@ -156,18 +155,16 @@ class Blank(SheetMesh):
     ) -> Self:
         """Blank of what `make` returns on rank 0, checked; centred, height: as in `read`; others as
         in `from_arrays`."""
-        local: list[MeshArrays] = []
 
         def checked():
             points, cells, kind, notes = make()
             mesh = checked_mesh(points, cells, kind, source, spatial)
             points, moved = flat.moved_sheet(mesh.points, source, centred, height)
-            notes = [*notes, *mesh.warnings, *moved]
-            local.append(MeshArrays(points, mesh.cells, kind, notes))
-            return MeshArrays(points[:0], mesh.cells[:0], kind, notes)  # of other ranks
+            return MeshArrays(points, mesh.cells, kind, [*notes, *mesh.warnings, *moved])
 
-        empty = on_root(comm, checked)
-        points, nodes, kind, warnings = (local or [empty])[0]
+        points, nodes, kind, warnings = on_root(comm, checked)
+        if comm.rank:  # rank 0 gives all of the mesh
+            points, nodes = points[:0], nodes[:0]
         how = CELLS[kind]
         nodes = nodes[:, compat.to_dolfinx_order(how.cell, nodes.shape[1])]
         blank = cls(compat.create_mesh(comm, nodes, points, how.cell, how.degree), **options)

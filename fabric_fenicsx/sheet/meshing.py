@@ -51,15 +51,19 @@ def mesh_sheet(
             modelled = modelled_share(planes) * [getattr(sheet, name) for name in sides]
             make = partial(flat.rectangle, sheet, modelled, turned, centred)
             blank = Blank.made(comm, make, source, spatial, options)
+    kind, flaw = "P" if blank.around == [0, 1, 2] else "Q", ""
     if blank.mesh.geometry.dim == 3 and not spatial:
-        raise InputError(f"{source} is not plane in z; allowed is a sheet in a plane z = const")
-    kind = "P" if blank.around == [0, 1, 2] else "Q"
-    if sheet.element and sheet.element[0] != kind:
-        raise InputError(
-            f"`element` {sheet.element} does not fit the cells of {source}; "
-            "allowed is P on triangles, Q on quadrilaterals"
-        )
-    doubts = [*blank.warnings, size_warning(blank, source)]
+        flaw = f"{source} is not plane in z; allowed is a sheet in a plane z = const"
+    elif sheet.element and sheet.element[0] != kind:
+        flaw = f"`element` {sheet.element} does not fit the cells of {source}"
+        flaw += "; allowed is P on triangles, Q on quadrilaterals"
+    if flaw:
+        raise InputError(flaw)
+    doubts = blank.warnings[:]
+    if not 20 <= blank.sides().max() <= 10_000:  # a few yarns, more than looms weave
+        size = " x ".join(rounded(side, 4) for side in blank.sides())
+        hint = "lengths are in mm (metres times 1000, inches times 25.4)"
+        doubts.append(f"{source} is {size} mm; {hint}")
     integration = sheet.integration or "full"
     if not sheet.integration and blank.degree == 2 and blank.triangulated:
         follow = sheet.pattern == "yarns" or blank.whole.follows_yarns()
@@ -72,7 +76,7 @@ def mesh_sheet(
             why = "has its own cells" if sheet.mesh else "has cells of one size"
             doubts.append(f"{asked} changes nothing, as {source} {why}")
         values |= _own_sizes(sheet, sides, blank, planes) | dict.fromkeys(idle)
-    return sheet.filled(**values), blank, [*filter(None, doubts)]
+    return sheet.filled(**values), blank, doubts
 
 
 def modelled_share(planes: Sequence[int]) -> np.ndarray:
@@ -80,23 +84,11 @@ def modelled_share(planes: Sequence[int]) -> np.ndarray:
     return np.where(np.isin([0, 1], planes), 0.5, 1.0)
 
 
-def size_warning(blank: Blank, source: str) -> str:
-    """A sentence if the sheet's size may be in another unit than mm, else ""."""
-    if 20 <= blank.sides().max() <= 10_000:  # a few yarns, more than looms weave
-        return ""
-    sides = " x ".join(rounded(side, 4) for side in blank.sides())
-    return f"{source} is {sides} mm; lengths are in mm (metres times 1000, inches times 25.4)"
-
-
-def whole_sides(blank: Blank, planes: Sequence[int]) -> list[float]:
-    """Length and width of the whole sheet [mm], rounded, to be the same on any number of ranks."""
-    return [float(f"{size:.9g}") for size in blank.sides()[:2] / modelled_share(planes)]
-
-
 def _own_sizes(sheet, names, blank, planes):
     """Length and width of an own mesh, by their fields, of a square the same one."""
     sizes = dict[str, float]()
-    for name, size in zip(names, whole_sides(blank, planes)):
+    for name, size in zip(names, blank.sides()[:2] / modelled_share(planes)):
+        size = float(f"{size:.9g}")  # the same on any number of ranks
         asked = sizes.setdefault(name, getattr(sheet, name) or size)
         if abs(asked - size) > SIZE_TOLERANCE * size:
             given = f"`{name}` {asked:g} does not fit {sheet.sheet_file}, of {size:g} mm"
