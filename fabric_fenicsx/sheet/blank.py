@@ -16,9 +16,8 @@ from .. import dolfinx_compat as compat
 from ..core.collective_errors import on_root
 from ..core.errors import InputError
 from ..core.rules import FINITE, POSITIVE
-from . import flat
+from . import sources
 from .mesh_checks import CELLS, MeshArrays, checked_mesh
-from .mesh_files import read_mesh
 from .part import Part
 from .sheet import Layout, Values
 from .sheet_mesh import Direction, SheetMesh
@@ -159,7 +158,7 @@ class Blank(SheetMesh):
         def checked():
             points, cells, kind, notes = make()
             mesh = checked_mesh(points, cells, kind, source, spatial)
-            points, moved = flat.moved_sheet(mesh.points, source, centred, height)
+            points, moved = sources.moved_sheet(mesh.points, source, centred, height)
             return MeshArrays(points, mesh.cells, kind, [*notes, *mesh.warnings, *moved])
 
         points, nodes, kind, warnings = on_root(comm, checked)
@@ -202,7 +201,7 @@ class Blank(SheetMesh):
         turned = FINITE.check("`turned`", layout.pop("turned", 0.0))
         centred = layout.pop("centred", False)
         sheet = Layout(nx=nx, ny=ny, pattern=pattern, **layout)
-        make = partial(flat.rectangle, sheet, sides, turned, centred)
+        make = partial(sources.rectangle, sheet, sides, turned, centred)
         return cls.made(comm, make, "the specimen", spatial, sheet.options(turned))
 
     @classmethod
@@ -237,8 +236,8 @@ class Blank(SheetMesh):
         pattern = pattern or ("along" if spatial else "unstructured")
         turned = FINITE.check("`turned`", layout.pop("turned", 0.0))
         place = turned, layout.pop("centred", False), layout.pop("planes", ())
-        sheet, source = Layout(nx=nx, pattern=pattern, **layout), flat.outline_source(outline)
-        make = partial(flat.outline, sheet, outline, (size, layer), *place)
+        sheet, source = Layout(nx=nx, pattern=pattern, **layout), sources.outline_source(outline)
+        make = partial(sources.outline, sheet, outline, (size, layer), *place)
         blank = cls.made(comm, make, source, spatial, sheet.options(turned))
         blank.from_file = True
         return blank
@@ -263,7 +262,7 @@ class Blank(SheetMesh):
         or unknown cells, and for a sheet that is not flat and has a `height`.
         """
 
-        make = partial(read_mesh, path)
+        make = partial(sources.read_mesh, path)
         blank = cls.made(comm, make, str(path), spatial, options, centred, height)
         blank.from_file = True
         return blank

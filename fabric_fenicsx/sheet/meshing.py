@@ -11,7 +11,7 @@ from ..core import timing
 from ..core.errors import InputError
 from ..core.formatting import rounded
 from ..core.status import task
-from . import flat
+from . import sources
 from .blank import Blank
 from .sheet import SheetFields, Values
 
@@ -44,12 +44,12 @@ def mesh_sheet(
             blank = Blank.read(sheet.mesh, spatial=spatial, comm=comm, **options)
         elif sheet.outline:
             rim, cells = sheet.outline, (sheet.size, sheet.layer)
-            make = partial(flat.outline, sheet, rim, cells, turned, bool(centred), planes)
-            blank = Blank.made(comm, make, flat.outline_source(rim), spatial, options)
+            make = partial(sources.outline, sheet, rim, cells, turned, bool(centred), planes)
+            blank = Blank.made(comm, make, sources.outline_source(rim), spatial, options)
             blank.from_file = True
         else:
             modelled = modelled_share(planes) * [getattr(sheet, name) for name in sides]
-            make = partial(flat.rectangle, sheet, modelled, turned, centred)
+            make = partial(sources.rectangle, sheet, modelled, turned, centred)
             blank = Blank.made(comm, make, source, spatial, options)
     kind, flaw = "P" if blank.around == [0, 1, 2] else "Q", ""
     if blank.mesh.geometry.dim == 3 and not spatial:
@@ -59,11 +59,7 @@ def mesh_sheet(
         flaw += "; allowed is P on triangles, Q on quadrilaterals"
     if flaw:
         raise InputError(flaw)
-    doubts = blank.warnings[:]
-    if not 20 <= blank.sides().max() <= 10_000:  # a few yarns, more than looms weave
-        size = " x ".join(rounded(side, 4) for side in blank.sides())
-        hint = "lengths are in mm (metres times 1000, inches times 25.4)"
-        doubts.append(f"{source} is {size} mm; {hint}")
+    doubts = [*blank.warnings, size_warning(blank, source)]
     integration = sheet.integration or "full"
     if not sheet.integration and blank.degree == 2 and blank.triangulated:
         follow = sheet.pattern == "yarns" or blank.whole.follows_yarns()
@@ -76,7 +72,7 @@ def mesh_sheet(
             why = "has its own cells" if sheet.mesh else "has cells of one size"
             doubts.append(f"{asked} changes nothing, as {source} {why}")
         values |= _own_sizes(sheet, sides, blank, planes) | dict.fromkeys(idle)
-    return sheet.filled(**values), blank, doubts
+    return sheet.filled(**values), blank, [*filter(None, doubts)]
 
 
 def modelled_share(planes: Sequence[int]) -> np.ndarray:
@@ -84,11 +80,23 @@ def modelled_share(planes: Sequence[int]) -> np.ndarray:
     return np.where(np.isin([0, 1], planes), 0.5, 1.0)
 
 
+def whole_sides(blank: Blank, planes: Sequence[int]) -> list[float]:
+    """Length and width of the whole sheet [mm], rounded, to be the same on any number of ranks."""
+    return [float(f"{size:.9g}") for size in blank.sides()[:2] / modelled_share(planes)]
+
+
+def size_warning(blank: Blank, source: str) -> str:
+    """A sentence if the sheet's size may be in another unit than mm, else ""."""
+    if 20 <= blank.sides().max() <= 10_000:  # a few yarns, more than looms weave
+        return ""
+    sides = " x ".join(rounded(side, 4) for side in blank.sides())
+    return f"{source} is {sides} mm; lengths are in mm (metres times 1000, inches times 25.4)"
+
+
 def _own_sizes(sheet, names, blank, planes):
     """Length and width of an own mesh, by their fields, of a square the same one."""
     sizes = dict[str, float]()
-    for name, size in zip(names, blank.sides()[:2] / modelled_share(planes)):
-        size = float(f"{size:.9g}")  # the same on any number of ranks
+    for name, size in zip(names, whole_sides(blank, planes)):
         asked = sizes.setdefault(name, getattr(sheet, name) or size)
         if abs(asked - size) > SIZE_TOLERANCE * size:
             given = f"`{name}` {asked:g} does not fit {sheet.sheet_file}, of {size:g} mm"

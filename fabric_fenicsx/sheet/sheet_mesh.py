@@ -15,7 +15,7 @@ from ufl.core.expr import Expr
 from .. import dolfinx_compat as compat
 from ..core.collective_errors import on_all
 from ..core.errors import InputError
-from .flat import FLAT_TOLERANCE
+from .sources import FLAT_TOLERANCE
 
 # an angle, a vector, or a function of points to either; see `Blank`
 Direction = ArrayLike | Callable[[np.ndarray], ArrayLike]

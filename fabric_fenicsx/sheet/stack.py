@@ -36,13 +36,9 @@ class Stack(Blank):
         play: float = 0.0,
         name: str = "stack",
     ) -> None:
-        blanks, given, names = zip(*sheets)
-        t = np.array(
-            [
-                POSITIVE.check(f"thickness of sheet {k} of the stack", v)
-                for k, v in zip(names, given)
-            ]
-        )
+        blanks, given, names = map(list, zip(*sheets))
+        words = [f"thickness of sheet {each} of the stack" for each in names]
+        t = np.array([*map(POSITIVE.check, words, given)])
         if flaw := _flaw(blanks, names):
             raise InputError(flaw)
         play = FINITE.check("`play` of the stack", play)
@@ -59,6 +55,7 @@ class Stack(Blank):
         degree = max(blank.degree for blank in blanks)
         super().__init__(mesh, lambda x: a.T, lambda x: b.T, degree=degree, name=name)
         self.thickness = float(t.sum())  # of all sheets together [mm]
+        self.blanks = blanks
         self.number = number[:, 0].astype(np.int32)
         self.from_file = any(blank.from_file for blank in blanks)
         self.warnings = [text for blank in blanks for text in blank.warnings]
@@ -74,7 +71,7 @@ class Stack(Blank):
 def _flaw(blanks, names):
     """Why these sheets make no stack, and what is allowed; else ""."""
     if len(set(names)) < len(names) or not all(names):
-        return f"sheets of the stack are named {[*names]}; allowed are different names"
+        return f"sheets of the stack are named {names}; allowed are different names"
     kinds = {compat.cell_name(blank.mesh) for blank in blanks}
     if len(kinds) > 1:
         return f"the stack has sheets of {sorted(kinds)}s; allowed is one kind of cells"

@@ -6,7 +6,7 @@ import pytest
 
 from fabric_fenicsx.core.errors import InputError
 from fabric_fenicsx.sheet.mesh_checks import CELLS, checked_mesh, turned_over
-from fabric_fenicsx.sheet.mesh_files import read_mesh, straight_cells
+from fabric_fenicsx.sheet.sources import read_mesh, straight_cells
 from fabric_fenicsx.sheet.specimen import specimen
 
 SQUARE = np.array([[0.0, 0], [10, 0], [10, 10], [0, 10]])
