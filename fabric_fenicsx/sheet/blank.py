@@ -138,8 +138,8 @@ class Blank(SheetMesh):
         is a manifold mesh in R^3. options: those of `Blank`. Raises InputError, on all ranks, for a
         mesh that is no sheet, see `checked_mesh`; doubts stand in `warnings`.
         """
-        arrays = np.asarray(points, float), np.asarray(cells), str(kind)
-        return cls.made(comm, lambda: MeshArrays(*arrays, []), source, spatial, options)
+        make = partial(MeshArrays, np.asarray(points, float), np.asarray(cells), str(kind), [])
+        return cls.made(comm, make, source, spatial, options, from_file=False)
 
     @classmethod
     def made(
@@ -151,9 +151,10 @@ class Blank(SheetMesh):
         options: Values,
         centred: bool = False,
         height: float | None = None,
+        from_file: bool = True,
     ) -> Self:
-        """Blank of what `make` returns on rank 0, checked; centred, height: as in `read`; others as
-        in `from_arrays`."""
+        """Blank of what `make` returns on rank 0, checked; centred, height: as in `read`;
+        from_file: if its cells are a user's; others as in `from_arrays`."""
 
         def checked():
             points, cells, kind, notes = make()
@@ -167,7 +168,7 @@ class Blank(SheetMesh):
         how = CELLS[kind]
         nodes = nodes[:, compat.to_dolfinx_order(how.cell, nodes.shape[1])]
         blank = cls(compat.create_mesh(comm, nodes, points, how.cell, how.degree), **options)
-        blank.warnings = warnings
+        blank.warnings, blank.from_file = warnings, from_file
         return blank
 
     @classmethod
@@ -202,7 +203,8 @@ class Blank(SheetMesh):
         centred = layout.pop("centred", False)
         sheet = Layout(nx=nx, ny=ny, pattern=pattern, **layout)
         make = partial(sources.rectangle, sheet, sides, turned, centred)
-        return cls.made(comm, make, "the specimen", spatial, sheet.options(turned))
+        options = sheet.options(turned)
+        return cls.made(comm, make, "the specimen", spatial, options, from_file=False)
 
     @classmethod
     def outline(
@@ -238,9 +240,7 @@ class Blank(SheetMesh):
         place = turned, layout.pop("centred", False), layout.pop("planes", ())
         sheet, source = Layout(nx=nx, pattern=pattern, **layout), sources.outline_source(outline)
         make = partial(sources.outline, sheet, outline, (size, layer), *place)
-        blank = cls.made(comm, make, source, spatial, sheet.options(turned))
-        blank.from_file = True
-        return blank
+        return cls.made(comm, make, source, spatial, sheet.options(turned))
 
     @classmethod
     def read(
@@ -261,8 +261,5 @@ class Blank(SheetMesh):
         `from_arrays`. Raises InputError as that, for a file that cannot be read or has solid, mixed
         or unknown cells, and for a sheet that is not flat and has a `height`.
         """
-
         make = partial(sources.read_mesh, path)
-        blank = cls.made(comm, make, str(path), spatial, options, centred, height)
-        blank.from_file = True
-        return blank
+        return cls.made(comm, make, str(path), spatial, options, centred, height)

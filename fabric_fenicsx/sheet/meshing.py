@@ -46,11 +46,10 @@ def mesh_sheet(
             rim, cells = sheet.outline, (sheet.size, sheet.layer)
             make = partial(sources.outline, sheet, rim, cells, turned, bool(centred), planes)
             blank = Blank.made(comm, make, sources.outline_source(rim), spatial, options)
-            blank.from_file = True
         else:
             modelled = modelled_share(planes) * [getattr(sheet, name) for name in sides]
             make = partial(sources.rectangle, sheet, modelled, turned, centred)
-            blank = Blank.made(comm, make, source, spatial, options)
+            blank = Blank.made(comm, make, source, spatial, options, from_file=False)
     kind, flaw = "P" if blank.around == [0, 1, 2] else "Q", ""
     if blank.mesh.geometry.dim == 3 and not spatial:
         flaw = f"{source} is not plane in z; allowed is a sheet in a plane z = const"
