@@ -187,7 +187,7 @@ class Blank(SheetMesh):
         """Rectangle of `length` and `width` [mm] in the plane z = 0.
 
         - nx, ny: rectangles along length and width, square without `ny`; pattern: how they become
-          cells, one of `meshes.specimen.PATTERNS`
+          cells, one of `sheet.specimen.PATTERNS`
         - element: "P1", "P2", "P3", "Q1" or "Q2"; by default P1 or P2, see `degree` of `Blank`
         - spatial: True: free to leave its plane
         - turned: angle from x to the length [rad]; the frame is then along length and width
