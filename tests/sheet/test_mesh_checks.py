@@ -5,8 +5,7 @@ import pytest
 from builders import COMM, slit_strip
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.sheet.cells import CELLS
-from fabric_fenicsx.sheet.mesh_checks import checked_mesh
+from fabric_fenicsx.sheet.mesh_checks import CELLS, checked_mesh
 from fabric_fenicsx.sheet.specimen import PATTERNS, specimen
 
 STRIP = specimen(4, 2, 4, 2, "right")

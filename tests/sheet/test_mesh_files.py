@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 
 from fabric_fenicsx.core.errors import InputError
-from fabric_fenicsx.sheet.cells import CELLS, straight_cells, turned_over
-from fabric_fenicsx.sheet.mesh_checks import checked_mesh
-from fabric_fenicsx.sheet.mesh_files import read_mesh
+from fabric_fenicsx.sheet.mesh_checks import CELLS, checked_mesh, turned_over
+from fabric_fenicsx.sheet.sources import read_mesh, straight_cells
 from fabric_fenicsx.sheet.specimen import specimen
 
 SQUARE = np.array([[0.0, 0], [10, 0], [10, 10], [0, 10]])

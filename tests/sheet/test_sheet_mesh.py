@@ -10,7 +10,7 @@ from dolfinx import fem
 
 import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
-from fabric_fenicsx.sheet.flat import moved_sheet
+from fabric_fenicsx.sheet.sources import moved_sheet
 
 KITE = np.array([[0, 0], [4, 0], [0, 2], [-1, 0]], float)  # triangles of 4 and 1 mm2
 
