@@ -6,8 +6,7 @@ from typing import Protocol, Self
 import numpy as np
 from mpi4py import MPI
 
-from .coulomb import Coulomb
-from .friction_loops import slipped
+from .coulomb import Coulomb, slipped
 
 
 class SlipMap(Protocol):

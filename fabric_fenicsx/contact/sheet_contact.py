@@ -13,13 +13,12 @@ from ..energy.morley import Where
 from ..energy.output import Value, joined, largest, size_of
 from ..energy.term import SceneFacts, Triplets, overrides
 from ..io.field import Field
-from .contact_points import POINTS, ContactPairs, ContactPoints
+from .contact_points import POINTS, ContactPairs, ContactPoints, RelativeMotion
 from .contact_response import ContactResponse, contact_response, with_secant_stiffness
 from .contact_term import ContactTerm
 from .coulomb import Coulomb
 from .lagged_faces import LaggedFaces
 from .pressure_law import between_faces, face_of, rigid_face
-from .relative_motion import RelativeMotion
 from .slip_maps import FaceSlip
 from .thickness import PlyThickness
 

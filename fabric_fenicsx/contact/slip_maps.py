@@ -5,9 +5,8 @@ import numpy as np
 from ..energy.nodes import Nodes
 from ..energy.term import Triplets
 from ..surfaces.tool import Tool
-from .contact_points import ContactPairs, ContactPoints
-from .friction_loops import turned
-from .relative_motion import RelativeMotion
+from .contact_points import ContactPairs, ContactPoints, RelativeMotion
+from .coulomb import turned
 
 
 class ToolSlip:

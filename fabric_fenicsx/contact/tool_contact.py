@@ -17,10 +17,15 @@ from ..energy.work import Work
 from ..surfaces.checks import check_start
 from ..surfaces.surfaces import Nearest
 from ..surfaces.tool import Tool
-from .contact_response import ContactResponse, contact_response, with_secant_stiffness
+from .contact_response import (
+    ContactResponse,
+    Resistance,
+    contact_response,
+    find_balance,
+    with_secant_stiffness,
+)
 from .contact_term import ToolContactTerm
 from .coulomb import LAG, Friction
-from .force_balance import Resistance, find_balance
 from .pressure_law import PENETRATION, SMOOTHING, FaceLaw, face_of, rigid_face
 from .thickness import PlyThickness
 
