@@ -13,9 +13,8 @@ from ..energy.term import NO_TANGENT, Term, Triplets
 from ..io.field import Field
 from ..surfaces.tool import Tool
 from .coulomb import Friction, friction_law
-from .friction import FrictionState, SlipMap
+from .friction import FrictionState, SlipMap, ToolSlip
 from .pressure_law import FaceLaw
-from .slip_maps import ToolSlip
 
 
 class ContactTerm(Term):

@@ -1,6 +1,6 @@
 """Checks of sheets in space: their tools, and what passed through what."""
 
-from ..contact.self_crossing import crossing_warning, self_crossings
+from ..contact.self_contact import crossing_warning, self_crossings
 from ..contact.sheet_contact import SheetContact
 from ..core.formatting import coordinates, rounded
 from ..energy.release_forces import ReleaseForces

@@ -20,9 +20,8 @@ from ..energy.term import SceneFacts, overrides
 from ..energy.yarn_friction import KIND
 from ..job.job import Job, Result
 from ..job.setup import Setup
-from ..scene.memory import OF_CELLS, memory_of
 from ..scene.rigid_motions import isostatic, planes_of_symmetry
-from ..scene.scene import Scene
+from ..scene.scene import OF_CELLS, Scene, memory_of
 from ..scene.supports import Support
 from ..sheet.blank import Part
 

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..core.ranks import on_ranks
+from ..core.processes import on_ranks
 from ..material.presets import read_laws
 from ..press.press import Press
 from ..press.schema import OF_ALL_PLIES, short_forms

@@ -14,7 +14,7 @@ from threading import RLock
 from ..core.errors import NOT_BELIEVED, InputError, Interrupted
 from ..core.files import failure_reason
 from ..core.formatting import rounded
-from ..core.ranks import RANKS_ENVIRONMENT
+from ..core.processes import RANKS_ENVIRONMENT
 from ..core.status import shown, task
 from .folder import Run, SweepFolder
 from .form import SweepRun
