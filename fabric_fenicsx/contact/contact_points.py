@@ -10,9 +10,8 @@ from mpi4py import MPI
 from scipy import sparse
 
 from ..core.compiled import compiled
-from ..energy.gathered import CoupledNodes, GatheredNodes
 from ..energy.morley import Where
-from ..energy.nodes import Nodes
+from ..energy.nodes import CoupledNodes, GatheredNodes, Nodes
 from ..energy.term import Triplets
 from ..sheet.blank import Blank, Part
 from ..surfaces.facets import LAST, NEXT

@@ -18,10 +18,9 @@ from ..energy.term_checks import bind
 from ..surfaces.primitives import Plane
 from ..surfaces.tool import Tool
 from ..surfaces.values import checked_vector
-from .contact_term import ToolContactTerm
+from .contact_term import PlyThickness, ToolContactTerm
 from .coulomb import Friction
 from .sheet_contact import SheetContact
-from .thickness import PlyThickness
 from .tool_contact import Contact
 
 

@@ -24,10 +24,9 @@ from .contact_response import (
     find_balance,
     with_secant_stiffness,
 )
-from .contact_term import ToolContactTerm
+from .contact_term import PlyThickness, ToolContactTerm
 from .coulomb import LAG, Friction
 from .pressure_law import PENETRATION, SMOOTHING, FaceLaw, face_of, rigid_face
-from .thickness import PlyThickness
 
 
 class _Accepted(NamedTuple):

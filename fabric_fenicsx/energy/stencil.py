@@ -6,8 +6,8 @@ from types import ModuleType
 import numpy as np
 from scipy import sparse
 
-from .gathered import CoupledNodes, GatheredNodes
 from .morley import MorleyCells
+from .nodes import CoupledNodes, GatheredNodes
 from .shapes import Section, Shape
 from .term import Triplets
 

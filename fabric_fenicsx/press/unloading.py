@@ -9,13 +9,13 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from mpi4py import MPI
 
+from ..contact.contact_term import PlyThickness
 from ..contact.sheet_contact import FaceContact, SheetContact
-from ..contact.thickness import PlyThickness
 from ..core.errors import InputError
 from ..core.formatting import rounded
+from ..energy.load import RELEASED, ReleaseForces
 from ..energy.materials import fabric_of, materials_of
 from ..energy.output import Value
-from ..energy.release_forces import RELEASED, ReleaseForces
 from ..energy.term import SceneFacts, overrides
 from ..energy.yarn_friction import KIND
 from ..job.job import Job, Result
