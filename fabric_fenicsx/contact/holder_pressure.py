@@ -13,8 +13,7 @@ from ..core.rules import ABOVE_ZERO_OR_INF, FROM_ZERO
 from ..energy.load import at_load
 from ..energy.nodes import Nodes, shares_at
 from ..energy.output import Value
-from ..energy.term import SceneFacts
-from ..energy.term_checks import bind
+from ..energy.term import SceneFacts, bind
 from ..surfaces.primitives import Plane
 from ..surfaces.tool import Tool
 from ..surfaces.values import checked_vector

@@ -17,16 +17,20 @@ from ..energy.work import Work
 from ..surfaces.checks import check_start
 from ..surfaces.surfaces import Nearest
 from ..surfaces.tool import Tool
-from .contact_response import (
-    ContactResponse,
-    Resistance,
-    contact_response,
-    find_balance,
-    with_secant_stiffness,
-)
 from .contact_term import PlyThickness, ToolContactTerm
 from .coulomb import LAG, Friction
-from .pressure_law import PENETRATION, SMOOTHING, FaceLaw, face_of, rigid_face
+from .pressure_law import (
+    PENETRATION,
+    SMOOTHING,
+    ContactResponse,
+    FaceLaw,
+    Resistance,
+    contact_response,
+    face_of,
+    find_balance,
+    rigid_face,
+    with_secant_stiffness,
+)
 
 
 class _Accepted(NamedTuple):

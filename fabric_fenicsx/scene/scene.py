@@ -13,13 +13,11 @@ from ..core.timing import phase
 from ..energy.assembly import Assembly
 from ..energy.fingerprint import entries, of_values, plain
 from ..energy.output import arrays
-from ..energy.term import Term, overrides
-from ..energy.term_checks import bind, check_answers
+from ..energy.term import Term, bind, check_answers, overrides
 from ..energy.work import STATES
 from ..sheet.blank import Blank
-from .dirichlet import FixedDofs
 from .rigid_motions import check_held, is_held_by_friction
-from .supports import Supports
+from .supports import FixedDofs, Supports
 
 OF_CELLS = "cells "  # begins the names of arrays in cells
 

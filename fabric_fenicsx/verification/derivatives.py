@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 from ..core.errors import InputError
 from ..core.rules import FINITE, POSITIVE
 from ..energy.assembly import Assembly
-from ..energy.term import Term
-from ..energy.term_checks import check_answers
+from ..energy.term import Term, check_answers
 from ..material.laws import Law
 from ..scene.scene import Scene
 from ..surfaces.implicit import ImplicitSurface
