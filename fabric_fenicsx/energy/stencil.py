@@ -6,9 +6,8 @@ from types import ModuleType
 import numpy as np
 from scipy import sparse
 
-from .morley import MorleyCells
+from .morley import MorleyCells, Section, Shape
 from .nodes import CoupledNodes, GatheredNodes
-from .shapes import Section, Shape
 from .term import Triplets
 
 

@@ -13,11 +13,11 @@ from ..contact.contact_term import PlyThickness
 from ..contact.sheet_contact import FaceContact, SheetContact
 from ..core.errors import InputError
 from ..core.formatting import rounded
+from ..energy.fabric_states import KIND
 from ..energy.load import RELEASED, ReleaseForces
 from ..energy.materials import fabric_of, materials_of
 from ..energy.output import Value
 from ..energy.term import SceneFacts, overrides
-from ..energy.yarn_friction import KIND
 from ..job.job import Job, Result
 from ..job.setup import Setup
 from ..scene.rigid_motions import isostatic, planes_of_symmetry
