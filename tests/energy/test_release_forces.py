@@ -5,7 +5,7 @@ import pytest
 from builders import Elastic, alone, march, near, rotation, sheet
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.energy.release_forces import ReleaseForces
+from fabric_fenicsx.energy.load import ReleaseForces
 from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.solve.newton import Newton
 

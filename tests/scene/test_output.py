@@ -9,7 +9,7 @@ from builders import Elastic, sheet
 import fabric_fenicsx as ff
 from fabric_fenicsx.energy import output as values
 from fabric_fenicsx.scene import output
-from fabric_fenicsx.scene.memory import rescale_loads
+from fabric_fenicsx.scene.scene import rescale_loads
 
 
 def test_what_is_merged_of_several_terms():
