@@ -17,7 +17,6 @@ from ..energy.term import Term
 from ..surfaces.primitives import Plane
 from ..surfaces.tool import Tool
 from ..surfaces.values import checked_vector
-from . import stack
 from .site import EDGES, HolderSite, Region, Where
 
 
@@ -95,11 +94,11 @@ class PressureHolder(Kind):
     def terms(self, site: HolderSite) -> list[Term]:
         """As in `Holder`; a stack is pressed where all its sheets lie on one another."""
         if not callable(self.pressure):
-            site.warnings.extend(check_fields(self, lambda name: f"{site.path}.{name}"))
+            site.warn(*check_fields(self, lambda name: f"{site.path}.{name}"))
         if self.pressure == 0:
-            site.warnings.append(f"{site.path}.pressure is 0: it does not hold the rim")
+            site.warn(f"{site.path}.pressure is 0: it does not hold the rim")
         flange, where = site.on_flange(), site.pressed(self.where)
-        site.warnings.extend(site.loose_ends())
+        site.warn(*site.loose_ends())
         pressure = BlankHolderPressure(
             self.pressure,
             site.up,
@@ -119,7 +118,7 @@ class PressureHolder(Kind):
             )
         # sheets that reach beyond the lowest one can't sink below the holder's face
         face = Tool(Plane(-site.thickness / 2 * site.up, site.up), name=f"{site.name}'s face")
-        below = [site.contact(face, where).on(name) for name in stack.rims(site.laid)[:1]]
+        below = [site.contact(face, where).on(name) for name in site.rims[:1]]
         return [pressure.on(site.sheets[0]), *below]
 
 
@@ -234,7 +233,7 @@ class Grippers(Kind):
     def terms(self, site: HolderSite) -> list[Term]:
         """As in `Holder`. Raises InputError if no edge is gripped."""
         if self.tension == 0:
-            site.warnings.append(f"{site.path}.tension is 0: it does not hold the rim")
+            site.warn(f"{site.path}.tension is 0: it does not hold the rim")
         pulls: list[Term] = []
         for name, outwards, edge in site.edges(self.edges):
             if gripped := site.gripped(name, edge, self.where):

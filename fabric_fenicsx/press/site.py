@@ -21,6 +21,7 @@ from ..material.files import Interval
 from ..sheet.blank import Blank
 from ..surfaces.tool import Tool
 from ..surfaces.values import checked_vector
+from . import stack
 from .interface import Interface
 from .laying import Laid
 
@@ -208,6 +209,15 @@ class HolderSite:
     def sheets(self) -> list[str]:
         """Names of the sheets of a stack, the lowest first."""
         return [sheet.name for sheet in self.laid.sheets] if self.laid.stack else []
+
+    @property
+    def rims(self) -> list[str]:
+        """Names of the sheets of a stack that reach beyond all sheets below them."""
+        return stack.rims(self.laid)
+
+    def warn(self, *sentences: str) -> None:
+        """Add these sentences to the warnings of the run."""
+        self.warnings.extend(sentences)
 
     def contact(self, tool: Tool, where: Where | None = None) -> Contact:
         """Contact with a tool of the holder, as that with the die; where: as in `Contact`."""

@@ -97,15 +97,14 @@ class PressTool(KnowsItsFields):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        for name, size in (("turn", "three"), ("at", "two or three")):
+            if (value := getattr(self, name)) is not None:  # a tuple, so that tools compare
+                value = tuple(checked_vector(f"`{name}`", value, size=size).tolist())
+                object.__setattr__(self, name, value)
         if not isinstance(self.surface, (Surface, str, os.PathLike, DieOf)):
             flaw = f"`surface` is {repr_short(self.surface)}"
             raise InputError(f"{flaw}; allowed is a surface, a file's name, or `DieOf` a tool")
-        turn, at = checked_vector("`turn`", self.turn), self.at
-        if at is not None:
-            at = tuple(checked_vector("`at`", at, size="two or three").tolist())
-        for name, value in (("at", at), ("turn", tuple(turn.tolist()))):  # so that tools compare
-            object.__setattr__(self, name, value)
-        if self.off is not None and at is not None and len(at) == 3:
+        if self.off is not None and len(self.at or ()) == 3:
             raise InputError("`off` is not allowed beside a z in `at`")
 
     @property
