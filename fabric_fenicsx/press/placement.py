@@ -257,11 +257,12 @@ def _clearance_doubts(press, tools, schedule, extent):
     }
     pairs = [pair for pair in product(below, above) if not any(tools[n].force for n in pair)]
     for pair, (load, when) in product(pairs, zip(schedule.joints, whens)):
+        apart, place = np.inf, np.zeros(3)
         if punch := straight.get(frozenset(pair)):  # where both are flat, in the middle
-            apart, place = schedule.distance(punch, load), np.zeros(3)
-        else:
-            one, two = (tools[name] for name in pair)
-            apart, place = _least_distance(one, two, extent, load)
+            apart = schedule.distance(punch, load)
+        elif len(x := _points(tools[pair[0]], extent, load)):
+            gap = _gap(tools[pair[1]], x, load)
+            apart, place = gap.min(), x[gap.argmin()]
         words, at = f"tools {' and '.join(pair)}", f"{when}, at {coordinates(place)} mm"
         if apart < 0:
             raise InputError(
@@ -274,12 +275,10 @@ def _clearance_doubts(press, tools, schedule, extent):
     return doubts
 
 
-def _least_distance(one, two, extent, load):
-    """The least distance [mm] of two tools over the blank, and its place; inf if there is none."""
-    x = np.vstack([_points(one, extent, load), np.zeros(3)])
-    gap = np.append(two.surface.evaluate(x[:-1] - two.path(load)).gap, np.inf)
-    gap[~np.isfinite(gap)] = np.inf
-    return float(gap.min()), x[gap.argmin()]
+def _gap(tool, x, load):
+    """Gaps (n,) of points (n, 3) to a tool at a load factor [mm], inf where it has none."""
+    gap = tool.surface.evaluate(x - tool.path(load)).gap
+    return np.where(np.isfinite(gap), gap, np.inf)
 
 
 def _points(tool, extent, load):

@@ -17,7 +17,8 @@ from .tools import PressTool
 @documented
 @dataclass(frozen=True)
 class Stage(KnowsItsFields):
-    """What tools and holders do in one part of a run, all in proportion to the load.
+    """What tools and holders do in one part of a run, all in proportion to the load: one of them
+    must do something.
 
     Parameters
     ----------
@@ -32,11 +33,6 @@ class Stage(KnowsItsFields):
         {name of a holder with a pressure: pressure at the end of the stage} [MPa].
     leave
         Names of tools that go back to where they started.
-
-    Raises
-    ------
-    InputError
-        For values that are not allowed, and for a stage in which nothing happens.
 
     Examples
     --------

@@ -30,11 +30,6 @@ class DieOf(KnowsItsFields):
     tool
         Name of the other tool, which is on the other side of the blank.
 
-    Raises
-    ------
-    InputError
-        For a clearance that is not above 0.
-
     Examples
     --------
     >>> ff.PressTool(ff.DieOf("punch"), side="above").surface.tool
@@ -63,11 +58,6 @@ class PressTool(KnowsItsFields):
         back by the distance `off`.
     turn
         Angles (3,) about x, then y, then z [deg], by which it is turned about its origin.
-
-    Raises
-    ------
-    InputError
-        For values that are not allowed.
 
     Examples
     --------
