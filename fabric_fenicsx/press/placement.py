@@ -140,19 +140,17 @@ class _FlatBlank:
         does not meet the blank, or only with its back."""
         place, up, (triangles, turn) = np.array(tool.at)[:2], tool.towards[2], _triangles(surface)
         away, between, rounding = self.size, np.empty((0, 3)), 1e-9 * self.size
-        points = np.zeros((1, 3))
-        far = 1e3 * self.size + sum(r for r in surface.radii if np.isfinite(r))
-        if triangles is not None:
-            points = triangles.points @ turn.T
-            far = 4 * (abs(points).max() + self.size)  # how far away its face may be
+        points = (np.zeros((1, 3)) if triangles is None else triangles.points) @ turn.T
+        radii = sum(r for r in surface.radii if np.isfinite(r))
+        far = 1e3 * self.size + radii + abs(points).max()  # how far away its face may be
         while self._least(surface, [*place, -up * away], between)[0] <= 0:
-            if away >= far:
+            away *= 2
+            if away > far:
                 raise InputError(
                     f"tools.{name} has its body between its face and the blank; allowed is the "
                     "other side, turn = [180, 0, 0] on top of its own turn, triangles whose "
                     "normals point out of the body, or the die of an open surface, as double_dome"
                 )
-            away = min(2 * away, far)
         low, high = self.extent[:, :2]
         for _ in range(500):
             gap, top = self._least(surface, [*place, -up * away], between)
