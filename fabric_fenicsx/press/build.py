@@ -90,8 +90,7 @@ def _supports(press: PressData, laid: Laid) -> list[Support]:
         Support(f"plane of symmetry {'xy'[axis]} = 0", on_plane(axis), (axis,))
         for axis in press.planes
     ]
-    free = tuple(axis for axis in (0, 1) if axis not in press.planes)
-    if free:
+    if free := tuple(axis for axis in (0, 1) if axis not in press.planes):
         middle = laid.nearest_nodes(laid.centre)
         supports.append(Support("centre", middle, free, locates=True))
     if not press.planes:
@@ -129,12 +128,12 @@ def _hold(press, laid, tools, schedule, friction, between):
         for k, tool in enumerate(unnamed, 1):
             tool.name = name if len(unnamed) == 1 else f"{name}, {k}"
         doubts += site.warnings
-        pressures = [term for term in terms if isinstance(term, BlankHolderPressure)]
-        if any(term.direction @ site.up < 0 for term in pressures):
-            doubts.append(
-                f"the pressure of {name} is directed away from the die: towards it is "
-                f"(0, 0, {site.up[2]:g})"
-            )
+        doubts += [
+            f"the pressure of {name} is directed away from the die: towards it is "
+            f"(0, 0, {site.up[2]:g})"
+            for term in terms
+            if isinstance(term, BlankHolderPressure) and term.direction @ site.up < 0
+        ]
     return held, on_die, doubts
 
 
