@@ -19,6 +19,7 @@ from .shape import File
 
 COLOURS = "YlOrRd"  # light, so that the shading shows the shape
 STEEL, YARNS = "#8f9aa8", "#30343b"
+VIEW = 0.45, -1.0, 0.55  # from the blank to the camera
 
 
 @contextmanager

@@ -14,8 +14,7 @@ import pyvista
 from ..core.errors import InputError
 from .pictures import shown
 from .ply import check_field, ply_of, whole
-from .press_pictures import VIEW
-from .space import COLOURS, STEEL, drawing, mirrored
+from .space import COLOURS, STEEL, VIEW, drawing, mirrored
 from .states import states, units
 
 
