@@ -130,10 +130,8 @@ def _nearest(ply, points, reach):
     surface = pyvista.PolyData.from_regular_faces(ply.formed, ply.triangles)
     cells, nearest = surface.find_closest_cell(points, return_closest_point=True)
     apart = np.linalg.norm(points - nearest, axis=1)
-    if apart.max() > reach:
-        where = coordinates(points[apart.argmax()])
-        flaw = f"the trim line is {rounded(apart.max())} mm away from the ply at {where} mm"
-        raise InputError(f"{flaw}; allowed is up to {rounded(reach)} mm, on the formed ply")
+    allowed = f"up to {rounded(reach)} mm, on the formed ply"
+    _refuse("the trim line is {} mm away from the ply", points, apart, apart > reach, allowed)
     corners = ply.formed[ply.triangles[cells]]
     p, q, r = corners.swapaxes(0, 1)
     normal = np.cross(q - p, r - p)
@@ -146,7 +144,8 @@ def _nearest(ply, points, reach):
     beyond = np.linalg.norm(beside, axis=1)
     edge = _sheet(ply).boundary
     on_edge = shapely.distance(edge, shapely.points(places)) < 1e-6 * np.sqrt(edge.length)
-    _check_on(points, beyond, (beyond > MAX_BEYOND * reach) & on_edge)
+    leaves = (beyond > MAX_BEYOND * reach) & on_edge
+    _refuse("the trim line leaves the ply", points, beyond, leaves, "a line on the ply")
     return places, float(apart.max())
 
 
@@ -161,29 +160,25 @@ def _below(ply, points, reach):
     if missing.any():
         ply_in_plan = shapely.union_all(tree.geometries)
         beyond[missing] = shapely.distance(ply_in_plan, places[missing])
-    _check_on(points, beyond, missing)
+    _refuse("the trim line leaves the ply", points, beyond, missing, "a line on the ply")
     shares = _shares(corners[cells][:, :, :2], points[point])
     height = (shares * corners[cells][:, :, 2]).sum(1)
     low, high = np.full(len(points), np.inf), np.full(len(points), -np.inf)
     np.minimum.at(low, point, height)
     np.maximum.at(high, point, height)
-    folded = high - low
-    if folded.max() > reach:
-        where = coordinates(points[folded.argmax()])
-        flaw = f"the ply lies {rounded(folded.max())} mm above itself at {where} mm"
-        raise InputError(f"{flaw}; allowed for it is a trim line with z")
+    folded, flaw = high - low, "the ply lies {} mm above itself"
+    _refuse(flaw, points, folded, folded > reach, "a trim line with z where it does")
     _, first = np.unique(point, return_index=True)
     return (shares[first, :, None] * ply.x[ply.triangles[cells[first]], :2]).sum(1), 0.0
 
 
-def _check_on(points, beyond, gone):
-    """Raise InputError for points (n, d) that are `gone` (n,), `beyond` (n,) the ply's edge; it
-    names the furthest."""
-    if gone.any():
-        where = coordinates(points[(beyond * gone).argmax()])
-        raise InputError(
-            f"the trim line leaves the ply at {where} mm; allowed is a line on the ply"
-        )
+def _refuse(flaw, points, size, wrong, allowed):
+    """Raise InputError if any of the points (n, d) are `wrong` (n,), which names the one where the
+    `size` (n,) [mm] of the flaw is largest."""
+    if wrong.any():
+        worst = (size * wrong).argmax()
+        words = f"{flaw.format(rounded(size[worst]))} at {coordinates(points[worst])} mm"
+        raise InputError(f"{words}; allowed is {allowed}")
 
 
 def _shares(corners, points):
