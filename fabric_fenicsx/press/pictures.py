@@ -65,7 +65,7 @@ def _holders(made, plies):
     owners = {term: name for name, terms in made.holders.items() for term in terms}
     for term in made.scene.terms:
         ply = ply_of(plies[term.part_name] if term.part_name else next(iter(plies.values())))
-        x, centres = ply.x, ply.x[ply.triangles].mean(1).T
+        x, centres = ply.x, ply.x[ply.cells].mean(1).T
         name = (term.tool or term).name
         if isinstance(term, BlankHolderPressure):
             surfaces[name] = _patch(ply, term.shares(centres) > 0.5, -0.02 * size * term.direction)
@@ -85,7 +85,7 @@ def _holders(made, plies):
 
 def _patch(ply, pressed, shift):
     """Surface of the triangles where a mask (m,) is true, moved by `shift` (3,) [mm]."""
-    return pyvista.PolyData.from_regular_faces(ply.x + shift, ply.triangles[pressed]).clean()
+    return pyvista.PolyData.from_regular_faces(ply.x + shift, ply.cells[pressed]).clean()
 
 
 def _pulls(x, away, size):

@@ -41,8 +41,8 @@ def along_paths(
     from matplotlib.tri import LinearTriInterpolator  # takes long to import
 
     ply, fine = ply_of(grid), 20  # points of the line on the formed ply for each point of the path
-    middles, paths = ply.x[ply.triangles, :2].mean(1), {}
-    centre = np.average(middles, axis=0, weights=plan_area(ply.x, ply.triangles))
+    middles, paths = ply.x[ply.cells, :2].mean(1), {}
+    centre = np.average(middles, axis=0, weights=plan_area(ply.x, ply.cells))
     centre[ply.planes] = 0.0
     centre = centre.round(9)
     plan, cell_at, _ = _found(ply, centre, "the centroid")
@@ -77,7 +77,7 @@ def _found(ply, place, name):
     at a place."""
     from matplotlib.tri import Triangulation
 
-    plan = Triangulation(*ply.x[:, :2].T, ply.triangles)
+    plan = Triangulation(*ply.x[:, :2].T, ply.cells)
     cell_at = plan.get_trifinder()
     if (cell := int(cell_at(*place))) < 0:
         flaw = f"{name}, {coordinates(place)} mm, is not on the flat sheet"
@@ -113,7 +113,7 @@ class Outline(NamedTuple):
 def outline(grid: Grid) -> list[Outline]:
     """The free edges of the ply [list of `Outline`], without those on planes of symmetry."""
     ply = ply_of(grid)
-    sides = edge_sides(ply.triangles)
+    sides = edge_sides(ply.cells)
     for axis in ply.planes:
         sides = sides[ply.x[sides, axis].any(1)]
     after = dict(sides.tolist())
@@ -172,4 +172,4 @@ def contrast(grid: Grid, name: str) -> float:
     one or two cells wide have and smooth fields do not, in the field's unit."""
     ply = ply_of(grid)
     values = ply.fields[name]
-    return float(np.sqrt(np.mean((values - ply.at_nodes(values)[ply.triangles].mean(1)) ** 2)))
+    return float(np.sqrt(np.mean((values - ply.at_nodes(values)[ply.cells].mean(1)) ** 2)))

@@ -62,7 +62,7 @@ def test_the_pattern_of_a_flat_ply_is_the_trim_line():
 def test_cells_are_split_along_the_line_and_keep_their_fields():
     grid, line = ply(), SQUARE + [0.3, 0.2, 0]
     part = flat_pattern(grid, [line], 0.1).part
-    centres = part.x[part.triangles].mean(1)
+    centres = part.x[part.cells].mean(1)
     assert np.array_equal(grid.find_containing_cell(centres), part.fields["number"])
     assert part.x.min(0) == pytest.approx(line.min(0)) and len(part.x) > 400
 
