@@ -10,7 +10,8 @@ from matplotlib.colors import to_rgb
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.results import forming_pictures, press_pictures, report, space
+from fabric_fenicsx.press import pictures
+from fabric_fenicsx.results import forming_pictures, report, space
 from fabric_fenicsx.results.fields import FieldSeries
 from fabric_fenicsx.results.states import states
 
@@ -43,13 +44,13 @@ def run(tmp_path_factory):
 def test_the_setup_shows_each_tool_in_its_colour(tmp_path, run, capfd):
     """In what is drawn in space, as pixels in its hue."""
     path, first = tmp_path / "setup.png", states(run)[0]
-    press_pictures.setup_picture(path, first.plies(), first.tools(), {"lid": (0, 0, -9)})
+    pictures.setup_picture(path, first.plies(), first.tools(), {"lid": (0, 0, -9)})
     assert capfd.readouterr().err == ""
     image = matplotlib.image.imread(path)[..., :3]
     assert image.shape[:2] == (1200, 1600)
     grey = image[80:720] - image[80:720].mean(2, keepdims=True)
     size, found = np.linalg.norm(grey, axis=2), []
-    for colour in press_pictures.TOOLS[:3]:
+    for colour in pictures.TOOLS[:3]:
         hue = np.array(to_rgb(colour)) - np.mean(to_rgb(colour))
         alike = grey @ hue > 0.97 * size * np.linalg.norm(hue)
         found.append(int((alike & (size > 0.05)).sum()))
@@ -59,7 +60,7 @@ def test_the_setup_shows_each_tool_in_its_colour(tmp_path, run, capfd):
 def test_tools_of_a_quarter_are_mirrored(run):
     state = states(run)[-1]
     plies = {n: space.surface_of(grid) for n, grid in state.plies().items()}
-    scene = press_pictures._scene(plies, state.tools())
+    scene = pictures._scene(plies, state.tools())
     assert scene.plies[""].bounds[:4] == pytest.approx((-60, 60, -40, 40))
     low, high = np.reshape(scene.tools["ball"].bounds, (3, 2)).T
     assert low[:2] == pytest.approx(-high[:2]) and high[2] == pytest.approx(7, abs=0.1)
@@ -68,13 +69,13 @@ def test_tools_of_a_quarter_are_mirrored(run):
 
 def test_the_legend_tells_how_far_a_tool_moves():
     scene = SimpleNamespace(tools={"lid": None, "die": None}, above={"lid": True, "die": False})
-    handles = press_pictures._legend(scene, {"lid": np.array([3.0, 0, -4])})
+    handles = pictures._legend(scene, {"lid": np.array([3.0, 0, -4])})
     assert [each.get_label() for each in handles] == ["blank", "lid, moves 5 mm", "die"]
 
 
 @pytest.mark.mpi
 def test_all_ranks_know_the_whole_blank():
-    (grid,) = press_pictures.flat_grids(builders.sheet(60, 40, 6, 4, spatial=True)).values()
+    (grid,) = pictures.flat_grids(builders.sheet(60, 40, 6, 4, spatial=True)).values()
     assert grid.area == pytest.approx(2400) and not grid["u"].any()
 
 
