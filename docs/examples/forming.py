@@ -10,5 +10,5 @@ press = press.replace(stages=[ff.Stage("forming", moves={"punch": 20}, steps=4)]
 result = press.job().run("results/forming", overwrite=True)
 found = result.summary["quantities"]
 shear, draw_in = found["shear_angle_max_deg"], found["draw_in"]["largest_mm"]
-print(round(result.number("reaction_N"), 1), round(shear, 2), round(draw_in, 2))
+print(round(found["punch_force_N"], 1), round(shear, 2), round(draw_in, 2))
 result.plot("shear_angle", "forming.png")

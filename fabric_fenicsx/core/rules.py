@@ -74,6 +74,7 @@ def did_you_mean(word: object, allowed: Iterable[str]) -> str:
         "nx": "cells",
         "outline": "dxf polygon contour",
         "size": "mesh_size",
+        "start_distance": "off",
         "friction": "mu",
         "E": "young youngs_modulus",
         "nu": "poisson",

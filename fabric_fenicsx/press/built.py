@@ -136,15 +136,16 @@ class BuiltPress(Setup):
         return {name: field.told(*extremes(values)) for name, (field, values) in found.items()}
 
     def _of_contact(self, result):
-        """Force of the leading tool towards the whole blank; of each tool the force along z on the
-        whole blank and the size of the contact force on the modelled part [N]; forces that are not
-        in balance, penetration, and what else checks the contact."""
+        """Force of the leading tool towards the modelled part and the whole blank; of each tool the
+        force along z on the whole blank and the size of the contact force on the modelled part [N];
+        forces that are not in balance, penetration, and what else checks the contact."""
         scene, interface, energies = self.scene, self.data.interface, energies_of(result.rows[-1])
         part, springs = self.modelled_share, [t for t in scene.terms if isinstance(t, Springs)]
         tools = [(t.tool.name, float(output.tool_force(scene, t.tool)[2])) for t in self.pressing]
         acting = [*(z for _, z in tools), *(float(term.force()[2]) for term in springs)]
         return {
-            "force_of_whole_blank_N": result.rows[-1]["reaction_N"] / part,
+            f"{self.leader().name}_force_N": (force := result.rows[-1]["reaction_N"]),
+            "force_of_whole_blank_N": force / part,
             "contact_forces_N": {
                 term.tool.name: float(np.linalg.norm(term.force())) for term in self.pressing
             },

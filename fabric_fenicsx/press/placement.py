@@ -182,14 +182,14 @@ class _FlatBlank:
         return tool.towards[2] * float(np.median(gap[flat])) if flat.any() else 0.0
 
     def start(self, name, tool, surface, usual=0.0):
-        """The place of a tool's origin at the start (3,) [mm]. usual: the default of its `off`
-        [mm]. Raises InputError for one that would stand in the blank."""
+        """The place of a tool's origin at the start (3,) [mm]. usual: the default of its
+        `start_distance` [mm]. Raises InputError for one that would stand in the blank."""
         touching = self._touching(name, tool, surface)
         if isinstance(tool.surface, DieOf):
             touching += self._to_flange(tool, surface, touching)
         x, y, *z = tool.at
-        off = usual if tool.off is None else tool.off
-        height = z[0] if z else touching - off * tool.towards[2]
+        away = usual if tool.start_distance is None else tool.start_distance
+        height = z[0] if z else touching - away * tool.towards[2]
         deep = (height - touching) * tool.towards[2]
         if deep > FLANGE * self.thickness:
             raise InputError(

@@ -1,5 +1,6 @@
 """A press as tables of TOML and back; `docs/howto/press.md` explains all entries."""
 
+import logging
 import os
 import re
 from collections.abc import Collection, Mapping, Sequence
@@ -30,6 +31,7 @@ from .stages import Stage
 from .tools import SHAPES, DieOf, PressTool
 
 P = TypeVar("P", bound=PressData)
+log = logging.getLogger("fabric_fenicsx")
 TABLES = "blank", "contact", "limits", "tools", "holders"
 # option of a study -> entry of a sheet: a change without a table, as "nx=8", is of all plies
 OF_ALL_PLIES = {"material": "fabric"} | {
@@ -98,6 +100,9 @@ def _sheets(document, blank, convert):
 
 def _tool(table, path, convert):
     table, common = as_table(table, path), names_of(PressTool)
+    if "off" in table:
+        log.warning("%s.off is called start_distance now", path)
+        table["start_distance"] = table.pop("off")
     kind, side = key_of(SURFACES, table, path), table.get("side", "below")
     own = {key: table.pop(key) for key in [*table] if key not in common}
     value = own.pop(kind)

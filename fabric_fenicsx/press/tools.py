@@ -55,7 +55,7 @@ class PressTool(KnowsItsFields):
     at
         Place of the origin of its surface, (x, y, z) or (x, y) [mm], by default (0, 0), of a die
         that of its tool. Without z the tool is moved along z until it touches the blank, and then
-        back by the distance `off`.
+        back by `start_distance`.
     turn
         Angles (3,) about x, then y, then z [deg], by which it is turned about its origin.
 
@@ -70,7 +70,7 @@ class PressTool(KnowsItsFields):
         "below", ("below", "above"), "below or above the blank, which is then up or down"
     )
     at: Sequence[float] | None = None
-    off: float | None = quantity(
+    start_distance: float | None = quantity(
         None,
         FROM_ZERO,
         "distance from the blank at the start (0; with a die the clearance minus the blank's "
@@ -94,8 +94,8 @@ class PressTool(KnowsItsFields):
         if not isinstance(self.surface, (Surface, str, os.PathLike, DieOf)):
             flaw = f"`surface` is {repr_short(self.surface)}"
             raise InputError(f"{flaw}; allowed is a surface, a file's name, or `DieOf` a tool")
-        if self.off is not None and len(self.at or ()) == 3:
-            raise InputError("`off` is not allowed beside a z in `at`")
+        if self.start_distance is not None and len(self.at or ()) == 3:
+            raise InputError("`start_distance` is not allowed beside a z in `at`")
 
     @property
     def towards(self) -> np.ndarray:

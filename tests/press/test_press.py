@@ -39,7 +39,7 @@ def changed(tmp_path, *pairs):
 def test_tools_stand_off_and_may_be_in_the_face_by_a_twentieth_of_the_thickness():
     """On either side; where a ball of 50 mm touches it stands at z = -50.5371, on the face, not
     where the nearest node is."""
-    off = "blank.nx=4", "tools.punch.off=3", "tools.ring.off=2"
+    off = "blank.nx=4", "tools.punch.start_distance=3", "tools.ring.off=2"
     springs = {"springs": ff.SpringHolder(0.5, edges=["high x"])}
     punch, ring = hemisphere(*off, holders=springs).tools.values()
     assert [punch.path(0)[2], ring.path(0)[2]] == pytest.approx([-53.5371, 2.5371], abs=1e-4)
