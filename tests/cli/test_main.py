@@ -1,13 +1,16 @@
-"""`fabric` runs studies from any folder and finds their example data."""
+"""The command `fabric`: studies from any folder, example data, and what works."""
 
+import re
 import shlex
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
+from mpi4py import MPI
 
-from fabric_fenicsx.cli import main, prepare
+from fabric_fenicsx.cli import info, main, prepare
 from fabric_fenicsx.cli.options import STUDIES
 
 ROOT = Path(__file__).parents[2]
@@ -65,3 +68,23 @@ def test_another_command_is_not_allowed(capsys):
         assert main.main(words.split()) == 2
         out, err = capsys.readouterr()
         assert not out and err.startswith(told) and err.count("\n") == 1
+
+
+def checks(text):
+    """{check: "ok" or "fails"} and {check: what is said}."""
+    found = re.findall(r"^(\S+) +(ok|fails) [\d.]+ s *(.*)$", text, re.M)
+    return {name: result for name, result, _ in found}, {name: words for name, _, words in found}
+
+
+@pytest.mark.versions
+def test_all_works(capsys):
+    assert info.show(MPI.COMM_SELF) == 0
+    out = capsys.readouterr().out
+    assert checks(out)[0] == dict.fromkeys(info.CHECKS, "ok")
+    assert "area of a unit square 1" in out and re.search(r"(1[6-9]|[2-9]\d) cells in a sq", out)
+
+
+def test_drawing_that_fails_is_told_and_takes_nothing_down(monkeypatch):
+    monkeypatch.setattr(info, "draw_triangle", partial(exec, "import os; os.abort()"))
+    with pytest.raises(RuntimeError, match="SIGABRT"):
+        info.CHECKS["pyvista"]()
