@@ -10,8 +10,10 @@ from pathlib import Path
 import pytest
 from mpi4py import MPI
 
+import fabric_fenicsx as ff
 from fabric_fenicsx.cli import info, main, prepare
 from fabric_fenicsx.cli.options import STUDIES
+from fabric_fenicsx.cli.study import parser
 
 ROOT = Path(__file__).parents[2]
 
@@ -60,16 +62,6 @@ def test_usual_runs_are_prepared(caplog, tmp_path, monkeypatch):
     assert not caplog.records and not list(tmp_path.iterdir())
 
 
-def test_another_command_is_not_allowed(capsys):
-    for words, told in (
-        ("tensil", "fabric: error: command tensil is unknown (did you mean tensile?); allowed are"),
-        ("sweep press.toml", "fabric sweep: error: nothing is varied; allowed is"),
-    ):
-        assert main.main(words.split()) == 2
-        out, err = capsys.readouterr()
-        assert not out and err.startswith(told) and err.count("\n") == 1
-
-
 def checks(text):
     """{check: "ok" or "fails"} and {check: what is said}."""
     found = re.findall(r"^(\S+) +(ok|fails) [\d.]+ s *(.*)$", text, re.M)
@@ -88,3 +80,9 @@ def test_drawing_that_fails_is_told_and_takes_nothing_down(monkeypatch):
     monkeypatch.setattr(info, "draw_triangle", partial(exec, "import os; os.abort()"))
     with pytest.raises(RuntimeError, match="SIGABRT"):
         info.CHECKS["pyvista"]()
+
+
+@pytest.mark.versions
+def test_parameters_become_options():
+    told = parser(ff.Tensile, "").translated("`max_step` or 5 % (`Limits.strain`); `resume=True`")
+    assert told == "--max-step or 5 % (--max-strain); --resume"

@@ -33,22 +33,6 @@ def test_a_size_that_speaks_of_other_units_is_doubted(size, doubted):
     assert size_warning(builders.sheet(*size, 8, 2), "s.msh").startswith(told) == doubted
 
 
-@pytest.mark.parametrize(
-    "pattern, cell, angle, off",
-    [
-        ("crossed", "triangle", 45, 0.0),
-        ("crossed", "triangle", 43, 1.0),
-        ("left", "triangle", 45, 1.0),
-        ("crossed", "quadrilateral", 0, 0.0),
-        ("crossed", "quadrilateral", 45, 1.0),
-    ],
-)
-def test_cells_that_follow_the_yarns(pattern, cell, angle, off):
-    how = {"cell": cell, "a": math.radians(angle), "spatial": angle > 40}
-    blank = builders.sheet(40, 20, 8, 4, pattern, **how)
-    assert blank.whole.share_off_the_yarns() == off
-
-
 @pytest.mark.mpi
 def test_some_cells_follow_the_yarns():
     """Yarns along edges up to the middle only; the column behind it shares nodes."""

@@ -161,12 +161,3 @@ def test_draw_in_of_a_scene_of_ones_own(folder, supports, share, about):
         },
         abs=1e-5,  # files have single precision
     )
-
-
-def test_draw_in_of_a_sheet_that_is_not_flat_is_refused(folder):
-    def shape(x):
-        return x + x[:, :1] * [0, 0, 0.01]
-
-    scene = ff.Scene(sheet(45, 40, 3, 3, shape=shape, spatial=True), [Elastic()])
-    with pytest.raises(ff.InputError, match="0.45 mm apart along z; draw-in needs a sheet"):
-        ff.Result({}, [], {}, folder, scene).draw_in()

@@ -72,12 +72,6 @@ def test_tools_of_a_quarter_are_mirrored(run):
     assert scene.tools["lid"].n_open_edges == 4 * round(scene.tools["lid"].n_open_edges / 4)
 
 
-def test_the_legend_tells_how_far_a_tool_moves():
-    scene = SimpleNamespace(tools={"lid": None, "die": None}, above={"lid": True, "die": False})
-    handles = press_pictures._legend(scene, {"lid": np.array([3.0, 0, -4])})
-    assert [each.get_label() for each in handles] == ["blank", "lid, moves 5 mm", "die"]
-
-
 @pytest.mark.mpi
 def test_all_ranks_know_the_whole_blank():
     (grid,) = press_pictures.flat_grids(builders.sheet(60, 40, 6, 4, spatial=True)).values()

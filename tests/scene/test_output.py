@@ -1,7 +1,8 @@
-"""What a scene's terms tell, merged, and its memory."""
+"""What a scene's terms and tools tell, how it is held, and its memory."""
 
 from types import SimpleNamespace
 
+import builders
 import numpy as np
 import pytest
 from builders import Elastic, sheet
@@ -23,6 +24,12 @@ from fabric_fenicsx import (
 from fabric_fenicsx.energy import output as values
 from fabric_fenicsx.scene import output
 from fabric_fenicsx.scene.memory import rescale_loads
+from fabric_fenicsx.scene.tool_warnings import (
+    cells_over_radius,
+    few_cells_warning,
+    tool_warnings,
+    untouched_warning,
+)
 
 
 def test_what_is_merged_of_several_terms():
@@ -97,19 +104,6 @@ def test_numbers_that_a_checkpoint_compares():
 D = 8.33  # [N mm]
 
 
-@pytest.mark.mpi
-def test_what_a_scene_cannot_be_made_of_is_named():
-    blank = sheet(40, 20, 6, 3)
-    with pytest.raises(InputError, match="no elastic term"):
-        Scene(blank, [])
-    scene = Scene(blank, [Membrane(load("komeili"))], clamped_ends(0.1))
-    with pytest.raises(InputError, match="'grip' is not of this scene; allowed are fixed grip, m"):
-        scene.reaction("grip")
-    normal = [Support("rest", lambda x: x[0] < 1, (2,))]
-    with pytest.raises(InputError, match=r"rest holds the components \(2,\) of .*`spatial=True`"):
-        Scene(blank, [Membrane(load("komeili"))], normal)
-
-
 BALLS = [Tool(Sphere(8.0, (10, 5, side * 9.0)), name="ball") for side in (-1, 1)]
 ASIDE = Tool(Sphere(8.0, (4, 5, 9.0)), name="ball aside")
 PLATES = [Tool(Plane((0, 0, -side), (0, 0, side)), name="plate") for side in (-1, 1)]
@@ -168,3 +162,60 @@ def test_smooth_tools_hold_a_flat_sheet_by_their_shapes_or_not_at_all(terms, wor
     else:
         assert "holds blank, which may move along" in made.check_held()
     assert other.check_held() == ""
+
+
+KOMEILI = load("komeili")
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "surface, mu, words",
+    [
+        (Sphere(30, (10, 10, -30.5)), 1.99, []),
+        (Sphere(30, (10, 10, -30.5)), 2.01, ["friction on tip has a coefficient of 2.01, which"]),
+        (Sphere(0.81, (10, 10, -1.3)), 0.25, []),  # cells of 1.25 mm span 88 deg of it, or 92 deg
+        (Sphere(0.78, (10, 10, -1.3)), 0.25, ["cells are 1.25 mm long where the tip has a radius"]),
+    ],
+)
+def test_what_is_doubted_of_tools(surface, mu, words):
+    blank = builders.sheet(20, 20, 16, 16, "crossed", spatial=True)
+    tool = Tool(surface, lambda load: (0, 0, -1), name="tip")
+    terms = [Membrane(KOMEILI), Contact(tool, friction=mu)]
+    told = tool_warnings(Scene(blank, terms, clamped_ends()))
+    assert len(told) == len(words) and all(map(str.startswith, told, words))
+
+
+def over_balls(n, degree=1, held=()):
+    """A sheet of n columns of crossed cells over 20 mm, and contacts of two balls at rest."""
+    blank = builders.sheet(20, 20, n, n, "crossed", spatial=True, degree=degree)
+    balls = [Tool(Sphere(r, (10, 10, -r - 0.5)), name=f"ball {r}") for r in (30, 4)]
+    contacts = [Contact(ball, 1.0, penalty=9.0) for ball in balls]
+    return Scene(blank, [Membrane(KOMEILI), *contacts], held)
+
+
+QUARTER = [Support("x", lambda x: x[0] < 1e-6, (0,)), Support("y", lambda x: x[1] < 1e-6, (1,))]
+
+
+@pytest.mark.parametrize(
+    "n, degree, held, cells",
+    [(5, 1, [], ""), (4, 1, [], "4 cells"), (3, 2, [], ""), (2, 2, [], "4 cells")]
+    + [(3, 1, QUARTER, ""), (2, 1, QUARTER[1:], "4 cells"), (2, 1, [], "2 cells")],
+)
+def test_few_cells_along_a_sheet_on_tools(n, degree, held, cells):
+    """Halves of quadratic ones, and of a quarter twice as many, count."""
+    told = few_cells_warning(over_balls(n, degree, held))
+    assert told.startswith(cells) and bool(told) == bool(cells)
+
+
+def test_radii_and_gaps_of_tools_that_touch_and_that_do_not():
+    """A cell over the least radius of those touched; the least distance of one that has moved."""
+    scene = over_balls(5)
+    scene.blank.u.x.array[2::3] = -0.2
+    scene.accept()
+    assert cells_over_radius(scene) == pytest.approx(4 / 4)
+    aside = Tool(Sphere(4, (10, 10, -9)), lambda load: (0, 0, 3.0 * load - 1), name="ball")
+    scene = Scene(scene.blank, [Membrane(KOMEILI), Contact(aside, 1.0, penalty=9.0)])
+    scene.set_load(1.0)
+    scene.accept()
+    words = "a tool never touched the sheet: ball moved by 3 mm, and is still 2.3 mm off;"
+    assert untouched_warning(scene).startswith(words)

@@ -102,22 +102,6 @@ def test_sheets_that_do_not_touch_bear_what_they_bear_alone():
     assert abs(found - sum(alone)).max() < 1e-8 * abs(found).max()
 
 
-def bent():
-    shape = lambda x: x + x[:, :1] ** 2 * [0.0, 0.0, 1e-3]  # noqa: E731
-    return rectangle(20, 10, 4, 2, spatial=True, shape=shape)
-
-
-@pytest.mark.mpi
-def test_sheets_that_make_no_stack():
-    for sheets, words in (
-        ([(sheet(), 1.0, "a")] * 2, "'a'.; allowed are different names"),
-        ([(bent(), 1.0, "a")], "sheet a of the stack is 0.4 mm high; allowed is a flat"),
-        ([(sheet(), 1.0, "t"), (sheet(element="Q1"), 1.0, "q")], "'quadrilateral', 'triangle'.s"),
-    ):
-        with pytest.raises(ff.InputError, match=words):
-            ff.Stack(sheets)
-
-
 LEFT, RIGHT = (lambda x: x[0] < 40), (lambda x: x[0] > 40)
 
 
