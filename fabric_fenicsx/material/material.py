@@ -74,8 +74,9 @@ class Parameters:
         UFL constants. Densities, compaction and bending have no part in it; thickness comes
         last."""
         beside = "density fibre_density fibre_share compaction bending bending_friction".split()
-        new, names = copy.copy(self), [field.name for field in dataclasses.fields(self)]
-        for name in sorted(set(names).difference(beside), key=[*names, "thickness"].index):
+        new = copy.copy(self)
+        names = [f.name for f in dataclasses.fields(self) if f.name not in beside]
+        for name in sorted(names, key="thickness".__eq__):
             value = getattr(self, name)
             if isinstance(value, float):
                 object.__setattr__(new, name, make(value))
