@@ -1,6 +1,6 @@
 """Triangles in an outline with holes, in any format that meshio writes:
 
-python3 sheet/outline.py blank.dxf blank.msh --size 8
+python3 meshes/outline.py blank.dxf blank.msh --size 8
 """
 
 import argparse

@@ -1,6 +1,6 @@
 """Cells of a rectangular specimen, in any format that meshio writes:
 
-python3 sheet/specimen.py specimen.msh --length 200 --width 50 --nx 100 --ny 25
+python3 meshes/specimen.py specimen.msh --length 200 --width 50 --nx 100 --ny 25
 """
 
 import argparse

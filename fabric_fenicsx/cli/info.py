@@ -45,34 +45,33 @@ def show(comm: Any) -> int:
 
 def _tell(name, act, well):
     """Print what `act` returns behind the word `well`, or why it fails; whether it works."""
-    began, works = time.perf_counter(), True
+    began, result = time.perf_counter(), well
     try:
         words = act() or ""
     except Exception as error:
         last = ["?", *str(error).strip().splitlines()][-1].strip()
-        works, words = False, f"{type(error).__name__}: {last[-300:]}"
-    result = well if works else "fails"
+        result, words = "fails", f"{type(error).__name__}: {last[-300:]}"
     cost = f" {time.perf_counter() - began:.2f} s" if well else ""
     print(f"{name:15} {f'{result}{cost} {words}'.strip()}", flush=True)
-    return works
+    return result == well
 
 
 def _versions():
-    def version(module):
-        return import_module(module).__version__
+    def version(name):
+        return getattr(import_module(name), "__version__", None) or installed(name)
 
-    imported = "dolfinx", "ufl", "petsc4py", "mpi4py", "numpy", "scipy", "gmsh"
+    def mpi():
+        return re.split("[,\n]", import_module("mpi4py.MPI").Get_library_version())[0]
+
+    names = "dolfinx ufl petsc4py mpi4py numpy scipy gmsh meshio pyvista ezdxf shapely".split()
     return {
         "presets": lambda: ", ".join(import_module("fabric_fenicsx.material.presets").PRESETS),
         "fabric_fenicsx": lambda: __version__,
         "python": platform.python_version,
-        **{name: partial(version, name) for name in imported},
+        **{name: partial(version, name) for name in names},
         "petsc": lambda: ".".join(map(str, import_module("petsc4py.PETSc").Sys.getVersion())),
-        "MPI library": lambda: re.split("[,\n]", import_module("mpi4py.MPI").Get_library_version())[
-            0
-        ],
+        "MPI library": mpi,
         "VTK": lambda: import_module("vtkmodules.vtkCommonCore").vtkVersion.GetVTKVersion(),
-        **{name: partial(installed, name) for name in ("meshio", "pyvista", "ezdxf", "shapely")},
     }
 
 

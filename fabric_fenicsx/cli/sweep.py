@@ -7,12 +7,23 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..core.errors import InputError, Interrupted, SolverFailure
+from ..core.files import replace_file
 from ..core.rules import COUNT, Rule
-from ..sweep import job_array, limits, results, scatter, varied
+from ..sweep import answers, results, varied
 from ..sweep.folder import SweepFolder
-from ..sweep.form import SweepRun
-from ..sweep.runner import Runner
+from ..sweep.runner import Runner, SweepRun
 from .options import STUDIES, Parser, exit_status, option_type
+
+JOB_ARRAY = """\
+#!/bin/bash
+#SBATCH --job-name=sweep
+#SBATCH --array=1-{count}
+#SBATCH --nodes=1
+#SBATCH --ntasks={ranks}
+#SBATCH --signal=B:TERM@120
+cd {folder}
+exec {start} --only "$SLURM_ARRAY_TASK_ID"{passed}
+"""  # exec: so that the signal reaches the sweep, which ends its run after its step
 
 
 def parser() -> Parser:
@@ -72,15 +83,15 @@ def main(argv: Sequence[str], program: type[SweepRun] = SweepRun) -> int:
 def _sweep(args, passed, form, argv):
     """Run it and write what it found; why not all runs are believed, or ""."""
     ranges, values = _planned(args, passed, form)
-    below = [limits.limit_of(word) for word in args.below]
+    below = [answers.limit_of(word) for word in args.below]
+    asked = [name for name, _ in below]
     out = args.out or Path("results") / f"sweep_{args.press.stem}"
     sweep = SweepFolder(out, args.press, list(values[0]), args.overwrite, bool(args.only))
     if args.slurm:
         sweep.close()
-        job_array.write(args.slurm, argv, len(values), args.ranks)
+        _write_job_array(args.slurm, argv, len(values), args.ranks)
         return ""
-    asked = [name for name, _ in below]
-    runner, answers = Runner(sweep, form, args.jobs, asked), list[str]()
+    runner, told = Runner(sweep, form, args.jobs, asked), list[str]()
     if args.only:
         (run,) = runner.all([values[args.only - 1]])
         return run.reason
@@ -90,14 +101,14 @@ def _sweep(args, passed, form, argv):
         runs = runner.all(values)
         if args.scatter:
             labels = results.headlines(runs, asked)
-            answers, sweep.state["scatter"] = scatter.told(runs, ranges, labels, below)
+            told, sweep.state["scatter"] = answers.told(runs, ranges, labels, below)
         else:
-            answers = [limits.below(runs, *limit) for limit in below]
+            told = [answers.below(runs, *limit) for limit in below]
         sweep.save()
-        print(*answers, sep="\n", end="\n" * bool(answers))
+        print("".join(f"{sentence}\n" for sentence in told), end="")
     finally:
         if any(run.summary() for run in sweep.runs.values()):
-            results.write(sweep, answers, not args.no_pictures)
+            results.write(sweep, told, not args.no_pictures)
             print(f"table, pictures and report are in {out}")
         sweep.close()
     doubted = sum(not run.is_believed() for run in runs)
@@ -106,33 +117,38 @@ def _sweep(args, passed, form, argv):
 
 
 def _planned(args, passed, form):
-    given = "--set", "--out", "--resume", "--overwrite"  # to each run, by the sweep
-    if own := [word for word in passed if word.split("=")[0] in given]:
-        allowed = f"options of fabric form but {', '.join(given)}"
-        raise InputError(f"option {own[0]} is behind --; allowed are {allowed}")
+    """Ranges that scatter, and the values of each run; InputError for what cannot be run."""
     lists = {} if args.scatter else varied.lists(args.vary)
     ranges = [*form.scatter(), *varied.ranges(args.vary)] if args.scatter else []
-    if not (lists or ranges):
-        allowed = "--vary, or --scatter and a table [scatter] in a material file"
-        raise InputError(f"nothing is varied; allowed is {allowed}")
-    values: list[varied.Values]
-    checked = values = [dict(zip(lists, each)) for each in itertools.product(*lists.values())]
-    if args.scatter:
-        if args.scatter < (least := 2 * len(ranges) + 2):
-            power = 1 << (least - 1).bit_length()
-            allowed = f"allowed for {len(ranges)} numbers is {power} or more"
-            raise InputError(f"--scatter is {args.scatter}; {allowed}")
-        values = scatter.design(ranges, args.scatter)
+    values: Sequence[varied.Values]
+    values = checked = [dict(zip(lists, each)) for each in itertools.product(*lists.values())]
+    if ranges:
+        values = answers.design(ranges, args.scatter)
         checked = [{r.key: varied.spelled(r[k]) for r in ranges} for k in (1, 2)]
-    elif args.below and [None in map(varied.number, v) for v in lists.values()] != [False]:
-        raise InputError(
-            f"--below is given for {', '.join(args.vary)}; allowed is one key's numbers"
-        )
+    for fault in _faults(args, passed, lists, ranges, len(values)):
+        raise InputError(fault)
     for each in checked:
         form.read(each)
-    if args.only and args.only > len(values):
-        raise InputError(f"--only is {args.only}; allowed is 1 to {len(values)}")
     return ranges, values
+
+
+def _faults(args, passed, lists, ranges, count):
+    """Sentences on options that do not go together; count: of runs."""
+    given = "--set", "--out", "--resume", "--overwrite"  # to each run, by the sweep
+    for word in passed:
+        if word.split("=")[0] in given:
+            allowed = f"options of fabric form but {', '.join(given)}"
+            yield f"option {word} is behind --; allowed are {allowed}"
+    if not (lists or ranges):
+        yield "nothing is varied; allowed is --vary, or --scatter and [scatter] in a material file"
+    least = 1 << (2 * len(ranges) + 1).bit_length()
+    if ranges and args.scatter < least:
+        allowed = f"allowed for {len(ranges)} numbers is {least} or more"
+        yield f"--scatter is {args.scatter}; {allowed}"
+    if lists and args.below and [None in map(varied.number, v) for v in lists.values()] != [False]:
+        yield f"--below is given for {', '.join(args.vary)}; allowed is one key's numbers"
+    if args.only and args.only > count:
+        yield f"--only is {args.only}; allowed is 1 to {count}"
 
 
 def _announce(values, runner):
@@ -143,3 +159,24 @@ def _announce(values, runner):
     others = {shlex.join(run.options) for run in done} - {shlex.join(passed)}
     for each in sorted(others):
         print(f"warning: some were made with other options: {each or 'none'}", file=sys.stderr)
+
+
+def _write_job_array(file, words, count, ranks):
+    """Write a script for Slurm, a task a run of the `count` that `fabric sweep` with these words
+    does, to start in the present folder. InputError for a file that is another's."""
+    if file.exists() and "#SBATCH --job-name=sweep\n" not in file.read_text(errors="replace"):
+        flaw = f"--slurm {file} is there and no script of a sweep"
+        raise InputError(f"{flaw}; allowed is another file")
+    cut = words.index("--") if "--" in words else len(words)
+    own = [word for word, before in zip(words[:cut], ["", *words]) if before != "--slurm"]
+    own = [w for w in own if w != "--overwrite" and w.split("=")[0] != "--slurm"]
+    script = JOB_ARRAY.format(
+        count=count,
+        ranks=ranks,
+        folder=shlex.quote(str(Path.cwd())),
+        start=shlex.join([sys.executable, "-m", "fabric_fenicsx", "sweep", *own]),
+        passed="".join(f" {shlex.quote(word)}" for word in words[cut:]),
+    )
+    replace_file(file, script)
+    print(f"{file}: a job array of {count} runs, for sbatch; the same sweep without --slurm then")
+    print("writes their table and does those that are missing")

@@ -9,34 +9,22 @@ triangle whose third side lengthens with the clamps' distance.
 """
 
 import math
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 
-@dataclass(frozen=True)
 class PinJointedStrip:
     """Strip of `length` and `width` [mm], clamped at x = 0 and x = length; a, b: angles of its
     yarns to x [rad]."""
 
-    length: float
-    width: float
-    a: float
-    b: float
-
-    @cached_property
-    def _coordinates(self) -> np.ndarray:
-        """Matrix (2, 2) from (x, y) to (alpha, beta)."""
-        yarns = [[math.cos(self.a), math.cos(self.b)], [math.sin(self.a), math.sin(self.b)]]
-        return np.linalg.inv(yarns)
-
-    @cached_property
-    def _gaps(self) -> np.ndarray:
-        """Lengths (2,) of alpha and of beta between the clamps [mm]."""
-        length, width = abs(self._coordinates).T
-        return self.length * length - self.width * width
+    def __init__(self, length: float, width: float, a: float, b: float) -> None:
+        self.length, self.width, self.a, self.b = length, width, a, b
+        # from (x, y) to (alpha, beta)
+        yarns = [[math.cos(a), math.cos(b)], [math.sin(a), math.sin(b)]]
+        self._coordinates = np.linalg.inv(yarns)
+        along, across = abs(self._coordinates).T
+        self._gaps = length * along - width * across  # of alpha and of beta between the clamps
 
     @property
     def locked(self) -> str:

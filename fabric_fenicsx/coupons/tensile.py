@@ -87,14 +87,3 @@ class Tensile(Strip):
         "rollers let the ends narrow: the state is then homogeneous",
     )
     turned: float = quantity(0.0, FINITE, "angle of the whole test in the plane [deg]")
-
-
-def strains_across(result: Result) -> str:
-    """Sentence on the strain along yarns b at the middle, which finer meshes keep, and on the least
-    of a cell, which they need not."""
-    at = "no cell at the middle"
-    if result.number("log_eps_22_middle") is not None:
-        middle = result.formatted("log_eps_22_middle", ".2f", 100)
-        at = f"log strain along yarns b at the middle {middle} %"
-    least = result.formatted("log_eps_22_min", ".2f", 100)
-    return f"{at} (least of a cell {least} %, which a finer mesh may lower)"

@@ -14,8 +14,6 @@ neither pulled nor stated is refused: it would get another fabric's values.
 """
 
 from .compaction import CompactionFit, fit_compaction
-from .fit import identify
-from .pictures import draw
+from .fit import identify, identify_simulated
 from .problem import Assumed, Determined
-from .result import Identification, result_lines
-from .simulated import identify_simulated
+from .result import Identification, draw, result_lines

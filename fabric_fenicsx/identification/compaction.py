@@ -129,14 +129,12 @@ def _fit(p, h, sd, onset=None):
         start = {"exponent": 10.0, "onset": begin, "pressure": near}
         x = np.clip(np.log([start[name] for name in names]), bounds[0] + 1e-6, bounds[1] - 1e-6)
         with suppress(RuntimeError):  # it did not converge
-            x, covariance, info, *_ = curve_fit(log_thickness, p, np.log(h), x, sd, **how)
-            fits.append((info["fvec"] @ info["fvec"], x, covariance, info["fvec"]))
+            fits.append(curve_fit(log_thickness, p, np.log(h), x, sd, **how))
     if not fits:
         raise SolverFailure("the fit of compaction did not converge in 300 evaluations")
-    _, x, covariance, residual = min(fits, key=lambda each: each[0])
+    x, covariance, info, *_ = min(fits, key=lambda fit: fit[2]["fvec"] @ fit[2]["fvec"])
     dof = len(p) - len(names)
-    errors = np.sqrt(np.diag(covariance))
-    halves = float(stats.t.ppf(0.975, dof)) * errors
-    numbers = zip(names, np.exp(x), errors, halves)
-    found = {name: by_logarithm(v, error, half, UNITS[name]) for name, v, error, half in numbers}
-    return found, float(np.sqrt(np.sum((residual * sd) ** 2) / dof))
+    errors, wide = np.sqrt(np.diag(covariance)), float(stats.t.ppf(0.975, dof))
+    numbers = zip(names, np.exp(x), errors)
+    found = {name: by_logarithm(v, e, wide * e, UNITS[name]) for name, v, e in numbers}
+    return found, float(np.sqrt(np.sum((info["fvec"] * sd) ** 2) / dof))

@@ -116,9 +116,9 @@ def _drawing(path, source, layer):
             )
         drawn = [each for each in drawn if each[1].lower() in asked]
     curves = [each for each in drawn if _is_curve(each[0])]
-    others = Counter(entity.dxftype() for entity, *_ in drawn if not _is_curve(entity))
     beside = "TEXT MTEXT DIMENSION ARC_DIMENSION LEADER MULTILEADER POINT ATTDEF".split()
-    unread = ", ".join(f"{others[kind]} {kind}" for kind in sorted({*others}.difference(beside)))
+    others = Counter(entity.dxftype() for entity, *_ in drawn if not _is_curve(entity))
+    unread = ", ".join(f"{n} {kind}" for kind, n in sorted(others.items()) if kind not in beside)
     notes = [f"{source} has {unread}, not read; allowed are {', '.join(CURVES)}"] if unread else []
     fixes = [each.message for each in auditor.fixes]
     notes += [f"{source} is damaged: {each}" for each in fixes if each.startswith("Removed")]
@@ -199,25 +199,18 @@ def _unit(drawing):
     missing = {8: 2.54e-5, 9: 0.0254, 21: 1.2e6 / 3937, 22: 1e5 / 3937, 23: 3.6e6 / 3937}
     missing |= {24: 6.336e9 / 3937}
     unit, mm = drawing.header.get("$INSUNITS", 0), units.InsertUnits.Millimeters
-    if unit == mm:
-        return 1.0, ""
-    try:
-        factor = missing.get(unit) or units.conversion_factor(units.InsertUnits(unit), mm)
-        words = f"is in {units.unit_name(unit).lower()} ($INSUNITS {unit})"
-        return float(f"{factor:.9g}"), words
-    except (TypeError, ValueError):
+    if unit not in range(1, 25):
         return 1.0, f"names no unit ($INSUNITS {unit}) and is taken in mm"
+    factor = missing.get(unit) or units.conversion_factor(units.InsertUnits(unit), mm)
+    words = f"is in {units.unit_name(unit).lower()} ($INSUNITS {unit})"
+    return float(f"{factor:.9g}"), "" if unit == mm else words
 
 
 def _boundary(path):
     points, cells, _ = read_surface_mesh(path, "outline", ALLOWED)
     edges = []
     for kind, nodes in cells.items():
-        if not kind.startswith(("triangle", "quad")):
-            raise InputError(
-                f"outline {path} holds cells {kind}; allowed are triangles and quadrilaterals"
-            )
-        corners = nodes[:, : 3 if kind.startswith("triangle") else 4]
+        corners = nodes[:, : {"triangle": 3, "quad": 4}.get(kind.rstrip("0123456789"))]
         edges += [*np.stack([corners, np.roll(corners, -1, 1)], 2).reshape(-1, 2)]
     ends, count = np.unique(np.sort(edges, 1), axis=0, return_counts=True)
     return [*points[ends[count == 1]]]

@@ -9,6 +9,7 @@ import math
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -90,11 +91,10 @@ def table_of(
     known = (k for k, (_, cells) in enumerate(split) if any(is_known(_parted(c)[0]) for c in cells))
     top = next(known, -1)
     if top < 0 and usual and split:
-        rows, cells = map(list, zip(*split))
-        names = [*usual[: len(cells[0])]]
-        return TextTable(0, names, [None] * len(names), rows, cells)
+        names = [*usual[: len(split[0][1])]]
+        return TextTable(0, names, [None] * len(names), *map(list, zip(*split)))
     if top < 0:  # what stands above the first row of numbers
-        counts = [sum(map(bool, map(_NUMBER.fullmatch, cells))) for _, cells in split]
+        counts = (sum(map(bool, map(_NUMBER.fullmatch, cells))) for _, cells in split)
         top = next((k for k, count in enumerate(counts) if count > 1), len(split)) - 1
     if top < 0:
         raise InputError("there is no header; allowed is a line such as eps_a [%], sigma_a [MPa]")
@@ -147,29 +147,33 @@ def values_of(
     """The numbers of columns {number: (name, factor)}, {name: (n,)}, each times its factor.
     Problems of rows and cells go to `problems`, and a column's value there is nan."""
     columns = {name: np.full(len(table.rows), math.nan) for name, _ in factors.values()}
-    count, wrong = len(table.names), list[str]()
-    odd = [f"row {r}: {len(c)} cells" for r, c in zip(table.rows, table.cells) if len(c) != count]
+    odd, wrong, found = list[str](), list[str](), []
+    for k, (row, cells) in enumerate(zip(table.rows, table.cells)):
+        if len(cells) == len(table.names):
+            found += [(k, *factors[i], cells[i].strip()) for i in factors]
+        else:
+            odd.append(f"row {row}: {len(cells)} cells")
     if odd:
         problems.append(
-            f"{some(odd)} under {count} columns; allowed is one number a column (a decimal comma "
-            "needs semicolons or tabs between them)"
+            f"{some(odd)} under {len(table.names)} columns; allowed is one number a column (a "
+            "decimal comma needs semicolons or tabs between them)"
         )
-    whole = [k for k, cells in enumerate(table.cells) if len(cells) == count]
-    found = [(k, i, table.cells[k][i].strip()) for k in whole for i in factors]
-    commas = [each for each in found if "," in each[2] and _NUMBER.fullmatch(each[2])]
+    commas = [each for each in found if "," in each[-1] and _NUMBER.fullmatch(each[-1])]
     grouped = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
     if not decimal and commas and all(grouped.fullmatch(cell) for *_, cell in commas):
-        k, i, cell = commas[0]
+        k, name, _, cell = commas[0]
         problems.append(
-            f"row {table.rows[k]}: {factors[i][0]} is {cell!r}, which may mean "
-            f"{cell.replace(',', '.')} or {cell.replace(',', '')}; allowed is a point before "
-            "decimals, and no sign between thousands"
+            f"row {table.rows[k]}: {name} is {cell!r}, which may mean {cell.replace(',', '.')} or "
+            f"{cell.replace(',', '')}; allowed is a point before decimals, and no sign between "
+            "thousands"
         )
         return columns
     decimal = decimal or ("," if commas else ".")
-    for k, i, cell in found:
-        name, factor = factors[i]
-        columns[name][k] = _number(cell, decimal) * factor
+    # Python would take underscores between thousands
+    signs = str.maketrans({"\u2212": "-", "_": "?", ".": "?"} | {decimal: "."})
+    for k, name, factor, cell in found:
+        with suppress(ValueError):
+            columns[name][k] = float(cell.translate(signs)) * factor
         if not math.isfinite(columns[name][k]):
             wrong.append(f"row {table.rows[k]}: {name} is {cell!r}")
     if wrong:
@@ -198,16 +202,6 @@ def columns_of(
     values = values_of(table, factors, problems)
     problems.stop()
     return values
-
-
-def _number(cell, decimal):
-    """The number in a cell, nan where it has none; decimal: the sign before decimals."""
-    text = cell.replace("\u2212", "-")
-    try:
-        is_other = "_" in text or (decimal == "," and "." in text)
-        return math.nan if is_other else float(text.replace(decimal, "."))
-    except ValueError:
-        return math.nan
 
 
 def some(texts: Sequence[str]) -> str:

@@ -18,6 +18,7 @@ from ..solve.limits import EDGES, Limits
 from ..solve.step_criteria import UNBALANCED
 
 MIN_CELLS = 7.0  # cells of a wave, from which on its height is within some per cent
+AIM = 7.5  # cells to be taken, as waves on finer ones may be shorter
 KERNEL_TOLERANCE = 1e-6  # of stresses of elements and kernel; usual is 1e-12
 
 
@@ -158,11 +159,10 @@ def coarse_waves(quantities: Numbers) -> str:
     """A sentence if a ply's wrinkles have few cells. quantities: of the summary."""
     if not (least := coarsest_waves(quantities)):
         return ""
-    aim = 7.5  # cells, as waves on finer ones may be shorter
     return (
         f"heights of wrinkles, up to {rounded(least['height_mm'])} mm, are rough, as "
         f"{rounded(least['wavelength_mm'])} mm of a wave are {rounded(least['cells_a_wave'])} "
-        f"cells; take {aim:g}: `nx` {rounded(aim / least['cells_a_wave'])} times as large"
+        f"cells; take {AIM:g}: `nx` {rounded(AIM / least['cells_a_wave'])} times as large"
     )
 
 

@@ -1,12 +1,17 @@
-"""The energy density of a fabric in its strains, and its derivatives from that alone."""
+"""The energy density of a fabric in its strains: derivatives from that alone, and checks."""
 
+from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core.errors import InputError
+from ..core.formatting import rounded
+from ..core.rules import repr_short, unknown_key
 from .hyperdual import HyperDual, Number
+
+COUPLINGS = ("biaxial", "tension_shear", "compression_shear")
 
 
 class Derivatives(NamedTuple):
@@ -96,6 +101,42 @@ class Energy:
         states beyond."""
         return ()
 
+    def couples(self, name: str) -> bool:
+        """True if the energy depends on two strains together where this coupling acts."""
+        # strains at which this coupling alone gives the energy mixed derivatives
+        strains = {
+            "biaxial": [(0.02, 0.03, 0.0), (-0.02, 0.03, 0.0), (0.02, -0.03, 0.0)],
+            "tension_shear": [(0.02, 0.03, 0.3)],
+            "compression_shear": [(-0.02, -0.03, 0.3)],
+        }[name]
+        second = Energy.derivatives(self, *np.transpose(strains)).second
+        mixed = second[1:2] if name == "biaxial" else second[3:5]
+        return bool(abs(mixed).max() > 1e-9 * abs(second).max())
+
+    def check_rest(self) -> None:
+        """InputError where the fabric as it lies, without strain, has energy or stress, or a
+        negative stiffness."""
+        rest = Energy.derivatives(self, *np.transpose([(0.0, 0.0, 0.0), (0.01, 0.01, 0.1)]))
+        beside = Energy.derivatives(self, *np.array(3 * [[-1e-9, 1e-9]])).second  # sides of a kink
+        stiffness = np.nanmax(abs(rest.second[[0, 2, 5]]), 1, initial=0.0)
+        names = "energy", "stress sigma_a", "stress sigma_b", "stress tau"
+        values, limits = [rest.parts[0].sum(), *rest.first[:, 0]], [1e-9 * stiffness.max()]
+        flaws = [
+            f"{name} of law {self.law} is {value:.3g} MPa in fabric as it lies, without strain; "
+            "allowed is 0: take off what it is there"
+            for name, value, limit in zip(names, values, [*limits, *(1e-5 * stiffness)])
+            if not abs(value) <= limit
+        ]
+        least = beside[[0, 2, 5]].min(1)
+        flaws += [
+            f"stiffness of law {self.law} along {name} is {rounded(value)} MPa in fabric as it "
+            "lies, without strain; allowed is 0 or more: look at its signs"
+            for name, value, scale in zip(("eps_a", "eps_b", "gamma"), least, stiffness)
+            if value < -1e-6 * scale
+        ]
+        for flaw in flaws[:1]:
+            raise InputError(f"the {flaw}")
+
 
 def stresses_of_energy(
     law: Energy, eps_a: ArrayLike, eps_b: ArrayLike, gamma: ArrayLike
@@ -105,3 +146,16 @@ def stresses_of_energy(
     a, b, g = np.broadcast_arrays(*(np.atleast_1d(v).astype(float) for v in (eps_a, eps_b, gamma)))
     sigma_a, sigma_b, tau = Energy.derivatives(law, a, b, g, second=False).first
     return sigma_a, sigma_b, tau
+
+
+def check_couplings(names: object, label: str = "couplings") -> frozenset[str]:
+    """The named couplings as a set, each one of `COUPLINGS`, spelled with "_", "-" or an en dash;
+    otherwise an InputError that calls them `label`."""
+    if isinstance(names, (str, Mapping)) or not isinstance(names, Iterable):
+        raise InputError(
+            f"{label} is {repr_short(names)}; allowed is a list of {', '.join(COUPLINGS)}"
+        )
+    couplings = {str(word).replace("-", "_").replace("–", "_") for word in names}
+    for name in couplings.difference(COUPLINGS):
+        raise unknown_key(name, COUPLINGS, f"{label}: coupling {repr_short(name)}")
+    return frozenset(couplings)

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from ..core.errors import InputError
-from ..core.files import replace_file
+from ..core.files import replace_file, unwritable
 from ..core.rules import POSITIVE, SHARE, Rule, above_zero, did_you_mean, repr_short, unknown_key
+from ..core.tables import as_table
 from ..io.units import OWN, UNITS, suffixes
 
 Document = dict[str, Any]  # of a TOML file: its keys, or those of a table
@@ -66,7 +67,8 @@ def read_toml(path: str | os.PathLike[str], make: Callable[[Document], T]) -> T:
     try:
         document = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
     except (OSError, ValueError, RecursionError) as error:
-        raise InputError(f"{path}: cannot be read ({_reason(error)}); allowed is TOML") from None
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: cannot be read ({reason}); allowed is TOML") from None
     try:
         return make(document)
     except InputError as error:
@@ -76,23 +78,14 @@ def read_toml(path: str | os.PathLike[str], make: Callable[[Document], T]) -> T:
 def write_whole(path: str | os.PathLike[str], text: str) -> None:
     """Write a file whole or not at all; InputError where it cannot be written."""
     try:
-        replace_file(Path(path), text.encode())
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"{path}: cannot be written ({_reason(error)}); allowed is a folder of this user"
-        ) from None
-
-
-def _reason(error):
-    return getattr(error, "strerror", None) or str(error)
+        replace_file(Path(path), text)
+    except OSError as error:
+        raise unwritable(error) from None
 
 
 def take_table(document: Document, key: str) -> Document:
     """The table of this key, taken out of the document, empty if it is not there."""
-    table = document.pop(key, {})
-    if not isinstance(table, dict):
-        raise InputError(f"{key} is {repr_short(table)}; allowed is a table, [{key}]")
-    return table
+    return as_table(document.pop(key, {}), key, f"a table, [{key}]")
 
 
 def take_units(document: Document) -> dict[str, str]:

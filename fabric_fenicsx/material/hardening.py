@@ -139,18 +139,18 @@ class HardeningTable(Hardening):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if len(self.eps) != len(self.sigma) or len(self.eps) < 2:
-            raise InputError(
-                "hardening.eps and sigma differ in length or are too short; allowed are two lists "
-                "of 2 or more numbers"
-            )
-        fits = (np.diff(self.eps, prepend=-1) > 0) & (np.diff(self.sigma, prepend=0) >= 0)
-        fits[0] &= self.eps[0] == 0 < self.sigma[0]
-        for k in np.flatnonzero(~fits)[:1]:
-            raise InputError(
-                f"hardening: point {k + 1} is {(self.eps[k], self.sigma[k])}; allowed are strains "
-                "that rise from 0 and stresses above 0 that do not fall"
-            )
+        points = [*zip(self.eps, self.sigma)]
+        flaws = [
+            f"hardening: point {k} is {(e, stress)}; allowed are strains that rise from 0 and "
+            "stresses above 0 that do not fall"
+            for k, ((e, stress), (before, least)) in enumerate(zip(points, [(-1, 0), *points]), 1)
+            if not (e > before and stress >= least and (k > 1 or e == 0 < stress))
+        ]
+        if len(self.eps) != len(self.sigma) or len(points) < 2:
+            allowed = "allowed are two lists of 2 or more numbers"
+            flaws = [f"hardening.eps and sigma differ in length or are too short; {allowed}"]
+        for flaw in flaws[:1]:
+            raise InputError(flaw)
         from scipy.interpolate import PchipInterpolator  # takes long to import
 
         curve = PchipInterpolator(self.eps, self.sigma)

@@ -74,9 +74,9 @@ class Parameters:
         UFL constants. Densities, compaction and bending have no part in it; thickness comes
         last."""
         beside = "density fibre_density fibre_share compaction bending bending_friction".split()
-        new = copy.copy(self)
-        names = [f.name for f in dataclasses.fields(self) if f.name not in beside]
-        for name in sorted(names, key="thickness".__eq__):
+        new, names = copy.copy(self), [field.name for field in dataclasses.fields(self)]
+        names.sort(key="thickness".__eq__)
+        for name in (each for each in names if each not in beside):
             value = getattr(self, name)
             if isinstance(value, float):
                 object.__setattr__(new, name, make(value))

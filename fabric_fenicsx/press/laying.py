@@ -36,7 +36,7 @@ class Laid:
     @property
     def blanks(self) -> list[Blank]:
         """The blank of each sheet."""
-        return [sheet.blank for sheet in self.stack.sheets] if self.stack else [self.blank]
+        return self.stack.blanks if self.stack else [self.blank]
 
     @property
     def stack(self) -> Stack | None:

@@ -55,7 +55,7 @@ def rims(stack: Stack, sheets: Sequence[Sheet]) -> list[str]:
 
 def _reach(stack):
     """How far each sheet reaches towards high and low x and y (sheets, 4) [mm]."""
-    extents = [sheet.blank.extent() for sheet in stack.sheets]
+    extents = [blank.extent() for blank in stack.blanks]
     return np.array([[*high[:2], *-low[:2]] for low, high in extents])
 
 
@@ -68,7 +68,7 @@ def press(stack: Stack, sheets: Sequence[Sheet], terms: Sequence[Term], die: Too
         return
     on_top = next(t for t in terms if isinstance(t, Contact) and t.tool is die)
     pairs, comm = neighbours(terms, sheets), stack.mesh.comm
-    names = [sheet.name for sheet in stack.sheets]
+    names = [*stack.parts]
     on_it = stack.parts[names[-1]].nodes
     depths = [on_top.depth_under(each.now)[on_it].max(initial=0.0) for each in holders]
     rises = np.max(comm.allgather(depths), axis=0)[:, None]

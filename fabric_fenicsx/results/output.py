@@ -130,8 +130,12 @@ class Output:
         if self.resume and is_first and "checkpoint.npz" not in {f.name for f in self._results()}:
             flaw = f"`resume=True` finds no checkpoint in {path}"
             raise InputError(f"{flaw}; allowed is the `out` of a run that was begun")
-        path.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=path).close()
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=path).close()
+        except OSError as error:
+            flaw = f"`out` {path} can't be written to ({error.strerror})"
+            raise InputError(f"{flaw}; allowed is a folder that can be made") from None
         if not is_first:
             return
         if not (lock := lock_folder(self.path)):

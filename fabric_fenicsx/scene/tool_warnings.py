@@ -10,7 +10,7 @@ from ..contact.contact_term import ToolContactTerm
 from ..contact.tool_contact import Contact
 from ..core.formatting import rounded
 from ..sheet.blank import Blank
-from ..surfaces.checks import hole_warning, radius_over, size_warning
+from ..surfaces.checks import radius_over, triangle_warnings
 from ..surfaces.tool import Tool
 from . import output
 from .rigid_motions import planes_of_symmetry
@@ -39,7 +39,7 @@ def tool_warnings(scene: Scene, formed: bool = False) -> list[str]:
             sentences += [much] if MAX_FRICTION < mu < np.inf else []
     size = float(scene.blank.sides().max())
     for tool in tools:
-        sentences += [size_warning(tool, size), hole_warning(tool)]
+        sentences += triangle_warnings(tool, size)
     return list(dict.fromkeys(filter(None, sentences)))
 
 

@@ -16,10 +16,8 @@ from .. import dolfinx_compat as compat
 from ..core.collective_errors import on_root
 from ..core.errors import InputError
 from ..core.rules import FINITE, POSITIVE
-from . import flat
-from .cells import CELLS
-from .mesh_checks import MeshArrays, checked_mesh
-from .mesh_files import read_mesh
+from . import sources
+from .mesh_checks import CELLS, MeshArrays, checked_mesh
 from .part import Part
 from .sheet import Layout, Values
 from .sheet_mesh import Direction, SheetMesh
@@ -140,8 +138,8 @@ class Blank(SheetMesh):
         is a manifold mesh in R^3. options: those of `Blank`. Raises InputError, on all ranks, for a
         mesh that is no sheet, see `checked_mesh`; doubts stand in `warnings`.
         """
-        arrays = np.asarray(points, float), np.asarray(cells), str(kind)
-        return cls.made(comm, lambda: MeshArrays(*arrays, []), source, spatial, options)
+        make = partial(MeshArrays, np.asarray(points, float), np.asarray(cells), str(kind), [])
+        return cls.made(comm, make, source, spatial, options, from_file=False)
 
     @classmethod
     def made(
@@ -153,25 +151,24 @@ class Blank(SheetMesh):
         options: Values,
         centred: bool = False,
         height: float | None = None,
+        from_file: bool = True,
     ) -> Self:
-        """Blank of what `make` returns on rank 0, checked; centred, height: as in `read`; others as
-        in `from_arrays`."""
-        local: list[MeshArrays] = []
+        """Blank of what `make` returns on rank 0, checked; centred, height: as in `read`;
+        from_file: if its cells are a user's; others as in `from_arrays`."""
 
         def checked():
             points, cells, kind, notes = make()
             mesh = checked_mesh(points, cells, kind, source, spatial)
-            points, moved = flat.moved_sheet(mesh.points, source, centred, height)
-            notes = [*notes, *mesh.warnings, *moved]
-            local.append(MeshArrays(points, mesh.cells, kind, notes))
-            return MeshArrays(points[:0], mesh.cells[:0], kind, notes)  # of other ranks
+            points, moved = sources.moved_sheet(mesh.points, source, centred, height)
+            return MeshArrays(points, mesh.cells, kind, [*notes, *mesh.warnings, *moved])
 
-        empty = on_root(comm, checked)
-        points, nodes, kind, warnings = (local or [empty])[0]
+        points, nodes, kind, warnings = on_root(comm, checked)
+        if comm.rank:  # rank 0 gives all of the mesh
+            points, nodes = points[:0], nodes[:0]
         how = CELLS[kind]
         nodes = nodes[:, compat.to_dolfinx_order(how.cell, nodes.shape[1])]
         blank = cls(compat.create_mesh(comm, nodes, points, how.cell, how.degree), **options)
-        blank.warnings = warnings
+        blank.warnings, blank.from_file = warnings, from_file
         return blank
 
     @classmethod
@@ -190,7 +187,7 @@ class Blank(SheetMesh):
         """Rectangle of `length` and `width` [mm] in the plane z = 0.
 
         - nx, ny: rectangles along length and width, square without `ny`; pattern: how they become
-          cells, one of `meshes.specimen.PATTERNS`
+          cells, one of `sheet.specimen.PATTERNS`
         - element: "P1", "P2", "P3", "Q1" or "Q2"; by default P1 or P2, see `degree` of `Blank`
         - spatial: True: free to leave its plane
         - turned: angle from x to the length [rad]; the frame is then along length and width
@@ -205,8 +202,9 @@ class Blank(SheetMesh):
         turned = FINITE.check("`turned`", layout.pop("turned", 0.0))
         centred = layout.pop("centred", False)
         sheet = Layout(nx=nx, ny=ny, pattern=pattern, **layout)
-        make = partial(flat.rectangle, sheet, sides, turned, centred)
-        return cls.made(comm, make, "the specimen", spatial, sheet.options(turned))
+        make = partial(sources.rectangle, sheet, sides, turned, centred)
+        options = sheet.options(turned)
+        return cls.made(comm, make, "the specimen", spatial, options, from_file=False)
 
     @classmethod
     def outline(
@@ -240,11 +238,9 @@ class Blank(SheetMesh):
         pattern = pattern or ("along" if spatial else "unstructured")
         turned = FINITE.check("`turned`", layout.pop("turned", 0.0))
         place = turned, layout.pop("centred", False), layout.pop("planes", ())
-        sheet, source = Layout(nx=nx, pattern=pattern, **layout), flat.outline_source(outline)
-        make = partial(flat.outline, sheet, outline, (size, layer), *place)
-        blank = cls.made(comm, make, source, spatial, sheet.options(turned))
-        blank.from_file = True
-        return blank
+        sheet, source = Layout(nx=nx, pattern=pattern, **layout), sources.outline_source(outline)
+        make = partial(sources.outline, sheet, outline, (size, layer), *place)
+        return cls.made(comm, make, source, spatial, sheet.options(turned))
 
     @classmethod
     def read(
@@ -265,8 +261,5 @@ class Blank(SheetMesh):
         `from_arrays`. Raises InputError as that, for a file that cannot be read or has solid, mixed
         or unknown cells, and for a sheet that is not flat and has a `height`.
         """
-
-        make = partial(read_mesh, path)
-        blank = cls.made(comm, make, str(path), spatial, options, centred, height)
-        blank.from_file = True
-        return blank
+        make = partial(sources.read_mesh, path)
+        return cls.made(comm, make, str(path), spatial, options, centred, height)

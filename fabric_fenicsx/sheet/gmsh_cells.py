@@ -1,6 +1,6 @@
 """Models of gmsh, and the cells that it makes."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import ModuleType
 
@@ -31,9 +31,18 @@ def own_model(gmsh: ModuleType, **options: float) -> Iterator[None]:
             gmsh.finalize()
 
 
-def meshed(gmsh: ModuleType, corners: int = 3) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 3) and cells (m, corners) of gmsh's current model, meshed in its sizes."""
-    gmsh.model.mesh.generate(2)
+def meshed(
+    gmsh: ModuleType, corners: int = 3, size_at: Callable[[float, float], float] | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, 3) and cells (m, corners) of gmsh's current model, of its sizes or size_at(x, y)
+    [mm]."""
+    if size_at:
+        gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, *_: size_at(x, y))
+    try:
+        gmsh.model.mesh.generate(2)
+    finally:
+        if size_at:
+            gmsh.model.mesh.removeSizeCallback()
     tags, x, _ = gmsh.model.mesh.getNodes()
     _, nodes = gmsh.model.mesh.getElementsByType({3: 2, 4: 3}[corners])
     order = np.argsort(tags)

@@ -11,7 +11,7 @@ from ..core import timing
 from ..core.errors import InputError
 from ..core.formatting import rounded
 from ..core.status import task
-from . import flat
+from . import sources
 from .blank import Blank
 from .sheet import SheetFields, Values
 
@@ -44,21 +44,20 @@ def mesh_sheet(
             blank = Blank.read(sheet.mesh, spatial=spatial, comm=comm, **options)
         elif sheet.outline:
             rim, cells = sheet.outline, (sheet.size, sheet.layer)
-            make = partial(flat.outline, sheet, rim, cells, turned, bool(centred), planes)
-            blank = Blank.made(comm, make, flat.outline_source(rim), spatial, options)
-            blank.from_file = True
+            make = partial(sources.outline, sheet, rim, cells, turned, bool(centred), planes)
+            blank = Blank.made(comm, make, sources.outline_source(rim), spatial, options)
         else:
             modelled = modelled_share(planes) * [getattr(sheet, name) for name in sides]
-            make = partial(flat.rectangle, sheet, modelled, turned, centred)
-            blank = Blank.made(comm, make, source, spatial, options)
+            make = partial(sources.rectangle, sheet, modelled, turned, centred)
+            blank = Blank.made(comm, make, source, spatial, options, from_file=False)
+    kind, flaw = "P" if blank.around == [0, 1, 2] else "Q", ""
     if blank.mesh.geometry.dim == 3 and not spatial:
-        raise InputError(f"{source} is not plane in z; allowed is a sheet in a plane z = const")
-    kind = "P" if blank.around == [0, 1, 2] else "Q"
-    if sheet.element and sheet.element[0] != kind:
-        raise InputError(
-            f"`element` {sheet.element} does not fit the cells of {source}; "
-            "allowed is P on triangles, Q on quadrilaterals"
-        )
+        flaw = f"{source} is not plane in z; allowed is a sheet in a plane z = const"
+    elif sheet.element and sheet.element[0] != kind:
+        flaw = f"`element` {sheet.element} does not fit the cells of {source}"
+        flaw += "; allowed is P on triangles, Q on quadrilaterals"
+    if flaw:
+        raise InputError(flaw)
     doubts = [*blank.warnings, size_warning(blank, source)]
     integration = sheet.integration or "full"
     if not sheet.integration and blank.degree == 2 and blank.triangulated:
@@ -80,17 +79,17 @@ def modelled_share(planes: Sequence[int]) -> np.ndarray:
     return np.where(np.isin([0, 1], planes), 0.5, 1.0)
 
 
+def whole_sides(blank: Blank, planes: Sequence[int]) -> list[float]:
+    """Length and width of the whole sheet [mm], rounded, to be the same on any number of ranks."""
+    return [float(f"{size:.9g}") for size in blank.sides()[:2] / modelled_share(planes)]
+
+
 def size_warning(blank: Blank, source: str) -> str:
     """A sentence if the sheet's size may be in another unit than mm, else ""."""
     if 20 <= blank.sides().max() <= 10_000:  # a few yarns, more than looms weave
         return ""
     sides = " x ".join(rounded(side, 4) for side in blank.sides())
     return f"{source} is {sides} mm; lengths are in mm (metres times 1000, inches times 25.4)"
-
-
-def whole_sides(blank: Blank, planes: Sequence[int]) -> list[float]:
-    """Length and width of the whole sheet [mm], rounded, to be the same on any number of ranks."""
-    return [float(f"{size:.9g}") for size in blank.sides()[:2] / modelled_share(planes)]
 
 
 def _own_sizes(sheet, names, blank, planes):

@@ -154,9 +154,8 @@ def _filled(faces, size_at):
         for face in map(shapely.geometry.polygon.orient, faces):
             geo.addPlaneSurface([*map(loop, (face.exterior, *face.interiors))])
         geo.synchronize()
-        gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, *z: size_at(x, y))
         try:
-            points, triangles = meshed(gmsh)
+            points, triangles = meshed(gmsh, size_at=size_at)
         except Exception as error:  # it raises no other kind
             raise InputError(
                 f"gmsh cannot mesh the outline ({error}); allowed is one without spikes and cracks"

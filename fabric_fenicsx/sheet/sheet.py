@@ -112,22 +112,27 @@ class SheetFields(Layout):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        of_metal = ("fabric", "metal"), ("temperature", "metal")
-        for one, other in (("outline", "mesh"), ("nx", "size"), *of_metal):
-            if self._has(one) and self._has(other):
-                raise InputError(f"`{one}` is given beside `{other}`; allowed is one of them")
-        needs = {"size": ["outline"], "layer": ["outline"], "centred": ["outline", "mesh"]}
-        for name, needed in needs.items():
-            if self._has(name) and not any(map(self._has, needed)):
-                raise InputError(f"`{name}` needs `{'` or `'.join(needed)}`")
+        if flaws := self._flaws():
+            raise InputError(flaws[0])
         if self.fabric is not None:
             at = self.temperature
             coldest = min(checked_fabric("`fabric`", self.fabric).at_temperatures, default=0.0)
             self.fabric.at(coldest if isinstance(at, Field) else at)
 
-    def _has(self, name):
-        value = getattr(self, name, None)
-        return not (value is None or value is False or value == "")
+    def _flaws(self):
+        """Why fields do not go together, a sentence each."""
+        given = {name for name, v in vars(self).items() if not (v is None or v is False or v == "")}
+        pairs = "outline mesh", "nx size", "fabric metal", "temperature metal"
+        needs = {"size": ["outline"], "layer": ["outline"], "centred": ["outline", "mesh"]}
+        return [
+            f"`{one}` is given beside `{other}`; allowed is one of them"
+            for one, other in map(str.split, pairs)
+            if given >= {one, other}
+        ] + [
+            f"`{name}` needs `{'` or `'.join(files)}`"
+            for name, files in needs.items()
+            if name in given and given.isdisjoint(files)
+        ]
 
     @property
     def sheet_file(self) -> str:
@@ -232,17 +237,15 @@ class Sheet(SheetFields, YarnBending):
         "coefficient to the next sheet above (Table 2 of Schäfer et al.: 0.334, beside metal 0.25)",
     )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        flaw = ""
+    def _flaws(self):
+        flaws = super()._flaws()
         if not (self.metal or self.fabric):
-            flaw = "a sheet needs `fabric` or `metal`"
-        elif not (self.sheet_file or (self.length and self.width)):
-            flaw = "a sheet needs `length` and `width`, `outline` or `mesh`"
-        elif self.metal and isinstance(self.thickness, Field):
-            flaw = "`thickness` of metal is a field; allowed is a number above 0"
-        if flaw:
-            raise InputError(flaw)
+            flaws.append("a sheet needs `fabric` or `metal`")
+        if not (self.sheet_file or (self.length and self.width)):
+            flaws.append("a sheet needs `length` and `width`, `outline` or `mesh`")
+        if self.metal and isinstance(self.thickness, Field):
+            flaws.append("`thickness` of metal is a field; allowed is a number above 0")
+        return flaws
 
     def material(self, rigid: bool = False) -> Material:
         """Its metal or fabric, with the sheet's own thickness if that is a number; rigid: fabric

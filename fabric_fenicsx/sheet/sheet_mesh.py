@@ -15,7 +15,7 @@ from ufl.core.expr import Expr
 from .. import dolfinx_compat as compat
 from ..core.collective_errors import on_all
 from ..core.errors import InputError
-from .flat import FLAT_TOLERANCE
+from .sources import FLAT_TOLERANCE
 
 # an angle, a vector, or a function of points to either; see `Blank`
 Direction = ArrayLike | Callable[[np.ndarray], ArrayLike]
@@ -301,13 +301,11 @@ def _tangent(mesh, centre, normal, direction, name):
     def refuse(bad, flaw):
         _refuse(mesh, bad, centre, f"fibre direction {name} {flaw}")
 
-    if callable(direction):
-        value = on_all(mesh.comm, lambda: np.asarray(direction(centre.T), float))
-    else:
-        value = np.asarray(direction, float)
-        if value.ndim == 0 and abs(value) > 2 * np.pi:
-            allowed = "an angle in radians; allowed is from -2 pi to 2 pi"
-            raise InputError(f"fibre direction {name} is {value:g}, {allowed}")
+    function = direction if callable(direction) else lambda x: direction
+    value = on_all(mesh.comm, lambda: np.asarray(function(centre.T), float))
+    if value.ndim == 0 and abs(value) > 2 * np.pi:
+        allowed = "an angle in radians; allowed is from -2 pi to 2 pi"
+        raise InputError(f"fibre direction {name} is {value:g}, {allowed}")
     if value.ndim < (2 if callable(direction) else 1):
         value = np.stack(np.broadcast_arrays(np.cos(value), np.sin(value)))
     value = np.broadcast_to(value.T, (len(centre), len(value)))

@@ -152,7 +152,7 @@ def _unstructured(
         options["MeshSizeExtendFromBoundary"] = 0.0
     segments = np.hstack([lines[:, 0], lines[:, 1] - lines[:, 0]]).tolist()
 
-    def graded_size(_, __, x, y, *___):
+    def graded_size(x, y):
         """Size at a place by the distance from lines, in plain floats: gmsh asks so often."""
         least = reach
         for x0, y0, dx, dy in segments:
@@ -167,10 +167,6 @@ def _unstructured(
         edges = [(1, occ.addLine(*(occ.addPoint(*end, 0) for end in line))) for line in lines]
         if edges:
             occ.fragment([(2, sheet)], edges)
-            gmsh.model.mesh.setSizeCallback(graded_size)
         occ.synchronize()
-        try:
-            return *meshed(gmsh, corners), "quad" if corners == 4 else "triangle"
-        finally:
-            if edges:
-                gmsh.model.mesh.removeSizeCallback()
+        found = meshed(gmsh, corners, graded_size if edges else None)
+    return *found, "quad" if corners == 4 else "triangle"

@@ -1,7 +1,6 @@
 """Sheets laid on one another: one mesh with a part for each."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -10,14 +9,6 @@ from ..core.errors import InputError
 from ..core.formatting import rounded
 from ..core.rules import FINITE, POSITIVE
 from .blank import Blank, Part
-
-
-class StackedSheet(NamedTuple):
-    """A flat blank in space, its thickness [mm], and its name, by which `on` puts a term on it."""
-
-    blank: Blank
-    thickness: float
-    name: str
 
 
 class Stack(Blank):
@@ -45,54 +36,46 @@ class Stack(Blank):
         play: float = 0.0,
         name: str = "stack",
     ) -> None:
-        self.sheets = [
-            StackedSheet(blank, POSITIVE.check(f"thickness of sheet {part} of the stack", t), part)
-            for blank, t, part in sheets
-        ]
-        if flaw := _flaw(self.sheets):
+        blanks, given, names = map(list, zip(*sheets))
+        words = [f"thickness of sheet {each} of the stack" for each in names]
+        t = np.array([*map(POSITIVE.check, words, given)])
+        if flaw := _flaw(blanks, names):
             raise InputError(flaw)
         play = FINITE.check("`play` of the stack", play)
         if bottom is not None:
             bottom = FINITE.check("`bottom` of the stack", bottom)
-        first = self.sheets[0].blank.mesh
-        comm = first.comm
-        lower_faces = np.cumsum([0.0, *(s.thickness + play for s in self.sheets[:-1])])
-        middles = lower_faces + [s.thickness / 2 for s in self.sheets]
-        low = [sheet.blank.extent()[0][2] for sheet in self.sheets]
+        middles = np.cumsum([0.0, *(t[:-1] + play)]) + t / 2
+        low = [blank.extent()[0][2] for blank in blanks]
         self.heights = middles + (low[0] - middles[0] if bottom is None else bottom)
-        points, cells, kept = _merged(self.sheets, self.heights - low, comm)
-        mesh = compat.create_mesh(comm, cells, points, compat.cell_name(first), 1)
-        # yarns and sheet of each cell in the order in which all ranks gave them
-        rows = np.concatenate(comm.allgather(kept))[mesh.topology.original_cell_index]
-        a, b, number = np.split(rows, [3, 6], axis=1)
-        degree = max(sheet.blank.degree for sheet in self.sheets)
+        points, cells, rows = _merged(blanks, self.heights - low)
+        comm, kind = blanks[0].mesh.comm, compat.cell_name(blanks[0].mesh)
+        here = slice(None if comm.rank == 0 else 0)  # rank 0 gives all of the mesh
+        mesh = compat.create_mesh(comm, cells[here], points[here], kind, 1)
+        a, b, number = np.split(rows[mesh.topology.original_cell_index], [3, 6], axis=1)
+        degree = max(blank.degree for blank in blanks)
         super().__init__(mesh, lambda x: a.T, lambda x: b.T, degree=degree, name=name)
+        self.thickness = float(t.sum())  # of all sheets together [mm]
+        self.blanks = blanks
         self.number = number[:, 0].astype(np.int32)
-        self.from_file = any(sheet.blank.from_file for sheet in self.sheets)
-        self.warnings = [text for sheet in self.sheets for text in sheet.blank.warnings]
-        for k, (blank, thickness, part) in enumerate(self.sheets):
+        self.from_file = any(blank.from_file for blank in blanks)
+        self.warnings = [text for blank in blanks for text in blank.warnings]
+        for k, (blank, part) in enumerate(zip(blanks, names)):
             at = np.flatnonzero(self.number == k)
-            self.parts[part] = Part(self, part, at, thickness, blank.orthogonal)
+            self.parts[part] = Part(self, part, at, float(t[k]), blank.orthogonal)
 
     def is_flat(self) -> bool:
         """True, as its sheets are."""
         return True
 
-    @property
-    def thickness(self) -> float:
-        """Thickness of all sheets together [mm]."""
-        return sum(sheet.thickness for sheet in self.sheets)
 
-
-def _flaw(sheets):
+def _flaw(blanks, names):
     """Why these sheets make no stack, and what is allowed; else ""."""
-    names = [sheet.name for sheet in sheets]
     if len(set(names)) < len(names) or not all(names):
         return f"sheets of the stack are named {names}; allowed are different names"
-    kinds = {compat.cell_name(sheet.blank.mesh) for sheet in sheets}
+    kinds = {compat.cell_name(blank.mesh) for blank in blanks}
     if len(kinds) > 1:
         return f"the stack has sheets of {sorted(kinds)}s; allowed is one kind of cells"
-    for blank, _, name in sheets:
+    for blank, name in zip(blanks, names):
         where = f"sheet {name} of the stack"
         if blank.mesh.geometry.dim != 3 or not np.array_equal(blank.frame, np.eye(3)):
             flaw = "lies in a plane mesh or along turned axes"
@@ -105,24 +88,21 @@ def _flaw(sheets):
     return ""
 
 
-def _merged(sheets, lifts, comm):
-    """This rank's points (n, 3) and cells (m, nodes) of one mesh of all lifted sheets. Then, of
+def _merged(blanks, lifts):
+    """Points (n, 3) and cells (m, nodes) of one mesh of all lifted blanks, of all ranks. Then, of
     each cell, yarns a and b and the number of its sheet (m, 7)."""
-    maps = [sheet.blank.mesh.geometry.index_map() for sheet in sheets]
-    counts = np.array(comm.allgather([each.size_local for each in maps]))  # (ranks, sheets)
-    # points are numbered by rank, then by sheet
-    before = np.concatenate([[0], counts.ravel().cumsum()[:-1]]).reshape(counts.shape)
-    points, cells, kept = [], [], []
-    for k, (sheet, index_map, lift) in enumerate(zip(sheets, maps, lifts)):
-        mesh = sheet.blank.mesh
-        owned = mesh.topology.index_map(2).size_local
-        points.append(mesh.geometry.x[: index_map.size_local] + [0.0, 0.0, lift])
-        local = compat.geometry_dofmap(mesh)[:owned]
-        known = index_map.local_to_global(local.ravel().astype(np.int32))
-        ends = counts[:, k].cumsum()
-        rank = np.searchsorted(ends, known, side="right")
-        number = known - (ends - counts[:, k])[rank] + before[rank, k]
-        cells.append(number.reshape(local.shape))
-        fields = [f.x.array.reshape(-1, 3)[:owned] for f in (sheet.blank.a0, sheet.blank.b0)]
-        kept.append(np.hstack([*fields, np.full((owned, 1), float(k))]))
-    return np.concatenate(points), np.concatenate(cells).astype(np.int64), np.concatenate(kept)
+    parts, before = [], 0
+    for k, (blank, lift) in enumerate(zip(blanks, lifts)):
+        geometry, owned = blank.mesh.geometry, len(blank.cell_nodes)
+        numbers, local = geometry.index_map(), compat.geometry_dofmap(blank.mesh)[:owned]
+        known = numbers.local_to_global(local.ravel().astype(np.int32)).reshape(local.shape)
+        yarns = [f.x.array.reshape(-1, 3)[:owned] for f in (blank.a0, blank.b0)]
+        here = (
+            geometry.x[: numbers.size_local] + [0.0, 0.0, lift],
+            known + before,
+            np.hstack([*yarns, np.full((owned, 1), float(k))]),
+        )
+        # by rank, as DOLFINx numbers points
+        parts.append([np.concatenate(blank.mesh.comm.allgather(each)) for each in here])
+        before += numbers.size_global
+    return [np.concatenate(each) for each in zip(*parts)]

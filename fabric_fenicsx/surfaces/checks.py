@@ -35,19 +35,18 @@ def check_triangles(surface: TriangulatedSurface, name: str, thickness: float) -
     def middle(nodes):
         return coordinates(surface.points[nodes].mean(0))
 
-    if count := len(surface.forks):
-        raise InputError(
-            f"{name} has {count} edges with more than two triangles, one at "
-            f"{middle(surface.forks[0])}; allowed are at most two at an edge"
-        )
+    flaw, count = "", len(surface.forks)
     off = 0.75 * surface.curved.patches.bulge  # more than the patches themselves
     worst = int(off.argmax())
-    if off[worst] > thickness:
-        raise InputError(
-            f"{name} has facets that are {rounded(off[worst])} mm off the curved surface through "
-            f"their corners, at {middle(surface.triangles[worst])}; allowed is up to the ply's "
-            f"thickness {thickness:g} mm"
-        )
+    if count:
+        flaw = f"{count} edges with more than two triangles, one at {middle(surface.forks[0])}; "
+        flaw += "allowed are at most two at an edge"
+    elif off[worst] > thickness:
+        flaw = f"facets that are {rounded(off[worst])} mm off the curved surface through their "
+        flaw += f"corners, at {middle(surface.triangles[worst])}; allowed is up to the ply's "
+        flaw += f"thickness {thickness:g} mm"
+    if flaw:
+        raise InputError(f"{name} has {flaw}")
     edges, turn = surface.curved.turns()
     if not len(turn) or (sharpest := np.degrees(turn.max())) <= 20.0:
         return []
@@ -92,27 +91,23 @@ def radius_over(tool: Tool, length: float) -> float:
     return max(least, min(least_radii(surface.curved, length)))
 
 
-def size_warning(tool: Tool, sheet: float) -> str:
-    """A sentence if a tool of triangles is as small as if it were in another unit, else ""."""
-    surface = _triangles(tool)
-    doubt = surface and unit_doubt(float(np.ptp(surface.points, axis=0).max()), sheet, 0.2)
-    return f"the surface of {tool.name} {doubt}; lengths are in mm" if doubt else ""
-
-
-def hole_warning(tool: Tool) -> str:
-    """A sentence if triangles of a tool leave an opening below a tenth of them, so no die's, else
-    ""."""
+def triangle_warnings(tool: Tool, sheet: float) -> list[str]:
+    """Sentences on a tool of triangles that is as small as if it were in another unit, beside a
+    sheet of this size [mm], and on an opening below a tenth of it, so no die's."""
     if not (surface := _triangles(tool)):
-        return ""
+        return []
     x, (p, q) = surface.points, surface.rim.T
-    loop = connected(len(x), [p, q])[1][p]
+    size = float(np.ptp(x, axis=0).max())
+    doubt, loop = unit_doubt(size, sheet, 0.2), connected(len(x), [p, q])[1][p]
+    warnings = [f"the surface of {tool.name} {doubt}; lengths are in mm"] if doubt else []
     for number in np.unique(loop):
         around = x[surface.rim[loop == number]].reshape(-1, 3)
         width = float(np.ptp(around, axis=0).max())
-        if width < 0.1 * np.ptp(x, axis=0).max():
-            return (
+        if width < 0.1 * size:
+            warnings.append(
                 f"the surface of {tool.name} has a hole {rounded(width)} mm wide at "
                 f"{coordinates(around.mean(0))} mm in its own coordinates, where nothing stops the "
                 "sheet"
             )
-    return ""
+            break
+    return warnings

@@ -1,9 +1,10 @@
 """The double dome of the forming benchmark, with dimensions of its own."""
 
 import math
+from collections import namedtuple
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
@@ -13,28 +14,11 @@ from ..core.fields import KnowsItsFields, check_fields, documented, quantity
 from ..core.rules import FROM_ZERO, POSITIVE, Rule
 from .implicit import ImplicitSurface
 
-
-class _Shape(NamedTuple):
-    """Numbers that follow from the dimensions of a double dome [mm]: half the distance of the
-    domes, radius and half width of the outline, curvature `bend` of its concave arcs [1/mm];
-    height, radii of rounding and fillet, their centres (d1, z1), (d2, z2) and the wall's normal
-    (m, n) in the plane of the profile; share by which the saddle is lower, and half its length."""
-
-    half: float
-    radius: float
-    waist: float
-    bend: float
-    depth: float
-    top: float
-    entry: float
-    d1: float
-    z1: float
-    d2: float
-    z2: float
-    m: float
-    n: float
-    drop: float
-    reach: float
+# Numbers that follow from the dimensions of a double dome [mm]: half the distance of the domes,
+# radius and half width of the outline, curvature `bend` of its concave arcs [1/mm]; height, radii
+# of rounding and fillet, their centres (d1, z1), (d2, z2) and the wall's normal (m, n) in the plane
+# of the profile; share by which the saddle is lower, and half its length.
+_Shape = namedtuple("_Shape", "half radius waist bend depth top entry d1 z1 d2 z2 m n drop reach")
 
 
 @compiled
@@ -166,25 +150,31 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
         tangent, slope = math.tan(math.pi / 4 - angle / 2), depth * math.tan(angle)
         # half width at the middle where the circles overlap
         least, turn = math.sqrt(max(0.0, R * R - c * c)), c * c + w * w - R * R
-        if not least < w <= R or 2 * (R - w) * entry * tangent >= turn:
-            raise InputError(
+        lowest, inwards = (top + entry) * (1 - math.sin(angle)), slope + top * tangent
+        relations = [
+            (
+                least < w <= R and 2 * (R - w) * entry * tangent < turn,
                 f"waist is {w:g}; allowed is above {least:g} and at most dome_radius = {R:g}, with "
                 "dome_distance and entry_radius such that the fillet's foot does not reach the "
-                "centre of the outline's concave arc"
-            )
-        if self.saddle_depth >= depth or (top + entry) * (1 - math.sin(angle)) > depth:
-            raise InputError(
+                "centre of the outline's concave arc",
+            ),
+            (
+                self.saddle_depth < depth and lowest <= depth,
                 f"depth is {depth:g}; allowed is above saddle_depth = {self.saddle_depth:g}, and "
-                f"{(top + entry) * (1 - math.sin(angle)):g} or more, so that top_radius = {top:g} "
-                f"and entry_radius = {entry:g} fit at wall_angle = {self.wall_angle:g}"
-            )
-        if slope + top * tangent >= w:
-            raise InputError(
+                f"{lowest:g} or more, so that top_radius = {top:g} and entry_radius = {entry:g} "
+                f"fit at wall_angle = {self.wall_angle:g}",
+            ),
+            (
+                inwards < w,
                 f"wall_angle is {self.wall_angle:g} and top_radius {top:g}; allowed are such that "
-                f"wall and rounding, {slope + top * tangent:g} mm, leave a flat top at the waist"
-            )
+                f"wall and rounding, {inwards:g} mm, leave a flat top at the waist",
+            ),
+        ]
+        for holds, flaw in relations:
+            if not holds:
+                raise InputError(flaw)
         outline = c, R, w, 2 * (R - w) / turn, depth, top, entry
-        rounding, fillet = (-slope - top * tangent, depth - top), (entry * tangent, entry)
+        rounding, fillet = (-inwards, depth - top), (entry * tangent, entry)
         wall, saddle = (math.cos(angle), math.sin(angle)), self.saddle_depth / depth
         shape = _Shape(*outline, *rounding, *fillet, *wall, saddle, self.saddle_length / 2)
         object.__setattr__(self, "_shape", shape)

@@ -7,7 +7,6 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..core.errors import InputError
 from ..core.rules import FROM_ZERO, POSITIVE, Rule
 from .surfaces import Nearest, Surface
 from .values import checked_vector
@@ -145,14 +144,13 @@ class Plate(Surface):
         entry: float = 0.0,
         centre: ArrayLike = (0.0, 0.0, 0.0),
     ) -> None:
-        if width is None and corner is not None:
-            raise InputError(f"corner is {corner}, but a round opening has none: give `width`")
         self.length = POSITIVE.check("length", length)
         self.width = self.length if width is None else POSITIVE.check("width", width)
         half = min(self.length, self.width) / 2
-        corner = half if width is None else 0.0 if corner is None else corner
-        allowed = f"a number from 0 to {half:g}, half the opening"
-        self.corner = Rule(allowed, lambda v: 0 <= v <= half * ROUNDING).check("corner", corner)
+        least = half if width is None else 0.0
+        allowed = f"a number from {least:g} to {half:g}, half the opening (round without `width`)"
+        fits = Rule(allowed, lambda v: least <= v <= half * ROUNDING)
+        self.corner = fits.check("corner", least if corner is None else corner)
         self.entry = FROM_ZERO.check("entry", entry)
         self.centre = checked_vector("centre", centre)
         self.radii = (self.entry or math.inf, self.corner or math.inf)

@@ -7,9 +7,8 @@ from builders import COMM, slit_strip
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.core.errors import InputError
-from fabric_fenicsx.sheet.cells import CELLS, straight_cells, turned_over
-from fabric_fenicsx.sheet.mesh_checks import checked_mesh
-from fabric_fenicsx.sheet.mesh_files import read_mesh
+from fabric_fenicsx.sheet.mesh_checks import CELLS, checked_mesh, turned_over
+from fabric_fenicsx.sheet.sources import read_mesh, straight_cells
 from fabric_fenicsx.sheet.specimen import PATTERNS, specimen
 
 STRIP = specimen(4, 2, 4, 2, "right")

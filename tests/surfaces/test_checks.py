@@ -11,8 +11,7 @@ from fabric_fenicsx.surfaces import radii
 from fabric_fenicsx.surfaces.checks import (
     check_start,
     check_triangles,
-    hole_warning,
-    size_warning,
+    triangle_warnings,
     unit_doubt,
 )
 from fabric_fenicsx.surfaces.primitives import Plane, Sphere
@@ -87,16 +86,16 @@ def flat(size, hole=0.0):
 
 def test_a_tool_in_another_unit_is_doubted():
     """Below a fifth of the sheet, if it would be from a tenth to ten times as large in a unit."""
-    assert not size_warning(flat(21.0), 100.0)
-    assert "as if it were in inches or cm;" in size_warning(flat(19.0), 100.0)
-    assert "as if it were in metres or inches;" in size_warning(flat(0.5), 100.0)
-    assert "as if it were in metres;" in size_warning(flat(0.3), 100.0)
+    assert not triangle_warnings(flat(21.0), 100.0)
+    assert "as if it were in inches or cm;" in triangle_warnings(flat(19.0), 100.0)[0]
+    assert "as if it were in metres or inches;" in triangle_warnings(flat(0.5), 100.0)[0]
+    assert "as if it were in metres;" in triangle_warnings(flat(0.3), 100.0)[0]
     assert not unit_doubt(2.1, 100.0, 0.02) and unit_doubt(1.9, 100.0, 0.02)
 
 
 def test_a_hole_below_a_tenth_of_the_tool_is_told_of():
-    assert "has a hole 9 mm wide at (0, 0, 0) mm" in hole_warning(flat(100.0, 9.0))
-    assert not hole_warning(flat(100.0, 11.0))
+    assert "has a hole 9 mm wide at (0, 0, 0) mm" in triangle_warnings(flat(100.0, 9.0), 100.0)[0]
+    assert not triangle_warnings(flat(100.0, 11.0), 100.0)
 
 
 def test_the_least_radius_takes_more_than_a_hundredth_of_the_turning(monkeypatch):

@@ -11,10 +11,10 @@ import pytest
 
 from fabric_fenicsx.cli import sweep
 from fabric_fenicsx.core.errors import InputError, SolverFailure
-from fabric_fenicsx.sweep import pictures, results, scatter
+from fabric_fenicsx.sweep import answers, results
+from fabric_fenicsx.sweep.answers import below
 from fabric_fenicsx.sweep.folder import Run
-from fabric_fenicsx.sweep.form import SweepRun
-from fabric_fenicsx.sweep.limits import below
+from fabric_fenicsx.sweep.runner import SweepRun
 from fabric_fenicsx.sweep.varied import Range
 
 
@@ -47,7 +47,7 @@ def test_scatter_of_four_runs(made):
     ranges = Range("m.b", 1.0, 1e4), Range("m.a", 0.0, 4.0)  # b counts by its logarithm
     places = {(1, 10): 7.5, (3, 10): 10.5, (1, 1000): 8.5, (3, 1000): 13.5}
     runs = [made({"m.b": b, "m.a": a}, quantities={"q": q}) for (a, b), q in places.items()]
-    found = scatter.spread(runs, ranges, "q")
+    found = answers.spread(runs, ranges, "q")
     assert (found["runs"], found["mean"]) == (4, pytest.approx(10))
     assert found["deviation"] == pytest.approx(math.sqrt(4 * (4 + 1 + 0.25) / 3))
     assert found["bounds"] == pytest.approx([7.65, 13.05])  # 15 % off the ends of three intervals
@@ -60,7 +60,7 @@ def test_scatter_of_four_runs(made):
     assert found["left"] == pytest.approx(1 / whole)
     lost = made({"m.b": 10, "m.a": 2}, status=3, quantities={"q": 99})
     labels, limits = {"q": "length [mm]"}, [("q", 8.5), ("q", 8.6)]
-    told, spreads = scatter.told([*runs, lost], ranges[1:], labels, limits)
+    told, spreads = answers.told([*runs, lost], ranges[1:], labels, limits)
     assert [*spreads] == ["q"] and told[0].splitlines() == [
         "length [mm]: mean 10, standard deviation 2.65, 90 % of 4 runs between 7.65 and 13.05",
         "  a from 0 to 4: +8 +- 3, 68 % of the variance",
@@ -69,17 +69,17 @@ def test_scatter_of_four_runs(made):
     assert told[1:3] == ["q below 8.5: in 1 of 4 runs", "q below 8.6: in 2 of 4 runs"]
     assert told[3].startswith("1 of 5 runs are not believed and left out")
     with pytest.raises(SolverFailure, match="4 of 5 runs are believed, too few"):
-        scatter.told([*runs, lost], ranges, labels)
+        answers.told([*runs, lost], ranges, labels)
 
 
 def test_a_design_fills_its_ranges():
     """Each number is once in each of as many equal intervals, of logarithms from tenfold on."""
     ranges = Range("a", 2.0, 10.0), Range("b", 1.0, 9.9), Range("c", 1.0, 10.0)
-    values = scatter.design(ranges, 16)
+    values = answers.design(ranges, 16)
     a, b, c = (np.array([float(each[key]) for each in values]) for key in "abc")
     for share in (a - 2) / 8, (b - 1) / 8.9, np.log10(c):
         assert sorted((16 * share).astype(int)) == [*range(16)]
-    assert scatter.design(ranges, 8) == values[:8]
+    assert answers.design(ranges, 8) == values[:8]
     assert [r.share(4.0) for r in ranges] == pytest.approx([0.25, 3 / 8.9, math.log10(4)])
 
 
@@ -171,9 +171,9 @@ def test_curves_of_a_scatter_are_mean_and_quantiles_at_each_displacement(made, m
     lost = made({"k.x": 9}, status=3)
     history(lost, [(0, 0, 0), (1, 10, 1000)])
     drawn = []
-    monkeypatch.setattr(pictures, "curves", lambda path, series, x, y: drawn.append(series))
-    monkeypatch.setattr(pictures, "_draw_trends", lambda *_: None)
-    pictures.draw({name: Path("x.png") for name in ("curves", "trends")}, [*runs, lost], {}, True)
+    monkeypatch.setattr(results, "curves", lambda path, series, x, y: drawn.append(series))
+    monkeypatch.setattr(results, "_draw_trends", lambda *_: None)
+    results.draw({name: Path("x.png") for name in ("curves", "trends")}, [*runs, lost], {}, True)
     forces = {name: np.array(series[1]) for name, series in drawn[0].items()}
     assert [*forces] == ["mean", "5 % of runs below", "95 % of runs below"]
     wanted = np.array([[0, 5, 10], [0, 0.5, 1], [0, 9.5, 19]])

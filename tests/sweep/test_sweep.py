@@ -15,7 +15,7 @@ from fabric_fenicsx.cli import sweep
 from fabric_fenicsx.core.errors import InputError
 from fabric_fenicsx.core.files import lock_folder
 from fabric_fenicsx.sweep import varied
-from fabric_fenicsx.sweep.form import SweepRun
+from fabric_fenicsx.sweep.runner import SweepRun
 
 FAKE = Path(__file__).with_name("fake_form.py")
 PRESS = '[tools.punch]\nfile = "punch.stl"\nfriction = 0.2\n[ring]\npressure = 0.1\n'

@@ -8,7 +8,7 @@ dW/d(eps_i), tau = dW/d(gamma). Yarns start at right angles. Noise is the standa
 test.
 """
 
-from .checks import check_copies, curve_warnings
+from .checks import curve_warnings
 from .forces import bias_normalised
 from .model import MIN_POINTS, STRAINS, TESTS, CompactionTest, Curve, Response, Sheet
 from .reading import read, read_sheet

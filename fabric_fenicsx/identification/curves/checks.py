@@ -141,11 +141,11 @@ def curve_warnings(curves: Sequence[Curve]) -> Iterator[str]:
                 )
 
 
-def check_copies(curves: Sequence[Curve]) -> None:
-    """InputError for two copies of one file, which would count twice."""
+def copies(curves: Sequence[Curve]) -> Iterator[str]:
+    """Sentences on copies of one file, which would count twice."""
     first: dict[bytes, str] = {}
     for curve in curves:
         values = np.column_stack([curve.strains, *(each.values for each in curve.responses)])
         if (other := first.setdefault(values.tobytes(), curve.file)) != curve.file:
             flaw = f"{curve.file} has the values of {other}, row by row"
-            raise InputError(f"{flaw}; allowed is each test once, and as one kind of test")
+            yield f"{flaw}; allowed is each test once, and as one kind of test"

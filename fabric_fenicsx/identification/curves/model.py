@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.errors import InputError
+from ...io.text_tables import some
 from ...io.units import ANGLE, PER_WIDTH, STRAIN, factors, stresses
 
 MIN_POINTS = 5
@@ -61,6 +63,7 @@ class Kind(NamedTuple):
     optional: tuple[str, ...]  # strains that are 0 if their column is not there
     measured: tuple[str, ...]  # one of these at least
     keys: tuple[str, ...] = ()  # that must be there
+    more: tuple[str, ...] = ()  # keys that may be there, besides `noise`
     sign: int = 0  # that the first strain and what is measured have; 0: either
     # what a machine writes -> the column that it becomes, and the key of the specimen it needs
     raw: Mapping[str, tuple[str, str]] = MappingProxyType({})
@@ -70,43 +73,87 @@ class Kind(NamedTuple):
         """Columns of image correlation that the test may have in place of gamma."""
         return ("exx", "eyy", "exy") if self.strains == ("gamma",) else ()
 
-    @property
-    def all_keys(self) -> tuple[str, ...]:
-        """All keys that files of the test may have besides `test` and `noise`."""
-        may_be_slack = self.sign > 0 and self.strains != ("pressure",)
-        has_load_cell = "F" in (*self.measured, *self.raw)
-        keys = *self.keys, *(key for _, key in self.raw.values()), *["strain"][: len(self.image)]
-        return tuple(dict.fromkeys((*keys, *["slack"][:may_be_slack], *["zero"][:has_load_cell])))
+
+_LOADED, _FRAME = ("slack", "zero"), ("frame_length", "fabric_length")
+_MOVED = {"displacement": ("gamma", "height")}
 
 
 def _strip(strain: str, stress: str) -> Kind:
     raw = {"displacement": (strain, "length"), "F": (stress, "width")}
-    return Kind((strain,), (), (stress,), ("lateral",), 1, raw)
+    return Kind((strain,), (), (stress,), ("lateral",), ("length", "width", *_LOADED), 1, raw)
 
 
-_FRAME, _MOVED = ("frame_length", "fabric_length"), {"displacement": ("gamma", "height")}
 TESTS = {
     "uniaxial_a": _strip("eps_a", "sigma_a"),
     "uniaxial_b": _strip("eps_b", "sigma_b"),
     "biaxial": Kind(("eps_a", "eps_b"), (), ("sigma_a", "sigma_b")),
     "compression_a": Kind(("eps_a",), ("gamma",), ("sigma_a",), sign=-1),
     "compression_b": Kind(("eps_b",), ("gamma",), ("sigma_b",), sign=-1),
-    "shear": Kind(("gamma",), ("eps_a", "eps_b"), ("tau", "F_sh"), sign=1),
-    "picture_frame": Kind(("gamma",), ("eps_a", "eps_b"), ("F",), _FRAME, 1),
-    "bias_extension": Kind(("gamma",), (), ("F",), ("height", "width"), 1, _MOVED),
-    "compaction": Kind(("pressure",), (), ("thickness", "fibre_volume_fraction"), (), 1),
+    "shear": Kind(("gamma",), ("eps_a", "eps_b"), ("tau", "F_sh"), (), ("strain", "slack"), 1),
+    "picture_frame": Kind(("gamma",), ("eps_a", "eps_b"), ("F",), _FRAME, ("strain", *_LOADED), 1),
+    "bias_extension": Kind(
+        ("gamma",), (), ("F",), ("height", "width"), ("strain", *_LOADED), 1, _MOVED
+    ),
+    "compaction": Kind(("pressure",), (), ("thickness", "fibre_volume_fraction"), sign=1),
 }
-KEYS = ("test", "noise", *dict.fromkeys(key for test in TESTS.values() for key in test.all_keys))
+KEYS = ("test", "noise", *dict.fromkeys(k for t in TESTS.values() for k in (*t.keys, *t.more)))
 
 
 class Table(NamedTuple):
     """A file's columns {name: (n,)} in inner units, the unit of each in the file, line numbers (n,)
-    of the rows, and that of the header."""
+    of the rows, and that of the header. noise: of its range, by which a column may go back or begin
+    below 0."""
 
     columns: dict[str, np.ndarray]
     header: dict[str, str]
     rows: list[int]
     top: int
+    noise: float = 0.01
+
+    def kept(self, which: np.ndarray) -> "Table":
+        """The rows by numbers or flags `which`."""
+        columns = {name: values[which] for name, values in self.columns.items()}
+        return self._replace(columns=columns, rows=np.array(self.rows)[which].tolist())
+
+    def from_zero(self, column: str, sign: int) -> tuple["Table", list[str]]:
+        """It without rows of a column that is by noise beyond 0, and words on these."""
+        values = sign * self.columns[column]
+        below = (values < 0) & (values >= -self.noise * values.max(initial=0.0))
+        rows = some([f"row {row}" for row in np.array(self.rows)[below]])
+        words = [f"{rows} left out, as {column} is by noise beyond 0 there"]
+        return (self.kept(~below), words) if below.any() else (self, [])
+
+    def loading_branch(self, column: str) -> tuple["Table", list[str]]:
+        """The rows up to the first turn of the column, and sentences on those behind it and on
+        those in which it goes back by no more than noise. InputError if that ends before its
+        largest value."""
+        x = self.columns[column]
+        size = x - x[:1]
+        if not size.any():
+            return self, []
+        size = size * np.sign(size[np.abs(size).argmax()])
+        top = np.maximum.accumulate(size)
+        stop = int(np.argmax(np.append(top - size > self.noise * size.max(), True)))
+        if top[stop - 1] < 0.99 * size.max():
+            turn = f"{x[stop]:.4g} {unit_inside(column)} after {x[stop - 1]:.4g}"
+            allowed = "to rise or fall throughout (keep one loading branch)"
+            raise InputError(f"row {self.rows[stop]}: {column} is {turn}; allowed is {allowed}")
+        end, rows, remarks = int(size[:stop].argmax()), self.rows, []
+        if end + 1 < len(size):
+            loop = f"{column} turns back behind row {rows[end]}: of the loop the loading branch"
+            remarks.append(f"{loop} is fitted, rows {rows[0]} to {rows[end]}")
+        if (still := np.flatnonzero(np.diff(size[: end + 1]) <= 0) + 1).size:
+            places = some([f"row {rows[k]}" for k in still])
+            remarks.append(f"{column} does not move on in {places}; read as scatter")
+        return self.kept(np.arange(end + 1)), remarks
+
+    def way_back(self, column: str, turn: int) -> "Table":
+        """The rows from the row `turn` of the file on, down to the next turn of the column."""
+        table = self.kept(np.flatnonzero(np.array(self.rows) >= turn))
+        x = table.columns[column]
+        up = x - np.minimum.accumulate(x) > self.noise * np.ptp(x)
+        stop = int(np.argmax(np.append(up, True)))
+        return table.kept(np.arange(x[:stop].argmin() + 1))
 
 
 @dataclass(frozen=True)

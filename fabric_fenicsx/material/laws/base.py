@@ -11,14 +11,13 @@ import numpy as np
 from ...core.errors import InputError
 from ...core.rules import FINITE, POSITIVE, Rule, check_complete, repr_short, unknown_key
 from ...io.units import OWN
-from .. import files, law_checks
+from .. import files
 from ..bending import MeasuredBending
 from ..compaction import Compaction
-from ..energy import Derivatives, Energy, Range, stresses_of_energy
+from ..energy import COUPLINGS, Derivatives, Energy, Range, check_couplings, stresses_of_energy
 from ..files import FIBRES, OWN_UNITS, SHEET, Document, read_numbers
 from ..friction import BendingFriction, ShearFriction
 from ..hyperdual import Number
-from ..law_checks import COUPLINGS, check_couplings
 from ..material import Material, Parameters
 
 __all__ = ["COUPLINGS", "LAWS", "Derivatives", "Law", "Material", "Range", "stresses_of_energy"]
@@ -98,18 +97,17 @@ class Law(Material, Energy):
 
     def __init_subclass__(cls) -> None:
         other = LAWS.get(cls.law, cls)
+        has_energy = "energy" in vars(cls) and "derivatives" not in vars(cls)
+        flaw = ""
         # the same class again, as from a notebook's cell run twice, replaces itself
         if (other.__module__, other.__qualname__) != (cls.__module__, cls.__qualname__):
-            raise InputError(
-                f"law of class {cls.__name__} is {cls.law!r}; allowed is a name of its own, other "
-                f"than {', '.join(sorted(LAWS))}"
-            )
-        has_energy = "energy" in vars(cls) and "derivatives" not in vars(cls)
-        if has_energy and cls.derivatives != Law.derivatives:
-            raise InputError(
-                f"law {cls.law} has an `energy` of its own and inherits closed-form `derivatives`; "
-                "allowed is `derivatives = ff.Law.derivatives`, or own ones"
-            )
+            flaw = f"of class {cls.__name__} is {cls.law!r}; allowed is a name of its own, other "
+            flaw += f"than {', '.join(sorted(LAWS))}"
+        elif has_energy and cls.derivatives != Law.derivatives:
+            flaw = f"{cls.law} has an `energy` of its own and inherits closed-form `derivatives`; "
+            flaw += "allowed is `derivatives = ff.Law.derivatives`, or own ones"
+        if flaw:
+            raise InputError(f"law {flaw}")
         LAWS[cls.law] = cls
 
     def __post_init__(self) -> None:
@@ -249,7 +247,7 @@ class Law(Material, Energy):
         """A copy with these couplings off; InputError for an unknown name, and for a coupling that
         the energy has: a law that can switch it off overrides this and `couplings`."""
         for name in sorted(check_couplings(names, "without")):
-            if law_checks.couples(self, name):
+            if self.couples(name):
                 raise InputError(
                     f"without: the energy of law {self.law} has the coupling {name}, and the law "
                     "cannot switch it off; allowed is a class that has a method for it"
@@ -260,8 +258,6 @@ class Law(Material, Energy):
         """A copy with every coupling off: three independent curves, like Abaqus' FABRIC."""
         return self.without(*COUPLINGS)
 
-    check_rest = law_checks.check_rest
-
     def plausibility_warnings(self) -> list[str]:
         """As of `Material`, of yarns on the stiffness at 1 % strain."""
         along_a, _, along_b, *_ = self.derivatives(*np.array([[0.01], [0.01], [0.0]])).second[:, 0]
@@ -269,8 +265,27 @@ class Law(Material, Energy):
         return self._implausible(values | {"stiffness in shear": self.shear_stiffness})
 
     def _implausible(self, values):
+        """A sentence on each value {name: value} that fabrics hardly have, also of the sheet."""
         sheet = {name: getattr(self, name) for name in (*SHEET, *FIBRES)}
-        return law_checks.implausible(self.label, values | sheet)
+        # what fabrics have, widely taken; beyond it a unit is probably wrong
+        plausible = {
+            "thickness": (0.01, 20.0, "mm"),
+            "density": (0.05, 10.0, "g/cm3"),
+            "fibre_density": (0.8, 10.0, "g/cm3"),
+            "fibre_share": (0.1, 1.0, "of the mass"),
+            **{f"b of {yarn}": (1.0, 1e5, "MPa") for yarn in ("yarns", "warp", "weft")},
+            "s1": (1e-4, 10.0, "MPa"),
+            "stiffness along a": (2.0, 2e5, "MPa"),
+            "stiffness along b": (2.0, 2e5, "MPa"),
+            "stiffness in shear": (1e-4, 10.0, "MPa"),
+        }
+        doubts = []
+        for name, value in (values | sheet).items():
+            low, high, unit = plausible[name]
+            if value is not None and not low <= value <= high:
+                fabrics = f"fabrics have {low:g} to {high:g}; look at its unit"
+                doubts.append(f"{name} of material {self.label} is {value:g} {unit}, {fabrics}")
+        return doubts
 
     def table(self) -> Document:
         numbers = {name: getattr(self, name) for name in self.rules}

@@ -18,11 +18,10 @@ from ...core.rules import (
     of_either_sign,
     repr_short,
 )
-from ..energy import Derivatives
+from ..energy import COUPLINGS, Derivatives, check_couplings
 from ..files import OWN_UNITS, Document, read_numbers, take_table, take_units
 from ..functions import exp, negative, positive
 from ..hyperdual import Number
-from ..law_checks import COUPLINGS, check_couplings
 from ..material import Parameters, parameter, parameters
 from .base import Law, sheet_fields
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from ...core.errors import InputError
 from ...core.formatting import percent
-from ...core.rules import check_complete, repr_short
+from ...core.rules import check_complete
 from ...io.text_tables import columns_of, read_lines, table_of
 from ...io.units import ANGLE, STRAIN, stresses
 from ..energy import Derivatives, Range
@@ -51,19 +51,18 @@ class Curve(Parameters):
 
     def __post_init__(self) -> None:
         x, y = np.asarray(self.x, float), np.asarray(self.y, float)
-        for k, (e, stress) in enumerate(zip(x, y)):
-            if not (abs(stress) < math.inf and e * stress >= 0 and (not k or e > x[k - 1])):
-                raise InputError(
-                    f"point {k + 1} is ({e:.6g}, {stress:.6g}); allowed are rising strains, and "
-                    "stresses of their sign"
-                )
+        flaws = [
+            f"point {k + 1} is ({e:.6g}, {stress:.6g}); allowed are rising strains, and stresses "
+            "of their sign"
+            for k, (e, stress) in enumerate(zip(x, y))
+            if not (abs(stress) < math.inf and e * stress >= 0 and (not k or e > x[k - 1]))
+        ]
         if len(x) < 3 or (0.0, 0.0) not in zip(x, y):
-            raise InputError(f"the curve has {len(x)} points; allowed is 3 or more, with (0, 0)")
-        if self.extrapolation not in _BEYOND:
-            raise InputError(
-                f"extrapolation is {repr_short(self.extrapolation)}; allowed is "
-                f"{' or '.join(_BEYOND)}"
-            )
+            flaws += [f"the curve has {len(x)} points; allowed is 3 or more, with (0, 0)"]
+        if (beyond := self.extrapolation) not in _BEYOND:
+            flaws += [f"extrapolation is {beyond!r}; allowed is {' or '.join(_BEYOND)}"]
+        for flaw in flaws[:1]:
+            raise InputError(flaw)
         from scipy.interpolate import PchipInterpolator, PPoly  # take long to import
 
         inner = PchipInterpolator(x, y)
