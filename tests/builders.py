@@ -13,8 +13,7 @@ from scipy import sparse
 
 import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
-from fabric_fenicsx.energy.term import Term
-from fabric_fenicsx.energy.term_checks import bind
+from fabric_fenicsx.energy.term import Term, bind
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.sheet.blank import Blank
 from fabric_fenicsx.sheet.specimen import specimen

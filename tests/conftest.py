@@ -18,7 +18,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fabric_fenicsx.core.ranks import RANKS_ENVIRONMENT, on_ranks
+from fabric_fenicsx.core.processes import RANKS_ENVIRONMENT, on_ranks
 
 ROOT = Path(__file__).parents[1]
 # Seconds after which what a test started counts as hung: far more than the slowest takes on a

@@ -19,7 +19,7 @@ import pytest
 from builders import dome
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.core.ranks import RANKS_ENVIRONMENT
+from fabric_fenicsx.core.processes import RANKS_ENVIRONMENT
 from fabric_fenicsx.identification import curves, identify, result_lines
 from fabric_fenicsx.identification.curves.model import COLUMNS, KEYS
 from fabric_fenicsx.identification.curves.model import units as units_of

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from ..core.child import in_child
+from ..core.processes import in_child
 from ..core.signals import end_with_reader
 from ..core.version import __version__
 

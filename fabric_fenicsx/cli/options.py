@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 
 from ..core.errors import NOT_BELIEVED, InputError, Interrupted
 from ..core.files import unwritable
-from ..core.ranks import on_ranks
+from ..core.processes import on_ranks
 from ..core.rules import Rule
 from ..io.field import OfPlace
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..core.compiled import compiled
 from ..core.errors import InputError
 from ..core.rules import ABOVE_ZERO_OR_INF, FROM_ZERO, POSITIVE
 from ..io.field import Field, of_place
-from . import friction_loops as loops
 
 # the double dome's curve is then 0.025 % off that of 0.00002, in 0.93 times the iterations
 LAG = 0.0005
@@ -90,7 +90,7 @@ class Coulomb:
         self, z: np.ndarray, limit: np.ndarray, stiffness: float | np.ndarray = 0.0
     ) -> tuple[np.ndarray, np.ndarray]:
         """Energies (n,) [N mm], and forces on the points (n, 3) [N], minus their derivatives."""
-        return loops.potential(z, limit, self.slips(limit, stiffness))
+        return _potential(z, limit, self.slips(limit, stiffness))
 
     def blocks(
         self,
@@ -101,7 +101,7 @@ class Coulomb:
     ) -> np.ndarray:
         """Second derivatives of the energies (n, 3, 3) [N/mm]: mu P / max(|z|, s) times the
         projector across `normal` (n, 3), of a sliding point less the direction of its slip."""
-        return loops.blocks(z, limit, normal, self.slips(limit, stiffness))
+        return _blocks(z, limit, normal, self.slips(limit, stiffness))
 
     def elastic(
         self, z: np.ndarray, limit: np.ndarray, stiffness: float | np.ndarray = 0.0
@@ -122,3 +122,56 @@ def friction_law(friction: Friction, owner: str, axes: str) -> Coulomb | None:
     except InputError as error:
         raise InputError(f"{owner}: {error}") from None
     return law if law.largest else None
+
+
+@compiled
+def _potential(z: np.ndarray, limit: np.ndarray, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """As `Coulomb.potential`, of elastic slips (n,) [mm]."""
+    energy, forces = np.zeros(len(z)), np.zeros(z.shape)
+    for n in range(len(z)):
+        length, s = np.sqrt(z[n, 0] ** 2 + z[n, 1] ** 2 + z[n, 2] ** 2), slip[n]
+        beyond = max(length - s, 0.0)
+        energy[n] = limit[n] * ((length - beyond) ** 2 / (2 * s) + beyond)
+        for x in range(3):
+            forces[n, x] = -limit[n] / max(length, s) * z[n, x]
+    return energy, forces
+
+
+@compiled
+def _blocks(z: np.ndarray, limit: np.ndarray, normal: np.ndarray, slip: np.ndarray) -> np.ndarray:
+    """As `Coulomb.blocks`, of elastic slips (n,) [mm]."""
+    stiff = np.zeros((len(z), 3, 3))
+    for n in range(len(z)):
+        if limit[n]:
+            length, s = np.sqrt(z[n, 0] ** 2 + z[n, 1] ** 2 + z[n, 2] ** 2), slip[n]
+            stiffness, slides = limit[n] / max(length, s), 1.0 if length > s else 0.0
+            for x in range(3):
+                for y in range(3):
+                    along = slides * z[n, x] * z[n, y] / max(length, s) ** 2
+                    free = (1.0 if x == y else 0.0) - normal[n, x] * normal[n, y] - along
+                    stiff[n, x, y] = stiffness * free
+    return stiff
+
+
+@compiled
+def slipped(slip: np.ndarray, moved: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Slip (n, 3) and the parts of motions `moved` (n, 3) across unit normals (n, 3), added up."""
+    total = np.empty(slip.shape)
+    for n in range(len(slip)):
+        along = 0.0
+        for x in range(3):
+            along += moved[n, x] * normals[n, x]
+        for x in range(3):
+            total[n, x] = slip[n, x] + (moved[n, x] - along * normals[n, x])
+    return total
+
+
+@compiled
+def turned(vectors: np.ndarray, matrices: np.ndarray) -> np.ndarray:
+    """Products of matrices (n, 3, 3) and vectors (n, 3)."""
+    product = np.zeros(vectors.shape)
+    for n in range(len(vectors)):
+        for x in range(3):
+            for y in range(3):
+                product[n, x] += matrices[n, x, y] * vectors[n, y]
+    return product

@@ -13,15 +13,13 @@ from ..core.rules import ABOVE_ZERO_OR_INF, FROM_ZERO
 from ..energy.load import at_load
 from ..energy.nodes import Nodes, shares_at
 from ..energy.output import Value
-from ..energy.term import SceneFacts
-from ..energy.term_checks import bind
+from ..energy.term import SceneFacts, bind
 from ..surfaces.primitives import Plane
 from ..surfaces.tool import Tool
 from ..surfaces.values import checked_vector
-from .contact_term import ToolContactTerm
+from .contact_term import PlyThickness, ToolContactTerm
 from .coulomb import Friction
 from .sheet_contact import SheetContact
-from .thickness import PlyThickness
 from .tool_contact import Contact
 
 

@@ -13,15 +13,19 @@ from ..energy.morley import Where
 from ..energy.output import Value, joined, largest, size_of
 from ..energy.term import SceneFacts, Triplets, overrides
 from ..io.field import Field
-from .contact_points import POINTS, ContactPairs, ContactPoints
-from .contact_response import ContactResponse, contact_response, with_secant_stiffness
-from .contact_term import ContactTerm
+from .contact_points import POINTS, ContactPairs, ContactPoints, RelativeMotion
+from .contact_term import ContactTerm, PlyThickness
 from .coulomb import Coulomb
+from .friction import FaceSlip
 from .lagged_faces import LaggedFaces
-from .pressure_law import between_faces, face_of, rigid_face
-from .relative_motion import RelativeMotion
-from .slip_maps import FaceSlip
-from .thickness import PlyThickness
+from .pressure_law import (
+    ContactResponse,
+    between_faces,
+    contact_response,
+    face_of,
+    rigid_face,
+    with_secant_stiffness,
+)
 
 LAG = 0.01  # of the contact's forces, by which those of the faces as they are may differ
 

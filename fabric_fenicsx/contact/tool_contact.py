@@ -17,12 +17,20 @@ from ..energy.work import Work
 from ..surfaces.checks import check_start
 from ..surfaces.surfaces import Nearest
 from ..surfaces.tool import Tool
-from .contact_response import ContactResponse, contact_response, with_secant_stiffness
-from .contact_term import ToolContactTerm
+from .contact_term import PlyThickness, ToolContactTerm
 from .coulomb import LAG, Friction
-from .force_balance import Resistance, find_balance
-from .pressure_law import PENETRATION, SMOOTHING, FaceLaw, face_of, rigid_face
-from .thickness import PlyThickness
+from .pressure_law import (
+    PENETRATION,
+    SMOOTHING,
+    ContactResponse,
+    FaceLaw,
+    Resistance,
+    contact_response,
+    face_of,
+    find_balance,
+    rigid_face,
+    with_secant_stiffness,
+)
 
 
 class _Accepted(NamedTuple):

@@ -13,12 +13,11 @@ from ..material import kernel
 from ..material.bending import MeasuredBending
 from ..material.friction import Response, respond
 from ..material.laws import Law
+from .fabric_states import KIND
 from .materials import fabric_of, thickness_shares
-from .morley import Where, morley_cells
-from .shapes import Section, Shape
+from .morley import Section, Shape, Where, morley_cells
 from .stencil import Stencil
 from .term import SceneFacts, Term, Triplets
-from .yarn_friction import KIND
 
 TWIST = np.array([1.0, 1.0, 2.0])  # times x,aa, x,bb, x,ab: the curvatures of a `Shape`
 

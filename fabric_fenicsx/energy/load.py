@@ -1,4 +1,4 @@
-"""Dead loads on a blank."""
+"""Loads on a blank: dead ones, and the forces of what formed a sheet, which fade."""
 
 from __future__ import annotations
 
@@ -6,13 +6,17 @@ from collections.abc import Callable
 
 import numpy as np
 import ufl
+from mpi4py import MPI
 from numpy.typing import ArrayLike
+from petsc4py import PETSc
 
-from ..core.rules import FINITE, Rule
+from ..core.errors import InputError
+from ..core.rules import FINITE, POSITIVE, Rule
 from ..sheet.blank import Blank
 from ..surfaces.values import checked_vector
 from .assembly import assembled
-from .term import SceneFacts, Term
+from .output import Value
+from .term import SceneFacts, Term, Triplets
 from .work import Work
 
 
@@ -162,3 +166,129 @@ class EdgeTension(_DeadLoad):
 
     def _size(self, load):
         return at_load(f"{self.name} [N/mm]", FINITE, self._tension, load)
+
+
+RELEASED = "released"  # kind of energy
+
+
+class ReleaseForces(Term):
+    """Forces on the nodes, as tools exerted them, that fade with the load factor: all of them at
+    load 0, none from 0.9 on.
+
+    `take(forces)` sets them, at the displacement from which the sheet's motion counts. Dead forces
+    would drive a sheet that yields, or that only the tools keep from buckling, far from where it
+    was formed. Tools lose their force as a sheet leaves them. So a bed of springs fades with the
+    forces: one at each node, of the same stiffness, as if all forces together were gone at a motion
+    of `reach` [mm]. At load 0 and in the end it does nothing.
+
+    What the sheet does on all this, as it springs back, is the energy "released". So energies and
+    work balance, also where a sheet gives back all that it stored. Nodal field: `springback` [mm],
+    the motion since then. Raises InputError for a reach that is not above 0.
+    """
+
+    name = "release forces"
+    NO_FORCES_FROM = 0.9  # load factor; so what is lagged settles in the last step
+
+    def __init__(self, reach: float) -> None:
+        self.reach = POSITIVE.check("reach of release forces [mm]", reach)
+
+    def set_up(self, scene: SceneFacts) -> None:
+        blank = scene.blank
+        self._count = blank.V.dofmap.index_map.size_local
+        self._u = blank.u.x.array[: self._count * blank.mesh.geometry.dim]
+        self.set_load(0.0)
+        self.take(np.zeros(len(self._u)))
+
+    def take(self, forces: np.ndarray) -> None:
+        """Take forces (owned dofs,) [N] from here on, in the present state, on all ranks."""
+        self._forces, self._start = forces.copy(), self._u.copy()
+        nodes = self.blank.V.dofmap.index_map.size_global
+        self._stiffness = self._whole() / (nodes * self.reach)
+        self._work, self._released = Work(), 0.0  # done on the forces up to the accepted state
+        self.accept()
+
+    def check_start(self) -> None:
+        """Raise InputError if the sheet was moved since the forces were taken."""
+        if self.blank.mesh.comm.allreduce(not np.array_equal(self._u, self._start), MPI.LOR):
+            raise InputError(
+                "the sheets were moved after their unloading was set up; set it up again, and run "
+                "it at once"
+            )
+
+    def springback(self) -> np.ndarray:
+        """Motion since the forces were taken, along the frame's axes, (owned nodes, gdim) [mm]."""
+        return self._moved().reshape(self._count, -1)
+
+    def remaining(self) -> float:
+        """Sizes of the forces that are left, added up on all ranks [N]."""
+        return self._share * self._whole()
+
+    def _whole(self):
+        sizes = np.linalg.norm(self._forces.reshape(self._count, -1), axis=1)
+        return self.blank.mesh.comm.allreduce(float(sizes.sum()), MPI.SUM)
+
+    def set_load(self, load: float) -> None:
+        # a sheet gets soft as the forces go that keep it tight
+        self._load, self._share = load, max(1.0 - load / self.NO_FORCES_FROM, 0.0) ** 6
+
+    def accept(self) -> None:
+        if self._work.memory()[:, 0].any():
+            self._released -= self._since_accepted()
+        self._work.accept(*self._state())
+
+    def reject(self) -> None:
+        self._work.reject()
+
+    def energies(self) -> dict[str | None, float]:
+        """As in `Term`: their potential, and what was released up to the present state."""
+        released = self._released - self._since_accepted()
+        released *= self.blank.mesh.comm.rank == 0  # known to all
+        return {None: self.stored() - released, RELEASED: released}
+
+    def stored(self) -> float:
+        return -self._share * self._travel()
+
+    def add_forces(self, f: np.ndarray) -> None:
+        f[: len(self._forces)] -= self._share * (self._forces - self._stiffness * self._moved())
+
+    def tangent(self) -> Triplets:
+        first = self.blank.V.dofmap.index_map.local_range[0] * self.blank.mesh.geometry.dim
+        dofs = (first + np.arange(len(self._u))).astype(PETSc.IntType)
+        return dofs, dofs, np.full(len(dofs), self._share * self._stiffness)
+
+    def applied_forces(self) -> np.ndarray:
+        """As in `Term`: those at the start, as in the end no force is left to compare with."""
+        return self._forces
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """Work done, the same row at each node (nodes, k), and the nodes' start."""
+        row = np.append(self._work.memory(), self._released)
+        work = np.tile(row, (self._count, 1))
+        return {"work": work, "start": self._start.reshape(self._count, -1)}
+
+    def recall(self, memory: dict[str, np.ndarray]) -> None:
+        firsts = self.blank.mesh.comm.allgather(memory["work"][:1])
+        row_of_all = next(row[0] for row in firsts if len(row))
+        self._work.recall(row_of_all[:-1].reshape(-1, 4))
+        self._released, self._start = float(row_of_all[-1]), memory["start"].ravel().copy()
+
+    def nodal_fields(self) -> dict[str, Value]:
+        return {"springback": Value(self.springback() @ self.blank.frame, "mm")}
+
+    def _travel(self):
+        """Work of this rank's forces, less that of the springs [N mm]."""
+        moved = self._moved()
+        return float((self._forces - self._stiffness / 2 * moved) @ moved)
+
+    def _moved(self):
+        return self._u - self._start
+
+    def _since_accepted(self):
+        """Work of the forces since the last accepted state, of all ranks [N mm]."""
+        work = self._work.since(*self._state())
+        gone = not self._share and self._work.memory()[:, 1].max() >= self.NO_FORCES_FROM
+        return 0.0 if gone else work  # as a parabola through states with forces is not
+
+    def _state(self):
+        travel = self.blank.mesh.comm.allreduce(self._travel(), MPI.SUM)
+        return self._load, np.array([self._share]), np.array([travel])

@@ -11,8 +11,7 @@ from ..material.laws import Law
 from ..material.laws.base import Material
 from ..material.metal import Metal
 from ..sheet.blank import Blank, Part
-from .term import SceneFacts, Term
-from .term_checks import bind
+from .term import SceneFacts, Term, bind
 
 
 def sheets_of(blank: Blank) -> list[Part]:

@@ -18,9 +18,8 @@ from ..material.laws.base import numbers_of
 from ..material.presets import checked_fabric
 from ..sheet.part import Part
 from . import membrane_energy
-from .fabric_states import FabricStates
+from .fabric_states import KIND, FabricStates, YarnFriction
 from .term import SceneFacts
-from .yarn_friction import KIND, YarnFriction
 
 # More points change forces by less than the element's own error, see docs/howto/meshes.md. The
 # degree that UFL estimates for this energy would take thousands of points.

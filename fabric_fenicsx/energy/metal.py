@@ -14,9 +14,8 @@ from ..material.metal import Metal
 from ..material.plasticity import Response, elastic_energy, respond, volume_change, von_mises
 from . import metal_cells
 from .bending import TWIST, plate_stiffness
-from .morley import Where, morley_cells
+from .morley import Section, Shape, Where, morley_cells
 from .output import Value, joined, largest, last, least, on_part
-from .shapes import Section, Shape
 from .stencil import Stencil
 from .term import SceneFacts, Term, Triplets
 

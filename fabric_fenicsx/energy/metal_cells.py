@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..core.compiled import compiled
-from .shapes import Section, Shape
+from .morley import Section, Shape
 
 
 @compiled

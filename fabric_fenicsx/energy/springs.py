@@ -13,9 +13,8 @@ from numpy.typing import ArrayLike
 from ..core.errors import InputError
 from ..core.rules import FROM_ZERO
 from .assembly import assembled
-from .gathered import CoupledNodes
 from .load import vector_on
-from .nodes import values_at
+from .nodes import CoupledNodes, values_at
 from .output import Value, joined, total
 from .term import SceneFacts, Term, Triplets
 

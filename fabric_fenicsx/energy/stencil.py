@@ -6,9 +6,8 @@ from types import ModuleType
 import numpy as np
 from scipy import sparse
 
-from .gathered import CoupledNodes, GatheredNodes
-from .morley import MorleyCells
-from .shapes import Section, Shape
+from .morley import MorleyCells, Section, Shape
+from .nodes import CoupledNodes, GatheredNodes
 from .term import Triplets
 
 

@@ -8,9 +8,9 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from ..core.child import in_child
 from ..core.errors import InputError
 from ..core.files import check_file, ending
+from ..core.processes import in_child
 from .abaqus import read_abaqus
 from .surface_mesh import SurfaceMesh, surface_kind
 

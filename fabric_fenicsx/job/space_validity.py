@@ -1,9 +1,9 @@
 """Checks of sheets in space: their tools, and what passed through what."""
 
-from ..contact.self_crossing import crossing_warning, self_crossings
+from ..contact.self_contact import crossing_warning, self_crossings
 from ..contact.sheet_contact import SheetContact
 from ..core.formatting import coordinates, rounded
-from ..energy.release_forces import ReleaseForces
+from ..energy.load import ReleaseForces
 from ..scene.rigid_motions import beyond_planes
 from ..scene.scene import Scene
 from ..scene.tool_warnings import cells_over_radius, tool_warnings, untouched_warning

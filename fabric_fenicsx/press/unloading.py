@@ -9,20 +9,19 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from mpi4py import MPI
 
+from ..contact.contact_term import PlyThickness
 from ..contact.sheet_contact import FaceContact, SheetContact
-from ..contact.thickness import PlyThickness
 from ..core.errors import InputError
 from ..core.formatting import rounded
+from ..energy.fabric_states import KIND
+from ..energy.load import RELEASED, ReleaseForces
 from ..energy.materials import fabric_of, materials_of
 from ..energy.output import Value
-from ..energy.release_forces import RELEASED, ReleaseForces
 from ..energy.term import SceneFacts, overrides
-from ..energy.yarn_friction import KIND
 from ..job.job import Job, Result
 from ..job.setup import Setup
-from ..scene.memory import OF_CELLS, memory_of
 from ..scene.rigid_motions import isostatic, planes_of_symmetry
-from ..scene.scene import Scene
+from ..scene.scene import OF_CELLS, Scene, memory_of
 from ..scene.supports import Support
 from ..sheet.blank import Part
 

@@ -10,8 +10,7 @@ from ..core.errors import InputError
 from ..energy.term import Term, overrides
 from ..sheet.blank import Blank
 from ..sheet.sheet_mesh import bounds
-from .dirichlet import FixedDofs
-from .supports import Support
+from .supports import FixedDofs, Support
 
 TURNS = {2: [(0, 1)], 3: [(1, 2), (2, 0), (0, 1)]}  # axes of each turn's plane, by dimension
 PLANE_TOLERANCE = 1e-6  # of a blank's size, within which nodes lie in one plane

@@ -19,7 +19,7 @@ from .. import dolfinx_compat as compat
 from ..core.collective_errors import on_root
 from ..core.errors import InputError
 from ..core.files import plain, replace_file
-from ..scene.memory import OF_CELLS, rescale_loads
+from ..scene.scene import OF_CELLS, rescale_loads
 from ..sheet.blank import Blank
 from .progress import Progress, Viscosity
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from ..core.cache_folders import kept_arrays
-from ..core.child import in_child
 from ..core.errors import InputError
 from ..core.files import check_file, ending
 from ..core.formatting import coordinates
+from ..core.processes import in_child
 from ..core.status import task
 from ..io.read import READ, check_end, read_surface_mesh
 

@@ -16,7 +16,7 @@ from threading import RLock
 from ..core.errors import NOT_BELIEVED, InputError, Interrupted
 from ..core.files import failure_reason
 from ..core.formatting import rounded
-from ..core.ranks import RANKS_ENVIRONMENT, on_ranks
+from ..core.processes import RANKS_ENVIRONMENT, on_ranks
 from ..core.status import shown, task
 from ..material.presets import read_laws
 from ..press.press import Press

@@ -1,7 +1,5 @@
 """Check of the derivatives that a law, a term or a surface gives, by finite differences."""
 
-from typing import NamedTuple
-
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import ArrayLike
@@ -9,22 +7,13 @@ from numpy.typing import ArrayLike
 from ..core.errors import InputError
 from ..core.rules import FINITE, POSITIVE
 from ..energy.assembly import Assembly
-from ..energy.term import Term
-from ..energy.term_checks import check_answers
+from ..energy.term import Term, check_answers
 from ..material.laws import Law
 from ..scene.scene import Scene
 from ..surfaces.implicit import ImplicitSurface
 from ..surfaces.surfaces import Surface
 
 DIFFERENCE_TOLERANCE = 1e-4  # over the largest of its kind
-
-
-class Row(NamedTuple):
-    """Compared quantities, their difference over the largest (NaN: no number), and its place."""
-
-    names: str
-    off: float
-    where: str
 
 
 def check_derivatives(
@@ -85,7 +74,9 @@ def check_derivatives(
 
 
 def _table(name, rows, remarks):
-    table = "\n".join(f"{row.names:<45} {row.off:9.1e}  {row.where}" for row in rows)
+    """The table of `rows`: names of compared quantities, their difference over the largest (NaN: no
+    number), and its place; InputError with it if they differ."""
+    table = "\n".join(f"{names:<45} {off:9.1e}  {where}" for names, off, where in rows)
     for names, off, where in rows:  # the first, as what follows from it is off, too
         if not off <= DIFFERENCE_TOLERANCE:
             apart = "are not numbers" if np.isnan(off) else f"differ by {off:.2g} of the largest"
@@ -105,12 +96,12 @@ def _row(names, given, expected, places, kinks=0.02):
     off[np.isnan(off)] = np.inf
     i = np.argsort(off)[int((1 - kinks) * (len(off) - 1))]
     scale = max(*(np.nanmax(abs(each), initial=0) for each in (given, expected)), 1e-300)
-    return Row(names, float(off[i] / scale) if np.isfinite(off[i]) else np.nan, _place(places[i]))
+    return names, float(off[i] / scale) if np.isfinite(off[i]) else np.nan, _place(places[i])
 
 
 def _not_finite(names, values, places):
     """A row if one of the values (n,) is not a number."""
-    return [Row(names, np.nan, _place(x)) for x in places[~np.isfinite(values)][:1]]
+    return [(names, np.nan, _place(x)) for x in places[~np.isfinite(values)][:1]]
 
 
 def _central(f, x, h):
@@ -144,7 +135,7 @@ def _of_law(law, x):
         rise = energy(states) - rest
         depth = -float(rise.min()) / max(abs(rise).max(), 1e-300)
         depths.append((max(depth, 0.0), _place(states[rise.argmin()])))
-    yield Row("energy at rest and the least one", *max(depths))
+    yield "energy at rest and the least one", *max(depths)
 
 
 def _of_surface(surface, x):
@@ -183,15 +174,12 @@ def _of_term(term, scene, load, size):
         x.array[:] = before.array + share * size * moved + by
         scene.set(x)
 
-    def energy(by):
-        move(by)
-        return sum(assembly.energies().values())
-
-    def forces(by):
+    def at(by):
+        """Energy and forces."""
         move(by)
         f = scene.u.duplicate()
         assembly.residual(f)
-        return f.array.copy()
+        return sum(assembly.energies().values()), f.array.copy()
 
     def whole(values):
         """Rows (nodes, k) of all ranks."""
@@ -200,16 +188,16 @@ def _of_term(term, scene, load, size):
     try:
         term.set_load(0.0)
         term.set_load(load)
-        f = forces(0.0)
+        f = at(0.0)[1]
         check_answers(term)
         _check_places(term, move)
         Kd = _stiffness(term, assembly, d, scene)
-        change = (forces(h * d) - forces(-h * d)) / (2 * h)
+        change = (at(h * d)[1] - at(-h * d)[1]) / (2 * h)
         largest, total = abs(whole(f)).max(), abs(whole(f)).sum()
         # not d alone, along which forces may cancel
         e = d / 2 + f / max(largest, 1e-300)
-        slope = (energy(1e3 * h * e) - energy(-1e3 * h * e)) / (2e3 * h)
-        stored = energy(0.0)
+        slope = (at(1e3 * h * e)[0] - at(-1e3 * h * e)[0]) / (2e3 * h)
+        stored = at(0.0)[0]
     finally:
         scene.set(before)
         term.set_load(0.0)
@@ -217,7 +205,7 @@ def _of_term(term, scene, load, size):
     off = abs(slope - work.sum()) / max(abs(slope), abs(work).sum(), 1e-300)
     where = f"for displacements of about {size:.3g} mm, the `size`"
     rows = [
-        Row("forces and differences of energies", off, where),
+        ("forces and differences of energies", off, where),
         _row("tangent and differences of forces", whole(Kd), whole(change), whole(places), 0.0),
     ]
     nothing = "the term gives no forces here: nothing was compared"
@@ -242,12 +230,12 @@ def _stiffness(term, assembly, d, scene):
 
 def _check_places(term, move):
     """InputError if places of the tangent change with the displacement but not `pattern`."""
-    known = []
+    changed, first = False, None
     for share in (0.0, -1.0, 1.0):
         move(0.0, share)
-        known.append((term.pattern, np.array(term.tangent()[:2])))
-    (pattern, places), *others = known
-    changed = any(p == pattern and not np.array_equal(at, places) for p, at in others)
+        now = term.pattern, np.array(term.tangent()[:2])
+        first = first or now
+        changed |= first[0] == now[0] and not np.array_equal(first[1], now[1])
     if term.blank.mesh.comm.allreduce(changed, MPI.LOR):
         raise InputError(
             f"`tangent` of term {term.name} gives other places where the sheet is elsewhere; "

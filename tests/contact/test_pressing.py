@@ -5,9 +5,15 @@ import pytest
 from scipy.optimize import brentq
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.contact.contact_response import contact_response, with_secant_stiffness
-from fabric_fenicsx.contact.force_balance import Resistance, find_balance
-from fabric_fenicsx.contact.pressure_law import FaceLaw, between_faces, face_of
+from fabric_fenicsx.contact.pressure_law import (
+    FaceLaw,
+    Resistance,
+    between_faces,
+    contact_response,
+    face_of,
+    find_balance,
+    with_secant_stiffness,
+)
 from fabric_fenicsx.material.homogeneous import nominal
 
 FACE = FaceLaw(1000.0, 1e-3)

@@ -6,7 +6,7 @@ from builders import COMM, Elastic, everywhere, said
 from builders import sheet as rectangle
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.contact.self_crossing import crossing_warning, crossings, self_crossings
+from fabric_fenicsx.contact.self_contact import crossing_warning, crossings, self_crossings
 
 pytestmark = pytest.mark.versions
 

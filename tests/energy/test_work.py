@@ -6,7 +6,7 @@ from builders import Elastic, alone, march, near, rotation, sheet
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.energy.release_forces import ReleaseForces
+from fabric_fenicsx.energy.load import ReleaseForces
 from fabric_fenicsx.energy.work import Work
 from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.solve.newton import Newton

@@ -12,8 +12,8 @@ import pyvista
 from mpi4py import MPI
 
 from fabric_fenicsx import dolfinx_compat as compat
-from fabric_fenicsx.core.child import in_child
 from fabric_fenicsx.core.errors import InputError
+from fabric_fenicsx.core.processes import in_child
 from fabric_fenicsx.io.read import read_stl, read_surface_mesh
 from fabric_fenicsx.sheet.gmsh_cells import own_model
 from fabric_fenicsx.sheet.specimen import specimen

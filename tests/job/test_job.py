@@ -15,7 +15,7 @@ from builders import COARSE, COMM, said
 from dolfinx import fem
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.core.ranks import RANKS_ENVIRONMENT, on_ranks
+from fabric_fenicsx.core.processes import RANKS_ENVIRONMENT, on_ranks
 from fabric_fenicsx.job import dry_run
 from fabric_fenicsx.job.observers import ProgressLog
 from fabric_fenicsx.job.setup import Observer

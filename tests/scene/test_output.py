@@ -23,7 +23,7 @@ from fabric_fenicsx import (
 )
 from fabric_fenicsx.energy import output as values
 from fabric_fenicsx.scene import output
-from fabric_fenicsx.scene.memory import rescale_loads
+from fabric_fenicsx.scene.scene import rescale_loads
 from fabric_fenicsx.scene.tool_warnings import (
     cells_over_radius,
     few_cells_warning,

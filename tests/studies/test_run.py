@@ -21,7 +21,7 @@ from mpi4py import MPI
 from fabric_fenicsx.cli.study import Study, parser
 from fabric_fenicsx.core.errors import InputError
 from fabric_fenicsx.core.files import lock_folder
-from fabric_fenicsx.core.ranks import RANKS_ENVIRONMENT, on_ranks
+from fabric_fenicsx.core.processes import RANKS_ENVIRONMENT, on_ranks
 from fabric_fenicsx.coupons.tensile import Tensile
 from fabric_fenicsx.results.states import read_state
 

@@ -1,4 +1,4 @@
-"""Work of libraries that may crash, in a process of its own."""
+"""Other processes: for libraries that may crash, and commands on several ranks."""
 
 import os
 import pickle
@@ -6,9 +6,17 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
 from typing import TypeVar
 
 T = TypeVar("T")
+# Open MPI's own beside those that count for any MPI; MPICH heeds none of them.
+RANKS_ENVIRONMENT = {
+    "OMP_NUM_THREADS": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+}
 # it ends with this process (PR_SET_PDEATHSIG), finds modules where this one does, and keeps stdout
 # for results
 PROGRAM = """
@@ -47,3 +55,16 @@ def in_child(work: Callable[..., T], *given: object, patience: float | None = No
     if not worked:
         raise RuntimeError(answer)
     return answer
+
+
+def on_ranks(ranks: int) -> list[str]:
+    """Beginning of a command on so many ranks, with this Python's MPI: MPICH of pip's DOLFINx, in
+    the same folder as Python, else Debian's Open MPI."""
+    if find_spec("dolfinx_solver"):
+        return [str(Path(sys.executable).with_name("mpiexec")), "-n", str(ranks)]
+    # Ranks give up their core while they wait only where they must share it: a core given up to
+    # other work comes back late (Linux since 6.6), and Open MPI gives it up on one rank, too.
+    shares = ranks > len(os.sched_getaffinity(0))
+    idle = ["--mca", "mpi_yield_when_idle", str(int(shares))]
+    where = ["--map-by", ":OVERSUBSCRIBE", "--bind-to", "none"]
+    return ["mpirun.openmpi", *where, *idle, "-n", str(ranks)]
