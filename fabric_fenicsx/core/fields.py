@@ -34,16 +34,20 @@ def declared(owner: Any) -> list[dataclasses.Field]:
 
 
 def documented(kind: Kind) -> Kind:
-    """A dataclass whose docstring has its declared fields among the parameters, by their help."""
+    """A dataclass whose docstring has its declared fields among the parameters, by their help and
+    rule, and the error for other values."""
     doc = inspect.getdoc(kind) or ""
     head, *rest = re.split(r"(?=\n\n(?:Raises|References|Examples)\n)", doc, maxsplit=1)
     head += "" if "\nParameters\n" in head else "\n\nParameters\n----------"
     for each in declared(kind):
         is_usual = each.default in (None, (), dataclasses.MISSING)
         usual = "" if is_usual else f"; by default {each.default}"
-        kind_of = getattr(each.metadata.get("rule"), "kind", None)
-        name = f"{each.name} : {kind_of.__name__}" if kind_of else each.name
-        head += f"\n{name}\n    {each.metadata['help']}{usual}"
+        rule = each.metadata.get("rule")
+        name = f"{each.name} : {rule.kind.__name__}" if isinstance(rule, Rule) else each.name
+        allowed = f"; allowed is {rule.allowed}" if isinstance(rule, Rule) else ""
+        head += f"\n{name}\n    {each.metadata['help']}{usual}{allowed}"
+    if "\nRaises\n" not in doc:
+        head += "\n\nRaises\n------\nInputError\n    For a value that is not allowed."
     kind.__doc__ = "".join([head, *rest])
     return kind
 

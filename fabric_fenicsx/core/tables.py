@@ -29,9 +29,8 @@ def as_table(value: object, path: str, allowed: str = "a table") -> dict:
 
 def as_list(value: object, path: str) -> list[dict]:
     """The tables [[path]]. Raises InputError for anything else, and for none."""
-    if not (isinstance(value, list) and value and all(isinstance(each, dict) for each in value)):
-        raise InputError(f"{path} is {repr_short(value)}; allowed is a table [[{path}]] for each")
-    return value
+    tables = value if isinstance(value, list) and value else [[value]]
+    return [as_table(each, path, f"a table [[{path}]] for each") for each in tables]
 
 
 def key_of(keys: Collection[str], table: Mapping, path: str) -> str:

@@ -2,7 +2,6 @@
 
 import logging
 import time
-from functools import partial
 from pathlib import Path
 
 from petsc4py import PETSc
@@ -88,8 +87,10 @@ class StateWriter(Observer):
             )
         displacement, force, *further = self.setup.measure(scene, accepted.load)
         with phase("output"):
-            columns = partial(self._columns, force, dict(*further))
-            self.history.add(accepted, displacement, force, columns)
+            share = self.setup.modelled_share
+            whole = {} if share == 1 else {"reaction_of_whole_N": force / share}
+            own = lambda taken: whole | scene_output.history(scene, taken) | dict(*further)  # noqa: E731
+            self.history.add(accepted, displacement, force, own)
             if len(rows) == 1:
                 scene_output.summary(scene)  # which refuses names given twice
             self.output.doubt(Reason(viscous_warning(rows, accepted.load)))
@@ -97,11 +98,6 @@ class StateWriter(Observer):
                 self.series.write(accepted.load)
             notes = {"rows": rows, "states": self.series.states}
             self.checkpoint.save(accepted.progress, notes)
-
-    def _columns(self, force, further, taken):
-        share = self.setup.modelled_share
-        whole = {} if share == 1 else {"reaction_of_whole_N": force / share}
-        return whole | scene_output.history(self.setup.scene, taken) | further
 
     def is_written(self) -> bool:
         """True if the last state is written for ParaView: at full load, as stages may follow."""

@@ -127,8 +127,6 @@ class Setup(Observer):
 
 def _stroke(scene, support, load):
     """Mean displacement of the nodes of a support, (gdim,) [mm]."""
-    if not callable(support.value):
-        return load * np.asarray(support.value, float)[: scene.blank.mesh.geometry.dim]
     x = scene.blank.coordinates()[: scene.blank.V.dofmap.index_map.size_local].T
-    moved = support.value(x[:, support.where(x)], load)
+    moved = support.at(x[:, support.where(x)], load)[: scene.blank.mesh.geometry.dim]
     return scene.comm.allreduce(moved.sum(1)) / scene.comm.allreduce(moved.shape[1])

@@ -49,7 +49,7 @@ def build(press: PressData, comm: MPI.Comm | None = None) -> FormingScene:
         friction = on_tools if own is None else interface.coulomb(own)
         terms.append(Contact(tool, penalty=interface.penalty, friction=friction))
     terms += [laid.on(s, SheetMetal(s.metal, symmetric=planes)) for s in sheets if s.metal]
-    between = stack.between(laid.stack, sheets, interface, planes) if laid.stack else []
+    between = stack.between(laid, interface, planes)
     held, on_die, more = _hold(press, laid, tools, schedule, on_tools, between)
     terms += [*chain(*held.values()), *between]
     for sheet in sheets if interface.self else ():
@@ -59,8 +59,7 @@ def build(press: PressData, comm: MPI.Comm | None = None) -> FormingScene:
         terms.append(laid.on(sheet, folds))
 
     scene = Scene(laid.blank, terms, _supports(press, laid))
-    if laid.stack:
-        stack.press(laid.stack, sheets, scene.terms, on_die)
+    stack.press(laid, scene.terms, on_die)
     warnings = list(dict.fromkeys([*warnings, *doubts, *more]))
     return FormingScene(press, scene, warnings, laid, tools, schedule, held)
 
@@ -91,8 +90,7 @@ def _supports(press: PressData, laid: Laid) -> list[Support]:
         Support(f"plane of symmetry {'xy'[axis]} = 0", on_plane(axis), (axis,))
         for axis in press.planes
     ]
-    free = tuple(axis for axis in (0, 1) if axis not in press.planes)
-    if free:
+    if free := tuple(axis for axis in (0, 1) if axis not in press.planes):
         middle = laid.nearest_nodes(laid.centre)
         supports.append(Support("centre", middle, free, locates=True))
     if not press.planes:
@@ -109,7 +107,6 @@ def _hold(press, laid, tools, schedule, friction, between):
     friction: of tools; between: contacts of the sheets of a stack."""
     held, on_die, doubts = dict[str, list[Term]](), None, list[str]()
     taken: dict[str, dict[str, Where]] = {}
-    against = stack.neighbours(between, laid.sheets) if laid.stack else []
     for name, holder in _segments(press, schedule):
         die = _die_of(name, holder, press, laid, tools, schedule)
         on_die = die if getattr(holder, "presses", True) else on_die
@@ -123,7 +120,7 @@ def _hold(press, laid, tools, schedule, friction, between):
             thickness=press.thickness(),
             interface=press.interface,
             friction=friction,
-            against=against,
+            against=stack.neighbours(between, laid.sheets),
             taken=taken,
         )
         held[name] = terms = list(holder.terms(site))
@@ -131,12 +128,12 @@ def _hold(press, laid, tools, schedule, friction, between):
         for k, tool in enumerate(unnamed, 1):
             tool.name = name if len(unnamed) == 1 else f"{name}, {k}"
         doubts += site.warnings
-        pressures = [term for term in terms if isinstance(term, BlankHolderPressure)]
-        if any(term.direction @ site.up < 0 for term in pressures):
-            doubts.append(
-                f"the pressure of {name} is directed away from the die: towards it is "
-                f"(0, 0, {site.up[2]:g})"
-            )
+        doubts += [
+            f"the pressure of {name} is directed away from the die: towards it is "
+            f"(0, 0, {site.up[2]:g})"
+            for term in terms
+            if isinstance(term, BlankHolderPressure) and term.direction @ site.up < 0
+        ]
     return held, on_die, doubts
 
 

@@ -14,7 +14,6 @@ from ..job.job import Job, Result
 from ..results.verdict import Numbers
 from ..results.wrinkles import HEIGHT, MIN_HEIGHT
 from ..solve.checkpoint import STAGES
-from . import quantities
 from .built import BuiltPress
 from .press_data import PressData
 from .schema import document_of
@@ -63,10 +62,6 @@ class FormingScene(BuiltPress):
         at = x + aside * math.cos(math.pi / 6), y + aside * math.sin(math.pi / 6), *z
         moved = dataclasses.replace(press.tools[name], at=at)
         return press.replace(tools={**press.tools, name: moved})
-
-    def quantities(self, result: Result) -> Numbers:
-        """As in `Setup`: forces, penetration, shear, strains, draw-in, thickness and wrinkles."""
-        return quantities.all_of(self, result)
 
     def of_whole(self, numbers: Numbers) -> str:
         """Text that follows the force on a part of the blank, "" for a whole one."""

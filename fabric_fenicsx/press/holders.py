@@ -65,14 +65,9 @@ class PressureHolder(Kind):
     ----------
     where
         Function of present positions (3, n) [mm] to a mask (n,): where a segment of a holder
-        presses.
+        presses. Segments must not overlap.
     against
         Name of the die, needed if several tools could be it.
-
-    Raises
-    ------
-    InputError
-        For a pressure below 0; when built, for segments that overlap.
 
     Examples
     --------
@@ -95,8 +90,8 @@ class PressureHolder(Kind):
         """As in `Holder`; a stack is pressed where all its sheets lie on one another."""
         if not callable(self.pressure):
             site.warn(*check_fields(self, lambda name: f"{site.path}.{name}"))
-            if self.pressure == 0:
-                site.warn(f"{site.path}.pressure is 0: it does not hold the rim")
+        if self.pressure == 0:
+            site.warn(f"{site.path}.pressure is 0: it does not hold the rim")
         flange, where = site.on_flange(), site.pressed(self.where)
         site.warn(*site.loose_ends())
         pressure = BlankHolderPressure(
@@ -131,14 +126,9 @@ class ForceHolder(Kind):
     ----------
     where
         Function of points (3, n) [mm] of the flat blank to a mask (n,): the nodes that a segment
-        touches.
+        touches. Segments must not overlap.
     against
         As in `PressureHolder`.
-
-    Raises
-    ------
-    InputError
-        For a force that is not above 0; when built, for segments that overlap.
 
     Examples
     --------
@@ -164,12 +154,6 @@ class GapHolder(Kind):
     ----------
     where, against
         As in `ForceHolder`.
-
-    Raises
-    ------
-    InputError
-        For a gap that is not above 0; when built, for one below half a thickness and for segments
-        that overlap.
 
     Examples
     --------
@@ -214,11 +198,6 @@ class Grippers(Kind):
     edges
         The edges that are gripped, some of "low x", "high x", "low y", "high y"; by default all.
 
-    Raises
-    ------
-    InputError
-        For a pull below 0 and edges of other names; when built, if no edge is gripped.
-
     Examples
     --------
     >>> ff.Grippers(3.0, edges=["low x", "high x"]).tension
@@ -255,12 +234,7 @@ class SpringHolder(Kind):
         Edges with parallel springs, which together count as one spring; named as in `Grippers`.
     at
         Points (x, y) [mm] of the flat blank with one spring each, which pulls away from the blank's
-        centroid.
-
-    Raises
-    ------
-    InputError
-        For numbers out of range, and without edges and points.
+        centroid; needed without `edges`.
 
     Examples
     --------

@@ -19,11 +19,6 @@ class Interface(KnowsItsFields):
     first; of sheets on sheets see `Sheet.friction`. Forces between sheets may lag more. `penalty`
     makes faces of fabric rigid.
 
-    Raises
-    ------
-    InputError
-        For a number out of its range.
-
     Examples
     --------
     >>> ff.Interface(friction=0.2).metal_friction

@@ -1,37 +1,62 @@
-"""The pictures of a press: its tools at the start, the stroke, and the formed blank."""
+"""The pictures of a press: its tools around the flat blank, and the formed plies. Quarters are
+mirrored."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
+from itertools import cycle
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pyvista
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from numpy.typing import ArrayLike
 
 from ..contact.holder_pressure import BlankHolderPressure
 from ..contact.tool_contact import Contact
+from ..core.formatting import rounded
 from ..core.logs import MARKED, log
 from ..core.status import task
 from ..energy.load import EdgeTension
 from ..energy.springs import Springs
 from ..job.job import Result
-from ..results import forming_pictures, press_pictures
+from ..results import forming_pictures, space
 from ..results.measures import planes_of_symmetry
 from ..results.pictures import maps
-from ..results.ply import Surface, ply_of
+from ..results.ply import SYMMETRIC, Grid, Surface, grid_of, ply_of
 from ..results.quantities import middle_of
+from ..results.states import triangulated
 from ..results.wrinkles import HEIGHT
+from ..sheet.blank import Blank
+from ..sheet.stack import Stack
+from ..surfaces.tool import Tool
 from .built import BuiltPress
+
+TOOLS = ("#3b6fb6", "#d9822b", "#5aa469", "#8e5ea2", "#b83a3a", "#6b7a8f")
+
+
+class _Scene(NamedTuple):
+    """Whole plies and tools {name: surface}, which tools are above the blank, and the least and
+    largest corners of all."""
+
+    plies: dict[str, pyvista.PolyData]
+    tools: dict[str, pyvista.PolyData]
+    above: dict[str, bool]
+    bounds: tuple[float, ...]
 
 
 def draw_setup(made: BuiltPress, folder: Path) -> None:
     """setup.png: the tools and the flat blank before anything moves; called on all ranks."""
     motions = {name: made.schedule.first_move(name) for name in made.tools}
-    plies = press_pictures.flat_grids(made.scene.blank, planes_of_symmetry(made.scene))
+    plies = flat_grids(made.scene.blank, planes_of_symmetry(made.scene))
     if made.scene.comm.rank:
         return
     with _no_loss("setup.png"):
         bodies = made.tools | _holders(made, plies)
-        press_pictures.setup_picture(folder / "setup.png", plies, bodies, motions)
+        setup_picture(folder / "setup.png", plies, bodies, motions)
 
 
 def _holders(made, plies):
@@ -40,7 +65,7 @@ def _holders(made, plies):
     owners = {term: name for name, terms in made.holders.items() for term in terms}
     for term in made.scene.terms:
         ply = ply_of(plies[term.part_name] if term.part_name else next(iter(plies.values())))
-        x, centres = ply.x, ply.x[ply.triangles].mean(1).T
+        x, centres = ply.x, ply.x[ply.cells].mean(1).T
         name = (term.tool or term).name
         if isinstance(term, BlankHolderPressure):
             surfaces[name] = _patch(ply, term.shares(centres) > 0.5, -0.02 * size * term.direction)
@@ -60,7 +85,7 @@ def _holders(made, plies):
 
 def _patch(ply, pressed, shift):
     """Surface of the triangles where a mask (m,) is true, moved by `shift` (3,) [mm]."""
-    return pyvista.PolyData.from_regular_faces(ply.x + shift, ply.triangles[pressed]).clean()
+    return pyvista.PolyData.from_regular_faces(ply.x + shift, ply.cells[pressed]).clean()
 
 
 def _pulls(x, away, size):
@@ -68,6 +93,128 @@ def _pulls(x, away, size):
     x = x[:: max(1, -(-len(x) // 9))]
     lines = pyvista.line_segments_from_points(np.stack([x, x + away], 1).reshape(-1, 3))
     return lines.tube(radius=0.004 * size).triangulate()
+
+
+def flat_grids(blank: Blank | Stack, symmetric: Sequence[int] = ()) -> dict[str, Grid]:
+    """The plies of a blank as they lie before a run {name: grid}, on all ranks, which call it
+    together; symmetric: axes to which planes of symmetry are perpendicular."""
+    grids = {}
+    corners, comm = blank.corners(), blank.mesh.comm
+    for part in blank.parts.values() or [blank.whole]:
+        x = np.concatenate(comm.allgather(corners[part.cells]))
+        cells = np.arange(x[:, :, 0].size).reshape(x.shape[:2])
+        points = np.pad(x.reshape(-1, x.shape[2]), ((0, 0), (0, 3 - x.shape[2])))
+        grids[part.name] = grid = grid_of(points, cells, np.zeros_like(points))
+        grid.field_data[SYMMETRIC] = list(symmetric)
+    return grids
+
+
+def setup_picture(
+    path: Path,
+    plies: Mapping[str, Grid],
+    tools: Mapping[str, Tool | pyvista.PolyData],
+    motions: Mapping[str, ArrayLike],
+) -> None:
+    """The flat plies {name: grid} and the tools {name: tool or surface} where they are now, in
+    space and in sections through the centre: 1600 x 1200 pixels; motions: {name of a tool: (3,)},
+    where it goes [mm]."""
+    moves = {name: np.asarray(way, float) for name, way in motions.items() if np.any(way)}
+    scene = _scene({n: space.surface_of(grid, formed=False) for n, grid in plies.items()}, tools)
+    page = Figure(figsize=(16, 12))
+    ax = page.add_axes((0.02, 0.4, 0.96, 0.54))
+    drawn = space.image(partial(_draw_setup, scene=scene, motions=moves), space.VIEW, scene.bounds)
+    ax.imshow(drawn, interpolation="lanczos")
+    ax.axis("off")
+    above = {"loc": "upper center", "ncol": 4, "fontsize": 17, "frameon": False}
+    page.legend(handles=_legend(scene, moves), **above)
+    _draw_section(page.add_axes((0.06, 0.06, 0.42, 0.27)), scene, 1, moves)
+    _draw_section(page.add_axes((0.55, 0.06, 0.42, 0.27)), scene, 0, moves)
+    page.savefig(path, dpi=100)
+
+
+def _scene(plies, tools):
+    """Plies {name: surface}, whole, and tools, mirrored as the plies were."""
+    low, high = space.extent_of(plies.values())
+    # of a tool's surface around the blank, over the blank's size
+    room = 0.25 * (high - low).max()
+    planes = next(iter(plies.values())).field_data["planes"]
+    low, high = low - room, high + room
+    surfaces = {}
+    for name, tool in tools.items():
+        if isinstance(tool, Tool):
+            start = np.where(np.isin(np.arange(3), planes), -room / 2, low)
+            tool = triangulated(tool, start, high).translate(tool.displacement)
+        surfaces[name] = space.mirrored(tool, planes)
+    middle = np.mean([surface.points[:, 2].mean() for surface in plies.values()])
+    above = {name: surface.center[2] > middle for name, surface in surfaces.items()}
+    bounds = np.column_stack(space.extent_of([*plies.values(), *surfaces.values()])).ravel()
+    return _Scene(plies, surfaces, above, tuple(bounds))
+
+
+def _draw_setup(plotter, scene, motions):
+    """The blank with its edges, tools below it as they are, those above it translucent."""
+    solid = {"smooth_shading": True, "split_sharp_edges": True, "ambient": 0.3, "diffuse": 0.75}
+    open_edges = {"manifold_edges": False, "non_manifold_edges": False}
+    for surface in scene.plies.values():
+        opacity = 1 - 0.6 ** (1 / len(scene.plies))  # of all plies together 0.4
+        plotter.add_mesh(surface, color="#e6d8a8", opacity=opacity, ambient=0.4, diffuse=0.6)
+        edges = surface.extract_feature_edges(feature_edges=False, **open_edges)
+        plotter.add_mesh(edges, color="k", line_width=3)
+    low, high = np.reshape(scene.bounds, (3, 2)).T
+    size = (high - low).max()
+    for k, (name, surface) in enumerate(scene.tools.items()):
+        colour = TOOLS[k % len(TOOLS)]
+        if not scene.above[name]:  # a little away, or what touches the blank would show through it
+            surface = surface.translate(-0.003 * size * np.array(space.VIEW))
+        plotter.add_mesh(surface, color=colour, opacity=0.22 if scene.above[name] else 1.0, **solid)
+        edges = surface.extract_feature_edges(feature_angle=40, **open_edges)
+        if edges.n_points:
+            plotter.add_mesh(edges, color=colour, line_width=2)
+        if name in motions:
+            start = np.array([high[0] + (0.05 + 0.07 * k) * size, low[1], surface.center[2]])
+            length = float(np.linalg.norm(motions[name]))
+            wide = min(0.008 * size / length, 0.1)
+            tip = {"tip_radius": 2.5 * wide, "tip_length": min(0.4, 7 * wide)}
+            place = {"start": start, "direction": motions[name], "scale": length}
+            plotter.add_mesh(pyvista.Arrow(shaft_radius=wide, **place, **tip), color=colour)
+
+
+def _legend(scene, motions):
+    handles = [Patch(facecolor="#e6d8a8", edgecolor="k", label="blank")]
+    for name, colour in zip(scene.tools, cycle(TOOLS)):
+        moves = (
+            f", moves {rounded(float(np.linalg.norm(motions[name])))} mm" if name in motions else ""
+        )
+        alpha = 0.45 if scene.above[name] else 1.0
+        handles.append(Patch(color=colour, alpha=alpha, label=f"{name}{moves}"))
+    return handles
+
+
+def _draw_section(ax, scene, axis, motions):
+    """Lines of tools and plies in the plane through their middle across `axis`, with motions."""
+    along, normal = 1 - axis, np.eye(3)[axis]
+    low, high = space.extent_of(scene.plies.values())
+    middle = np.append((low + high)[:2].round(6) / 2, 0.0)
+    bodies = [("", surface, "k", 1.5) for surface in scene.plies.values()]
+    bodies += [(n, s, c, 2.5) for (n, s), c in zip(scene.tools.items(), cycle(TOOLS))]
+    for k, (name, surface, colour, width) in enumerate(bodies):
+        cut = surface.slice(normal=normal, origin=middle + 1e-3 * normal)
+        if not cut.n_cells:
+            continue
+        ends = np.asarray(cut.points)[cut.lines.reshape(-1, 3)[:, 1:]][:, :, [along, 2]]
+        ax.add_collection(LineCollection(ends, colors=colour, linewidths=width, capstyle="round"))
+        if name in motions:
+            start = np.array([cut.center[along], cut.center[2]])
+            start[0] += 0.08 * np.ptp(ends[:, :, 0]) * (k - len(bodies) / 2)
+            look = {"arrowstyle": "-|>", "color": colour, "lw": 2.5, "mutation_scale": 22}
+            ax.annotate("", start + motions[name][[along, 2]], start, arrowprops=look)
+    ax.autoscale_view()
+    ax.margins(0.05)
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.set_title(f"section {'xy'[axis]} = {rounded(middle[axis])}", fontsize=14)
+    ax.set_xlabel(f"{'xy'[along]} / mm", fontsize=13)
+    ax.set_ylabel("z / mm", fontsize=13)
+    ax.grid(alpha=0.25)
 
 
 def draw(made: BuiltPress, result: Result, folder: Path) -> None:

@@ -140,19 +140,17 @@ class _FlatBlank:
         does not meet the blank, or only with its back."""
         place, up, (triangles, turn) = np.array(tool.at)[:2], tool.towards[2], _triangles(surface)
         away, between, rounding = self.size, np.empty((0, 3)), 1e-9 * self.size
-        points = np.zeros((1, 3))
-        far = 1e3 * self.size + sum(r for r in surface.radii if np.isfinite(r))
-        if triangles is not None:
-            points = triangles.points @ turn.T
-            far = 4 * (abs(points).max() + self.size)  # how far away its face may be
+        points = (np.zeros((1, 3)) if triangles is None else triangles.points) @ turn.T
+        radii = sum(r for r in surface.radii if np.isfinite(r))
+        far = 1e3 * self.size + radii + abs(points).max()  # how far away its face may be
         while self._least(surface, [*place, -up * away], between)[0] <= 0:
-            if away >= far:
+            away *= 2
+            if away > far:
                 raise InputError(
                     f"tools.{name} has its body between its face and the blank; allowed is the "
                     "other side, turn = [180, 0, 0] on top of its own turn, triangles whose "
                     "normals point out of the body, or the die of an open surface, as double_dome"
                 )
-            away = min(2 * away, far)
         low, high = self.extent[:, :2]
         for _ in range(500):
             gap, top = self._least(surface, [*place, -up * away], between)
@@ -257,11 +255,12 @@ def _clearance_doubts(press, tools, schedule, extent):
     }
     pairs = [pair for pair in product(below, above) if not any(tools[n].force for n in pair)]
     for pair, (load, when) in product(pairs, zip(schedule.joints, whens)):
+        apart, place = np.inf, np.zeros(3)
         if punch := straight.get(frozenset(pair)):  # where both are flat, in the middle
-            apart, place = schedule.distance(punch, load), np.zeros(3)
-        else:
-            one, two = (tools[name] for name in pair)
-            apart, place = _least_distance(one, two, extent, load)
+            apart = schedule.distance(punch, load)
+        elif len(x := _points(tools[pair[0]], extent, load)):
+            gap = _gap(tools[pair[1]], x, load)
+            apart, place = gap.min(), x[gap.argmin()]
         words, at = f"tools {' and '.join(pair)}", f"{when}, at {coordinates(place)} mm"
         if apart < 0:
             raise InputError(
@@ -274,12 +273,10 @@ def _clearance_doubts(press, tools, schedule, extent):
     return doubts
 
 
-def _least_distance(one, two, extent, load):
-    """The least distance [mm] of two tools over the blank, and its place; inf if there is none."""
-    x = np.vstack([_points(one, extent, load), np.zeros(3)])
-    gap = np.append(two.surface.evaluate(x[:-1] - two.path(load)).gap, np.inf)
-    gap[~np.isfinite(gap)] = np.inf
-    return float(gap.min()), x[gap.argmin()]
+def _gap(tool, x, load):
+    """Gaps (n,) of points (n, 3) to a tool at a load factor [mm], inf where it has none."""
+    gap = tool.surface.evaluate(x - tool.path(load)).gap
+    return np.where(np.isfinite(gap), gap, np.inf)
 
 
 def _points(tool, extent, load):

@@ -49,11 +49,8 @@ class PressData(KnowsItsFields):
             raise InputError(f"{flaw}; allowed is a tool on the other side, or a holder")
         surfaces = [name for name in self.tools if name not in self.dies()]
         for name, die in self.dies().items():
-            if (of := die.tool) not in surfaces:
-                raise unknown_key(of, surfaces, f"tools.{name}.die_of {of}")
-            if self.tools[of].side == (side := self.tools[name].side):
-                flaw = f"tools.{name}.side is {side}, the side of {of}, whose die it is"
-                raise InputError(f"{flaw}; allowed is the other side")
+            if die.tool not in surfaces:
+                raise unknown_key(die.tool, surfaces, f"tools.{name}.die_of {die.tool}")
 
     @property
     def planes(self) -> tuple[int, ...]:
@@ -117,11 +114,11 @@ def _all_of(kind, what, values):
     """One object of a kind, or several, as a tuple. Raises InputError for others, for none, and for
     two of one name."""
     values = (values,) if isinstance(values, kind) else tuple(values)
-    other = [f"one of the {what} is {repr_short(v)}" for v in values if not isinstance(v, kind)]
-    if other or not values:
-        flaw = other[0] if other else f"there are no {what}"
-        raise InputError(f"{flaw}; allowed is `{kind.__name__}(...)`, or several")
     names = [name for each in values if (name := getattr(each, "name", ""))]
-    if twice := next((name for name in names if names.count(name) > 1), ""):
-        raise InputError(f"two {what} are called {twice}; allowed are different names")
+    flaws = [f"one of the {what} is {repr_short(v)}" for v in values if not isinstance(v, kind)]
+    flaws += [f"two {what} are called {name}" for name in names if names.count(name) > 1]
+    flaws += [] if values else [f"there are no {what}"]
+    if flaws:
+        kinds = f"`{kind.__name__}(...)`, or several with different names"
+        raise InputError(f"{flaws[0]}; allowed is {kinds}")
     return values

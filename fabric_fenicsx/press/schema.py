@@ -59,19 +59,18 @@ def read(kind: type[P], path: Path, changes: Sequence[str] = ()) -> P:
 def _fields(document, path):
     """The fields of a press from the tables of its file."""
     known = "unit", "title", *TABLES, "ply", "stage"
-    for key in document:
-        if key not in known:
-            raise unknown_key(key, known, f"entry {key}")
+    if other := next((key for key in document if key not in known), ""):
+        raise unknown_key(other, known, f"entry {other}")
     if (unit := document.get("unit", "missing")) != "mm":
         raise InputError(f'unit is {unit}; allowed is a line `unit = "mm"`, the unit of lengths')
     blank, contact, limits, tools, holders = (
         as_table(document.get(name, {}), name, f"a table, [{name}]") for name in TABLES
     )
     convert = partial(_value, folder=path.parent)
-    fields = {"title": document.get("title", path.stem.replace("_", " "))}
-    for name, table in (("symmetry", blank), ("stop_when_invalid", limits)):
-        fields |= {name: table.pop(name)} if name in table else {}
-    return fields | {
+    return {
+        "title": document.get("title", path.stem.replace("_", " ")),
+        "symmetry": blank.pop("symmetry", "none"),
+        "stop_when_invalid": limits.pop("stop_when_invalid", False),
         "sheets": _sheets(document, blank, convert),
         "interface": tables.read(Interface, contact, "contact", convert),
         "limits": tables.read(Limits, limits, "limits", convert),
@@ -191,9 +190,7 @@ def _enter(table, names, value):
     """Set the last name of a path in its table, in place of entries that it excludes."""
     kind, key = names[0], names[-1]
     excluded: Collection[str] = ()
-    if key in table and key != "shape":
-        pass
-    elif kind == "stage":
+    if kind == "stage":
         excluded = {"moves": ("close",), "close": ("moves",)}.get(key, ())
     elif kind == "tools" and key in SURFACES:
         excluded = {*table} - {*names_of(PressTool)}
@@ -201,8 +198,9 @@ def _enter(table, names, value):
         excluded = {*table} - {*names_of(HOLDERS[key])}
     elif kind in ("blank", "ply"):
         excluded = Sheet.REPLACES.get(key, ())
-    for each in excluded:
-        table.pop(each, None)
+    if key not in table or key == "shape":
+        for each in excluded:
+            table.pop(each, None)
     table[key] = value
 
 

@@ -102,17 +102,19 @@ class Flange:
         axes = (np.arange(first, last + 1) for first, last in zip(self._first, self._last))
         lattice = self.spacing * np.stack(np.meshgrid(*axes, indexing="ij"), -1)
         flat = self._flat(lattice.reshape(-1, 2)).reshape(lattice.shape[:2])
-        self._least = ndimage.minimum_filter(flat, 2 * self.beyond + 2, origin=-1)
-        self._most = ndimage.maximum_filter(flat, 2 * self.beyond + 2, origin=-1)
+        least, most = (
+            extreme(flat, 2 * self.beyond + 2, origin=-1)
+            for extreme in (ndimage.minimum_filter, ndimage.maximum_filter)
+        )
+        uniform = most == 0, least == 1
         # how many squares before each have share 0 everywhere, and 1
-        uniform = self._most == 0, self._least == 1
         self._counts = [np.pad(u.cumsum(0).cumsum(1), ((1, 0), (1, 0))) for u in uniform]
 
     def over(self, x: np.ndarray) -> np.ndarray:
-        """The share (n,) of each triangle with corners x (n, 3, 3) [mm] that is 0 or 1 all over it;
-        nan where it may differ, and has to be asked for at places."""
+        """The share (n,) of each figure with corners x (n, k, 2 or 3) [mm] that is 0 or 1 all over
+        it; nan where it may differ, and has to be asked for at places."""
         self._follow_die()
-        low, high = (np.floor(ends / self.spacing) for ends in (x.min(1)[:, :2], x.max(1)[:, :2]))
+        low, high = (np.floor(ends[:, :2] / self.spacing) for ends in (x.min(1), x.max(1)))
         known = ((low >= self._first) & (high <= self._last)).all(1)
         (a, b), (c, d) = (
             (np.where(known[:, None], end - self._first, 0).astype(int) + n).T
@@ -125,13 +127,10 @@ class Flange:
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
         """The share (n,) of places x (3, n) [mm]."""
-        self._follow_die()
         finite = np.isfinite(x[:2]).all(0)
         places = np.where(finite, x[:2], 0.0).T
-        squares = places / self.spacing
-        at = tuple((np.floor(squares).clip(self._first, self._last) - self._first).astype(int).T)
-        inside = ((squares >= self._first) & (squares <= self._last)).all(1)
-        share, near = self._least[at], ~inside | (self._least[at] != self._most[at])
+        share = self.over(places[:, None])
+        near = np.isnan(share)
         share[near] = self._flat(places[near])
         return np.where(finite, share, 0.0)
 
@@ -214,16 +213,16 @@ class HolderSite:
     @property
     def rims(self) -> list[str]:
         """Names of the sheets of a stack that reach beyond all sheets below them."""
-        return stack.rims(self.laid.stack, self.laid.sheets) if self.laid.stack else []
+        return stack.rims(self.laid)
+
+    def warn(self, *sentences: str) -> None:
+        """Add these sentences to the warnings of the run."""
+        self.warnings.extend(sentences)
 
     def contact(self, tool: Tool, where: Where | None = None) -> Contact:
         """Contact with a tool of the holder, as that with the die; where: as in `Contact`."""
         penalty = self.interface.penalty
         return Contact(tool, penalty=penalty, friction=self.friction, where=where)
-
-    def warn(self, *sentences: str) -> None:
-        """Add these sentences to the warnings of the run."""
-        self.warnings.extend(sentences)
 
     def on_flange(self) -> Flange:
         """Function of positions (3, n) to the share (n,) of each that is on the die's flange."""

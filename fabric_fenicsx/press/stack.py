@@ -11,19 +11,17 @@ from ..contact.tool_contact import Contact
 from ..energy.morley import Where
 from ..energy.term import Term
 from ..sheet.sheet import Sheet
-from ..sheet.stack import Stack
 from ..surfaces.tool import Tool
 from .interface import Interface
+from .laying import Laid
 
 REACH_TOLERANCE = 1e-6  # mm by which a sheet reaches beyond another
 
 
-def between(
-    stack: Stack, sheets: Sequence[Sheet], interface: Interface, planes: Sequence[Where]
-) -> list[Term]:
+def between(laid: Laid, interface: Interface, planes: Sequence[Where]) -> list[Term]:
     """Contact of each sheet with the next, and of two around a smaller one. planes: of symmetry."""
-    pairs, reach = list(pairwise(sheets)), _reach(stack)
-    for k, (lower, _, upper) in enumerate(zip(sheets, sheets[1:], sheets[2:])):
+    pairs, reach = list(pairwise(laid.sheets)), _reach(laid)
+    for k, (lower, upper) in enumerate(zip(laid.sheets, laid.sheets[2:])):
         if (np.minimum(reach[k], reach[k + 2]) > reach[k + 1] + REACH_TOLERANCE).any():
             pairs.append((lower, upper))
     return [
@@ -45,39 +43,39 @@ def neighbours(terms: Sequence[Term], sheets: Sequence[Sheet]) -> list[SheetCont
     return [contacts[lower.name, upper.name] for lower, upper in pairwise(sheets)]
 
 
-def rims(stack: Stack, sheets: Sequence[Sheet]) -> list[str]:
+def rims(laid: Laid) -> list[str]:
     """Names of the sheets that reach beyond all those below them, without the lowest one."""
-    reach = _reach(stack)
+    reach = _reach(laid)
     below = np.maximum.accumulate(reach)
     beyond = (reach[1:] > below[:-1] + REACH_TOLERANCE).any(1)
-    return [s.name for s, reaches in zip(sheets[1:], beyond) if reaches]
+    return [s.name for s, reaches in zip(laid.sheets[1:], beyond) if reaches]
 
 
-def _reach(stack):
+def _reach(laid):
     """How far each sheet reaches towards high and low x and y (sheets, 4) [mm]."""
-    extents = [blank.extent() for blank in stack.blanks]
+    extents = [blank.extent() for blank in laid.blanks]
     return np.array([[*high[:2], *-low[:2]] for low, high in extents])
 
 
-def press(stack: Stack, sheets: Sequence[Sheet], terms: Sequence[Term], die: Tool | None) -> None:
-    """Press the sheets together and onto the `die`, as the present pressures of holders do: sheets
-    that do not touch at first resist nothing. Metal moves up as a whole, as it would not bend at
-    the flange's end."""
+def press(laid: Laid, terms: Sequence[Term], die: Tool | None) -> None:
+    """Press the sheets of a stack together and onto the `die`, as the present pressures of holders
+    do: sheets that do not touch at first resist nothing. Metal moves up as a whole, as it would not
+    bend at the flange's end."""
+    stack, sheets = laid.blank, laid.sheets
     holders = [t for t in terms if isinstance(t, BlankHolderPressure) and t.now]
-    if not holders:
+    if not (laid.stack and holders):
         return
     on_top = next(t for t in terms if isinstance(t, Contact) and t.tool is die)
-    pairs, comm = neighbours(terms, sheets), stack.mesh.comm
-    names = [*stack.parts]
+    pairs, names = neighbours(terms, sheets), [sheet.name for sheet in sheets]
     on_it = stack.parts[names[-1]].nodes
     depths = [on_top.depth_under(each.now)[on_it].max(initial=0.0) for each in holders]
-    rises = np.max(comm.allgather(depths), axis=0)[:, None]
+    rises = np.max(stack.mesh.comm.allgather(depths), axis=0)[:, None]
     places = stack.coordinates()[: len(on_it)].T
     shares = np.array([each.shares(places) for each in holders])
     if any(sheet.metal for sheet in sheets):
         shares[:] = 1 / len(holders)
     u = stack.u.x.array.reshape(-1, 3)
-    for k, name in reversed(list(enumerate(names))):
+    for k, name in reversed([*enumerate(names)]):
         at = np.flatnonzero(stack.parts[name].nodes)
         u[at, 2] = (shares[:, at] * rises).sum(0)
         if k:

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.fields import KnowsItsFields, documented, flag, quantity
-from ..core.rules import COUNT, FINITE, FROM_ZERO, POSITIVE, repr_short, unknown_key
+from ..core.rules import COUNT, FINITE, FROM_ZERO, POSITIVE, unknown_key
 from ..core.tables import as_table
 from ..surfaces.values import checked_vector
 from .holders import Holder, PressureHolder
@@ -17,7 +17,8 @@ from .tools import PressTool
 @documented
 @dataclass(frozen=True)
 class Stage(KnowsItsFields):
-    """What tools and holders do in one part of a run, all in proportion to the load.
+    """What tools and holders do in one part of a run, all in proportion to the load: one of them
+    must do something.
 
     Parameters
     ----------
@@ -32,11 +33,6 @@ class Stage(KnowsItsFields):
         {name of a holder with a pressure: pressure at the end of the stage} [MPa].
     leave
         Names of tools that go back to where they started.
-
-    Raises
-    ------
-    InputError
-        For values that are not allowed, and for a stage in which nothing happens.
 
     Examples
     --------
@@ -61,15 +57,12 @@ class Stage(KnowsItsFields):
             for name, value in as_table(getattr(self, kind), f"`{kind}`", "a table").items():
                 is_vector = kind == "moves" and np.ndim(value) == 1
                 (checked_vector if is_vector else rule.check)(f"`{kind}`.{name}", value)
-        if not isinstance(self.leave, (list, tuple)):
+        moves, leaves = any(map(np.any, self.moves.values())), isinstance(self.leave, (list, tuple))
+        acts = bool(moves or self.forces or self.pressures or self.leave or self.close)
+        if self.unload == acts or not leaves:
             raise InputError(
-                f"`leave` is {repr_short(self.leave)}; allowed is a list of names of tools"
-            )
-        moves = any(map(np.any, self.moves.values()))
-        if self.unload == bool(moves or self.forces or self.pressures or self.leave or self.close):
-            raise InputError(
-                "a stage needs `moves` other than 0, `close`, `forces`, `pressures` or `leave`; or "
-                "`unload` alone"
+                "a stage needs `moves` other than 0, `close`, `forces`, `pressures` or `leave`, a "
+                "list of names of tools; or `unload` alone"
             )
 
 
@@ -90,15 +83,12 @@ class Schedule:
         thickness: float,
     ) -> None:
         self._tools, self._reach, self._thickness = tools, reach, thickness
-        self.stages = [
-            stage if stage.name else replace(stage, name=f"stage {k}")
-            for k, stage in enumerate(stages, 1)
-            if not stage.unload
-        ]
-        if not self.stages or any(stage.unload for stage in list(stages)[:-1]):
+        self.unloads = bool(stages[-1].unload)
+        forming = stages[:-1] if self.unloads else stages
+        if not forming or any(stage.unload for stage in forming):
             flaw = "stage needs one or more stages that form, as [[stage]]"
             raise InputError(f"{flaw}; `unload` is allowed only in the last")
-        self.unloads = bool(stages[-1].unload)
+        self.stages = [replace(s, name=s.name or f"stage {k}") for k, s in enumerate(forming, 1)]
         self.steps = sum(stage.steps for stage in self.stages)
         self.joints = np.append(0, np.cumsum([s.steps for s in self.stages])) / self.steps
         # places of tools from the start, forces of tools and pressures of holders, at the joints
@@ -118,30 +108,33 @@ class Schedule:
                 raise InputError(f"{flaw}; allowed are numbers above 0 in `moves`, towards it")
 
     def _add(self, stage, label):
+        flaws = list[str]()
         for kind, series in (("forces", self._forces), ("pressures", self._pressures)):
             given = getattr(stage, kind)
-            if other := next((name for name in given if name not in series), ""):
-                raise InputError(
-                    f"{label}.{kind}.{other} needs a `{kind[:-1]}` from the start; those that have "
-                    f"one are {', '.join(series) or 'none here'}"
-                )
+            flaws += [
+                f"{label}.{kind}.{name} needs a `{kind[:-1]}` from the start; those that have one "
+                f"are {', '.join(series) or 'none here'}"
+                for name in given
+                if name not in series
+            ]
             for name, values in series.items():
                 values.append(given.get(name, values[-1]))
         moves, moved = dict(stage.moves), [*stage.moves, *stage.leave]
         if stage.close is not None:
-            if not self._reach:
-                raise InputError(f"{label}.close needs a tool with a die, as die_of")
             left = stage.close * self._thickness
             moves |= {n: reach - left - self._gone(n)[-1] for n, reach in self._reach.items()}
             moved += self._reach
+            flaws += [] if self._reach else [f"{label}.close needs a tool with a die, as die_of"]
         for name in moved:
             if name not in self._tools:
                 raise unknown_key(name, self._tools, f"{label}: tool {name}")
             if name in self._forces or moved.count(name) > 1:
-                raise InputError(
+                flaws.append(
                     f"{label} moves {name} twice; a tool moves by its force, in `forces`, or by "
                     "one of `moves`, `close` and `leave`"
                 )
+        if flaws:
+            raise InputError(flaws[0])
         for name, places in self._places.items():
             move = np.asarray(moves.get(name, 0.0), dtype=float)
             along = move if move.ndim else move * self._tools[name].towards
@@ -159,9 +152,9 @@ class Schedule:
     def force(self, name: str, share: float) -> Callable[[float], np.ndarray] | None:
         """Function of the load factor to the force (3,) [N] of a tool on this share of the blank,
         None if it has none."""
-        if name not in self._forces:
+        whole, towards = self._forces.get(name), self._tools[name].towards
+        if whole is None:
             return None
-        whole, towards = self._forces[name], self._tools[name].towards
         return lambda load: share * float(np.interp(load, self.joints, whole)) * towards
 
     def pressure(self, name: str) -> Callable[[float], float] | None:

@@ -1,10 +1,10 @@
 """The tools of a press as data: what each is, and where it stands before anything moves."""
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from inspect import signature
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -29,11 +29,6 @@ class DieOf(KnowsItsFields):
     ----------
     tool
         Name of the other tool, which is on the other side of the blank.
-
-    Raises
-    ------
-    InputError
-        For a clearance that is not above 0.
 
     Examples
     --------
@@ -64,11 +59,6 @@ class PressTool(KnowsItsFields):
     turn
         Angles (3,) about x, then y, then z [deg], by which it is turned about its origin.
 
-    Raises
-    ------
-    InputError
-        For values that are not allowed.
-
     Examples
     --------
     >>> ff.PressTool(ff.Sphere(50), side="above").towards
@@ -97,15 +87,14 @@ class PressTool(KnowsItsFields):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        for name, size in (("turn", "three"), ("at", "two or three")):
+            if (value := getattr(self, name)) is not None:  # a tuple, so that tools compare
+                value = tuple(checked_vector(f"`{name}`", value, size=size).tolist())
+                object.__setattr__(self, name, value)
         if not isinstance(self.surface, (Surface, str, os.PathLike, DieOf)):
             flaw = f"`surface` is {repr_short(self.surface)}"
             raise InputError(f"{flaw}; allowed is a surface, a file's name, or `DieOf` a tool")
-        turn, at = checked_vector("`turn`", self.turn), self.at
-        if at is not None:
-            at = tuple(checked_vector("`at`", at, size="two or three").tolist())
-        for name, value in (("at", at), ("turn", tuple(turn.tolist()))):  # so that tools compare
-            object.__setattr__(self, name, value)
-        if self.off is not None and at is not None and len(at) == 3:
+        if self.off is not None and len(self.at or ()) == 3:
             raise InputError("`off` is not allowed beside a z in `at`")
 
     @property
@@ -116,38 +105,36 @@ class PressTool(KnowsItsFields):
 
 class Shape(NamedTuple):
     """A kind of surface that a press file names, with the numbers `keys`; its face is up, its
-    origin at `PressTool.at`. usual: other arguments of the kind, and defaults."""
+    origin at `PressTool.at`. make: its class, with the other arguments."""
 
-    kind: Callable[..., Surface]
+    make: partial
     keys: tuple[str, ...]
-    usual: Mapping[str, Sequence[float]] = MappingProxyType({})
 
     def read(self, table: Mapping[str, float], path: str, side: str) -> Surface:
         """The surface of a table at a path, turned over on a `side` above. Raises InputError."""
-        for key in table:
-            if key not in self.keys:
-                raise unknown_key(key, (*self.keys, *names_of(PressTool)[1:]), f"{path}.{key}")
-        needed = (p.name for p in signature(self.kind).parameters.values() if p.default is p.empty)
-        check_complete({**table, **self.usual}, needed, f"{path}.", f"in [{path}]")
+        if other := next((key for key in table if key not in self.keys), ""):
+            raise unknown_key(other, (*self.keys, *names_of(PressTool)[1:]), f"{path}.{other}")
+        needed = (p.name for p in signature(self.make).parameters.values() if p.default is p.empty)
+        check_complete(table, needed, f"{path}.", f"in [{path}]")
         with located(path, ()):
-            surface = self.kind(**{**self.usual, **table})
+            surface: Surface = self.make(**table)
         return Turned(surface, (180.0, 0.0, 0.0)) if side == "above" else surface
 
     def entries(self, surface: Surface, side: str) -> dict[str, float] | None:
         """The table that is read as this surface, None if there is none."""
         inner = surface.surface if side == "above" and isinstance(surface, Turned) else surface
-        if type(inner) is not self.kind:
+        if type(inner) is not self.make.func:
             return None
         table = {key: np.asarray(getattr(inner, key)).tolist() for key in self.keys}
         return table if self.read(table, "", side) == surface else None
 
 
 SHAPES = {
-    "sphere": Shape(Sphere, ("radius",)),
-    "cylinder": Shape(Cylinder, ("radius", "axis"), {"point": (0, 0, 0), "axis": (0, 1, 0)}),
-    "plane": Shape(Plane, (), {"point": (0, 0, 0), "normal": (0, 0, 1)}),
-    "torus": Shape(Torus, ("ring", "tube"), {"centre": (0, 0, 0), "axis": (0, 0, 1)}),
-    "plate": Shape(Plate, ("length", "width", "corner", "entry")),
-    "block": Shape(Block, ("length", "width", "height", "radius", "corner")),
-    "double_dome": Shape(DoubleDome, tuple(names_of(DoubleDome))),
+    "sphere": Shape(partial(Sphere), ("radius",)),
+    "cylinder": Shape(partial(Cylinder, point=(0, 0, 0), axis=(0, 1, 0)), ("radius", "axis")),
+    "plane": Shape(partial(Plane, point=(0, 0, 0), normal=(0, 0, 1)), ()),
+    "torus": Shape(partial(Torus, centre=(0, 0, 0), axis=(0, 0, 1)), ("ring", "tube")),
+    "plate": Shape(partial(Plate), ("length", "width", "corner", "entry")),
+    "block": Shape(partial(Block), ("length", "width", "height", "radius", "corner")),
+    "double_dome": Shape(partial(DoubleDome), tuple(names_of(DoubleDome))),
 }

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from copy import copy
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -158,14 +159,7 @@ def _stays(term, together):
 
 def _where_it_was(support: Support) -> Support:
     """The same support, with the displacements at full load at any load."""
-    value = support.value
-
-    def at_end(x, load):
-        if callable(value):
-            return value(x, 1.0)
-        return np.tile(np.asarray(value, float)[:, None], (1, x.shape[1]))
-
-    return Support(support.name, support.where, support.components, at_end)
+    return replace(support, value=lambda x, load: support.at(x, 1.0), locates=False)
 
 
 class Unloading(Setup):

@@ -69,8 +69,8 @@ def state_map(path: File, grid: Grid, formed: bool = False, edges: Sequence[Outl
     ply. The legend gives each state's share of the flat ply's area. edges: of other sheets, drawn
     as they are formed."""
     ply = ply_of(grid)
-    corners = (ply.formed if formed else ply.x)[ply.triangles, :2]
-    area, state = plan_area(ply.x, ply.triangles), ply.fields["strain_state"]
+    corners = (ply.formed if formed else ply.x)[ply.cells, :2]
+    area, state = plan_area(ply.x, ply.cells), ply.fields["strain_state"]
     label, factor, colours = SHOWN["shear_angle"]
     shear = factor * ply.fields["shear_angle"]
     colours, *limits = colour_scale(colours, shear.min(), shear.max())

@@ -44,7 +44,7 @@ class FlatPattern(NamedTuple):
     @property
     def formed_area(self) -> float:
         """Area of the formed part [mm2]."""
-        return float(areas(self.part.formed[self.part.triangles]).sum())
+        return float(areas(self.part.formed[self.part.cells]).sum())
 
 
 def flat_pattern(grid: Grid, trim: Plane | Sequence[np.ndarray], reach: float) -> FlatPattern:
@@ -59,7 +59,7 @@ def flat_pattern(grid: Grid, trim: Plane | Sequence[np.ndarray], reach: float) -
     if isinstance(trim, Plane):
         part = _beside(ply, trim)
         return FlatPattern(_sheet(part), part, 0.0)
-    edge = float(np.sqrt(2 * plan_area(ply.x, ply.triangles).mean()))
+    edge = float(np.sqrt(2 * plan_area(ply.x, ply.cells).mean()))
     in_space = trim[0].shape[1] == 3
     # spacing of points on a trim line, over the mean edge of the ply's cells
     fine = shapely.segmentize([*map(shapely.LineString, trim)], 0.1 * edge)
@@ -81,7 +81,7 @@ def edge_distance(grid: Grid, trim: Sequence[np.ndarray]) -> tuple[float, float]
     trim: lines (n, 3) in space, or (n, 2), to which distances are along x and y [mm].
     """
     ply = whole(ply_of(grid))
-    sides = ply.formed[edge_sides(ply.triangles), : trim[0].shape[1]]
+    sides = ply.formed[edge_sides(ply.cells), : trim[0].shape[1]]
     longest = 0.02 * np.linalg.norm(sides[:, 1] - sides[:, 0], axis=1).mean()
     edge, lengths = _pieces(sides, longest)
     line, _ = _pieces(np.vstack([np.stack([p[:-1], p[1:]], 1) for p in trim]), longest)
@@ -101,7 +101,7 @@ def _pieces(sides, longest):
 
 def _sheet(ply):
     """The flat ply as a polygon, or several: what the edges of single triangles bound."""
-    net = shapely.build_area(shapely.multilinestrings(ply.x[edge_sides(ply.triangles), :2]))
+    net = shapely.build_area(shapely.multilinestrings(ply.x[edge_sides(ply.cells), :2]))
     # points that the mesh alone has on straight edges
     return net.simplify(SAME)
 
@@ -114,7 +114,7 @@ def _beside(ply, plane):
         lies = f"which lies from {rounded(height.min())} to {rounded(height.max())} mm before it"
         flaw = f"the plane at {coordinates(plane.point)} mm does not cut the ply, {lies}"
         raise InputError(f"{flaw}; allowed is a plane through the ply")
-    flat = grid_of(ply.x, ply.triangles, ply.u)
+    flat = grid_of(ply.x, ply.cells, ply.u)
     flat.cell_data.update(ply.fields)
     flat.point_data["height"] = height
     kept = flat.clip_scalar(scalars="height", invert=False, value=0.0).triangulate()
@@ -127,14 +127,12 @@ def _beside(ply, plane):
 def _nearest(ply, points, reach):
     """Places (n, 2) on the flat ply of what is nearest to `points` (n, 3) on the formed one, and
     the largest distance."""
-    surface = pyvista.PolyData.from_regular_faces(ply.formed, ply.triangles)
+    surface = pyvista.PolyData.from_regular_faces(ply.formed, ply.cells)
     cells, nearest = surface.find_closest_cell(points, return_closest_point=True)
     apart = np.linalg.norm(points - nearest, axis=1)
-    if apart.max() > reach:
-        where = coordinates(points[apart.argmax()])
-        flaw = f"the trim line is {rounded(apart.max())} mm away from the ply at {where} mm"
-        raise InputError(f"{flaw}; allowed is up to {rounded(reach)} mm, on the formed ply")
-    corners = ply.formed[ply.triangles[cells]]
+    allowed = f"up to {rounded(reach)} mm, on the formed ply"
+    _refuse("the trim line is {} mm away from the ply", points, apart, apart > reach, allowed)
+    corners = ply.formed[ply.cells[cells]]
     p, q, r = corners.swapaxes(0, 1)
     normal = np.cross(q - p, r - p)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -142,18 +140,19 @@ def _nearest(ply, points, reach):
     beside = points - nearest
     beside -= (beside * normal).sum(1, keepdims=True) * normal
     shares = _shares(corners, nearest)[:, :, None]
-    places = (shares * ply.x[ply.triangles[cells], :2]).sum(1)
+    places = (shares * ply.x[ply.cells[cells], :2]).sum(1)
     beyond = np.linalg.norm(beside, axis=1)
     edge = _sheet(ply).boundary
     on_edge = shapely.distance(edge, shapely.points(places)) < 1e-6 * np.sqrt(edge.length)
-    _check_on(points, beyond, (beyond > MAX_BEYOND * reach) & on_edge)
+    leaves = (beyond > MAX_BEYOND * reach) & on_edge
+    _refuse("the trim line leaves the ply", points, beyond, leaves, "a line on the ply")
     return places, float(apart.max())
 
 
 def _below(ply, points, reach):
     """Places (n, 2) on the flat ply of what is at `points` (n, 2) in plan on the formed one, and a
     distance of 0."""
-    corners = ply.formed[ply.triangles]
+    corners = ply.formed[ply.cells]
     tree = shapely.STRtree(shapely.polygons(corners[:, :, :2]))
     places = shapely.points(points)
     point, cells = tree.query(places, predicate="dwithin", distance=MAX_BEYOND * reach)
@@ -161,29 +160,25 @@ def _below(ply, points, reach):
     if missing.any():
         ply_in_plan = shapely.union_all(tree.geometries)
         beyond[missing] = shapely.distance(ply_in_plan, places[missing])
-    _check_on(points, beyond, missing)
+    _refuse("the trim line leaves the ply", points, beyond, missing, "a line on the ply")
     shares = _shares(corners[cells][:, :, :2], points[point])
     height = (shares * corners[cells][:, :, 2]).sum(1)
     low, high = np.full(len(points), np.inf), np.full(len(points), -np.inf)
     np.minimum.at(low, point, height)
     np.maximum.at(high, point, height)
-    folded = high - low
-    if folded.max() > reach:
-        where = coordinates(points[folded.argmax()])
-        flaw = f"the ply lies {rounded(folded.max())} mm above itself at {where} mm"
-        raise InputError(f"{flaw}; allowed for it is a trim line with z")
+    folded, flaw = high - low, "the ply lies {} mm above itself"
+    _refuse(flaw, points, folded, folded > reach, "a trim line with z where it does")
     _, first = np.unique(point, return_index=True)
-    return (shares[first, :, None] * ply.x[ply.triangles[cells[first]], :2]).sum(1), 0.0
+    return (shares[first, :, None] * ply.x[ply.cells[cells[first]], :2]).sum(1), 0.0
 
 
-def _check_on(points, beyond, gone):
-    """Raise InputError for points (n, d) that are `gone` (n,), `beyond` (n,) the ply's edge; it
-    names the furthest."""
-    if gone.any():
-        where = coordinates(points[(beyond * gone).argmax()])
-        raise InputError(
-            f"the trim line leaves the ply at {where} mm; allowed is a line on the ply"
-        )
+def _refuse(flaw, points, size, wrong, allowed):
+    """Raise InputError if any of the points (n, d) are `wrong` (n,), which names the one where the
+    `size` (n,) [mm] of the flaw is largest."""
+    if wrong.any():
+        worst = (size * wrong).argmax()
+        words = f"{flaw.format(rounded(size[worst]))} at {coordinates(points[worst])} mm"
+        raise InputError(f"{words}; allowed is {allowed}")
 
 
 def _shares(corners, points):
@@ -197,7 +192,7 @@ def _shares(corners, points):
 
 def _inside(ply, net):
     """The part of a ply inside its pattern; cells that the net cuts become triangles of pieces."""
-    shapes = shapely.polygons(ply.x[ply.triangles, :2])
+    shapes = shapely.polygons(ply.x[ply.cells, :2])
     shapely.prepare(net)
     inner = shapely.covers(net, shapes)
     cut = np.flatnonzero(~inner & shapely.intersects(net, shapes))
@@ -205,13 +200,13 @@ def _inside(ply, net):
     pieces, owner = shapely.get_parts(pieces, return_index=True)
     corners = shapely.get_coordinates(pieces).reshape(-1, 4, 2)[:, :3].reshape(-1, 2)
     owner = cut[owner]
-    cells = ply.triangles[np.repeat(owner, 3)]
+    cells = ply.cells[np.repeat(owner, 3)]
     shares = _shares(ply.x[cells, :2], corners)[:, :, None]
     x, u = (np.vstack([v, (shares * v[cells]).sum(1)]) for v in (ply.x, ply.u))
     added = len(ply.x) + np.arange(len(corners)).reshape(-1, 3)
     parents = np.concatenate([np.flatnonzero(inner), owner])
     fields = {name: values[parents] for name, values in ply.fields.items()}
-    return _cleaned(x, u, np.vstack([ply.triangles[inner], added]), fields)
+    return _cleaned(x, u, np.vstack([ply.cells[inner], added]), fields)
 
 
 def _cleaned(x, u, triangles, fields):
@@ -241,7 +236,7 @@ def write_pattern(
     rows = [f"{x:.6f},{y:.6f},{k}\n" for k, (_, ring) in enumerate(rings) for x, y in ring]
     replace_file(files[1], "".join(["x [mm],y [mm],ring\n", *rows]))
     ply = pattern.part
-    part = grid_of(ply.formed, ply.triangles, ply.u)
+    part = grid_of(ply.formed, ply.cells, ply.u)
     part.cell_data.update(ply.fields)
     part.point_data["flat"] = ply.x
     save(files[2], part, {"u": "mm", "flat": "mm"} | (units or {}))

@@ -22,13 +22,13 @@ SYMMETRIC = "planes_of_symmetry"  # field data: axes to which the scene's planes
 
 
 class Ply(NamedTuple):
-    """x, u (n, 3) [mm]: undeformed places of nodes and displacements; triangles (m, 3),
-    anticlockwise on the flat ply; fields {name: (m,) or (m, 3)} on these; planes: axes to which a
-    plane of symmetry is perpendicular."""
+    """x, u (n, 3) [mm]: undeformed places of nodes and displacements; cells (m, 3), triangles that
+    are anticlockwise on the flat ply, or as exported (m, 3 or 4); fields {name: (m,) or (m, 3)} on
+    these; planes: axes to which a plane of symmetry is perpendicular."""
 
     x: np.ndarray
     u: np.ndarray
-    triangles: np.ndarray
+    cells: np.ndarray
     fields: dict
     planes: list
 
@@ -39,10 +39,8 @@ class Ply(NamedTuple):
 
     def at_nodes(self, values: np.ndarray) -> np.ndarray:
         """Means (n,) of `values` (m,) over the cells around each node, by areas on the flat ply."""
-        area, n = plan_area(self.x, self.triangles), len(self.x)
-        sums = (
-            np.bincount(self.triangles.ravel(), np.repeat(v, 3), n) for v in (area * values, area)
-        )
+        area, n = plan_area(self.x, self.cells), len(self.x)
+        sums = (np.bincount(self.cells.ravel(), np.repeat(v, 3), n) for v in (area * values, area))
         return np.divide(*sums)
 
 
@@ -55,29 +53,20 @@ def grid_of(points: np.ndarray, cells: np.ndarray, u: np.ndarray) -> Grid:
 
 
 def whole(ply: Ply) -> Ply:
-    """The ply with its mirror images; numbers of cells are those of the modelled part."""
-    x, u, triangles, fields = ply.x, ply.u, ply.triangles, ply.fields
+    """The ply with its mirror images, whose cells and nodes follow its own; nodes on a plane of
+    symmetry have none."""
+    x, u, cells, fields = ply.x, ply.u, ply.cells, ply.fields
     for axis in ply.planes:
-        mirror, off, images = image_of(x, triangles, axis)
+        mirror = np.where(np.arange(3) == axis, -1.0, 1.0)
+        off, image = np.flatnonzero(abs(x[:, axis]) > SAME), np.arange(len(x))
+        image[off] = len(x) + np.arange(len(off))
         x, u = (np.vstack([p, p[off] * mirror]) for p in (x, u))
-        triangles = np.vstack([triangles, images])
+        cells = np.vstack([cells, image[cells][:, ::-1]])  # turned round
         fields = {
             name: np.concatenate([v, v * mirror if v.shape[1:] == (3,) else v])
             for name, v in fields.items()
         }
-    return Ply(x, u, triangles, fields, [])
-
-
-def image_of(
-    x: np.ndarray, cells: np.ndarray, axis: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The image of flat nodes x (n, 3) and cells (m, k) in the plane of symmetry perpendicular to
-    `axis`: factors of vectors (3,), which nodes are off the plane, and have images behind the
-    others, and the images' cells (m, k), turned round."""
-    off = np.flatnonzero(abs(x[:, axis]) > SAME)
-    image = np.arange(len(x))
-    image[off] = len(x) + np.arange(len(off))
-    return np.where(np.arange(3) == axis, -1.0, 1.0), off, image[cells][:, ::-1]
+    return Ply(x, u, cells, fields, [])
 
 
 def check_field(name: str, *fields: Mapping) -> None:

@@ -41,17 +41,14 @@ def along_paths(
     from matplotlib.tri import LinearTriInterpolator  # takes long to import
 
     ply, fine = ply_of(grid), 20  # points of the line on the formed ply for each point of the path
-    plan, cell_at = _plan(ply)
+    middles, paths = ply.x[ply.cells, :2].mean(1), {}
+    centre = np.average(middles, axis=0, weights=plan_area(ply.x, ply.cells))
+    centre[ply.planes] = 0.0
+    centre = centre.round(9)
+    plan, cell_at, _ = _found(ply, centre, "the centroid")
     factors = {"log_eps_11": 1.0, "log_eps_22": 1.0, "shear_angle": 180 / np.pi}
     at_nodes = [factor * ply.at_nodes(ply.fields[name]) for name, factor in factors.items()]
     of = [LinearTriInterpolator(plan, v, cell_at) for v in (*ply.formed.T, *at_nodes)]
-    middles, paths = ply.x[ply.triangles, :2].mean(1), {}
-    centre = np.average(middles, axis=0, weights=plan_area(ply.x, ply.triangles))
-    centre[ply.planes] = 0.0
-    centre = centre.round(9)
-    if cell_at(*centre) < 0:
-        flaw = f"the ply does not cover its centroid, {coordinates(centre)} mm, where paths start"
-        raise InputError(f"{flaw}; allowed is one that does")
     most = np.linalg.norm(ply.x[:, :2] - centre, axis=1).max()
     for angle in angles_deg:
         direction = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
@@ -75,12 +72,17 @@ def along_paths(
     return paths
 
 
-def _plan(ply):
-    """The flat ply as Matplotlib's triangulation, and its function from places to cells."""
+def _found(ply, place, name):
+    """The flat ply as Matplotlib's triangulation, its function from places to cells, and the cell
+    at a place."""
     from matplotlib.tri import Triangulation
 
-    plan = Triangulation(*ply.x[:, :2].T, ply.triangles)
-    return plan, plan.get_trifinder()
+    plan = Triangulation(*ply.x[:, :2].T, ply.cells)
+    cell_at = plan.get_trifinder()
+    if (cell := int(cell_at(*place))) < 0:
+        flaw = f"{name}, {coordinates(place)} mm, is not on the flat sheet"
+        raise InputError(f"{flaw}; allowed is a place on it")
+    return plan, cell_at, cell
 
 
 def value_at(grid: Grid, place: ArrayLike, name: str) -> float:
@@ -88,11 +90,7 @@ def value_at(grid: Grid, place: ArrayLike, name: str) -> float:
     Raises InputError for a place beside it and for a field that it does not have."""
     ply = ply_of(grid)
     check_field(name, ply.fields)
-    x, y = np.asarray(place, dtype=float)
-    cell = int(_plan(ply)[1](x, y))
-    if cell < 0:
-        raise InputError(f"({x:g}, {y:g}) mm is not on the flat sheet; allowed is a place on it")
-    return float(ply.fields[name][cell])
+    return float(ply.fields[name][_found(ply, np.asarray(place, float), "the place")[2]])
 
 
 def write_paths(file: File, paths: Mapping[float, Path]) -> None:
@@ -115,7 +113,7 @@ class Outline(NamedTuple):
 def outline(grid: Grid) -> list[Outline]:
     """The free edges of the ply [list of `Outline`], without those on planes of symmetry."""
     ply = ply_of(grid)
-    sides = edge_sides(ply.triangles)
+    sides = edge_sides(ply.cells)
     for axis in ply.planes:
         sides = sides[ply.x[sides, axis].any(1)]
     after = dict(sides.tolist())
@@ -174,4 +172,4 @@ def contrast(grid: Grid, name: str) -> float:
     one or two cells wide have and smooth fields do not, in the field's unit."""
     ply = ply_of(grid)
     values = ply.fields[name]
-    return float(np.sqrt(np.mean((values - ply.at_nodes(values)[ply.triangles].mean(1)) ** 2)))
+    return float(np.sqrt(np.mean((values - ply.at_nodes(values)[ply.cells].mean(1)) ** 2)))

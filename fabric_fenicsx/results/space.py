@@ -19,6 +19,7 @@ from .shape import File
 
 COLOURS = "YlOrRd"  # light, so that the shading shows the shape
 STEEL, YARNS = "#8f9aa8", "#30343b"
+VIEW = 0.45, -1.0, 0.55  # from the blank to the camera
 
 
 @contextmanager
@@ -73,9 +74,9 @@ def surface_of(grid: Grid, full: bool = True, formed: bool = True) -> pyvista.Po
     ply = ply_of(grid)
     planes = ply.planes if full else []
     ply = whole(ply) if full else ply
-    shear = abs(np.degrees(ply.fields.get("shear_angle", np.zeros(len(ply.triangles)))))
+    shear = abs(np.degrees(ply.fields.get("shear_angle", np.zeros(len(ply.cells)))))
     points = ply.formed if formed else ply.x
-    surface = pyvista.PolyData.from_regular_faces(points, ply.triangles)
+    surface = pyvista.PolyData.from_regular_faces(points, ply.cells)
     surface.point_data["place"] = ply.x
     surface.point_data["shear_angle"] = ply.at_nodes(shear)
     surface.field_data["planes"] = np.array(planes, dtype=int)

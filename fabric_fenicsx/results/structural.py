@@ -3,7 +3,6 @@ and Nastran."""
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
 
 import lazy_loader
 import numpy as np
@@ -11,35 +10,25 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.files import ending, replace_file
 from ..surfaces.facets import unit
-from .ply import SAME, Grid, areas, grid_of, image_of, planes_of
+from .ply import SAME, Grid, Ply, areas, grid_of, planes_of, whole
 from .states import save, set_labels
 
 pyvista = lazy_loader.load("pyvista")
 
 
-class FormedPly(NamedTuple):
-    """points, flat (n, 3) [mm] of the formed and the flat ply's nodes, cells (m, 3 or 4) by their
-    corners, anticlockwise about the normal, and fields {name: (m,) or (m, 3)}: `area_ratio`,
-    `thickness` [mm] if known, and with yarns unit vectors `yarn_a`, `yarn_b`, `normal` (from which
-    b is anticlockwise of a), and `shear_angle` [rad]."""
-
-    points: np.ndarray
-    flat: np.ndarray
-    cells: np.ndarray
-    fields: dict[str, np.ndarray]
-
-
-def formed_ply(grid: Grid, modelled: bool = False) -> FormedPly:
+def formed_ply(grid: Grid, modelled: bool = False) -> Ply:
     """The formed ply of a grid as `Result.grids` has it, with its images in the planes of symmetry,
-    unless `modelled`; cells of higher degree by their corners."""
+    unless `modelled`; cells of any degree by their corners, anticlockwise about the normal. Fields:
+    `area_ratio`, `thickness` [mm] if known, and with yarns unit vectors `yarn_a`, `yarn_b`,
+    `normal` (from which b is anticlockwise of a), and `shear_angle` [rad]."""
     # of VTK's cells, which begin with them
     corners = {5: 3, 69: 3, 9: 4, 70: 4}[int(grid.celltypes[0])]
     cells = grid.cell_connectivity.reshape(grid.n_cells, -1)[:, :corners]
     x, u = (np.asarray(each, dtype=float) for each in (grid.points, grid.point_data["u"]))
     merged = grid_of(x, cells, u).clean(tolerance=SAME)
     ((_, cells),) = merged.cells_dict.items()
-    cells, x = cells.astype(np.int64), np.asarray(merged.points)
-    points, fields = x + np.asarray(merged.point_data["u"]), {}
+    x, u = np.asarray(merged.points), np.asarray(merged.point_data["u"])
+    cells, points, fields = cells.astype(np.int64), x + u, {}
     # not VTK's compute_cell_sizes, which crashed on Debian 13
     ratio = areas(points[cells]) / areas(x[cells])
     if "a" in grid.cell_data:
@@ -52,23 +41,21 @@ def formed_ply(grid: Grid, modelled: bool = False) -> FormedPly:
     for name in ("thickness_under_pressure", "metal_thickness"):
         if name in grid.cell_data:
             fields["thickness"] = np.asarray(grid.cell_data[name])
-    ply = FormedPly(points, x, cells, fields | {"area_ratio": ratio})
+    ply = Ply(x, u, cells, fields | {"area_ratio": ratio}, [])
     for axis in () if modelled else planes_of(grid):
-        mirror, off, images = image_of(ply.flat, ply.cells, axis)
-        points, flat = (np.vstack([x, x[off] * mirror]) for x in (ply.points, ply.flat))
-        new = {name: v * mirror if v.ndim == 2 else v for name, v in ply.fields.items()}
-        if "yarn_a" in new:
-            new |= _yarns_of_image(ply, new["yarn_a"], new["yarn_b"], mirror)
-        fields = {name: np.concatenate([v, new[name]]) for name, v in ply.fields.items()}
-        ply = FormedPly(points, flat, np.vstack([ply.cells, images]), fields)
+        half, ply = ply, whole(ply._replace(planes=[axis]))
+        for name, values in _yarns_of_image(half, axis).items() if "yarn_a" in fields else ():
+            ply.fields[name] = np.concatenate([half.fields[name], values])
     return ply
 
 
-def _yarns_of_image(ply, a, b, mirror):
-    """Yarns and shear angle of the image of a ply, from its yarns a, b (m, 3), mirrored. The image
+def _yarns_of_image(ply, axis):
+    """Yarns and shear angle of the image of a ply in the plane perpendicular to `axis`. The image
     of yarns at 45 deg runs along the others; a yarn keeps its name and sense over the plane."""
+    mirror = np.where(np.arange(3) == axis, -1.0, 1.0)
+    a, b = ply.fields["yarn_a"] * mirror, ply.fields["yarn_b"] * mirror
     p, q, r = (ply.cells[:, k] for k in (0, 1, -1))
-    sides, before = (np.stack([x[q] - x[p], x[r] - x[p]], 1) for x in (ply.points, ply.flat))
+    sides, before = (np.stack([x[q] - x[p], x[r] - x[p]], 1) for x in (ply.formed, ply.x))
     square = sides @ sides.swapaxes(1, 2)
     flat = []  # directions of yarns on the flat ply
     for yarn in (ply.fields["yarn_a"], ply.fields["yarn_b"]):
@@ -84,9 +71,7 @@ def _yarns_of_image(ply, a, b, mirror):
     return {"yarn_a": a, "yarn_b": b, "shear_angle": shear}
 
 
-def export(
-    grids: Mapping[str, Grid], path: Path | str, modelled: bool = False
-) -> dict[str, FormedPly]:
+def export(grids: Mapping[str, Grid], path: Path | str, modelled: bool = False) -> dict[str, Ply]:
     """Write the formed plies {name: grid} with their yarn directions, mirrored in the planes of
     symmetry unless `modelled`, to `path`, in the format that its ending says; returns them. Raises
     InputError for another ending, and for plies of unknown thickness, but in .vtu and .inp."""
@@ -113,7 +98,7 @@ def _joined(plies):
     """All plies as one grid; what a sheet does not have is NaN."""
     grids, fields = [], [name for ply in plies for name in ply.fields]
     for number, ply in enumerate(plies):
-        grid, m = grid_of(ply.points, ply.cells, 0 * ply.points), len(ply.cells)
+        grid, m = grid_of(ply.formed, ply.cells, 0 * ply.formed), len(ply.cells)
         grid.clear_point_data()
         vectors = "yarn_a", "yarn_b", "normal"
         missing = {n: np.full((m, 3) if n in vectors else m, np.nan) for n in fields}
@@ -129,8 +114,8 @@ def _numbered(plies):
     for name, label in set_labels(plies).items():
         ply = plies[name]
         numbers = element + np.arange(len(ply.cells))
-        yield label, ply, node + np.arange(len(ply.points)), numbers, ply.cells + node
-        node, element = node + len(ply.points), element + len(ply.cells)
+        yield label, ply, node + np.arange(len(ply.formed)), numbers, ply.cells + node
+        node, element = node + len(ply.formed), element + len(ply.cells)
 
 
 def _abaqus(plies):
@@ -142,7 +127,7 @@ def _abaqus(plies):
         fields = ply.fields
         yield f"** ply {name!a}: ELSET {label}\n" if name else ""
         yield "*NODE\n"
-        yield from _rows(nodes, ply.points)
+        yield from _rows(nodes, ply.formed)
         yield f"*ELEMENT, TYPE=S{cells.shape[1]}, ELSET={label}\n"
         yield from _rows(elements, cells)
         if "thickness" in fields:
@@ -173,20 +158,20 @@ def _rows(numbers, rows):
 def _layers(ply):
     """Thickness [mm] and angle to the first side [deg] of a cell's layers, (m,) each, for LS-DYNA
     and Nastran: a, b, b, a of a quarter of the thickness each, or one of metal."""
-    whole = ply.fields["thickness"]
+    thick = ply.fields["thickness"]
     if "yarn_a" not in ply.fields:
-        return [(whole, 0 * whole)]
-    side = ply.points[ply.cells[:, 1]] - ply.points[ply.cells[:, 0]]
+        return [(thick, 0 * thick)]
+    side = ply.formed[ply.cells[:, 1]] - ply.formed[ply.cells[:, 0]]
     yarns = np.array([ply.fields["yarn_a"], ply.fields["yarn_b"]])
     beside = np.cross(ply.fields["normal"], side)
     a, b = np.degrees(np.arctan2((yarns * beside).sum(2), (yarns * side).sum(2)))
-    return [(whole / 4, angle) for angle in (a, b, b, a)]
+    return [(thick / 4, angle) for angle in (a, b, b, a)]
 
 
 def _dyna(plies):
     yield "$ formed plies with their yarn directions, by fabric_fenicsx; mm, deg\n*NODE\n"
     for _, ply, nodes, _, _ in _numbered(plies):
-        for node, x in zip(nodes, ply.points.tolist()):
+        for node, x in zip(nodes, ply.formed.tolist()):
             yield f"{node:8d}" + "".join(f"{each:16.9g}" for each in x) + "\n"
     for part, (label, ply, _, elements, cells) in enumerate(_numbered(plies), 1):
         yield f"$ ply {label}: part {part}, of layers of material {part}\n"
@@ -206,7 +191,7 @@ def _nastran(plies):
     yield "$ formed plies with their yarn directions, by fabric_fenicsx; mm, deg\n"
     for part, (label, ply, nodes, elements, cells) in enumerate(_numbered(plies), 1):
         yield f"$ ply {label}: of layers of material {part}\n"
-        for node, (x, y, z) in zip(nodes, ply.points.tolist()):
+        for node, (x, y, z) in zip(nodes, ply.formed.tolist()):
             yield f"GRID*   {node:16d}{'':16}{x:16.9e}{y:16.9e}\n*       {z:16.9e}\n"
         layers = _layers(ply)
         lower = layers[: max(1, len(layers) // 2)]

@@ -14,8 +14,7 @@ import pyvista
 from ..core.errors import InputError
 from .pictures import shown
 from .ply import check_field, ply_of, whole
-from .press_pictures import VIEW
-from .space import COLOURS, STEEL, drawing, mirrored
+from .space import COLOURS, STEEL, VIEW, drawing, mirrored
 from .states import states, units
 
 
@@ -88,7 +87,7 @@ def _surfaces(state, field, factor):
         ply = ply_of(grid)
         planes = ply.planes
         ply = whole(ply)
-        plies[name] = pyvista.PolyData.from_regular_faces(ply.formed, ply.triangles)
+        plies[name] = pyvista.PolyData.from_regular_faces(ply.formed, ply.cells)
         if field in ply.fields:
             values = factor * ply.fields[field]
             plies[name].cell_data["shown"] = abs(values) if field == "shear_angle" else values

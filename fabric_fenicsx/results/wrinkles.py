@@ -45,7 +45,7 @@ def height_map(grid: Grid, over_tools: Heights, shortest: float = 0.0) -> Grid:
     free = np.clip(np.nan_to_num(over_tools(ply.formed), nan=np.inf), 0.0, None)
     shortest = max(shortest, MIN_CELLS_SEEN * _edge(ply))
     longest = np.ptp(whole(ply).x, axis=0).max() / 3  # longer ones are not told from shape
-    heights = grid_of(ply.x, ply.triangles, ply.u)
+    heights = grid_of(ply.x, ply.cells, ply.u)
     w, lengths = _waves(ply, _edge(ply), longest)
     for name, low, high in ((HEIGHT, shortest, longest), (RIPPLE, 0.0, min(shortest, longest))):
         of_kind = w * ((lengths >= low) & (lengths < high))
@@ -64,8 +64,8 @@ def wrinkles(heights: Grid) -> dict[str, Any]:
     squares of heights as weights; ripples_mm: largest height of waves that are none; rim_mm: height
     of the outer free edge, whose ridges that stand out by `MIN_RIDGE` are `folds`."""
     ply, w = ply_of(heights), heights.point_data[HEIGHT]
-    area = plan_area(ply.x, ply.triangles)
-    of_nodes = np.bincount(ply.triangles.ravel(), np.repeat(area / 3, 3), len(w))
+    area = plan_area(ply.x, ply.cells)
+    of_nodes = np.bincount(ply.cells.ravel(), np.repeat(area / 3, 3), len(w))
     largest, length = float(abs(w).max()), None
     if largest >= MIN_HEIGHT:
         length = float(np.average(heights.point_data[LENGTH], weights=of_nodes * w**2))
@@ -83,7 +83,7 @@ def wrinkles(heights: Grid) -> dict[str, Any]:
 
 
 def _edge(ply):
-    corners = ply.x[ply.triangles]
+    corners = ply.x[ply.cells]
     return float(np.linalg.norm(corners - np.roll(corners, 1, 1), axis=2).mean())
 
 
@@ -91,7 +91,7 @@ def _waves(ply, edge, longest):
     """Heights, 0 where there is none, and lengths (k, n) [mm] of waves at the nodes, from two edges
     of cells on, in k combinations of direction and band."""
     full = whole(ply)
-    flat = pyvista.UnstructuredGrid({pyvista.CellType.TRIANGLE: full.triangles}, full.x * [1, 1, 0])
+    flat = pyvista.UnstructuredGrid({pyvista.CellType.TRIANGLE: full.cells}, full.x * [1, 1, 0])
     flat.point_data["formed"] = full.formed
     count = np.ceil(np.log(max(longest / edge / 2, 1)) / np.log(RATIO))
     bands = 2 * edge * RATIO ** np.arange(count + 2)  # the last for waves that are too long

@@ -34,11 +34,6 @@ def _limit(default, text):
 class Limits:
     """Limits beyond which a result is invalid: angles, and shares, of which 0.05 is 5 %.
 
-    Raises
-    ------
-    InputError
-        For a limit that is not above 0.
-
     Examples
     --------
     >>> ff.Limits(viscous=0.1).exceeded({"viscous": 0.2, "imbalance": 0.01})

@@ -24,11 +24,6 @@ class Settings:
       full load in steps without load: the last state is in equilibrium without it
     - accuracy: for scenes that depend on the path; steps beyond twice that are cut
     - milestones: load factors to be hit exactly
-
-    Raises
-    ------
-    InputError
-        For a value that is not allowed.
     """
 
     steps: int = quantity(20, COUNT, "load steps", "solver")

@@ -6,7 +6,6 @@ import scenes
 from builders import compiled_as_it_stands
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.press import quantities
 
 KOMEILI = ff.load("komeili")
 COLD = {"shear_factor": 8.0, "yarn_factor": 1.1}
@@ -115,7 +114,7 @@ def test_a_press_tells_what_ran(tmp_path):
     told = press(sheet(fabric=WARM, temperature=str(tmp_path / "T.csv")))
     told.write(tmp_path / "press.toml")
     built = ff.Press.read(tmp_path / "press.toml").build()
-    assert quantities.field_ranges(built) == {"blank.temperature_C": "23.33 to 116.7 (T.csv)"}
+    assert built.field_ranges() == {"blank.temperature_C": "23.33 to 116.7 (T.csv)"}
     (tmp_path / "T.csv").write_text("x,y,T\n-50,-40,20\n50,-40,120\n-50,40,20\n50,40,121\n")
     other = ff.Press.read(tmp_path / "press.toml").build()
     assert other.fingerprint() != built.fingerprint()

@@ -18,7 +18,7 @@ def outcome(result, times=1):
     found |= {f"energy.{k}": times * v for k, v in energy.items() if k in KINDS}
     if result.scene.comm.rank == 0:
         flat = [whole(ply_of(grid)) for grid in result.grids.values()]
-        found["flat_mm2"] = sum(float(abs(plan_area(p.x, p.triangles)).sum()) for p in flat)
+        found["flat_mm2"] = sum(float(abs(plan_area(p.x, p.cells)).sum()) for p in flat)
     for name in (*NAMES, *WRINKLES):
         if (value := result.number(name)) is not None:
             found[name] = value

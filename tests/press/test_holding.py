@@ -24,8 +24,8 @@ def test_segments_of_a_stack_press_its_sheets_together_as_one_does():
     one, two = (
         dome(**SIZES, plies=plies, holder=each) for each in (ff.PressureHolder(1.0), halves)
     )
-    assert one.comm.allreduce(float(np.abs(one.blank.u.x.array).max())) > 0
-    assert two.blank.u.x.array == pytest.approx(one.blank.u.x.array, abs=1e-14)
+    assert one.scene.comm.allreduce(float(np.abs(one.scene.blank.u.x.array).max())) > 0
+    assert two.scene.blank.u.x.array == pytest.approx(one.scene.blank.u.x.array, abs=1e-14)
     names = [tool.name for tool in reports.tools(two.scene)] + [t.tool.name for t in two.pressing]
     assert {"blank holder", "blank holder 2"} <= {*names}
 

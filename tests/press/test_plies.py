@@ -7,7 +7,7 @@ import pytest
 from builders import KOMEILI, dome
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.press import quantities
+from fabric_fenicsx.press import built
 from fabric_fenicsx.press.press import EXAMPLES
 
 COARSE = {"nx": 4, "stroke": 5}
@@ -106,9 +106,9 @@ def test_friction_of_tools_is_that_of_the_sheet_they_touch(laid):
 def test_heights_are_those_off_the_faces_of_the_stack(laid, monkeypatch):
     """The holder's plate touches the stack from below, the die its flange from above, as seen from
     each mid-surface: what lies below and above it is between."""
-    monkeypatch.setattr(quantities, "height_map", lambda grid, over, wave: over)
+    monkeypatch.setattr(built, "height_map", lambda grid, over, wave: over)
     result = SimpleNamespace(scene=laid.scene, grids=dict.fromkeys(("sheet", "a", "b")))
-    over, t = quantities.wrinkle_heights(laid, result), ff.load("komeili").thickness_under(0.0)
+    over, t = laid.height_maps(result), ff.load("komeili").thickness_under(0.0)
     for name, z in zip(over, (-t, -t / 2 + 0.4, t / 2 + 0.4)):
         heights = over[name](np.array([[152.0, 0, z + 0.1], [230, 130, z + 0.1]]))
         assert heights == pytest.approx([0.1, -0.1], abs=1e-6)

@@ -62,7 +62,7 @@ def test_the_pattern_of_a_flat_ply_is_the_trim_line():
 def test_cells_are_split_along_the_line_and_keep_their_fields():
     grid, line = ply(), SQUARE + [0.3, 0.2, 0]
     part = flat_pattern(grid, [line], 0.1).part
-    centres = part.x[part.triangles].mean(1)
+    centres = part.x[part.cells].mean(1)
     assert np.array_equal(grid.find_containing_cell(centres), part.fields["number"])
     assert part.x.min(0) == pytest.approx(line.min(0)) and len(part.x) > 400
 
@@ -115,7 +115,7 @@ def test_a_quarter_has_the_pattern_of_the_whole_ply(trim):
         (np.array, [SQUARE * 3.01], r"leaves the ply at \(-?60.2, .*\) mm; "),
         (np.array, [SQUARE[[0, 2, 1, 3, 0]]], r"bounds no sheet: self-intersection at \(0, 0\) mm"),
         (np.array, Plane((0, 0, 3), (0, 0, 2)), "which lies from -3 to -3 mm before it"),
-        (folded, [SQUARE[:, :2] + [25, 0]], "above itself at .*; allowed for it is a trim line wi"),
+        (folded, [SQUARE[:, :2] + [25, 0]], "above itself at .*; allowed is a trim line wi"),
     ],
 )
 def test_other_lines_are_not_allowed(form, trim, words):

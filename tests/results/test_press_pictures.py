@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.results import forming_pictures, pictures, press_pictures, report, space
+from fabric_fenicsx.press import pictures as press_pictures
+from fabric_fenicsx.results import forming_pictures, pictures, report, space
 from fabric_fenicsx.results.fields import FieldSeries
 from fabric_fenicsx.results.shape import Path
 from fabric_fenicsx.results.states import read_state, states

@@ -181,16 +181,16 @@ def test_a_quarter_is_mirrored_with_its_yarns(angle, image):
         centres = abs(grid.cell_centers().points)
         grid.cell_data["thickness_under_pressure"] = 0.3 + 0.01 * centres[:, 0]
     ply, expected = structural.formed_ply(quarter), structural.formed_ply(whole)
-    assert len(ply.points) == len(expected.points) and len(ply.cells) == len(expected.cells)
-    p, q, r = (ply.points[ply.cells[:, k]] for k in (0, 1, -1))
+    assert len(ply.formed) == len(expected.formed) and len(ply.cells) == len(expected.cells)
+    p, q, r = (ply.formed[ply.cells[:, k]] for k in (0, 1, -1))
     assert (np.cross(q - p, r - p) * ply.fields["normal"]).sum(1).min() > 0
     a, b = ply.fields["yarn_a"], ply.fields["yarn_b"]
     assert (np.cross(a, b) * ply.fields["normal"]).sum(1).min() > 0
     shear = np.arcsin((a * b).sum(1))  # 90 deg without the angle between them
     assert (shear.min() < -0.02) == (angle == 10)  # as over a plane its sign changes
     np.testing.assert_allclose(ply.fields["shear_angle"], shear, atol=1e-9)
-    tree = cKDTree(expected.points[expected.cells].mean(1))
-    apart, at = tree.query(ply.points[ply.cells].mean(1))
+    tree = cKDTree(expected.formed[expected.cells].mean(1))
+    apart, at = tree.query(ply.formed[ply.cells].mean(1))
     assert apart.max() < 1e-9 and len(set(at)) == len(at)
     same = angle == 45
     for name in ("yarn_a", "yarn_b", "normal", "shear_angle", "thickness", "area_ratio"):
@@ -216,7 +216,7 @@ def test_nodes_of_several_ranks_are_one(tmp_path):
     folder = formed(comm.bcast(tmp_path), comm=comm)
     if comm.rank == 0:
         (ply,) = map(structural.formed_ply, states.read_grids(folder).values())
-        assert len(ply.points) == 4 * 3 + 3 * 2  # of the crossed rectangles and their middles
+        assert len(ply.formed) == 4 * 3 + 3 * 2  # of the crossed rectangles and their middles
         assert len(ply.cells) == 4 * 3 * 2
     comm.barrier()
 
