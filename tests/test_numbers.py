@@ -8,7 +8,6 @@ import pytest
 import fabric_fenicsx as ff
 
 FABRIC = ff.load("komeili")
-BALL = ff.Tool(ff.Sphere(30))
 
 
 def blank():

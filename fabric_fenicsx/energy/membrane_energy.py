@@ -8,7 +8,7 @@ paper's W_tot, eq. (30), is the law's: `WovenFabric.energy` in `material/laws/co
 - To change a strain, change it in `material/strains.py`, with its derivatives in `in_invariants`.
 - After a change below, delete the method `Membrane.variations`, so that UFL derives all (but
   friction between yarns, which then has no force), or correct `variations`;
-  tests/energy/test_membrane_energy.py compares the two.
+  tests/energy/test_convergence.py compares the two.
 
     a0, b0, u -> fa, fb -> I4, I6, I8 -> eps_a, eps_b, gamma -> W -> t W dx
 """

@@ -1,14 +1,19 @@
-"""`fabric` runs studies from any folder and finds their example data."""
+"""The command `fabric`: studies from any folder, example data, and what works."""
 
+import re
 import shlex
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
+from mpi4py import MPI
 
-from fabric_fenicsx.cli import main, prepare
+import fabric_fenicsx as ff
+from fabric_fenicsx.cli import info, main, prepare
 from fabric_fenicsx.cli.options import STUDIES
+from fabric_fenicsx.cli.study import parser
 
 ROOT = Path(__file__).parents[2]
 
@@ -57,11 +62,27 @@ def test_usual_runs_are_prepared(caplog, tmp_path, monkeypatch):
     assert not caplog.records and not list(tmp_path.iterdir())
 
 
-def test_another_command_is_not_allowed(capsys):
-    for words, told in (
-        ("tensil", "fabric: error: command tensil is unknown (did you mean tensile?); allowed are"),
-        ("sweep press.toml", "fabric sweep: error: nothing is varied; allowed is"),
-    ):
-        assert main.main(words.split()) == 2
-        out, err = capsys.readouterr()
-        assert not out and err.startswith(told) and err.count("\n") == 1
+def checks(text):
+    """{check: "ok" or "fails"} and {check: what is said}."""
+    found = re.findall(r"^(\S+) +(ok|fails) [\d.]+ s *(.*)$", text, re.M)
+    return {name: result for name, result, _ in found}, {name: words for name, _, words in found}
+
+
+@pytest.mark.versions
+def test_all_works(capsys):
+    assert info.show(MPI.COMM_SELF) == 0
+    out = capsys.readouterr().out
+    assert checks(out)[0] == dict.fromkeys(info.CHECKS, "ok")
+    assert "area of a unit square 1" in out and re.search(r"(1[6-9]|[2-9]\d) cells in a sq", out)
+
+
+def test_drawing_that_fails_is_told_and_takes_nothing_down(monkeypatch):
+    monkeypatch.setattr(info, "draw_triangle", partial(exec, "import os; os.abort()"))
+    with pytest.raises(RuntimeError, match="SIGABRT"):
+        info.CHECKS["pyvista"]()
+
+
+@pytest.mark.versions
+def test_parameters_become_options():
+    told = parser(ff.Tensile, "").translated("`max_step` or 5 % (`Limits.strain`); `resume=True`")
+    assert told == "--max-step or 5 % (--max-strain); --resume"

@@ -58,10 +58,8 @@ def test_gap_is_that_along_the_normal(side):
     bulge."""
     x = places()
     slope = np.column_stack([-(x @ CURVES), np.ones(len(x))])
-    normal, on = (
-        side * slope / np.linalg.norm(slope, axis=1)[:, None],
-        np.column_stack([x, height(x)]),
-    )
+    normal = side * slope / np.linalg.norm(slope, axis=1)[:, None]
+    on = np.column_stack([x, height(x)])
     off = []
     for n in (1, 2):
         face = Face(bent(16 * n, 8 * n).whole, side, [])

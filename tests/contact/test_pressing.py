@@ -16,11 +16,9 @@ from fabric_fenicsx.contact.pressure_law import (
 )
 from fabric_fenicsx.material.homogeneous import nominal
 
-FACE, SOFT, THIN = (
-    FaceLaw(1000.0, 1e-3),
-    FaceLaw.compacted(0.2, 16.0, 1e-3),
-    FaceLaw.compacted(0.1, 8.0, 2e-3),
-)
+FACE = FaceLaw(1000.0, 1e-3)
+SOFT = FaceLaw.compacted(0.2, 16.0, 1e-3)
+THIN = FaceLaw.compacted(0.1, 8.0, 2e-3)
 BOTH, OF_POINTS = between_faces(SOFT, THIN), FaceLaw.of_points([FACE, SOFT], np.arange(4) % 2)
 LAWS = FACE, SOFT, BOTH, OF_POINTS, SOFT.grown(np.array([1.0, 1.3, 0.8, 1.1]))
 AREAS = np.array([1.0, 2.0, 3.0, 4.0])

@@ -1,12 +1,17 @@
-"""Rules for numbers, and names that are not known."""
+"""Rules of single numbers and fields, and how numbers are told."""
 
+import json
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
-from fabric_fenicsx.core import rules
+from fabric_fenicsx.core import formatting, rules
 from fabric_fenicsx.core.errors import InputError
+from fabric_fenicsx.core.fields import check_fields, choice, flag, quantity
+from fabric_fenicsx.core.files import failure_reason
+from fabric_fenicsx.core.rules import COUNT, POSITIVE
 
 
 @pytest.mark.parametrize(
@@ -58,3 +63,64 @@ def test_a_name_is_told_by_spelling_or_by_what_others_call_it():
     assert str(rules.unknown_key("heigth", ("width", "height"), "key heigth")) == (
         "key heigth is unknown (did you mean height?); allowed are width, height"
     )
+
+
+@dataclass
+class Made:
+    size: float = quantity(2, POSITIVE, "of it [mm]", doubt=(5.0, "is it in um?"))
+    nx: int = quantity(None, COUNT, "cells")
+    kind: str = choice("a", ("a", "b"), "which")
+    fast: bool = flag("quickly")
+
+
+def test_fields_are_checked_and_doubted_above_their_bound():
+    made = Made(size=5, nx=2.0)
+    assert check_fields(made) == [] and (made.nx, type(made.size)) == (2, float)
+    assert check_fields(Made(5.1)) == ["`size` is 5.1, which is much: is it in um?"]
+    for wrong in ({"size": None}, {"nx": 0}, {"kind": "c"}, {"fast": 1}):
+        with pytest.raises(InputError, match=f"`{[*wrong][0]}` is .*; allowed is"):
+            check_fields(Made(**wrong))
+
+
+def test_the_reason_of_a_run_that_failed(tmp_path):
+    file = tmp_path / "summary.json"
+    assert failure_reason(file) == ""
+    for summary, reason in (
+        ({}, ""),
+        ({"converged": True, "reason": "full load"}, ""),
+        ({"converged": False, "reason": "gave up"}, "gave up"),
+        ({"converged": False}, "no reason given"),
+    ):
+        file.write_text(json.dumps(summary))
+        assert failure_reason(file) == reason
+
+
+@pytest.mark.parametrize(
+    "number, digits, text",
+    [
+        (1234.5, 3, "1230"),
+        (123456.0, 3, "123000"),
+        (999999.0, 3, "1e6"),
+        (1.2e-7, 3, "1.2e-7"),
+        (0.00012, 3, "0.00012"),
+        (-0.0, 3, "0"),
+        (math.inf, 3, "inf"),
+    ],
+)
+def test_numbers_are_told_without_an_exponent_that_is_not_needed(number, digits, text):
+    assert formatting.rounded(number, digits) == text
+
+
+def test_errors_shares_and_places():
+    """An error is rounding up to 1e-12 of the number, at least of 1."""
+    error, share = formatting.with_error, formatting.share
+    assert error("5", 5.0, 4e-12) == error("5", 0.5, 0.9e-12) == "5 +- 0"
+    assert error("5", 0.5, 1.1e-12) == "5 +- 1.1e-12"
+    told = (error("5", 5.0, 6e-12), error("x", 2.0, 0.123), error("x", 2.0, None))
+    assert told == ("5 +- 6e-12", "x +- 0.12", "x +- unknown")
+    assert (share(3, -2), share(0, 0)) == (1.5, 0) and share(1, 0) > 1e99
+    told = [formatting.percent(each) for each in (0.123, 0.00003, 9.9, 10.1)]
+    assert told == ["12 %", "0.003 %", "990 %", "more than 1000 %"]
+    assert formatting.coordinates([1e-12, -1e-12, 1234.56]) == "(0, 0, 1235)"
+    assert formatting.of_sheet([1, 2]) == "(1, 2) mm of the flat sheet"
+    assert formatting.of_sheet([1, 2, 3]) == "(1, 2, 3) mm of the undeformed sheet"

@@ -1,4 +1,4 @@
-"""The line that tells what a run is doing, on a terminal and elsewhere."""
+"""Lines of the status, and readers that have gone."""
 
 import os
 import pty
@@ -6,6 +6,8 @@ import subprocess
 import sys
 import termios
 import time
+
+import pytest
 
 from fabric_fenicsx.core import status
 from fabric_fenicsx.core.cache_folders import RANK
@@ -39,3 +41,13 @@ def test_on_a_terminal_one_line_renews_itself_below_what_is_printed():
         "a message",
     ]
     assert lines[-1].startswith("meshing a.step, 00:0")
+
+
+@pytest.mark.versions
+def test_a_program_whose_reader_has_gone_ends_without_words(hang):
+    code = "import fabric_fenicsx as ff; ff.Job; [print(n, flush=True) for n in range(10**6)]"
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    program = subprocess.Popen([sys.executable, "-c", code], **pipes, text=True)
+    program.stdout.readline()
+    program.stdout.close()
+    assert (program.stderr.read(), program.wait(hang)) == ("", -13)

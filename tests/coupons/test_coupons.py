@@ -1,9 +1,15 @@
-"""Tests as dataclasses: their fields are checked."""
+"""Coupons as data, their cells, simulated ones, and the net of stiff yarns."""
+
+import math
 
 import meshio
+import numpy as np
 import pytest
+from synthetic_curves import bias_test
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.coupons.pin_jointed import PinJointedStrip
+from fabric_fenicsx.coupons.simulated import simulated_bias
 from fabric_fenicsx.sheet.meshing import modelled_share
 from fabric_fenicsx.sheet.specimen import specimen
 
@@ -36,3 +42,159 @@ def test_sizes_of_an_own_mesh(tmp_path):
                 strip.build()
     shares = [modelled_share(planes).tolist() for planes in ([], [0], [1])]
     assert shares == [[1, 1], [0.5, 1], [1, 0.5]]
+
+
+def test_points_are_inner_where_quadratic_cells_do_not_follow_the_yarns():
+    pull, bias, off = ff.Tensile, ff.BiasExtension, {"pattern": "crossed"}
+    along_the_load = pull(nx=16, pattern="unstructured")
+    for test in (along_the_load, pull(nx=16, fibre_angle=20, element="P1"), bias(nx=16)):
+        assert test.build().data.integration == "full"
+    turned = pull(nx=16, fibre_angle=20, turned=30, **off)
+    for test in (turned, bias(nx=16, pattern="left"), bias(nx=16, fibre_angle=30, **off)):
+        assert test.build().data.integration == "inner"
+
+
+def test_cells_by_angle_and_strain():
+    at_45 = -45.0, 45 - 1e-10, 45 + 1e-10
+    for pattern, angles in (("graded", at_45), ("crossed", (0.9,)), ("yarns", (1.1, 47))):
+        for angle in angles:
+            assert ff.BiasExtension(nx=24, fibre_angle=angle).build().data.pattern == pattern
+    for strain, pattern in ((0.199, "graded"), (0.201, "crossed")):
+        assert ff.BiasExtension(nx=24, strain=strain).build().data.pattern == pattern
+
+
+@pytest.mark.parametrize("element, nx", [("P1", 8), ("P2", 16)])
+def test_cells_of_an_estimate_off_axis(element, nx):
+    """Quadratic ones along the yarns, 4 and 2 times as large as linear and quadratic ones."""
+    fields = {"fibre_angle": 30, "pattern": "crossed", "integration": None}
+    built = ff.BiasExtension(nx=32, ny=8, element=element, **fields).build()
+    coarse = built.coarser()
+    assert built.coarser_is_other_kind
+    assert (coarse.nx, coarse.pattern, coarse.element) == (nx, "yarns", "P2")
+    assert coarse.integration is None
+
+
+# test, angle, strain, pattern, nx, and the force [N] of P3 on fine cells along the corners' yarns
+OFF_AXIS = [
+    (ff.BiasExtension, 30, 0.1, "left", 36, 1.990),
+    (ff.Tensile, 45, 0.03, "unstructured", 34, 0.10895),
+    (ff.Tensile, 10, 0.005, "crossed", 26, 95.96),
+]
+
+
+def test_estimated_errors_off_axis_cover_the_true_one(tmp_path):
+    strip = ff.BiasExtension(fibre_angle=30, pattern="unstructured", nx=32)
+    result = strip.job(steps=8, error=True).run(tmp_path / "out", pictures=False)
+    true = abs(result.summary["reaction_N"] - 1.990)
+    assert 0.02 < true <= result.summary["error"]["reaction_N"] < 1.2 * true
+
+
+@pytest.mark.parametrize("kind, angle, strain, pattern, nx, force", OFF_AXIS)
+def test_forces_off_axis_with_3000_unknowns(kind, angle, strain, pattern, nx, force):
+    strip = kind(fibre_angle=angle, strain=strain, pattern=pattern, nx=nx, ny=round(nx / 4))
+    result = strip.job(steps=4, limits=ff.Limits()).run(pictures=False)
+    assert result.summary["dofs"] <= 3000
+    assert result.rows[-1]["reaction_N"] == pytest.approx(force, rel=0.06)
+
+
+FABRIC = ff.load("komeili").replace(s1=0.05, s2=-0.11, s3=0.13, thickness=1.2)
+GAMMA = np.radians(np.arange(10.0, 46, 5))
+
+
+def test_derivatives_of_the_force():
+    curve = bias_test(0 * GAMMA, GAMMA, 230.0, 115.0, 0.02)
+    _, slopes = simulated_bias(FABRIC, curve)
+    for k, (name, step) in enumerate({"s1": 1e-3, "s2": 2e-3, "s3": 4e-3}.items()):
+        more, less = (
+            simulated_bias(FABRIC.replace(**{name: getattr(FABRIC, name) + h}), curve)[0]
+            for h in (step, -step)
+        )
+        assert (more - less) / (2 * step) == pytest.approx(slopes[:, k], rel=2e-3)
+
+
+# and the force [N] at 45 deg of `nx` 48, `crossed`
+@pytest.mark.parametrize("height, width, finer", [(230.0, 115.0, 10.7045), (250.0, 100.0, 11.0546)])
+def test_few_cells_are_enough(height, width, finer):
+    force, _ = simulated_bias(FABRIC, bias_test(0 * GAMMA, GAMMA, height, width, 0.02))
+    assert force[-1] == pytest.approx(finer, rel=0.01)
+
+
+RIGHT = math.pi / 2
+
+
+def at_angle(degrees, length=200.0, width=50.0):
+    return PinJointedStrip(length, width, math.radians(degrees), math.radians(degrees) + RIGHT)
+
+
+def deformed(strip, displacement, x, y):
+    """Places of the net p(alpha) + q(beta), from the turns of the yarns alone, by the lengths of
+    yarn between clamps."""
+    a, b = strip.a, strip.b
+    to_yarns = np.linalg.inv([[np.cos(a), np.cos(b)], [np.sin(a), np.sin(b)]])
+    places = to_yarns @ [x, y]
+    moved = np.array([x, y], float)
+    for own, angle, turn in zip(range(2), (a, b), strip.turns(displacement)):
+        corners = [np.repeat([0, strip.length], 2), np.tile([0, strip.width], 2)]
+        ends = np.sort(to_yarns[own] @ corners)[1:3]  # the stretch between the clamps
+        share = np.clip(places[own], *ends) - ends[0 if to_yarns[own, 0] > 0 else 1]
+        change = np.exp(1j * (angle + turn)) - np.exp(1j * angle)
+        moved += np.outer([change.real, change.imag], share)
+    return moved
+
+
+@pytest.mark.parametrize("a, b", [(45, 135), (60, 150), (-40, 50), (50, -40), (25, 95), (20, -50)])
+def test_clamps_move_rigidly_and_yarns_keep_their_lengths(a, b):
+    strip = PinJointedStrip(200.0, 50.0, math.radians(a), math.radians(b))
+    d = 3.0
+    y = np.linspace(0, 50, 11)
+    np.testing.assert_allclose(deformed(strip, d, 0 * y, y), [0 * y, y], atol=1e-10)
+    np.testing.assert_allclose(deformed(strip, d, 0 * y + 200, y), [0 * y + 200 + d, y], atol=1e-10)
+    rng = np.random.default_rng(1)
+    x, y = rng.uniform((0, 0), (200, 50), (200, 2)).T
+    moves = [
+        (deformed(strip, d, x + h, y + k) - deformed(strip, d, x - h, y - k)) / 2e-5
+        for h, k in ((1e-5, 0), (0, 1e-5))
+    ]
+    gradient = np.stack(moves, 1)  # of places, (2, 2, n)
+    fa, fb = (np.einsum("ijn,j->in", gradient, [np.cos(k), np.sin(k)]) for k in (strip.a, strip.b))
+    (_, _), distance = strip.held(x, y)
+    off = distance > 1e-3
+    for f in (fa, fb):
+        np.testing.assert_allclose(np.linalg.norm(f[:, off], axis=0), 1, atol=1e-8)
+    initial = math.acos(math.cos(strip.b - strip.a))
+    gamma = initial - np.arccos((fa * fb).sum(0))
+    np.testing.assert_allclose(strip.shear_angles(x, y, d)[off], gamma[off], atol=1e-7)
+    assert strip.shear_angle(d) == pytest.approx(strip.shear_angles([100], [25], d)[0], abs=1e-12)
+    rested = strip.shear_angle(d) + 1.2 - initial
+    assert strip.shear_angle(d, rest=1.2) == pytest.approx(rested, abs=1e-12)
+
+
+def test_formulas_of_the_literature():
+    for d in (1.0, 10.0, 30.0):
+        exact = RIGHT - 2 * math.acos((150 + d) / (math.sqrt(2) * 150))
+        assert abs(at_angle(45).shear_angle(d)) == pytest.approx(exact, rel=1e-12)
+    t, d = math.radians(30), 10.0
+    gaps = (200 * math.cos(t) - 50 * math.sin(t)) * (200 * math.sin(t) - 50 * math.cos(t))
+    sine = d * (2 * (200 - 50 * math.sin(2 * t)) + d) / (2 * gaps)
+    assert abs(at_angle(30).shear_angle(d)) == pytest.approx(math.asin(sine), rel=1e-12)
+    assert abs(at_angle(60).shear_angle(d)) == pytest.approx(math.asin(sine), rel=1e-12)
+    assert math.isnan(at_angle(45).shear_angle(63))  # taut at 62.1 mm
+
+
+def test_yarns_from_clamp_to_clamp_lock():
+    """tan of 14.04 deg is 50 / 200."""
+    names = {0: "yarns a", 14: "yarns a", 14.1: "", 75.9: "", 76: "yarns b", 90: "yarns b"}
+    for degrees, yarns in names.items():
+        strip = at_angle(degrees)
+        assert strip.locked.startswith(yarns) and bool(strip.locked) == bool(yarns)
+        assert math.isnan(strip.shear_angle(1e-3)) == bool(yarns)
+
+
+def test_distance_to_where_yarns_begin_to_end_in_a_clamp():
+    """Of yarns at 30 and 150 deg, and at right angles: from lines along them from the corners."""
+    for degrees, x, y in ((30, 20, 25), (45, 25, 5), (45, 100, 25)):
+        c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+        strip = PinJointedStrip(200.0, 50.0, math.radians(degrees), math.radians(180 - degrees))
+        end = min(x, 200 - x)
+        expected = min(abs(y * c - end * s), abs((50 - y) * c - end * s))
+        assert strip.held([x], [y])[1] == pytest.approx(expected)

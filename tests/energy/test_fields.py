@@ -89,23 +89,6 @@ def test_states_and_derivatives_are_those_of_the_energy():
     assert membrane.history()["min_stability"].value == pytest.approx(least, rel=1e-9)
 
 
-def test_friction_of_a_tool_stays_on_it():
-    """One half of a plate is greasy: sheets on it are held by what lies on the other half, also
-    after the plate has moved aside."""
-    blank = ff.Blank.rectangle(40, 20, nx=4, centred=True, spatial=True)
-    plate = ff.Tool(ff.Plane((0, 0, 0.5), (0, 0, -1)), path=lambda load: (12.0 * load, 0, -0.01))
-    friction = lambda x, y, z: np.where(x < 1.0, 0.0, 0.3)  # noqa: E731
-    contact = ff.Contact(plate, friction=friction)
-    scene = ff.Scene(blank, [ff.Membrane(KOMEILI), contact])
-    for load, edge in ((0.0, 1.0), (1.0, 13.0)):
-        scene.set_load(load)
-        scene.accept()
-        x, _, limit = contact.rubbed()
-        assert (x[:, 0] > edge).all() and len(x)
-        pressed = contact.normal_forces()[contact.nodes.places[:, 0] > edge]
-        assert limit.sum() == pytest.approx(0.3 * pressed.sum())
-
-
 def test_thickness_is_where_faces_touch_and_friction_of_plies_of_the_flat_place():
     thickness, fabric = lambda x, y: 0.6 + 0.004 * x, KOMEILI.replace(thickness=0.9)
     friction = lambda x, y: np.where(x < 0, 0.1, 0.5)  # noqa: E731
@@ -123,18 +106,6 @@ def test_thickness_is_where_faces_touch_and_friction_of_plies_of_the_flat_place(
     x = contact.points.flat_places()
     assert contact.friction_state.coefficient == pytest.approx(friction(x[:, 0], x[:, 1]))
     assert x[:, 0].min() < -45 and x[:, 0].max() > 45
-
-
-def test_a_run_goes_on_with_the_same_field_alone(tmp_path):
-    def run(angle, **how):
-        strip = ff.Blank.rectangle(40, 20, nx=4, element="P1", fibre_angle=angle)
-        scene = ff.Scene(strip, [ff.Membrane(KOMEILI)], ff.clamped_ends(0.1))
-        ff.Job(scene, steps=1).run(tmp_path / "run", pictures=False, **how)
-
-    run(lambda x, y: 0.1 * x)
-    run(lambda x, y: x / 10, resume=True)
-    with pytest.raises(ff.InputError, match="directions of the yarns"):
-        run(lambda x, y: 0.1 * x + 0.01 * (y > 15), resume=True)
 
 
 def test_a_press_tells_what_ran(tmp_path):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import ufl
-from builders import Springs, alone, near, sheet
+from builders import Elastic, Springs, alone, near, sheet
 from dolfinx import fem
 from mpi4py import MPI
 
@@ -31,11 +31,6 @@ def moved(self):
     rows, cols, values = Springs.tangent(self)
     rows[:1] += 10**6 * (COMM.rank == COMM.size - 1)
     return rows, cols, values
-
-
-def that_depends(self):
-    pushed = (self.u() > 0.0) & (COMM.rank == 0)
-    return tuple(part[pushed] for part in Springs.tangent(self))
 
 
 def in_place_of_others(self, f):
@@ -67,27 +62,6 @@ def tangents_that_change():
 def test_answers_that_end_a_run(method, does, words):
     with pytest.raises(ff.InputError, match=words):
         run(with_own(method, does))
-
-
-def test_answers_that_check_derivatives_refuses():
-    mine = with_own("tangent", that_depends)
-    with pytest.raises(ff.InputError, match="springs gives other places where the sheet is else"):
-        ff.check_derivatives(mine, scene_with(mine), size=1e-3)
-
-
-@pytest.mark.parametrize(
-    "energy",
-    [lambda u, dx: ufl.inner(u, u), lambda u, dx: fem.Constant(u.function_space.mesh, 2.0) * dx],
-)
-def test_a_form_that_is_no_energy_of_the_displacement(energy):
-    class Mine(ff.Term):
-        name = energy_kind = "mine"
-
-        def set_up(self, scene):
-            self.energy = energy(scene.blank.u, self.part.dx(2))
-
-    with pytest.raises(ff.InputError, match="mine is .*; allowed is the energy itself"):
-        alone(sheet(20.0, 10.0, 2, 1), Mine())
 
 
 @pytest.mark.mpi
@@ -126,15 +100,12 @@ def test_what_differs_between_ranks():
         run(with_own("history", lambda self: {"rank": COMM.rank}))
 
 
-@pytest.mark.parametrize(
-    "recall, words",
-    [(lambda self, memory: None, "leaves hits other than it was given; allowed is to take")],
-)
-def test_a_memory_that_is_not_recalled(recall, words):
+def test_a_memory_that_is_not_recalled():
     scene = scene_with(first := Counting())
     ff.Job(scene, steps=1).run()
-    memory, other = scene.memory(), scene_with(type("Mine", (Counting,), {"recall": recall})())
-    with pytest.raises(ff.InputError, match=f"`recall` of term springs {words}"):
+    forgets = type("Mine", (Counting,), {"recall": lambda self, memory: None})()
+    memory, other = scene.memory(), scene_with(forgets)
+    with pytest.raises(ff.InputError, match="`recall` of term springs leaves hits other than it"):
         other.recall(memory)
     other = scene_with(again := Counting())
     other.recall(memory)
@@ -169,3 +140,50 @@ def test_energies_on_two_edges():
     assert found["top"] == pytest.approx(0.5 * 3.0 * 2 * 0.2**2 * 10, rel=1e-12)
     with pytest.raises(ff.InputError, match="edge marks no side of left, part of blank; allowed"):
         blank.part("left").ds(near(0, 20.0))
+
+
+FABRIC, END = ff.load("komeili"), near(0, 10.0)
+PLANE = ff.Plane((0, 0, 0), (0, 0, 1))
+T = FABRIC.thickness_under(0.0)
+TURNED = {"frame": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]}
+SIDES = lambda x: abs(x[:2] - 5).max(0) > 4.999  # noqa: E731
+
+
+def square(**options):
+    return sheet(10, 10, 2, 2, "left", **{"spatial": True} | options)
+
+
+def stack(play=0.0):
+    return ff.Stack([(square(), T, name) for name in "ab"], 0, play)
+
+
+def contact(**options):
+    return ff.Contact(ff.Tool(PLANE, name="table"), **{"thickness": T, "penalty": 9.0} | options)
+
+
+def pair(penalty=9.0):
+    return ff.SheetContact("a", "b", penalty)
+
+
+def between(blank, term, membrane=None):
+    return ff.Scene(blank, [membrane or ff.Membrane(FABRIC), term])
+
+
+REFUSED = [
+    (lambda: alone(square(degree=3), contact()), "other cells; allowed are P1, Q1, and P2"),
+    (lambda: alone(square(), contact(where=near(0, 77.0))), "where no node is"),
+    (lambda: alone(square(**TURNED), contact()), "along turned axes; allowed are x, y and z"),
+    (lambda: ff.Tool(PLANE, force=lambda s: (1 - s, 0, s)), "0 is .* along that at full load"),
+    (lambda: between(stack(-0.5 * T), pair()), "sheets that overlap by 0.537 mm; allowed"),
+    (lambda: between(stack(), pair(None), Elastic()), "a penalty, a number above 0, as no term"),
+    (lambda: between(stack(), ff.SelfContact(T, penalty=1.0)), "asked of a stack; allowed is one"),
+    (lambda: alone(square(), ff.Springs(END, 1.0, anchor=(10, 0, 0))), "an anchor at a node that"),
+    (lambda: alone(square(), ff.Bending(1.0, symmetric=SIDES)), "sides in more than one plane"),
+    (lambda: alone(square(spatial=False), ff.Bending(1.0)), "`spatial=True`, or `in_plane`"),
+]
+
+
+@pytest.mark.parametrize("make, words", REFUSED)
+def test_what_terms_refuse(make, words):
+    with pytest.raises(ff.InputError, match=words):
+        make()

@@ -1,4 +1,6 @@
-"""Fields: functions and points in files give the same numbers, and a bad file one sentence."""
+"""Fields in files, and units."""
+
+import math
 
 import meshio
 import numpy as np
@@ -6,6 +8,7 @@ import pytest
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.core.rules import FROM_ZERO
+from fabric_fenicsx.io import units
 from fabric_fenicsx.io.field import of_place
 
 GRID = np.stack(np.meshgrid(np.linspace(-20, 20, 5), np.linspace(0, 10, 3)), -1).reshape(-1, 2)
@@ -67,7 +70,6 @@ def test_a_bad_file_or_function_is_told(tmp_path):
         ("x,y,v\n0,0,1\n0,0,2\n1,0,3\n", r"at \(0, 0\) mm there are the values 1 and 2"),
         ("x,y,v\n0,0,1\n0,0,1.000000002\n1,0,3\n0,1,2\n", "there are the values 1 and 1"),
         ("x,y,v\n0,0,1\n1,0,2\n0,1,-1\n", r"`mu` at \(0, 1\) mm is -1.0; allowed is a number"),
-        ("x,y,v [rad]\n0,0,1\n1,0,1\n0,1,3\n", "the unit of v is rad; allowed is one in deg"),
     ):
         path.write_text(text)
         with pytest.raises(ff.InputError, match=said):
@@ -78,3 +80,23 @@ def test_a_bad_file_or_function_is_told(tmp_path):
     ):
         with pytest.raises(ff.InputError, match=said):
             of_place(FROM_ZERO).check("`mu`", function).at(INSIDE)
+
+
+FACTORS = {
+    "stress": {"MPa": 1, "kPa": 1e-3, "Pa": 1e-6, "GPa": 1e3},
+    "length": {"mm": 1, "cm": 10, "m": 1e3, "um": 1e-3},
+    "density": {"g/cm3": 1, "kg/m3": 1e-3},
+    "areal_weight": {"g/m2": 1, "kg/m2": 1e3},
+    "bending_stiffness": {"Nmm": 1, "Nm": 1e3},
+    "curvature": {"1/mm": 1, "1/m": 1e-3},
+    "line_moment": {"N": 1, "mN": 1e-3, "Nmm/mm": 1},
+}
+
+
+def test_factors_of_all_units():
+    assert {kind: units.factors(kind) for kind in units.UNITS} == FACTORS
+    assert units.ANGLE == {"rad": 1, "deg": pytest.approx(math.pi / 180)}
+    assert units.STRAIN == {"-": 1, "%": 0.01}
+    per_width = {"N/mm": 2, "N/m": 2e-3, "kN/m": 2}  # of a sheet of 0.5 mm
+    assert units.stresses(0.5) == FACTORS["stress"] | {"N/mm2": 1} | per_width
+    assert units.suffixes("density") == {"g_per_cm3": 0, "kg_per_m3": -3}

@@ -9,7 +9,6 @@ import ufl
 from mpi4py import MPI
 
 from fabric_fenicsx import dolfinx_compat as compat
-from fabric_fenicsx.core.errors import InputError
 from fabric_fenicsx.energy.membrane_energy import energy_density
 from fabric_fenicsx.material import kernel
 from fabric_fenicsx.material.laws import COUPLINGS
@@ -168,13 +167,3 @@ def test_states_of_strain_and_signs():
     state = kernel.evaluate(PRESETS["komeili"], stretch=np.eye(2), tangent=True)
     assert state.energy[0] == 0 and np.all(state.S == 0)
     assert state.tangent[0] == pytest.approx(np.diag([1.3, 1.3, 25.06e-3]))
-
-
-def test_bad_input_is_named():
-    for arguments, words in (
-        ({"stretch": np.eye(2), "gradient": np.eye(2)}, "2 were given"),
-        ({"gradient": np.stack([np.eye(2), np.diag([1.0, -1.0])])}, "point 1"),
-        ({"stretch": np.eye(2), "weave_angle": 90.0}, r"`weave_angle` \[rad\] is 90.0; allowed"),
-    ):
-        with pytest.raises(InputError, match=words):
-            kernel.evaluate(PRESETS["komeili"], **arguments)

@@ -50,20 +50,6 @@ def test_a_file_has_tables_at_temperatures(tmp_path):
     assert ff.load(tmp_path / "again.toml") == fabric
 
 
-@pytest.mark.parametrize(
-    "old, new, said",
-    [
-        ("s1 = 0.08", "", "missing at temperature 20: s1"),
-        ("[[at]]\ntemperature = 20\ns1 = 0.08", "", "the temperature 200 alone; allowed are 2"),
-        ("= 20\n", "= 200\n", "at.2.temperature is 200 again; allowed is another"),
-    ],
-)
-def test_a_bad_table_is_told(tmp_path, old, new, said):
-    (tmp_path / "f.toml").write_text(FILE.replace(old, new))
-    with pytest.raises(ff.InputError, match=said):
-        ff.load(tmp_path / "f.toml")
-
-
 def test_a_temperature_is_given_where_it_is_of_use_and_nowhere_else():
     fabric = KOMEILI.replace(at_temperatures={20: {"s1": 0.1}, 200: {"s1": 0.01}})
     with pytest.raises(ff.InputError, match="`temperature` is missing; allowed is from 20 to 200"):

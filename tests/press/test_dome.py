@@ -1,9 +1,11 @@
-"""The press of the double dome: own punches, a quarter and a whole ply."""
+"""The press of the double dome: own punches, a quarter, a whole ply, a stack."""
 
 import dataclasses
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import pyvista
 from builders import COMM, KOMEILI, dome, dome_press
 from dome_triangles import double_dome
 from mpi4py import MPI
@@ -92,3 +94,116 @@ def test_quadratic_cells_of_a_ply_are_twice_as_large_by_default():
         sheet = press.sheets[0] if "nx" in given else dataclasses.replace(press.sheets[0], nx=None)
         made.append(press.replace(sheets=sheet).build().sheets[0])
     assert [(sheet.nx, sheet.element) for sheet in made] == [(12, "P2"), (8, "P2"), (24, "P2")]
+
+
+PLIES = "inner", "outer"
+
+
+class Stopped(Exception):
+    """What ends a job in the middle."""
+
+
+def job(comm, stop=2.0):
+    """Of a short stroke; one that ends itself once the load factor is `stop`."""
+    glass = ff.load("komeili").replace(fibre_density=2.54)
+    plies = [{"name": "inner"}, {"name": "outer", "fibre_angle": 45, "nx": 5, "fabric": glass}]
+    made = dome(plies=plies, nx=4, stroke=2.0, comm=comm)
+    measure = made.measure
+
+    def stops(scene, load):
+        if load >= stop:
+            raise Stopped
+        return measure(scene, load)
+
+    made.measure = stops
+    return made.job(steps=3, every=1)
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    """The whole job on one rank, by each."""
+    folder = tmp_path_factory.mktemp("plies") / f"of_rank_{COMM.rank}"
+    return job(MPI.COMM_SELF).run(folder, pictures=False)
+
+
+def agree(result, alone):
+    """Forces and energies to 1e-6 of their largest."""
+    assert [row["load"] for row in result.rows] == [row["load"] for row in alone.rows]
+    force, expected = ([row["reaction_N"] for row in r.rows] for r in (result, alone))
+    assert force == pytest.approx(expected, abs=1e-6 * max(expected))
+    total = sum(alone.summary["energy"].values())
+    assert result.summary["energy"] == pytest.approx(alone.summary["energy"], abs=1e-6 * total)
+    (pair,), (same,) = (r.summary["sheet_contacts"].values() for r in (result, alone))
+    for name in ("force_N", "normal_force_N", "penetration_of_thickness"):
+        assert pair[name] == pytest.approx(same[name], rel=1e-6)
+    here, there = (r.summary["quantities"] for r in (result, alone))
+    for name in ("shear_angle_max_deg", "shear_angle_99_percent_deg", "shortening_max"):
+        assert here[name] == pytest.approx(there[name], rel=1e-6)
+    for name in ("shear_angle_max_at_mm", "shear_angle_max_in", "shortening_max_at_mm"):
+        assert here[name] == there[name]
+
+
+@pytest.mark.versions
+@pytest.mark.mpi
+def test_resumed_on_other_ranks(shared_path, alone):
+    """Begun on one rank, and ended on all."""
+    folder = shared_path / "out"
+    if COMM.rank == 0:
+        with pytest.raises(Stopped):
+            job(MPI.COMM_SELF, stop=0.5).run(folder, pictures=False)
+    COMM.barrier()
+    rest = job(COMM).run(folder, resume=True, pictures=False)
+    assert rest.summary["converged"]
+    agree(rest, alone)
+
+
+def test_summary_tells_how_thick_plies_are(alone):
+    """They lie on the die, a little compacted; fibres are known of one of them."""
+    quantities, cells = alone.summary["quantities"], alone.fields["thickness_under_pressure"]
+    free, plies = ff.load("komeili").thickness_under(0.0), quantities["plies"].values()
+    mine = [cells[alone.scene.blank.part(name).cells] for name in quantities["plies"]]
+    assert all(0.5 < each.min() < each.max() <= free for each in mine)
+    least = [ply["thickness_min_mm"] for ply in plies]
+    assert least == [each.min() for each in mine]
+    assert quantities["thickness_min_mm"] == min(least)
+    shares = [ply["fibre_volume_fraction_max"] for ply in plies]
+    assert shares[0] is None and 0.75 / 2.54 / free < shares[1] < 0.6
+    assert quantities["fibre_volume_fraction_max"] == shares[1]
+
+
+def test_quantities_of_the_stack_are_of_all_cells_of_its_plies(alone):
+    """The outer ply has the larger cells: shares are of areas."""
+    q, fields, blank = alone.summary["quantities"], alone.fields, alone.scene.blank
+    assert list(alone.summary["sheet_contacts"]) == ["inner, outer"]
+    plies = [q["plies"][name] for name in PLIES]
+    for name in ("shear_angle_deg", "log_eps_11", "log_eps_22"):
+        lows, highs = zip(*(ply[name] for ply in plies))
+        assert list(q[name]) == [min(lows), max(highs)]
+    most = max(plies, key=lambda ply: ply["shear_angle_max_deg"])
+    for name in ("shear_angle_max_deg", "shear_angle_max_at_mm"):
+        assert q[name] == most[name]
+    assert q["shear_angle_max_in"] == PLIES[plies.index(most)]
+    below = [ply["shear_angle_99_percent_deg"] for ply in plies]
+    assert min(below) <= q["shear_angle_99_percent_deg"] <= max(below)
+    lost, areas = "cells_that_lost_ellipticity", blank.areas()
+    assert q[lost] == sum(ply[lost] for ply in plies)
+    mean = areas @ np.maximum(fields["shortening_a"], fields["shortening_b"]) / areas.sum()
+    assert q["shortening_mean"] == pytest.approx(mean) and mean > 0
+    assert q["sheet_pressure_largest_MPa"] == pytest.approx(np.nanmax(fields["sheet_pressure"]))
+    for number, share in enumerate(q["share_of_state_1_to_4"], 1):
+        expected = areas[fields["strain_state"] == number].sum() / areas.sum()
+        assert share == pytest.approx(expected)
+
+
+@pytest.mark.filterwarnings("error")
+def test_fields_have_a_block_for_each_ply(alone):
+    """Named, with the cells and the number of the ply alone, and fields that are known there."""
+    path = alone.folder
+    sets = [each.attrib for each in ElementTree.parse(path / "fields.pvd").iter("DataSet")]
+    last = [each for each in sets if each["timestep"] == sets[-1]["timestep"]]
+    assert [each["name"] for each in last] == list(PLIES)
+    for k, each in enumerate(last):
+        grid = pyvista.read(path / each["file"])
+        assert (np.asarray(grid.cell_data["part"]) == k).all()
+        assert grid.n_cells == alone.scene.blank.part(PLIES[k]).cells.size
+        assert ("sliding_mm" in grid.cell_data) == (PLIES[k] == "outer")

@@ -104,8 +104,6 @@ def test_tools_that_cannot_stand_or_move_as_given(changes, words):
         (["stage.1.moves.punch=-30"], "tools.punch only moves away from the blank"),
         (["stage.1.close=1.2"], "close needs a tool with a die, as die_of"),
         (["holder={pressure=1, force=3}"], "has pressure and force; allowed is one of pressure, f"),
-        (["ply=[{}, {}]", "blank={fabric='komeili'}"], "ply.1.length and ply.1.width"),
-        (["ply=[{angle=3}]"], r"ply.1.angle is unknown \(did you mean fibre_angle\?\)"),
         (["ply=[{metal='dc04', fabric='komeili'}]"], "1.fabric is given beside ply.1.metal"),
         (["holders={}", "tools.ring.side=below"], "stand below the blank, and nothing resists"),
     ],

@@ -1,15 +1,18 @@
-"""What files of a run say of a result, in plain numbers whatever NumPy gave."""
+"""What files and the report say of a result."""
 
 import json
 import math
 
 import numpy as np
 import pytest
-from builders import COMM, sheet
+from builders import COMM, Elastic, sheet
 from mpi4py import MPI
 
+import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
+from fabric_fenicsx.results.fields import FieldSeries
 from fabric_fenicsx.results.output import Output, finite
+from fabric_fenicsx.results.report import page
 from fabric_fenicsx.results.result import Result
 from fabric_fenicsx.results.verdict import Reason
 from fabric_fenicsx.solve.checkpoint import Checkpoint
@@ -85,3 +88,76 @@ def test_a_number_is_told_with_its_error_in_its_unit():
     assert result.number("a") is None and result.formatted("a.d") == "-"
     assert result.formatted("a.b", ".3g", scale=-4.0) == "2 +- 0.5"
     assert result.formatted("c") == "3 +- unknown" and result.formatted("reaction_N") == "2.5"
+
+
+def test_numbers_have_units_errors_and_places(tmp_path):
+    file = tmp_path / "summary.json"
+    found = {"shear_angle_deg": [-1.5, 47.12345], "shear_angle_max_at_mm": [3.0, 4.5]}
+    found |= {"draw_in": {"largest_mm": 12.5}, "own_N_per_mm": 1234.5678}
+    errors = {"draw_in.largest_mm": 0.25, "own_N_per_mm": None}
+    facts = {"quantities": found, "wall_s": {"total": 2.5}, "error": errors}
+    file.write_text(json.dumps(facts | {"energy": {"strain": 4.0}}))
+    text = page("dome", {"": (file, [])}, "", "done")
+    for words in (
+        "<th>shear angle [deg]</th><td>-1.5 to 47.123</td>",
+        "<th>shear angle max at [mm]</th><td>(3, 4.5)</td>",
+        "<th>largest [mm]</th><td>12.5 +- 0.25</td>",
+        "<th>own [N/mm]</th><td>1234.6 +- unknown</td>",
+    ):
+        assert words in text, words
+
+
+def test_the_verdict_is_first_then_the_part_and_six_numbers(tmp_path):
+    """Of a stack with the draw-in of each ply and its place; all other numbers are folded."""
+    file = tmp_path / "summary.json"
+    draw_in = {"largest_mm": 12.5, "largest_at_mm": [0.0, 60.0]}
+    found = {"draw_in": {"largest_mm": 12.5}, "plies": {"lower": {"draw_in": draw_in}}, "own": 7}
+    reason = {"verdict": "invalid", "text": "a cell is sheared by 89 deg", "of": ""}
+    facts = {"verdict": "invalid", "reasons": [reason], "reaction_N": 5.0, "reaction_is": "force"}
+    file.write_text(json.dumps({"quantities": found, "wall_s": {}, **facts}))
+    (picture := tmp_path / "formed.png").touch()
+    text = page("dome", {"": (file, [picture])}, "what it is", "not believed: sheared")
+    order = ["Verdict: invalid", "sheared by 89 deg", "The formed ply", "<th>force [N]"]
+    order += ["<th>largest draw-in [mm]</th><td>12.5</td><td>12.5 at (0, 60) mm", "<details>"]
+    places = [text.index(words) for words in [*order, "<th>own</th><td>7</td>", "what it is"]]
+    assert places == sorted(places) and "not believed: sheared" not in text
+
+
+SIZES = np.array([45.0, 40.0, 0.0])
+SHRINK = np.array([0.02, 0.1, 0.0])  # along x and y
+QUARTER = [ff.Support(f"x{i} = 0", lambda x, i=i: x[i] < 1e-6, (i,)) for i in (0, 1)]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "supports, share, about",
+    [
+        (QUARTER, 1.0, 0 * SIZES),
+        (ff.clamped_ends(), 0.5, SIZES / 2),
+        (QUARTER[:1], np.array([1.0, 0.5]), SIZES * [0, 0.5, 0]),
+    ],
+)
+def test_draw_in_of_a_scene_of_ones_own(folder, supports, share, about):
+    """That shrinks about a place, of a whole sheet that lies anywhere, a half or a quarter: clamps
+    at x = 0 are no plane of symmetry, whose edge does not count."""
+    blank = ff.Blank.rectangle(*SIZES[:2], nx=6, ny=6, spatial=True)
+    scene = ff.Scene(blank, [Elastic()], supports)
+    blank.u.x.array[:] = (-SHRINK * (blank.coordinates() - about)).ravel()
+    folder.mkdir(exist_ok=True)
+    FieldSeries(folder, scene).write(1.0)
+    found = ff.Result({}, [], {}, folder, scene).draw_in()
+    assert len(found.pop("largest_at_mm")) == 2
+    x, y = share * (SHRINK * SIZES)[:2]
+    long, short = (y, x) if (share * SIZES[:2]).argmax() == 0 else (x, y)
+    corner = (x + y) / np.sqrt(2)
+    both = [(axis, way) for axis, way, part in zip("xy", (x, y), share * np.ones(2)) if part == 0.5]
+    assert found == pytest.approx(
+        {
+            "middle_of_long_side_mm": long,
+            "middle_of_short_side_mm": short,
+            "corner_mm": corner,
+            "largest_mm": max(x, y, corner),
+            **{f"middle_at_{end}_{axis}_mm": way for axis, way in both for end in ("low", "high")},
+        },
+        abs=1e-5,  # files have single precision
+    )

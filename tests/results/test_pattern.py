@@ -114,7 +114,6 @@ def test_a_quarter_has_the_pattern_of_the_whole_ply(trim):
         (np.array, [SQUARE + [0, 0, 0.51]], "0.51 mm away from the ply .* allowed is up to 0.5 mm"),
         (np.array, [SQUARE * 3.01], r"leaves the ply at \(-?60.2, .*\) mm; "),
         (np.array, [SQUARE[[0, 2, 1, 3, 0]]], r"bounds no sheet: self-intersection at \(0, 0\) mm"),
-        (np.array, [SQUARE[:4]], r"on the flat ply, is open at \(-20, "),
         (np.array, Plane((0, 0, 3), (0, 0, 2)), "which lies from -3 to -3 mm before it"),
         (folded, [SQUARE[:, :2] + [25, 0]], "above itself at .*; allowed is a trim line wi"),
     ],

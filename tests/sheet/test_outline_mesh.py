@@ -1,11 +1,19 @@
-"""Triangles in an outline with holes."""
+"""Sheets with an outline of their own, their cells, and rings of lines."""
+
+import runpy
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
+import pyvista
 import shapely
+from builders import COMM
 from shapely import affinity
 
+import fabric_fenicsx as ff
 from fabric_fenicsx.core.errors import InputError
+from fabric_fenicsx.io.rings import centred, joined, mirrored_half, sheet_of
 from fabric_fenicsx.sheet import outline
 from fabric_fenicsx.sheet.mesh_checks import checked_mesh
 from fabric_fenicsx.sheet.outline import PATTERNS, outline_mesh
@@ -141,3 +149,106 @@ def test_outlines_just_within_and_just_beyond_a_limit(beyond, words, within, mon
         with pytest.raises((InputError, Meshed)) as error:
             outline_mesh(*given)
         assert (words in f"{error.value}{told}") == is_told
+
+
+RINGS = [(100, 50), (300, 50), (300, 200), (100, 200)], [(150, 100), (200, 100), (200, 150)]
+AREA = 200 * 150 - 50 * 50 / 2
+
+
+@pytest.fixture
+def table(shared_path):
+    """A file of `RINGS`."""
+    path = shared_path / "ply.csv"
+    if COMM.rank == 0:
+        rings = ("\n".join(f"{x},{y}" for x, y in ring) for ring in RINGS)
+        path.write_text("x,y\n" + "\n\n".join(rings))
+    COMM.barrier()
+    return path
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("pattern", ["unstructured", "along"])
+def test_a_sheet_has_its_holes_place_and_yarns(table, pattern):
+    made = {"size": 10.0, "pattern": pattern, "fibre_angle": 30}
+    for given in table, RINGS:
+        blank = ff.Blank.outline(given, **made)
+        assert COMM.allreduce(blank.areas().sum()) == pytest.approx(AREA)
+        assert np.ravel(blank.extent()) == pytest.approx([100, 50, 300, 200])
+        assert blank.straight[0] == pytest.approx([np.cos(np.pi / 6), 0.5])
+        assert blank.degree == 2 and blank.from_file and not blank.warnings
+
+
+@pytest.mark.mpi
+def test_errors_reach_all_ranks(table):
+    crossed = [[(0, 0), (100, 80), (100, 0), (0, 80)]]
+    with pytest.raises(ff.InputError, match="bounds no sheet: self-intersect"):
+        ff.Blank.outline(crossed)
+    for wrong in ({"element": "Q1"}, {"pattern": "crossed"}):
+        with pytest.raises(ff.InputError, match=f"`{[*wrong][0]}` is .*; allowed for an outline"):
+            ff.Blank.outline(table, **wrong)
+
+
+SCRIPTS = Path(__file__).parents[2] / "meshes"
+
+
+@pytest.mark.parametrize(
+    "words, area", [("specimen --length 30 --width 20", 600), ("outline ply.csv --size 10", 8000)]
+)
+def test_flat_meshes_fill_their_outlines(tmp_path, monkeypatch, words, area):
+    monkeypatch.chdir(tmp_path)
+    Path("ply.csv").write_text("x,y\n0,0\n100,0\n100,80\n0,80\n")
+    words = [*words.split(), "--pattern", "along", "--fibre-angle", "30", "made.vtu"]
+    monkeypatch.setattr(sys, "argv", words)
+    runpy.run_path(str(SCRIPTS / f"{words[0]}.py"), run_name="__main__")
+    assert pyvista.read("made.vtu").area == pytest.approx(area)
+
+
+def box(left, right):
+    return shapely.box(left, -50, right, 50)
+
+
+@pytest.mark.parametrize("gap, closes", [(0.009, True), (0.011, False)])
+def test_ends_meet_up_to_a_ten_thousandth_of_the_extent(gap, closes):
+    lines = [[(0, 0), (100 - gap, 0)], [(100, 0), (100, 50)], [(0, 0), (0, 50), (100, 50)]]
+    lines = [np.array(line, float) for line in lines]
+    if closes:
+        assert shapely.Polygon(joined(lines, "it")[0]).area == pytest.approx(5000, rel=1e-4)
+    else:
+        with pytest.raises(InputError, match="is open at .* 0.011 mm away.* up to 0.01 mm apart"):
+            joined(lines, "it")
+
+
+def test_the_ring_of_the_largest_area_is_the_outline():
+    x = np.repeat(np.linspace(10, 90, 33), 2)  # in and out along a hole, of a longer ring
+    teeth = np.column_stack([x, 20 + 50 * (np.arange(66) % 4 // 2)])
+    hole = np.vstack([teeth, [[90, 10], [10, 10]]])
+    frame = np.array([(0, 0), (100, 0), (100, 80), (0, 80)], float)
+    assert shapely.LineString(hole).length > 4 * 90
+    sheet = sheet_of([hole, frame], "it")
+    assert sheet.area == pytest.approx(8000 - shapely.Polygon(hole).area)
+    assert len(sheet.interiors) == 1
+
+
+def test_the_middle_of_the_extent_is_centred():
+    assert centred(shapely.Polygon([(0, 0), (4, 0), (0, 2)])).bounds == (-2, -1, 2, 1)
+
+
+@pytest.mark.parametrize(
+    "sheet, half",
+    [
+        (box(-100, 100), 0),
+        (box(-100, 100.39), 0),  # up to twice 0.001 of the extent, from both sides
+        (box(-100, 100.41), None),
+        (box(-0.09, 100), -0.09),  # begins at the plane
+        (box(-0.11, 100), None),
+    ],
+)
+def test_half_of_a_sheet_that_is_its_own_mirror_image(sheet, half):
+    if half is None:
+        with pytest.raises(InputError, match="is not its own mirror image in x = 0: .* mm2 differ"):
+            mirrored_half(sheet, 0, "it")
+    else:
+        bounds = mirrored_half(sheet, 0, "it").bounds
+        assert bounds == pytest.approx((half, -50, sheet.bounds[2], 50))
+        turned = shapely.transform(sheet, lambda x: x[:, ::-1])
+        assert mirrored_half(turned, 1, "it").bounds[1] == pytest.approx(half)

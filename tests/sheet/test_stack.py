@@ -1,4 +1,4 @@
-"""Several sheets as one mesh with a part for each."""
+"""Stacks and parts of sheets."""
 
 import numpy as np
 import pytest
@@ -7,6 +7,7 @@ from builders import sheet as rectangle
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.material.laws.tabulated import Curve
 
 FABRIC = ff.load("komeili")
 T = FABRIC.thickness
@@ -101,17 +102,54 @@ def test_sheets_that_do_not_touch_bear_what_they_bear_alone():
     assert abs(found - sum(alone)).max() < 1e-8 * abs(found).max()
 
 
-def bent():
-    shape = lambda x: x + x[:, :1] ** 2 * [0.0, 0.0, 1e-3]  # noqa: E731
-    return rectangle(20, 10, 4, 2, spatial=True, shape=shape)
+LEFT, RIGHT = (lambda x: x[0] < 40), (lambda x: x[0] > 40)
+
+
+def strip(**options):
+    return ff.Blank.rectangle(100, 20, nx=10, element="P1", **options)
+
+
+def linear(modulus, thickness):
+    """A fabric whose nominal stress is `modulus` [MPa] times its yarns' strain."""
+    yarn = Curve((-1.0, 0.0, 1.0), (-modulus, 0.0, modulus))
+    shear = Curve((0.0, 0.5, 1.0), (0.0, 0.5, 1.0))
+    return ff.TabulatedFabric(yarn, yarn, shear, thickness=thickness)
+
+
+@pytest.mark.versions
+@pytest.mark.mpi
+def test_patches_of_two_fabrics_in_series():
+    """The force is the pull over the sum of compliances l / (E t w)."""
+    blank, pull = strip(spatial=True), 2.0
+    blank.divide({"left": LEFT}, "rest")
+    soft, stiff = linear(10.0, 0.5), linear(35.0, 0.8)
+    terms = [ff.Membrane(soft).on("left"), ff.Membrane(stiff).on("rest")]
+    held = [*ff.rolling_ends(pull)(blank), ff.Support("plane", everywhere, (2,))]
+    scene = ff.Scene(blank, terms, held)
+    run(scene, 2, 1e-11)
+    compliance = 40 / (10.0 * 0.5 * 20) + 60 / (35.0 * 0.8 * 20)
+    assert scene.reaction("moving grip")[0] == pytest.approx(pull / compliance, rel=1e-9)
 
 
 @pytest.mark.mpi
-def test_sheets_that_make_no_stack():
-    for sheets, words in (
-        ([(sheet(), 1.0, "a")] * 2, "'a'.; allowed are different names"),
-        ([(bent(), 1.0, "a")], "sheet a of the stack is 0.4 mm high; allowed is a flat"),
-        ([(sheet(), 1.0, "t"), (sheet(element="Q1"), 1.0, "q")], "'quadrilateral', 'triangle'.s"),
+def test_patches_share_out_the_sheet():
+    blank = strip()
+    blank.divide({"left": LEFT}, "rest")
+    for name, area in {"left": 800.0, "rest": 1200.0}.items():
+        own = blank.areas()[blank.part(name).cells].sum()
+        assert COMM.allreduce(own) == pytest.approx(area)
+    assert all(part.straight is not None and part.orthogonal for part in blank.parts.values())
+    left, inside = blank.part("left"), blank.midpoints()[0] < 40
+    assert np.array_equal(np.isfinite(left.spread(np.ones(len(left.cells)))), inside)
+    assert np.array_equal(left.spread(np.ones(len(left.cells), dtype=np.int32)), inside)
+    blank = strip()
+    for patches, words in (
+        ({"a": lambda x: x[0] > 200}, "patch a of blank has no cells"),
+        ({"a": LEFT, "b": lambda x: x[0] < 50}, "patches of blank overlap"),
     ):
         with pytest.raises(ff.InputError, match=words):
-            ff.Stack(sheets)
+            blank.divide(patches, "rest")
+    blank.divide({"left": LEFT, "right": RIGHT}, "rest")
+    assert list(blank.parts) == ["left", "right"]
+    with pytest.raises(ff.InputError, match="has parts left, right already"):
+        blank.divide({"right": RIGHT}, "rest")

@@ -2,8 +2,6 @@
 refused in words."""
 
 import json
-import os
-import time
 
 import numpy as np
 import pytest
@@ -77,20 +75,6 @@ def of_cells(blank):
     """Two numbers for each owned cell, of its centre."""
     x = blank.midpoints()
     return np.column_stack([100 * x[0] + 10 * x[1], x[1] ** 2])
-
-
-def test_only_a_young_run_does_not_wait_for_the_disk(tmp_path, monkeypatch):
-    waits, now, blank = [], time.monotonic(), slit(COMM, 1)
-    monkeypatch.setattr(os, "fsync", waits.append)
-    begun, resumed = (Checkpoint(tmp_path / "c.npz", blank, {}) for _ in range(2))
-    begun.save(state := progress(blank), {})
-    assert not waits
-    resumed.load()
-    resumed.save(state, {})
-    assert len(waits) == 1
-    monkeypatch.setattr(time, "monotonic", lambda: now + Checkpoint.YOUNG + 9)
-    begun.save(state, {})
-    assert len(waits) == 2
 
 
 def changed(path, **changes):

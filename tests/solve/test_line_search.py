@@ -1,11 +1,22 @@
-"""The line search along functions of one variable."""
+"""Line search, options of the solver and what a step has to meet."""
+
+import dataclasses
 
 import numpy as np
 import pytest
 from petsc4py import PETSc
 
+import fabric_fenicsx as ff
 from fabric_fenicsx.solve.line_search import LineSearch
 from fabric_fenicsx.solve.report import Report, SolveFailed
+from fabric_fenicsx.solve.settings import Settings
+from fabric_fenicsx.solve.step_criteria import (
+    imbalance,
+    missing_work,
+    negative_bending,
+    off_path,
+    total_imbalance,
+)
 
 
 class Along:
@@ -58,3 +69,63 @@ def test_where_the_energy_is_higher_no_flat_slope_is_an_end():
 def test_uphill_is_refused(slope):
     with pytest.raises(SolveFailed, match="no state of lower energy"):
         searched(lambda x: x, lambda x: slope)
+
+
+def test_a_job_has_every_setting_and_the_coarser_run_takes_them_all():
+    """Of what a mesh twice as coarse is off by, some are looser: 2 or 4 times."""
+    given = {"viscosity": "off", "linear_solver": "mumps-lu", "milestones": (0.5,), "every": 7}
+    loose = {"max_step": 0.3, "accuracy": 0.01, "balance": 0.04, "path_tolerance": 2e-4}
+    limits = ff.Limits(strain=0.2, cell_size=3.0)
+    job = ff.Tensile(nx=4, element="P1").job(steps=5, limits=limits, **given, **loose)
+    assert {each.name for each in dataclasses.fields(Settings)} <= {*vars(job)}
+    coarse = vars(job.coarser_settings())
+    assert given.items() <= coarse.items() and coarse["tolerance"] == 1e-8
+    looser = {"max_step": 0.6, "accuracy": 0.02, "balance": 0.08, "path_tolerance": 8e-4}
+    assert {name: coarse[name] for name in loose} == pytest.approx(looser) and coarse["steps"] == 3
+    loose = coarse["limits"]
+    assert (loose.strain, loose.cell_size, loose.imbalance, loose.shear) == (0.8, 12, 0.2, 340)
+    coarse = Settings(steps=2, max_step=0.7, path_tolerance=0.05).coarser_settings()
+    assert (coarse.steps, coarse.max_step, coarse.path_tolerance) == (2, 1.0, 0.1)
+    assert Settings(steps=20).largest_step == 0.05 and Settings(max_step=0.5).largest_step == 0.5
+
+
+@pytest.mark.parametrize(
+    "work, rise, stored, contact, share",
+    [
+        (100.0, 97.0, 5.0, 1.0, 0.03),
+        (97.0, -100.0, 5.0, 1.0, 1.97),
+        (16.0, 0.0, 1e3, 50.0, 0.16),  # little of what was stored
+        (16.0, 0.0, 1e3, -500.0, 0.032),  # or of what contact stores
+        (0.0, 0.0, 0.0, 0.0, 0.0),
+    ],
+)
+def test_work_that_is_missing_is_compared_with_the_largest(work, rise, stored, contact, share):
+    assert missing_work(work, rise, stored, contact) == pytest.approx(share)
+
+
+def test_work_must_be_in_the_energies_if_asked_for():
+    told = "3 % of the step's work is not in the energies; allowed is 2 %"
+    assert imbalance(0.03, 0.02) == told
+    assert not imbalance(0.03, None) and not imbalance(0.02, 0.02)
+
+
+@pytest.mark.parametrize(
+    "work, energy, load, told",
+    [(10, 9.01, 1, ""), (10, 8.99, 1, "10.1 %"), (8.99, 10, 1, "10.1 %"), (10, 8.1, 0.5, "")],
+)
+def test_all_work_may_miss_a_tenth_at_full_load(work, energy, load, told):
+    found = total_imbalance(work, energy, load)
+    assert found == (told and f"{told} of all work is not in the energies")
+
+
+def test_a_state_may_leave_the_path_by_twice_the_accuracy():
+    assert "by more than the accuracy of 0.01 allows" in off_path(0.0201, 0.01)
+    assert not off_path(0.0199, 0.01) and not off_path(9.0, None)
+
+
+@pytest.mark.parametrize("bending, refused", [(-7.49, 1), (-2e-7, 1), (-5e-8, 0), (0.1, 0)])
+def test_bending_has_no_energy_below_0(bending, refused):
+    """But for rounding, 1e-9 of all."""
+    reason = negative_bending({"strain": 100.0, "bending": bending, "friction": 3.0})
+    assert reason == f"bending has an energy of {bending:.3g} N mm, below 0" * refused
+    assert not negative_bending({"strain": 100.0})

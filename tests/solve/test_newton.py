@@ -16,7 +16,6 @@ from fabric_fenicsx.solve import linear
 from fabric_fenicsx.solve.linear import LINEAR_SOLVERS, is_there
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.progress import Viscosity
-from fabric_fenicsx.solve.report import Report
 from fabric_fenicsx.solve.tangent import Preconditioner
 
 KOMEILI = ff.load("komeili")
@@ -94,24 +93,6 @@ def test_no_saddle_is_accepted():
     )
     assert outcome.accepted > 0 and set(left) == {0}
     assert outcome.reached == 1 or outcome.reason
-
-
-def test_one_negative_pivot_is_a_saddle():
-    """That of the last tangent is believed on the way, and after five iterations without a cut,
-    if none was met before."""
-    newton = Newton(strip(nx=4))
-    tangent, here = newton.tangent, newton.saddles.is_here
-    tangent.negative_pivots_met, tangent.negative_pivots = True, lambda: 0
-    assert not here(newton.x, Report(negative_pivots=1))
-    tangent.negative_pivots = lambda: 1
-    assert here(newton.x, Report(negative_pivots=0))
-    assert not here(newton.x, Report(negative_pivots=0), on_the_way=True)
-    assert here(newton.x, Report(negative_pivots=None), on_the_way=True)
-    tangent.negative_pivots_met = False
-    for told, asked in (({}, 0), ({"iterations": 5}, 0), ({"iterations": 6}, 1), ({"cuts": 1}, 1)):
-        assert here(newton.x, Report(negative_pivots=0, **told)) == bool(asked)
-    tangent.counts_pivots = False
-    assert not here(newton.x, Report(negative_pivots=None))
 
 
 @pytest.mark.versions

@@ -1,12 +1,17 @@
-"""Bad input: one sentence that names what is wrong, exit status 2, nothing overwritten, on 1 and on
-2 ranks."""
+"""Bad input of studies, and own meshes and outlines."""
 
 import meshio
 import numpy as np
 import pytest
+from builders import dome
 from mpi4py import MPI
 
+import fabric_fenicsx as ff
+from fabric_fenicsx.cli.study import Study, parser
+from fabric_fenicsx.core.errors import InputError
+from fabric_fenicsx.coupons.tensile import Tensile
 from fabric_fenicsx.material.presets import PRESETS
+from fabric_fenicsx.sheet.specimen import specimen
 
 COMM = MPI.COMM_WORLD
 KOMEILI = PRESETS["komeili"].dumps()
@@ -88,6 +93,91 @@ def is_refused(launch, folder, case, ranks=1):
         assert (folder / "taken").read_text() == "mine"
 
 
-def test_a_strip_too_short_for_full_shear(launch):
-    done = launch("bias_extension", "--quick", "--length", 80)
-    assert done.status == 2 and "80 mm long and 50 mm wide" in done.err
+@pytest.fixture
+def study(shared_path):
+    """Function of a coupon, the points and cells of its mesh, and words, to the `Study`."""
+
+    def make(coupon, mesh, *words):
+        if COMM.rank == 0:
+            points, cells, kind = mesh
+            meshio.write_points_cells(shared_path / "s.vtk", points, [(kind, cells)])
+        COMM.barrier()
+        files = "--mesh", str(shared_path / "s.vtk"), "--out", str(shared_path / "out")
+        return Study("coupon", parser(coupon, ""), [*files, *words])
+
+    return make
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("turned", [0.0, 0.5])
+def test_length_and_width_are_the_meshs_own(study, turned):
+    points, cells, kind = specimen(120, 30, 12, 3)
+    c, s = np.cos(turned), np.sin(turned)
+    points[:, :2] = points[:, :2] @ [[c, s], [-s, c]] + 7
+    mine = study(Tensile, (points, cells, kind), "--turned", str(np.degrees(turned)))
+    mine.build(mine.describe(Tensile))
+    assert (mine.args.length, mine.args.width) == (120, 30)
+    assert (mine.args.nx, mine.args.ny, mine.args.pattern) == (None, None, None)
+    mine.build(mine.describe(Tensile))  # as for a second part
+    assert (mine.args.length, mine.args.width, mine.output.warnings) == (120, 30, [])
+
+
+@pytest.mark.parametrize("name, value", [("length", 120.5), ("width", 50)])
+def test_a_length_that_is_not_the_meshs_is_refused(study, name, value):
+    mine = study(Tensile, specimen(120, 30, 12, 3), f"--{name}", str(value))
+    own = {"length": 120, "width": 30}[name]
+    with pytest.raises(InputError, match=f"`{name}` {value} does not fit `mesh` .*, of {own} mm"):
+        mine.build(mine.describe(Tensile))
+
+
+def quarter(tmp_path, shift=(0, 0, 0)):
+    """The built press of the double dome on a mesh."""
+    points, cells, kind = specimen(200, 120, 10, 6, "left")
+    meshio.write_points_cells(tmp_path / "s.vtk", points + shift, [(kind, cells)])
+    return ff.Press.read("double_dome", [f"blank.mesh={tmp_path / 's.vtk'}"]).build()
+
+
+def test_a_quarter_is_half_as_long_as_its_ply(tmp_path):
+    found = quarter(tmp_path).resolved
+    assert (found["length"], found["width"], found["nx"]) == (400, 240, None)
+
+
+FABRIC = ff.load("komeili")
+
+
+@pytest.fixture
+def table(tmp_path):
+    """Function of length and width to a file of a rectangle with its low x at `start`."""
+
+    def write(length, width, start=0, name="ply.csv"):
+        rows = [(start, 0), (start + length, 0), (start + length, width), (start, width)]
+        (tmp_path / name).write_text("\n".join(["x,y", *(f"{x},{y}" for x, y in rows)]))
+        return str(tmp_path / name)
+
+    return write
+
+
+def test_a_strip_has_cells_of_the_size(table, tmp_path):
+    out = "--out", str(tmp_path / "out")
+    words = ["--outline", table(120, 30), "--size", "5", *out]
+    study = Study("tensile", parser(Tensile, ""), words)
+    strip = study.build(study.describe(Tensile))
+    data = strip.data
+    assert (data.length, data.width, data.nx, data.pattern) == (120, 30, None, "unstructured")
+    assert strip.blank.mesh.topology.index_map(2).size_global == pytest.approx(332, rel=0.1)
+    assert not strip.warnings and strip.coarser().size == 10
+
+
+def test_errors_are_estimated_from_coarser_cells(table):
+    result = Tensile(FABRIC, outline=table(120, 30), size=5).job(steps=2, error=True).run()
+    assert 0 < result.summary["error"]["reaction_N"] < 0.2 * result.summary["reaction_N"]
+
+
+def test_planes_of_symmetry_cut_a_whole_outline(table):
+    made = {"outline": table(500, 300), "size": 40, "fibre_angle": 30, "centred": True}
+    ply = dome(FABRIC, **made, full=True)
+    assert np.ravel(ply.scene.blank.extent()) == pytest.approx([-250, -150, 0, 250, 150, 0])
+    ply = dome(FABRIC, **made, full=False)
+    assert np.ravel(ply.scene.blank.extent()) == pytest.approx([0, 0, 0, 250, 150, 0])
+    with pytest.raises(ff.InputError, match="not its own mirror image in x = 0"):
+        dome(FABRIC, **made | {"centred": False, "outline": table(500, 300, -100)}, full=False)

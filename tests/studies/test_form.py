@@ -1,14 +1,18 @@
 """Changes of a press, and runs that follow its run: finer, disturbed, without couplings."""
 
 import json
+import re
 
 import meshio
 import numpy as np
 import pytest
+from builders import COMM
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.cli.press_study import PressStudy, press_parser
 from fabric_fenicsx.press.press import EXAMPLES
+from fabric_fenicsx.results import forming_pictures
+from fabric_fenicsx.results.states import read_state
 
 PRESS = EXAMPLES / "hemisphere.toml"
 SMALL = PRESS, "--set", "blank.nx=4", "--steps", 2, "--balance", 9, "--no-pictures"
@@ -83,3 +87,58 @@ def test_a_change_replaces_what_it_excludes(tmp_path):
     ball = ["tools.punch.shape=sphere", "tools.punch.radius=40", "ply.2.metal=dc04"]
     plies = ff.Press.read("two_plies", ball)
     assert plies.tools["punch"].surface == ff.Sphere(40) and plies.sheets[1].fabric is None
+
+
+SHEETS = ["lower metal", "lower", "middle", "upper", "upper metal"]
+
+
+@pytest.mark.versions
+def test_a_laminate_is_formed(launch, monkeypatch):
+    monkeypatch.setattr(forming_pictures, "draw_compared", lambda *_: None)  # as of a single ply
+    # a step of hardly any work: what is missing of it differs from machine to machine
+    short = "--set", "stage.1.moves.punch=1.5", "--steps", 1, "--max-imbalance", 0.5
+    done = launch("laminate", "--nx", 3, *short, "--balance", 9)
+    assert done.status == 0, done.err
+    s = done.summary
+    q, energy = s["quantities"], s["energy"]
+    assert s["converged"] and list(q["plies"]) == SHEETS
+    # of the fabric, not of the smaller metal below it
+    assert [s["options"][name] for name in ("nx", "length", "width")] == [3, 760, 460]
+    assert energy["viscous"] <= 0.01 * energy["metal"]
+    assert energy["metal"] > energy["strain"] > 0 and energy["plastic"] >= 0
+    assert q["penetration_of_thickness"] < 0.02
+    assert q["unbalanced_force_N"] < 1e-4 * q["contact_forces_N"]["die"]
+    for name, ply in q["plies"].items():
+        is_metal = "metal" in name
+        assert ("thinning_max" in ply) == is_metal
+        assert ("shear_angle_max_deg" in ply) != is_metal
+    assert q["plies"]["middle"]["shear_contrast_deg"] > 0 and "shear_contrast_deg" not in q
+    assert q["sheet_pressure_largest_MPa"] > 1  # of 2 MPa beneath the holder
+    pictures = "middle", "middle_paths", "between", "metal", "formed", "states_middle"
+    if COMM.rank == 0:
+        assert all((done.folder / f"{name}.png").stat().st_size > 10_000 for name in pictures)
+        grid = read_state(done.folder)
+        is_metal = np.isin(np.asarray(grid.cell_data["part"]), (0, 4))
+        thickness = np.asarray(grid.cell_data["metal_thickness"])
+        assert np.array_equal(np.isfinite(thickness), is_metal)
+        assert np.allclose(thickness[is_metal], 1.0, atol=0.01)
+
+
+@pytest.mark.mpi
+def test_a_dry_run_tells_the_size_and_leaves_the_folder_free(launch):
+    press = PRESS, "--set", "blank.nx=4", "--set", "stage.1.moves.punch=1", "--steps", 1
+    more = "--dry-run", "--error", "--refine", "--disturb", 1
+    checked = launch("form", *press, *more, overwrite=False)
+    assert checked.status == 0, checked.err
+    assert "64 cells (P1), 123 degrees of freedom; membrane, bending, contact" in checked.out
+    told = re.findall(r"^(.*?),? takes ([\d.]+) to ([\d.]+) s", checked.out, re.MULTILINE)
+    names = [name.split(",")[0] for name, *_ in told]
+    assert names[:3] == ["the run", "the run on coarser cells", "--refine"]
+    assert names[3:] == ["--disturb", "--disturb after --refine"]
+    assert all(float(low) < float(high) for _, low, high in told)
+    assert "MiB" in checked.out
+    assert (checked.folder / "setup.png").stat().st_size > 10_000
+    assert not (checked.folder / "history.csv").exists()
+    run = launch("form", *press, "--no-pictures", overwrite=False)
+    assert run.status == 0 and run.summary["dofs"] == 123
+    assert f" {run.summary['newton_iterations']} iterations at the first" in checked.out

@@ -52,20 +52,6 @@ def test_a_material_is_not_lost(launch, tmp_path):
     assert "x.toml is there already; allowed is another file, or --overwrite" in done.err
 
 
-@pytest.mark.parametrize(
-    ("options", "sentence"),
-    [
-        ((), "required: --data; --help tells"),
-        (("--data", DATA / "komeili_paper", "--out", "/proc/none/x.toml"), "can't be read or w"),
-    ],
-)
-def test_bad_input(launch, options, sentence):
-    done = launch("identify", *options, out=False)
-    assert done.status == 2
-    assert sentence in done.err
-    assert done.err.count("\n") == 1
-
-
 def test_a_fit_that_gives_up(monkeypatch, tmp_path, capsys):
     def failed(_, x, **__):
         return SimpleNamespace(status=0, nfev=300, x=x)

@@ -97,9 +97,7 @@ def test_bad_input_of_a_run_ends_the_sweep_with_its_sentence(run):
 
 
 BAD_WORDS = """
---vary ring | --vary ring is no key with values; allowed is KEY=VALUE,VALUE...
 --vary ring.pressure=1,0 | ring.pressure is 0; allowed is another number
---vary ring.pressure=1 --below force | --below force is no quantity with a number; allowed is
 --scatter 8 --vary a=1..2 --vary b=1..2 --vary c=1..2 | allowed for 4 numbers is 16 or more
 --vary a=1 -- --out x | option --out is behind --; allowed are options
 --vary a=1,2 --only 3 | --only is 3; allowed is 1 to 2

@@ -1,13 +1,20 @@
-"""Test curves from files: spellings, units, what is written reads back."""
+"""Files of test curves: what is read of them, and what wrong ones say."""
 
+import math
 import re
 
 import numpy as np
 import pytest
-from curve_texts import FREE, SHEAR, SHEET, UNIAXIAL, folder
+from curve_texts import BIAS, FREE, SHEAR, SHEET, UNIAXIAL, WIDENED, folder
+from scipy.integrate import trapezoid
 
+from fabric_fenicsx.core.errors import InputError
 from fabric_fenicsx.identification import curves as data
-from fabric_fenicsx.identification.curves.forces import bias_angle
+from fabric_fenicsx.identification.curves import bias_normalised
+from fabric_fenicsx.identification.curves.forces import bias_angle, response
+from fabric_fenicsx.material.homogeneous import nominal
+from fabric_fenicsx.material.kernel import evaluate
+from fabric_fenicsx.material.presets import PRESETS
 
 PULLED = (0.5, 6.9), (1, 14.5), (1.5, 22.8), (2, 31.6), (2.5, 41.1)  # of UNIAXIAL, % and MPa
 
@@ -112,3 +119,114 @@ def test_an_angle_that_does_not_fit_the_displacement_is_told(tmp_path, share, to
     (curve,) = data.read(folder(tmp_path, test=text))[1]
     assert curve.strains[-1, 2] == pytest.approx(np.radians(g[-1]))
     assert sum("it as the shear strain of a tensor" in each for each in curve.remarks) == told
+
+
+KOMEILI = PRESETS["komeili"]
+
+
+def test_shear_force_is_the_part_of_the_traction_along_the_yarn():
+    """F_sh / t = S12 of the kernel at unstrained yarns, so tau t = F_sh cos(gamma)."""
+    g = np.linspace(0.1, 1.2, 12)
+    C = np.stack([np.ones(12), np.sin(g), np.sin(g), np.ones(12)], -1).reshape(-1, 2, 2)
+    tau = nominal(KOMEILI, np.outer(g, [0, 0, 1]))[:, 2]
+    found = response("F_sh", tau, g, "shear", {}, 1.2)
+    S = evaluate(KOMEILI, cauchy_green=C).S
+    assert found.gain * tau / 1.2 == pytest.approx(S[:, 0, 1], rel=1e-12)
+    assert tau == pytest.approx((0.02506 - 0.18679 * g + 0.56239 * g**2) * g, rel=1e-12)
+
+
+def test_forces_do_the_work_that_the_fabric_stores():
+    """The integral of the crosshead force over its way is the energy of all zones."""
+    g = np.linspace(0, math.radians(50), 20001)
+    t, W, H, frame, fabric = 1.2, 115.0, 230.0, 200.0, 140.0
+
+    def tau(g):
+        return (0.02506 - 0.18679 * g + 0.56239 * g**2) * g
+
+    def energy(g):
+        return 0.02506 * g**2 / 2 - 0.18679 * g**3 / 3 + 0.56239 * g**4 / 4
+
+    bias = response("F", g, g, "bias_extension", {"height": H, "width": W}, t)
+    force = bias.gain * tau(g) + bias.half * tau(g / 2)
+    way = (H - W) * (np.cos(g / 2) + np.sin(g / 2) - 1)
+    stored = t * (W * (2 * H - 3 * W) / 2 * energy(g[-1]) + W**2 * energy(g[-1] / 2))
+    assert trapezoid(force, way) == pytest.approx(stored, rel=1e-7)
+    lengths = {"frame_length": frame, "fabric_length": fabric}
+    force = response("F", g, g, "picture_frame", lengths, t).gain * tau(g)
+    way = 2 * frame * np.cos(math.pi / 4 - g / 2)
+    assert trapezoid(force, way) == pytest.approx(t * fabric**2 * energy(g[-1]), rel=1e-7)
+
+
+def test_normalisation_of_a_bias_test():
+    """The formula of Cao et al. gives F_sh = tau t / cos(gamma) of the force of the law."""
+    g = np.linspace(0.01, math.radians(50), 400)
+    tau = lambda g: (0.02506 - 0.18679 * g + 0.56239 * g**2) * g  # noqa: E731
+    for H, W in ((230.0, 115.0), (450.0, 150.0)):
+        bias = response("F", g, g, "bias_extension", {"height": H, "width": W}, 1.2)
+        force = bias.gain * tau(g) + bias.half * tau(g / 2)
+        found = bias_normalised(g, force, H, W)
+        # what is left is the interpolation at gamma / 2
+        assert found == pytest.approx(1.2 * tau(g) / np.cos(g), rel=2e-4, abs=5e-5 * tau(g[-1]))
+
+
+NARROW = "allowed is at most 0, free sides narrow (is its sign turned?)"
+CASES = [
+    (UNIAXIAL, "# test: uniaxial_a\n", "", "no line `# test: ...` states the test; allowed are"),
+    (UNIAXIAL, "2.5,41.1\n", "", "row 10: the file ends after 4 points; allowed is 5 or more"),
+    (FREE, "sigma_a [MPa]", "F [N]", "row 5: the column F needs the strip's width; allowed is"),
+    (FREE, "41.1", "-410.1", "row 11: sigma_a is -410.1 MPa; allowed is at least 0, of the test"),
+    (WIDENED, "", "", f"row 8: eps_a is 0.1; {NARROW}"),
+    (BIAS, "gamma [deg]", "exx [%]", "the strain of exx is not stated; allowed is `# strain: gre"),
+    (BIAS, "11.5 cm", "15 cm", "height is 230 mm and width 150 mm; allowed is a height of 2"),
+]
+
+
+@pytest.mark.parametrize(("text", "old", "new", "sentence"), CASES)
+def test_bad_files(tmp_path, text, old, new, sentence):
+    assert old in text
+    path = folder(tmp_path, bad=text.replace(old, new, 1)) / "bad.csv"
+    with pytest.raises(InputError, match=re.escape(f"{path}: ") + ".*" + re.escape(sentence)):
+        data.read(tmp_path)
+
+
+PULL = "uniaxial_a", "# lateral: held\n", "eps_a [%],sigma_a [MPa]"
+
+
+def limit(values, x, test, keys, columns):
+    rows = "".join(f"{a:.9g},{b:.9g}\n" for a, b in zip(x, values))
+    return f"# test: {test}\n{keys}{columns}\n{rows}"
+
+
+UP = np.arange(1.0, 7)
+TURNED = "shear", "", "gamma [deg],tau [MPa]"
+BRANCH = np.arange(9.0)
+LIMITS = {  # text of a file by a number: the last that is allowed, and the first that is not
+    "strain": (lambda v: (UP, UP / 6 * v, *PULL), 49.9, 50.1, "within +-0.5"),
+    "shear angle": (lambda v: (UP, UP / 6 * v, *TURNED), 84.9, 85.1, "within +-1.48"),
+    "strain of a test": (lambda v: (UP, UP / 6 * v, *PULL), 0.051, 0.049, "0.05 % or more"),
+    "angle of a test": (lambda v: (UP, UP / 6 * v, *TURNED), 1.61, 1.59, "1.6 deg or"),
+    "fall": (lambda v: ([1, 2, 4, 8, 10, v], UP, *PULL), 5.1, 4.9, "has fallen to 49 %"),
+    "before strain": (lambda v: ([v, *UP[1:] * 2], UP - 1, *PULL), 2.3, 2.5, "before anything is"),
+    "steps back": (lambda v: (UP, [0, 2, 4, 5, 5 - v, 10], *PULL), 0.09, 0.11, "to rise"),
+    "branch": (lambda v: (BRANCH, [1, 3, 6, 8, 9, v, 5, 2, 10.5], *PULL), 10.45, 10.35, "to rise"),
+}
+
+
+@pytest.mark.parametrize("kind", LIMITS)
+def test_just_below_and_above_a_limit(tmp_path, kind):
+    text, allowed, refused, words = LIMITS[kind]
+    data.read(folder(tmp_path, t=limit(*text(allowed))))
+    with pytest.raises(InputError, match=re.escape(words)):
+        data.read(folder(tmp_path, t=limit(*text(refused))))
+
+
+def test_bad_sheets_and_folders(tmp_path):
+    for words, more in (
+        (r"sheet.toml: cannot be read \(No such file", None),
+        (r"has no \*.csv", {}),
+        ("warp2.csv has the values of warp.csv", {"warp": UNIAXIAL, "warp2": UNIAXIAL}),
+    ):
+        if more is not None:
+            folder(tmp_path, **more)
+        with pytest.raises(InputError, match=words):
+            data.read(tmp_path)

@@ -1,8 +1,8 @@
-"""The tabulated FABRIC baseline and the closed-form stresses."""
+"""Laws of tables and LAW58."""
 
 import numpy as np
 import pytest
-from fabrics import TABLE
+from fabrics import LAW58, TABLE
 from scipy.integrate import quad
 
 from fabric_fenicsx.core.errors import InputError
@@ -76,8 +76,6 @@ def test_tables_from_files(tmp_path, how, stress):
 @pytest.mark.parametrize(
     "more, warp, words",
     [
-        ('extrapolation = "cubic"\n', WARP, "extrapolation is 'cubic'; allowed is constant or lin"),
-        ("", "eps [%], sigma [bar]\n0, 0", "warp.csv.* row 1: the unit of sigma is bar"),
         ("", WARP + "1.5, 40\n", r"warp.csv.* row 6 is \(0.015, 40\); allowed are rising strains"),
         ("", WARP + "".join(f"{e}, {e}\n" for e in range(31, 68)), "41 points; allowed are up"),
         ("", "eps [%], sigma [MPa]\n0, 1\n1, 2\n2, 3\n", r"warp.csv.*\(0, 0\)"),
@@ -87,3 +85,25 @@ def test_tables_from_files(tmp_path, how, stress):
 def test_bad_tables_are_named(tmp_path, more, warp, words):
     with pytest.raises(InputError, match=words):
         read(tmp_path, more, warp)
+
+
+def test_stresses_as_the_guide_lists_them():
+    e, g = np.array([-0.1, 0.0, 0.01, 0.05]), np.array([0.0, 0.4, 0.8, 1.2])
+    sigma_a, sigma_b, tau = LAW58.derivatives(e, e, -g).first
+    pull = np.where(e > 0, 1335 * e - 2000 * e**2, 1.335 * e)
+    assert sigma_a == pytest.approx(pull, rel=1e-13)
+    assert sigma_b == pytest.approx(np.where(e > 0, 900 * e, 0.9 * e), rel=1e-13)
+    G = 0.6 * np.cos(0.8) ** 2
+    beyond = G * np.tan(g) + (0.025 - G) * np.tan(0.8)
+    assert tau == pytest.approx(-np.where(g > 0.8, beyond, 0.025 * np.tan(g)), rel=1e-13)
+
+
+def test_beyond_their_softening_yarns_hold_their_stress():
+    """As in OpenRadioss, E^2 / 2B."""
+    fabric = LAW58.replace(E_a=100.0, E_b=100.0, B_a=2000.0)
+    e, none = np.array([0.04, 0.05, 0.08, 0.12, 0.5]), np.zeros(5)
+    parts, (sigma_a, sigma_b, _), tangent = fabric.derivatives(e, e, none)
+    assert sigma_a == pytest.approx([2.4, 2.5, 2.5, 2.5, 2.5], rel=1e-14)
+    assert sigma_b == pytest.approx(100 * e, rel=1e-14)
+    assert parts[1:, 0] == pytest.approx(1 / 12 + 2.5 * (e[1:] - 0.05), rel=1e-14)
+    assert tangent[0, 2:] == pytest.approx(0, abs=1e-12)
