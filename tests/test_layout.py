@@ -95,14 +95,14 @@ def attributes(node):
 
 
 BOUNDS = {
-    "lines of the package": (32_750, lambda: lines(FILES.values())),
+    "lines of the package": (32_250, lambda: lines(FILES.values())),
     "lines of tests": (19_000, lambda: lines(tracked("tests/*.py"))),
     "lines of benchmarks": (1_400, lambda: lines(tracked("benchmarks/*.py"))),
     "words of pages": (
         33_000,
         lambda: sum(len(t.split()) for t in tracked("README.md", "docs/*.md")),
     ),
-    "input errors": (311, input_errors),
+    "input errors": (300, input_errors),
     "constants": (200, constants),
     "imports within functions or for types": (60, late_imports),
     "Any": (250, lambda: sum(len(re.findall(r"\bAny\b", text)) for text in FILES.values())),

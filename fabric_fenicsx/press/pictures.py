@@ -52,16 +52,17 @@ def draw_setup(made: BuiltPress, folder: Path) -> None:
     """setup.png: the tools and the flat blank before anything moves; called on all ranks."""
     motions = {name: made.schedule.first_move(name) for name in made.tools}
     plies = flat_grids(made.scene.blank, planes_of_symmetry(made.scene))
+    size = float(made.scene.blank.sides().max())  # of all ranks
     if made.scene.comm.rank:
         return
     with _no_loss("setup.png"):
-        bodies = made.tools | _holders(made, plies)
+        bodies = made.tools | _holders(made, plies, size)
         setup_picture(folder / "setup.png", plies, bodies, motions)
 
 
-def _holders(made, plies):
+def _holders(made, plies, size):
     """{name: surface} of what holders press, a little away from the blank, and of what pulls."""
-    size, surfaces = float(np.ptp(made.scene.blank.extent(), axis=0).max()), dict[str, Surface]()
+    surfaces = dict[str, Surface]()
     owners = {term: name for name, terms in made.holders.items() for term in terms}
     for term in made.scene.terms:
         ply = ply_of(plies[term.part_name] if term.part_name else next(iter(plies.values())))
