@@ -154,19 +154,34 @@ def _by_gmsh(path):
 
 def _by_pyvista(path):
     import pyvista
+    from vtkmodules.util.numpy_support import vtk_to_numpy
 
-    with pyvista.VtkErrorCatcher(send_to_logging=False) as caught, suppress(RuntimeError):
+    caught = pyvista.VtkErrorCatcher(send_to_logging=False)
+    with caught, suppress(RuntimeError):
         reader = pyvista.get_reader(str(path))
         if hasattr(reader.reader, "SetGenerateGlobalNodeIdArray"):  # blocks of Exodus share nodes
             reader.reader.SetGenerateGlobalNodeIdArray(True)
         mesh = reader.read()
-    if caught.error_events:  # others follow from the first
-        raise ValueError(caught.error_events[0].alert)
+    # others follow from the first; PyVista 0.44 has no other events
+    if errors := getattr(caught, "error_events", caught.events):
+        raise ValueError(errors[0].alert)
     if isinstance(mesh, pyvista.MultiBlock):
         mesh = mesh.combine(merge_points=True)
     if isinstance(mesh, pyvista.PolyData) and mesh.n_strips:
         mesh = mesh.triangulate()
-    return _parts(pyvista.to_meshio(mesh))
+    grid = mesh.cast_to_unstructured_grid()
+    offsets = vtk_to_numpy(grid.GetCells().GetOffsetsArray())
+    starts, sizes, blocks, others = offsets[:-1], np.diff(offsets), [], {}
+    for kind, count in {*zip(grid.celltypes.tolist(), sizes.tolist())}:
+        which = np.flatnonzero((grid.celltypes == kind) & (sizes == count))
+        cells = grid.cell_connectivity[starts[which][:, None] + np.arange(count)]
+        first = grid.GetCell(int(which[0]))
+        if first.GetCellDimension() == 2:
+            cells = cells[:, [0, 1, 3, 2]] if kind == pyvista.CellType.PIXEL else cells
+            blocks.append((surface_kind(first.GetNumberOfEdges(), count), cells))
+        else:
+            others[first.GetClassName().removeprefix("vtk").lower()] = first.GetCellDimension()
+    return grid.points, blocks, others
 
 
 def _by_meshio(path):
