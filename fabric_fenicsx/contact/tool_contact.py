@@ -8,7 +8,7 @@ from mpi4py import MPI
 from ..core.errors import InputError
 from ..core.formatting import coordinates, of_sheet
 from ..core.rules import POSITIVE
-from ..energy.materials import material_of, sheets_of, thickness_shares_at_nodes
+from ..energy.materials import materials_of, sheets_of, thickness_shares_at_nodes
 from ..energy.morley import Where
 from ..energy.nodes import Nodes
 from ..energy.output import Value, largest, least, total
@@ -124,7 +124,7 @@ class Contact(ToolContactTerm):
         faces = []
         for number, part in enumerate(parts):
             which[part.nodes] = number
-            if material := material_of(scene, part):
+            if material := next(materials_of(scene, part), None):
                 material = material.replace(thickness=t or material.thickness)
                 faces.append(face_of(material, radius, k))
         if len(faces) < len(parts):
