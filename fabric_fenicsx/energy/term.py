@@ -38,8 +38,8 @@ class SceneFacts(Protocol):
 
 def overrides(term: Term, method: str) -> bool:
     """True if a term has a `method` of its own in place of that of `Term`."""
-    own, base = (getattr(each, method, None) for each in (type(term), Term))
-    return method in vars(term) or own is not base
+    of_type, base = (getattr(kind, method, None) for kind in (type(term), Term))
+    return method in vars(term) or of_type is not base
 
 
 class Term:
@@ -280,25 +280,22 @@ def bind(term: Term, scene: SceneFacts) -> None:
     term.bound_to, term.blank = weakref.ref(scene), scene.blank
     term.part = scene.blank.part(term.part_name)
     term.set_up(scene)
-    form, own, u = term.energy, partial(overrides, term), scene.blank.u
+    form, u, flaw, has = term.energy, term.blank.u, "", partial(overrides, term)
     is_energy = isinstance(form, ufl.Form) and not form.arguments() and u in form.coefficients()
-    integrals = form.integrals() if is_energy and term.part_name else []
-    stores = form is not None or (own("stored") and not own("energies"))
-    flaws = {
-        f"energy of term {term.name} is {repr_short(form)}; allowed is the energy itself in "
-        "`blank.u`, from which forces and stiffness follow, integrated: "
-        "`W * self.part.dx(degree)`": form is not None and not is_energy,
-        f"energy of term {term.name}, which is on a part, is integrated over the whole sheet; it "
-        "needs `self.part.dx(degree)` in place of `ufl.dx`": any(
-            integral.subdomain_id() == "everywhere" for integral in integrals
-        ),
-        f"term {term.name} has a memory and needs `recall`, which takes it": (
-            (own("memory") or own("cell_memory")) and not own("recall")
-        ),
-        f"term {term.name} stores an energy and needs an `energy_kind`, its column in history.csv, "
-        "or, as a load, `work`": stores and term.energy_kind is None and not own("work"),
-    }
-    for flaw in (flaw for flaw, is_there in flaws.items() if is_there):
+    of = f"energy of term {term.name}"
+    if form is not None and not is_energy:
+        flaw = f"{of} is {repr_short(form)}; allowed is the energy itself in `blank.u`, from which "
+        flaw += "forces and stiffness follow, integrated: `W * self.part.dx(degree)`"
+    elif form and term.part_name and "everywhere" in [i.subdomain_id() for i in form.integrals()]:
+        flaw = f"{of}, which is on a part, is integrated over the whole sheet; it needs "
+        flaw += "`self.part.dx(degree)` in place of `ufl.dx`"
+    elif (has("memory") or has("cell_memory")) and not has("recall"):
+        flaw = f"term {term.name} has a memory and needs `recall`, which takes it"
+    elif term.energy_kind is None and not has("work"):
+        if form is not None or (has("stored") and not has("energies")):
+            flaw = f"term {term.name} stores an energy and needs an `energy_kind`, its column in "
+            flaw += "history.csv, or, as a load, `work`"
+    if flaw:
         raise InputError(flaw)
 
 

@@ -57,9 +57,8 @@ def check_derivatives(
     FINITE.check("`load`", load)
     if size is not None:
         POSITIVE.check("`size`", size)
-    points, remarks = np.empty(0), ["derivatives agree with differences"]
-    if at is not None and not isinstance(at, Scene):
-        points = np.asarray(at, float)
+    points = np.empty(0) if at is None or isinstance(at, Scene) else np.asarray(at, float)
+    remarks = ["derivatives agree with differences"]
     if isinstance(thing, Law):
         name, rows = f"law {thing.law}", [*_of_law(thing, points)]
     elif isinstance(thing, Surface) and points.size:
@@ -71,6 +70,11 @@ def check_derivatives(
             f"no derivatives of {thing!r} can be checked at {at!r}; allowed are a law, a surface "
             "with points near it, (n, 3), and a term with its scene"
         )
+    return _report(name, rows, remarks)
+
+
+def _report(name, rows, remarks):
+    """The table of `rows`, with its remarks; InputError with it if a row differs too much."""
     table = "\n".join(f"{names:<45} {off:9.1e}  {where}" for names, off, where in rows)
     for names, off, where in rows:  # the first, as what follows from it is off, too
         if not off <= DIFFERENCE_TOLERANCE:

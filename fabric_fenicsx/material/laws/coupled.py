@@ -31,8 +31,7 @@ from .base import Law, sheet_fields
 class Yarn(Parameters):
     """The seven parameters of one yarn direction.
 
-    Only b and d are needed: by default there is no cubic term and no coupling. Raises InputError
-    for a value out of its range.
+    Only b and d are needed: by default there is no cubic term and no coupling.
 
     Examples
     --------
@@ -59,16 +58,12 @@ YARN: dict[str, Rule] = {**Yarn.rules}
 class WovenFabric(Law):
     """A woven fabric with biaxial and normal-shear couplings, in 17 parameters.
 
-    Raises InputError for a value out of its range.
-
     Parameters
     ----------
     warp, weft : Yarn
         Yarns along a0 and b0, the same one twice in a balanced fabric.
     couplings : collection of str
         Those that are on, any of `biaxial`, `tension_shear`, `compression_shear`.
-    thickness, density, name, compaction, fibre_density, fibre_share, assumed
-        As in `Law`.
 
     References
     ----------
