@@ -106,9 +106,13 @@ def virial(scene: Scene) -> np.ndarray:
 
 
 def outer_forces(scene: Scene) -> dict[str, float]:
-    """Sums of sizes of nodal forces after `Scene.residual` [N], by support, "" of all else."""
-    of_supports = scene.supports.dofs_of.items()
-    sizes = {name: abs(scene.forces.array[dofs]).sum() for name, dofs in of_supports}
+    """Sums of sizes of nodal forces after `Scene.residual` [N], by support, "" of all else. What
+    two supports hold counts for the first, or for the one that does not only locate."""
+    sizes, left = {}, abs(scene.forces.array)
+    for support in sorted(scene.supports, key=lambda support: support.locates):
+        dofs = scene.supports.dofs_of[support.name][:, list(support.components)]
+        sizes[support.name] = left[dofs].sum()
+        left[dofs] = 0.0
     sizes[""] = sum(abs(given).sum() for given in scene.applied_forces())
     return {name: scene.comm.allreduce(float(size)) for name, size in sizes.items()}
 

@@ -138,8 +138,8 @@ class Law(Material, Energy):
     def rules_at_temperatures(cls) -> Mapping[str, Rule]:
         """The rules of what may depend on the temperature: numbers but for those of the sheet, and
         factors."""
-        own = {name: rule for name, rule in cls.numbers().items() if name not in SHEET}
-        return own | dict.fromkeys(cls.factors, POSITIVE)
+        rules = {name: rule for name, rule in cls.numbers().items() if name not in SHEET}
+        return rules | dict.fromkeys(cls.factors, POSITIVE)
 
     def _measured(self):
         plain, at = dataclasses.replace(self, at_temperatures={}), self.at_temperatures
@@ -269,13 +269,13 @@ class Law(Material, Energy):
             "stiffness along b": (2.0, 2e5, "MPa"),
             "stiffness in shear": (1e-4, 10.0, "MPa"),
         }
-        doubts = []
+        sentences = []
         for name, value in (values | sheet).items():
             low, high, unit = plausible[name]
             if value is not None and not low <= value <= high:
                 fabrics = f"fabrics have {low:g} to {high:g}; look at its unit"
-                doubts.append(f"{name} of material {self.label} is {value:g} {unit}, {fabrics}")
-        return doubts
+                sentences.append(f"{name} of material {self.label} is {value:g} {unit}, {fabrics}")
+        return sentences
 
     def table(self) -> Document:
         numbers = {name: getattr(self, name) for name in self.rules}
@@ -285,9 +285,9 @@ class Law(Material, Energy):
         """A material file's content but for the law and its numbers."""
         entries = {name: getattr(self, name) for name in (*SHEET, *FIBRES)}
         entries |= {"assumed": list(self.assumed), "scatter": dict(self.scatter)}
-        tables_at = self.at_temperatures.items()
-        entries["at"] = [{"temperature": t} | dict(numbers) for t, numbers in tables_at]
-        tables = {name: each.table() for name in TABLES if (each := getattr(self, name))}
+        at = self.at_temperatures.items()
+        entries["at"] = [{"temperature": warm, **numbers} for warm, numbers in at]
+        tables = {name: part.table() for name in TABLES if (part := getattr(self, name))}
         written = {name: value for name, value in entries.items() if value}
         return {"name": self.name} | written | {"compaction": False} | tables
 
