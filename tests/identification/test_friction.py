@@ -12,7 +12,7 @@ from fabric_fenicsx.core.errors import SolverFailure
 from fabric_fenicsx.identification import curves as data
 from fabric_fenicsx.identification import identify, identify_simulated
 from fabric_fenicsx.identification.curves import Curve, Sheet
-from fabric_fenicsx.identification.curves.forces import response
+from fabric_fenicsx.identification.curves.model import response
 from fabric_fenicsx.identification.friction import fit_friction
 from fabric_fenicsx.material import kernel
 from fabric_fenicsx.material.friction import ShearFriction

@@ -7,8 +7,7 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.formatting import rounded
-from .forces import bias_angle
-from .model import STRAINS, TESTS, Curve, Table, unit_inside, units
+from .model import STRAINS, TESTS, Curve, Table, bias_angle, unit_inside, units
 
 
 def check_length(table: Table, least: int) -> None:
