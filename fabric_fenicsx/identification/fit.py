@@ -28,39 +28,39 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     compaction = fit_compaction(sheet) if sheet.compaction else None
     friction = fit_friction(curves)
     problem = Problem(sheet, curves, friction.friction if friction else None)
-    default, source, reason = _assumptions(problem, sheet)
-    _check_yarns(sheet, problem.names, reason, source)
+    names, (default, source, reason) = problem.names, _assumptions(problem, sheet)
     theta, staged, fitted = _regression(problem, default, reason, source)
     theta, sd, estimated = _weighted_fit(problem, theta, fitted)
     free = [k for k in range(len(theta)) if k not in reason]
     fit = _statistics(problem, theta, free, sd)
     if estimated is None and not all(c.noise for c in curves):
         estimated = NOISE * math.sqrt(fit.variance)
-    bound = problem.at_bound(theta, free, fitted)
-    determined = {
-        problem.names[k]: _determined(problem, k, theta[k], staged[k], e, half, k in bound)
-        for k, e, half in zip(free, fit.error, fit.half)
-    }
+    bound, determined = problem.at_bound(theta, free, fitted), {}
+    for k, error, half in zip(free, fit.error, fit.half):
+        value = float(theta[k])
+        high = value + half
+        if base(names[k]) == "c":  # the larger it is the less the force depends on it
+            high = max(high, value * math.exp(min(half / max(value, 1e-300), 50)))
+        interval = tuple(np.clip([value - half, high], *problem.box(k)).tolist())
+        how = unit_of(names[k]), float(staged[k]), bool(half > abs(value)), k in bound
+        determined[names[k]] = Determined(value, float(error), interval, *how)
     assumed = {}
     for k, why in sorted(reason.items()):
-        name, moves = problem.names[k], _moves(problem, theta, fit, sd, k)
-        assumed[name] = Assumed(float(theta[k]), unit_of(name), source[name], why, moves)
-    fabric = _fabric(dict(zip(problem.names, map(float, theta))), sheet, assumed)
+        unit, moves = unit_of(names[k]), _moves(problem, theta, fit, sd, k)
+        assumed[names[k]] = Assumed(float(theta[k]), unit, source[names[k]], why, moves)
+    fabric = _fabric(dict(zip(names, map(float, theta))), sheet, assumed)
+    fabric = fabric.replace(shear_friction=friction and friction.friction)
     if compaction:
         fabric = fabric.replace(compaction=compaction.compaction)
-    fabric = fabric.replace(shear_friction=friction and friction.friction)
     softest, convex = _physics(problem, fabric)
-    predicted, untold = problem.predict(theta), []
-    if any(curve.back for curve in curves):
-        untold = ["the loops do not tell friction between yarns; it is left out"]
+    predicted, lost = problem.predict(theta), not friction and any(c.back for c in curves)
     fits = [(curve, response, predicted[s], sd[s]) for (curve, response), s in problem.parts]
     warnings = [
-        *(f"{curve.file}: {text}" for curve in curves for text in curve.remarks),
-        *(f"{test.file}: {text}" for test in sheet.compaction for text in test.remarks),
+        *(f"{test.file}: {text}" for test in (*curves, *sheet.compaction) for text in test.remarks),
         *_fit_warnings(problem, fit, softest, convex, determined, assumed),
         *curve_warnings(curves),
         *(compaction.warnings if compaction else ()),
-        *(() if friction else untold),
+        *(["the loops do not tell friction between yarns; it is left out"] if lost else ()),
         *fabric.plausibility_warnings(),
     ]
     quality = fit.correlation, fits, fit.dof, fit.variance, estimated, softest, convex, warnings
@@ -73,19 +73,10 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     return result
 
 
-def _determined(problem, k, value, staged, error, half, at_bound):
-    high = value + half
-    if base(problem.names[k]) == "c":  # the larger it is the less the force depends on it
-        high = max(high, value * math.exp(min(half / max(value, 1e-300), 50)))
-    interval = tuple(np.clip([value - half, high], *problem.box(k)).tolist())
-    is_weak = bool(half > abs(value))
-    unit = unit_of(problem.names[k])
-    return Determined(float(value), float(error), interval, unit, float(staged), is_weak, at_bound)
-
-
 def _assumptions(problem, sheet):
     """Values (parameters,) that hold unless they are fitted, their sources {name: source}, and why
-    some can't be fitted {number: reason}."""
+    some can't be fitted {number: reason}. InputError for an unbalanced fabric of which one
+    direction was neither pulled nor stated."""
     names, values = problem.names, dict(zip(problem.names, problem.start))
     source, reason = dict.fromkeys(names, "Table 1 of Schäfer et al."), {}
     for k, name in enumerate(names):
@@ -103,22 +94,16 @@ def _assumptions(problem, sheet):
             reason[k] = "tests of free strips without the strain across do not tell it"
             if source[name] != "sheet.toml":
                 values[name], source[name] = 1.0, UNCOUPLED
-    return np.array([values[n] for n in names]), source, reason
-
-
-def _check_yarns(sheet, names, reason, source):
-    """InputError for an unbalanced fabric of which one direction was neither pulled nor stated."""
-    if sheet.balanced:
-        return
-    numbers = {n for k, n in enumerate(names) if k not in reason or source[n] == "sheet.toml"}
+    told = {n for k, n in enumerate(names) if k not in reason or source[n] == "sheet.toml"}
     for yarn, other, i in (("warp", "weft", "a"), ("weft", "warp", "b")):
-        missing = [n for n in "ab" if f"{yarn}.{n}" not in numbers]
-        if missing and f"{other}.b" in numbers:
+        missing = [n for n in "ab" if f"{yarn}.{n}" not in told]
+        if not sheet.balanced and missing and f"{other}.b" in told:
             flaw = f"balanced is false, but no test tells the {yarn}'s {' and '.join(missing)}"
             raise InputError(
                 f"sheet.toml: {flaw}; allowed is a test uniaxial_{i} or biaxial, values in "
                 f"[assumed.{yarn}], or balanced = true, which gives the {yarn} those of the {other}"
             )
+    return np.array([values[n] for n in names]), source, reason
 
 
 def _weighted_fit(problem, theta, fitted):
@@ -162,8 +147,7 @@ def _statistics(problem, theta, free, sd):
     spread = np.sqrt(np.diag(covariance))
     error = math.sqrt(variance) * spread * problem.natural[free]
     half = stats.t.ppf(0.975, dof) * error
-    correlation = covariance / np.outer(spread, spread)
-    return _Statistics(free, dof, variance, error, half, correlation, J)
+    return _Statistics(free, dof, variance, error, half, covariance / np.outer(spread, spread), J)
 
 
 def _moves(problem, theta, fit, sd, k):
@@ -219,17 +203,16 @@ def _fit_warnings(problem, fit, softest, convex, determined, assumed):
                 "strain across (eps_a or eps_b), or hold the sides"
             )
     if held := [name for name, p in determined.items() if p.at_bound]:
-        why = "at a limit of what a fabric can have, as a stiffness of 0"
-        is_at = f"{'is' if len(held) == 1 else 'are'} {why}"
-        yield f"{', '.join(held)} {is_at}, so their intervals are a rough guide"
+        are = f"{'is' if len(held) == 1 else 'are'} at a limit of what a fabric can have"
+        yield f"{', '.join(held)} {are}, as a stiffness of 0, so their intervals are a rough guide"
 
 
 def _regression(problem, default, reason, source):
     """Stage 1, stage 2 and the joint fit.
 
     They are repeated with one parameter less, its reason in `reason`, until the data determine all
-    that is fitted. Returns values after the joint fit, after the stages, and
-    the parameters that were free in it."""
+    that is fitted. Returns values after the joint fit, after the stages, and the parameters that
+    were free in it."""
     names, couplings = problem.names, ("c", "p_min", "s_T", "s_C")
     coupled = [k for k, n in enumerate(names) if base(n) in couplings]
     uncoupled = ~np.any(problem.effect[:, coupled] > 0, axis=1)
@@ -256,11 +239,12 @@ def _regression(problem, default, reason, source):
 def _free(problem, reason):
     """Parameters to be fitted; InputError if there are none, or more than measured values."""
     free = [k for k in range(len(problem.names)) if k not in reason]
+    count = len(problem.points.measured)
     if not free:
         tests = ", ".join(sorted({c.test for c in problem.curves}))
         flaw = f"the curves, of the tests {tests}, determine no parameter"
         raise InputError(f"{flaw}; allowed are more tests")
-    if (count := len(problem.points.measured)) <= len(free):
+    if count <= len(free):
         flaw = f"there are {count} measured values for {len(free)} parameters"
         raise InputError(f"{flaw}; allowed are more values")
     return free
