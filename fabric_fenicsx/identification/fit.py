@@ -13,11 +13,10 @@ from ..core.errors import InputError, SolverFailure
 from ..core.formatting import rounded
 from ..material.files import FIBRES, SHEET
 from ..material.laws.coupled import SHEAR, WovenFabric, Yarn
-from .compaction import fit_compaction
 from .curves import Curve, Sheet, curve_warnings
-from .friction import fit_friction
 from .problem import NOISE, Assumed, Determined, NotConverged, Problem, base, unit_of, yarns_of
-from .result import Identification, SimulatedFit
+from .result import Identification
+from .separate import fit_compaction, fit_friction
 
 UNCOUPLED = "no coupling, so that held strips are not too stiff"  # source of a p_min of 1
 
@@ -338,7 +337,8 @@ def _fitted(sheet, curves, simulate, start, most=8):
                 change = max(change, np.abs(force - expected).max() / peak)
         if first and change < 2e-3:  # of the peak
             shear = {name: getattr(start.fabric, name) for name in SHEAR}
-            return dataclasses.replace(fit, simulated=SimulatedFit(shear, first, off))
+            told = {"homogeneous": shear, "off_homogeneous": first, "off": off}
+            return dataclasses.replace(fit, simulated=told)
         first = first or off
         fit = identify(sheet, [_linear(curve, fit.fabric, forces) for curve in curves])
     raise SolverFailure(f"its force did not settle in {most} fits")
