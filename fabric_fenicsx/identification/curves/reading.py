@@ -86,22 +86,13 @@ def _sheet(document):
     numbers, weight = files.read_sheet_numbers(document, units, also, files.FIBRES)
     needed = "as thickness_mm = 1.2, and density_g_per_cm3 or areal_weight_g_per_m2"
     check_complete(numbers, ("thickness", "density"), "", needed)
-    yarns = () if balanced else ("warp", "weft")
-    own = {yarn: files.take_table(assumed, yarn) for yarn in yarns}
-    values = files.read_numbers(assumed, {**YARN, **SHEAR}, units, "assumed.", yarns)
-    for yarn, table in own.items():
-        found = files.read_numbers(table, YARN, units, f"assumed.{yarn}.")
-        values |= {f"{yarn}.{key}": value for key, value in found.items()}
-    return Sheet(
-        name,
-        balanced=balanced,
-        assumed=values,
-        areal_weight=weight,
-        keys=keys,
-        columns=columns,
-        csv=csv,
-        **numbers,
-    )
+    yarns, values = () if balanced else ("warp", "weft"), {}
+    for yarn in yarns:
+        own = files.read_numbers(files.take_table(assumed, yarn), YARN, units, f"assumed.{yarn}.")
+        values |= {f"{yarn}.{key}": value for key, value in own.items()}
+    values |= files.read_numbers(assumed, {**YARN, **SHEAR}, units, "assumed.", yarns)
+    stated = {"keys": keys, "columns": columns, "csv": csv, "areal_weight": weight}
+    return Sheet(name, balanced=balanced, assumed=values, **stated, **numbers)
 
 
 class _Keys(NamedTuple):
@@ -212,14 +203,15 @@ def _keys(lines, stated):
         _refuse([*problems, str(unknown) if name else no_test])
     test = TESTS[name]
     allowed = ("noise", *test.keys, *test.more)
-    for key, (place, _) in texts.items():
-        if key not in allowed:
-            label = f"{place}: the key {key} of the test {name}"
-            problems.append(str(unknown_key(key, allowed, label)))
-    for key in test.keys:
-        if key not in texts:
-            example = f"`# {key}: {'free` or `held' if key == 'lateral' else '200 mm'}`"
-            problems.append(f"the test {name} needs a line for {key}; allowed is {example}")
+    label = f"{{}}: the key {{}} of the test {name}"
+    problems += [
+        str(unknown_key(key, allowed, label.format(place, key)))
+        for key, (place, _) in texts.items()
+        if key not in allowed
+    ]
+    for key in (key for key in test.keys if key not in texts):
+        example = f"`# {key}: {'free` or `held' if key == 'lateral' else '200 mm'}`"
+        problems.append(f"the test {name} needs a line for {key}; allowed is {example}")
     place, lateral = texts.get("lateral", ("", "held"))
     if lateral not in ("held", "free"):
         problems.append(f"{place}: lateral is {lateral!r}; allowed is held or free")
