@@ -54,7 +54,8 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     predicted, lost = problem.predict(theta), not friction and any(c.back for c in curves)
     fits = [(curve, response, predicted[s], sd[s]) for (curve, response), s in problem.parts]
     warnings = [
-        *(f"{test.file}: {text}" for test in (*curves, *sheet.compaction) for text in test.remarks),
+        *(f"{curve.file}: {text}" for curve in curves for text in curve.remarks),
+        *(f"{test.file}: {text}" for test in sheet.compaction for text in test.remarks),
         *_fit_warnings(problem, dof, variance, softest, convex, determined, assumed),
         *curve_warnings(curves),
         *(compaction.warnings if compaction else ()),

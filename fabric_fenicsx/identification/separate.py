@@ -151,7 +151,7 @@ def _fitted_compaction(p, h, sd, onset=None):
     dof, errors = len(p) - len(names), np.sqrt(np.diag(covariance))
     wide = stats.t.ppf(0.975, dof) * errors
     numbers = zip(names, x, errors, wide)
-    found = {name: _determined(*numbers, UNITS[name]) for name, *numbers in numbers}
+    found = {name: _determined(v, e, half, UNITS[name]) for name, v, e, half in numbers}
     return found, float(np.sqrt(np.sum((info["fvec"] * sd) ** 2) / dof))
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from ..core.errors import InputError
 
 _SPELLINGS = {"µm": "um", "μm": "um", "°": "deg", "N/mm²": "N/mm2", "g/m²": "g/m2", "": None}
-_HEADER = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*(.*?)\s*[\])]|(?:/|\bin\b)\s*(\S+))?\s*")
+_HEADER = re.compile(r"^\s*(.*?)\s*(?:[\[(]\s*(.*?)\s*[\])]|(?:/|\bin\b)\s*(\S+))?\s*$")
 _NUMBER = re.compile(r"\s*[+-]?[.,]?\d[\d.,]*(?:[eE][+-]?\d+)?\s*")
 
 
@@ -103,7 +103,7 @@ def table_of(
 
 def _parted(cell):
     """Name and unit, None without one, in a cell of a header."""
-    name, *units = _HEADER.fullmatch(cell).groups("")
+    ((name, *units),) = _HEADER.findall(cell)
     return name, _unit("".join(units))
 
 

@@ -13,7 +13,6 @@ Shear forces and the stress that does the same work, with thickness t and shear 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -84,7 +83,7 @@ class Kind(NamedTuple):
     more: tuple[str, ...] = ()  # keys that may be there, besides `noise`
     sign: int = 0  # that the first strain and what is measured have; 0: either
     # what a machine writes -> the column that it becomes, and the key of the specimen it needs
-    raw: Mapping[str, tuple[str, str]] = MappingProxyType({})
+    raw: Mapping[str, tuple[str, str]] = {}
 
     @property
     def image(self) -> tuple[str, ...]:

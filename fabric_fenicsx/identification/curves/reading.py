@@ -74,24 +74,24 @@ def _sheet(document):
         for key, text in table.items():
             if table is csv and key not in signs:
                 raise unknown_key(key, signs, f"csv.{key}")
-            allowed = signs[key] if table is csv else ()
+            choices = signs[key] if table is csv else ()
             if not isinstance(text, str):
                 raise InputError(f'{label}.{key} is {text!r}; allowed is a text, as "200 mm"')
             if table is columns and text.split(" ")[0] not in model.COLUMNS:
                 raise unknown_key(text, model.COLUMNS, f"columns.{key} {text!r}")
-            if allowed and text not in allowed:
-                one = ", ".join(map(repr, allowed))
+            if choices and text not in choices:
+                one = ", ".join(map(repr, choices))
                 raise InputError(f"csv.{key} is {text!r}; allowed is one of {one}")
     also = "name", "balanced", "assumed", "units"
     numbers, weight = files.read_sheet_numbers(document, units, also, files.FIBRES)
     needed = "as thickness_mm = 1.2, and density_g_per_cm3 or areal_weight_g_per_m2"
     check_complete(numbers, ("thickness", "density"), "", needed)
-    yarns, values = () if balanced else ("warp", "weft"), {}
+    yarns, values = () if balanced else ("warp", "weft"), dict[str, float]()
     for yarn in yarns:
         own = files.read_numbers(files.take_table(assumed, yarn), YARN, units, f"assumed.{yarn}.")
         values |= {f"{yarn}.{key}": value for key, value in own.items()}
     values |= files.read_numbers(assumed, {**YARN, **SHEAR}, units, "assumed.", yarns)
-    stated = {"keys": keys, "columns": columns, "csv": csv, "areal_weight": weight}
+    stated: dict = {"keys": keys, "columns": columns, "csv": csv, "areal_weight": weight}
     return Sheet(name, balanced=balanced, assumed=values, **stated, **numbers)
 
 
@@ -231,7 +231,7 @@ def _keys(lines, stated):
 def _quantity(key, stated, factors):
     """The number of a text with a unit, in that of the factors' first."""
     place, text = stated
-    number, unit = re.fullmatch(r"\s*([-+.,\deE]*)\s*(.*?)\s*", text).groups()
+    ((number, unit),) = re.findall(r"(?s)^([-+.,\deE]*)\s*(.*)", text.strip())
     value = number_of(number.replace(",", ".")) * factors.get(unit, math.nan)
     rule = {"zero": FINITE, "slack": FROM_ZERO}.get(key, POSITIVE)
     if not (math.isfinite(value) and rule.test(value)):
