@@ -177,9 +177,9 @@ def test_defaults_of_cells():
     tall = ff.Blank.outline([[(0, 0), (40, 0), (40, 100), (0, 100)]], nx=4)
     x = tall.mesh.geometry.x
     assert sorted(x[abs(x[:, 1]) < 1e-9, 0]) == pytest.approx([0, 10, 20, 30, 40])
-    given = ff.Tensile(nx=9, ny=6).coarser((200, 50), times=3)
+    given = ff.Tensile(nx=9, ny=6).with_larger_cells((200, 50), times=3)
     assert (given.nx, given.ny) == (3, 2)
-    assert ff.Tensile(outline="o.csv", size=4).coarser((200, 50)).size == 8
+    assert ff.Tensile(outline="o.csv", size=4).with_larger_cells((200, 50)).size == 8
 
 
 @pytest.mark.parametrize("spatial", [False, True])
