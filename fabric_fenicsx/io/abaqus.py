@@ -9,17 +9,18 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from .surface_mesh import SurfaceMesh, surface_kind
+# points, number of corners and nodes of cells in blocks, other kinds with their dimension
+Read = tuple[np.ndarray, list[tuple[int, np.ndarray]], dict[str, int]]
 
 
 @dataclass
 class _Part:
     nodes: dict[int, list[float]] = field(default_factory=dict)
-    blocks: list[tuple[str, np.ndarray]] = field(default_factory=list)  # kind, numbers of nodes
+    blocks: list[tuple[int, np.ndarray]] = field(default_factory=list)
     others: dict[str, int] = field(default_factory=dict)
 
 
-def read_abaqus(path: Path) -> SurfaceMesh:
+def read_abaqus(path: Path) -> Read:
     """The surface elements of an Abaqus input file [mm], instances where the assembly has them.
     Raises ValueError and OSError with the reason."""
     parts: dict[str, _Part] = {"": _Part()}
@@ -89,25 +90,25 @@ def _add_elements(part, of, rows):
         return
     nodes = int(known[1])
     cells = _numbers(rows, int).reshape(-1, nodes + 1)[:, 1:]  # behind the element's own number
-    part.blocks.append((surface_kind(3 if nodes in (3, 6) else 4, nodes), cells))
+    part.blocks.append((3 if nodes in (3, 6) else 4, cells))
 
 
 def _assembled(placed):
     points: list[np.ndarray] = []
-    blocks: list[tuple[str, np.ndarray]] = []
+    blocks: list[tuple[int, np.ndarray]] = []
     others: dict[str, int] = {}
     start = 0
     for part, move in placed:
         own = np.array(list(part.nodes), dtype=np.int64)
         order = np.argsort(own)
-        for kind, cells in part.blocks:
+        for corners, cells in part.blocks:
             if (lost := np.setdiff1d(cells, own)).size:
                 raise ValueError(f"it lacks node {lost[0]} of an element")
-            blocks.append((kind, order[np.searchsorted(own, cells, sorter=order)] + start))
+            blocks.append((corners, order[np.searchsorted(own, cells, sorter=order)] + start))
         points.append(_moved(np.array(list(part.nodes.values())).reshape(-1, 3), move))
         others |= part.others
         start += len(own)
-    return SurfaceMesh.collected(np.vstack(points), blocks, others)
+    return np.vstack(points), blocks, others
 
 
 def _moved(x, rows):
