@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -238,8 +239,10 @@ class Blank(SheetMesh):
         pattern = pattern or ("along" if spatial else "unstructured")
         turned = FINITE.check("`turned`", layout.pop("turned", 0.0))
         place = turned, layout.pop("centred", False), layout.pop("planes", ())
-        sheet, source = Layout(nx=nx, pattern=pattern, **layout), sources.outline_source(outline)
-        make = partial(sources.outline, sheet, outline, (size, layer), *place)
+        sheet = Layout(nx=nx, pattern=pattern, **layout)
+        is_file = isinstance(outline, str | os.PathLike)
+        source = f"outline {outline}" if is_file else "the outline"
+        make = partial(sources.outline, sheet, outline, source, size, layer, *place)
         return cls.made(comm, make, source, spatial, sheet.options(turned))
 
     @classmethod
