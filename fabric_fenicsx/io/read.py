@@ -96,8 +96,8 @@ def _stl(path):
         more, rest = (len(data) - header) // facet - count, data[header + facet * count :]
         if more and any(rest):
             raise ValueError(f"it counts {count} triangles in its header and holds {count + more}")
-        facets = np.frombuffer(data, np.dtype([("x", "<f4", (4, 3)), ("-", "<u2")]), count, header)
-        corners = facets["x"][:, 1:].reshape(-1, 3).astype(float)
+        rows = np.frombuffer(data, np.dtype([("x", "<f4", (4, 3)), ("-", "<u2")]), count, header)
+        corners = rows["x"][:, 1:].reshape(-1, 3).astype(float)
     else:
         facets = len(re.findall(rb"(?<!\S)facet\s+normal(?!\S)", data, re.IGNORECASE))
         if b"\0" in data and not facets:

@@ -47,7 +47,7 @@ def mesh_sheet(
             blank = Blank.outline(sheet.outline, **how, **cells)
         else:
             modelled = modelled_share(planes) * [getattr(sheet, name) for name in sides]
-            blank = Blank.rectangle(*modelled, **how, **cells)
+            blank = Blank.rectangle(**dict(zip(("length", "width"), modelled)), **how, **cells)
     kind, flaw = "P" if blank.around == [0, 1, 2] else "Q", ""
     if blank.mesh.geometry.dim == 3 and not spatial:
         flaw = f"{source} is not plane in z; allowed is a sheet in a plane z = const"
