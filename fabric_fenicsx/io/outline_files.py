@@ -115,29 +115,24 @@ def _drawing(path, source, layer):
                 f"`layer` {', '.join(missing)} of {source} has no lines; allowed are {layers}"
             )
         drawn = [each for each in drawn if each[1].lower() in asked]
-    curves = [each for each in drawn if _is_curve(each[0])]
     beside = "TEXT MTEXT DIMENSION ARC_DIMENSION LEADER MULTILEADER POINT ATTDEF".split()
     others = Counter(entity.dxftype() for entity, *_ in drawn if not _is_curve(entity))
     unread = ", ".join(f"{n} {kind}" for kind, n in sorted(others.items()) if kind not in beside)
-    notes = [f"{source} has {unread}, not read; allowed are {', '.join(CURVES)}"] if unread else []
-    fixes = [each.message for each in auditor.fixes]
-    notes += [f"{source} is damaged: {each}" for each in fixes if each.startswith("Removed")]
-    if not curves:
-        raise InputError(
-            f"{source} has no lines, but {unread or 'nothing'}; allowed are {', '.join(CURVES)}"
-        )
     factor, unit = _unit(drawing)
     lines = []
-    for curve, _, place in curves:
-        if curve.dxftype() == "POLYLINE":  # R12 has vertices, by this flag, that steer a spline
-            on_it = [vertex for vertex in curve.vertices if not vertex.dxf.flags & 16]
-            curve.vertices[:] = on_it or curve.vertices
+    for curve, _, place in (each for each in drawn if _is_curve(each[0])):
         stretch = np.linalg.norm(np.array([*place.rows()])[:3, :3], 2)
         for line in _flattened(curve, 0.01 / factor / stretch):  # chords within 0.01 mm
             lines.append(factor * np.array([tuple(x) for x in place.transform_vertices(line)]))
-    if unit:
-        sides = " x ".join(rounded(each, 4) for each in np.ptp(np.concatenate(lines), axis=0)[:2])
-        notes.append(f"{source} {unit}, so it is {sides} mm")
+    if not lines:
+        raise InputError(
+            f"{source} has no lines, but {unread or 'nothing'}; allowed are {', '.join(CURVES)}"
+        )
+    sides = " x ".join(rounded(each, 4) for each in np.ptp(np.concatenate(lines), axis=0)[:2])
+    notes = [f"{source} has {unread}, not read; allowed are {', '.join(CURVES)}"] if unread else []
+    fixes = [each.message for each in auditor.fixes]
+    notes += [f"{source} is damaged: {each}" for each in fixes if each.startswith("Removed")]
+    notes += [f"{source} {unit}, so it is {sides} mm"] if unit else []
     hint = f"; it has {unread}, not read" if unread else ""
     if layer is None and len(layers) > 1:
         hint += f"; of its layers {', '.join(layers)} some may be left out by `layer`"
@@ -152,6 +147,9 @@ def _flattened(curve, chord):
     kind = curve.dxftype()
     if kind in ("ARC", "CIRCLE", "ELLIPSE"):
         return [[*curve.flattening(chord)]]
+    if kind == "POLYLINE":  # R12 has vertices, by this flag, that steer a spline
+        on_it = [vertex for vertex in curve.vertices if not vertex.dxf.flags & 16]
+        curve.vertices[:] = on_it or curve.vertices
     if kind in ("LWPOLYLINE", "POLYLINE") and curve.has_arc:
         return [line for each in curve.virtual_entities() for line in _flattened(each, chord)]
     if kind != "SPLINE":
@@ -160,13 +158,11 @@ def _flattened(curve, chord):
     spline = curve.construction_tool()
     ends = np.unique(spline.knots()[spline.degree : spline.count + 1])
     for parts in 2 ** np.arange(2, 13):  # of each stretch between knots
-        shares = np.arange(parts)[:, None] / parts
-        t = np.append((ends[:-1] + shares * np.diff(ends)).T, ends[-1])
-        points = [*spline.points(t)]
-        x = np.array([tuple(point) for point in points])
+        t = np.interp(np.arange(parts * (len(ends) - 1) + 1) / parts, np.arange(len(ends)), ends)
+        x = np.array([tuple(point) for point in spline.points(t)])
         if np.linalg.norm(x[1::2] - (x[:-1:2] + x[2::2]) / 2, axis=1).max() < chord:
             break
-    return [points]
+    return [x]
 
 
 def _is_curve(entity):
