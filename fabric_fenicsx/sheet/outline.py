@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from ..core.errors import InputError
 from ..core.formatting import coordinates, rounded
 from ..core.rules import POSITIVE
-from .gmsh_cells import meshed, own_model
+from .specimen import meshed, own_model
 
 PATTERNS = "along", "unstructured"
 MIN_DETAIL = 0.1  # of the cells' size: length of an edge or a hole below which it is left out

@@ -15,8 +15,7 @@ from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.core.errors import InputError
 from fabric_fenicsx.core.processes import in_child
 from fabric_fenicsx.io.read import read_surface_mesh
-from fabric_fenicsx.sheet.gmsh_cells import own_model
-from fabric_fenicsx.sheet.specimen import specimen
+from fabric_fenicsx.sheet.specimen import own_model, specimen
 
 SQUARE = np.array([[0.0, 0, 0], [10, 0, 0], [10, 10, 0], [0, 10, 0]])
 POINTS, TRIANGLES, _ = specimen(20, 10, 4, 2, "right")

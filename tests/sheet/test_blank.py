@@ -11,9 +11,8 @@ from dolfinx import fem
 
 import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
-from fabric_fenicsx.sheet.gmsh_cells import own_model
 from fabric_fenicsx.sheet.sources import moved_sheet
-from fabric_fenicsx.sheet.specimen import specimen, yarns_through_corners
+from fabric_fenicsx.sheet.specimen import own_model, specimen, yarns_through_corners
 
 
 def area(blank):
