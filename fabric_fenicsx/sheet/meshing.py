@@ -48,14 +48,12 @@ def mesh_sheet(
         else:
             modelled = modelled_share(planes) * [getattr(sheet, name) for name in sides]
             blank = Blank.rectangle(**dict(zip(("length", "width"), modelled)), **how, **cells)
-    kind, flaw = "P" if blank.around == [0, 1, 2] else "Q", ""
     if blank.mesh.geometry.dim == 3 and not spatial:
-        flaw = f"{source} is not plane in z; allowed is a sheet in a plane z = const"
-    elif sheet.element and sheet.element[0] != kind:
+        raise InputError(f"{source} is not plane in z; allowed is a sheet in a plane z = const")
+    kind = "P" if blank.around == [0, 1, 2] else "Q"
+    if sheet.element and sheet.element[0] != kind:
         flaw = f"`element` {sheet.element} does not fit the cells of {source}"
-        flaw += "; allowed is P on triangles, Q on quadrilaterals"
-    if flaw:
-        raise InputError(flaw)
+        raise InputError(f"{flaw}; allowed is P on triangles, Q on quadrilaterals")
     doubts = [*blank.warnings, size_warning(blank, source)]
     integration = sheet.integration or "full"
     if not sheet.integration and blank.degree == 2 and blank.triangulated:
