@@ -37,8 +37,7 @@ def below(runs: Sequence[Run], quantity: str, limit: float) -> str:
             points.append((float(run.values[key]), value))
         else:
             doubt = "doubted, see the table" if run.doubts(quantity) else "without a value"
-            why = doubt if run.is_believed() else "not believed"
-            others[why].append(run.values[key])
+            others[doubt if run.is_believed() else "not believed"].append(run.values[key])
     notes = [f"left out, as {why}: {name} = {', '.join(x)}" for why, x in others.items()]
     asked = f"{quantity} below {rounded(limit, 5)}"
     if not points:

@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from ..core.errors import InputError
-from ..core.files import lock_folder, plain, read_summary, replace_file
+from ..core.files import lock_folder, read_summary, write_json
 from ..core.rules import did_you_mean
 from ..results.verdict import INVALID
 from .varied import Values, folder_name, label
@@ -33,7 +33,6 @@ class Run:
 
     @property
     def label(self) -> str:
-        """Its values, as a reader would write them."""
         return label(self.values)
 
     @property
@@ -43,13 +42,11 @@ class Run:
         return [self.folder, *(each for each in finer if (each / "summary.json").is_file())][-1]
 
     def summary(self) -> dict:
-        """The summary.json of its results, {} if there is none yet."""
         return read_summary(self.results / "summary.json")
 
     def save(self) -> None:
-        """Write run.json into its folder."""
         state = {key: value for key, value in vars(self).items() if key != "folder"}
-        _write(self.folder / "run.json", state)
+        write_json(self.folder / "run.json", state)
 
     def memory(self) -> float:
         """The most that it took on all of its ranks [MiB], 0 as long as that is not known."""
@@ -84,8 +81,8 @@ class Run:
         if not (summary := self.summary()):
             return {}
         first = {name: summary.get(name) for name in ("reaction_N", "stroke_reached")}
-        wall = {"wall_s": summary.get("wall_s", {}).get("total")}
-        return flat(first | wall | summary.get("quantities", {}))
+        first["wall_s"] = summary.get("wall_s", {}).get("total")
+        return flat(first | summary.get("quantities", {}))
 
     def number(self, name: str) -> float:
         """The quantity `name`; InputError, which names the nearest, if it is not there."""
@@ -118,10 +115,6 @@ def flat(values: Mapping[str, object], before: str = "") -> dict[str, float]:
     return numbers
 
 
-def _write(path, data):
-    replace_file(path, json.dumps(plain(data), indent=2) + "\n")
-
-
 class SweepFolder:
     """The folder `path` of a sweep of the press file `press` over `keys`, locked while it is open
     unless it is `shared` with processes that do other runs. runs: {folder's name: Run}, with those
@@ -136,8 +129,13 @@ class SweepFolder:
         self.path, self.title = path, str(tomllib.loads(text).get("title", press.name))
         made_of = {"text": text, "files": _files_of(press, text)}
         self.state: dict = {"format": 2, "keys": list(keys), "press": made_of}
-        is_new = overwrite or not (path / "sweep.json").exists()
-        self._refuse_another(press, overwrite)
+        before = read_summary(path / "sweep.json")
+        if not before and any(not each.name.startswith(".") for each in path.glob("*")):
+            flaw = f"--out {path} holds files that no sweep wrote"
+            raise InputError(f"{flaw}; allowed is a folder of a sweep, an empty or a new one")
+        if before and not overwrite and (wrong := self._other(before, press.name)):
+            allowed = "another --out, or --overwrite, which loses the runs there"
+            raise InputError(f"--out {path} has {wrong}; allowed is {allowed}")
         path.mkdir(parents=True, exist_ok=True)
         self._lock = None if shared else lock_folder(path)
         if not (shared or self._lock):
@@ -149,29 +147,19 @@ class SweepFolder:
                 (path / name).unlink(missing_ok=True)
         runs = {file.parent: json.loads(file.read_text()) for file in path.glob("*/run.json")}
         self.runs = {folder.name: Run(folder=folder, **run) for folder, run in runs.items()}
-        if is_new:
+        if overwrite or not before:
             self.save()
 
-    def _refuse_another(self, press, overwrite):
-        """InputError for a folder that no sweep wrote, or one of another press or over other keys,
-        which may be overwritten."""
-        file, now = self.path / "sweep.json", self.state
-        if not file.exists():
-            if any(not each.name.startswith(".") for each in self.path.glob("*")):
-                flaw = f"--out {self.path} holds files that no sweep wrote"
-                raise InputError(f"{flaw}; allowed is a folder of a sweep, an empty or a new one")
-            return
-        before = json.loads(file.read_text())
-        if overwrite or all(before.get(key) == now[key] for key in now):
-            return
-        wrong = "a sweep of another version of this program"
-        if before["format"] == now["format"]:
-            wrong = f"a sweep over {', '.join(before['keys'])}, now it is {', '.join(now['keys'])}"
-            old, new = ({press: s["press"]["text"], **s["press"]["files"]} for s in (before, now))
-            for name, _ in old.items() ^ new.items():
-                wrong = f"runs of another press ({name} has changed since)"
-        allowed = "another --out, or --overwrite, which loses the runs there"
-        raise InputError(f"--out {self.path} has {wrong}; allowed is {allowed}")
+    def _other(self, before, press):
+        """What sweep it was `before`, if it was another one than now; else ""."""
+        now = self.state
+        if before["format"] != now["format"]:
+            return "a sweep of another version of this program"
+        old, new = ({press: s["press"]["text"], **s["press"]["files"]} for s in (before, now))
+        for name, _ in old.items() ^ new.items():
+            return f"runs of another press ({name} has changed since)"
+        keys = f"{', '.join(before['keys'])}, now it is {', '.join(now['keys'])}"
+        return f"a sweep over {keys}" if before["keys"] != now["keys"] else ""
 
     def run(self, values: Values) -> Run:
         """The run with these values, one of before or new."""
@@ -180,7 +168,7 @@ class SweepFolder:
 
     def save(self) -> None:
         """Write sweep.json."""
-        _write(self.path / "sweep.json", self.state)
+        write_json(self.path / "sweep.json", self.state)
 
     def close(self) -> None:
         """Let others use the folder."""

@@ -55,12 +55,12 @@ def lists(words: Sequence[str]) -> dict[str, list[str]]:
     """The values {key: values} of words "KEY=VALUE,VALUE..."; values may be TOML's texts, lists
     and tables. InputError for words of another form."""
     values = {}
+    # what stands between commas that are in no quotes or brackets
     closed = r"""'[^']*'|"[^"]*"|\[(?:[^][]|\[[^][]*\])*\]|\{[^{}]*\}"""
+    between = re.compile(rf"""((?:[^,"'[{{]|{closed}|.)*?),""")
     for key, text in _by_key(words, "KEY=VALUE,VALUE...").items():
-        # what stands between commas that are in no quotes or brackets
-        parts = map(str.strip, re.findall(rf"""((?:[^,"'[{{]|{closed}|.)*?),""", text + ","))
-        texts = (part if number(part) is None else spelled(float(part)) for part in parts)
-        values[key] = list(dict.fromkeys(texts))
+        parts = map(str.strip, between.findall(text + ","))
+        values[key] = [*dict.fromkeys(p if number(p) is None else spelled(float(p)) for p in parts)]
     return values
 
 
@@ -70,10 +70,8 @@ def ranges(words: Sequence[str]) -> list[Range]:
     for key, text in _by_key(words, "KEY=LOW..HIGH").items():
         low, high = map(number, text.partition("..")[::2])
         if low is None or high is None or not -math.inf < low < high < math.inf:
-            allowed = "KEY=LOW..HIGH with numbers, LOW below HIGH"
-            raise InputError(
-                f"--vary {key}={text} is no range; allowed with --scatter is {allowed}"
-            )
+            allowed = "allowed with --scatter is KEY=LOW..HIGH with numbers, LOW below HIGH"
+            raise InputError(f"--vary {key}={text} is no range; {allowed}")
         found.append(Range(key, low, high))
     return found
 
@@ -89,11 +87,6 @@ def _by_key(words, form):
     return texts
 
 
-def changes(values: Values) -> list[str]:
-    """The values of a run as `fabric form --set` takes them."""
-    return [f"{key}={value}" for key, value in values.items()]
-
-
 def label(values: Values) -> str:
     """The values as a reader would write them, by as little of each key as tells them apart."""
     return ", ".join(f"{name}={values[key]}" for key, name in short_names(values).items())
@@ -103,12 +96,10 @@ def short_names(keys: Collection[str]) -> dict[str, str]:
     """{key: the last words of it that no other key ends in}."""
     names = {}
     for key in keys:
-        words = key.split(".")
-        ends = (".".join(words[-n:]) for n in range(1, len(words) + 1))
-        others = [f".{other}" for other in keys if other != key]
-        names[key] = next(
-            (end for end in ends if not any(other.endswith(f".{end}") for other in others)), key
-        )
+        words, others = key.split("."), [f".{other}" for other in keys if other != key]
+        ends = [".".join(words[-n:]) for n in range(1, len(words) + 1)]
+        unique = [e for e in ends if not any(other.endswith(f".{e}") for other in others)]
+        names[key] = [*unique, key][0]
     return names
 
 

@@ -23,7 +23,7 @@ PRESS = '[tools.punch]\nfile = "punch.stl"\nfriction = 0.2\n[ring]\npressure = 0
 
 class Fake(SweepRun):
     def command(self, values, folder):
-        settings = [word for each in varied.changes(values) for word in ("--set", each)]
+        settings = [word for pair in values.items() for word in ("--set", "=".join(pair))]
         return [sys.executable, str(FAKE), *settings, "--out", str(folder), *self.options]
 
     def read(self, values):
