@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from ..core.processes import in_child
-from ..core.signals import end_with_reader
+from ..core.processes import end_with_reader, in_child
 from ..core.version import __version__
 
 

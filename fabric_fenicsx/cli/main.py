@@ -10,8 +10,8 @@ from pathlib import Path
 
 from ..core.cache_folders import is_first
 from ..core.errors import InputError
+from ..core.processes import end_with_reader
 from ..core.rules import unknown_key
-from ..core.signals import end_with_reader
 from ..core.status import shown, task
 from ..core.version import __version__
 from . import info

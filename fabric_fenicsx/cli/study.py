@@ -11,11 +11,10 @@ from typing import Any, TypeVar
 
 from mpi4py import MPI
 
-from ..core import status
 from ..core.collective_errors import is_alone
 from ..core.errors import InputError, Interrupted, SolverFailure
 from ..core.fields import declared
-from ..core.logs import Console
+from ..core.status import Console, log, shown, task
 from ..core.timing import count_imports, phase
 from ..coupons.coupon import Coupon
 from ..job.dry_run import checked
@@ -29,7 +28,6 @@ from ..solve.settings import Settings
 from . import options as command_line
 from .options import Parser, program
 
-log = logging.getLogger("fabric_fenicsx")
 Test = TypeVar("Test", bound=Coupon)
 
 
@@ -241,7 +239,7 @@ def run(name: str, options: Parser, main: Callable[[Any], None], kind: type[Stud
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         speaks = comm.rank == 0 and not command_line.asks_for_help(sys.argv)
-        with status.shown(first=speaks), status.task(program(name)):
+        with shown(first=speaks), task(program(name)):
             study = kind(name, options)
             main(study)
             study.write_report(description, "done")

@@ -7,8 +7,8 @@ from pathlib import Path
 from petsc4py import PETSc
 from tqdm import tqdm
 
-from ..core import status
 from ..core.formatting import rounded
+from ..core.status import log, on_terminal
 from ..core.timing import phase
 from ..results.fields import FieldSeries
 from ..results.history import History, viscous_warning
@@ -24,8 +24,6 @@ from ..solve.report import Report
 from ..solve.settings import Settings
 from . import validity
 from .setup import Observer, Setup
-
-log = logging.getLogger("fabric_fenicsx")
 
 
 class LimitWatch(Observer):
@@ -107,13 +105,12 @@ class StateWriter(Observer):
 
 class ProgressLog(Observer):
     """Tells how far the run of the `states` is from the load factor `start` on, and how long it
-    still takes, in the log and the status line; part: name of the part of several that it is."""
+    still takes, in the log and the status line."""
 
     MAX_SLOWDOWN = 1.5  # time of later steps over that of earlier ones, if all goes well
 
-    def __init__(self, states: StateWriter, newton: Newton, start: float, part: str) -> None:
-        self.rows, self.newton, self.output = states.history.rows, newton, states.output
-        self.stages, self.part = states.setup.stages, part
+    def __init__(self, states: StateWriter, newton: Newton, start: float) -> None:
+        self.states, self.rows, self.newton = states, states.history.rows, newton
         self.start = self.load = start
         self.size = self.seconds = 0.0  # of the last step
         self.began = self.step_began = time.monotonic()
@@ -132,7 +129,7 @@ class ProgressLog(Observer):
             f"{accepted.report.iterations} iterations"
         )
         if self.newton.scene.comm.rank == 0:
-            is_seen = status.on_terminal() or self.output.is_quiet
+            is_seen = on_terminal() or self.states.output.is_quiet
             log.log(logging.DEBUG if is_seen else logging.INFO, self.reached + self.left(0.0))
 
     def reject(self, load: float, report: Report) -> None:
@@ -157,5 +154,7 @@ class ProgressLog(Observer):
         return f", {tqdm.format_interval(low)} to {tqdm.format_interval(high)} left"
 
     def _name(self):
-        stage = next((name for end, name in self.stages if self.load <= end), "")
-        return ", ".join(filter(None, [self.part, stage])) or self.output.name
+        folder, output = self.states.series.directory, self.states.output
+        stages = [name for end, name in self.states.setup.stages if self.load <= end]
+        part = [folder.name] if folder != output.path else []
+        return ", ".join([*part, *stages[:1]]) or output.name

@@ -20,7 +20,7 @@ from ..core import timing
 from ..core.collective_errors import on_root
 from ..core.errors import InputError
 from ..core.files import csv_text, lock_folder, plain, replace_file, write_json
-from ..core.logs import MARKED, LogFile, log
+from ..core.status import MARKED, LogFile, log
 from ..core.version import __version__
 from . import report
 from .verdict import INVALID, OK, Numbers, Reason
