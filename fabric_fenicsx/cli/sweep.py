@@ -22,7 +22,7 @@ JOB_ARRAY = """\
 #SBATCH --ntasks={ranks}
 #SBATCH --signal=B:TERM@120
 cd {folder}
-exec {start} --only "$SLURM_ARRAY_TASK_ID"{passed}
+exec {start} --only "$SLURM_ARRAY_TASK_ID" {passed}
 """  # exec: so that the signal reaches the sweep, which ends its run after its step
 
 
@@ -31,8 +31,7 @@ def parser() -> Parser:
     numbers scatter. Called again, it goes on. DIR gets table.csv, pictures, report.html, and a
     folder a run. Options behind -- go to `fabric form`."""
     usage = "%(prog)s press.toml --vary KEY=VALUES [option ...] [-- option of form ...]"
-    description = " ".join((parser.__doc__ or "").split())
-    p = Parser(prog="fabric sweep", usage=usage, description=description)
+    p = Parser(prog="fabric sweep", usage=usage, description=parser.__doc__)
     power = Rule("a power of 2 from 8 on", lambda v: v >= 8 and v.bit_count() == 1, int)
     count: dict = {"type": option_type(COUNT)}
     several: dict = {"action": "append", "default": []}
@@ -43,7 +42,7 @@ def parser() -> Parser:
     p.option("--out", metavar="DIR", type=Path, help="default results/sweep_PRESS")
     words = "runs at a time (by default as many as cores and free memory allow)"
     p.option("--jobs", metavar="N", **count, help=words)
-    p.option("--ranks", metavar="N", **count, default=1, help="of each run, one core each (1)")
+    p.option("--ranks", metavar="N", **count, default=1, help="of each run, one core each")
     words = "run nothing here, but write a script for Slurm: a job array with a task for each run"
     p.option("--slurm", metavar="FILE", type=Path, help=words)
     either = p.add_mutually_exclusive_group()
@@ -93,8 +92,7 @@ def _sweep(args, passed, form, argv):
         return ""
     runner, told = Runner(sweep, form, args.jobs, asked), list[str]()
     if args.only:
-        (run,) = runner.all([values[args.only - 1]])
-        return run.reason
+        return runner.all([values[args.only - 1]])[0].reason
     sweep.state["asked"] = asked
     try:
         _announce(values, runner)
@@ -137,14 +135,12 @@ def _faults(args, passed, lists, ranges, count):
     given = "--set", "--out", "--resume", "--overwrite"  # to each run, by the sweep
     for word in passed:
         if word.split("=")[0] in given:
-            allowed = f"options of fabric form but {', '.join(given)}"
-            yield f"option {word} is behind --; allowed are {allowed}"
+            yield f"option {word} is behind --; allowed are options of form but {', '.join(given)}"
     if not (lists or ranges):
         yield "nothing is varied; allowed is --vary, or --scatter and [scatter] in a material file"
     least = 1 << (2 * len(ranges) + 1).bit_length()
     if ranges and args.scatter < least:
-        allowed = f"allowed for {len(ranges)} numbers is {least} or more"
-        yield f"--scatter is {args.scatter}; {allowed}"
+        yield f"--scatter is {args.scatter}; allowed for {len(ranges)} numbers is {least} or more"
     if lists and args.below and [None in map(varied.number, v) for v in lists.values()] != [False]:
         yield f"--below is given for {', '.join(args.vary)}; allowed is one key's numbers"
     if args.only and args.only > count:
@@ -156,8 +152,7 @@ def _announce(values, runner):
     done = [run for run in runs if run.is_done(passed)]
     where = f"{min(runner.jobs, len(runs))} at a time; folder {runner.folder.path}"
     print(f"{len(runs)} runs, {len(done)} done before, {where}", flush=True)
-    others = {shlex.join(run.options) for run in done} - {shlex.join(passed)}
-    for each in sorted(others):
+    for each in sorted({shlex.join(run.options) for run in done} - {shlex.join(passed)}):
         print(f"warning: some were made with other options: {each or 'none'}", file=sys.stderr)
 
 
@@ -170,13 +165,9 @@ def _write_job_array(file, words, count, ranks):
     cut = words.index("--") if "--" in words else len(words)
     own = [word for word, before in zip(words[:cut], ["", *words]) if before != "--slurm"]
     own = [w for w in own if w != "--overwrite" and w.split("=")[0] != "--slurm"]
-    script = JOB_ARRAY.format(
-        count=count,
-        ranks=ranks,
-        folder=shlex.quote(str(Path.cwd())),
-        start=shlex.join([sys.executable, "-m", "fabric_fenicsx", "sweep", *own]),
-        passed="".join(f" {shlex.quote(word)}" for word in words[cut:]),
-    )
-    replace_file(file, script)
+    start = shlex.join([sys.executable, "-m", "fabric_fenicsx", "sweep", *own])
+    folder, passed = shlex.quote(str(Path.cwd())), shlex.join(words[cut:])
+    of_array = {"count": count, "ranks": ranks, "folder": folder, "start": start}
+    replace_file(file, JOB_ARRAY.format(passed=passed, **of_array))
     print(f"{file}: a job array of {count} runs, for sbatch; the same sweep without --slurm then")
     print("writes their table and does those that are missing")

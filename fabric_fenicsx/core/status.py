@@ -18,14 +18,16 @@ log = logging.getLogger("fabric_fenicsx")
 # of records that a user should look at: what console and log.txt write before them, while handlers
 # of other programs have the level for that
 MARKED = {"mark": "warning: "}
-_tasks: list[tuple[str | Callable[[], str], float]] = []
+_tasks: list[Callable[[], str]] = []
 _shown = threading.Lock()  # held while tasks are shown
 
 
 @contextmanager
 def task(words: str | Callable[[], str]) -> Iterator[None]:
     """Tell the user of these words while it is open; a function is asked each time for them."""
-    _tasks.append((words, time.monotonic()))
+    began, timed = time.monotonic(), tqdm.format_interval
+    tell = words if callable(words) else lambda: f"{words}, {timed(time.monotonic() - began)}"
+    _tasks.append(tell)
     try:
         yield
     finally:
@@ -34,12 +36,7 @@ def task(words: str | Callable[[], str]) -> Iterator[None]:
 
 def doing() -> str:
     """The task begun last, with its time, "" if there is none."""
-    if not _tasks:
-        return ""
-    words, began = _tasks[-1]
-    if callable(words):
-        return words()
-    return f"{words}, {tqdm.format_interval(time.monotonic() - began)}"
+    return _tasks[-1]() if _tasks else ""
 
 
 def on_terminal() -> bool:
@@ -64,9 +61,8 @@ def shown(lines: bool = True, first: bool = True, seconds: float = 3.0) -> Itera
         while not ended.wait(0.5 if renews else seconds):
             if renews:
                 bar.set_description_str(doing())
-            elif (text := doing()) and text != before:
-                print(text, file=out, flush=True)
-                before = text
+            elif (text := doing()) not in ("", before):
+                print(before := text, file=out, flush=True)
 
     thread = threading.Thread(target=tell, daemon=True)
     thread.start()

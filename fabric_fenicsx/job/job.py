@@ -85,11 +85,6 @@ class Job(Settings):
         """The scene that it runs."""
         return self.setup.scene
 
-    @property
-    def name(self) -> str:
-        """Of the study in the summary."""
-        return self.setup.name
-
     @phase("setup")
     def run(
         self,
@@ -132,16 +127,15 @@ class Job(Settings):
             After SIGINT or SIGTERM.
         """
         self._check(out.resume if isinstance(out, Output) else resume)
-        problem = dict(problem or {"study": self.name, "material": _material(self.scene)})
+        problem = dict(problem or {"study": self.setup.name, "material": _material(self.scene)})
         if isinstance(out, Output):
             return self._run(out, out.folder(part), problem, pictures)
         comm, is_kept = self.scene.comm, out is not None
         pictures = pictures and is_kept
         temporary = nullcontext(out) if is_kept or comm.rank else tempfile.TemporaryDirectory()
         with all_or_none(comm), temporary as path:  # studies see to that themselves
-            output = Output(
-                self.name, Path(comm.bcast(path)), comm, resume=resume, overwrite=overwrite
-            )
+            how = {"resume": resume, "overwrite": overwrite}
+            output = Output(self.setup.name, Path(comm.bcast(path)), comm, **how)
             output.facts["fabric"] = _material(self.scene)
             try:
                 return self._run(output, output.folder(part), problem, pictures, is_kept)
@@ -193,7 +187,7 @@ class Job(Settings):
         if comm.rank == 0:
             for old in [folder / "summary.json", *folder.glob("*.png")]:
                 old.unlink(missing_ok=True)  # of an earlier run, not of this one
-        states = StateWriter(self.setup, self, output, checkpoint, notes)
+        states = StateWriter(self, output, checkpoint, notes)
         progress = ProgressLog(states, newton, start.load if start else 0.0)
         watch = LimitWatch(scene, self)
         observers = watch, states, progress, self.setup, *self.observers
@@ -328,7 +322,9 @@ class Job(Settings):
         )
         folder = result.folder / name
         known = output.resume and comm.bcast((folder / "checkpoint.npz").exists())
-        apart = Output(f"{job.name}, coarser", folder, comm, resume=known, overwrite=not known)
+        apart = Output(
+            f"{job.setup.name}, coarser", folder, comm, resume=known, overwrite=not known
+        )
         apart.is_quiet = True
         try:
             return job.run(apart, problem=dict(problem) | {"mesh": name}, pictures=False)

@@ -3,6 +3,7 @@
 import logging
 import time
 from pathlib import Path
+from typing import Any
 
 from petsc4py import PETSc
 from tqdm import tqdm
@@ -23,7 +24,7 @@ from ..solve.progress import Accepted
 from ..solve.report import Report
 from ..solve.settings import Settings
 from . import validity
-from .setup import Observer, Setup
+from .setup import Observer
 
 
 class LimitWatch(Observer):
@@ -58,23 +59,15 @@ class LimitWatch(Observer):
 
 
 class StateWriter(Observer):
-    """Writes of each state a row of the `history`, with what `setup` measures, the fields to the
-    `series` if `settings` ask for it, and the checkpoint; notes: those of a run that is resumed."""
+    """Writes of each state of a `job` a row of the `history`, the fields to the `series` if it asks
+    for them, and the checkpoint; notes: those of a run that is resumed."""
 
     @phase("output")
-    def __init__(
-        self,
-        setup: Setup,
-        settings: Settings,
-        output: Output,
-        checkpoint: Checkpoint,
-        notes: Numbers,
-    ) -> None:
-        self.setup, self.settings, self.output = setup, settings, output
-        self.checkpoint, folder = checkpoint, checkpoint.path.parent
-        self.series = FieldSeries(folder, setup.scene, notes.get("states", ()))
-        rows = notes.get("rows", ())
-        self.history = History(folder / "history.csv", setup.scene.comm, rows)
+    def __init__(self, job: Any, output: Output, checkpoint: Checkpoint, notes: Numbers) -> None:
+        self.job, self.setup, self.output, self.checkpoint = job, job.setup, output, checkpoint
+        folder, rows = checkpoint.path.parent, notes.get("rows", ())
+        self.series = FieldSeries(folder, job.scene, notes.get("states", ()))
+        self.history = History(folder / "history.csv", job.scene.comm, rows)
 
     def accept(self, accepted: Accepted) -> None:
         scene, rows = self.setup.scene, self.history.rows
@@ -99,8 +92,8 @@ class StateWriter(Observer):
 
     def is_written(self) -> bool:
         """True if the last state is written for ParaView: at full load, as stages may follow."""
-        rows, kept = self.history.rows, (*self.settings.milestones, 1.0)
-        return (len(rows) - 1) % self.settings.every == 0 or rows[-1]["load"] in kept
+        rows, kept = self.history.rows, (*self.job.milestones, 1.0)
+        return (len(rows) - 1) % self.job.every == 0 or rows[-1]["load"] in kept
 
 
 class ProgressLog(Observer):

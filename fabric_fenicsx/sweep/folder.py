@@ -13,7 +13,7 @@ from pathlib import Path
 
 from ..core.errors import InputError
 from ..core.files import lock_folder, read_summary, write_json
-from ..core.rules import did_you_mean
+from ..core.rules import unknown_key
 from ..results.verdict import INVALID
 from .varied import Values, folder_name, label
 
@@ -68,7 +68,6 @@ class Run:
         return [r["text"] for r in reasons if not quantity or (r["of"] and r["of"] in quantity)]
 
     def is_at_full_load(self) -> bool:
-        """True once it reached the load, believed or not."""
         return self.summary().get("stroke_reached", 0) >= 1
 
     def is_done(self, options: Sequence[str]) -> bool:
@@ -86,11 +85,8 @@ class Run:
 
     def number(self, name: str) -> float:
         """The quantity `name`; InputError, which names the nearest, if it is not there."""
-        numbers = self.numbers()
-        if name not in numbers:
-            hint, allowed = did_you_mean(name, numbers), ", ".join(numbers)
-            where = f"not in the summary of {self.folder}{hint}"
-            raise InputError(f"quantity {name} is {where}; allowed is one of {allowed}")
+        if name not in (numbers := self.numbers()):
+            raise unknown_key(name, numbers, f"quantity {name} of {self.folder}")
         return numbers[name]
 
     def value(self, name: str) -> float:

@@ -3,6 +3,7 @@
 import csv
 import math
 import textwrap
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -26,7 +27,13 @@ def write(sweep: SweepFolder, answers: Sequence[str] = (), pictures: bool = True
         "maps": "Shear angle, and shortening of both yarns",
     }
     runs = sorted(sweep.runs.values(), key=_place)
-    replace_file(sweep.path / "table.csv", _table(runs))
+    rows = [
+        {"run": run.folder.name, **run.values, "verdict": run.verdict()}
+        | {"converged": run.is_believed(), "reason": run.reason or "; ".join(run.doubts())}
+        | run.numbers()
+        for run in runs
+    ]
+    replace_file(sweep.path / "table.csv", csv_text(rows))
     columns = headlines(runs, sweep.state.get("asked", ()))
     files = {name: sweep.path / f"{name}.png" for name in captions}
     if pictures:
@@ -51,16 +58,6 @@ def _place(run):
     return [(value is None, value or 0.0, text) for value, text in values]
 
 
-def _table(runs):
-    """table.csv: a row a run, with values, verdict, doubts and all of its numbers."""
-    rows = []
-    for run in runs:
-        facts = {"run": run.folder.name, **run.values, "verdict": run.verdict()}
-        facts |= {"converged": run.is_believed(), "reason": run.reason or "; ".join(run.doubts())}
-        rows.append(facts | run.numbers())
-    return csv_text(rows)
-
-
 def headlines(runs: Iterable[Run], asked: Sequence[str] = ()) -> dict[str, str]:
     """Headline quantities {name: label} that any of the runs has, those `asked` for first."""
     measured = {name for run in runs for name in run.numbers()}
@@ -82,9 +79,7 @@ def _row(run, keys, names):
     return {
         "values": [run.values.get(key, "") for key in keys],
         "numbers": [texts.get(name, "-") for name in names],
-        "believed": run.is_believed(),
-        "verdict": run.verdict() or "not run",
-        "reason": reason,
+        **{"believed": run.is_believed(), "verdict": run.verdict() or "not run", "reason": reason},
         "doubts": run.doubts() if run.is_believed() else [],
         "report": str(page.relative_to(run.folder.parent)) if page.is_file() else "",
     }
@@ -93,9 +88,8 @@ def _row(run, keys, names):
 def draw(
     files: Mapping[str, Path], runs: Sequence[Run], names: Mapping[str, str], scatter: bool = False
 ) -> None:
-    """Draw curves, trends and maps of runs with results into `files`, each where there is something
-    to draw; names: labels of the quantities whose trends are drawn {quantity: label}; scatter: True
-    of runs of a design, of which no maps are drawn."""
+    """Draw curves, trends {quantity: label} and maps of runs with results into `files`, each where
+    there is something to draw; scatter: True of runs of a design, of which no maps are drawn."""
     for file in files.values():
         file.unlink(missing_ok=True)
     _draw_curves(files["curves"], runs, scatter)
@@ -142,10 +136,9 @@ def _draw_trends(path, runs, names):
 def _draw_trend(ax, runs, key, name, most=8):
     """A quantity over a key, with a line for each values of the others, in a legend up to `most`;
     a cross is a run that is not believed."""
-    groups: dict[str, list[Run]] = {}
+    groups = defaultdict(list)
     for run in runs:
-        others = {other: value for other, value in run.values.items() if other != key}
-        groups.setdefault(label(others), []).append(run)
+        groups[label({k: v for k, v in run.values.items() if k != key})].append(run)
     for k, (group, mine) in enumerate(groups.items()):
         colour = f"C{k if len(groups) <= most else 0}"
         x = [float(run.values[key]) for run in mine]

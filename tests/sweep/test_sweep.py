@@ -162,7 +162,7 @@ def test_a_limit_is_looked_for_between_runs(run):
     name that the first run does not have ends the sweep, which then goes on."""
     vary, below = pressures("0.05,0.1,0.15"), "shortening_mean=0.02"
     status, _, err = run(*vary, "--jobs", "1", "--below", "wrinkle.count=2")
-    assert status == 2 and "(did you mean wrinkles.count?); allowed is one of" in err
+    assert status == 2 and "(did you mean wrinkles.count?); allowed are " in err
     assert [*starts()] == ["pressure=0.05"]
     _, out, _ = run(*vary, "--below", below)
     assert "from pressure = 0.1288 on" in out and "1 done before" in out
