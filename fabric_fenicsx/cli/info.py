@@ -7,6 +7,7 @@ import re
 import tempfile
 import time
 from contextlib import suppress
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -48,6 +49,10 @@ def _tell(name, act, well):
     cost = f" {time.perf_counter() - began:.2f} s" if well else ""
     print(f"{name:15} {f'{result}{cost} {words}'.strip()}", flush=True)
     return result == well
+
+
+def _version(name):
+    return import_module(name).__version__
 
 
 def _mumps():
@@ -120,7 +125,7 @@ VERSIONS = {
     "presets": lambda: ", ".join(import_module("fabric_fenicsx.material.presets").PRESETS),
     "fabric_fenicsx": lambda: __version__,
     "python": platform.python_version,
-    **{name: lambda name=name: import_module(name).__version__ for name in NAMES.split()},
+    **{name: partial(_version, name) for name in NAMES.split()},
     "petsc": lambda: ".".join(map(str, import_module("petsc4py.PETSc").Sys.getVersion())),
     "MPI library": lambda: re.split("[,\n]", import_module("mpi4py.MPI").Get_library_version())[0],
     "VTK": lambda: import_module("vtkmodules.vtkCommonCore").vtkVersion.GetVTKVersion(),

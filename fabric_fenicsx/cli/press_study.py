@@ -23,7 +23,7 @@ def press_parser(description: str | None, name: str = Press.NAME, press: str = "
         p.option("file", metavar="press.toml", help=words, free=True)
     p.group("usual")
     p.group("press")
-    several = {"action": "append", "metavar": "KEY=VALUE", "default": [], "free": True}
+    several: Any = {"action": "append", "metavar": "KEY=VALUE", "default": [], "free": True}
     p.option("--set", **several, help="change an entry of the file, as tools.punch.radius=40")
     p.group("all plies, in place of what the press says")
     for each in declared(Sheet):

@@ -86,7 +86,7 @@ def _sweep(args, passed, form, argv):
     asked = [name for name, _ in below]
     out = args.out or Path("results") / f"sweep_{args.press.stem}"
     sweep = SweepFolder(out, args.press, list(values[0]), args.overwrite, bool(args.only))
-    if args.slurm:
+    if args.slurm and not args.only:
         sweep.close()
         _write_job_array(args.slurm, argv, len(values), args.ranks)
         return ""
@@ -163,8 +163,7 @@ def _write_job_array(file, words, count, ranks):
         flaw = f"--slurm {file} is there and no script of a sweep"
         raise InputError(f"{flaw}; allowed is another file")
     cut = words.index("--") if "--" in words else len(words)
-    own = [word for word, before in zip(words[:cut], ["", *words]) if before != "--slurm"]
-    own = [w for w in own if w != "--overwrite" and w.split("=")[0] != "--slurm"]
+    own = [word for word in words[:cut] if word != "--overwrite"]
     start = shlex.join([sys.executable, "-m", "fabric_fenicsx", "sweep", *own])
     folder, passed = shlex.quote(str(Path.cwd())), shlex.join(words[cut:])
     of_array = {"count": count, "ranks": ranks, "folder": folder, "start": start}

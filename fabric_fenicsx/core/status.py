@@ -97,7 +97,7 @@ class LogFile(logging.FileHandler):
     def __init__(self, path: Path, mode: str, command: str) -> None:
         super().__init__(path, mode)
         self.setFormatter(_formatter("%(asctime)s  "))
-        self.stream.write(f"{command}\n")
+        print(command, file=self.stream)
 
     def handleError(self, record: logging.LogRecord) -> None:
         """Nothing: what a full disk does to the log ends no run."""

@@ -134,7 +134,7 @@ class Job(Settings):
         pictures = pictures and is_kept
         temporary = nullcontext(out) if is_kept or comm.rank else tempfile.TemporaryDirectory()
         with all_or_none(comm), temporary as path:  # studies see to that themselves
-            how = {"resume": resume, "overwrite": overwrite}
+            how: Any = {"resume": resume, "overwrite": overwrite}
             output = Output(self.setup.name, Path(comm.bcast(path)), comm, **how)
             output.facts["fabric"] = _material(self.scene)
             try:
@@ -167,10 +167,11 @@ class Job(Settings):
         known_by = {k: v for part in parts for k, v in part.items()} | problem | scene.fingerprint()
         checkpoint = Checkpoint(folder / "checkpoint.npz", scene.blank, known_by)
         newton = Newton(scene, self.tolerance, linear_solver=self.linear_solver)
-        for material in materials_of(scene, scene.blank.whole):
-            output.say_assumed(material.label, material.assumed_values())
-        for words in [] if output.is_quiet else waves_that_do_not_form(scene):
-            output.say(words)
+        for each in materials_of(scene, scene.blank.whole):
+            if values := ", ".join(map(" = ".join, each.assumed_values().items())):
+                output.remark(f"no test has determined these numbers of {each.label}: {values}")
+        for words in waves_that_do_not_form(scene):
+            output.remark(words)
         start, notes = None, Numbers()
         # a part of several that was not begun yet has no checkpoint
         if output.resume and (folder == output.path or comm.bcast(checkpoint.path.exists())):
@@ -216,7 +217,7 @@ class Job(Settings):
         """The `Outcome` of load stepping, and the signal that stopped it, as text, or ""."""
         watch, states, progress, *_ = observers
         signals = StopSignals(self.scene.comm)
-        calls = {
+        calls: Any = {
             "on_accept": lambda accepted: [each.accept(accepted) for each in observers],
             "on_reject": lambda load, report: [each.reject(load, report) for each in observers],
             "stop": lambda: signals() or watch.reason_to_stop(),

@@ -5,7 +5,7 @@ import platform
 import resource
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -73,14 +73,11 @@ class Output:
         if self.comm.rank == 0:
             log.info(text)
 
-    def say_assumed(self, name: str, values: Mapping[str, str]) -> None:
-        """Say which numbers {number: value} of the material `name` no test has determined, once,
-        unless warnings are quiet, too."""
-        numbers = ", ".join(f"{number} = {value}" for number, value in values.items())
-        text = f"no test has determined these numbers of {name}: {numbers}"
-        if values and not self.is_quiet and text not in self._said:
+    def remark(self, text: str) -> None:
+        """Say it once, unless warnings are quiet, too."""
+        if not self.is_quiet and text not in self._said:
             self.say(text)
-            self._said.add(text)
+        self._said.add(text)
 
     def warn(self, text: str) -> None:
         """Print a text once, on rank 0, as `tell`; the summary repeats it."""
