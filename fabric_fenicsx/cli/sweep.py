@@ -9,8 +9,7 @@ from pathlib import Path
 from ..core.errors import InputError, Interrupted, SolverFailure
 from ..core.files import replace_file
 from ..core.rules import COUNT, Rule
-from ..sweep import answers, results, varied
-from ..sweep.folder import SweepFolder
+from ..sweep import folder, results
 from ..sweep.runner import Runner, SweepRun
 from .options import STUDIES, Parser, exit_status, option_type
 
@@ -82,10 +81,10 @@ def main(argv: Sequence[str], program: type[SweepRun] = SweepRun) -> int:
 def _sweep(args, passed, form, argv):
     """Run it and write what it found; why not all runs are believed, or ""."""
     ranges, values = _planned(args, passed, form)
-    below = [answers.limit_of(word) for word in args.below]
+    below = [results.limit_of(word) for word in args.below]
     asked = [name for name, _ in below]
     out = args.out or Path("results") / f"sweep_{args.press.stem}"
-    sweep = SweepFolder(out, args.press, list(values[0]), args.overwrite, bool(args.only))
+    sweep = folder.SweepFolder(out, args.press, list(values[0]), args.overwrite, bool(args.only))
     if args.slurm and not args.only:
         sweep.close()
         _write_job_array(args.slurm, argv, len(values), args.ranks)
@@ -99,9 +98,9 @@ def _sweep(args, passed, form, argv):
         runs = runner.all(values)
         if args.scatter:
             labels = results.headlines(runs, asked)
-            told, sweep.state["scatter"] = answers.told(runs, ranges, labels, below)
+            told, sweep.state["scatter"] = results.told(runs, ranges, labels, below)
         else:
-            told = [answers.below(runs, *limit) for limit in below]
+            told = [results.below(runs, *limit) for limit in below]
         sweep.save()
         print("".join(f"{sentence}\n" for sentence in told), end="")
     finally:
@@ -116,13 +115,13 @@ def _sweep(args, passed, form, argv):
 
 def _planned(args, passed, form):
     """Ranges that scatter, and the values of each run; InputError for what cannot be run."""
-    lists = {} if args.scatter else varied.lists(args.vary)
-    ranges = [*form.scatter(), *varied.ranges(args.vary)] if args.scatter else []
-    values: Sequence[varied.Values]
+    lists = {} if args.scatter else folder.lists(args.vary)
+    ranges = [*form.scatter(), *folder.ranges(args.vary)] if args.scatter else []
+    values: Sequence[folder.Values]
     values = checked = [dict(zip(lists, each)) for each in itertools.product(*lists.values())]
     if ranges:
-        values = answers.design(ranges, args.scatter)
-        checked = [{r.key: varied.spelled(r[k]) for r in ranges} for k in (1, 2)]
+        values = results.design(ranges, args.scatter)
+        checked = [{r.key: folder.spelled(r[k]) for r in ranges} for k in (1, 2)]
     for fault in _faults(args, passed, lists, ranges, len(values)):
         raise InputError(fault)
     for each in checked:
@@ -141,7 +140,7 @@ def _faults(args, passed, lists, ranges, count):
     least = 1 << (2 * len(ranges) + 1).bit_length()
     if ranges and args.scatter < least:
         yield f"--scatter is {args.scatter}; allowed for {len(ranges)} numbers is {least} or more"
-    if lists and args.below and [None in map(varied.number, v) for v in lists.values()] != [False]:
+    if lists and args.below and [None in map(folder.number, v) for v in lists.values()] != [False]:
         yield f"--below is given for {', '.join(args.vary)}; allowed is one key's numbers"
     if args.only and args.only > count:
         yield f"--only is {args.only}; allowed is 1 to {count}"
@@ -165,8 +164,8 @@ def _write_job_array(file, words, count, ranks):
     cut = words.index("--") if "--" in words else len(words)
     own = [word for word in words[:cut] if word != "--overwrite"]
     start = shlex.join([sys.executable, "-m", "fabric_fenicsx", "sweep", *own])
-    folder, passed = shlex.quote(str(Path.cwd())), shlex.join(words[cut:])
-    of_array = {"count": count, "ranks": ranks, "folder": folder, "start": start}
+    here, passed = shlex.quote(str(Path.cwd())), shlex.join(words[cut:])
+    of_array = {"count": count, "ranks": ranks, "folder": here, "start": start}
     replace_file(file, JOB_ARRAY.format(passed=passed, **of_array))
     print(f"{file}: a job array of {count} runs, for sbatch; the same sweep without --slurm then")
     print("writes their table and does those that are missing")

@@ -21,8 +21,7 @@ from ..core.status import shown, task
 from ..material.presets import read_laws
 from ..press.press import Press
 from ..press.schema import OF_ALL_PLIES, short_forms
-from .folder import Run, SweepFolder
-from .varied import Range, Values
+from .folder import Range, Run, SweepFolder, Values
 
 
 class SweepRun:
