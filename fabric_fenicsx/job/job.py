@@ -85,6 +85,11 @@ class Job(Settings):
         """The scene that it runs."""
         return self.setup.scene
 
+    @property
+    def name(self) -> str:
+        """Of the study in the summary."""
+        return self.setup.name
+
     @phase("setup")
     def run(
         self,
@@ -127,7 +132,7 @@ class Job(Settings):
             After SIGINT or SIGTERM.
         """
         self._check(out.resume if isinstance(out, Output) else resume)
-        problem = dict(problem or {"study": self.setup.name, "material": _material(self.scene)})
+        problem = dict(problem or {"study": self.name, "material": _material(self.scene)})
         if isinstance(out, Output):
             return self._run(out, out.folder(part), problem, pictures)
         comm, is_kept = self.scene.comm, out is not None
@@ -135,7 +140,7 @@ class Job(Settings):
         temporary = nullcontext(out) if is_kept or comm.rank else tempfile.TemporaryDirectory()
         with all_or_none(comm), temporary as path:  # studies see to that themselves
             how: Any = {"resume": resume, "overwrite": overwrite}
-            output = Output(self.setup.name, Path(comm.bcast(path)), comm, **how)
+            output = Output(self.name, Path(comm.bcast(path)), comm, **how)
             output.facts["fabric"] = _material(self.scene)
             try:
                 return self._run(output, output.folder(part), problem, pictures, is_kept)
@@ -324,7 +329,7 @@ class Job(Settings):
         folder = result.folder / name
         known = output.resume and comm.bcast((folder / "checkpoint.npz").exists())
         apart = Output(
-            f"{job.setup.name}, coarser", folder, comm, resume=known, overwrite=not known
+            f"{job.name}, coarser", folder, comm, resume=known, overwrite=not known
         )
         apart.is_quiet = True
         try:
