@@ -328,9 +328,7 @@ class Job(Settings):
         )
         folder = result.folder / name
         known = output.resume and comm.bcast((folder / "checkpoint.npz").exists())
-        apart = Output(
-            f"{job.name}, coarser", folder, comm, resume=known, overwrite=not known
-        )
+        apart = Output(f"{job.name}, coarser", folder, comm, resume=known, overwrite=not known)
         apart.is_quiet = True
         try:
             return job.run(apart, problem=dict(problem) | {"mesh": name}, pictures=False)
