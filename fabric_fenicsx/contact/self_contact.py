@@ -248,34 +248,29 @@ class SelfContact(FaceContact):
 
 def crossings(places: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Places (k, 3) where an edge of triangles (m, 3) of nodes at `places` (n, 3) passes through
-    one of the others that it has no node in common with (Moeller and Trumbore, 1997)."""
+    one of the others that it has no node in common with."""
     sides = triangles[:, [(0, 1), (1, 2), (2, 0)]].reshape(-1, 2)
     edges = np.unique(np.sort(sides, axis=1), axis=0)
     if not len(edges):
         return np.empty((0, 3))
     corners = places[triangles]
     centres, starts = corners.mean(1), places[edges[:, 0]]
-    ways = places[edges[:, 1]] - starts
+    along = places[edges[:, 1]] - starts
     reach = np.linalg.norm(corners - centres[:, None], axis=2).max()
-    radii = np.linalg.norm(ways, axis=1) / 2 + reach
-    near = cKDTree(centres).query_ball_point(starts + ways / 2, radii)
-    edge = np.repeat(np.arange(len(edges)), [len(found) for found in near])
+    radii = np.linalg.norm(along, axis=1) / 2 + reach
+    near = cKDTree(centres).query_ball_point(starts + along / 2, radii)
+    edge = np.repeat(np.arange(len(edges)), [len(each) for each in near])
     triangle = np.concatenate(near).astype(np.int64)
     apart = (edges[edge][:, :, None] != triangles[triangle][:, None]).all((1, 2))
     edge, triangle = edge[apart], triangle[apart]
-    p, d = starts[edge], ways[edge]
-    a, b, c = corners[triangle].swapaxes(0, 1)
-    e, f = b - a, c - a
-    across = np.cross(d, f)
-    volume = _dot(e, across)
+    corners, p, d = corners[triangle], starts[edge], along[edge]
+    # p + t d is a corner and shares u, v of the sides from it
+    sides = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], -d], 2)
     # an edge and a triangle in a plane do not cross
-    flat = 1e-6 * np.prod([np.linalg.norm(side, axis=1) for side in (d, e, f)], axis=0)
-    at = np.flatnonzero(abs(volume) > flat)
-    p, d, e, f, across, offset = (each[at] for each in (p, d, e, f, across, p - a))
-    turned, scale = np.cross(offset, e), 1 / volume[at]
-    u, v, t = scale * _dot(offset, across), scale * _dot(d, turned), scale * _dot(f, turned)
-    through = (u >= 0) & (v >= 0) & (u + v <= 1) & (t >= 0) & (t <= 1)
-    return (p + t[:, None] * d)[through]
+    at = abs(np.linalg.det(sides)) > 1e-6 * np.prod(np.linalg.norm(sides, axis=1), axis=1)
+    shares = np.linalg.solve(sides[at], (p - corners[:, 0])[at][..., None])[..., 0]
+    through = (shares >= 0).all(1) & (shares[:, 2] <= 1) & (shares[:, :2].sum(1) <= 1)
+    return (p[at] + shares[:, 2:] * d[at])[through]
 
 
 def self_crossings(part: Part) -> np.ndarray:
@@ -307,7 +302,3 @@ def crossing_warning(blank: Blank) -> str:
         f"places, as at {coordinates(places[0])} mm: contact acts at points within cells, so take "
         "smaller cells"
     )
-
-
-def _dot(a, b):
-    return (a * b).sum(1)

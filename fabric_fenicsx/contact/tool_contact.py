@@ -24,7 +24,6 @@ from .pressure_law import (
     SMOOTHING,
     ContactResponse,
     FaceLaw,
-    Resistance,
     contact_response,
     face_of,
     find_balance,
@@ -189,7 +188,7 @@ class Contact(ToolContactTerm):
             now = self._state_at(x)
             forces = now.forces + self._friction_forces()
             free = nodes.comm.allreduce(now.gap.min(initial=np.inf), MPI.MIN)
-            return Resistance(
+            return (
                 float(nodes.total(forces) @ tool.direction),
                 float(nodes.total(self._blocks(now) @ tool.direction) @ tool.direction),
                 max(free, 0.0),

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core.rules import FROM_ZERO, POSITIVE, Rule
-from .surfaces import Nearest, Surface
-from .values import checked_vector
+from .surfaces import Nearest, Surface, checked_vector
 
 ROUNDING = 1 + 1e-12
 

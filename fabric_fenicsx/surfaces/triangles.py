@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from ..core.errors import InputError
 from ..core.graph import connected
 from .facets import LAST, NEXT, facet_normals, topology
-from .values import checked_points
+from .surfaces import checked_points
 
 
 def repaired(

@@ -18,8 +18,7 @@ from ..core.rules import BELOW_180, POSITIVE
 from .closest_triangles import boxes_around, closest
 from .curved_triangles import CurvedTriangles, row_dots
 from .files import read_triangles
-from .projection import nearest, net_of
-from .radii import least_radii
+from .projection import least_radii, nearest, net_of
 from .surfaces import Drawn, Nearest, Surface
 from .triangles import repaired
 
