@@ -14,7 +14,7 @@ from ..energy.morley import Where
 from ..energy.nodes import CoupledNodes, GatheredNodes, Nodes
 from ..energy.term import Triplets
 from ..sheet.blank import Blank, Part
-from ..surfaces.facets import LAST, NEXT
+from ..surfaces.facets import LAST, NEXT, unit
 from .faces import Corners, Face
 from .pressure_law import FaceLaw
 
@@ -34,16 +34,15 @@ class RelativeMotion:
     def __init__(
         self, blank: Blank, corners: Sequence[Corners], normals: np.ndarray | None = None
     ) -> None:
-        over, below = self._corners = corners
-        nodes = np.concatenate([over.nodes, below.nodes], 1)
+        nodes = np.concatenate([triangles.nodes for triangles in corners], 1)
         self._known, places = np.unique(nodes, return_inverse=True)
-        self._nodes = places.reshape(nodes.shape)
-        self._normals = normals
-        self._motions = np.concatenate([_motions(over, normals), -_motions(below, normals)], 2)
+        self._corners, self._normals, self._nodes = corners, normals, places.reshape(nodes.shape)
+        over, below = (_motions(triangles, normals) for triangles in corners)
+        self._motions = np.concatenate([over, -below], 2)
         self._gathered = GatheredNodes(blank, self._known)
         self._before = self._gathered.displacement()
-        each = np.ones(self._nodes.size), (self._nodes.ravel(), np.arange(self._nodes.size))
-        self._on_nodes = sparse.csr_matrix(each, shape=(len(self._known), self._nodes.size))
+        ones = np.ones(nodes.size), (places.ravel(), np.arange(nodes.size))
+        self._on_nodes = sparse.csr_matrix(ones, shape=(len(self._known), nodes.size))
 
     def relative(self) -> np.ndarray:
         """Displacement of the points relative to the other sheet, (n, 3) [mm]."""
@@ -52,11 +51,12 @@ class RelativeMotion:
     def offsets(self) -> np.ndarray:
         """Offsets of the touching faces from their triangles, less those below, (n, 3) [mm]."""
         moved = self._gathered.displacement() - self._before
-        over, below = (
-            each.offset[:, None] * _unit_normals(each.places + moved[nodes], self._normals)
-            for each, nodes in zip(self._corners, np.split(self._nodes, 2, axis=1))
-        )
-        return over - below
+        offsets = []
+        for triangles, nodes in zip(self._corners, np.split(self._nodes, 2, axis=1)):
+            across = _across(triangles.places + moved[nodes])
+            across *= np.sign((across * self._normals).sum(1))[:, None]
+            offsets.append(triangles.offset[:, None] * unit(across))
+        return offsets[0] - offsets[1]
 
     def apart(self, owned: np.ndarray) -> np.ndarray:
         """Values at the points less those below them, (n, 3), from those at owned nodes."""
@@ -153,7 +153,7 @@ class ContactPoints:
     ) -> None:
         self.parts, self.faces = (lower, upper), faces
         comm, areas = self.blank.mesh.comm, [self.blank.areas()[part.cells] for part in self.parts]
-        sizes = [comm.allreduce(each.sum()) / comm.allreduce(len(each)) for each in areas]
+        sizes = [comm.allreduce(sheet.sum()) / comm.allreduce(len(sheet)) for sheet in areas]
         over = 1 if sizes[1] <= sizes[0] * (1 + 1e-6) else 0
         self.part = self.parts[over]
         # of the distance, by which the face is off
@@ -260,8 +260,7 @@ class ContactPoints:
 
     def flat_places(self) -> np.ndarray:
         """Places of all points in the undeformed sheet, (count, 3) [mm]."""
-        corners = self.blank.coordinates()[self.blank.triangles(self.part.cells)]
-        return np.einsum("kc,nmci->nmki", self.places, corners).reshape(self.count, 3)
+        return self._on_face[1]
 
     def means(self, values: np.ndarray) -> np.ndarray:
         """Means over cells of values of all points (count, ...), by side (cells, SIDES, ...)."""
@@ -301,7 +300,7 @@ def _motions(corners, normals):
     x, mirrors = corners.places, corners.mirrors
     moves = corners.weights[:, None, :, None] * np.eye(3)[:, None]  # (n, 3, corners, 3)
     if normals is not None:
-        across = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+        across = _across(x)
         square = np.maximum((across**2).sum(1), 1e-300)[:, None, None]
         slopes = np.cross(across[:, None], x[:, LAST] - x[:, NEXT]) / square  # grad N_i (n, 3, 3)
         if mirrors is not None:
@@ -313,11 +312,9 @@ def _motions(corners, normals):
     return moves.reshape(len(x), 3, 9)
 
 
-def _unit_normals(x, along):
-    """Unit normals (n, 3) of triangles x (n, 3, 3), on the side of `along` (n, 3)."""
-    across = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
-    across *= np.sign((across * along).sum(1))[:, None]
-    return across / np.maximum(np.linalg.norm(across, axis=1), 1e-300)[:, None]
+def _across(x):
+    """Vectors (n, 3) across triangles x (n, 3, 3), twice as long as their area."""
+    return np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
 
 
 @compiled
@@ -333,12 +330,8 @@ def _stiffness(motions, blocks, places, count):
                 pulled[a, j] = B[a, 0] * L[0, j] + B[a, 1] * L[1, j] + B[a, 2] * L[2, j]
         for i in range(places.shape[1]):
             for j in range(places.shape[2]):
-                mine, others, value = L[:, 3 * i :], pulled[:, 3 * j :], values[places[n, i, j]]
+                p, q, value = L[:, 3 * i :], pulled[:, 3 * j :], values[places[n, i, j]]
                 for a in range(3):
                     for b in range(3):
-                        value[a, b] += (
-                            mine[0, a] * others[0, b]
-                            + mine[1, a] * others[1, b]
-                            + mine[2, a] * others[2, b]
-                        )
+                        value[a, b] += p[0, a] * q[0, b] + p[1, a] * q[1, b] + p[2, a] * q[2, b]
     return values
