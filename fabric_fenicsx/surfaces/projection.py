@@ -87,10 +87,10 @@ def _seen(at, x):
 
 
 class Sought(NamedTuple):
-    """Aim of the search of one point: a `row` of what is `found`; how near to the foot of the
+    """Aim of the search of one point: a `row` of `feet`; how near to the foot of the
     normal it must come [mm], and the side of the gap beyond a rim."""
 
-    found: Nearest
+    feet: Nearest
     row: int
     tolerance: float
     side: float
@@ -118,7 +118,7 @@ def _find(net, x, t, way, w, at, sought):
         place(net.patches, t, b, w, at)
         here = _seen(at, x)
         if here.aside <= sought.tolerance:
-            put(sought.found, sought.row, here.local)
+            put(sought.feet, sought.row, here.local)
             return
         edge, ended = -1, False
         if here.square > last_square * (1 + 1e-12) and factor > 1e-3:
@@ -257,7 +257,7 @@ def _put(sought, arm, side, normal, first, size):
     length = max(math.sqrt(a * a + b * b + c * c), 1e-300)
     unit = (a / length, b / length, c / length)
     bend = 0.0 if on else side / max(distance, 1e-12)
-    feet, row = sought.found, sought.row
+    feet, row = sought.feet, sought.row
     feet.gap[row] = side * distance
     for i in range(3):
         feet.normal[row, i] = unit[i]
