@@ -222,10 +222,9 @@ class ContactPoints:
         return ContactPairs(at, areas, growth, growths, *shape, motion, motion.relative(), corners)
 
     def _project(self):
-        own = self._over
-        points = own.points(*self._on_face)
+        points = self._over.points(*self._on_face)
         # a sheet that is folded over shows its back to points of the other one
-        ahead = self.side * own.flat(self.places, own.normals)
+        ahead = self.side * self._over.flat(self.places, self._over.normals)
         below = self._face.project(points, self._below, self._reach, ahead)
         self._below = below.triangle
         return below
@@ -243,13 +242,10 @@ class ContactPoints:
         return np.stack([over, (below.weights[at] * others).sum(1)])
 
     def _corners(self, below, at):
-        own, face, gap = self._over, self._face, below.gap[at]
-        triangles = own.own_triangles[at // len(self.places)]
-        N, share = self.places[at % len(self.places)], self._share
-        return (
-            own.corners(triangles, N, -share * gap),
-            face.corners(below.triangle[at], below.weights[at], (1 - share) * gap),
-        )
+        gap, share, (cell, place) = below.gap[at], self._share, np.divmod(at, len(self.places))
+        over = self._over.own_triangles[cell], self.places[place], -share * gap
+        others = below.triangle[at], below.weights[at], (1 - share) * gap
+        return self._over.corners(*over), self._face.corners(*others)
 
     def of_all(self, pairs: ContactPairs, values: np.ndarray, other: float = 0.0) -> np.ndarray:
         """Values (n, ...) of `pairs` as those of all points (count, ...), `other` over nothing."""

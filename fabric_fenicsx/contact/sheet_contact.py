@@ -320,9 +320,8 @@ class SheetContact(FaceContact):
         """Distance by which the face at each point has slid along that of the other sheet from the
         place that it lay on at the start, (points, 3) [mm]; NaN where it lay or lies over none."""
         points, first, now = self.points, self.first, self.faces.now
-        moved = points.of_all(first, first.moved(), np.nan)
+        moved = points.of_all(first, first.moved() + first.offsets(), np.nan)
         moved -= points.of_all(now, now.offsets(), np.nan)
-        moved += points.of_all(first, first.offsets(), np.nan)
         normal = points.of_all(now, now.normal, np.nan)
         return moved - (moved * normal).sum(1, keepdims=True) * normal
 
