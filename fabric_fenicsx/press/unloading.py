@@ -74,15 +74,8 @@ def unloading(
     before, reached = result.scene, result.summary.get("stroke_reached")
     if reached != 1:
         raise InputError(f"unloading needs a run that reached full load, not {reached} of it")
-    names = [support.name for support in before.supports]
-    if lost := [name for name in keep if name not in names]:
-        raise InputError(
-            f"`keep` names {lost[0]!r}; allowed are supports of the scene: {', '.join(names)}"
-        )
-    blank = before.blank
+    blank, kept = before.blank, _kept(before, keep)
     blank.u.x.array[:] = _formed.setdefault(before, blank.u.x.array.copy())
-    planes = [*planes_of_symmetry(blank, before.supports).values()]
-    kept = [each for each in before.supports if each in planes or each.name in keep]
     held = isostatic(blank, kept)
     thicknesses = [material.thickness for material in materials_of(before, blank.whole)]
     forces = _Release(min(thicknesses, default=1e-3 * float(np.ptp(blank.extent(), 0).max())))
@@ -94,6 +87,17 @@ def unloading(
         outside[scene.supports.dofs_of[support.name][:, list(support.components)]] = 0.0
     forces.take(outside)
     return Job(Unloading(scene, forces, held), **{"path_tolerance": 1e-6} | changes)
+
+
+def _kept(scene, keep):
+    """Supports of a scene that stay: planes of symmetry, and those of the names in `keep`."""
+    names = [support.name for support in scene.supports]
+    if lost := [name for name in keep if name not in names]:
+        raise InputError(
+            f"`keep` names {lost[0]!r}; allowed are supports of the scene: {', '.join(names)}"
+        )
+    planes = [*planes_of_symmetry(scene.blank, scene.supports).values()]
+    return [each for each in scene.supports if each in planes or each.name in keep]
 
 
 def _stays(term, together):
