@@ -40,6 +40,7 @@ class _Load(Term):
 
     _size: Callable[[float], float]
     _forces: np.ndarray
+    _u: np.ndarray
     _work: Work
 
     def set_load(self, load: float) -> None:

@@ -77,15 +77,16 @@ class Springs(Term):
         self._preload = FROM_ZERO.check(f"preload of {name} [N]", preload)
         if (anchor is None) == (arm is None):
             raise InputError(f"{name} need one of `anchor` and `arm`")
-        self.where, self._anchor, self.arm = where, anchor, arm
+        self.where, self.arm = where, arm
+        self._vector: tuple = ("anchor", anchor) if arm is None else ("arm", arm)
 
     def set_up(self, scene: SceneFacts) -> None:
         blank, gdim = scene.blank, scene.blank.mesh.geometry.dim
         shares = self._shares()
         nodes = np.flatnonzero(shares)
         self._share, x = shares[nodes], blank.along(blank.coordinates()[nodes].T).T
-        name, given = ("anchor", self._anchor) if self.arm is None else ("arm", self.arm)
-        vector = blank.frame @ vector_on(blank, f"{name} of {self.name} [mm]", given)
+        name, vector = self._vector
+        vector = blank.frame @ vector_on(blank, f"{name} of {self.name} [mm]", vector)
         self._from_anchor = (x if self.arm is None else 0 * x) - vector
         self._lengths = np.linalg.norm(self._from_anchor, axis=1)
         size = np.ptp(blank.extent(), axis=0).max()

@@ -1,6 +1,6 @@
 """Blank holders: each kind is one class, with its numbers and the terms with which it acts."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import ClassVar, Protocol
 
@@ -39,9 +39,14 @@ class Holder(Protocol):
         """The terms with which it acts on the blank, new ones in each call."""
 
 
-def _mask():
-    """A field: function of points (3, n) [mm] to a mask (n,), in a file a table of a `Region`."""
-    return field(default=None, metadata={"table": Region})
+def _where(points):
+    """A field: where a segment of a holder acts, in a file by the table of a `Region`."""
+    text = f"function of {points} (3, n) [mm] to a mask (n,); segments must not overlap"
+    return field(default=None, metadata={"help": text, "table": Region})
+
+
+def _option(default, text):
+    return field(default=default, metadata={"help": text})
 
 
 class Kind(KnowsItsFields):
@@ -65,14 +70,6 @@ class PressureHolder(Kind):
     a function of the load factor, 0 to 1 over the whole run. A stack is pressed where all its
     sheets lie on one another.
 
-    Parameters
-    ----------
-    where
-        Function of present positions (3, n) [mm] to a mask (n,): where a segment of a holder
-        presses. Segments must not overlap.
-    against
-        Name of the die, needed if several tools could be it.
-
     Examples
     --------
     >>> ff.PressureHolder(0.1, where=lambda x: x[0] > 0).pressure
@@ -83,8 +80,8 @@ class PressureHolder(Kind):
         *(2.0, FROM_ZERO, "pressure on what lies on the flange [MPa]"),
         doubt=(10.0, "pressures are in MPa (Pa over 1e6)"),
     )
-    where: Where | None = _mask()
-    against: str = ""
+    where: Where | None = _where("present positions")
+    against: str = _option("", "name of the die, needed if several tools could be it")
 
     def __post_init__(self) -> None:
         if not callable(self.pressure):
@@ -125,14 +122,6 @@ class PressureHolder(Kind):
 class ForceHolder(Kind):
     """A plate that a force pushes towards the die, with the blank between them.
 
-    Parameters
-    ----------
-    where
-        Function of points (3, n) [mm] of the flat blank to a mask (n,): the nodes that a segment
-        touches. Segments must not overlap.
-    against
-        As in `PressureHolder`.
-
     Examples
     --------
     >>> ff.ForceHolder(2e4).force
@@ -140,8 +129,8 @@ class ForceHolder(Kind):
     """
 
     force: float = quantity(1e5, POSITIVE, "force on the whole ply [N]")
-    where: Where | None = _mask()
-    against: str = ""
+    where: Where | None = _where("points of the flat blank")
+    against: str = _option("", "name of the die, needed if several tools could be it")
 
     def terms(self, site: HolderSite) -> list[Term]:
         return _plate(site, site.thickness / 2, self.where, self.force * site.share)
@@ -153,11 +142,6 @@ class GapHolder(Kind):
     """A plate at a fixed distance from the die, on the other side of the blank. When built, raises
     InputError for a gap below half a thickness.
 
-    Parameters
-    ----------
-    where, against
-        As in `ForceHolder`.
-
     Examples
     --------
     >>> ff.GapHolder().gap is None
@@ -167,8 +151,8 @@ class GapHolder(Kind):
     gap: float | None = quantity(
         None, POSITIVE, "distance of holder and die (1.1 thicknesses) [mm]"
     )
-    where: Where | None = _mask()
-    against: str = ""
+    where: Where | None = _where("points of the flat blank")
+    against: str = _option("", "name of the die, needed if several tools could be it")
 
     def terms(self, site: HolderSite) -> list[Term]:
         t = site.thickness
@@ -185,13 +169,6 @@ class Grippers(Kind):
     """A pull at the edges of a rectangular blank, outwards and within its plane. When built, raises
     InputError if no edge is gripped.
 
-    Parameters
-    ----------
-    where
-        Function of points (3, n) [mm] of the flat blank to a mask (n,): parts of the edges.
-    edges
-        The edges that are gripped, some of "low x", "high x", "low y", "high y"; by default all.
-
     Examples
     --------
     >>> ff.Grippers(3.0, edges=["low x", "high x"]).tension
@@ -199,8 +176,8 @@ class Grippers(Kind):
     """
 
     tension: float = quantity(5.0, FROM_ZERO, "pull at the edges of the ply [N/mm]")
-    where: Where | None = _mask()
-    edges: Sequence[str] = tuple(EDGES)
+    where: Where | None = _where("points of the flat blank")
+    edges: Sequence[str] = _option(tuple(EDGES), "edges that are gripped")
     presses: ClassVar[bool] = False
 
     def terms(self, site: HolderSite) -> list[Term]:
@@ -227,14 +204,6 @@ class SpringHolder(Kind):
     """Springs that pull the blank outwards to fixed anchors; the sheets of a stack share each. When
     built, raises InputError for a point beyond a plane of symmetry.
 
-    Parameters
-    ----------
-    edges
-        Edges with parallel springs, which together count as one spring; named as in `Grippers`.
-    at
-        Points (x, y) [mm] of the flat blank with one spring each, which pulls away from the blank's
-        centroid; needed without `edges`.
-
     Examples
     --------
     >>> ff.SpringHolder(stiffness=0.5, preload=5, edges=["low x"]).length
@@ -244,8 +213,12 @@ class SpringHolder(Kind):
     stiffness: float = quantity(None, FROM_ZERO, "of each spring, for the whole blank [N/mm]")
     preload: float = quantity(0.0, FROM_ZERO, "pull of each at the start, for the whole blank [N]")
     length: float = quantity(100.0, POSITIVE, "of each at the start [mm]")
-    edges: Sequence[str] = ()
-    at: Sequence[Sequence[float]] = ()
+    edges: Sequence[str] = _option((), "edges with parallel springs, which count as one spring")
+    at: Sequence[Sequence[float]] = _option(
+        (),
+        "points (x, y) [mm] of the flat blank with one spring each, away from its centroid, "
+        "needed without `edges`",
+    )
     presses: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
@@ -320,7 +293,7 @@ def _plate(site, depth, where, force=0.0):
     return [site.contact(tool, lambda x: (flange(x) > 0) & (mask(x) if mask else True))]
 
 
-def _edges(site, names) -> Iterator[tuple[str, np.ndarray, Where]]:
+def _edges(site: HolderSite, names: Iterable[str]) -> Iterator[tuple[str, np.ndarray, Where]]:
     """The modelled ones of the edges: name, direction outwards (3,), and mask of points."""
     for name in names:
         axis, end = EDGES[name]

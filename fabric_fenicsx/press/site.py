@@ -193,7 +193,7 @@ class HolderSite:
         """`where` of the holder, None for everywhere, as a function that returns a mask. Raises
         InputError if it marks no node."""
         given = where.about(self.centre) if isinstance(where, Region) else where
-        mask = partial(values_at, given or (lambda x: True))
+        mask = partial(values_at, given or (lambda x: np.ones(x.shape[1])))
         x = self.laid.flat_nodes().T
         if not self.total(np.ones(x.shape[1]), mask(x)):
             raise InputError(
