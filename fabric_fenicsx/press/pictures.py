@@ -22,6 +22,7 @@ from ..core.logs import MARKED, log
 from ..core.status import task
 from ..energy.load import EdgeTension
 from ..energy.springs import Springs
+from ..energy.term import Term
 from ..job.job import Result
 from ..results import forming_pictures, space
 from ..results.measures import planes_of_symmetry
@@ -30,10 +31,11 @@ from ..results.ply import SYMMETRIC, Grid, Surface, grid_of, ply_of
 from ..results.quantities import middle_of
 from ..results.states import triangulated
 from ..results.wrinkles import HEIGHT
+from ..scene.scene import Scene
 from ..sheet.blank import Blank
+from ..sheet.sheet import Sheet
 from ..sheet.stack import Stack
 from ..surfaces.tool import Tool
-from .built import BuiltPress
 
 TOOLS = ("#3b6fb6", "#d9822b", "#5aa469", "#8e5ea2", "#b83a3a", "#6b7a8f")
 
@@ -47,29 +49,34 @@ class _Scene(NamedTuple):
     bounds: tuple[float, ...]
 
 
-def draw_setup(made: BuiltPress, folder: Path) -> None:
-    """setup.png: the tools and the flat blank before anything moves; called on all ranks."""
-    motions = {name: made.schedule.first_move(name) for name in made.tools}
-    plies = flat_grids(made.scene.blank, planes_of_symmetry(made.scene))
-    size = float(made.scene.blank.sides().max())  # of all ranks
-    if made.scene.comm.rank:
+def draw_setup(
+    path: Path,
+    scene: Scene,
+    tools: Mapping[str, Tool],
+    holders: Mapping[str, Sequence[Term]],
+    motions: Mapping[str, ArrayLike],
+) -> None:
+    """A picture of a press before anything moves: as `setup_picture`; called on all ranks."""
+    plies = flat_grids(scene.blank, planes_of_symmetry(scene))
+    size = float(scene.blank.sides().max())  # of all ranks
+    if scene.comm.rank:
         return
-    with _no_loss("setup.png"):
-        bodies = made.tools | _holders(made, plies, size)
-        setup_picture(folder / "setup.png", plies, bodies, motions)
+    with _no_loss(path.name):
+        bodies = {**tools, **_holders(scene, holders, plies, size)}
+        setup_picture(path, plies, bodies, motions)
 
 
-def _holders(made, plies, size):
+def _holders(scene, holders, plies, size):
     """{name: surface} of what holders press, a little away from the blank, and of what pulls."""
     surfaces = dict[str, Surface]()
-    owners = {term: name for name, terms in made.holders.items() for term in terms}
-    for term in made.scene.terms:
+    owners = {term: name for name, terms in holders.items() for term in terms}
+    for term in scene.terms:
         ply = ply_of(plies[term.part_name] if term.part_name else next(iter(plies.values())))
         x, centres = ply.x, ply.x[ply.cells].mean(1).T
         name = (term.tool or term).name
         if isinstance(term, BlankHolderPressure):
             surfaces[name] = _patch(ply, term.shares(centres) > 0.5, -0.02 * size * term.direction)
-        elif isinstance(term, Contact) and term.where and name not in made.tools:
+        elif isinstance(term, Contact) and term.where and term in owners:
             up = term.tool.evaluate(centres.T[:1]).normal[0]
             surfaces[name] = _patch(ply, np.asarray(term.where(centres)), -0.02 * size * up)
         elif isinstance(term, Springs | EdgeTension):
@@ -206,28 +213,30 @@ def _draw_section(ax, scene, axis):
     ax.grid(alpha=0.25)
 
 
-def draw(made: BuiltPress, result: Result, folder: Path) -> None:
+def draw(result: Result, folder: Path, leader: Tool, sheets: Sequence[Sheet]) -> None:
     """The formed plies, strain states, paths, thickness and metal; called on rank 0."""
     with _no_loss("formed.png"):
-        forming_pictures.draw_plies(folder, result.grids, made.leader().name)
+        forming_pictures.draw_plies(folder, result.grids, leader.name)
     with _no_loss("wrinkles.png"):
         plies = {file.stem: pyvista.read(file) for file in sorted(folder.glob("wrinkles*.vtu"))}
         if plies:
             maps(folder / "wrinkles.png", plies, [HEIGHT], units={HEIGHT: "mm"})
-    compare(made, {"": result}, folder)
+    compare({"": result}, folder, leader, sheets)
 
 
-def compare(made: BuiltPress, results: Mapping[str, Result], folder: Path) -> None:
+def compare(
+    results: Mapping[str, Result], folder: Path, leader: Tool, sheets: Sequence[Sheet]
+) -> None:
     """Draw paths of runs {label: `Result`} side by side, and the middle ply."""
     layers = {label: result.grids for label, result in results.items()}
     named = [(label, *ply) for label, grids in layers.items() for ply in grids.items()]
     plies = {f"{label} {name}".strip(): grid for label, name, grid in named}
     with _no_loss("paths.png"):
-        forming_pictures.draw_compared(folder, plies, made.leader())
-    metals = [sheet.name for sheet in made.sheets if sheet.metal]
-    middle = middle_of(made.sheets)
+        forming_pictures.draw_compared(folder, plies, leader)
+    metals = [sheet.name for sheet in sheets if sheet.metal]
+    middle = middle_of(sheets)
     if middle and all({middle, metals[-1]} <= set(each) for each in layers.values()):
-        forming_pictures.draw_laminate(folder, layers, middle, metals[-1], made.leader())
+        forming_pictures.draw_laminate(folder, layers, middle, metals[-1], leader)
 
 
 @contextmanager
