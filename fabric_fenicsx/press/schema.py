@@ -59,7 +59,6 @@ def read(kind: type[P], path: Path, changes: Sequence[str] = ()) -> P:
 
 
 def _fields(document, path):
-    """The fields of a press from the tables of its file."""
     known = "unit", "title", *TABLES, "ply", "stage"
     if other := next((key for key in document if key not in known), ""):
         raise unknown_key(other, known, f"entry {other}")
@@ -128,11 +127,7 @@ def _value(value, meta, path, folder):
     if "read" in meta:
         numbers = dict(value) if isinstance(value, Mapping) else {"material": value}
         source = numbers.pop("material", None)
-        if not isinstance(source, str):
-            raise InputError(
-                f"{path} is {repr_short(value)}; allowed is a preset or a material file"
-            )
-        beside = folder / source
+        beside = folder / str(source)
         with located(path, ()):
             return meta["read"](str(beside) if beside.is_file() else source).changed(numbers)
     if isinstance(meta.get("rule"), OfPlace) and isinstance(value, (str, Mapping)):
@@ -159,7 +154,6 @@ def _file(value, path, folder):
 
 
 def _change(document, names, value):
-    """Make a change of the entry at a path of names."""
     if names[0] == "holder" and len(document.get("holders", ())) == 1:
         names = ["holders", *document["holders"], *names[1:]]
     if len(names) == 1 and names[0] in OF_ALL_PLIES.values():
