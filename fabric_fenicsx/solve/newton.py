@@ -8,7 +8,7 @@ from petsc4py import PETSc
 
 from ..scene.scene import Scene
 from .line_search import LineSearch, Objective
-from .report import Report, SolveFailed, Termination
+from .progress import Report, SolveFailed, Termination
 from .saddles import Saddles
 from .tangent import Preconditioner, Tangent
 

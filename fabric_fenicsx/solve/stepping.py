@@ -9,11 +9,9 @@ import numpy as np
 from ..core.formatting import rounded, share
 from . import step_criteria
 from .newton import Newton
-from .prediction import keep_contact, predict
-from .progress import Accepted, Outcome, Progress
-from .report import Report
+from .progress import Accepted, Outcome, Progress, Report
 from .settings import Settings
-from .staggered import solve_staggered
+from .staggered import keep_contact, predict, solve_staggered
 
 
 @dataclass

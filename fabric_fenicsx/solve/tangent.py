@@ -6,7 +6,7 @@ from petsc4py import PETSc
 from ..core.timing import phase
 from ..scene.scene import Scene
 from . import linear
-from .report import Report, SolveFailed, Termination
+from .progress import Report, SolveFailed, Termination
 
 
 class Tangent:
