@@ -201,7 +201,7 @@ class Newton:
         """Mean diagonal of the tangent at x [N/mm]."""
         self.scene.set(x)
         self.tangent.assemble()
-        return self.tangent.mean_stiffness()
+        return self.tangent.A.getDiagonal().sum() / self.tangent.A.size[0]
 
     def is_at_rest(self, x: PETSc.Vec) -> bool:
         """True if x is in equilibrium but for forces that move positions by rounding alone."""

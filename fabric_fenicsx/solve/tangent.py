@@ -49,10 +49,6 @@ class Tangent:
             self._make()
         self._scene.tangent(self.A, with_supports)
 
-    def mean_stiffness(self) -> float:
-        """Mean of the diagonal [N/mm]."""
-        return self.A.getDiagonal().sum() / self.A.size[0]
-
     def stiffness_norm(self) -> float:
         """Norm of the diagonal [N/mm]; raises SolveFailed if it is not a number."""
         norm = self.A.getDiagonal().norm()

@@ -17,7 +17,7 @@ from ..compaction import Compaction
 from ..energy import COUPLINGS, Derivatives, Energy, Range, check_couplings, stresses_of_energy
 from ..files import FIBRES, OWN_UNITS, SHEET, Document, read_numbers
 from ..friction import BendingFriction, ShearFriction
-from ..hyperdual import Number
+from ..functions import Number
 from ..material import Material, Parameters, Scatter, parameter, parameters
 
 __all__ = ["COUPLINGS", "LAWS", "Derivatives", "Law", "Material", "Range", "stresses_of_energy"]
