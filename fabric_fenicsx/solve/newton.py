@@ -178,7 +178,6 @@ class Newton:
         return None
 
     def _longest(self, d):
-        """The largest motion of a node [mm]."""
         moved = d.array_r.reshape(-1, self.scene.blank.mesh.geometry.dim)
         squares = np.einsum("ij,ij->i", moved, moved)
         return self.scene.comm.allreduce(np.sqrt(squares.max(initial=0.0)), MPI.MAX)
