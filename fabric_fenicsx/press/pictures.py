@@ -23,9 +23,8 @@ from ..core.status import task
 from ..energy.load import EdgeTension
 from ..energy.springs import Springs
 from ..job.job import Result
-from ..results import forming_pictures, space
+from ..results import pictures, space
 from ..results.measures import planes_of_symmetry
-from ..results.pictures import maps
 from ..results.ply import SYMMETRIC, Grid, Surface, grid_of, ply_of
 from ..results.quantities import middle_of
 from ..results.states import triangulated
@@ -221,11 +220,11 @@ def _draw_section(ax, scene, axis, motions):
 def draw(made: BuiltPress, result: Result, folder: Path) -> None:
     """The formed plies, strain states, paths, thickness and metal; called on rank 0."""
     with _no_loss("formed.png"):
-        forming_pictures.draw_plies(folder, result.grids, made.leader().name)
+        pictures.draw_plies(folder, result.grids, made.leader().name)
     with _no_loss("wrinkles.png"):
         plies = {file.stem: pyvista.read(file) for file in sorted(folder.glob("wrinkles*.vtu"))}
         if plies:
-            maps(folder / "wrinkles.png", plies, [HEIGHT], units={HEIGHT: "mm"})
+            pictures.maps(folder / "wrinkles.png", plies, [HEIGHT], units={HEIGHT: "mm"})
     compare(made, {"": result}, folder)
 
 
@@ -235,11 +234,11 @@ def compare(made: BuiltPress, results: Mapping[str, Result], folder: Path) -> No
     named = [(label, *ply) for label, grids in layers.items() for ply in grids.items()]
     plies = {f"{label} {name}".strip(): grid for label, name, grid in named}
     with _no_loss("paths.png"):
-        forming_pictures.draw_compared(folder, plies)
+        pictures.draw_compared(folder, plies)
     metals = [sheet.name for sheet in made.sheets if sheet.metal]
     middle = middle_of(made.sheets)
     if middle and all({middle, metals[-1]} <= set(each) for each in layers.values()):
-        forming_pictures.draw_laminate(folder, layers, middle, metals[-1], made.leader())
+        pictures.draw_laminate(folder, layers, middle, metals[-1], made.leader())
 
 
 @contextmanager
