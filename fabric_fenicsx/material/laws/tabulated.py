@@ -18,8 +18,7 @@ from ...io.text_tables import columns_of, read_lines, table_of
 from ...io.units import ANGLE, STRAIN, stresses
 from ..energy import Derivatives, Range
 from ..files import Document, take_units
-from ..functions import where
-from ..hyperdual import Number
+from ..functions import Number, where
 from ..material import Parameters
 from .base import Law, sheet_fields
 
