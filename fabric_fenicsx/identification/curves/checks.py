@@ -7,6 +7,7 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.formatting import rounded
+from ...io.units import REACH
 from .model import STRAINS, TESTS, Curve, Table, bias_angle, unit_inside, units
 
 
@@ -36,15 +37,14 @@ def _faults(name, table, runs, measured):
     sign, row, columns = TESTS[name].sign, np.arange(len(table.rows)), table.columns
     strains, first = [column for column in STRAINS if column in columns], TESTS[name].strains[0]
     for column in strains:
-        # beyond it a wrong unit is the likely reason
-        most = math.radians(85) if column == "gamma" else 0.5
+        _, most = REACH[column.split("_")[0]]
         allowed = f"within +-{most:.3g} (is the unit in the header right?)"
         yield column, np.abs(columns[column]) > most, "", allowed
     allowed = f"at {'least' if sign > 0 else 'most'} 0 in the test {name}"
     yield first, sign * columns[first] < 0, "", allowed
     x, unit = columns[runs], table.header[runs]
-    # what a test must reach: below it fractions were taken for percent, or radians for degrees
-    bound, other = {"%": (5e-4, "-"), "deg": (math.radians(1.6), "rad")}.get(unit, (0.0, ""))
+    other = {"%": "-", "deg": "rad"}.get(unit, "")
+    bound = REACH[runs.split("_")[0]][0] if other else 0.0
     least = f"{bound / units(runs)[unit]:.3g} {unit}"
     allowed = f"{least} or more (is the unit {other} rather than {unit}?)"
     yield runs, (row == np.abs(x).argmax()) & (np.abs(x) < bound), " at most", allowed

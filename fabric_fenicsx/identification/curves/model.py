@@ -38,6 +38,7 @@ _UNIT = {  # first unit of each: the one used inside
     "fibre_volume_fraction": STRAIN,
 }
 COLUMNS = tuple(_UNIT)
+ALL_UNITS = {unit for known in _UNIT.values() for unit in known}
 # what machines call columns, in lower case
 _ALIASES = {
     "displacement": "extension, stroke, travel, crosshead, weg, standardweg, traversenweg",

@@ -15,7 +15,7 @@ from ...core.errors import InputError
 from ...core.formatting import percent
 from ...core.rules import check_complete
 from ...io.text_tables import columns_of, read_lines, table_of
-from ...io.units import ANGLE, STRAIN, stresses
+from ...io.units import ANGLE, REACH, STRAIN, stresses
 from ..energy import Derivatives, Range
 from ..files import Document, take_units
 from ..functions import where
@@ -182,6 +182,10 @@ class TabulatedFabric(Law):
         warnings = super().plausibility_warnings()
         for name in self.strain_of:
             curve, table = getattr(self, name), f"the table of {name} of material {self.name}"
+            low, high = REACH[self.strain_of[name].split("_")[0]]
+            if not low <= (end := float(max(np.abs(curve.x)))) <= high:
+                reach = f"{math.degrees(end):.4g} deg" if name == "shear" else f"{100 * end:.4g} %"
+                warnings.append(f"{table} reaches {reach}; is the unit in its header right?")
             if name != "shear" and curve.x[0] == 0:
                 warnings.append(f"{table} begins at 0: yarns have no stiffness in compression")
             for k in np.flatnonzero(np.diff(curve.y) < 0)[:1]:

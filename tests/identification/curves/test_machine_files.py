@@ -54,7 +54,7 @@ def check(curve, remarks=0):
 
 @pytest.mark.parametrize("text", FILES.values(), ids=FILES.keys())
 def test_a_file_is_read_as_it_was_written(tmp_path, text):
-    for encoding in ("utf-8-sig", "cp1252"):
+    for encoding in ("utf-8-sig", "cp1252", "utf-16"):
         check(read(tmp_path, text.encode(encoding)))
 
 
@@ -70,7 +70,7 @@ REFUSED = {
 UNREADABLE = {
     b"": "bias.csv: cannot be read as text (it is empty",
     b"PK\x03\x04": "it is a workbook; save its sheet as CSV",
-    (MACHINE + COMMA).encode("utf-16"): "no text in UTF-8",
+    (MACHINE + COMMA).encode("utf-16-le"): "no text in UTF-8); allowed is CSV in UTF-8, or in UTF",
     (KEYS + "Traverse [mm];Kanal 1 [N]\n" + COMMA).encode(): "row 4: columns 'Traverse', 'Kanal 1' "
     "are unknown; allowed are",
 }
@@ -84,9 +84,9 @@ def test_what_cannot_be_read_is_refused_in_one_sentence(tmp_path, content):
 
 
 def test_the_sheet_says_how_numbers_are_written_and_what_columns_and_files_are(tmp_path):
-    sheet = SHEET + '[csv]\nencoding = "utf-16"\ndecimal = ","\ndelimiter = "\\t"\n'
+    sheet = SHEET + '[csv]\nencoding = "utf-16-le"\ndecimal = ","\ndelimiter = "\\t"\n'
     rows = "".join(f"{k}\t{k},234\n" for k in range(1, 6))
-    text = (KEYS + HEAD.replace(";", "\t") + rows).encode("utf-16")
+    text = (KEYS + HEAD.replace(";", "\t") + rows).encode("utf-16-le")
     assert read(tmp_path, text, sheet).responses[0].values[0] == 1.234
     stated = '[columns]\nFahrweg = "displacement"\nK = "F [N]"\n[tests."bias.csv"]\n'
     stated += 'test = "bias_extension"\nheight = "230 mm"\nwidth = "11,5 cm"\n'
@@ -180,10 +180,11 @@ def strip(moved, force, more=""):
 
 def test_strain_and_force_count_from_a_stated_slack_and_zero(tmp_path):
     x = np.linspace(0.2, 5, 25).round(1)
-    pulled = strip(x, 500 * x - 40, "# slack: 0,1 cm\n# zero: -40 N\n")
+    pulled = strip(x, 500 * x - 40, "# slack = 0,1 cm\n# zero -40 N\n# speed: 5 mm/min\n")
     (curve,) = data.read(folder(tmp_path, strip=pulled))[1]
+    assert curve.remarks == ("the line 'speed' is not read",)
     assert curve.strains[[0, -1], 0] == pytest.approx([0.001, 0.02])
-    assert curve.rows[0] == 13
+    assert curve.rows[0] == 14
     assert curve.responses[0].values[-1] == pytest.approx(2500 / 50 / 1.2)
     bias = BIAS.replace("# width", "# slack: 4 deg\n# width")
     (tmp_path / "strip.csv").write_text(bias)
