@@ -119,8 +119,8 @@ def _delimiter(text):
 
 
 def _split(text, delimiter):
-    if delimiter == " ":
-        return text.split()
+    if delimiter == " ":  # but not before a unit in brackets
+        return re.split(r"\s+(?![\[(])", text.strip())
     return next(csv.reader([text], delimiter=delimiter, skipinitialspace=True))
 
 

@@ -14,8 +14,8 @@ from .model import STRAINS, TESTS, Curve, Table, bias_angle, unit_inside, units
 def check_length(table: Table, least: int) -> None:
     """InputError for a table of fewer rows than `least`."""
     if len(table.rows) < least:
-        row, text = [table.top, *table.rows][-1], f"the file ends after {len(table.rows)} points"
-        raise InputError(f"row {row}: {text}; allowed is {least} or more")
+        text = f"{len(table.rows)} points are left to be fitted; allowed is {least} or more"
+        raise InputError(f"row {[table.top, *table.rows][-1]}: {text}")
 
 
 def check_values(name: str, table: Table, runs: str, measured: Sequence[str]) -> None:
@@ -55,12 +55,15 @@ def _faults(name, table, runs, measured):
             values = values - values[0]
         peak = int(np.abs(values).argmax())
         largest = values[peak]
+        most = "within +-1e9 (is it a mark of overload?)"
+        yield column, np.abs(columns[column]) > 1e9, "", most
         yield column, values * 0 == largest, " in every row", "what a law can be fitted to"
         side, why = (-1, "free sides narrow") if narrows else (sign, f"of the test {name}")
         if not narrows and sign < 0 and "gamma" in columns:
             side = 0  # compressed and sheared, k_SC can make it a pull
         allowed = f"at {'least' if side > 0 else 'most'} 0, {why} (is its sign turned?)"
-        yield column, (row == peak) & (largest * side < 0), "", allowed
+        wrong = min(largest * side, columns[column][peak] * side) < 0
+        yield column, (row == peak) & wrong, "", allowed
         flags, allowed = np.abs(values) > 0.2 * abs(largest), "up to 20 % of its peak there"
         words = " before anything is strained"
         yield column, undeformed & flags, words, f"{allowed} (take the offset off)"

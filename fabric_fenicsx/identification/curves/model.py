@@ -148,7 +148,8 @@ class Table(NamedTuple):
         x = self.columns[column]
         size = x - x[:1]
         if not size.any():
-            return self, []
+            flaw = f"{column} is {x[0]:.4g} {unit_inside(column)} in every row"
+            raise InputError(f"row {self.rows[-1]}: {flaw}; allowed is to rise or fall")
         size = size * np.sign(size[np.abs(size).argmax()])
         top = np.maximum.accumulate(size)
         stop = int(np.argmax(np.append(top - size > self.noise * size.max(), True)))

@@ -59,7 +59,7 @@ class Curve(Parameters):
         ]
         if len(x) < 3 or (0.0, 0.0) not in zip(x, y):
             flaws += [f"the curve has {len(x)} points; allowed is 3 or more, with (0, 0)"]
-        if (beyond := self.extrapolation) not in _BEYOND:
+        if (beyond := self.extrapolation) not in [*_BEYOND]:
             flaws += [f"extrapolation is {beyond!r}; allowed is {' or '.join(_BEYOND)}"]
         for flaw in flaws[:1]:
             raise InputError(flaw)
@@ -181,7 +181,7 @@ class TabulatedFabric(Law):
     def plausibility_warnings(self) -> list[str]:
         warnings = super().plausibility_warnings()
         for name in self.strain_of:
-            curve, table = getattr(self, name), f"the table of {name} of material {self.name}"
+            curve, table = getattr(self, name), f"the table of {name} of material {self.label}"
             low, high = REACH[self.strain_of[name].split("_")[0]]
             if not low <= (end := float(max(np.abs(curve.x)))) <= high:
                 reach = f"{math.degrees(end):.4g} deg" if name == "shear" else f"{100 * end:.4g} %"
@@ -214,6 +214,8 @@ class TabulatedFabric(Law):
         stress, beyond = stresses(fields["thickness"]), own.get("extrapolation", "constant")
         yarn, shear = {"eps": STRAIN, "sigma": stress}, {"gamma": ANGLE, "tau": stress}
         for key in cls.strain_of:
+            if not isinstance(own[key], str):
+                raise InputError(f"{key} is {own[key]!r}; allowed is the name of a CSV file")
             fields[key] = read_table(folder / own[key], shear if key == "shear" else yarn, beyond)
         return cls(**fields)
 

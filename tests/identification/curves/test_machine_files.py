@@ -29,6 +29,7 @@ FILES = {
     + HEAD.replace(";", ",")
     + re.sub(r"([\d,]+);([\d,]+)", r'"\1","\2"', COMMA),
     "tabs": (KEYS + HEAD + POINT).replace(";", "\t"),
+    "blanks": KEYS + "displacement [mm]  F [N]\n" + POINT.replace(";", "  "),
     "exponents": KEYS + HEAD + rows("+.6E", decimal=","),
     "a row of units": KEYS + "displacement;F\nmm;N\n" + COMMA,
     "lines above": "Prüfer;Müller\nDatum;12.03.2024 09:41\nv;2;mm/min\n\n"
@@ -65,6 +66,7 @@ REFUSED = {
     "1,5;1.058,5\n": "row 5: F is '1.058,5'; allowed is a finite number, as 1058,5",
     "mm;kN\n" + COMMA: "row 5: the unit of F is kN, and N in the header",
     POINT.replace(";", " mm;"): "row 5: displacement is '2.500 mm', row 6: displ",
+    "2;1\n2;2\n2;3\n2;4\n2;5\n": "row 9: displacement is 2 mm in every row",
     "2;1\n4;2\n6;3\n3;1\n4;2\n6;3\n10;5\n": "row 8: displacement is ",
 }
 UNREADABLE = {

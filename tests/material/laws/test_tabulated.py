@@ -67,8 +67,8 @@ def read(folder, more="", warp=WARP):
     (folder / "weft.csv").write_text("sigma [kPa], eps [-]\n-100, -0.01\n0, 0\n10e3, 0.01\n")
     (folder / "shear.csv").write_text("# by nobody\ngamma [deg], tau [N/mm]\n0, 0\n9, 1\n18, 3\n")
     (folder / "m.toml").write_text(
-        'model = "fabric"\nthickness_mm = 0.5\ndensity_g_per_cm3 = 1\nwarp = "warp.csv"\n'
-        f'weft = "weft.csv"\nshear = "shear.csv"\n{more}'
+        'model = "fabric"\nthickness_mm = 0.5\ndensity_g_per_cm3 = 1\nweft = "weft.csv"\n'
+        f'shear = "shear.csv"\n{more}' + ('warp = "warp.csv"\n' if "warp" not in more else "")
     )
     return load(str(folder / "m.toml"))
 
@@ -91,6 +91,10 @@ def test_tables_from_files(tmp_path, how, stress):
         ("", WARP + "".join(f"{e}, {e}\n" for e in range(31, 68)), "41 points; allowed are up"),
         ("", "eps [%], sigma [MPa]\n0, 1\n1, 2\n2, 3\n", r"warp.csv.*\(0, 0\)"),
         ("", WARP + "3, -1\n", r"row 6 is \(0.03, -1\); allowed"),
+        ("warp = 3\n", WARP, "m.toml: warp is 3; allowed is the name of a CSV file"),
+        ('extrapolation = ["linear"]\n', WARP, r"extrapolation is \['linear'\]; allowed is const"),
+        ("at = 3\n", WARP, r"m.toml: at is \[3\]; allowed is a table \[\[at\]\] for each"),
+        ("assumed = 3\n", WARP, "m.toml: assumed is 3; allowed is a list of parameters"),
     ],
 )
 def test_bad_tables_are_named(tmp_path, more, warp, words):
