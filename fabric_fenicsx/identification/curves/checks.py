@@ -55,8 +55,8 @@ def _faults(name, table, runs, measured):
             values = values - values[0]
         peak = int(np.abs(values).argmax())
         largest = values[peak]
-        most = "within +-1e9 (is it a mark of overload?)"
-        yield column, np.abs(columns[column]) > 1e9, "", most
+        allowed = "within +-1e9 (is it a mark of overload?)"
+        yield column, np.abs(columns[column]) > 1e9, "", allowed
         yield column, values * 0 == largest, " in every row", "what a law can be fitted to"
         side, why = (-1, "free sides narrow") if narrows else (sign, f"of the test {name}")
         if not narrows and sign < 0 and "gamma" in columns:

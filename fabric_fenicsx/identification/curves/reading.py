@@ -140,9 +140,14 @@ def _curve(file, table, keys, thickness, remarks):
         table = table.kept(table.columns[moved] > loose) if loose else table
         table.columns[moved] = table.columns[moved] - loose
     for column, machine in raw.items():
-        values = table.columns[machine]
-        table.columns[column] = model.of_fabric(machine, values, keys.test, keys.lengths, thickness)
-        table.header[column] = unit_inside(column)
+        values, lengths = table.columns[machine], keys.lengths
+        if keys.test == "bias_extension":
+            values = model.bias_angle(values, lengths["height"], lengths["width"])
+        else:
+            values = values / (
+                lengths["width"] * thickness if machine == "F" else lengths["length"]
+            )
+        table.columns[column], table.header[column] = values, unit_inside(column)
     columns = table.columns
     measured = [column for column in keys.measured if column in columns]
     checks.check_length(table, model.MIN_POINTS)
@@ -230,6 +235,13 @@ def _keys(lines, stated):
     lengths = {
         key: _quantity(key, texts[key], factors("length")) for key in texts if key not in others
     }
+    for small, large, factor, least in (
+        ("width", "height", 2, "a height of 2 widths or more"),
+        ("fabric_length", "frame_length", 1, "a fabric up to as large as its frame"),
+    ):
+        if large in lengths and lengths[large] < factor * lengths[small]:
+            sizes = f"{large} is {lengths[large]:g} mm and {small} {lengths[small]:g} mm"
+            raise InputError(f"{sizes}; allowed is {least}")
     free, measured = None, test.measured
     if "lateral" in texts:  # of test uniaxial_a or uniaxial_b
         along = "ab".index(name[-1])
