@@ -48,15 +48,18 @@ def test_what_tables_lack_is_told_before_a_run():
     assert "the table of shear of material table falls from 28.65 deg on" in falls
 
 
-@pytest.mark.parametrize("end, told", [(5.1e-4, 0), (4.9e-4, 1), (0.49, 0), (0.51, 1)])
-def test_a_table_in_percent_under_a_dash_is_doubted(end, told):
-    """As is one in fractions under percent, and its like in rad and deg."""
-    yarn = TABLE.replace(warp=Curve((-end, 0.0, end), (-1.0, 0.0, 1e3 * end)))
-    g = {5.1e-4: 1.61, 4.9e-4: 1.59, 0.49: 84.9, 0.51: 85.1}[end]
-    turned = TABLE.replace(shear=Curve((0.0, 0.01, np.radians(g)), (0.0, 0.001, 0.1)))
-    reached = (yarn, f"warp of material table reaches {100 * end:g} %;"), (turned, f"{g} deg; is")
-    for fabric, words in reached:
-        assert sum(words in each for each in fabric.plausibility_warnings()) == told
+@pytest.mark.parametrize(
+    "end, angle, told", [(5.1e-4, 1.61, 0), (4.9e-4, 1.59, 1), (0.49, 84.9, 0), (0.51, 85.1, 1)]
+)
+def test_tables_in_a_wrong_unit_are_doubted(end, angle, told):
+    warp = Curve((-end, 0.0, end), (-1.0, 0.0, 1e3 * end))
+    shear = Curve((0.0, 0.01, np.radians(angle)), (0.0, 0.001, 0.1))
+    doubts = " ".join(TABLE.replace(warp=warp, shear=shear).plausibility_warnings())
+    for table in (
+        f"warp of material table reaches {100 * end:g} %; is the unit",
+        f"{angle} deg; i",
+    ):
+        assert doubts.count(table) == told
 
 
 WARP = "eps [%], sigma [MPa]\n-1, -0.1\n0, 0\n1, 10\n2, 30\n"
