@@ -18,8 +18,7 @@ from numpy.typing import ArrayLike
 from ..contact.holder_pressure import BlankHolderPressure
 from ..contact.tool_contact import Contact
 from ..core.formatting import rounded
-from ..core.logs import MARKED, log
-from ..core.status import task
+from ..core.status import MARKED, log, task
 from ..energy.load import EdgeTension
 from ..energy.springs import Springs
 from ..job.job import Result
@@ -235,7 +234,7 @@ def compare(made: BuiltPress, results: Mapping[str, Result], folder: Path) -> No
     named = [(label, *ply) for label, grids in layers.items() for ply in grids.items()]
     plies = {f"{label} {name}".strip(): grid for label, name, grid in named}
     with _no_loss("paths.png"):
-        forming_pictures.draw_compared(folder, plies, made.leader())
+        forming_pictures.draw_compared(folder, plies)
     metals = [sheet.name for sheet in made.sheets if sheet.metal]
     middle = middle_of(made.sheets)
     if middle and all({middle, metals[-1]} <= set(each) for each in layers.values()):
