@@ -6,7 +6,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..core.errors import InputError
-from ..core.formatting import coordinates, of_sheet
+from ..core.formatting import of_sheet
 from ..core.rules import POSITIVE
 from ..energy.materials import material_of, sheets_of, thickness_shares_at_nodes
 from ..energy.morley import Where
@@ -17,6 +17,7 @@ from ..energy.work import Work
 from ..surfaces.checks import check_start
 from ..surfaces.surfaces import Nearest
 from ..surfaces.tool import Tool
+from .closest_on_tool import ClosestOnTool
 from .contact_term import PlyThickness, ToolContactTerm
 from .coulomb import LAG, Friction
 from .pressure_law import (
@@ -98,7 +99,6 @@ class Contact(ToolContactTerm):
                 POSITIVE.check(f"{name} of the contact with {tool.name}", value)
         # the last displacement, and what was found at it
         self._response: tuple[np.ndarray, ContactResponse] | None = None
-        self._seen: tuple[np.ndarray, Nearest] | None = None  # the last places from the tool's
         self._load, self._work = 0.0, Work()
 
     def set_up(self, scene: SceneFacts) -> None:
@@ -107,6 +107,7 @@ class Contact(ToolContactTerm):
         if len(same) > 1:
             raise InputError(f"{len(same)} contacts with {self.tool.name} given; allowed is one")
         self.nodes = Nodes(scene.blank, self.part, self.where)
+        self.closest = ClosestOnTool(self.tool, self.nodes.count)
         self._flat = self._face_at_nodes(scene)
         if any(term.thickness_field for term in scene.terms) and not self._given["thickness"]:
             self._flat = self._flat.grown(thickness_shares_at_nodes(scene))
@@ -161,20 +162,8 @@ class Contact(ToolContactTerm):
         return contact_response(self.face, self.areas, gap, nearest.normal, nearest.curvature)
 
     def _nearest(self, x):
-        off = x - self.tool.displacement
-        if self._seen and np.array_equal(off, self._seen[0]):
-            return self._seen[1]
         # twice what counts: the sheet may have become thicker since
-        reach = float(self.thickness.max(initial=0.0))
-        nearest = self.tool.evaluate(x, reach)
-        deep = np.flatnonzero(nearest.gap < -0.9 * reach)
-        if len(deep):  # their gaps may be bounds, of which forces are no derivatives
-            _evaluate_at(nearest, self.tool, x, deep)
-        lost = np.flatnonzero(np.isnan(nearest.gap) & np.isfinite(x).all(1))
-        if len(lost):
-            self.undefined_at = f"{coordinates(x[lost[0]])} mm"
-        self._seen = off, nearest
-        return nearest
+        return self.closest.at(x, float(self.thickness.max(initial=0.0)))
 
     def _balanced(self, x):
         """The nodes at x as they are pressed where the tool's force is in balance, sought from
@@ -234,11 +223,7 @@ class Contact(ToolContactTerm):
     def nearest(self, x: np.ndarray, exact: np.ndarray) -> Nearest:
         """Of the tool at places x (nodes, 3) [mm]: as far off as it may be where `exact` (nodes,)
         is true, and elsewhere where it is near."""
-        nearest = Nearest(*(each.copy() for each in self._nearest(x)))
-        far = np.flatnonzero(exact & (nearest.gap > 0.9 * self.thickness.max(initial=0.0)))
-        if len(far):
-            _evaluate_at(nearest, self.tool, x, far)
-        return nearest
+        return self.closest.anywhere(x, float(self.thickness.max(initial=0.0)), exact)
 
     def energies(self) -> dict[str | None, float]:
         """See `Term`; on rank 0 also minus the work of the force that moves the tool."""
@@ -269,7 +254,8 @@ class Contact(ToolContactTerm):
 
     def accept(self) -> None:
         now = self.state()
-        self.undefined_at = ""  # where the tool's surface gave no number since
+        x = self.nodes.places + self.nodes.view()
+        self.closest.accept(x, float(self.thickness.max(initial=0.0)))
         travel, correction = self.tool.travel, self.energy_correction
         self._accepted = _Accepted(travel, now.gap, self.areas, correction)
         self._work.accept(self._load, self.force(), self.tool.displacement)
@@ -319,7 +305,7 @@ class Contact(ToolContactTerm):
         at_nodes = {"depth": self.depth, "areas": areas, "energy_correction": correction}
         memory = {name: np.tile(row, (self.nodes.count, 1)) for name, row in rows.items()}
         memory |= {name: values[:, None] for name, values in at_nodes.items()}
-        return super().memory() | memory
+        return super().memory() | memory | {"outside": self.closest.outside}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         self.depth = memory["depth"][:, 0]
@@ -327,6 +313,7 @@ class Contact(ToolContactTerm):
         self.tool.travel = travel = float(self.nodes.common(memory["travel"])[0])
         self._accepted = _Accepted(travel, self._accepted.gap, areas, correction)
         self._press_on(areas, correction)
+        self.closest.outside = np.ascontiguousarray(memory["outside"])
         self._work.recall(self.nodes.common(memory["work"]).reshape(3, -1))
         u = self.nodes.displacement()  # not balanced, as what friction bore is not known
         self._response = u, self._state_at(self.nodes.places + u)
@@ -345,6 +332,12 @@ class Contact(ToolContactTerm):
     def penetration(self) -> float:
         """Largest depth of the tool in rigid faces in the present state, of all ranks [mm]."""
         return self._largest(np.where(self.face.is_rigid, -self.state().gap, 0.0))
+
+    def behind_walls(self) -> tuple[int, float]:
+        """Number of nodes that went through a wall of the tool and are still behind the face where
+        they went in, and how far at most [mm], of all ranks."""
+        deep = -self._nearest(self.nodes.places + self.nodes.view()).gap[self.closest.passed]
+        return self.nodes.comm.allreduce(len(deep)), self._largest(deep)
 
     def where_deepest(self) -> str:
         depth, places = self._penetrated(), self.nodes.places
@@ -368,10 +361,12 @@ class Contact(ToolContactTerm):
 
     def warnings(self) -> list[str]:
         """See `Term`: if the tool's surface gave no number, which may be why steps failed."""
-        lost = [place for place in self.nodes.comm.allgather(self.undefined_at) if place][:1]
-        surface = f"the surface {type(self.tool.surface).__name__} of {self.tool.name}"
-        cure = "`check_derivatives` tells what is wrong with a surface of your own"
-        return [*super().warnings(), *(f"{surface} gives no number at {x}; {cure}" for x in lost)]
+        place = next(filter(None, self.nodes.comm.allgather(self.closest.undefined_at)), "")
+        words = (
+            f"the surface {type(self.tool.surface).__name__} of {self.tool.name} gives no number"
+        )
+        words += f" at {place}; `check_derivatives` tells what is wrong with a surface of your own"
+        return [*super().warnings(), *[words] * bool(place)]
 
     def check_start(self) -> None:
         """See `Term`: also for a tool's path or surface that can't be."""
@@ -391,9 +386,3 @@ class Contact(ToolContactTerm):
             at_loads.append((x[near], normals[near]))
         self.tool.at(self._load)
         return at_loads
-
-
-def _evaluate_at(nearest, tool, x, nodes):
-    """Fill in `nearest` what the tool gives at some `nodes`, however far off."""
-    for values, there in zip(nearest, tool.evaluate(x[nodes])):
-        values[nodes] = there
