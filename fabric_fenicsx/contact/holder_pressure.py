@@ -206,7 +206,7 @@ class BlankHolderPressure(ToolContactTerm):
         u = self.nodes.view()
         if not self._die:
             return u @ self.direction, self._normals(), np.zeros((len(u), 3, 3))
-        return tuple(-each for each in self._die.nearest(self.nodes.places + u, self.areas > 0))
+        return tuple(-each for each in self._die.closest.anywhere(self.areas > 0))
 
     def _normals(self):
         return np.tile(self.direction, (self.nodes.count, 1))
