@@ -87,7 +87,8 @@ class ClosestOnTool:
         length = np.sqrt(row_dots(way, way))
         came_along, is_same = (row_dots(each, nearest.normal) > 0 for each in (way, normal))
         may_cross = (nearest.gap > self.reach) | came_along & ~is_same
-        at = np.flatnonzero((length >= gap + abs(nearest.gap)) & may_cross)
+        may_cross &= self.nodes.own & (length >= gap + abs(nearest.gap))
+        at = np.flatnonzero(may_cross)
         # no face is nearer to either end than the gap there
         ends = gap[at], length[at] - np.maximum(nearest.gap[at], 0.0)
         foot, across, through = self._walls(place[at], way[at] / length[at, None], *ends)

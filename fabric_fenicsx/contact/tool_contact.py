@@ -349,9 +349,9 @@ class Contact(ToolContactTerm):
         """See `Term`: if the tool's surface gave no number, which may be why steps failed."""
         place = next(filter(None, self.nodes.comm.allgather(self.closest.undefined_at)), "")
         words = (
-            f"the surface {type(self.tool.surface).__name__} of {self.tool.name} gives no number"
+            f"the surface {type(self.tool.surface).__name__} of {self.tool.name} gives no number at"
+            f" {place}; `check_derivatives` tells what is wrong with a surface of your own"
         )
-        words += f" at {place}; `check_derivatives` tells what is wrong with a surface of your own"
         return [*super().warnings(), *[words] * bool(place)]
 
     def check_start(self) -> None:
