@@ -13,10 +13,6 @@ from fabric_fenicsx.job.space_validity import passed_through
 T, K = 0.4, 1000.0  # thickness [mm], penalty [N/mm^3]
 
 
-def plate(height):
-    return ff.Block(20, 14, height, 0.4, 3.0, centre=(20, 20, -T / 2))
-
-
 def ball(radius_within=None):
     """Triangles of a ball of 10 mm, hollow if a radius is given."""
     outer = pyvista.Sphere(radius=10.0, theta_resolution=24, phi_resolution=24)
@@ -27,10 +23,10 @@ def ball(radius_within=None):
     return ff.TriangulatedSurface(points + [20, 20, -10 - T / 2], cells)
 
 
-def pushed(surface, rise):
-    """Force [N] and shape of a clamped sheet that a tool under its middle pushes up in one step."""
+def pushed(surface):
+    """Force [N] and shape of a clamped sheet that a tool pushes up by 4 mm in one step."""
     blank = sheet(40, 40, 10, 10, spatial=True)
-    contact = ff.Contact(ff.Tool(surface, path=(0, 0, rise), name="tool"), T, K, friction=0.2)
+    contact = ff.Contact(ff.Tool(surface, path=(0, 0, 4.0), name="tool"), T, K, friction=0.2)
     on_rim = lambda x: (abs(x[:2] - 20) > 20 - 1e-6).any(0)  # noqa: E731
     scene = ff.Scene(blank, [Elastic(1e3), contact], [ff.Support("rim", on_rim, (0, 1, 2))])
     run(scene, 1)
@@ -38,11 +34,8 @@ def pushed(surface, rise):
     return contact.force()[2], displacement(blank)
 
 
-@pytest.mark.parametrize(
-    "thin, solid, rise", [(plate(0.9), plate(40), 6.0), (ball(9.5), ball(), 4.0)]
-)
-def test_a_wall_presses_as_a_solid(thin, solid, rise):
-    (force, shape), (right, same) = pushed(thin, rise), pushed(solid, rise)
+def test_a_wall_presses_as_a_solid():
+    (force, shape), (right, same) = pushed(ball(9.5)), pushed(ball())
     assert right > 100 and force == pytest.approx(right, rel=1e-6)
     assert abs(shape - same).max() < 1e-5
 
@@ -58,7 +51,8 @@ def test_a_wall_presses_as_a_solid(thin, solid, rise):
 def test_a_node_goes_round_a_wall_but_not_through_it(way, up, sentence):
     """Of a plate from z = -1.1 to -0.2; nodes that are all in one place are pressed up or down."""
     blank = sheet(4, 4, 1, 1, spatial=True)
-    contact = ff.Contact(ff.Tool(plate(0.9), name="plate"), T, K)
+    plate = ff.Block(20, 14, 0.9, 0.4, 3.0, centre=(20, 20, -T / 2))
+    contact = ff.Contact(ff.Tool(plate, name="plate"), T, K)
     scene = ff.Scene(blank, [Elastic(), contact], [])
     for x, z in way:
         blank.u.x.array[:] = ([x, 20, z] - blank.coordinates()).ravel()
