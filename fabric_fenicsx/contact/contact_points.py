@@ -344,9 +344,9 @@ class LaggedFaces:
             less, last = (missed - self._missed)[: self._owned], self._missed[: self._owned]
             along, square = comm.allreduce(np.array([last @ less, less @ less]))
             self._share = float(np.clip(-self._share * along / max(square, 1e-300), 0.1, 1.0))
-        self._missed, self._place = missed, solution
+        before, self._missed, self._place = self._place, missed, solution
         if self._share < 1:
-            self._u[:] = self._place = solution - (1 - self._share) * missed
+            self._u[:] = self._place = before + self._share * missed
             present = self._points.pairs()
             self._u[:] = solution
         self.now = present

@@ -125,7 +125,8 @@ class Face:
         displacements to (G_i - G_k) (X_k - X_i) / 2, times the `share` (n,) at its ends."""
         X, triangles, n = self.X[:, :2], self.triangles, len(self.nodes)
         p, q, r = X[triangles].swapaxes(0, 1)
-        twice = np.linalg.det(np.stack([q - p, r - p], 1))
+        e, f = (q - p).T, (r - p).T
+        twice = e[0] * f[1] - e[1] * f[0]
         # gradients of the barycentric coordinates times twice the area, (m, 3, 2)
         sides = np.stack([r - q, p - r, q - p], 1)
         slopes = np.stack([-sides[..., 1], sides[..., 0]], -1) * np.sign(twice)[:, None, None]

@@ -67,7 +67,7 @@ class ToolSlip:
 
     def on_nodes(self, forces: np.ndarray) -> np.ndarray:
         """Forces on the nodes (nodes, 3) of forces on the faces (nodes, 3) [N]."""
-        return np.einsum("nij,nj->ni", self._derivative, forces)
+        return (self._derivative * forces[:, None]).sum(2)
 
     def on_node_blocks(self, blocks: np.ndarray) -> np.ndarray:
         """Stiffness at the nodes of stiffness at the faces, (nodes, 3, 3) [N/mm]."""

@@ -195,9 +195,9 @@ class BlankHolderPressure(ToolContactTerm):
         """How far each node has gone along the direction, or the die's normals (nodes,) [mm], the
         gradient of that (nodes, 3) and its Hessian (nodes, 3, 3) [1/mm]."""
         u = self.nodes.view()
-        if self._die:
-            return tuple(-each for each in self._die.nearest(self.nodes.places + u, self.areas > 0))
-        return u @ self.direction, self._normals(), np.zeros((len(u), 3, 3))
+        if not self._die:
+            return u @ self.direction, self._normals(), np.zeros((len(u), 3, 3))
+        return tuple(-each for each in self._die.closest.anywhere(self.areas > 0))
 
     def _normals(self):
         return np.tile(self.direction, (self.nodes.count, 1))

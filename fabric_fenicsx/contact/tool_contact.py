@@ -6,7 +6,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..core.errors import InputError
-from ..core.formatting import coordinates, of_sheet
+from ..core.formatting import of_sheet
 from ..core.rules import POSITIVE
 from ..energy.materials import materials_of, sheets_of, thickness_shares_at_nodes
 from ..energy.morley import Where
@@ -15,8 +15,8 @@ from ..energy.output import Value, largest, least, total
 from ..energy.term import SceneFacts
 from ..energy.work import Work
 from ..surfaces.checks import check_start
-from ..surfaces.surfaces import Nearest
 from ..surfaces.tool import Tool
+from .closest_on_tool import ClosestOnTool
 from .contact_term import PlyThickness, ToolContactTerm
 from .coulomb import LAG, Friction
 from .pressure_law import (
@@ -98,7 +98,6 @@ class Contact(ToolContactTerm):
                 POSITIVE.check(f"{name} of the contact with {tool.name}", value)
         # the last displacement, and what was found at it
         self._response: tuple[np.ndarray, ContactResponse] | None = None
-        self._seen: tuple[np.ndarray, Nearest] | None = None  # the last places from the tool's
         self._load, self._work = 0.0, Work()
 
     def set_up(self, scene: SceneFacts) -> None:
@@ -107,6 +106,7 @@ class Contact(ToolContactTerm):
         if len(same) > 1:
             raise InputError(f"{len(same)} contacts with {self.tool.name} given; allowed is one")
         self.nodes = Nodes(scene.blank, self.part, self.where)
+        self.closest = ClosestOnTool(self.tool, self.nodes)
         self._flat = self._face_at_nodes(scene)
         if any(term.thickness_field for term in scene.terms) and not self._given["thickness"]:
             self._flat = self._flat.grown(thickness_shares_at_nodes(scene))
@@ -142,6 +142,8 @@ class Contact(ToolContactTerm):
         if np.any(self._flat.thickening):
             ratios = np.where(areas > 0, areas / np.maximum(self.nodes.areas, 1e-300), 1.0)
             self.face = self._flat.grown(ratios**-self._flat.thickening)
+        # twice what counts: the sheet may become thicker
+        self.closest.reach = float(self.thickness.max(initial=0.0))
 
     def state(self) -> ContactResponse:
         """This rank's nodes as they are pressed at the sheet's present displacement."""
@@ -150,34 +152,17 @@ class Contact(ToolContactTerm):
         if self.tool.force:  # its balance asks all ranks, also those on which no node moved
             is_current = self.nodes.comm.allreduce(is_current, MPI.LAND)
         if self._response is None or not is_current:
-            x = self.nodes.places + u
-            self._response = u.copy(), self._balanced(x) if self.tool.force else self._state_at(x)
+            self._response = u.copy(), self._balanced() if self.tool.force else self._state_now()
         return self._response[1]
 
-    def _state_at(self, x):
-        nearest = self._nearest(x)
+    def _state_now(self):
+        nearest = self.closest.now()
         gap = nearest.gap - self.thickness / 2
         gap[~self.nodes.mask] = np.inf
         return contact_response(self.face, self.areas, gap, nearest.normal, nearest.curvature)
 
-    def _nearest(self, x):
-        off = x - self.tool.displacement
-        if self._seen and np.array_equal(off, self._seen[0]):
-            return self._seen[1]
-        # twice what counts: the sheet may have become thicker since
-        reach = float(self.thickness.max(initial=0.0))
-        nearest = self.tool.evaluate(x, reach)
-        deep = np.flatnonzero(nearest.gap < -0.9 * reach)
-        if len(deep):  # their gaps may be bounds, of which forces are no derivatives
-            _evaluate_at(nearest, self.tool, x, deep)
-        lost = np.flatnonzero(np.isnan(nearest.gap) & np.isfinite(x).all(1))
-        if len(lost):
-            self.undefined_at = f"{coordinates(x[lost[0]])} mm"
-        self._seen = off, nearest
-        return nearest
-
-    def _balanced(self, x):
-        """The nodes at x as they are pressed where the tool's force is in balance, sought from
+    def _balanced(self):
+        """The nodes as they are pressed where the tool's force is in balance, sought from
         where the tool is and, as a trial state may have sent it past the sheet, from where it was
         accepted; forces and energy are no numbers if there is none."""
         tool, nodes, now = self.tool, self.nodes, None
@@ -185,7 +170,7 @@ class Contact(ToolContactTerm):
         def look(travel):
             nonlocal now
             tool.travel = travel
-            now = self._state_at(x)
+            now = self._state_now()
             forces = now.forces + self._friction_forces()
             free = nodes.comm.allreduce(now.gap.min(initial=np.inf), MPI.MIN)
             return (
@@ -200,7 +185,7 @@ class Contact(ToolContactTerm):
             if find_balance(tool.push, look, start, reach, soft):
                 return now
         tool.travel = start
-        now = self._state_at(x)
+        now = self._state_now()
         return now._replace(energy=np.nan * now.energy, forces=np.nan * now.forces)
 
     def _blocks(self, now=None):
@@ -231,15 +216,6 @@ class Contact(ToolContactTerm):
         depth = np.array(self.face.depth(forces / np.maximum(self.areas, 1e-300)))
         return depth, self.areas * self.face(depth)[0]
 
-    def nearest(self, x: np.ndarray, exact: np.ndarray) -> Nearest:
-        """Of the tool at places x (nodes, 3) [mm]: as far off as it may be where `exact` (nodes,)
-        is true, and elsewhere where it is near."""
-        nearest = Nearest(*(each.copy() for each in self._nearest(x)))
-        far = np.flatnonzero(exact & (nearest.gap > 0.9 * self.thickness.max(initial=0.0)))
-        if len(far):
-            _evaluate_at(nearest, self.tool, x, far)
-        return nearest
-
     def energies(self) -> dict[str | None, float]:
         """See `Term`; on rank 0 also minus the work of the force that moves the tool."""
         stored = float((self.state().energy + self.energy_correction).sum())
@@ -269,7 +245,7 @@ class Contact(ToolContactTerm):
 
     def accept(self) -> None:
         now = self.state()
-        self.undefined_at = ""  # where the tool's surface gave no number since
+        self.closest.accept()
         travel, correction = self.tool.travel, self.energy_correction
         self._accepted = _Accepted(travel, now.gap, self.areas, correction)
         self._work.accept(self._load, self.force(), self.tool.displacement)
@@ -292,7 +268,7 @@ class Contact(ToolContactTerm):
         if changed <= min(self.coulomb.lag if self.coulomb else LAG, 0.01) * total:
             return False
         self._press_on(areas, self.energy_correction)
-        then = self._state_at(self.nodes.places + u)
+        then = self._state_now()
         self.energy_correction = self.energy_correction + now.energy - then.energy
         self._response = None if self.tool.force else (u, then)
         return True
@@ -319,7 +295,7 @@ class Contact(ToolContactTerm):
         at_nodes = {"depth": self.depth, "areas": areas, "energy_correction": correction}
         memory = {name: np.tile(row, (self.nodes.count, 1)) for name, row in rows.items()}
         memory |= {name: values[:, None] for name, values in at_nodes.items()}
-        return super().memory() | memory
+        return super().memory() | memory | {"outside": self.closest.outside}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         self.depth = memory["depth"][:, 0]
@@ -327,24 +303,27 @@ class Contact(ToolContactTerm):
         self.tool.travel = travel = float(self.nodes.common(memory["travel"])[0])
         self._accepted = _Accepted(travel, self._accepted.gap, areas, correction)
         self._press_on(areas, correction)
+        self.closest.recall(memory["outside"])
         self._work.recall(self.nodes.common(memory["work"]).reshape(3, -1))
         u = self.nodes.displacement()  # not balanced, as what friction bore is not known
-        self._response = u, self._state_at(self.nodes.places + u)
+        self._response = u, self._state_now()
         super().recall(memory)
 
     def gap(self) -> np.ndarray:
         """Gap from the sheet's face to the tool at the nodes, below 0 inside, (nodes,) [mm]."""
-        x = self.nodes.places + self.nodes.displacement()
-        gap = self.tool.evaluate(x).gap
-        for reach in (0.0, float(self.thickness.max(initial=0.0))):
-            far = np.isnan(gap)  # so far off that no nearest point is found: a bound will do
-            gap[far] = self.tool.evaluate(x[far], reach).gap
+        gap = self.closest.anywhere(self.nodes.mask).gap
         gap[~self.nodes.mask] = np.inf
         return gap - self.thickness / 2
 
     def penetration(self) -> float:
         """Largest depth of the tool in rigid faces in the present state, of all ranks [mm]."""
         return self._largest(np.where(self.face.is_rigid, -self.state().gap, 0.0))
+
+    def behind_walls(self) -> tuple[int, float]:
+        """Number of nodes that went through a wall of the tool and are still behind the face where
+        they went in, and how far at most [mm], of all ranks."""
+        deep = -self.closest.now().gap[self.closest.passed]
+        return self.nodes.comm.allreduce(len(deep)), self._largest(deep)
 
     def where_deepest(self) -> str:
         depth, places = self._penetrated(), self.nodes.places
@@ -368,17 +347,19 @@ class Contact(ToolContactTerm):
 
     def warnings(self) -> list[str]:
         """See `Term`: if the tool's surface gave no number, which may be why steps failed."""
-        lost = [place for place in self.nodes.comm.allgather(self.undefined_at) if place][:1]
-        surface = f"the surface {type(self.tool.surface).__name__} of {self.tool.name}"
-        cure = "`check_derivatives` tells what is wrong with a surface of your own"
-        return [*super().warnings(), *(f"{surface} gives no number at {x}; {cure}" for x in lost)]
+        place = next(filter(None, self.nodes.comm.allgather(self.closest.undefined_at)), "")
+        words = (
+            f"the surface {type(self.tool.surface).__name__} of {self.tool.name} gives no number at"
+            f" {place}; `check_derivatives` tells what is wrong with a surface of your own"
+        )
+        return [*super().warnings(), *[words] * bool(place)]
 
     def check_start(self) -> None:
         """See `Term`: also for a tool's path or surface that can't be."""
         self.tool.at(1.0)
         self.tool.at(0.0)
         x = (self.nodes.places + self.nodes.displacement())[self.nodes.mask]
-        check_start(self.tool, x, float(self.thickness.max(initial=0.0)), self.nodes.comm)
+        check_start(self.tool, x, self.closest.reach, self.nodes.comm)
 
     def may_press(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """See `Term`, at up to twice 1000 nodes of a rank: triangles take 1 ms each."""
@@ -391,9 +372,3 @@ class Contact(ToolContactTerm):
             at_loads.append((x[near], normals[near]))
         self.tool.at(self._load)
         return at_loads
-
-
-def _evaluate_at(nearest, tool, x, nodes):
-    """Fill in `nearest` what the tool gives at some `nodes`, however far off."""
-    for values, there in zip(nearest, tool.evaluate(x[nodes])):
-        values[nodes] = there

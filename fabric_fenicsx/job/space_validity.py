@@ -2,6 +2,7 @@
 
 from ..contact.self_contact import crossing_warning, self_crossings
 from ..contact.sheet_contact import SheetContact
+from ..contact.tool_contact import Contact
 from ..core.formatting import coordinates, rounded
 from ..energy.load import ReleaseForces
 from ..scene.rigid_motions import beyond_planes
@@ -12,7 +13,7 @@ __all__ = ["cells_over_radius", "tool_warnings", "untouched_warning"]  # for `va
 
 
 def passed_through(scene: Scene) -> list[str]:
-    """Sentences on sheets that passed through themselves or through planes of symmetry."""
+    """Sentences on sheets that passed through themselves, tools or planes of symmetry."""
     blank = scene.blank
     crossings = {part: self_crossings(part) for part in blank.parts.values() or [blank.whole]}
     wrong = [
@@ -21,6 +22,15 @@ def passed_through(scene: Scene) -> list[str]:
         "(a press's `self = true`), may help"
         for part, places in crossings.items()
         if len(places)
+    ]
+    contacts = [term for term in scene.terms if isinstance(term, Contact)]
+    behind = [(term.tool.name, *term.behind_walls()) for term in contacts]
+    wrong += [
+        f"{count} nodes of {blank.name} went through a wall of {tool} and are up to "
+        f"{rounded(depth)} mm behind the face where they did; allowed is none: smaller steps "
+        "(`max_step`) or cells may help"
+        for tool, count, depth in behind
+        if count
     ]
     return wrong + [
         f"{blank.name} passes through its image: {count} nodes lie up to {rounded(depth)} mm "
