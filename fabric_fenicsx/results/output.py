@@ -127,12 +127,11 @@ class Output:
             flaw = f"`out` {path} can't be written to ({error.strerror})"
             raise InputError(f"{flaw}; allowed is a folder that can be made") from None
         if not is_first:
-            return self.owned.begin(part)
+            return self.owned.note(part)
         if not (lock := lock_folder(self.path)):
             allowed = "another folder, or this one when that run has ended"
             raise InputError(f"`out` {self.path} is in use by another run; allowed is {allowed}")
         self._open.enter_context(lock)
-        self.owned.read()  # now that no other run adds to them
         old = self.owned.names(*self.RESULTS)
         if old and not (self.resume or self.overwrite):
             self._open.close()
@@ -141,7 +140,7 @@ class Output:
             raise InputError(f"{found}; allowed is another folder, {allowed}")
         if not self.resume:
             self.owned.remove()
-        self.owned.begin(part)
+        self.owned.note("", part)
         command = str(self.facts.get("command", ""))
         handler = LogFile(self.path / "log.txt", "a" if self.resume else "w", command)
         log.addHandler(handler)
@@ -195,5 +194,5 @@ class Output:
     def close(self) -> None:
         """List the files of the run, close the log and let other runs use the folder."""
         if self.parts and self.comm.rank == 0:
-            self.owned.end()
+            self.owned.note(is_over=True)
         self._open.close()

@@ -11,9 +11,8 @@ LIST = ".files.json"
 NAMES = (
     *"summary.json history.csv checkpoint.npz log.txt report.html press.toml press_*.toml".split(),
     *"fields.pvd tools.pvd fields/[0-9]*.vt* tools/[0-9]*.vt* wrinkles*.vtu paths*.csv".split(),
-    *"axis.csv curves.csv parameters.csv variants.csv".split(),
+    *f"axis.csv curves.csv parameters.csv variants.csv {LIST}".split(),
     *(f"{name}*.png" for name in CAPTIONS),
-    LIST,
 )
 
 
@@ -24,50 +23,37 @@ class OwnedFiles:
     does not replace."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder, self.inputs = folder, list[Path]()
-        self.read()
-
-    def read(self) -> None:
-        """Read the list."""
-        known = read_json(self.folder / LIST)
-        if not known and "fabric_fenicsx" in read_json(self.folder / "summary.json").get(
-            "versions", ()
-        ):
+        known = read_json(folder / LIST)
+        if not known and "fabric_fenicsx" in read_json(folder / "summary.json").get("versions", ()):
             known = {"parts": [""], "files": None}
+        self.folder, self.inputs = folder, list[Path]()
         self.parts, self._listed = known.get("parts", []), known.get("files", [])
 
-    def _present(self, part):
-        """Files of a part that have one of the `NAMES`, whosever they are."""
-        found = (each for name in NAMES for each in (self.folder / part).glob(name))
-        return {str(each.relative_to(self.folder)) for each in found if each.is_file()}
+    def _present(self, *parts):
+        """Files of parts that have one of the `NAMES`, whosever they are."""
+        found = (f for part in parts for name in NAMES for f in (self.folder / part).glob(name))
+        return {str(file.relative_to(self.folder)) for file in found if file.is_file()}
 
     def names(self, *endings: str) -> list[str]:
         """Files of the run, as seen from its folder, with these endings of their paths."""
-        present = set[str]().union(*map(self._present, self.parts))
-        own = present if self._listed is None else present.intersection(self._listed)
+        own = self._present(*self.parts)
+        own &= own if self._listed is None else {*self._listed}
         return sorted(each for each in own if each.endswith(endings or ("",)))
 
     def others(self, part: str, resume: bool) -> list[str]:
-        """Files that a run of this part would replace and that are not its own, or are inputs, and
-        folders of other runs."""
+        """What a run of this part would replace and is not its own: files, inputs, other runs."""
         own = set(self.names())
-        found = (self._present("") | self._present(part)) - own
-        if resume:
-            return sorted(found)
-        runs = (each for name in (LIST, "summary.json") for each in self.folder.glob(f"*/{name}"))
-        found |= {each.parent.name for each in runs} - {*self.parts, part}
-        return sorted(
-            found | {name for name in own if (self.folder / name).resolve() in self.inputs}
-        )
+        found = self._present("", part) - own
+        if not resume:
+            runs = (f for name in (LIST, "summary.json") for f in self.folder.glob(f"*/{name}"))
+            found |= {each.parent.name for each in runs} - {*self.parts, part}
+            found |= {name for name in own if (self.folder / name).resolve() in self.inputs}
+        return sorted(found)
 
-    def begin(self, part: str) -> None:
-        """Note that a part is under way."""
-        self._listed, self.parts = None, [*dict.fromkeys([*self.parts, "", part])]
-        write_json(self.folder / LIST, {"parts": self.parts, "files": None})
-
-    def end(self) -> None:
-        """List what the run has written."""
-        self._listed = self.names()
+    def note(self, *parts: str, is_over: bool = False) -> None:
+        """Write the list, of all files once the run is over; parts: those that begin."""
+        self.parts = [*dict.fromkeys([*self.parts, *parts])]
+        self._listed = self.names() if is_over else None
         write_json(self.folder / LIST, {"parts": self.parts, "files": self._listed})
 
     def remove(self) -> None:
