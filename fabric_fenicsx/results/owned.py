@@ -36,8 +36,8 @@ class OwnedFiles:
 
     def names(self, *endings: str) -> list[str]:
         """Files of the run, as seen from its folder, with these endings of their paths."""
-        own = self._present(*self.parts)
-        own &= own if self._listed is None else {*self._listed}
+        listed = [name for name in self._listed or () if (self.folder / name).is_file()]
+        own = self._present(*self.parts) if self._listed is None else listed
         return sorted(each for each in own if each.endswith(endings or ("",)))
 
     def others(self, part: str, resume: bool) -> list[str]:
