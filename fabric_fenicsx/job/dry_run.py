@@ -62,14 +62,8 @@ def checked(
 
 
 @task("taking the first step")
-def _first_step(newton, job, most=100):
-    """Iterations up to the first state under load, and why it failed, or ""; more than `most` of
-    them do not tell of later steps."""
-
-    def is_enough():
-        progress = stepping.progress
-        return "enough" if progress.load or progress.iterations >= most else ""
-
-    stepping = LoadStepping(newton, job, stop=is_enough)
+def _first_step(newton, job):
+    """Iterations up to the first state under load, and why there is none, or ""."""
+    stepping = LoadStepping(newton, job, stop=lambda: "enough" if stepping.progress.load else "")
     outcome = stepping.run()
-    return outcome.iterations, "" if outcome.reached or is_enough() else outcome.reason
+    return outcome.iterations, "" if outcome.reached else outcome.reason
