@@ -28,9 +28,8 @@ def press_parser(description: str | None, name: str = Press.NAME, press: str = "
     for each in declared(Sheet):
         if each.name in OF_ALL_PLIES:
             p.option(spelled(each.name), free=True, **kind_of_option(each.metadata))
-    # what the press says
-    unknown = dict.fromkeys(["steps", *(f"max_{each.name}" for each in declared(Limits))])
-    add_shared(p, Press, name, file=press, **unknown)
+    from_press = dict.fromkeys(["steps", *(f"max_{each.name}" for each in declared(Limits))])
+    add_shared(p, Press, name, file=press, **from_press)
     return p
 
 

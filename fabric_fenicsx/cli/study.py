@@ -210,8 +210,8 @@ class Study:
     def _facts(self):
         given = vars(self.args).items()
         options = {k: str(v) if isinstance(v, Path) else v for k, v in given}
-        command = {k: v for k, v in self.output.facts.items() if k == "command"}
-        return command | {"options": options, "fabric": self.fabric.dumps()}
+        known = {"options": options, "fabric": self.fabric.dumps()}
+        return {"command": self.output.facts["command"], **known}
 
     def problem(self, setup: Setup) -> dict:
         """Facts in which a checkpoint must agree: the fabric, and all options but the free ones."""

@@ -12,7 +12,10 @@ NAMES = (
     *"summary.json history.csv checkpoint.npz log.txt report.html press.toml press_*.toml".split(),
     *"fields.pvd tools.pvd fields/[0-9]*.vt* tools/[0-9]*.vt* wrinkles*.vtu paths*.csv".split(),
     *f"axis.csv curves.csv parameters.csv variants.csv {LIST}".split(),
-    *(f"{name}*.png" for name in CAPTIONS),
+    *(
+        f"{n}*.png"
+        for n in (*CAPTIONS, *"metal middle between shear_force springback fig7".split())
+    ),
 )
 
 
