@@ -12,8 +12,8 @@ from ..core.errors import InputError
 from ..core.files import check_new, ending, failure_reason, replace_file
 from ..core.formatting import rounded
 from ..core.rules import POSITIVE, unknown_key
-from ..io.outline_files import read_trim_line
-from ..results import pattern, states, structural, view
+from ..io.outlines import read_trim_line
+from ..results import pattern, space, states, structural
 from ..results.ply import planes_of
 from .options import Parser, option_type
 
@@ -57,11 +57,11 @@ def _view(parser, words):
     args = parser.parse_args(words)
     states.states(args.folder)
     if args.html is None and _has_display():
-        view.show(args.folder, args.field)
+        space.show(args.folder, args.field)
     else:
         file = Path(args.html or Path(args.folder) / "view.html")
         check_new(file, overwrite=args.overwrite)
-        replace_file(file, view.page(args.folder, args.field))
+        replace_file(file, space.page(args.folder, args.field))
         print(f"{file}: the last state, for a browser")
     return args
 
