@@ -61,15 +61,6 @@ class PressStudy(Study):
             args.steps = args.steps or max(len(made.schedule.stages), made.schedule.steps // 3)
         return press
 
-    def more_runs(self, setup: Any) -> dict[str, float]:
-        """As in `Study`: on finer cells, and of the whole blank."""
-        given, whole = vars(self.args), 1 / setup.data.share
-        more = {"--refine, if waves need cells half as long,": 4.0} if given.get("refine") else {}
-        if given.get("disturb"):
-            after = {f"--disturb after {name}": whole * cells for name, cells in more.items()}
-            more |= {"--disturb": whole} | after
-        return more
-
     def problem(self, setup: Any) -> dict[str, Any]:
         """As in `Study`, with the press."""
         return super().problem(setup) | setup.fingerprint()

@@ -192,15 +192,11 @@ class Study:
         self.output.facts = self._facts()
         pictures = not self.args.no_pictures
         if self.args.dry_run:
-            for line in checked(job, self.output, part, pictures, self.more_runs(job.setup)):
+            for line in checked(job, self.output, part, pictures):
                 self.say(line)
             self.output.close()
             sys.exit(0)
         return job.run(self.output, part, problem=self._problem, pictures=pictures)
-
-    def more_runs(self, setup: Setup) -> dict[str, float]:
-        """{what options ask for beside the run of a test: times as many cells}."""
-        return {}
 
     def summarise(self, folder: Path | None, **facts: object) -> dict:
         """Summarise the study as a whole, see `Output.summarise`."""
