@@ -15,7 +15,7 @@ from typing import NamedTuple
 from ..core.errors import InputError
 from ..core.files import lock_folder, read_json, write_json
 from ..core.rules import unknown_key
-from ..results.owned import OwnedFiles
+from ..results.output import OwnedFiles
 from ..results.verdict import INVALID
 
 REFINED = "finer", "finest"  # folders of a run's own runs on the cells that waves need

@@ -21,7 +21,6 @@ from fabric_fenicsx.job.observers import ProgressLog
 from fabric_fenicsx.job.setup import Observer
 from fabric_fenicsx.results.output import Output
 from fabric_fenicsx.results.states import states
-from fabric_fenicsx.solve.newton import Newton
 
 
 @pytest.mark.mpi
@@ -175,20 +174,6 @@ def test_what_a_run_costs_is_told_by_its_first_step(monkeypatch, folder):
     assert lines[1].startswith("the run takes 17 to 28 s, and several times")
     assert "9 iterations at the first of 4 steps took 3 s, setup took 10 s" in lines[1]
     assert lines[2] == "the run on coarser cells, for errors, takes 0.9 to 2.2 s more"
-
-
-def test_the_cost_counts_what_the_first_step_takes_until_it_is_accepted():
-    """Trials are rejected before; counted by an observer of the same run."""
-    seen = []
-
-    class Noted(Observer):
-        def accept(self, accepted):
-            seen.append((accepted.load, accepted.progress.iterations))
-
-    one, two = (ff.Tensile(**COARSE).job(steps=1, balance=1e-5, observers=[Noted()]) for _ in "ab")
-    found, _ = dry_run._first_step(Newton(one.scene, one.tolerance), one)
-    two.run()
-    assert seen[1] == (pytest.approx(0.25), found)
 
 
 def test_a_last_state_that_is_not_believed_is_told_so():
