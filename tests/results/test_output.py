@@ -135,14 +135,14 @@ def test_the_verdict_is_first_then_the_part_and_six_numbers(tmp_path):
     draw_in = {"largest_mm": 12.5, "largest_at_mm": [0.0, 60.0]}
     found = {"shear_angle_deg": [-1.5, 47.12345], "shear_angle_max_at_mm": [3.0, 4.5]}
     found |= {"draw_in": {"largest_mm": 12.5}, "own_N_per_mm": 1234.5678}
-    errors = {"draw_in.largest_mm": 0.25, "own_N_per_mm": None}
+    errors = {"draw_in.largest_mm": 0.25, "own_N_per_mm": None, "reaction_N": 0.5}
     reason = {"verdict": "invalid", "text": "a cell is sheared by 89 deg", "of": ""}
     facts = {"verdict": "invalid", "reasons": [reason], "reaction_N": 5.0, "reaction_is": "force"}
     facts |= {"quantities": found | {"plies": {"lower": {"draw_in": draw_in}}}, "error": errors}
     file.write_text(json.dumps({"wall_s": {}, "energy": {"strain": 4.0}, **facts}))
     (picture := tmp_path / "formed.png").touch()
     text = page("dome", {"": (file, [picture])}, "what it is", "not believed: sheared")
-    order = ["Verdict: invalid", "sheared by 89 deg", "The formed ply", "<th>force [N]"]
+    order = ["Verdict: invalid", "sheared by 89 deg", "The formed ply", "5 +- 0.5"]
     order += ["draw-in [mm]</th><td>12.5 +- 0.25</td><td>12.5 at (0, 60) mm", "<details>"]
     order += [
         "<th>shear angle [deg]</th><td>-1.5 to 47.123</td>",
