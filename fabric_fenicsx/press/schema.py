@@ -279,6 +279,7 @@ def write(press: PressData, path: str | os.PathLike[str]) -> None:
     path, files = Path(path), dict[Path, Material]()
 
     def plain(value, where):
+        is_file = isinstance(value, Field) or where.endswith((".file", ".mesh", ".outline"))
         if isinstance(value, (Field, Region)):
             value = value.entry if isinstance(value, Field) else value.limits
         if isinstance(value, Mapping):
@@ -294,6 +295,8 @@ def write(press: PressData, path: str | os.PathLike[str]) -> None:
             file = next(f for f in map(path.with_name, names) if files.get(f, value) == value)
             files[file] = value
             return file.name
+        if isinstance(value, str) and is_file:
+            return os.path.relpath(value, path.parent)
         if isinstance(value, (str, bool, int, float)):
             return value
         flaw = f"{where} is {repr_short(value)}, which a file cannot hold"

@@ -6,7 +6,7 @@ import resource
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +19,71 @@ from petsc4py import PETSc
 from ..core import timing
 from ..core.collective_errors import on_root
 from ..core.errors import InputError
-from ..core.files import csv_text, lock_folder, plain, replace_file, write_json
+from ..core.files import csv_text, lock_folder, plain, read_json, replace_file, write_json
 from ..core.status import MARKED, LogFile, log
 from ..core.version import __version__
 from . import report
 from .verdict import INVALID, OK, Numbers, Reason
+
+LIST = ".files.json"
+# of what runs write into their folder and those of their parts
+NAMES = (
+    f"{LIST} summary.json history.csv checkpoint.npz log.txt report.html press.toml press_*.toml "
+    "fields.pvd tools.pvd fields/[0-9]*.vt* tools/[0-9]*.vt* wrinkles*.vtu paths*.csv axis.csv "
+    "curves.csv parameters.csv variants.csv metal*.png middle*.png between*.png springback.png "
+    f"shear_force.png fig7.png {'*.png '.join(report.CAPTIONS)}*.png"
+).split()
+
+
+class OwnedFiles:
+    """Files of a run in `folder` and in those of its `parts`, as its list has them. While it is
+    under way, or after it was killed, and for a summary without a list, as earlier versions wrote
+    it, these are all files that have one of the `NAMES`. inputs: files that a run reads, which it
+    does not replace."""
+
+    def __init__(self, folder: Path) -> None:
+        known = read_json(folder / LIST)
+        if not known and "fabric_fenicsx" in read_json(folder / "summary.json").get("versions", ()):
+            known = {"parts": [""], "files": None}
+        self.folder, self.inputs = folder, list[Path]()
+        self.parts, self._listed = known.get("parts", []), known.get("files", [])
+
+    def _present(self, *parts):
+        """Files of parts that have one of the `NAMES`, whosever they are."""
+        found = (f for part in parts for name in NAMES for f in (self.folder / part).glob(name))
+        return {str(file.relative_to(self.folder)) for file in found if file.is_file()}
+
+    def names(self, *endings: str) -> list[str]:
+        """Files of the run, as seen from its folder, with these endings of their paths."""
+        listed = [name for name in self._listed or () if (self.folder / name).is_file()]
+        own = self._present(*self.parts) if self._listed is None else listed
+        return sorted(each for each in own if each.endswith(endings or ("",)))
+
+    def others(self, part: str, resume: bool) -> list[str]:
+        """What a run of this part would replace and is not its own: files, inputs, other runs."""
+        own = set(self.names())
+        found = self._present("", part) - own
+        if not resume:
+            runs = (f for name in (LIST, "summary.json") for f in self.folder.glob(f"*/{name}"))
+            found |= {each.parent.name for each in runs} - {*self.parts, part}
+            found |= {name for name in own if (self.folder / name).resolve() in self.inputs}
+        return sorted(found)
+
+    def note(self, *parts: str, is_over: bool = False) -> None:
+        """Write the list, of all files once the run is over; parts: those that begin."""
+        self.parts = [*dict.fromkeys([*self.parts, *parts])]
+        self._listed = self.names() if is_over else None
+        write_json(self.folder / LIST, {"parts": self.parts, "files": self._listed})
+
+    def remove(self) -> None:
+        """Remove the files of the run, and folders that are then empty."""
+        files = [self.folder / name for name in self.names()]
+        for file in files:
+            file.unlink()
+        for folder in sorted({file.parent for file in files} - {self.folder}, reverse=True):
+            with suppress(OSError):  # not empty
+                folder.rmdir()
+        self.parts = []
 
 
 class Output:
@@ -32,8 +92,6 @@ class Output:
     function of a message to its text with parameters as the reader writes them. `facts` are what
     every summary of the run repeats; `is_quiet`: warnings are only for the summary."""
 
-    # the files by which a folder is known to hold results
-    RESULTS = "summary.json", "history.csv", "checkpoint.npz"
     VERSIONS = {
         "fabric_fenicsx": __version__,
         "dolfinx": dolfinx.__version__,
@@ -56,8 +114,8 @@ class Output:
     ) -> None:
         self.name, self.path, self.comm = name, path, comm
         self.resume, self.overwrite = resume, overwrite
-        self.command, self.translated = command, translated
-        self.facts: dict[str, object] = {}
+        self.translated, self.owned = translated, OwnedFiles(path)
+        self.facts: dict[str, object] = {"command": command} if command else {}
         self.parts: list[str] = []  # that were begun, "" for the folder itself
         self.is_quiet = False
         # since the last summary: remarks on what was given, and reasons of the verdict
@@ -100,22 +158,25 @@ class Output:
         self._said.add(text)
         return text
 
-    def folder(self, part: str = "") -> Path:
-        """Make the folder, or its subfolder `part`, and return it. Raises InputError if it can't be
-        written to, another run uses it, or it holds results and neither resume nor overwrite is
-        set."""
+    def folder(self, part: str = "", is_shown: bool = True) -> Path:
+        """Make the folder, or its subfolder `part`, and return it; is_shown: the report tells of
+        it. Raises InputError if it can't be written to, another run uses it, it holds what is not
+        of a run of it, or results, and neither resume nor overwrite is set."""
         path = self.path / part
-        on_root(self.comm, lambda: self._make(path))
-        if part not in self.parts:
+        on_root(self.comm, lambda: self._make(path, part))
+        if is_shown and part not in self.parts:
             self.parts.append(part)
         return path
 
-    def _make(self, path):
+    def _make(self, path, part):
         """Make the folder and, the first time, lock it."""
         is_first = not self.parts
-        if self.resume and is_first and "checkpoint.npz" not in {f.name for f in self._results()}:
+        if self.resume and is_first and not self.owned.names("checkpoint.npz"):
             flaw = f"`resume=True` finds no checkpoint in {path}"
             raise InputError(f"{flaw}; allowed is the `out` of a run that was begun")
+        if others := self.owned.others(part, self.resume):
+            flaw = f"`out` {self.path} holds inputs, or what no run of it wrote"
+            raise InputError(f"{flaw}: {', '.join(others)}; allowed is another folder")
         try:
             path.mkdir(parents=True, exist_ok=True)
             tempfile.TemporaryFile(dir=path).close()
@@ -123,28 +184,25 @@ class Output:
             flaw = f"`out` {path} can't be written to ({error.strerror})"
             raise InputError(f"{flaw}; allowed is a folder that can be made") from None
         if not is_first:
-            return
+            return self.owned.note(part)
         if not (lock := lock_folder(self.path)):
             allowed = "another folder, or this one when that run has ended"
             raise InputError(f"`out` {self.path} is in use by another run; allowed is {allowed}")
         self._open.enter_context(lock)
-        old = self._results()  # now that no other run adds to them
+        old = self.owned.names("summary.json", "history.csv", "checkpoint.npz")
         if old and not (self.resume or self.overwrite):
-            self.close()
-            found = f"`out` {self.path} holds results ({old[0].relative_to(self.path)})"
+            self._open.close()
+            found = f"`out` {self.path} holds results ({old[0]})"
             allowed = "`resume=True` to go on with them, `overwrite=True` to lose them"
             raise InputError(f"{found}; allowed is another folder, {allowed}")
-        if self.overwrite:
-            for file in (*old, *self.path.glob("*.png"), self.path / "report.html"):
-                file.unlink(missing_ok=True)
-        handler = LogFile(self.path / "log.txt", "a" if self.resume else "w", self.command)
+        if not self.resume:
+            self.owned.remove()
+        self.owned.note("", part)
+        mode, command = "a" if self.resume else "w", str(self.facts.get("command", ""))
+        handler = LogFile(self.path / "log.txt", mode, command)
         log.addHandler(handler)
         self._open.callback(handler.close)
         self._open.callback(log.removeHandler, handler)
-
-    def _results(self):
-        patterns = [under + name for name in self.RESULTS for under in ("", "*/")]
-        return [file for pattern in patterns for file in self.path.glob(pattern)]
 
     def write_table(self, path: Path, rows: Sequence[Numbers]) -> None:
         """Write dicts to a CSV file, on rank 0, with a column for each of their keys."""
@@ -188,7 +246,10 @@ class Output:
         runs = {part: (at / "summary.json", at.glob("*.png")) for part, at in folders.items()}
         page = report.page(title or self.name, runs, description, ending, self.path / "log.txt")
         replace_file(self.path / "report.html", page)
+        self.close()
 
     def close(self) -> None:
-        """Close the log and let other runs use the folder."""
+        """List the files of the run, close the log and let other runs use the folder."""
+        if self.parts and self.comm.rank == 0:
+            self.owned.note(is_over=True)
         self._open.close()

@@ -6,7 +6,6 @@ import hashlib
 import json
 import math
 import re
-import shutil
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
@@ -14,8 +13,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..core.errors import InputError
-from ..core.files import lock_folder, read_summary, write_json
+from ..core.files import lock_folder, read_json, write_json
 from ..core.rules import unknown_key
+from ..results.output import OwnedFiles
 from ..results.verdict import INVALID
 
 REFINED = "finer", "finest"  # folders of a run's own runs on the cells that waves need
@@ -43,10 +43,9 @@ class Range(NamedTuple):
         return (value - self.low) / (self.high - self.low)
 
 
-def is_wide(numbers: Collection[float], times: float = 10.0) -> bool:
-    """True for numbers above 0 that are so many times apart, which are shown and spread by
-    logarithm."""
-    return min(numbers) > 0 and max(numbers) / min(numbers) >= times * (1 - 1e-9)
+def is_wide(numbers: Collection[float]) -> bool:
+    """True for numbers above 0 and tenfold apart, which are shown and spread by logarithm."""
+    return min(numbers) > 0 and max(numbers) / min(numbers) >= 10 * (1 - 1e-9)
 
 
 def number(text: str) -> float | None:
@@ -115,8 +114,7 @@ def short_names(keys: Collection[str]) -> dict[str, str]:
 
 
 def folder_name(values: Values, longest: int = 120) -> str:
-    """The name of a run's folder: its values, in letters that all file systems take, so many at
-    most."""
+    """The name of a run's folder: its values, in letters that all file systems take."""
     plain = label(values).replace(", ", "_")
     name = re.sub(r"[^\w.=+-]+", "-", plain, flags=re.ASCII)
     if name == plain and len(name) <= longest:
@@ -147,7 +145,7 @@ class Run:
         return [self.folder, *(each for each in finer if (each / "summary.json").is_file())][-1]
 
     def summary(self) -> dict:
-        return read_summary(self.results / "summary.json")
+        return read_json(self.results / "summary.json")
 
     def save(self) -> None:
         state = {key: value for key, value in vars(self).items() if key != "folder"}
@@ -155,8 +153,7 @@ class Run:
 
     def memory(self) -> float:
         """The most that it took on all of its ranks [MiB], 0 as long as that is not known."""
-        summary = self.summary()
-        return summary.get("peak_memory_mib", 0) * summary.get("ranks", 1)
+        return self.summary().get("peak_memory_mib", 0) * self.summary().get("ranks", 1)
 
     def is_believed(self) -> bool:
         """True once its process ended well and its result is not invalid."""
@@ -176,9 +173,9 @@ class Run:
         return self.summary().get("stroke_reached", 0) >= 1
 
     def is_done(self, options: Sequence[str]) -> bool:
-        """True for a run that ended by itself at full load, or with these options."""
+        """True for a run with results that ended by itself at full load, or with these options."""
         ended = self.is_at_full_load() or self.options == list(options)
-        return self.status == 0 or (self.status == 3 and ended)
+        return bool(self.summary()) and (self.status == 0 or (self.status == 3 and ended))
 
     def numbers(self) -> dict[str, float]:
         """Its quantities that are one number {name with dots: number}, nan without a value."""
@@ -223,8 +220,8 @@ class SweepFolder:
         text = press.read_text()
         self.path, self.title = path, str(tomllib.loads(text).get("title", press.name))
         made_of = {"text": text, "files": _files_of(press, text)}
-        self.state: dict = {"format": 2, "keys": list(keys), "press": made_of}
-        before = read_summary(path / "sweep.json")
+        self.state: dict = {"keys": list(keys), "press": made_of}
+        before = read_json(path / "sweep.json")
         if not before and any(not each.name.startswith(".") for each in path.glob("*")):
             flaw = f"--out {path} holds files that no sweep wrote"
             raise InputError(f"{flaw}; allowed is a folder of a sweep, an empty or a new one")
@@ -236,8 +233,12 @@ class SweepFolder:
         if not (shared or self._lock):
             raise InputError(f"--out {path} is in use by another sweep; allowed is another folder")
         if overwrite:
-            for file in path.glob("*/run.json"):
-                shutil.rmtree(file.parent)
+            for folder in (file.parent for file in path.glob("*/run.json")):
+                OwnedFiles(folder).remove()
+                for name in ("run.json", "console.txt", ".lock"):
+                    (folder / name).unlink(missing_ok=True)
+                with suppress(OSError):  # a user's files are there
+                    folder.rmdir()
             for name in "table.csv report.html curves.png maps.png trends.png".split():
                 (path / name).unlink(missing_ok=True)
         runs = {file.parent: json.loads(file.read_text()) for file in path.glob("*/run.json")}
@@ -248,8 +249,6 @@ class SweepFolder:
     def _other(self, before, press):
         """What sweep it was `before`, if it was another one than now; else ""."""
         now = self.state
-        if before["format"] != now["format"]:
-            return "a sweep of another version of this program"
         old, new = ({press: s["press"]["text"], **s["press"]["files"]} for s in (before, now))
         for name, _ in old.items() ^ new.items():
             return f"runs of another press ({name} has changed since)"
@@ -262,11 +261,9 @@ class SweepFolder:
         return self.runs.setdefault(name, Run(dict(values), self.path / name))
 
     def save(self) -> None:
-        """Write sweep.json."""
         write_json(self.path / "sweep.json", self.state)
 
     def close(self) -> None:
-        """Let others use the folder."""
         if self._lock:
             self._lock.close()
 

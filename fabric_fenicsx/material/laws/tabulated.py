@@ -17,7 +17,7 @@ from ...core.rules import check_complete
 from ...io.text_tables import columns_of, read_lines, table_of
 from ...io.units import ANGLE, REACH, STRAIN, stresses
 from ..energy import Derivatives, Range
-from ..files import Document, take_units
+from ..files import OWN_UNITS, Document, take_units
 from ..functions import Number, where
 from ..material import Parameters
 from .base import Law, sheet_fields
@@ -194,8 +194,8 @@ class TabulatedFabric(Law):
         return warnings
 
     def table(self) -> Document:
-        """The curves and the sheet; a material file names CSV files in the place of the points."""
-        tables: Document = {"model": "fabric", **self.sheet_table()}
+        """The curves and the sheet; a user's file names CSV files in the place of the points."""
+        tables: Document = {"law": self.law, **self.sheet_table(), "units": OWN_UNITS}
         for name in self.strain_of:
             curve = getattr(self, name)
             points = {"x": list(curve.x), "y": list(curve.y)}
@@ -206,6 +206,13 @@ class TabulatedFabric(Law):
     def from_document(cls, document: Document, folder: Path) -> Self:
         """The fabric of a TOML document in `folder`, in which `warp`, `weft` and `shear` are CSV
         files with the headers `eps [%], sigma [MPa]` and `gamma [deg], tau [MPa]`, or such."""
+        found = [document.get(key) for key in cls.strain_of]
+        if all(isinstance(each, dict) and "extrapolation" in each for each in found):  # of `table`
+            own = {key: document.pop(key) for key in ("law", *cls.strain_of)}
+            fields = sheet_fields(cls, document, take_units(document), (), {})
+            for k in cls.strain_of:
+                fields[k] = Curve(tuple(own[k]["x"]), tuple(own[k]["y"]), own[k]["extrapolation"])
+            return cls(**fields)
         keys = "law", "model", "extrapolation", *cls.strain_of
         files = {key: document.pop(key) for key in keys if key in document}
         fields = sheet_fields(cls, document, take_units(document), keys, {})
