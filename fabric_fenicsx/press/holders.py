@@ -8,7 +8,7 @@ import numpy as np
 
 from ..contact.holder_pressure import BlankHolderPressure
 from ..core.errors import InputError
-from ..core.fields import KnowsItsFields, check_fields, documented, quantity
+from ..core.fields import KnowsItsFields, check_fields, documented, flag, quantity
 from ..core.formatting import coordinates, rounded
 from ..core.rules import FROM_ZERO, POSITIVE, repr_short
 from ..energy.load import EdgeTension
@@ -67,8 +67,8 @@ class Kind(KnowsItsFields):
 @dataclass(frozen=True)
 class PressureHolder(Kind):
     """A pressure on what lies on the flat face of the die, a tool that does not move: a number, or
-    a function of the load factor, 0 to 1 over the whole run. A stack is pressed where all its
-    sheets lie on one another.
+    a function of the load factor, 0 to 1 over the whole run. Of a stack it presses the sheet
+    that is nearest to the holder at each place.
 
     Examples
     --------
@@ -82,6 +82,7 @@ class PressureHolder(Kind):
     )
     where: Where | None = _where("present positions")
     against: str = _option("", "name of the die, needed if several tools could be it")
+    full_stack: bool = flag("only where all sheets lie on one another, as a rigid plate presses")
 
     def __post_init__(self) -> None:
         if not callable(self.pressure):
@@ -100,7 +101,7 @@ class PressureHolder(Kind):
             (lambda x: flange(x) * where(x)) if where else flange,
             tool=Tool(Plane((0, 0, 0), site.up), name=site.name),
             lag=site.lag,
-            against=site.against,
+            against=site.against if self.full_stack else (),
             friction=site.friction,
             borne=flange,
         )
@@ -111,6 +112,8 @@ class PressureHolder(Kind):
                 f"holders.{site.name} presses a stack downwards on {site.die.name}; allowed is a "
                 "die above the stack, or a holder that is a tool with a force"
             )
+        if not self.full_stack:
+            return [pressure]
         # sheets that reach beyond the lowest one can't sink below the holder's face
         face = Tool(Plane(-site.thickness / 2 * site.up, site.up), name=f"{site.name}'s face")
         below = [site.contact(face, where).on(name) for name in site.rims[:1]]
