@@ -7,6 +7,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from ..contact.holder_pressure import BlankHolderPressure
+from ..contact.line_bead import LineBead
 from ..core.errors import InputError
 from ..core.fields import KnowsItsFields, check_fields, documented, flag, quantity
 from ..core.formatting import coordinates, rounded
@@ -255,10 +256,49 @@ class SpringHolder(Kind):
         return springs
 
 
+@documented
+@dataclass(frozen=True)
+class BeadHolder(Kind):
+    """A bead on the die's flange, as an equivalent drawbead, see `LineBead`. When built, raises
+    InputError for a line off the flange.
+
+    Examples
+    --------
+    >>> ff.BeadHolder({"line": [[0, 90], [60, 90]], "restraint": 2.0}).bead["restraint"]
+    2.0
+    """
+
+    bead: Mapping = _option(
+        None, "`line`, two or more points (x, y) [mm], and `restraint`, force per length [N/mm]"
+    )
+    against: str = _option("", "name of the die, needed if several tools could be it")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not isinstance(self.bead, Mapping) or self.bead.keys() != {"line", "restraint"}:
+            raise InputError(
+                f"`bead` is {repr_short(self.bead)}; allowed is a table of `line` and `restraint`"
+            )
+        LineBead(**self.bead)
+
+    def terms(self, site: HolderSite) -> list[Term]:
+        interface = site.interface
+        bead = LineBead(**self.bead, slip=interface.slip, lag=site.lag, name=site.name)
+        x = np.pad(bead.points(), ((0, 0), (0, 1)))
+        inside = (x[:, list(site.planes)] >= 0).all(1)
+        off = np.flatnonzero(inside & (site.on_flange()(x.T) == 0))
+        if len(off):
+            raise InputError(
+                f"holders.{site.name}.bead leaves the flange of {site.die.name} at "
+                f"{coordinates(x[off[0], :2])} mm; allowed is a line on its flat face"
+            )
+        return [bead]
+
+
 # entry of a file -> the kind of holder that has it
 HOLDERS: Mapping[str, type[Kind]] = {
     fields(kind)[0].name: kind
-    for kind in (PressureHolder, ForceHolder, GapHolder, Grippers, SpringHolder)
+    for kind in (PressureHolder, ForceHolder, GapHolder, Grippers, SpringHolder, BeadHolder)
 }
 
 
