@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import ufl
@@ -13,7 +14,7 @@ from petsc4py import PETSc
 
 from .. import dolfinx_compat as compat
 from ..core.errors import InputError
-from ..core.rules import FINITE, FROM_ZERO, POSITIVE, Rule
+from ..core.rules import FINITE, POSITIVE, Rule
 from ..material.laws import Law
 from ..material.metal import Metal
 from ..sheet.blank import Blank
@@ -30,6 +31,12 @@ def vector_on(blank: Blank, name: str, vector: ArrayLike, unit: bool = False) ->
     if blank.mesh.geometry.dim == 3:
         return checked_vector(name, vector, unit)
     return checked_vector(f"{name}, on a blank without `spatial=True`,", vector, unit, "two")
+
+
+def as_vector(gravity: Any) -> np.ndarray:
+    """Acceleration as a vector, of a number downwards; InputError for what is none."""
+    vector: Any = gravity if np.iterable(gravity) else (0, 0, -FINITE.check("`gravity`", gravity))
+    return checked_vector("`gravity`", vector, size="two or three")
 
 
 def at_load(name: str, rule: Rule, given: float | Callable[[float], float], load: float) -> float:
@@ -142,16 +149,14 @@ class Gravity(_DeadLoad):
 
     Parameters
     ----------
-    gravity : float
-        Acceleration [m/s^2], from 0.
-    direction : array_like, (gdim,)
-        In which it pulls; of any length.
+    gravity : float or array_like, (gdim,)
+        Acceleration [m/s^2], against z or as a vector.
 
     Raises
     ------
     InputError
-        For numbers that are not allowed, and for a sheet of which no term has a fabric or metal, so
-        that its mass is not known.
+        For other values, and for a sheet of which no term has a fabric or metal: its mass is not
+        known.
 
     Examples
     --------
@@ -165,23 +170,21 @@ class Gravity(_DeadLoad):
 
     name = "gravity"
 
-    def __init__(self, gravity: float = 9.81, direction: ArrayLike = (0, 0, -1)) -> None:
-        self._gravity, self._direction = FROM_ZERO.check("gravity [m/s^2]", gravity), direction
+    def __init__(self, gravity: float | ArrayLike = 9.81) -> None:
+        self._gravity = as_vector(gravity)
 
     def set_up(self, scene: SceneFacts) -> None:
         blank = scene.blank
         weight = fem.Function(compat.vector_space(blank.mesh, "DG", 0, 1))
         for part in sheets_of(blank) if self.part.is_whole else [self.part]:
-            if not isinstance(material := material_of(scene, part), Law | Metal):
-                of = part.name or blank.name
-                raise InputError(
-                    f"gravity needs the mass of {of}, a fabric or metal of a term on it"
-                )
+            material = material_of(scene, part)
+            if not isinstance(material, Law | Metal):
+                name = part.name or blank.name
+                raise InputError(f"gravity needs the mass of {name}: a fabric or metal of a term")
             shares = thickness_shares(scene, part, blank.centres()[part.cells])
             mass = material.density * material.thickness * shares  # kg/m^2
-            weight.x.array[part.cells] = 1e-6 * self._gravity * mass  # N/mm^2
-        name = f"direction of {self.name} on {blank.name}"
-        self._start(name, self._direction, self.part.dx(), weight[0])
+            weight.x.array[part.cells] = 1e-6 * float(np.linalg.norm(self._gravity)) * mass  # MPa
+        self._start(f"gravity on {blank.name}", self._gravity, self.part.dx(), weight[0])
 
     def _size(self, load):
         return 1.0

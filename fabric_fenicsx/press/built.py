@@ -7,7 +7,7 @@ import numpy as np
 
 from ..contact.contact_term import ToolContactTerm
 from ..contact.coulomb import MAX_SLIP
-from ..contact.line_bead import LineBead
+from ..contact.holder_pressure import LineBead
 from ..contact.tool_contact import Contact
 from ..core.collective_errors import on_root
 from ..core.formatting import share

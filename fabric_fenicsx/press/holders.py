@@ -6,8 +6,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from ..contact.holder_pressure import BlankHolderPressure
-from ..contact.line_bead import LineBead
+from ..contact.holder_pressure import BlankHolderPressure, LineBead
 from ..core.errors import InputError
 from ..core.fields import KnowsItsFields, check_fields, documented, flag, quantity
 from ..core.formatting import coordinates, rounded
@@ -102,23 +101,20 @@ class PressureHolder(Kind):
             (lambda x: flange(x) * where(x)) if where else flange,
             tool=Tool(Plane((0, 0, 0), site.up), name=site.name),
             lag=site.lag,
-            against=site.against if self.full_stack else (),
+            full_stack=self.full_stack,
             friction=site.friction,
             borne=flange,
         )
-        if not site.sheets:
-            return [pressure]
-        if site.up[2] < 0:
+        if site.laid.stack and site.up[2] < 0:
             raise InputError(
                 f"holders.{site.name} presses a stack downwards on {site.die.name}; allowed is a "
                 "die above the stack, or a holder that is a tool with a force"
             )
-        if not self.full_stack:
+        if not (self.full_stack and site.laid.stack):
             return [pressure]
         # sheets that reach beyond the lowest one can't sink below the holder's face
         face = Tool(Plane(-site.thickness / 2 * site.up, site.up), name=f"{site.name}'s face")
-        below = [site.contact(face, where).on(name) for name in site.rims[:1]]
-        return [pressure.on(site.sheets[0]), *below]
+        return [pressure, site.contact(face, where).on(site.laid.sheets[1].name)]
 
 
 @documented
@@ -279,18 +275,16 @@ class BeadHolder(Kind):
             raise InputError(
                 f"`bead` is {repr_short(self.bead)}; allowed is a table of `line` and `restraint`"
             )
-        LineBead(**self.bead)
+        LineBead(**self.bead)  # raises what is wrong with them
 
     def terms(self, site: HolderSite) -> list[Term]:
-        interface = site.interface
-        bead = LineBead(**self.bead, slip=interface.slip, lag=site.lag, name=site.name)
+        bead = LineBead(**self.bead, name=site.name, law=site.interface.coulomb(1.0))
         x = np.pad(bead.points(), ((0, 0), (0, 1)))
-        inside = (x[:, list(site.planes)] >= 0).all(1)
-        off = np.flatnonzero(inside & (site.on_flange()(x.T) == 0))
-        if len(off):
+        x = x[(x[:, list(site.planes)] >= 0).all(1)]
+        if len(off := x[site.on_flange()(x.T) == 0]):
             raise InputError(
                 f"holders.{site.name}.bead leaves the flange of {site.die.name} at "
-                f"{coordinates(x[off[0], :2])} mm; allowed is a line on its flat face"
+                f"{coordinates(off[0, :2])} mm; allowed is a line on its flat face"
             )
         return [bead]
 

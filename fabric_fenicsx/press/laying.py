@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 
@@ -52,15 +51,6 @@ class Laid:
         """Nodes (n, 3) of this rank [mm], as if all sheets lay in the blank's middle, z = 0."""
         owned = self.blank.V.dofmap.index_map.size_local
         return self.blank.coordinates()[:owned] * (1, 1, 0)
-
-    def covers(self, number: int, x: np.ndarray) -> np.ndarray:
-        """Mask (n,) of the places x (3, n) at which the sheet of this number, flat, lies."""
-        blank = self.blanks[number]
-        corners = np.vstack(blank.mesh.comm.allgather(blank.corners()))[..., :2]
-        lying = shapely.STRtree(shapely.polygons(corners)).query(
-            shapely.points(x[:2].T), "intersects"
-        )
-        return np.isin(np.arange(x.shape[1]), lying[0])
 
     def nearest_nodes(self, place: ArrayLike) -> Callable[[np.ndarray], np.ndarray]:
         """Function of points (3, n) to a mask (n,) of one node of each sheet: the nearest to

@@ -15,8 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
 
-from ..contact.holder_pressure import BlankHolderPressure
-from ..contact.line_bead import LineBead
+from ..contact.holder_pressure import BlankHolderPressure, LineBead
 from ..contact.tool_contact import Contact
 from ..core.formatting import rounded
 from ..core.logs import MARKED, log

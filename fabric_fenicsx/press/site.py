@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from scipy import ndimage
 
 from ..contact.coulomb import Coulomb
-from ..contact.sheet_contact import SheetContact
 from ..contact.tool_contact import Contact
 from ..core.errors import InputError
 from ..core.formatting import rounded
@@ -142,9 +141,6 @@ class HolderSite:
     interface, friction, lag
         How tools touch the blank, their friction, and the share of areas and normal forces by which
         these may lag behind the state.
-    sheets, against, rims
-        Of a stack: names of its sheets, the lowest first, contacts between them, and names of those
-        that reach beyond all sheets below them.
     taken
         By holders before this one: {place: {name of a holder: where it acts there}}.
 
@@ -170,9 +166,6 @@ class HolderSite:
     interface: Interface
     friction: Coulomb
     lag: float
-    sheets: Sequence[str]
-    against: Sequence[SheetContact]
-    rims: Sequence[str]
     taken: dict[str, dict[str, Where]]
     warnings: list[str] = field(default_factory=list)
 

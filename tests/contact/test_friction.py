@@ -20,6 +20,7 @@ from mpi4py import MPI
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.contact.friction import FrictionState
+from fabric_fenicsx.contact.holder_pressure import LineBead
 from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.newton import Newton
@@ -206,7 +207,7 @@ def test_a_strip_drawn_through_a_bead_needs_width_times_restraint(across):
     on 1200 mm2 of a holder; and nothing more as the strip goes on."""
     strip = sheet(60, 20, 13, 5)
     ends = [(30 + across * (y - 10), y) for y in (-30, 50)]
-    bead = ff.LineBead(ends, restraint=2.0)
+    bead = LineBead(ends, restraint=2.0)
     holder = ff.BlankHolderPressure(0.05, (0, 0, 1), everywhere, friction=0.2)
     drawn = ff.Support("end", near(0, 60.0), (0, 1, 2), (6.0, 0, 0))
     flat = ff.Support("flat", everywhere, (1, 2))
