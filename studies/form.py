@@ -79,7 +79,7 @@ def compared(study, press):
         from fabric_fenicsx.press.pictures import compare
         from fabric_fenicsx.results import pictures
 
-        compare(made, results, folder)
+        compare(results, folder, made.leader(), made.sheets)
         labels = "stroke / mm", f"{made.force_name} / N"
         pictures.reactions(folder / "compare_curves.png", results, *labels)
     least = min(reached.values())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 import shapely
@@ -16,8 +17,8 @@ from ..energy.nodes import Nodes, shares_at
 from ..energy.output import Value
 from ..energy.term import SceneFacts, bind
 from ..surfaces.primitives import Plane
+from ..surfaces.surfaces import checked_vector
 from ..surfaces.tool import Tool
-from ..surfaces.values import checked_vector
 from .contact_term import PlyThickness, ToolContactTerm
 from .coulomb import Friction
 from .tool_contact import Contact
@@ -29,25 +30,14 @@ def lying(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
     return np.isin(np.arange(len(points)), cell_at[0])
 
 
-class _Seen:
-    """The share of positions (3, n) `under` a holder where all of some sheets lie, or none (n,):
-    the `cells` of each, corners (m, 3, 3), as seen `across` its direction (3, 2)."""
-
-    def __init__(self, under: Callable, cells: list, across: np.ndarray, are_there: bool) -> None:
-        self.under, self.across, self.are_there = under, across, are_there
-        self.cells = [each @ across for each in cells]
-
-    def over(self, corners: np.ndarray) -> np.ndarray:
-        """As `Flange.over`."""
-        share = self.under.over(corners) if hasattr(self.under, "over") else np.nan
-        return np.where(share == 0, np.zeros(len(corners)), np.nan)
-
-    def __call__(self, x: np.ndarray) -> np.ndarray:
-        share = shares_at(self.under, x)
-        for cells in self.cells:
-            at = np.flatnonzero(share)
-            share[at[lying(cells, x[:, at].T @ self.across) != self.are_there]] = 0.0
-        return share
+def _seen(under, across, cells, are_there, x):
+    """The share of positions x (3, n) `under` a holder where all of some sheets lie, or none (n,):
+    the `cells` of each, corners (m, 3, 2), as seen `across` the direction (3, 2)."""
+    share = shares_at(under, x)
+    for each in cells:
+        at = np.flatnonzero(share)
+        share[at[lying(each, x[:, at].T @ across) != are_there]] = 0.0
+    return share
 
 
 class BlankHolderPressure(ToolContactTerm):
@@ -245,11 +235,11 @@ class BlankHolderPressure(ToolContactTerm):
         areas, cells = np.zeros(self.nodes.count), list[np.ndarray]()
         across = np.linalg.svd(self.direction[None])[2][1:].T
         for nodes in self._sheets if self._sheets[1:] else ():
-            local = _triangles(self.blank, nodes.part)[1]
+            local = _triangles(self.blank, nodes.part)[1] @ across
             cells.append(np.concatenate(self.nodes.comm.allgather(local)))
         for k, nodes in enumerate(self._sheets[: 1 if self._full else None]):
             others = cells[1:] if self._full else cells[:k]
-            under = _Seen(self.under, others, across, self._full) if others else self.under
+            under = partial(_seen, self.under, across, others, self._full) if others else self.under
             areas += nodes.shares_under(under, self._borne) * nodes.areas_now()
         return areas
 
@@ -257,11 +247,11 @@ class BlankHolderPressure(ToolContactTerm):
 class LineBead(ToolContactTerm):
     """Equivalent drawbead: a force per length of a line that stands still in plan, against the
     sliding of the sheets that lie there, in any direction; these share it. It does not depend on
-    the rate, and begins with an elastic slip as `Coulomb` friction. It acts on the nodes around by
-    their shape functions, which are taken anew in each accepted state.
+    the rate, and begins with an elastic slip as friction. It acts on the nodes around by their
+    shape functions, taken anew in each accepted state.
 
-    line: two points (x, y) [mm] of a polyline or more; restraint: above 0 [N/mm]; law: 1.0, or a
-    `Coulomb` of it with slip and lag. Raises InputError for others.
+    line: two points (x, y) [mm] or more; restraint: above 0 [N/mm]; law: 1.0, or a `Coulomb` of it.
+    Raises InputError for others.
     """
 
     energy_kind = "friction"
@@ -271,14 +261,12 @@ class LineBead(ToolContactTerm):
         self, line: Sequence, restraint: float, name: str = "bead", law: Friction = 1.0
     ) -> None:
         points = [checked_vector(f"line of {name}", each, size="two") for each in line]
-        self.line = shapely.LineString(points if points[1:] else None)
+        self.line, self.name = shapely.LineString(points if points[1:] else None), name
         if not self.line.length:
-            raise InputError(
-                f"line of {name} is {repr_short(line)}; allowed are two points or more"
-            )
+            flaw = f"line of {name} is {repr_short(line)}"
+            raise InputError(f"{flaw}; allowed are two points or more")
         self.restraint = POSITIVE.check(f"restraint of {name} [N/mm]", restraint)
         super().__init__(Tool(Plane((0, 0, 0), (0, 0, 1)), name=name), law, name)
-        self.name = name
 
     def points(self, spacing: float = 1.0) -> np.ndarray:
         """Middles (n, 2) of equal pieces of the line, at most `spacing` long [mm]."""

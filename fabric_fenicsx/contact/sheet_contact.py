@@ -8,16 +8,15 @@ from mpi4py import MPI
 from ..core.errors import InputError
 from ..core.formatting import rounded
 from ..core.rules import POSITIVE, Rule
-from ..energy.materials import material_of, thickness_shares_at_nodes
+from ..energy.materials import materials_of, thickness_shares_at_nodes
 from ..energy.morley import Where
-from ..energy.output import Value, joined, largest, size_of
+from ..energy.output import Value, joined, largest
 from ..energy.term import SceneFacts, Triplets, overrides
 from ..io.field import Field
-from .contact_points import POINTS, ContactPairs, ContactPoints, RelativeMotion
+from .contact_points import POINTS, ContactPairs, ContactPoints, LaggedFaces, RelativeMotion
 from .contact_term import ContactTerm, PlyThickness
 from .coulomb import Coulomb
 from .friction import FaceSlip
-from .lagged_faces import LaggedFaces
 from .pressure_law import (
     ContactResponse,
     between_faces,
@@ -70,7 +69,7 @@ class FaceContact(ContactTerm):
         self.depth, self._load = np.zeros(points.count), 0.0
         self.energy_correction = self._accepted_correction = np.zeros(points.count)
         # the last displacement and faces, and what was found there
-        self._found: tuple[np.ndarray, ContactPairs, ContactResponse] | None = None
+        self._response: tuple[np.ndarray, ContactPairs, ContactResponse] | None = None
         # in the last accepted state, before faces were taken anew
         self.totals, self.first = self._totals(), self.faces.accepted
         deepest = -self.blank.mesh.comm.allreduce(self.first.gap.min(initial=np.inf), MPI.MIN)
@@ -83,7 +82,7 @@ class FaceContact(ContactTerm):
 
     def _face_of(self, scene, part, t):
         """The `FaceLaw` of a sheet, of t [mm] if its face is rigid by a penalty."""
-        k, material = self._given["penalty"], material_of(scene, part)
+        k, material = self._given["penalty"], next(materials_of(scene, part), None)
         t = t or (material.thickness_under(0.0) if material else None)
         if k and t:
             return rigid_face(t, k)
@@ -106,15 +105,15 @@ class FaceContact(ContactTerm):
     def state(self, pairs: ContactPairs | None = None) -> ContactResponse:
         """The points of `pairs`, by default those of this solve, as they are pressed now."""
         pairs, u = pairs or self.faces.now, self.blank.u.x.array
-        found = self._found
-        known = found is not None and found[1] is pairs and np.array_equal(u, found[0])
+        last = self._response
+        known = last is not None and last[1] is pairs and np.array_equal(u, last[0])
         # relative motion asks all ranks
-        if found is None or not self.blank.mesh.comm.allreduce(known, MPI.LAND):
+        if last is None or not self.blank.mesh.comm.allreduce(known, MPI.LAND):
             gap, normal = pairs.paraboloid()
             law = self.face._replace(growth=pairs.growth)
             now = contact_response(law, pairs.areas, gap, normal, pairs.curvature)
-            self._found = found = u.copy(), pairs, now
-        return found[2]
+            self._response = last = u.copy(), pairs, now
+        return last[2]
 
     def normal_forces(self) -> np.ndarray:
         now = self.faces.now
@@ -168,7 +167,7 @@ class FaceContact(ContactTerm):
         missing = 0.5 * (apart * now.normal).sum(1)
         law = self.face._replace(growth=pairs.growth)
         now = with_secant_stiffness(law, pairs.areas, now, missing)
-        self._found = self.blank.u.x.array.copy(), pairs, now
+        self._response = self.blank.u.x.array.copy(), pairs, now
 
     def set_load(self, load: float) -> None:
         """Go back to the faces and normal forces of the last accepted state."""
@@ -321,9 +320,8 @@ class SheetContact(FaceContact):
         """Distance by which the face at each point has slid along that of the other sheet from the
         place that it lay on at the start, (points, 3) [mm]; NaN where it lay or lies over none."""
         points, first, now = self.points, self.first, self.faces.now
-        moved = points.of_all(first, first.moved(), np.nan)
+        moved = points.of_all(first, first.moved() + first.offsets(), np.nan)
         moved -= points.of_all(now, now.offsets(), np.nan)
-        moved += points.of_all(first, first.offsets(), np.nan)
         normal = points.of_all(now, now.normal, np.nan)
         return moved - (moved * normal).sum(1, keepdims=True) * normal
 
@@ -331,9 +329,9 @@ class SheetContact(FaceContact):
         """Means over the cells of the sheet that has the points: pressure, and the sliding on the
         other sheet, as a vector and its size; of two other sheets the larger."""
         slid = self.points.means(np.nan_to_num(self.sliding()))[:, 0]
-        field = largest(self.points.part.spread(slid), "mm")
-        sliding = {"sliding": field, "sliding_size": size_of("sliding", "mm")}
-        return super().cell_fields() | sliding
+        sliding = {"sliding": slid, "sliding_size": np.linalg.norm(slid, axis=1)}
+        spread = self.points.part.spread
+        return super().cell_fields() | {k: largest(spread(v), "mm") for k, v in sliding.items()}
 
     def _lost(self, pressure):
         points = self.points

@@ -18,9 +18,9 @@ from ..core.rules import FINITE, POSITIVE, Rule
 from ..material.laws import Law
 from ..material.metal import Metal
 from ..sheet.blank import Blank
-from ..surfaces.values import checked_vector
+from ..surfaces.surfaces import checked_vector
 from .assembly import assembled
-from .materials import material_of, sheets_of, thickness_shares
+from .materials import materials_of, sheets_of, thickness_shares
 from .output import Value
 from .term import SceneFacts, Term, Triplets
 from .work import Work
@@ -31,12 +31,6 @@ def vector_on(blank: Blank, name: str, vector: ArrayLike, unit: bool = False) ->
     if blank.mesh.geometry.dim == 3:
         return checked_vector(name, vector, unit)
     return checked_vector(f"{name}, on a blank without `spatial=True`,", vector, unit, "two")
-
-
-def as_vector(gravity: Any) -> np.ndarray:
-    """Acceleration as a vector, of a number downwards; InputError for what is none."""
-    vector: Any = gravity if np.iterable(gravity) else (0, 0, -FINITE.check("`gravity`", gravity))
-    return checked_vector("`gravity`", vector, size="two or three")
 
 
 def at_load(name: str, rule: Rule, given: float | Callable[[float], float], load: float) -> float:
@@ -143,56 +137,43 @@ class DeadPressure(_DeadLoad):
 
 
 class Gravity(_DeadLoad):
-    """Weight of the sheets, whole from the start: over the undeformed area density times thickness
-    of each one's fabric or metal, [g/cm^3] times [mm], which is kg/m^2. Its potential is minus int
-    rho t g . u dA.
+    """Weight of the sheets, whole from the start: density [g/cm^3] times thickness [mm], together
+    kg/m^2, of each one's fabric or metal, on the undeformed area. Its potential is minus int rho t
+    g . u dA.
 
-    Parameters
-    ----------
-    gravity : float or array_like, (gdim,)
-        Acceleration [m/s^2], against z or as a vector.
-
-    Raises
-    ------
-    InputError
-        For other values, and for a sheet of which no term has a fabric or metal: its mass is not
-        known.
+    gravity: acceleration [m/s^2], downwards or as a vector (gdim,). Raises InputError for others,
+    and for a sheet whose mass is not known, as no term has a fabric or metal for it.
 
     Examples
     --------
-    >>> ply = ff.Blank.rectangle(1000, 500, nx=2, spatial=True)
-    >>> weight = ff.Gravity()
+    >>> ply, weight = ff.Blank.rectangle(1000, 500, nx=2, spatial=True), ff.Gravity()
     >>> fabric = ff.load("komeili").replace(thickness=1.0, density=0.8)  # 0.8 kg/m2
     >>> scene = ff.Scene(ply, [ff.Membrane(fabric), weight], ff.clamped_ends(0.1))
-    >>> weight.force().round(6)  # of 0.4 kg [N]
-    array([ 0.   ,  0.   , -3.924])
+    >>> round(float(weight.applied_forces().sum()), 6)  # of 0.4 kg [N]
+    -3.924
     """
 
     name = "gravity"
 
-    def __init__(self, gravity: float | ArrayLike = 9.81) -> None:
-        self._gravity = as_vector(gravity)
+    def __init__(self, gravity: Any = 9.81) -> None:
+        if not np.iterable(gravity):
+            gravity = 0, 0, -FINITE.check("`gravity`", gravity)
+        self.acceleration = checked_vector("`gravity`", gravity, size="two or three")
 
     def set_up(self, scene: SceneFacts) -> None:
         blank = scene.blank
-        weight = fem.Function(compat.vector_space(blank.mesh, "DG", 0, 1))
+        mass = fem.Function(compat.vector_space(blank.mesh, "DG", 0, 1))  # kg/m^2
         for part in sheets_of(blank) if self.part.is_whole else [self.part]:
-            material = material_of(scene, part)
+            material = next(materials_of(scene, part), None)
             if not isinstance(material, Law | Metal):
                 name = part.name or blank.name
                 raise InputError(f"gravity needs the mass of {name}: a fabric or metal of a term")
             shares = thickness_shares(scene, part, blank.centres()[part.cells])
-            mass = material.density * material.thickness * shares  # kg/m^2
-            weight.x.array[part.cells] = 1e-6 * float(np.linalg.norm(self._gravity)) * mass  # MPa
-        self._start(f"gravity on {blank.name}", self._gravity, self.part.dx(), weight[0])
+            mass.x.array[part.cells] = material.density * material.thickness * shares
+        self._start(f"gravity on {blank.name}", self.acceleration, self.part.dx(), mass[0])
 
     def _size(self, load):
-        return 1.0
-
-    def force(self) -> np.ndarray:
-        """Weight along x, y, z, of all ranks (gdim,) [N]."""
-        forces = self.applied_forces().reshape(-1, self.blank.mesh.geometry.dim).sum(0)
-        return self.blank.mesh.comm.allreduce(forces) @ self.blank.frame
+        return 1e-6 * float(np.linalg.norm(self.acceleration))  # N/mm^2 of 1 kg/m^2
 
 
 class EdgeTension(_DeadLoad):

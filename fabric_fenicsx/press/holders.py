@@ -15,8 +15,8 @@ from ..energy.load import EdgeTension
 from ..energy.springs import Springs
 from ..energy.term import Term
 from ..surfaces.primitives import Plane
+from ..surfaces.surfaces import checked_vector
 from ..surfaces.tool import Tool
-from ..surfaces.values import checked_vector
 from .site import HolderSite, Region, Where
 
 # edge of a rectangle around the blank -> axis, and which end of it
@@ -30,8 +30,7 @@ class Holder(Protocol):
     --------
     >>> class Cushion:
     ...     def terms(self, site):
-    ...         up = (0, 0, 1)
-    ...         return [ff.BlankHolderPressure(0.25, up, site.on_flange(), lag=site.lag)]
+    ...         return [ff.BlankHolderPressure(0.25, site.up, site.on_flange(), lag=site.lag)]
     >>> press = ff.Press.read("double_dome").replace(holders={"cushion": Cushion()})
     """
 
@@ -99,7 +98,6 @@ class PressureHolder(Kind):
             self.pressure,
             site.up,
             (lambda x: flange(x) * where(x)) if where else flange,
-            tool=Tool(Plane((0, 0, 0), site.up), name=site.name),
             lag=site.lag,
             full_stack=self.full_stack,
             friction=site.friction,
@@ -272,9 +270,8 @@ class BeadHolder(Kind):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not isinstance(self.bead, Mapping) or self.bead.keys() != {"line", "restraint"}:
-            raise InputError(
-                f"`bead` is {repr_short(self.bead)}; allowed is a table of `line` and `restraint`"
-            )
+            flaw = f"`bead` is {repr_short(self.bead)}"
+            raise InputError(f"{flaw}; allowed is a table of `line` and `restraint`")
         LineBead(**self.bead)  # raises what is wrong with them
 
     def terms(self, site: HolderSite) -> list[Term]:
@@ -344,16 +341,13 @@ def _loose_ends(site):
     """A sentence on each end of the smallest sheet, on the axes through the blank's centre, that
     lies over the die's opening, where no blank holder presses it."""
     extents = np.array([blank.extent() for blank in site.laid.blanks])
-    flange, reach, doubts = site.on_flange(), np.arange(200), []  # mm, within which it looks
+    flange, doubts = site.on_flange(), []
     for _, outwards, _ in _edges(site, EDGES):
         end, across = (extents @ outwards).max(1).min(), 1 - abs(outwards)
-        middle = across * [*site.centre, 0.0]
-        share = flange(middle[:, None] + np.outer(outwards, end + reach))
-        if not share[0]:
-            away = f"{(share > 0).argmax()} mm" if share.any() else f"more than {len(reach)} mm"
+        if not flange((across * [*site.centre, 0.0] + end * outwards)[:, None])[0]:
             doubts.append(
                 f"the smallest sheet ends over the die's opening at {'xy'[int(across.argmin())]} = "
-                f"{rounded(float(end * outwards.sum()), 4)} mm, {away} from the flange: the blank "
-                "holder does not press it there"
+                f"{rounded(float(end * outwards.sum()), 4)} mm: the blank holder does not press it "
+                "there"
             )
     return doubts

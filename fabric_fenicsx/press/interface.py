@@ -81,25 +81,17 @@ class Interface(KnowsItsFields):
         return self.coulomb({sheet.name: by_kind[bool(sheet.metal)] for sheet in sheets})
 
     def between(self, laid: Laid, planes: Sequence[Where]) -> list[Term]:
-        """Contact of each sheet with the next, and of two around smaller ones. planes: of
-        symmetry."""
+        """Contact of each sheet with the next, and around smaller ones. planes: of symmetry."""
         extents, contacts = [blank.extent() for blank in laid.blanks], list[Term]()
         # how far each sheet reaches towards high and low x and y (sheets, 4) [mm]
         reach = np.array([[*high[:2], *-low[:2]] for low, high in extents])
+        options: dict = {"penalty": self.penalty, "lag": self.lag_of_faces, "symmetric": planes}
         for i, j in sorted(combinations(range(len(reach)), 2), key=lambda pair: pair[1] - pair[0]):
             smaller = reach[i + 1 : j].max(0, initial=-np.inf) + 1e-6
             if j == i + 1 or (np.minimum(reach[i], reach[j]) > smaller).any():
                 lower, upper = laid.sheets[i], laid.sheets[j]
-                contacts.append(
-                    SheetContact(
-                        lower.name,
-                        upper.name,
-                        penalty=self.penalty,
-                        lag=self.lag_of_faces,
-                        symmetric=planes,
-                        friction=self.coulomb(lower.friction_to(upper)),
-                    )
-                )
+                friction = self.coulomb(lower.friction_to(upper))
+                contacts.append(SheetContact(lower.name, upper.name, friction=friction, **options))
         return contacts
 
 

@@ -76,7 +76,15 @@ def lay_blank(
     """The blank of a press, and doubts. planes: axes to which planes of symmetry are perpendicular;
     rigid: fabric keeps its thickness under pressure. Raises InputError for sheets that can't be
     meshed, and for own meshes that reach beyond planes of symmetry or not to them."""
-    final, blanks, doubts = _meshed(sheets, planes, comm, rigid)
+    sheets = [s.filled(name=s.name or f"ply {number}") for number, s in enumerate(sheets, 1)]
+    made = [_mesh(sheet, 24, planes, comm, rigid) for sheet in sheets]
+    # if cells do not follow the yarns all sheets are quadratic, by default twice as large, so that
+    # there are as many nodes
+    if any(blank.degree == 2 for _, blank, _ in made) and not any(s.element for s in sheets):
+        for k, sheet in enumerate(sheets):
+            if not (sheet.nx or sheet.size or sheet.mesh):
+                made[k] = _mesh(sheet.filled(element="P2"), 12, planes, comm, rigid)
+    final, blanks, doubts = zip(*made)
     for sheet, blank in zip(final, blanks):
         path = f"ply {sheet.name}" if final[1:] else sheet.sheet_file or "the blank"
         _check_symmetric(blank, path, planes)
@@ -90,23 +98,9 @@ def lay_blank(
     *sums, area = comm.allreduce(np.append(places @ areas, areas.sum()), MPI.SUM)
     centre = np.array(sums) / area
     centre[list(planes)] = 0.0
-    return Laid(whole, final, final[first], whole_sides(blanks[first], planes), centre), doubts
-
-
-def _meshed(sheets, planes, comm, rigid):
-    """The sheets as they are meshed, their blanks, and doubts. If cells do not follow the yarns,
-    all sheets are quadratic; by default these are twice as large, so that there are as many
-    nodes."""
-    sheets = [s.filled(name=s.name or f"ply {number}") for number, s in enumerate(sheets, 1)]
-    made = [_mesh(sheet, 24, planes, comm, rigid) for sheet in sheets]
-    quadratic = any(blank.degree == 2 for _, blank, _ in made)
-    if quadratic and not any(sheet.element for sheet in sheets):
-        for k, sheet in enumerate(sheets):
-            if not (sheet.nx or sheet.size or sheet.mesh):
-                made[k] = _mesh(sheet.filled(element="P2"), 12, planes, comm, rigid)
-    final, blanks, doubts = zip(*made)
-    mirrors = [_mirror_doubt(*each, planes) for each in zip(final, blanks)]
-    return final, blanks, [*filter(None, mirrors), *sum(doubts, [])]
+    mirrors = [*filter(None, (_mirror_doubt(*each, planes) for each in zip(final, blanks)))]
+    laid = Laid(whole, final, final[first], whole_sides(blanks[first], planes), centre)
+    return laid, mirrors + sum(doubts, [])
 
 
 def _mesh(sheet, nx, planes, comm, rigid):

@@ -15,13 +15,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
 
-from ..contact.holder_pressure import BlankHolderPressure, LineBead
+from ..contact.holder_pressure import BlankHolderPressure
 from ..contact.tool_contact import Contact
 from ..core.formatting import rounded
-from ..core.logs import MARKED, log
-from ..core.status import task
+from ..core.status import MARKED, log, task
 from ..energy.load import EdgeTension
 from ..energy.springs import Springs
+from ..energy.term import Term
 from ..job.job import Result
 from ..results import forming_pictures, space
 from ..results.measures import planes_of_symmetry
@@ -30,52 +30,54 @@ from ..results.ply import SYMMETRIC, Grid, Surface, grid_of, ply_of
 from ..results.quantities import middle_of
 from ..results.states import triangulated
 from ..results.wrinkles import HEIGHT
+from ..scene.scene import Scene
 from ..sheet.blank import Blank
+from ..sheet.sheet import Sheet
 from ..sheet.stack import Stack
 from ..surfaces.tool import Tool
-from .built import BuiltPress
 
 TOOLS = ("#3b6fb6", "#d9822b", "#5aa469", "#8e5ea2", "#b83a3a", "#6b7a8f")
 
 
 class _Scene(NamedTuple):
-    """Whole plies and tools {name: surface}, which tools are above the blank, and the least and
-    largest corners of all."""
+    """Whole plies, tools {name: (surface, colour, whether it is above the blank, its motion (3,)
+    or None)}, and the least and largest corners of all."""
 
-    plies: dict[str, pyvista.PolyData]
-    tools: dict[str, pyvista.PolyData]
-    above: dict[str, bool]
+    plies: list[pyvista.PolyData]
+    tools: dict[str, tuple]
     bounds: tuple[float, ...]
 
 
-def draw_setup(made: BuiltPress, folder: Path) -> None:
-    """setup.png: the tools and the flat blank before anything moves; called on all ranks."""
-    motions = {name: made.schedule.first_move(name) for name in made.tools}
-    plies = flat_grids(made.scene.blank, planes_of_symmetry(made.scene))
-    size = float(made.scene.blank.sides().max())  # of all ranks
-    if made.scene.comm.rank:
+def draw_setup(
+    path: Path,
+    scene: Scene,
+    tools: Mapping[str, Tool],
+    holders: Mapping[str, Sequence[Term]],
+    motions: Mapping[str, ArrayLike],
+) -> None:
+    """A picture of a press before anything moves: as `setup_picture`; called on all ranks."""
+    plies = flat_grids(scene.blank, planes_of_symmetry(scene))
+    size = float(scene.blank.sides().max())  # of all ranks
+    if scene.comm.rank:
         return
-    with _no_loss("setup.png"):
-        bodies = made.tools | _holders(made, plies, size)
-        setup_picture(folder / "setup.png", plies, bodies, motions)
+    with _no_loss(path.name):
+        bodies = {**tools, **_holders(scene, holders, plies, size)}
+        setup_picture(path, plies, bodies, motions)
 
 
-def _holders(made, plies, size):
+def _holders(scene, holders, plies, size):
     """{name: surface} of what holders press, a little away from the blank, and of what pulls."""
     surfaces = dict[str, Surface]()
-    owners = {term: name for name, terms in made.holders.items() for term in terms}
-    for term in made.scene.terms:
+    owners = {term: name for name, terms in holders.items() for term in terms}
+    for term in scene.terms:
         ply = ply_of(plies[term.part_name] if term.part_name else next(iter(plies.values())))
         x, centres = ply.x, ply.x[ply.cells].mean(1).T
         name = (term.tool or term).name
         if isinstance(term, BlankHolderPressure):
             surfaces[name] = _patch(ply, term.shares(centres) > 0.5, -0.02 * size * term.direction)
-        elif isinstance(term, Contact) and term.where and name not in made.tools:
+        elif isinstance(term, Contact) and term.where and term in owners:
             up = term.tool.evaluate(centres.T[:1]).normal[0]
             surfaces[name] = _patch(ply, np.asarray(term.where(centres)), -0.02 * size * up)
-        elif isinstance(term, LineBead):
-            line = np.pad(term.points(), ((0, 0), (0, 1)))
-            surfaces[name] = pyvista.lines_from_points(line).tube(radius=0.004 * size).triangulate()
         elif isinstance(term, Springs | EdgeTension):
             if isinstance(term, Springs):
                 at, way = x[term.where(x.T)], np.asarray(term.arm, dtype=float)
@@ -122,96 +124,85 @@ def setup_picture(
     """The flat plies {name: grid} and the tools {name: tool or surface} where they are now, in
     space and in sections through the centre: 1600 x 1200 pixels; motions: {name of a tool: (3,)},
     where it goes [mm]."""
-    moves = {name: np.asarray(way, float) for name, way in motions.items() if np.any(way)}
-    scene = _scene({n: space.surface_of(grid, formed=False) for n, grid in plies.items()}, tools)
+    surfaces = [space.surface_of(grid, formed=False) for grid in plies.values()]
+    scene = _scene(surfaces, tools, motions)
     page = Figure(figsize=(16, 12))
     ax = page.add_axes((0.02, 0.4, 0.96, 0.54))
-    drawn = space.image(partial(_draw_setup, scene=scene, motions=moves), space.VIEW, scene.bounds)
+    drawn = space.image(partial(_draw_setup, scene=scene), space.VIEW, scene.bounds)
     ax.imshow(drawn, interpolation="lanczos")
     ax.axis("off")
-    above = {"loc": "upper center", "ncol": 4, "fontsize": 17, "frameon": False}
-    page.legend(handles=_legend(scene, moves), **above)
-    _draw_section(page.add_axes((0.06, 0.06, 0.42, 0.27)), scene, 1, moves)
-    _draw_section(page.add_axes((0.55, 0.06, 0.42, 0.27)), scene, 0, moves)
+    handles = [Patch(facecolor="#e6d8a8", edgecolor="k", label="blank")]
+    for name, (_, colour, above, motion) in scene.tools.items():
+        far = "" if motion is None else f", moves {rounded(float(np.linalg.norm(motion)))} mm"
+        handles.append(Patch(color=colour, alpha=0.45 if above else 1.0, label=f"{name}{far}"))
+    place = {"loc": "upper center", "ncol": 4, "fontsize": 17, "frameon": False}
+    page.legend(handles=handles, **place)
+    _draw_section(page.add_axes((0.06, 0.06, 0.42, 0.27)), scene, 1)
+    _draw_section(page.add_axes((0.55, 0.06, 0.42, 0.27)), scene, 0)
     page.savefig(path, dpi=100)
 
 
-def _scene(plies, tools):
-    """Plies {name: surface}, whole, and tools, mirrored as the plies were."""
-    low, high = space.extent_of(plies.values())
+def _scene(plies, tools, motions):
+    """The `_Scene` of whole plies, and of tools, mirrored as the plies were."""
+    low, high = space.extent_of(plies)
     # of a tool's surface around the blank, over the blank's size
-    room = 0.25 * (high - low).max()
-    planes = next(iter(plies.values())).field_data["planes"]
-    low, high = low - room, high + room
-    surfaces = {}
-    for name, tool in tools.items():
+    room, planes = 0.25 * (high - low).max(), plies[0].field_data["planes"]
+    start = np.where(np.isin(np.arange(3), planes), -room / 2, low - room)
+    middle, bodies = np.mean([surface.points[:, 2].mean() for surface in plies]), {}
+    for (name, tool), colour in zip(tools.items(), cycle(TOOLS)):
         if isinstance(tool, Tool):
-            start = np.where(np.isin(np.arange(3), planes), -room / 2, low)
-            tool = triangulated(tool, start, high).translate(tool.displacement)
-        surfaces[name] = space.mirrored(tool, planes)
-    middle = np.mean([surface.points[:, 2].mean() for surface in plies.values()])
-    above = {name: surface.center[2] > middle for name, surface in surfaces.items()}
-    bounds = np.column_stack(space.extent_of([*plies.values(), *surfaces.values()])).ravel()
-    return _Scene(plies, surfaces, above, tuple(bounds))
+            tool = triangulated(tool, start, high + room).translate(tool.displacement)
+        surface, motion = space.mirrored(tool, planes), np.asarray(motions.get(name, 0.0), float)
+        above = surface.center[2] > middle
+        bodies[name] = surface, colour, above, motion if motion.any() else None
+    bounds = space.extent_of([*plies, *(surface for surface, *_ in bodies.values())])
+    return _Scene(plies, bodies, tuple(np.column_stack(bounds).ravel()))
 
 
-def _draw_setup(plotter, scene, motions):
+def _draw_setup(plotter, scene):
     """The blank with its edges, tools below it as they are, those above it translucent."""
     solid = {"smooth_shading": True, "split_sharp_edges": True, "ambient": 0.3, "diffuse": 0.75}
     open_edges = {"manifold_edges": False, "non_manifold_edges": False}
-    for surface in scene.plies.values():
+    for surface in scene.plies:
         opacity = 1 - 0.6 ** (1 / len(scene.plies))  # of all plies together 0.4
         plotter.add_mesh(surface, color="#e6d8a8", opacity=opacity, ambient=0.4, diffuse=0.6)
         edges = surface.extract_feature_edges(feature_edges=False, **open_edges)
         plotter.add_mesh(edges, color="k", line_width=3)
     low, high = np.reshape(scene.bounds, (3, 2)).T
     size = (high - low).max()
-    for k, (name, surface) in enumerate(scene.tools.items()):
-        colour = TOOLS[k % len(TOOLS)]
-        if not scene.above[name]:  # a little away, or what touches the blank would show through it
+    for k, (surface, colour, above, motion) in enumerate(scene.tools.values()):
+        if not above:  # a little away, or what touches the blank would show through it
             surface = surface.translate(-0.003 * size * np.array(space.VIEW))
-        plotter.add_mesh(surface, color=colour, opacity=0.22 if scene.above[name] else 1.0, **solid)
+        plotter.add_mesh(surface, color=colour, opacity=0.22 if above else 1.0, **solid)
         edges = surface.extract_feature_edges(feature_angle=40, **open_edges)
         if edges.n_points:
             plotter.add_mesh(edges, color=colour, line_width=2)
-        if name in motions:
+        if motion is not None:
             start = np.array([high[0] + (0.05 + 0.07 * k) * size, low[1], surface.center[2]])
-            length = float(np.linalg.norm(motions[name]))
+            length = float(np.linalg.norm(motion))
             wide = min(0.008 * size / length, 0.1)
             tip = {"tip_radius": 2.5 * wide, "tip_length": min(0.4, 7 * wide)}
-            place = {"start": start, "direction": motions[name], "scale": length}
+            place = {"start": start, "direction": motion, "scale": length}
             plotter.add_mesh(pyvista.Arrow(shaft_radius=wide, **place, **tip), color=colour)
 
 
-def _legend(scene, motions):
-    handles = [Patch(facecolor="#e6d8a8", edgecolor="k", label="blank")]
-    for name, colour in zip(scene.tools, cycle(TOOLS)):
-        moves = (
-            f", moves {rounded(float(np.linalg.norm(motions[name])))} mm" if name in motions else ""
-        )
-        alpha = 0.45 if scene.above[name] else 1.0
-        handles.append(Patch(color=colour, alpha=alpha, label=f"{name}{moves}"))
-    return handles
-
-
-def _draw_section(ax, scene, axis, motions):
+def _draw_section(ax, scene, axis):
     """Lines of tools and plies in the plane through their middle across `axis`, with motions."""
     along, normal = 1 - axis, np.eye(3)[axis]
-    low, high = space.extent_of(scene.plies.values())
-    middle = np.append((low + high)[:2].round(6) / 2, 0.0)
-    bodies = [("", surface, "k", 1.5) for surface in scene.plies.values()]
-    bodies += [(n, s, c, 2.5) for (n, s), c in zip(scene.tools.items(), cycle(TOOLS))]
-    for k, (name, surface, colour, width) in enumerate(bodies):
+    middle = np.append(np.add(*space.extent_of(scene.plies))[:2].round(6) / 2, 0.0)
+    bodies = [(surface, "k", False, None) for surface in scene.plies] + [*scene.tools.values()]
+    for k, (surface, colour, _, motion) in enumerate(bodies):
         cut = surface.slice(normal=normal, origin=middle + 1e-3 * normal)
         if not cut.n_cells:
             continue
         ends = np.asarray(cut.points)[cut.lines.reshape(-1, 3)[:, 1:]][:, :, [along, 2]]
+        width = 1.5 if k < len(scene.plies) else 2.5
         ax.add_collection(LineCollection(ends, colors=colour, linewidths=width, capstyle="round"))
-        if name in motions:
+        if motion is not None:
             start = np.array([cut.center[along], cut.center[2]])
             start[0] += 0.08 * np.ptp(ends[:, :, 0]) * (k - len(bodies) / 2)
             look = {"arrowstyle": "-|>", "color": colour, "lw": 2.5, "mutation_scale": 22}
-            ax.annotate("", start + motions[name][[along, 2]], start, arrowprops=look)
+            ax.annotate("", start + motion[[along, 2]], start, arrowprops=look)
     ax.autoscale_view()
     ax.margins(0.05)
     ax.set_aspect("equal", adjustable="datalim")
@@ -221,28 +212,30 @@ def _draw_section(ax, scene, axis, motions):
     ax.grid(alpha=0.25)
 
 
-def draw(made: BuiltPress, result: Result, folder: Path) -> None:
+def draw(result: Result, folder: Path, leader: Tool, sheets: Sequence[Sheet]) -> None:
     """The formed plies, strain states, paths, thickness and metal; called on rank 0."""
     with _no_loss("formed.png"):
-        forming_pictures.draw_plies(folder, result.grids, made.leader().name)
+        forming_pictures.draw_plies(folder, result.grids, leader.name)
     with _no_loss("wrinkles.png"):
         plies = {file.stem: pyvista.read(file) for file in sorted(folder.glob("wrinkles*.vtu"))}
         if plies:
             maps(folder / "wrinkles.png", plies, [HEIGHT], units={HEIGHT: "mm"})
-    compare(made, {"": result}, folder)
+    compare({"": result}, folder, leader, sheets)
 
 
-def compare(made: BuiltPress, results: Mapping[str, Result], folder: Path) -> None:
+def compare(
+    results: Mapping[str, Result], folder: Path, leader: Tool, sheets: Sequence[Sheet]
+) -> None:
     """Draw paths of runs {label: `Result`} side by side, and the middle ply."""
     layers = {label: result.grids for label, result in results.items()}
     named = [(label, *ply) for label, grids in layers.items() for ply in grids.items()]
     plies = {f"{label} {name}".strip(): grid for label, name, grid in named}
     with _no_loss("paths.png"):
-        forming_pictures.draw_compared(folder, plies, made.leader())
-    metals = [sheet.name for sheet in made.sheets if sheet.metal]
-    middle = middle_of(made.sheets)
+        forming_pictures.draw_compared(folder, plies)
+    metals = [sheet.name for sheet in sheets if sheet.metal]
+    middle = middle_of(sheets)
     if middle and all({middle, metals[-1]} <= set(each) for each in layers.values()):
-        forming_pictures.draw_laminate(folder, layers, middle, metals[-1], made.leader())
+        forming_pictures.draw_laminate(folder, layers, middle, metals[-1], leader)
 
 
 @contextmanager

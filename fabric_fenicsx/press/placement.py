@@ -1,10 +1,8 @@
 """The places of the tools of a press before anything moves, and whether they leave room for it."""
 
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from mpi4py import MPI
 
 from ..core.collective_errors import on_root
 from ..core.errors import InputError
@@ -24,15 +22,14 @@ from .tools import DieOf
 CHECK_PRESSURE = 1.0  # MPa, under which the blank must fit between closed tools
 POINTS_ACROSS = 60  # points across the blank at which the distance of two tools is found
 TOUCH_TOLERANCE = 1e-9  # of the thickness: a tool so near touches the blank
+MAX_AWAY = 1e7  # mm from the blank, up to which a tool's face is looked for
 
 
 @task("placing the tools")
 def place_tools(press: PressData, laid: Laid) -> tuple[dict[str, Tool], Schedule, list[str]]:
     """The tools of a press {name: tool} in their places at its blank, what moves them, and doubts.
     Raises InputError, on all ranks, for tools that can't stand or move as given."""
-    thickness, pressed = press.thickness(), press.thickness(CHECK_PRESSURE)
-    extent, comm = np.array(laid.blank.extent()), laid.blank.mesh.comm
-    blank = _FlatBlank(laid.flat_nodes(), extent, thickness, comm)
+    thickness, extent = press.thickness(), np.array(laid.blank.extent())
     given, dies = {name: press.tool(name) for name in press.tools}, press.dies()
     clearances = {name: die.clearance or 1.2 * thickness for name, die in dies.items()}
     usual_off = {d.tool: max(0.0, clearances[n] - thickness) for n, d in dies.items()}
@@ -42,13 +39,15 @@ def place_tools(press: PressData, laid: Laid) -> tuple[dict[str, Tool], Schedule
         if isinstance(surface, DieOf):
             face = _face_of(surfaces[surface.tool], given[surface.tool].towards)
             _check_covered(surface.tool, face, extent, press.planes)
+            pressed = press.thickness(CHECK_PRESSURE)
             check_clearance(f"tools.{name}.clearance", clearances[name], pressed, face)
             surface = Reversed(Offset(face, clearances[name]))
         else:
-            surface, more = _surface_of(name, tool, blank)
+            surface, more = _surface_of(name, tool, laid, thickness)
             doubts += more
         surfaces[name] = Turned(surface, tool.turn) if any(tool.turn) else surface
-        starts[name] = blank.start(name, tool, surfaces[name], usual_off.get(name, 0.0))
+        usual = usual_off.get(name, 0.0)
+        starts[name] = _start(name, tool, surfaces[name], laid, thickness, usual)
     reach = dict[str, float]()
     for name, die in dies.items():
         apart = float((starts[name] - starts[die.tool]) @ given[die.tool].towards)
@@ -62,7 +61,7 @@ def place_tools(press: PressData, laid: Laid) -> tuple[dict[str, Tool], Schedule
         doubts = _clearance_doubts(press, tools, schedule, extent)
         return doubts + _symmetry_doubts(press, tools, extent, thickness)
 
-    return tools, schedule, doubts + on_root(comm, checked)
+    return tools, schedule, doubts + on_root(laid.blank.mesh.comm, checked)
 
 
 def check_clearance(path: str, clearance: float, pressed: float, surface: Surface) -> None:
@@ -75,29 +74,29 @@ def check_clearance(path: str, clearance: float, pressed: float, surface: Surfac
         )
 
 
-def _surface_of(name, tool, blank):
+def _surface_of(name, tool, laid, thickness):
     """The tool's surface, read, and doubts; of a CAD model whose facets are coarse one of a smaller
     `chord`."""
-    surface, words = tool.surface, f"tools.{name}.surface"
+    surface, comm = tool.surface, laid.blank.mesh.comm
+    size = float(np.ptp(np.array(laid.blank.extent())[:, :2], axis=0).max())
+
+    def doubts_of(words, read):
+        if not isinstance(read, TriangulatedSurface):
+            return []
+        if doubt := unit_doubt(float(np.ptp(read.points, axis=0).max()), size, MIN_SHARE):
+            raise InputError(f"{words} {doubt}; allowed is a surface in mm")
+        return check_triangles(read, words, thickness)
+
     if isinstance(surface, Surface):
-        return surface, _triangle_doubts(words, surface, blank)
-    words, is_model = f"tools.{name}, {surface},", ending(surface) in CAD
+        return surface, doubts_of(f"tools.{name}.surface", surface)
+    is_model, flaw = ending(surface) in CAD, ""
     for finer in (1, 2, 5) if is_model else (1,):
-        read = TriangulatedSurface.read(surface, tool.chord / finer, comm=blank.comm)
+        read = TriangulatedSurface.read(surface, tool.chord / finer, comm=comm)
         try:
-            return read, _triangle_doubts(words, read, blank)
+            return read, doubts_of(f"tools.{name}, {surface},", read)
         except InputError as error:
-            wrong = error
-    raise InputError(f"{wrong}{', or a smaller `chord`' if is_model else ''}")
-
-
-def _triangle_doubts(words, surface, blank):
-    if not isinstance(surface, TriangulatedSurface):
-        return []
-    size = float(np.ptp(surface.points, axis=0).max())
-    if doubt := unit_doubt(size, blank.size, MIN_SHARE):
-        raise InputError(f"{words} {doubt}; allowed is a surface in mm")
-    return check_triangles(surface, words, blank.thickness)
+            flaw = str(error)
+    raise InputError(f"{flaw}{', or a smaller `chord`' if is_model else ''}")
 
 
 def _check_covered(name, surface, extent, planes):
@@ -119,101 +118,86 @@ def _check_covered(name, surface, extent, planes):
         )
 
 
-@dataclass(frozen=True)
-class _FlatBlank:
-    """A flat blank to which tools are brought: nodes x (n, 3) of this rank in z = 0, corners
-    `extent` (2, 3), thickness [mm]."""
-
-    x: np.ndarray
-    extent: np.ndarray
-    thickness: float
-    comm: MPI.Comm
-
-    @property
-    def size(self) -> float:
-        """The longer side [mm]."""
-        return float(np.ptp(self.extent[:, :2], axis=0).max())
-
-    def _touching(self, name, tool, surface):
-        """The height (z) of the tool's origin at which it touches the blank. It moves by its least
-        distance each time, so it never cuts in. Raises InputError, on all ranks, for a tool that
-        does not meet the blank, or only with its back."""
-        place, up, (triangles, turn) = np.array(tool.at)[:2], tool.towards[2], _triangles(surface)
-        away, between, rounding = self.size, np.empty((0, 3)), 1e-9 * self.size
-        points = (np.zeros((1, 3)) if triangles is None else triangles.points) @ turn.T
-        radii = sum(r for r in surface.radii if np.isfinite(r))
-        far = 1e3 * self.size + radii + abs(points).max()  # how far away its face may be
-        while self._least(surface, [*place, -up * away], between)[0] <= 0:
-            away *= 2
-            if away > far:
-                raise InputError(
-                    f"tools.{name} has its body between its face and the blank; allowed is the "
-                    "other side, turn = [180, 0, 0] on top of its own turn, triangles whose "
-                    "normals point out of the body, or the die of an open surface, as double_dome"
-                )
-        low, high = self.extent[:, :2]
-        for _ in range(500):
-            gap, top = self._least(surface, [*place, -up * away], between)
-            if abs(gap) < TOUCH_TOLERANCE * self.thickness:
-                return -up * away
-            away -= gap
-            if (low - rounding <= top).all() and (top <= high + rounding).all():
-                between = np.vstack([between, [*top, 0.0]])[-10:]  # the top is between nodes
-            if away < -far:
-                break
-        reach = place + points[:, :2]
-        beside = np.maximum(0, np.maximum(low - reach.max(0), reach.min(0) - high))
+def _start(name, tool, surface, laid, thickness, usual):
+    """The place of a tool's origin at the start (3,) [mm]; usual: the default of its
+    `start_distance` [mm]. Raises InputError for one that would stand in the blank."""
+    (x, y, *z), up = tool.at, tool.towards[2]
+    touching = _touching(name, tool, surface, laid, thickness)
+    if isinstance(tool.surface, DieOf):
+        touching += up * _to_flange(surface, (x, y, touching), laid.blank.extent(), thickness)
+    away = usual if tool.start_distance is None else tool.start_distance
+    height = z[0] if z else touching - away * up
+    deep = (height - touching) * up
+    if deep > FLANGE * thickness:
         raise InputError(
-            f"tools.{name} does not meet the blank when it is moved along z, "
-            f"{rounded(float(np.linalg.norm(beside)), 6)} mm beside it; allowed is `at` that puts "
-            "it there, and a surface in mm"
+            f"tools.{name} cuts into the blank by {rounded(deep, 4)} mm before anything moves; "
+            f"allowed is z of `at` {'up to' if tool.side == 'below' else 'from'} "
+            f"{rounded(touching, 6)}, where it touches, or `at` without z"
         )
+    return np.array([x, y, height])
 
-    def _to_flange(self, tool, surface, touching):
-        """Distance along z [mm] by which a die that touches the blank must move so that its flat
-        face at the blank's edge lies on it: facets of a fillet may bulge out of this face."""
-        low, high = self.extent
-        share = np.linspace(0, 1, 21)[:, None]
-        along = [low + share * (high - low) * axis for axis in np.eye(3)[:2]]
-        edges = np.vstack([*along, *(low + high - each for each in along)]) * (1, 1, 0)
-        nearest = surface.evaluate(edges - [*tool.at[:2], touching])
-        gap = nearest.gap - self.thickness / 2
-        flat = (abs(nearest.normal[:, 2]) > 0.99) & (abs(gap) < FLANGE * self.thickness)
-        return tool.towards[2] * float(np.median(gap[flat])) if flat.any() else 0.0
 
-    def start(self, name, tool, surface, usual=0.0):
-        """The place of a tool's origin at the start (3,) [mm]. usual: the default of its
-        `start_distance` [mm]. Raises InputError for one that would stand in the blank."""
-        touching = self._touching(name, tool, surface)
-        if isinstance(tool.surface, DieOf):
-            touching += self._to_flange(tool, surface, touching)
-        x, y, *z = tool.at
-        away = usual if tool.start_distance is None else tool.start_distance
-        height = z[0] if z else touching - away * tool.towards[2]
-        deep = (height - touching) * tool.towards[2]
-        if deep > FLANGE * self.thickness:
+def _touching(name, tool, surface, laid, thickness):
+    """The height (z) of the tool's origin at which it touches the flat blank. It moves by its least
+    distance each time, so it never cuts in. Raises InputError, on all ranks, for a tool that does
+    not meet the blank, or only with its back."""
+    place, up, x = np.array(tool.at)[:2], tool.towards[2], laid.flat_nodes()
+    low, high = np.array(laid.blank.extent())[:, :2]
+    first = size = float((high - low).max())
+
+    def least(away):
+        """The least gap of all ranks, the normal there towards the blank, and the tool's top."""
+        nearest = surface.evaluate(x - [*place, -up * away])
+        gaps = np.where(np.isfinite(nearest.gap), nearest.gap - thickness / 2, np.inf)
+        local = [np.inf, [], 0.0, []]
+        if len(gaps):
+            i = int(gaps.argmin())
+            bend, slope = nearest.curvature[i][:2, :2], nearest.normal[i]
+            top = x[i][:2] - np.linalg.lstsq(bend, slope[:2], rcond=1e-9)[0]
+            local = [float(gaps[i]), x[i].tolist(), up * float(slope[2]), top.tolist()]
+        gap, _, facing, top = min(laid.blank.mesh.comm.allgather(local))  # of equal ones the first
+        return gap, facing, np.array(top)
+
+    while (sides := least(first))[0] <= 0 or sides[1] < 0:  # in the body, or beyond it
+        first *= 2
+        if first > MAX_AWAY:
             raise InputError(
-                f"tools.{name} cuts into the blank by {rounded(deep, 4)} mm before anything moves; "
-                f"allowed is z of `at` {'up to' if tool.side == 'below' else 'from'} "
-                f"{rounded(touching, 6)}, where it touches, or `at` without z"
+                f"tools.{name} has its body between its face and the blank; allowed is the other "
+                "side, turn = [180, 0, 0] on top of its own turn, triangles whose normals point "
+                "out of the body, or the die of an open surface, as double_dome"
             )
-        return np.array([x, y, height])
+    away, rounding = first, 1e-9 * size
+    for _ in range(500):
+        gap, _, top = least(away)
+        if abs(gap) < TOUCH_TOLERANCE * thickness:
+            return -up * away
+        away -= gap
+        if (low - rounding <= top).all() and (top <= high + rounding).all():
+            x = np.vstack([x, [*top, 0.0]])  # the top is between nodes
+        if away < -first:
+            break
+    triangles, turn = _triangles(surface)
+    points = (np.zeros((1, 3)) if triangles is None else triangles.points) @ turn.T
+    reach = place + points[:, :2]
+    beside = np.maximum(0, np.maximum(low - reach.max(0), reach.min(0) - high))
+    raise InputError(
+        f"tools.{name} does not meet the blank when it is moved along z, "
+        f"{rounded(float(np.linalg.norm(beside)), 6)} mm beside it; allowed is `at` that puts "
+        "it there, and a surface in mm"
+    )
 
-    def _least(self, surface, origin, between):
-        """The least gap [mm] of all ranks between the blank's face, at its nodes and at points
-        `between` them (k, 3), and a tool with this origin; and the place (x, y) of the tool's top,
-        by the curvature there."""
-        places = np.vstack([self.x, between])
-        nearest = surface.evaluate(places - origin)
-        gap = np.where(np.isfinite(nearest.gap), nearest.gap - self.thickness / 2, np.inf)
-        local: tuple[float, list[float], list[float]] = (np.inf, [], [])
-        if len(gap):
-            i = int(gap.argmin())
-            bend, slope = nearest.curvature[i][:2, :2], nearest.normal[i][:2]
-            top = places[i][:2] - np.linalg.lstsq(bend, slope, rcond=1e-9)[0]
-            local = float(gap[i]), places[i].tolist(), top.tolist()
-        least, _, top = min(self.comm.allgather(local))  # of equal gaps that of the first place
-        return least, np.array(top)
+
+def _to_flange(surface, origin, extent, thickness):
+    """Distance along its normal [mm] by which a die that touches the blank must move so that its
+    flat face at the blank's edge lies on it: facets of a fillet may bulge out of this face."""
+    low, high = np.array(extent)
+    share = np.linspace(0, 1, 21)[:, None]
+    along = [low + share * (high - low) * axis for axis in np.eye(3)[:2]]
+    edges = np.vstack([*along, *(low + high - each for each in along)]) * (1, 1, 0)
+    nearest = surface.evaluate(edges - np.array(origin))
+    gap = nearest.gap - thickness / 2
+    flat = (abs(nearest.normal[:, 2]) > 0.99) & (abs(gap) < FLANGE * thickness)
+    return float(np.median(gap[flat])) if flat.any() else 0.0
 
 
 def _face_of(surface, towards):
@@ -234,17 +218,10 @@ def _triangles(surface):
     return (surface if isinstance(surface, TriangulatedSurface) else None), turn
 
 
-# -- checks of tools in their places
-
-
 def _clearance_doubts(press, tools, schedule, extent):
     """Sentences on tools that leave the blank, with corners `extent` (2, 3) [mm], less than its
     thickness under pressure at the end of a stage. Raises InputError for two on either side of it
     that go through one another. The place of tools that a force moves is not known."""
-    below, above = (
-        [name for name, tool in press.tools.items() if tool.side == side]
-        for side in ("below", "above")
-    )
     pressed, doubts = press.thickness(CHECK_PRESSURE), list[str]()
     thickness = f"the blank's thickness under {CHECK_PRESSURE:g} MPa, {rounded(pressed, 4)} mm"
     whens = ["before anything moves", *(f"at the end of {s.name}" for s in schedule.stages)]
@@ -253,13 +230,15 @@ def _clearance_doubts(press, tools, schedule, extent):
         for name, die in press.dies().items()
         if schedule.closes_straight(die.tool, name)
     }
-    pairs = [pair for pair in product(below, above) if not any(tools[n].force for n in pair)]
-    for pair, (load, when) in product(pairs, zip(schedule.joints, whens)):
+    still = [name for name in tools if not tools[name].force]
+    below, above = ([n for n in still if press.tools[n].side == s] for s in ("below", "above"))
+    for pair, (load, when) in product(product(below, above), zip(schedule.joints, whens)):
         apart, place = np.inf, np.zeros(3)
         if punch := straight.get(frozenset(pair)):  # where both are flat, in the middle
             apart = schedule.distance(punch, load)
         elif len(x := _points(tools[pair[0]], extent, load)):
-            gap = _gap(tools[pair[1]], x, load)
+            gap = tools[pair[1]].surface.evaluate(x - tools[pair[1]].path(load)).gap
+            gap = np.nan_to_num(gap, nan=np.inf)
             apart, place = gap.min(), x[gap.argmin()]
         words, at = f"tools {' and '.join(pair)}", f"{when}, at {coordinates(place)} mm"
         if apart < 0:
@@ -271,12 +250,6 @@ def _clearance_doubts(press, tools, schedule, extent):
             crushed = f"less than {thickness}: they crush it there"
             doubts.append(f"{words} are {rounded(apart, 4)} mm apart {at}, {crushed}")
     return doubts
-
-
-def _gap(tool, x, load):
-    """Gaps (n,) of points (n, 3) to a tool at a load factor [mm], inf where it has none."""
-    gap = tool.surface.evaluate(x - tool.path(load)).gap
-    return np.where(np.isfinite(gap), gap, np.inf)
 
 
 def _points(tool, extent, load):

@@ -7,7 +7,7 @@ from typing import Any, Self
 from ..core.errors import InputError
 from ..core.fields import KnowsItsFields, check_fields, choice, flag
 from ..core.rules import repr_short, unknown_key
-from ..energy.load import as_vector
+from ..energy.load import Gravity
 from ..material.laws import Law
 from ..material.metal import Metal
 from ..sheet.sheet import Sheet
@@ -36,7 +36,7 @@ class PressData(KnowsItsFields):
     def __post_init__(self) -> None:
         paths = {"symmetry": "blank.symmetry", "stop_when_invalid": "limits.stop_when_invalid"}
         check_fields(self, paths.__getitem__)
-        if as_vector(self.gravity)[list(self.planes)].any():
+        if Gravity(self.gravity).acceleration[list(self.planes)].any():
             flaw = f"`gravity` is {self.gravity}, across a plane of symmetry"
             raise InputError(f"{flaw}; allowed is one along it")
         object.__setattr__(self, "sheets", _all_of(Sheet, "plies", self.sheets))

@@ -59,7 +59,6 @@ def read(kind: type[P], path: Path, changes: Sequence[str] = ()) -> P:
 
 
 def _fields(document, path):
-    """The fields of a press from the tables of its file."""
     known = "unit", "title", "gravity", *TABLES, "ply", "stage"
     if other := next((key for key in document if key not in known), ""):
         raise unknown_key(other, known, f"entry {other}")
@@ -129,11 +128,7 @@ def _value(value, meta, path, folder):
     if "read" in meta:
         numbers = dict(value) if isinstance(value, Mapping) else {"material": value}
         source = numbers.pop("material", None)
-        if not isinstance(source, str):
-            raise InputError(
-                f"{path} is {repr_short(value)}; allowed is a preset or a material file"
-            )
-        beside = folder / source
+        beside = folder / str(source)
         with located(path, ()):
             return meta["read"](str(beside) if beside.is_file() else source).changed(numbers)
     if isinstance(meta.get("rule"), OfPlace) and isinstance(value, (str, Mapping)):
@@ -160,7 +155,6 @@ def _file(value, path, folder):
 
 
 def _change(document, names, value):
-    """Make a change of the entry at a path of names."""
     if names[0] == "holder" and len(document.get("holders", ())) == 1:
         names = ["holders", *document["holders"], *names[1:]]
     if len(names) == 1 and names[0] in OF_ALL_PLIES.values():
@@ -175,17 +169,17 @@ def _put(document, names, value):
     """Enter a value at a path; tables of a list have their name, or their number from 1."""
     table, begins = document, {1: TABLES, 3: ("stage",)}  # tables that need not be there
     for depth, name in enumerate(names[:-1], 1):
-        known, of = table, ".".join(names[: depth - 1]) or "the file"
         if isinstance(table, list):
-            known = {str(k): each for k, each in enumerate(table, 1)}
-            known |= {each["name"]: each for each in table if "name" in each}
+            named = {each["name"]: each for each in table if "name" in each}
+            table = {str(k): each for k, each in enumerate(table, 1)} | named
         elif name not in table and names[0] in begins.get(depth, ()):
             _enter(table, names[:depth], {})
         elif name in ("fabric", "metal") and isinstance(table.get(name), str):
             table[name] = {"material": table[name]}
-        table = known.get(name)
-        if not isinstance(table, (dict, list)):
-            raise unknown_key(name, known, f"{'.'.join(names)}: {name} of {of}")
+        if not isinstance(table.get(name), (dict, list)):
+            of = ".".join(names[: depth - 1]) or "the file"
+            raise unknown_key(name, table, f"{'.'.join(names)}: {name} of {of}")
+        table = table[name]
     if isinstance(table, list):
         path = ".".join(names)
         raise InputError(f"{path} names no entry; allowed is {'.'.join(names[:-1])}.NAME.KEY")
@@ -195,15 +189,11 @@ def _put(document, names, value):
 def _enter(table, names, value):
     """Set the last name of a path in its table, in place of entries that it excludes."""
     kind, key = names[0], names[-1]
-    excluded: Collection[str] = ()
-    if kind == "stage":
-        excluded = {"moves": ("close",), "close": ("moves",)}.get(key, ())
-    elif kind == "tools" and key in SURFACES:
-        excluded = {*table} - {*names_of(PressTool)}
-    elif kind == "holders" and key in HOLDERS:
-        excluded = {*table} - {*names_of(HOLDERS[key])}
-    elif kind in ("blank", "ply"):
-        excluded = Sheet.REPLACES.get(key, ())
+    excluded: Collection[str] = {"stage.moves": ["close"], "stage.close": ["moves"]}.get(
+        f"{kind}.{key}", Sheet.REPLACES.get(key, ()) if kind in ("blank", "ply") else ()
+    )
+    if key in {"tools": SURFACES, "holders": HOLDERS}.get(kind, ()):
+        excluded = {*table} - {*names_of(PressTool if kind == "tools" else HOLDERS[key])}
     if key not in table or key == "shape":
         for each in excluded:
             table.pop(each, None)
@@ -224,8 +214,8 @@ def _change_all_plies(document, key, value):
 
 def _change_material(document, names, value):
     """Change a number of the one fabric, or metal, of all sheets: of "fabric.s1=0.03"."""
-    kind, plies = names[0], enumerate(document.get("ply", ()), 1)
-    sheets = {"blank": document.get("blank", {})} | {f"ply.{k}": ply for k, ply in plies}
+    kind, sheets = names[0], {"blank": document.get("blank", {})}
+    sheets |= {f"ply.{k}": ply for k, ply in enumerate(document.get("ply", ()), 1)}
     named = {path: sheet[kind] for path, sheet in sheets.items() if kind in sheet}
     if len({str(each) for each in named.values()}) != 1:
         flaw = f"{'.'.join(names)} is of one {kind} of all sheets, and the file has "
@@ -282,9 +272,7 @@ def _holder_table(holder):
     if type(holder) not in HOLDERS.values():
         return holder
     key = names_of(type(holder))[0]
-    entries = {key: getattr(holder, key)} | tables.entries(holder)
-    where = {"where": dict(holder.where.limits)} if isinstance(entries.get("where"), Region) else {}
-    return entries | where
+    return {key: getattr(holder, key)} | tables.entries(holder)
 
 
 def write(press: PressData, path: str | os.PathLike[str]) -> None:
@@ -293,8 +281,8 @@ def write(press: PressData, path: str | os.PathLike[str]) -> None:
     path, files = Path(path), dict[Path, Material]()
 
     def plain(value, where):
-        if isinstance(value, Field):
-            value = value.entry
+        if isinstance(value, (Field, Region)):
+            value = value.entry if isinstance(value, Field) else value.limits
         if isinstance(value, Mapping):
             return {key: plain(each, f"{where}.{key}".strip(".")) for key, each in value.items()}
         if isinstance(value, (list, tuple, np.ndarray)):

@@ -18,8 +18,8 @@ from ..core.rules import FINITE, repr_short, unknown_key
 from ..energy.nodes import values_at
 from ..material.files import Interval
 from ..sheet.blank import Blank
+from ..surfaces.surfaces import checked_vector
 from ..surfaces.tool import Tool
-from ..surfaces.values import checked_vector
 from .interface import Interface
 from .laying import Laid
 
@@ -130,19 +130,13 @@ class Flange:
 class HolderSite:
     """What a blank holder gets to make its terms.
 
-    Parameters
-    ----------
-    name, die, up, thickness
-        The holder's name, the tool on which it presses the blank, the direction (3,) towards that,
-        and the thickness of all between them [mm].
-    laid, blank, centre, planes, share
-        The blank as it is laid, flat in z = 0, the whole one's centroid (2,) [mm], the axes across
-        which planes of symmetry halve it, and the share of it that is modelled.
-    interface, friction, lag
-        How tools touch the blank, their friction, and the share of areas and normal forces by which
-        these may lag behind the state.
-    taken
-        By holders before this one: {place: {name of a holder: where it acts there}}.
+    - name, die, up, thickness: its name, the tool on which it presses the blank, the direction (3,)
+      towards that, and the thickness of all between them [mm]
+    - laid, blank, centre, planes, share: the blank as it is laid, flat in z = 0, the whole one's
+      centroid (2,) [mm], axes across which planes of symmetry halve it, the share that is modelled
+    - interface, friction, lag: how tools touch the blank, their friction, and the share of areas
+      and normal forces by which these may lag behind the state
+    - taken: by holders before this one, {place: {name of a holder: where it acts there}}
 
     Examples
     --------

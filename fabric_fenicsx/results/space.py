@@ -1,8 +1,15 @@
-"""Formed plies and tools drawn in space, without a window (VTK)."""
+"""Formed plies and tools in space: pictures, a window of PyVista, and a page that a browser shows
+without a network."""
 
+import io
+import json
 import os
+import re
+import zipfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from html import escape
+from pathlib import Path
 
 import numpy as np
 import pyvista
@@ -14,8 +21,9 @@ from vtkmodules.vtkCommonCore import vtkLogger
 
 from ..core.errors import InputError
 from ..surfaces.facets import unit
-from .ply import SAME, Grid, ply_of, whole
-from .shape import File
+from .pictures import shown
+from .ply import SAME, Grid, check_field, ply_of, whole
+from .states import states, units
 
 COLOURS = "YlOrRd"  # light, so that the shading shows the shape
 STEEL, YARNS = "#8f9aa8", "#30343b"
@@ -122,10 +130,10 @@ def draw_plies(
     light = {"ambient": 0.25, "diffuse": 0.8, "specular": 0.15, "smooth_shading": True}
     shear = {"scalars": "shear_angle", "cmap": COLOURS, "clim": (0, limit)}
     for k, surface in enumerate(surfaces):
-        shown = cut_away(surface, k / len(surfaces))
+        upper = cut_away(surface, k / len(surfaces))
         families = {"yarn_a", "yarn_b"} & set(surface.point_data)
         look = shear if families else {"color": STEEL}
-        plotter.add_mesh(shown, show_scalar_bar=False, **light, **look)
+        plotter.add_mesh(upper, show_scalar_bar=False, **light, **look)
         # below the next ply yarns poke through
         seen = cut_away(surface, k / len(surfaces), (k + 1) / len(surfaces))
         for across in (seen[name] + spacing / 2 for name in sorted(families)):  # none on a mirror
@@ -168,7 +176,7 @@ def shear_limit(surfaces: Iterable[pyvista.PolyData]) -> float:
 
 
 def formed_picture(
-    path: File,
+    path: Path | str,
     plies: Sequence[Grid],
     tool: pyvista.PolyData | None = None,
     spacing: float = 10.0,
@@ -197,10 +205,125 @@ def formed_picture(
     ax.imshow(image(draw, view), interpolation="lanczos")
     ax.axis("off")
     extend = "max" if largest > limit else "neither"  # as nodes have means over cells
-    shown = ScalarMappable(Normalize(0, limit), COLOURS)
+    scale = ScalarMappable(Normalize(0, limit), COLOURS)
     place = {"cax": page.add_axes((0.3, 0.09, 0.4, 0.022)), "orientation": "horizontal"}
-    bar = page.colorbar(shown, extend=extend, **place)
+    bar = page.colorbar(scale, extend=extend, **place)
     words = f"magnitude of the shear angle / deg (largest of a cell: {largest:.2f})"
     bar.set_label(words, fontsize=18)
     bar.ax.tick_params(labelsize=16)
     page.savefig(path, dpi=100)
+
+
+def page(folder: Path | str, field: str | None = None) -> str:
+    """HTML of the last state in the results `folder`, with all that draws it (vtk.js, out of the
+    package trame-vtk) in it. field: on the plies, by default the shear angle. Raises InputError
+    without that package, for a folder without states, and for a field that no ply has."""
+    write_html, serialized = _exporter()
+    written = states(folder)
+    with drawing() as plotter:
+        _draw(plotter, folder, written[-1], field)
+        plotter.render()
+        data = io.BytesIO()
+        with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as file:
+            file.writestr("index.json", json.dumps(serialized(plotter)))
+    text = io.StringIO()
+    write_html(data.getvalue(), text)
+    title = f"<title>{escape(Path(folder).resolve().name)}</title>"
+    return re.sub(r"<title>.*?</title>", lambda _: title, text.getvalue(), count=1)
+
+
+def show(folder: Path | str, field: str | None = None) -> None:
+    """Open a window with the last state in the results `folder` and a slider over all states, until
+    it is closed. field: on the plies, by default the shear angle. Raises InputError as `page`."""
+    written = states(folder)
+    plotter = pyvista.Plotter(window_size=[1200, 800], title=f"fabric view {folder}")
+    update = _draw(plotter, folder, written[-1], field)
+    if len(written) > 1:
+        last, place = len(written) - 1, {"pointa": (0.3, 0.93), "pointb": (0.7, 0.93)}
+        change = lambda value: update(written[round(value)])  # noqa: E731
+        plotter.add_slider_widget(change, (0, last), last, title="state", fmt="%.0f", **place)
+    plotter.show()
+
+
+def _draw(plotter, folder, state, field):
+    """Add a state to a plotter; the function that shows another one there in the same colours."""
+    field = _known(field, state.plies())
+    label, factor, colours = shown(field, units(folder).get(field, ""))
+    surfaces, _ = _surfaces(state, field, factor)
+    values = np.concatenate([s["shown"] for s in surfaces.values() if "shown" in s.array_names])
+    limits = np.nanmin(values), np.nanmax(values)
+    if field == "shear_angle":
+        label, colours, limits = f"magnitude of the {label}", COLOURS, (0.0, limits[1])
+    bar = {"title": label.replace("\n", " "), "color": "k", "vertical": False}
+    bar |= {"width": 0.5, "position_x": 0.25, "position_y": 0.03}
+    matt = {"ambient": 0.25, "diffuse": 0.75, "reset_camera": False}
+    clear = {"color": "#6b7a8f", "opacity": 0.12, "reset_camera": False}
+    clear |= {"smooth_shading": True, "split_sharp_edges": True}
+    coloured = {"scalars": "shown", "cmap": colours, "clim": limits, "scalar_bar_args": bar}
+
+    def update(other):
+        surfaces, tools = _surfaces(other, field, factor)
+        for name, surface in surfaces.items():
+            look = coloured if "shown" in surface.array_names else {"color": STEEL}
+            plotter.add_mesh(surface, name=f"ply {name}", **matt, **look)
+        for name, surface in tools.items():
+            plotter.add_mesh(surface, name=f"tool {name}", **clear)
+
+    update(state)
+    plotter.set_background("white")
+    plotter.view_vector(VIEW, viewup=(0, 0, 1))
+    plotter.camera.zoom(1.3)
+    return update
+
+
+def _surfaces(state, field, factor):
+    """Plies {name: surface}, with the field as `shown` if they have it, and tools."""
+    plies, planes = {}, list[int]()
+    for name, grid in state.plies().items():
+        ply = ply_of(grid)
+        planes = ply.planes
+        ply = whole(ply)
+        plies[name] = pyvista.PolyData.from_regular_faces(ply.formed, ply.cells)
+        if field in ply.fields:
+            values = factor * ply.fields[field]
+            plies[name].cell_data["shown"] = abs(values) if field == "shear_angle" else values
+    return plies, {name: mirrored(tool, planes) for name, tool in state.tools().items()}
+
+
+def _known(field, plies):
+    data = {name: values for grid in plies.values() for name, values in grid.cell_data.items()}
+    fields = [name for name, values in data.items() if np.ndim(values) == 1]
+    usual = "shear_angle", "equivalent_plastic_strain", *fields
+    field = field or next(name for name in usual if name in fields)
+    check_field(field, data)
+    return field
+
+
+def _exporter():
+    """trame-vtk's `write_html`, and a function from a plotter to what that writes."""
+    try:
+        from trame_vtk.modules.vtk import serializers
+        from trame_vtk.tools.vtksz2html import write_html
+    except ImportError:
+        missing = "a page for a browser needs the package trame-vtk, which is not installed"
+        allowed = "`pip install 'fabric_fenicsx[view]'` first"
+        raise InputError(f"{missing}; allowed is {allowed}") from None
+
+    def serialized(plotter):
+        """The scene, and the arrays that it names."""
+        serializers.initialize_serializers()
+        window, camera = plotter.ren_win, plotter.camera
+        context = serializers.SynchronizationContext()
+        context.set_ignore_last_dependencies(True)  # all of it, not what has changed
+        number = serializers.reference_id
+        scene = serializers.serialize(None, window, number(window), context, 1)
+        scene["extra"] = {
+            "vtkRefId": number(window),
+            "centerOfRotation": camera.GetFocalPoint(),
+            "camera": number(camera),
+        }
+        arrays, content = serializers.extract_array_hash(scene), context.get_cached_data_array
+        hashes = {a["hash"]: a | {"content": content(a["hash"], False)} for a in arrays}
+        return {"hashes": hashes, "scene": scene}
+
+    return write_html, serialized

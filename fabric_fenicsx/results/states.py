@@ -58,13 +58,18 @@ def read_state(folder: Path, load: float | None = None) -> Grid:
     """The state at `load`, by default the last, in `folder`/fields.pvd: one grid of all ranks'
     parts. A cell field that only some sheets have is NaN on the others."""
     blocks = [block for block in _read(folder / "fields.pvd", load) if block.n_cells]
-    shapes = {name: np.shape(values)[1:] for b in blocks for name, values in b.cell_data.items()}
-    for block in blocks:
-        for name in shapes.keys() - set(block.cell_data):
-            block.cell_data[name] = np.full((block.n_cells, *shapes[name]), np.nan)
-    grid = pyvista.MultiBlock(blocks).combine()
+    grid = combined(blocks)
     grid.field_data.update(_symmetric(blocks[0]))
     return grid
+
+
+def combined(grids: Sequence[Grid]) -> Grid:
+    """One grid of several; a cell field that only some have becomes NaN on the others."""
+    shapes = {name: np.shape(values)[1:] for g in grids for name, values in g.cell_data.items()}
+    for grid in grids:
+        for name in shapes.keys() - set(grid.cell_data):
+            grid.cell_data[name] = np.full((grid.n_cells, *shapes[name]), np.nan)
+    return pyvista.MultiBlock(grids).combine()
 
 
 def _symmetric(grid):

@@ -4,16 +4,13 @@ and Nastran."""
 from collections.abc import Mapping
 from pathlib import Path
 
-import lazy_loader
 import numpy as np
 
 from ..core.errors import InputError
 from ..core.files import ending, replace_file
 from ..surfaces.facets import unit
 from .ply import SAME, Grid, Ply, areas, grid_of, planes_of, whole
-from .states import save, set_labels
-
-pyvista = lazy_loader.load("pyvista")
+from .states import combined, save, set_labels
 
 
 def formed_ply(grid: Grid, modelled: bool = False) -> Ply:
@@ -95,17 +92,14 @@ def export(grids: Mapping[str, Grid], path: Path | str, modelled: bool = False) 
 
 
 def _joined(plies):
-    """All plies as one grid; what a sheet does not have is NaN."""
-    grids, fields = [], [name for ply in plies for name in ply.fields]
+    """All plies as one grid."""
+    grids = []
     for number, ply in enumerate(plies):
-        grid, m = grid_of(ply.formed, ply.cells, 0 * ply.formed), len(ply.cells)
-        grid.clear_point_data()
-        vectors = "yarn_a", "yarn_b", "normal"
-        missing = {n: np.full((m, 3) if n in vectors else m, np.nan) for n in fields}
-        grid.cell_data.update(missing | ply.fields)
-        grid.cell_data["part"] = np.full(m, number, dtype=np.int32)
-        grids.append(grid)
-    return pyvista.MultiBlock(grids).combine() if len(grids) > 1 else grids[0]
+        grids.append(grid_of(ply.formed, ply.cells, 0 * ply.formed))
+        grids[-1].clear_point_data()
+        grids[-1].cell_data.update(ply.fields)
+        grids[-1].cell_data["part"] = np.full(len(ply.cells), number, dtype=np.int32)
+    return combined(grids)
 
 
 def _numbered(plies):

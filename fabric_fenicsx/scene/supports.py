@@ -14,7 +14,7 @@ from ..core.rules import FINITE
 from ..energy.work import Work
 from ..sheet.blank import Blank
 from ..sheet.sheet_mesh import bounds
-from ..surfaces.values import checked_vector
+from ..surfaces.surfaces import checked_vector
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Support:
     locates: bool = False
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "components", tuple(int(each) for each in self.components))
+        object.__setattr__(self, "components", tuple(map(int, self.components)))
         if not callable(self.value):
             name = f"value of support {self.name}"
             vector = checked_vector(name, self.value, size="two or three")

@@ -65,7 +65,7 @@ def test_derivatives(distance, pushed):
         ball.direction *= np.sign(force @ ball.direction)
         ball.push, ball.force = float(force @ ball.direction), True
         ball.travel = 0.3 * SLIP  # to be found back
-        contact._found = None
+        contact._response = None
         assert on_nodes(contact).sum(0) @ ball.direction == pytest.approx(ball.push, rel=1e-11)
         assert abs(ball.travel) < 1e-8
     rubbing = np.linalg.norm(contact.friction_state.forces(), axis=1)
@@ -209,14 +209,14 @@ def test_a_strip_drawn_through_a_bead_needs_width_times_restraint(across):
     ends = [(30 + across * (y - 10), y) for y in (-30, 50)]
     bead = LineBead(ends, restraint=2.0)
     holder = ff.BlankHolderPressure(0.05, (0, 0, 1), everywhere, friction=0.2)
-    drawn = ff.Support("end", near(0, 60.0), (0, 1, 2), (6.0, 0, 0))
-    flat = ff.Support("flat", everywhere, (1, 2))
-    scene, pulls = ff.Scene(strip, [Elastic(1e5), bead, holder], [drawn, flat]), []
-    pulled = lambda state: pulls.append((bead.restrained(), scene.reaction("end")[0]))  # noqa: E731
-    assert not march(Newton(scene), 4, on_accept=pulled).reason
-    for restraint, pull in pulls[1:]:
-        assert restraint == pytest.approx(40 * np.hypot(1, across), rel=3e-3)
-        assert pull == pytest.approx(restraint + 0.2 * 0.05 * 1200, rel=1e-3)
+    held = [ff.Support("end", near(0, 60.0), (0, 1, 2), (6.0, 0, 0))]
+    held.append(ff.Support("flat", everywhere, (1, 2)))
+    scene = ff.Scene(strip, [Elastic(1e5), bead, holder], held)
+    for steps in (3, 4):  # once more from where it is
+        run(scene, steps)
+        assert bead.restrained() == pytest.approx(40 * np.hypot(1, across), rel=3e-3)
+        pull = bead.restrained() + 0.2 * 0.05 * 1200
+        assert scene.reaction("end")[0] == pytest.approx(pull, rel=1e-3)
 
 
 def test_elastic_slip():
@@ -265,7 +265,7 @@ def test_the_share_of_friction_that_is_used():
         contact.accept()
         if used:
             told = np.where(left, 0.25, 1.0) * used
-            assert contact.friction_state.used == pytest.approx(told)
+            assert contact.friction_state.slip_ratio == pytest.approx(told)
     share = 1 / (1 + 5 / 3 * 4)
     assert contact.friction_used() == pytest.approx((0.5 * share + 1 - share, 1 - share), rel=1e-6)
 

@@ -14,8 +14,8 @@ from formed_plies import formed
 
 from fabric_fenicsx.cli import main
 from fabric_fenicsx.core.errors import InputError
+from fabric_fenicsx.results import space
 from fabric_fenicsx.results import states as written
-from fabric_fenicsx.results import view
 from fabric_fenicsx.results.space import drawing
 from fabric_fenicsx.results.states import save
 
@@ -47,7 +47,7 @@ def run(tmp_path):
 
 def test_a_page_has_all_in_it(run):
     pytest.importorskip("trame_vtk", reason="what makes the page is not installed")
-    text = view.page(run)
+    text = space.page(run)
     assert f"<title>{run.name}</title>" in text
     assert not re.search(r"<(script|link|img)[^>]*(src|href)=.?https?:", text)
     (data,) = re.findall(r'base64Str = "(.*?)"', text)
@@ -63,8 +63,8 @@ def test_another_state_takes_the_place_of_the_one_shown_in_colours_of_the_last(r
     first, last = written.states(run)
     with drawing() as plotter:
         with pytest.raises(InputError, match=r"field shear is unknown \(did you mean shear_angle"):
-            view._draw(plotter, run, last, "shear")
-        update = view._draw(plotter, run, last, None)
+            space._draw(plotter, run, last, "shear")
+        update = space._draw(plotter, run, last, None)
         before, count = plotter.bounds, len(plotter.actors)
         assert before[:4] == pytest.approx((-20, 20, -10, 10)) and before[5] == pytest.approx(5)
         update(first)
@@ -85,6 +85,6 @@ def test_the_command_writes_a_page_without_a_display(run, monkeypatch, capsys):
     assert status == 2 and "allowed is `pip install 'fabric_fenicsx[view]'` first" in error
     assert not (run / "a.html").exists()
     monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.setattr(view, "page", lambda folder, field: f"{folder} {field}")
+    monkeypatch.setattr(space, "page", lambda folder, field: f"{folder} {field}")
     for words, file in (((), "view.html"), (("--html", str(run / "a.html")), "a.html")):
         assert told(run, *words)[0] == 0 and (run / file).read_text() == f"{run} None"
