@@ -25,9 +25,10 @@ from .tool_contact import Contact
 
 
 def lying(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Mask (n,) of points (n, 2) that lie in one of the cells with these corners (m, k, 2)."""
-    cell_at = shapely.STRtree(shapely.polygons(corners)).query(shapely.points(points), "intersects")
-    return np.isin(np.arange(len(points)), cell_at[0])
+    """Mask (n,) of points (n, 2) that lie in one of the cells with these corners (m, k, 2), or up
+    to 1e-6 mm beside it."""
+    tree, at = shapely.STRtree(shapely.polygons(corners)), shapely.points(points)
+    return np.isin(np.arange(len(points)), tree.query(at, "dwithin", distance=1e-6)[0])
 
 
 def _seen(under, across, cells, are_there, x):
