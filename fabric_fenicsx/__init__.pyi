@@ -14,6 +14,7 @@ from .coupons.tensile import Tensile as Tensile
 from .energy.bending import Bending as Bending
 from .energy.load import DeadPressure as DeadPressure
 from .energy.load import EdgeTension as EdgeTension
+from .energy.load import Gravity as Gravity
 from .energy.membrane import Membrane as Membrane
 from .energy.metal import SheetMetal as SheetMetal
 from .energy.output import Value as Value
@@ -40,6 +41,7 @@ from .material.metal import Swift as Swift
 from .material.metal import Voce as Voce
 from .material.metal import load_metal as load_metal
 from .material.presets import load as load
+from .press.holders import BeadHolder as BeadHolder
 from .press.holders import ForceHolder as ForceHolder
 from .press.holders import GapHolder as GapHolder
 from .press.holders import Grippers as Grippers

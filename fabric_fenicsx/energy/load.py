@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import ufl
+from dolfinx import fem
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
+from .. import dolfinx_compat as compat
 from ..core.errors import InputError
 from ..core.rules import FINITE, POSITIVE, Rule
+from ..material.laws import Law
+from ..material.metal import Metal
 from ..sheet.blank import Blank
 from ..surfaces.surfaces import checked_vector
 from .assembly import assembled
+from .materials import materials_of, sheets_of, thickness_shares
 from .output import Value
 from .term import SceneFacts, Term, Triplets
 from .work import Work
@@ -74,10 +80,10 @@ class _DeadLoad(_Load):
     """A load of fixed direction. A subclass gives it, and where it acts as a measure of UFL, to
     `_start`."""
 
-    def _start(self, name, direction, measure):
+    def _start(self, name, direction, measure, weight=1.0):
         unit = vector_on(self.blank, name, direction, unit=True)
         test = self.blank.in_space(ufl.TestFunction(self.blank.V))
-        self._forces = assembled(ufl.dot(test, ufl.as_vector(unit.tolist())) * measure)
+        self._forces = assembled(weight * ufl.dot(test, ufl.as_vector(unit.tolist())) * measure)
         self._u = self.blank.u.x.array[: len(self._forces)]
         self._work = Work(follows=True)
         self.set_load(0.0)
@@ -93,17 +99,8 @@ class DeadPressure(_DeadLoad):
     """Pressure per undeformed area along a fixed direction, growing with the load factor. Its
     potential is minus int p u . n dA.
 
-    Parameters
-    ----------
-    pressure : float
-        At full load [MPa].
-    direction : array_like, (gdim,)
-        Along which it pushes; of any length.
-
-    Raises
-    ------
-    InputError
-        For numbers that are not finite, and a direction of length 0.
+    pressure: at full load [MPa]; direction: along which it pushes, (gdim,) of any length. Raises
+    InputError for numbers that are not finite, and a direction of length 0.
 
     Examples
     --------
@@ -130,22 +127,55 @@ class DeadPressure(_DeadLoad):
         return load * self._pressure
 
 
+class Gravity(_DeadLoad):
+    """Weight of the sheets, whole from the start: density [g/cm^3] times thickness [mm], together
+    kg/m^2, of each one's fabric or metal, on the undeformed area. Its potential is minus int rho t
+    g . u dA.
+
+    gravity: acceleration [m/s^2], downwards or as a vector (gdim,). Raises InputError for others,
+    and for a sheet whose mass is not known, as no term has a fabric or metal for it.
+
+    Examples
+    --------
+    >>> ply, weight = ff.Blank.rectangle(1000, 500, nx=2, spatial=True), ff.Gravity()
+    >>> fabric = ff.load("komeili").replace(thickness=1.0, density=0.8)  # 0.8 kg/m2
+    >>> scene = ff.Scene(ply, [ff.Membrane(fabric), weight], ff.clamped_ends(0.1))
+    >>> round(float(weight.applied_forces().sum()), 6)  # of 0.4 kg [N]
+    -3.924
+    """
+
+    name = "gravity"
+
+    def __init__(self, gravity: Any = 9.81) -> None:
+        if not np.iterable(gravity):
+            gravity = 0, 0, -FINITE.check("`gravity`", gravity)
+        self.acceleration = checked_vector("`gravity`", gravity, size="two or three")
+
+    def set_up(self, scene: SceneFacts) -> None:
+        blank = scene.blank
+        mass = fem.Function(compat.vector_space(blank.mesh, "DG", 0, 1))  # kg/m^2
+        for part in sheets_of(blank) if self.part.is_whole else [self.part]:
+            material = next(materials_of(scene, part), None)
+            if not isinstance(material, Law | Metal):
+                name = part.name or blank.name
+                raise InputError(f"gravity needs the mass of {name}: a fabric or metal of a term")
+            shares = thickness_shares(scene, part, blank.centres()[part.cells])
+            mass.x.array[part.cells] = material.density * material.thickness * shares
+        self._start(f"gravity on {blank.name}", self.acceleration, self.part.dx(), mass[0])
+
+    def _size(self, load):
+        return 1e-6 * float(np.linalg.norm(self.acceleration))  # N/mm^2 of 1 kg/m^2
+
+
 class EdgeTension(_DeadLoad):
     """Pull of grippers along a fixed direction on an undeformed edge.
 
-    Parameters
-    ----------
-    tension : float or callable
-        Per length of edge [N/mm]: a number, there from the start, or a function of the load factor.
-    direction : array_like, (gdim,)
-        Along which it pulls; of any length.
-    edge : callable
-        Function of points (3, n) [mm] to a mask (n,), true at both ends of the edge's sides.
+    - tension: per length of edge [N/mm], a number, there from the start, or a function of the load
+      factor
+    - direction: along which it pulls, (gdim,) of any length
+    - edge: function of points (3, n) [mm] to a mask (n,), true at both ends of the edge's sides
 
-    Raises
-    ------
-    InputError
-        If `edge` marks no side, and for numbers that are not finite.
+    Raises InputError if `edge` marks no side, and for numbers that are not finite.
 
     Examples
     --------

@@ -14,15 +14,16 @@ from ..core.rules import unknown_key
 from ..core.status import task
 from ..core.timing import phase
 from ..energy.bending import Bending
+from ..energy.load import Gravity
 from ..energy.membrane import Membrane
 from ..energy.metal import SheetMetal
 from ..energy.term import Term
 from ..io.field import Field
 from ..scene.scene import Scene
 from ..scene.supports import Support
-from . import stack
 from .forming_scene import FormingScene
 from .holders import PressureHolder, segments
+from .interface import press_together
 from .laying import Laid, lay_blank, on_plane
 from .placement import place_tools
 from .press_data import PressData
@@ -49,8 +50,8 @@ def build(press: PressData, comm: MPI.Comm | None = None) -> FormingScene:
         friction = on_tools if own is None else interface.coulomb(own)
         terms.append(Contact(tool, penalty=interface.penalty, friction=friction))
     terms += [laid.on(s, SheetMetal(s.metal, symmetric=planes)) for s in sheets if s.metal]
-    between = stack.between(laid, interface, planes)
-    held, on_die, more = _hold(press, laid, tools, schedule, on_tools, between)
+    between = interface.between(laid, planes)
+    held, on_die, more = _hold(press, laid, tools, schedule, on_tools)
     terms += [*chain(*held.values()), *between]
     for sheet in sheets if interface.self else ():
         friction = interface.coulomb(sheet.friction_to(sheet))
@@ -58,8 +59,9 @@ def build(press: PressData, comm: MPI.Comm | None = None) -> FormingScene:
         folds = SelfContact(penalty=k, lag=lag, symmetric=planes, friction=friction)
         terms.append(laid.on(sheet, folds))
 
+    terms += [Gravity(press.gravity)] if press.gravity else []
     scene = Scene(laid.blank, terms, _supports(press, laid))
-    stack.press(laid, scene.terms, on_die)
+    press_together(laid, scene.terms, on_die)
     warnings = list(dict.fromkeys([*warnings, *doubts, *more]))
     return FormingScene(press, scene, warnings, laid, tools, schedule, held)
 
@@ -102,9 +104,9 @@ def _supports(press: PressData, laid: Laid) -> list[Support]:
 # -- holders
 
 
-def _hold(press, laid, tools, schedule, friction, between):
+def _hold(press, laid, tools, schedule, friction):
     """{name of a holder or segment: its terms}, the last tool on which one presses, and doubts.
-    friction: of tools; between: contacts of the sheets of a stack."""
+    friction: of tools."""
     held, on_die, doubts = dict[str, list[Term]](), None, list[str]()
     taken: dict[str, dict[str, Where]] = {}
     for name, holder in _segments(press, schedule):
@@ -123,9 +125,6 @@ def _hold(press, laid, tools, schedule, friction, between):
             interface=press.interface,
             friction=friction,
             lag=press.interface.lag,
-            sheets=[sheet.name for sheet in laid.sheets] if laid.stack else [],
-            against=stack.neighbours(between, laid.sheets),
-            rims=stack.rims(laid),
             taken=taken,
         )
         held[name] = terms = list(holder.terms(site))

@@ -44,6 +44,8 @@ class Press(PressData):
         True: the run ends at the step where the ply can't be formed, see `Settings`.
     title
         Of the report.
+    gravity
+        Acceleration [m/s^2], down or as a vector (3,), of sheets with the mass of their materials.
 
     Raises
     ------

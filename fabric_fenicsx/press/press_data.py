@@ -7,6 +7,7 @@ from typing import Any, Self
 from ..core.errors import InputError
 from ..core.fields import KnowsItsFields, check_fields, choice, flag
 from ..core.rules import repr_short, unknown_key
+from ..energy.load import Gravity
 from ..material.laws import Law
 from ..material.metal import Metal
 from ..sheet.sheet import Sheet
@@ -30,10 +31,14 @@ class PressData(KnowsItsFields):
     limits: Limits = Limits()
     stop_when_invalid: bool = flag("the run ends at the step where the ply can't be formed")
     title: str = ""
+    gravity: float | Sequence[float] = 0.0
 
     def __post_init__(self) -> None:
         paths = {"symmetry": "blank.symmetry", "stop_when_invalid": "limits.stop_when_invalid"}
         check_fields(self, paths.__getitem__)
+        if Gravity(self.gravity).acceleration[list(self.planes)].any():
+            flaw = f"`gravity` is {self.gravity}, across a plane of symmetry"
+            raise InputError(f"{flaw}; allowed is one along it")
         object.__setattr__(self, "sheets", _all_of(Sheet, "plies", self.sheets))
         object.__setattr__(self, "stages", _all_of(Stage, "stages", self.stages))
         _all_of(PressTool, "tools", list(self.tools.values()))

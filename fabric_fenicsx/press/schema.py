@@ -59,7 +59,7 @@ def read(kind: type[P], path: Path, changes: Sequence[str] = ()) -> P:
 
 
 def _fields(document, path):
-    known = "unit", "title", *TABLES, "ply", "stage"
+    known = "unit", "title", "gravity", *TABLES, "ply", "stage"
     if other := next((key for key in document if key not in known), ""):
         raise unknown_key(other, known, f"entry {other}")
     if (unit := document.get("unit", "missing")) != "mm":
@@ -70,6 +70,7 @@ def _fields(document, path):
     convert = partial(_value, folder=path.parent)
     return {
         "title": document.get("title", path.stem.replace("_", " ")),
+        "gravity": document.get("gravity", 0.0),
         "symmetry": blank.pop("symmetry", "none"),
         "stop_when_invalid": limits.pop("stop_when_invalid", False),
         "sheets": _sheets(document, blank, convert),
@@ -243,6 +244,7 @@ def document_of(press: PressData) -> dict[str, object]:
     document = {
         "unit": "mm",
         "title": press.title,
+        "gravity": press.gravity or "",
         "blank": blank | (plies[0] if len(plies) == 1 else {}),
         "contact": tables.entries(press.interface),
         "limits": limits | ({"stop_when_invalid": True} if press.stop_when_invalid else {}),

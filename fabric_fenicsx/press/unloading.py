@@ -15,7 +15,7 @@ from ..contact.sheet_contact import FaceContact, SheetContact
 from ..core.errors import InputError
 from ..core.formatting import rounded
 from ..energy.fabric_states import KIND
-from ..energy.load import RELEASED, ReleaseForces
+from ..energy.load import RELEASED, Gravity, ReleaseForces
 from ..energy.materials import fabric_of, materials_of
 from ..energy.output import Value
 from ..energy.term import SceneFacts, overrides
@@ -33,37 +33,24 @@ _formed: WeakKeyDictionary[Scene, np.ndarray] = WeakKeyDictionary()
 def unloading(
     result: Result, *, together: bool = False, keep: Sequence[str] = (), **changes: Any
 ) -> Job:
-    """Job that unloads the sheets of a result, without tools, holders and loads.
+    """Job that unloads the sheets of a result, without tools, holders and loads but gravity.
 
     The forces that these, and supports, exerted on the nodes in the formed state are released in
     proportion to the load, see `ReleaseForces`. The sheets keep their history, as plastic strains
     and the sliding of yarns, and planes of symmetry stay. Rigid motions that are left are fixed at
-    a few nodes of each sheet, see `isostatic`, where forces are 0 in the end. The run moves the
-    sheets of `result.scene`, so its output is then that of the unloaded state.
+    a few nodes of each sheet, see `isostatic`, where forces are 0 in the end, or its weight. The
+    run moves the sheets of `result.scene`, so its output is then that of the unloaded state.
 
-    Parameters
-    ----------
-    result
-        Of any run that reached its full load.
-    together
-        Contact and friction between the sheets of a stack remain, and the sheets are pinned
-        together at their fixed nodes. For deeply drawn stacks contact may not converge as it opens.
-        By default each sheet is unloaded alone, and the forces of its neighbours are released, too.
-    keep
-        Names of supports that stay.
-    changes
-        In the fields of the `Job`.
+    - result: of any run that reached its full load
+    - together: contact and friction between the sheets of a stack remain, and the sheets are pinned
+      together at their fixed nodes. For deeply drawn stacks contact may not converge as it opens.
+      By default each sheet is unloaded alone, and the forces of its neighbours are released, too
+    - keep: names of supports that stay
+    - changes: in the fields of the `Job`
 
-    Returns
-    -------
-    Job
-        Its quantities: the largest `springback` [mm], for a stack also of each sheet; energies that
-        are left in the sheets and released [N mm]; the sizes of forces on fixed nodes in sum [N].
-
-    Raises
-    ------
-    InputError
-        For a result that did not reach full load, and for a name that no support has.
+    Its quantities are the largest `springback` [mm], for a stack also of each sheet; energies that
+    are left in the sheets and released [N mm]; the sizes of forces on fixed nodes in sum [N].
+    Raises InputError for a result that did not reach full load, and for names that no support has.
 
     Examples
     --------
@@ -104,8 +91,9 @@ def _stays(term, together):
     """Whether a term belongs to the sheets, not to what forms them."""
     if isinstance(term, SheetContact):
         return together
-    stores = term.energy_kind is not None or term.energy is None
-    return stores and not overrides(term, "applied_forces")
+    if overrides(term, "applied_forces"):
+        return isinstance(term, Gravity)
+    return term.energy_kind is not None or term.energy is None
 
 
 def _at_full_load(support):

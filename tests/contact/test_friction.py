@@ -20,6 +20,7 @@ from mpi4py import MPI
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.contact.friction import FrictionState
+from fabric_fenicsx.contact.holder_pressure import LineBead
 from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.newton import Newton
@@ -197,6 +198,25 @@ def test_a_resumed_run_knows_what_no_displacement_tells(shared_path):
     assert (second.accepted, second.rejected) == (first.accepted, first.rejected)
     assert second.iterations >= before + sum(state.report.iterations for state in states)
     assert newton.memory()["negative_pivots_met"] and newton.memory()["shift"] > 0
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("across", [0.0, 0.75])
+def test_a_strip_drawn_through_a_bead_needs_width_times_restraint(across):
+    """Times the length of the line on it over the width, if the line is oblique, and friction mu p
+    on 1200 mm2 of a holder; and nothing more as the strip goes on."""
+    strip = sheet(60, 20, 13, 5)
+    ends = [(30 + across * (y - 10), y) for y in (-30, 50)]
+    bead = LineBead(ends, restraint=2.0)
+    holder = ff.BlankHolderPressure(0.05, (0, 0, 1), everywhere, friction=0.2)
+    held = [ff.Support("end", near(0, 60.0), (0, 1, 2), (6.0, 0, 0))]
+    held.append(ff.Support("flat", everywhere, (1, 2)))
+    scene = ff.Scene(strip, [Elastic(1e5), bead, holder], held)
+    for steps in (3, 4):  # once more from where it is
+        run(scene, steps)
+        assert bead.restrained() == pytest.approx(40 * np.hypot(1, across), rel=3e-3)
+        pull = bead.restrained() + 0.2 * 0.05 * 1200
+        assert scene.reaction("end")[0] == pytest.approx(pull, rel=1e-3)
 
 
 def test_elastic_slip():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from builders import dome
+from builders import KOMEILI, dome
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.press.holders import Region
@@ -68,6 +68,23 @@ def test_grippers_may_share_corners():
     assert held_whole(dict(zip("ab", ends)), "none") == 0
 
 
+@pytest.mark.mpi
+def test_a_stack_is_pressed_where_any_of_its_sheets_lies_on_the_flange():
+    """A cross of two sheets over a patch in its middle, under a flat die: the area of the cross;
+    `full_stack` presses what all have in common."""
+    sizes = {"patch": (20, 22), "along": (100, 60), "across": (56, 94)}
+    tools = {"ball": ff.PressTool(ff.Sphere(20.0))}
+    tools["die"] = ff.PressTool(ff.Plane((0, 0, 0), (0, 0, -1)), side="above")
+    cross = [
+        ff.Sheet(fabric=KOMEILI, length=a, width=b, nx=7, name=n) for n, (a, b) in sizes.items()
+    ]
+    press = ff.Press(sheets=cross, tools=tools, stages=ff.Stage(moves={"ball": 0.1}))
+    for full, area, within in (False, 6000 + 56 * 34, 2e-3), (True, 20 * 22, 0.02):
+        held = press.replace(holders={"holder": ff.PressureHolder(0.02, full_stack=full)}).build()
+        force = held.columns(held.scene)["holder_force_of_whole_N"]
+        assert force == pytest.approx(0.02 * area, rel=within)
+
+
 @pytest.mark.parametrize("gap, meant", [(None, 1.1 * 1.07427), (0.54, 0.54)])
 def test_a_plate_stands_at_its_gap_from_the_die(gap, meant):
     press = ff.Press.read("hemisphere", ["blank.nx=4"])
@@ -94,12 +111,6 @@ def test_grippers_pull_at_the_edges_that_are_marked():
     assert sum(isinstance(term, ff.EdgeTension) for term in ply.scene.terms) == 1
     with pytest.raises(ff.InputError, match="`where` of holders.blank holder marks no edge"):
         dome(**SIZES, holder=ff.Grippers(where=lambda x: x[0] < 1))
-
-
-def test_a_checkpoint_knows_the_number_of_a_holder():
-    """So that a run is not gone on with by another."""
-    first, second = (dome(**SIZES, holder=ff.PressureHolder(p)).scene.fingerprint() for p in (2, 3))
-    assert {key.split(" of ")[0] for key in first if first[key] != second[key]} == {"pressure"}
 
 
 def test_a_pressure_that_is_directed_away_from_the_die_is_told_of():
