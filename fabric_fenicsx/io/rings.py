@@ -65,28 +65,30 @@ def centred(sheet: shapely.Polygon) -> shapely.Polygon:
     return shapely.transform(sheet, lambda x: x - middle)
 
 
-def mirrored_half(sheet: shapely.Polygon, axis: int, source: str) -> shapely.Polygon:
-    """The half of a sheet on the positive side of the plane x = 0 or y = 0 (`axis` 0 or 1), which
-    mirrors it; a sheet that begins at the plane as it is. Raises InputError, by the size of what
-    differs, for a sheet that is not its own mirror image, and for one in two parts."""
+def mirrored_half(
+    sheet: shapely.Polygon, axis: int, source: str, at: float = 0.0
+) -> shapely.Polygon:
+    """The half of a sheet on the positive side of the plane x = `at` or y = `at` (`axis` 0 or 1)
+    [mm], which mirrors it; a sheet that begins at the plane as it is. Raises InputError, by the
+    size of what differs, for a sheet that is not its own mirror image, and for one in two parts."""
     low, high = np.reshape(sheet.bounds, (2, 2))[:, axis]
-    if low > -MIRROR_TOLERANCE * (high - low):
+    if low - at > -MIRROR_TOLERANCE * (high - low):
         return sheet
-    image = shapely.transform(sheet, lambda x: x * (1 - 2 * np.eye(2)[axis]))
+    image = shapely.transform(sheet, lambda x: np.where(np.arange(2) == axis, 2 * at - x, x))
     apart = shapely.symmetric_difference(sheet, image)
     name, far = "xy"[axis], shapely.buffer(apart, -MIRROR_TOLERANCE * (high - low))
     if not far.is_empty:
         place = coordinates(far.representative_point().coords[0])
         raise InputError(
-            f"{source} is not its own mirror image in {name} = 0: {rounded(far.area, 3)} mm2 "
+            f"{source} is not its own mirror image in {name} = {at:g}: {rounded(far.area, 3)} mm2 "
             f"differ, as at {place} mm; allowed is a symmetric outline, or its half"
         )
     reach = 2 * np.abs(sheet.bounds).max()
-    start = [0.0 if k == axis else -reach for k in (0, 1)]
+    start = [at if k == axis else -reach for k in (0, 1)]
     half = shapely.intersection(sheet, shapely.box(*start, reach, reach))
     if half.geom_type != "Polygon":
         raise InputError(
             f"{source} is cut into {shapely.get_num_geometries(half)} parts by the plane of "
-            f"symmetry {name} = 0; allowed is an outline that stays in one piece"
+            f"symmetry {name} = {at:g}; allowed is an outline that stays in one piece"
         )
     return half

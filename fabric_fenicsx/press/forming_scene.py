@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ..contact.contact_term import ToolContactTerm
 from ..contact.coulomb import MAX_SLIP
@@ -126,6 +127,19 @@ class FormingScene(Setup):
         if "sheet_pressure" in result.fields:  # means of cells on the next sheet
             pressure = np.nan_to_num(result.fields["sheet_pressure"])
             numbers["sheet_pressure_largest_MPa"] = measures.extremes(self.scene.comm, pressure)[1]
+        tools = {tool.name: tool.frame() for tool in (self.leader(), *self.tools.values())}
+        (leader, frame), *_ = tools.items()
+        for own in (numbers, *numbers.get("plies", {}).values()):
+            for key in [key for key in own if key.endswith("_formed_at_mm")]:
+                of_tool = key.replace("_formed_at", f"_in_{leader}_at")
+                own[of_tool] = frame.inside(own[key]).tolist()
+        numbers["tool_places"] = {
+            name: {
+                "placed_at_mm": frame.at.tolist(),
+                "turned_by_deg": Rotation.from_matrix(frame.axes).as_euler("xyz", True).tolist(),
+            }
+            for name, frame in tools.items()
+        }
         return numbers
 
     def field_ranges(self) -> dict[str, str]:
@@ -238,7 +252,8 @@ class FormingScene(Setup):
         what symmetry hides shows there. Raises InputError for a part from a file."""
         press, name = self.data, self.leader().name
         if press.planes:
-            if files := [sheet.sheet_file for sheet in self.sheets if sheet.sheet_file]:
+            files = [sheet.sheet_file for sheet in self.sheets if sheet.sheet_file]
+            if files := files + ["the blank"] * any(press.planes.values()):
                 flaw = f"{files[0]} is modelled by a {press.modelled}, which can't be disturbed"
                 raise InputError(f"{flaw}; allowed is the whole blank")
             sheets = [sheet.mirrored(press.planes) for sheet in self.sheets]

@@ -259,19 +259,19 @@ class SpringHolder(Kind):
 
     def terms(self, site: HolderSite) -> list[Term]:
         """As in `Holder`. Raises InputError for a point beyond a plane of symmetry."""
-        planes = list(site.planes)
+        planes, at = [*site.planes], [*site.planes.values()]
         springs: list[Term] = []
         for name, outwards, edge in site.edges(self.edges):
             cut = sum(not outwards[axis] for axis in planes)  # by planes across the edge
             springs.append(self._spring(site, name, edge, 0.5**cut, outwards))
         for k, place in enumerate(np.array(self.at).reshape(-1, 2), 1):
             away = place - site.centre
-            if (place[planes] < 0).any() or not away.any():
+            if (place[planes] < at).any() or not away.any():
                 raise InputError(
                     f"{site.path}.at has the point {coordinates(place)} mm; allowed are points on "
                     "the modelled part, but the blank's centroid, from which springs pull away"
                 )
-            share, near = 0.5 ** int((place[planes] == 0).sum()), site.laid.nearest_nodes(place)
+            share, near = 0.5 ** int((place[planes] == at).sum()), site.laid.nearest_nodes(place)
             outwards = np.append(away, 0.0) / np.linalg.norm(away)
             springs.append(self._spring(site, f"point {k}", near, share, outwards))
         return springs

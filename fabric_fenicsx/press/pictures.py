@@ -27,7 +27,7 @@ from ..job.job import Result
 from ..results import forming_pictures, space
 from ..results.measures import planes_of_symmetry
 from ..results.pictures import maps
-from ..results.ply import SYMMETRIC, Grid, Surface, grid_of, ply_of
+from ..results.ply import Grid, Surface, grid_of, mark_planes, marked_planes, ply_of
 from ..results.quantities import middle_of
 from ..results.states import triangulated
 from ..results.wrinkles import HEIGHT
@@ -102,9 +102,9 @@ def _pulls(x, away, size):
     return lines.tube(radius=0.004 * size).triangulate()
 
 
-def flat_grids(blank: Blank | Stack, symmetric: Sequence[int] = ()) -> dict[str, Grid]:
+def flat_grids(blank: Blank | Stack, planes: Mapping[int, float]) -> dict[str, Grid]:
     """The plies of a blank as they lie before a run {name: grid}, on all ranks, which call it
-    together; symmetric: axes to which planes of symmetry are perpendicular."""
+    together; planes: of symmetry, {axis: place}."""
     grids = {}
     corners, comm = blank.corners(), blank.mesh.comm
     for part in blank.parts.values() or [blank.whole]:
@@ -112,7 +112,7 @@ def flat_grids(blank: Blank | Stack, symmetric: Sequence[int] = ()) -> dict[str,
         cells = np.arange(x[:, :, 0].size).reshape(x.shape[:2])
         points = np.pad(x.reshape(-1, x.shape[2]), ((0, 0), (0, 3 - x.shape[2])))
         grids[part.name] = grid = grid_of(points, cells, np.zeros_like(points))
-        grid.field_data[SYMMETRIC] = list(symmetric)
+        mark_planes(grid, planes)
     return grids
 
 
@@ -147,8 +147,9 @@ def _scene(plies, tools, motions):
     """The `_Scene` of whole plies, and of tools, mirrored as the plies were."""
     low, high = space.extent_of(plies)
     # of a tool's surface around the blank, over the blank's size
-    room, planes = 0.25 * (high - low).max(), plies[0].field_data["planes"]
-    start = np.where(np.isin(np.arange(3), planes), -room / 2, low - room)
+    room, planes = 0.25 * (high - low).max(), marked_planes(plies[0])
+    start = low - room
+    start[[*planes]] = np.array([*planes.values()]) - room / 2
     middle, bodies = np.mean([surface.points[:, 2].mean() for surface in plies]), {}
     for (name, tool), colour in zip(tools.items(), cycle(TOOLS)):
         if isinstance(tool, Tool):

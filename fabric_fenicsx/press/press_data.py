@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 from ..core.errors import InputError
-from ..core.fields import KnowsItsFields, check_fields, choice, flag
-from ..core.rules import repr_short, unknown_key
+from ..core.fields import KnowsItsFields, check_fields, flag
+from ..core.rules import FINITE, repr_short, unknown_key
 from ..material.laws import Law
 from ..material.metal import Metal
 from ..sheet.sheet import Sheet
@@ -16,13 +16,15 @@ from .interface import Interface
 from .stages import Schedule, Stage
 from .tools import DieOf, PressTool
 
+SYMMETRIES = "none", "x", "y", "xy"
+
 
 @dataclass(frozen=True, kw_only=True)
 class PressData(KnowsItsFields):
     """The fields of a `Press`. Raises InputError for parts that do not fit together."""
 
     sheets: Sequence[Sheet]
-    symmetry: str = choice("none", ("none", "x", "y", "xy"), "planes of symmetry")
+    symmetry: str | Mapping[str, float] = "none"
     interface: Interface = Interface()
     tools: Mapping[str, PressTool] = field(default_factory=dict)
     holders: Mapping[str, Holder | Sequence[Holder]] = field(default_factory=dict)
@@ -32,8 +34,15 @@ class PressData(KnowsItsFields):
     title: str = ""
 
     def __post_init__(self) -> None:
-        paths = {"symmetry": "blank.symmetry", "stop_when_invalid": "limits.stop_when_invalid"}
-        check_fields(self, paths.__getitem__)
+        check_fields(self, "limits.{}".format)
+        places = self.symmetry if isinstance(self.symmetry, Mapping) else {}
+        for axis, place in places.items():
+            FINITE.check(f"blank.symmetry.{axis}", place)
+        if not places.keys() <= {*"xy"} or not places and self.symmetry not in SYMMETRIES:
+            raise InputError(
+                f"blank.symmetry is {repr_short(self.symmetry)}; allowed is one of "
+                f"{', '.join(SYMMETRIES)}, or a table of places [mm], as {{y = -400}}"
+            )
         object.__setattr__(self, "sheets", _all_of(Sheet, "plies", self.sheets))
         object.__setattr__(self, "stages", _all_of(Stage, "stages", self.stages))
         _all_of(PressTool, "tools", list(self.tools.values()))
@@ -53,9 +62,11 @@ class PressData(KnowsItsFields):
                 raise unknown_key(die.tool, surfaces, f"tools.{name}.die_of {die.tool}")
 
     @property
-    def planes(self) -> tuple[int, ...]:
-        """Axes to which the planes of symmetry are perpendicular: 0 for x, 1 for y."""
-        return tuple(axis for axis in (0, 1) if "xy"[axis] in self.symmetry)
+    def planes(self) -> dict[int, float]:
+        """Axes to which the planes of symmetry are perpendicular, 0 for x, 1 for y, and where these
+        cut the axes [mm]."""
+        places = self.symmetry if isinstance(self.symmetry, Mapping) else dict.fromkeys("xy", 0.0)
+        return {axis: float(places[n]) for axis, n in enumerate("xy") if n in self.symmetry}
 
     @property
     def share(self) -> float:

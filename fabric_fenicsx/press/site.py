@@ -174,7 +174,7 @@ class HolderSite:
 
     name: str
     laid: Laid
-    planes: tuple[int, ...]
+    planes: Mapping[int, float]
     share: float
     die: Tool
     up: np.ndarray

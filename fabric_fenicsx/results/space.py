@@ -6,7 +6,7 @@ import json
 import os
 import re
 import zipfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from html import escape
 from pathlib import Path
@@ -22,7 +22,7 @@ from vtkmodules.vtkCommonCore import vtkLogger
 from ..core.errors import InputError
 from ..surfaces.facets import unit
 from .pictures import shown
-from .ply import SAME, Grid, check_field, ply_of, whole
+from .ply import SAME, Grid, check_field, mark_planes, marked_planes, ply_of, whole
 from .states import states, units
 
 COLOURS = "YlOrRd"  # light, so that the shading shows the shape
@@ -80,16 +80,18 @@ def surface_of(grid: Grid, full: bool = True, formed: bool = True) -> pyvista.Po
     `shear_angle` [deg] and, if known, the distance across yarns, `yarn_a` and `yarn_b` [mm]; full:
     with images in the planes of symmetry."""
     ply = ply_of(grid)
-    planes = ply.planes if full else []
+    planes = ply.planes if full else {}
     ply = whole(ply) if full else ply
     shear = abs(np.degrees(ply.fields.get("shear_angle", np.zeros(len(ply.cells)))))
     points = ply.formed if formed else ply.x
     surface = pyvista.PolyData.from_regular_faces(points, ply.cells)
     surface.point_data["place"] = ply.x
     surface.point_data["shear_angle"] = ply.at_nodes(shear)
-    surface.field_data["planes"] = np.array(planes, dtype=int)
+    mark_planes(surface, planes)
     if "yarn_coordinate_a" in grid.point_data and "shear_angle" in grid.cell_data:
-        place = np.where(np.isin(np.arange(3), planes), abs(ply.x), ply.x)
+        place = ply.x.copy()
+        for axis, at in planes.items():
+            place[:, axis] = at + abs(place[:, axis] - at)
         nearest = cKDTree(grid.points).query(place)[1]
         for family in "ab":
             across = grid.point_data[f"yarn_coordinate_{family}"]
@@ -97,14 +99,14 @@ def surface_of(grid: Grid, full: bool = True, formed: bool = True) -> pyvista.Po
     return surface
 
 
-def mirrored(surface: pyvista.PolyData, planes: Iterable[int]) -> pyvista.PolyData:
-    """The part of a surface in x >= 0 or y >= 0, its `planes` of symmetry, and its images."""
-    for axis in planes:
-        normal = np.eye(3)[int(axis)]
-        half = surface.clip(normal=normal, origin=(0, 0, 0), invert=False).triangulate()
+def mirrored(surface: pyvista.PolyData, planes: Mapping[int, float]) -> pyvista.PolyData:
+    """The part of a surface beyond planes of symmetry {axis: place}, and its images."""
+    for axis, at in planes.items():
+        normal = np.eye(3)[axis]
+        half = surface.clip(normal=normal, origin=at * normal, invert=False).triangulate()
         points, faces = np.array(half.points), half.faces.reshape(-1, 4)[:, 1:]
-        points[abs(points[:, axis]) < SAME, axis] = 0.0
-        points = np.vstack([points, points * (1 - 2 * normal)])
+        points[abs(points[:, axis] - at) < SAME, axis] = at
+        points = np.vstack([points, points * (1 - 2 * normal) + 2 * at * normal])
         faces = np.vstack([faces, faces[:, ::-1] + half.n_points])
         surface = pyvista.PolyData.from_regular_faces(points, faces).clean()
     return surface
@@ -194,7 +196,7 @@ def formed_picture(
         draw_plies(plotter, surfaces, limit, spacing)
         draw_axes(plotter, surfaces)
         if tool is not None:
-            whole = mirrored(tool, surfaces[0].field_data["planes"])
+            whole = mirrored(tool, marked_planes(surfaces[0]))
             # away from the camera, so that it looks the same but does not show through the ply
             behind = whole.translate(-3 * unit(np.array(view)))
             look = {"color": "#d3d8e0", "ambient": 0.35, "diffuse": 0.75}
@@ -278,10 +280,10 @@ def _draw(plotter, folder, state, field):
 
 def _surfaces(state, field, factor):
     """Plies {name: surface}, with the field as `shown` if they have it, and tools."""
-    plies, planes = {}, list[int]()
+    plies, planes = {}, dict[int, float]()
     for name, grid in state.plies().items():
         ply = ply_of(grid)
-        planes = ply.planes
+        planes = dict(ply.planes)
         ply = whole(ply)
         plies[name] = pyvista.PolyData.from_regular_faces(ply.formed, ply.cells)
         if field in ply.fields:

@@ -17,7 +17,7 @@ from scipy.ndimage import (
     uniform_filter1d,
 )
 
-from .ply import SYMMETRIC, Grid, grid_of, plan_area, ply_of, whole
+from .ply import Grid, grid_of, mark_planes, plan_area, ply_of, whole
 from .shape import outline
 
 pyvista = lazy_loader.load("pyvista")
@@ -54,8 +54,7 @@ def height_map(grid: Grid, over_tools: Heights, shortest: float = 0.0) -> Grid:
         if name == HEIGHT:
             heights.point_data[LENGTH] = lengths[best]
     heights.field_data[SEEN] = [shortest, longest]
-    if ply.planes:
-        heights.field_data[SYMMETRIC] = ply.planes
+    mark_planes(heights, ply.planes)
     return heights
 
 

@@ -227,8 +227,8 @@ class Blank(SheetMesh):
         - pattern: "along", cells along both yarns but for a rim of others, the default where it is
           `spatial`; or "unstructured"
         - centred: True: the middle of its extent is the origin; otherwise it lies as in the file
-        - planes: axes, 0 or 1, to which planes of symmetry through the origin are perpendicular: of
-          an outline on both sides of one the positive side is meshed
+        - planes: axes, 0 or 1, to which planes of symmetry are perpendicular, or {axis: place} of
+          those not through the origin: of an outline on both sides the positive one is meshed
         - spatial, turned, element, fibre_angle, yarn_angle: as in `rectangle`
 
         What was left out stands in `warnings`. Raises InputError for a file that cannot be read,

@@ -1,6 +1,6 @@
 """A sheet's fields made into a blank: a rectangle, an own mesh or an outline."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 from typing import TypeVar
 
@@ -26,7 +26,7 @@ def mesh_sheet(
     spatial: bool = False,
     turned: float = 0.0,
     centred: bool | Sequence[bool] = False,
-    planes: Sequence[int] = (),
+    planes: Mapping[int, float] | None = None,
     height: float | None = None,
 ) -> tuple[Kind, Blank, list[str]]:
     """The sheet with the values that its mesh has, its blank, and doubts.
@@ -35,7 +35,7 @@ def mesh_sheet(
     `Blank.outline`; height: as in `Blank.read`. Raises InputError as `Blank` does, and for fields
     that do not fit the mesh.
     """
-    names, source = [*sheet.SIDES], sheet.sheet_file or "the specimen"
+    names, source, planes = [*sheet.SIDES], sheet.sheet_file or "the specimen", planes or {}
     sides = names[0], names[-1]
     with timing.phase("setup"), task("meshing the sheet"):
         options = sheet.options(turned)
@@ -48,7 +48,7 @@ def mesh_sheet(
             blank = Blank.made(comm, make, sources.outline_source(rim), spatial, options)
         else:
             modelled = modelled_share(planes) * [getattr(sheet, name) for name in sides]
-            make = partial(sources.rectangle, sheet, modelled, turned, centred)
+            make = partial(sources.rectangle, sheet, modelled, turned, centred, planes)
             blank = Blank.made(comm, make, source, spatial, options, from_file=False)
     kind, flaw = "P" if blank.around == [0, 1, 2] else "Q", ""
     if blank.mesh.geometry.dim == 3 and not spatial:
@@ -74,12 +74,12 @@ def mesh_sheet(
     return sheet.filled(**values), blank, [*filter(None, doubts)]
 
 
-def modelled_share(planes: Sequence[int]) -> np.ndarray:
+def modelled_share(planes: Collection[int]) -> np.ndarray:
     """Shares (2,) of length and width that planes of symmetry perpendicular to these axes leave."""
-    return np.where(np.isin([0, 1], planes), 0.5, 1.0)
+    return np.where(np.isin([0, 1], [*planes]), 0.5, 1.0)
 
 
-def whole_sides(blank: Blank, planes: Sequence[int]) -> list[float]:
+def whole_sides(blank: Blank, planes: Collection[int]) -> list[float]:
     """Length and width of the whole sheet [mm], rounded, to be the same on any number of ranks."""
     return [float(f"{size:.9g}") for size in blank.sides()[:2] / modelled_share(planes)]
 

@@ -1,7 +1,7 @@
 """A sheet as data: its cells, yarns and material, declared once for coupons and presses."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from copy import copy
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, Self
@@ -272,7 +272,7 @@ class Sheet(SheetFields, YarnBending):
             raise InputError(f"cells of {self.mesh} can't be made finer; {allowed}")
         return self._with_cells(times, lambda n: 2 * math.ceil(n / 2))
 
-    def mirrored(self, planes: tuple[int, ...]) -> Self:
+    def mirrored(self, planes: Iterable[int]) -> Self:
         """The sheet, a rectangle, with the cells of its images in the planes of symmetry."""
         names = [("nx", "ny")[axis] for axis in planes]
         return replace(self, **{name: 2 * n for name in names if (n := getattr(self, name))})

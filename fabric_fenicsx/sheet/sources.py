@@ -2,8 +2,9 @@
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,19 +29,25 @@ STRAIGHT_TOLERANCE = 1e-6  # distance of nodes from an edge or a plane, over the
 
 
 def rectangle(
-    layout: Layout, sides: Sequence[float], turned: float, centred: bool | Sequence[bool]
+    layout: Layout,
+    sides: Sequence[float],
+    turned: float,
+    centred: bool | Sequence[bool],
+    planes: Mapping[int, float] = MappingProxyType({}),
 ) -> MeshArrays:
     """A rectangle of these sides [mm], `turned` from x [rad], with a corner or, `centred`, its
-    middle at the origin. Cells along the yarns follow those in the middle."""
+    middle at the origin, moved to `planes` {axis: place}. Cells along the yarns follow those in the
+    middle."""
     if layout.pattern == "along":
         _check_triangles(layout, "cells along the yarns")
     (length, width), middle = sides, np.array(sides) / 2
     ny = layout.ny or max(1, round(layout.nx * width / length))
     cell = "quadrilateral" if (layout.element or "P")[0] == "Q" else "triangle"
     axes, shift = axes_of(turned), middle * np.asarray(centred)
-    yarns = _yarns(layout, (middle - shift) @ axes)
+    start = np.array([planes.get(axis, 0.0) for axis in (0, 1)])
+    yarns = _yarns(layout, (middle - shift) @ axes + start)
     points, cells, kind = specimen(length, width, layout.nx, ny, layout.pattern, cell, *yarns)
-    points[:, :2] = (points[:, :2] - shift) @ axes
+    points[:, :2] = (points[:, :2] - shift) @ axes + start
     return MeshArrays(points, cells, kind, [])
 
 
@@ -50,7 +57,7 @@ def outline(
     cells: tuple[float | None, str | None],
     turned: float,
     centred: bool,
-    planes: Sequence[int],
+    planes: Collection[int] | Mapping[int, float],
 ) -> MeshArrays:
     """The inside of a `rim`, as in `Blank.outline`; cells: their size [mm], and the layer of a DXF.
     Warnings say what was left out."""
@@ -60,9 +67,10 @@ def outline(
         sheet, notes = read_outline(rim, layer)
     else:
         sheet = rings.sheet_of([np.asarray(ring, float) for ring in rim], source)
+    places = planes if isinstance(planes, Mapping) else dict.fromkeys(planes, 0.0)
     sheet = rings.centred(sheet) if centred else sheet
-    for axis in planes:
-        sheet = rings.mirrored_half(sheet, axis, source)
+    for axis, place in places.items():
+        sheet = rings.mirrored_half(sheet, axis, source, place)
     low, high = np.reshape(sheet.bounds, (2, 2))
     a, between = _yarns(layout, sheet.centroid.coords[0])
     size = (high - low)[0] / layout.nx if size is None else size

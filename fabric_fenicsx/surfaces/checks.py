@@ -106,8 +106,8 @@ def triangle_warnings(tool: Tool, sheet: float) -> list[str]:
         if width < 0.1 * size:
             warnings.append(
                 f"the surface of {tool.name} has a hole {rounded(width)} mm wide at "
-                f"{coordinates(around.mean(0))} mm in its own coordinates, where nothing stops the "
-                "sheet"
+                f"{coordinates(around.mean(0) + tool.middle)} mm in its own coordinates, where "
+                "nothing stops the sheet"
             )
             break
     return warnings

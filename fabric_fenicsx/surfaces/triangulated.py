@@ -88,13 +88,13 @@ class TriangulatedSurface(Surface):
         crease: float = CREASE,
     ) -> None:
         self.crease = BELOW_180.check("crease", crease)
-        x, cells, given = repaired(points, triangles, normals)
-        self.curved = curved = CurvedTriangles(x, cells, math.radians(self.crease), given)
+        x, cells, self._given = repaired(points, triangles, normals)
+        self.curved = curved = CurvedTriangles(x, cells, math.radians(self.crease), self._given)
         self.points: np.ndarray = curved.points
         self.triangles: np.ndarray = curved.triangles
         self.facets, self.areas, self.normals = curved.facets, curved.areas, curved.normals
         across, sharp = curved.across, curved.vertices.sharp
-        self.rim, self.forks = curved.ends(across.sharing == 1), curved.ends(across.sharing > 2)
+        self.rim = curved.ends(across.sharing == 1)
         self.sharp = curved.ends(sharp & (across.triangle >= 0))
         self.radii = least_radii(curved)
         self._boxes, self._net = boxes_around(curved), net_of(curved)
@@ -121,6 +121,11 @@ class TriangulatedSurface(Surface):
         except InputError as error:
             raise InputError(f"surface file {path}: {error}") from None
 
+    @property
+    def forks(self) -> np.ndarray:
+        """Points (k, 2) at the ends of edges of more than two triangles."""
+        return self.curved.ends(self.curved.across.sharing > 2)
+
     def face(self, towards: ArrayLike) -> TriangulatedSurface:
         """What looks `towards` (3,), with the walls that lie within it."""
         side, across = self.facets @ np.asarray(towards, dtype=float), self.curved.across.triangle
@@ -134,6 +139,21 @@ class TriangulatedSurface(Surface):
         vertices = self.curved.vertices
         own = vertices.normals[vertices.name]
         return TriangulatedSurface(self.points, self.triangles[keep], own[keep], self.crease)
+
+    def moved(self, way: ArrayLike) -> TriangulatedSurface:
+        """The surface moved by `way` (3,) [mm]."""
+        return TriangulatedSurface(self.points + way, self.triangles, self._given, self.crease)
+
+    def mirrored(self, off: np.ndarray, normal: np.ndarray) -> TriangulatedSurface:
+        """The surface with its image in a plane with this unit `normal` (3,), of which its points
+        are `off` (n,) [mm], and without triangles in the plane."""
+        kept, cells, given = off[self.triangles].any(1), self.triangles, self._given
+        cells = np.vstack([cells[kept], cells[kept][:, ::-1] + len(off)])
+        if given is not None:
+            image = np.eye(3) - 2 * np.outer(normal, normal)
+            given = np.concatenate([given[kept], given[kept][:, ::-1] @ image])
+        points = np.vstack([self.points, self.points - 2 * np.outer(off, normal)])
+        return TriangulatedSurface(points, cells, given, self.crease)
 
     def mesh(self, low: ArrayLike, high: ArrayLike, size: float) -> Drawn:
         # a point for each smooth vertex, so that sharp edges look sharp
