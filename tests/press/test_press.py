@@ -6,13 +6,16 @@ import meshio
 import numpy as np
 import pytest
 import pyvista
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
+from fabric_fenicsx.cli import main
 from fabric_fenicsx.energy.fingerprint import entries
 from fabric_fenicsx.press import pictures
 from fabric_fenicsx.press.press import EXAMPLES
-from fabric_fenicsx.results import forming_pictures
+from fabric_fenicsx.results import forming_pictures, space
 from fabric_fenicsx.sheet.gmsh_cells import own_model
 from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.progress import Progress
@@ -150,6 +153,66 @@ def test_a_surface_that_faces_away_is_refused(tmp_path):
     ball.flip_faces().save(tmp_path / "ball.stl")
     with pytest.raises(ff.InputError, match="tools.punch has its body between .* normals point"):
         hemisphere("blank.nx=4", file=path)
+
+
+def ball(folder, change=lambda x: x, kept=lambda x: x[:, 0] < np.inf):
+    """A press whose punch is a ball in a file: triangles of it whose middles (n, 3) are kept, at
+    changed places."""
+    sphere = pyvista.Sphere(radius=50, theta_resolution=40, phi_resolution=40)
+    x, cells = sphere.points.astype(float).round(9), sphere.regular_faces
+    half = cells[x[cells].mean(1)[:, 1] > 0]  # so that the other is its image
+    x, cells = np.vstack([x, x * [1, -1, 1]]), np.vstack([half, half[:, ::-1] + len(x)])
+    cells = cells[kept(x[cells].mean(1))]
+    grid = pyvista.UnstructuredGrid({pyvista.CellType.TRIANGLE: cells}, change(x))
+    grid.save(folder / "ball.vtu")
+    return changed(folder, ('shape = "sphere"\nradius = 50', 'file = "ball.vtu"'))
+
+
+SHORT = "blank.nx=4", "stage.1.moves.punch=8", "stage.1.steps=2"
+
+
+def test_a_tool_may_have_any_coordinates_and_results_are_told_in_them(tmp_path):
+    """The same ball, turned, and 1000 km from its origin."""
+    place, turn = np.array([1e6, -5e5, 2e5]), [180, 0, 30]
+    turned = Rotation.from_euler("xyz", turn, degrees=True)
+    press = hemisphere(*SHORT, file=ball(tmp_path))
+    here, centre = press.job(balance=None).run(), press.tools["punch"].path(1.0)
+    file = ball(tmp_path, lambda x: turned.apply(x, inverse=True) + place)
+    at = f"tools.punch.at={(-turned.apply(place))[:2].tolist()}"
+    press = hemisphere(*SHORT, at, f"tools.punch.turn={turn}", file=file)
+    there = press.job(balance=None).run(tmp_path / "out", pictures=False)
+    assert there.number("reaction_N") == pytest.approx(here.number("reaction_N"), rel=1e-8)
+    expected = turned.apply(here.grid.points + here.grid["u"] - centre, inverse=True) + place
+    export = ["export", str(tmp_path / "out"), str(tmp_path / "a.vtu"), "--modelled", "--frame"]
+    assert main.main([*export, "tool"]) == 0 and main.main([*export, "no"]) == 2
+    found = pyvista.read(tmp_path / "a.vtu").points
+    assert cKDTree(found).query(expected)[0].max() < 1e-6
+    numbers = there.summary["quantities"]
+    own = numbers["shear_angle_max_in_punch_at_mm"] - place
+    formed = here.summary["quantities"]["shear_angle_max_formed_at_mm"]
+    assert turned.apply(own) + centre == pytest.approx(np.array(formed), abs=1e-5)
+
+
+@pytest.mark.parametrize("lid", [0, 1])
+def test_half_a_tool_beside_the_origin_is_that_of_its_plane_of_symmetry(tmp_path, lid):
+    """A ball cut at y = -400, open there, or closed by triangles in the plane."""
+    whole = hemisphere(*SHORT, file=ball(tmp_path)).job(balance=None).run()
+    away = [0, -400.0, 0]
+    file = ball(tmp_path, lambda x: x + away, lambda x: x[:, 1] > 0)
+    if lid:
+        grid = pyvista.read(tmp_path / "ball.vtu")
+        rim = np.flatnonzero(abs(grid.points[:, 1] + 400) < 1e-6)
+        rim = rim[np.argsort(np.arctan2(*grid.points[rim].T[[0, 2]]))]
+        fan = np.column_stack([0 * rim[2:] + rim[0], rim[1:-1], rim[2:]])
+        cells = {pyvista.CellType.TRIANGLE: np.vstack([*grid.cells_dict.values(), fan])}
+        pyvista.UnstructuredGrid(cells, grid.points).save(tmp_path / "ball.vtu")
+    changes = "blank.symmetry={x = 0, y = -400}", "tools.ring.at=[0, -400]"
+    half = hemisphere(*SHORT, *changes, file=file)
+    assert not half.warnings
+    result = half.job(balance=None).run()
+    assert result.number("reaction_N") == pytest.approx(whole.number("reaction_N"), rel=1e-8)
+    ends = [space.surface_of(each.grid).bounds for each in (result, whole)]
+    assert np.subtract(*ends) == pytest.approx(np.repeat(away, 2), abs=1e-6)
 
 
 @pytest.mark.parametrize("turn", [0, 180])
