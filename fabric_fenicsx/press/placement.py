@@ -43,7 +43,7 @@ def place_tools(press: PressData, laid: Laid) -> tuple[dict[str, Tool], Schedule
         axes = Rotation.from_euler("xyz", tool.turn, degrees=True).as_matrix()
         if isinstance(surface, DieOf):
             face = _face_of(surfaces[surface.tool], given[surface.tool].towards)
-            _check_covered(surface.tool, face, extent, press.planes)
+            _check_covered(surface.tool, face, starts[surface.tool], extent, press.planes)
             pressed = press.thickness(CHECK_PRESSURE)
             check_clearance(f"tools.{name}.clearance", clearances[name], pressed, face)
             middle, axes = frames[surface.tool].at, axes @ frames[surface.tool].axes
@@ -125,7 +125,7 @@ def _about_middle(surface, at, axes, planes):
     return surface, middle
 
 
-def _check_covered(name, surface, extent, planes):
+def _check_covered(name, surface, origin, extent, planes):
     """Raise InputError for the surface of triangles of a tool with a die that has an opening
     beneath the blank, or beneath its mirror images in `planes` of symmetry."""
     triangles, turn = _triangles(surface)
@@ -134,7 +134,7 @@ def _check_covered(name, surface, extent, planes):
     low, high = extent[:, :2]
     low = np.array([2 * planes[k] - high[k] if k in planes else low[k] for k in (0, 1)])
     whole = float((high - low).max())
-    margin, middle = 1e-6 * whole, (triangles.points @ turn.T)[triangles.rim].mean(1)
+    margin, middle = 1e-6 * whole, (triangles.points @ turn.T + origin)[triangles.rim].mean(1)
     within = ((middle[:, :2] > low + margin) & (middle[:, :2] < high - margin)).all(1)
     if within.any():
         raise InputError(
