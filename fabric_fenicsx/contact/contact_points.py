@@ -1,6 +1,6 @@
-"""Points of a sheet that lie over another sheet, and move relative to it."""
+"""Points of a sheet that lie over another sheet, and move relative to it, lagged in a solve."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ from ..energy.morley import Where
 from ..energy.nodes import CoupledNodes, GatheredNodes, Nodes
 from ..energy.term import Triplets
 from ..sheet.blank import Blank, Part
-from ..surfaces.facets import LAST, NEXT
+from ..surfaces.facets import LAST, NEXT, unit
 from .faces import Corners, Face
 from .pressure_law import FaceLaw
 
@@ -34,16 +34,15 @@ class RelativeMotion:
     def __init__(
         self, blank: Blank, corners: Sequence[Corners], normals: np.ndarray | None = None
     ) -> None:
-        over, below = self._corners = corners
-        nodes = np.concatenate([over.nodes, below.nodes], 1)
+        nodes = np.concatenate([triangles.nodes for triangles in corners], 1)
         self._known, places = np.unique(nodes, return_inverse=True)
-        self._nodes = places.reshape(nodes.shape)
-        self._normals = normals
-        self._motions = np.concatenate([_motions(over, normals), -_motions(below, normals)], 2)
+        self._corners, self._normals, self._nodes = corners, normals, places.reshape(nodes.shape)
+        over, below = (_motions(triangles, normals) for triangles in corners)
+        self._motions = np.concatenate([over, -below], 2)
         self._gathered = GatheredNodes(blank, self._known)
         self._before = self._gathered.displacement()
-        each = np.ones(self._nodes.size), (self._nodes.ravel(), np.arange(self._nodes.size))
-        self._on_nodes = sparse.csr_matrix(each, shape=(len(self._known), self._nodes.size))
+        ones = np.ones(nodes.size), (places.ravel(), np.arange(nodes.size))
+        self._on_nodes = sparse.csr_matrix(ones, shape=(len(self._known), nodes.size))
 
     def relative(self) -> np.ndarray:
         """Displacement of the points relative to the other sheet, (n, 3) [mm]."""
@@ -52,19 +51,19 @@ class RelativeMotion:
     def offsets(self) -> np.ndarray:
         """Offsets of the touching faces from their triangles, less those below, (n, 3) [mm]."""
         moved = self._gathered.displacement() - self._before
-        over, below = (
-            each.offset[:, None] * _unit_normals(each.places + moved[nodes], self._normals)
-            for each, nodes in zip(self._corners, np.split(self._nodes, 2, axis=1))
-        )
-        return over - below
+        offsets = []
+        for triangles, nodes in zip(self._corners, np.split(self._nodes, 2, axis=1)):
+            across = _across(triangles.places + moved[nodes])
+            across *= np.sign((across * self._normals).sum(1))[:, None]
+            offsets.append(triangles.offset[:, None] * unit(across))
+        return offsets[0] - offsets[1]
 
     def apart(self, owned: np.ndarray) -> np.ndarray:
         """Values at the points less those below them, (n, 3), from those at owned nodes."""
         return self._of_points(self._gathered.values(owned))
 
     def _of_points(self, values):
-        of_points = values[self._nodes].reshape(len(self._nodes), 18)
-        return np.einsum("naj,nj->na", self._motions, of_points)
+        return np.einsum("naj,nj->na", self._motions, values[self._nodes].reshape(-1, 18))
 
     def add(self, forces: np.ndarray, f: np.ndarray) -> None:
         """Add forces (n, 3) on the points, and their reactions, to f (this rank's dofs,) [N]."""
@@ -153,29 +152,29 @@ class ContactPoints:
     ) -> None:
         self.parts, self.faces = (lower, upper), faces
         comm, areas = self.blank.mesh.comm, [self.blank.areas()[part.cells] for part in self.parts]
-        sizes = [comm.allreduce(each.sum()) / comm.allreduce(len(each)) for each in areas]
+        sizes = [comm.allreduce(sheet.sum()) / comm.allreduce(len(sheet)) for sheet in areas]
         over = 1 if sizes[1] <= sizes[0] * (1 + 1e-6) else 0
         self.part = self.parts[over]
         # of the distance, by which the face is off
         self._share = faces[over].thickness / sum(face.thickness for face in faces)
         self._face = Face(self.parts[1 - over], self.side, list(symmetric))
-        self._own = Face(self.part, 1.0, list(symmetric)) if self.SIDES == 1 else self._face
+        self._over = Face(self.part, 1.0, list(symmetric)) if self.SIDES == 1 else self._face
         # other sheets may lie between them, and points rise by the distance where both touch
-        apart = abs(self._own.flat_height() - self._face.flat_height())
+        apart = abs(self._over.flat_height() - self._face.flat_height())
         self._reach = apart + self._distance
         places, weights = basix.make_quadrature(basix.CellType.triangle, POINTS[rule])
         N = np.tile(np.column_stack([1 - places.sum(1), places]), (self.SIDES, 1))
         weights = np.tile(weights, self.SIDES)
         many = self.blank.triangles(self.part.cells).shape[1]
         self.places, self.per_cell = N, many * len(N)
-        self._on_face = self._own.own_weights(N), self._own.flat(N)
+        self._on_face = self._over.own_weights(N), self._over.flat(N)
         self.areas = (areas[over][:, None] / many * np.tile(weights / weights.sum(), many)).ravel()
         self.nodes = Nodes(self.blank)
         # of the thickness at nodes, where that is a field; None if no sheet's thickness varies
         thickens = any(face.thickening for face in faces)
         self._shares = np.ones(self.nodes.count) if thickens else None
         self._below = np.full(self.count, -1)  # what was found last
-        self._found: tuple[np.ndarray, ContactPairs] | None = None
+        self._pairs: tuple[np.ndarray, ContactPairs] | None = None
 
     @property
     def blank(self) -> Blank:
@@ -198,18 +197,18 @@ class ContactPoints:
 
     def vary(self, shares: np.ndarray) -> None:
         """Let the sheets be `shares` (owned nodes,) as thick as they were made."""
-        self._shares, self._found = shares, None
+        self._shares, self._pairs = shares, None
 
     def pairs(self) -> ContactPairs:
         """The points over the other sheet at the present displacement, on all ranks together."""
         u = self.blank.u.x.array
-        is_current = self._found is not None and np.array_equal(u, self._found[0])
-        if self._found is None or not self.blank.mesh.comm.allreduce(is_current, MPI.LAND):
-            self._found = u.copy(), self._faced()
-        return self._found[1]
+        is_current = self._pairs is not None and np.array_equal(u, self._pairs[0])
+        if self._pairs is None or not self.blank.mesh.comm.allreduce(is_current, MPI.LAND):
+            self._pairs = u.copy(), self._faced()
+        return self._pairs[1]
 
     def _faced(self):
-        for face in dict.fromkeys((self._face, self._own)):
+        for face in dict.fromkeys((self._face, self._over)):
             face.take()
         below = self._project()
         at = np.flatnonzero(below.triangle >= 0)
@@ -223,10 +222,9 @@ class ContactPoints:
         return ContactPairs(at, areas, growth, growths, *shape, motion, motion.relative(), corners)
 
     def _project(self):
-        own = self._own
-        points = own.points(*self._on_face)
+        points = self._over.points(*self._on_face)
         # a sheet that is folded over shows its back to points of the other one
-        ahead = self.side * own.flat(self.places, own.normals)
+        ahead = self.side * self._over.flat(self.places, self._over.normals)
         below = self._face.project(points, self._below, self._reach, ahead)
         self._below = below.triangle
         return below
@@ -239,29 +237,25 @@ class ContactPoints:
             powers[part.nodes] = face.thickening
         ratios = np.where(areas > 0, self.nodes.areas_now() / np.maximum(areas, 1e-300), 1.0)
         thicker = (self._shares * ratios**-powers)[:, None]
-        over = self._own.flat(self.places, self._own.gathered(thicker))[at, 0]
+        over = self._over.flat(self.places, self._over.gathered(thicker))[at, 0]
         others = self._face.gathered(thicker)[self._face.triangles[below.triangle[at]], 0]
         return np.stack([over, (below.weights[at] * others).sum(1)])
 
     def _corners(self, below, at):
-        own, face, gap = self._own, self._face, below.gap[at]
-        triangles = own.own_triangles[at // len(self.places)]
-        N, share = self.places[at % len(self.places)], self._share
-        return (
-            own.corners(triangles, N, -share * gap),
-            face.corners(below.triangle[at], below.weights[at], (1 - share) * gap),
-        )
+        gap, share, (cell, place) = below.gap[at], self._share, np.divmod(at, len(self.places))
+        over = self._over.own_triangles[cell], self.places[place], -share * gap
+        others = below.triangle[at], below.weights[at], (1 - share) * gap
+        return self._over.corners(*over), self._face.corners(*others)
 
     def of_all(self, pairs: ContactPairs, values: np.ndarray, other: float = 0.0) -> np.ndarray:
         """Values (n, ...) of `pairs` as those of all points (count, ...), `other` over nothing."""
-        result = np.full((self.count, *values.shape[1:]), other)
-        result[pairs.points] = values
-        return result
+        at_all = np.full((self.count, *values.shape[1:]), other)
+        at_all[pairs.points] = values
+        return at_all
 
     def flat_places(self) -> np.ndarray:
         """Places of all points in the undeformed sheet, (count, 3) [mm]."""
-        corners = self.blank.coordinates()[self.blank.triangles(self.part.cells)]
-        return np.einsum("kc,nmci->nmki", self.places, corners).reshape(self.count, 3)
+        return self._on_face[1]
 
     def means(self, values: np.ndarray) -> np.ndarray:
         """Means over cells of values of all points (count, ...), by side (cells, SIDES, ...)."""
@@ -296,12 +290,75 @@ class ContactPoints:
         return np.where(self.parts[0].nodes, abs(forces[::3]), 0.0)
 
 
+class LaggedFaces:
+    """The `ContactPairs` that contact uses within a solve, so that its energy has no kinks.
+
+    After a solve the faces are looked at again. If that changes the forces on the points by more
+    than `lag` of their sum, they are taken anew, and the solve is to be repeated: all of the way to
+    the solution at first, then as far as A. C. Aitken's rule says (U. Küttler and W. A. Wall,
+    2008), less where solutions alternate. The first `owned` degrees of freedom are this rank's.
+
+    accepted, now: those of the last accepted state and of the present solve
+    """
+
+    def __init__(self, points: ContactPoints, lag: float, owned: int) -> None:
+        self._points, self.lag, self._owned = points, lag, owned
+        self.accept()
+        self.restore()
+
+    @property
+    def _u(self):
+        return self._points.blank.u.x.array
+
+    def _begin(self, place, pairs):
+        """Take the faces of this displacement."""
+        self._place, self._share, self.now = place, 1.0, pairs
+        self._missed: np.ndarray | None = None
+
+    def restore(self) -> None:
+        """Go back to the faces of the last accepted state."""
+        self._begin(self._accepted_place, self.accepted)
+
+    def on_prediction(self) -> None:
+        """Take the faces of a predicted state, with the areas of the last accepted one."""
+        points, present = self._points, self._points.pairs()
+        before = points.of_all(self.accepted, self.accepted.areas, np.nan)[present.points]
+        areas = np.where(np.isnan(before), present.areas, before)
+        self._begin(self._u.copy(), present._replace(areas=areas))
+
+    def accept(self) -> None:
+        self._accepted_place = self._u.copy()
+        self.accepted = self.now = self._points.pairs()
+
+    def update(self, forces: Callable[[ContactPairs], np.ndarray]) -> bool:
+        """Take the faces anew if they are off by more than `lag`; true if so, the same on all
+        ranks. forces: function of a `ContactPairs` to the forces on all points (count, 3) [N]."""
+        comm, present, solution = self._points.blank.mesh.comm, self._points.pairs(), self._u.copy()
+        before, after = forces(self.now), forces(present)
+        sizes = [np.linalg.norm(each, axis=1).sum() for each in (after - before, after)]
+        changed, total = comm.allreduce(np.array(sizes))
+        if changed <= self.lag * total:
+            return False
+        missed = solution - self._place
+        if self._missed is not None:
+            less, last = (missed - self._missed)[: self._owned], self._missed[: self._owned]
+            along, square = comm.allreduce(np.array([last @ less, less @ less]))
+            self._share = float(np.clip(-self._share * along / max(square, 1e-300), 0.1, 1.0))
+        self._missed, self._place = missed, solution
+        if self._share < 1:
+            self._u[:] = self._place = solution - (1 - self._share) * missed
+            present = self._points.pairs()
+            self._u[:] = solution
+        self.now = present
+        return True
+
+
 def _motions(corners, normals):
     """Matrices from displacements of the corners to those of the points (n, 3, 9)."""
     x, mirrors = corners.places, corners.mirrors
     moves = corners.weights[:, None, :, None] * np.eye(3)[:, None]  # (n, 3, corners, 3)
     if normals is not None:
-        across = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+        across = _across(x)
         square = np.maximum((across**2).sum(1), 1e-300)[:, None, None]
         slopes = np.cross(across[:, None], x[:, LAST] - x[:, NEXT]) / square  # grad N_i (n, 3, 3)
         if mirrors is not None:
@@ -313,11 +370,9 @@ def _motions(corners, normals):
     return moves.reshape(len(x), 3, 9)
 
 
-def _unit_normals(x, along):
-    """Unit normals (n, 3) of triangles x (n, 3, 3), on the side of `along` (n, 3)."""
-    across = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
-    across *= np.sign((across * along).sum(1))[:, None]
-    return across / np.maximum(np.linalg.norm(across, axis=1), 1e-300)[:, None]
+def _across(x):
+    """Vectors (n, 3) across triangles x (n, 3, 3), twice as long as their area."""
+    return np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
 
 
 @compiled
@@ -333,12 +388,8 @@ def _stiffness(motions, blocks, places, count):
                 pulled[a, j] = B[a, 0] * L[0, j] + B[a, 1] * L[1, j] + B[a, 2] * L[2, j]
         for i in range(places.shape[1]):
             for j in range(places.shape[2]):
-                mine, others, value = L[:, 3 * i :], pulled[:, 3 * j :], values[places[n, i, j]]
+                p, q, value = L[:, 3 * i :], pulled[:, 3 * j :], values[places[n, i, j]]
                 for a in range(3):
                     for b in range(3):
-                        value[a, b] += (
-                            mine[0, a] * others[0, b]
-                            + mine[1, a] * others[1, b]
-                            + mine[2, a] * others[2, b]
-                        )
+                        value[a, b] += p[0, a] * q[0, b] + p[1, a] * q[1, b] + p[2, a] * q[2, b]
     return values

@@ -129,8 +129,9 @@ class ContactTerm(Term):
         it that was used in accepted states, and of those points that slid."""
         sums = np.zeros(3)
         if state := self.friction_state:
-            shares = np.minimum(state.used, 1), state.used >= 1, np.ones(len(state.used))
-            sums = np.stack(shares) @ state.limit
+            ratio = state.slip_ratio
+            shares = np.minimum(ratio, 1), ratio >= 1, np.ones(len(ratio))
+            sums = np.stack(shares) @ state.friction_limit
         used, slid, total = self.blank.mesh.comm.allreduce(sums)
         return float(used / max(total, 1e-300)), float(slid / max(total, 1e-300))
 
@@ -266,7 +267,8 @@ class ToolContactTerm(ContactTerm):
             self.friction_state.recall(memory, self._sliding())
 
     def rubbed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        limit = self.friction_state.limit if self.friction_state else np.zeros(self.nodes.count)
+        state = self.friction_state
+        limit = state.friction_limit if state else np.zeros(self.nodes.count)
         pressed = limit > 0
         return self.nodes.places[pressed], self._normals()[pressed], limit[pressed]
 

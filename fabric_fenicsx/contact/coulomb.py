@@ -164,14 +164,3 @@ def slipped(slip: np.ndarray, moved: np.ndarray, normals: np.ndarray) -> np.ndar
         for x in range(3):
             total[n, x] = slip[n, x] + (moved[n, x] - along * normals[n, x])
     return total
-
-
-@compiled
-def turned(vectors: np.ndarray, matrices: np.ndarray) -> np.ndarray:
-    """Products of matrices (n, 3, 3) and vectors (n, 3)."""
-    product = np.zeros(vectors.shape)
-    for n in range(len(vectors)):
-        for x in range(3):
-            for y in range(3):
-                product[n, x] += matrices[n, x, y] * vectors[n, y]
-    return product

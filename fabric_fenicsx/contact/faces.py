@@ -125,7 +125,7 @@ class Face:
         displacements to (G_i - G_k) (X_k - X_i) / 2, times the `share` (n,) at its ends."""
         X, triangles, n = self.X[:, :2], self.triangles, len(self.nodes)
         p, q, r = X[triangles].swapaxes(0, 1)
-        twice = _cross(q - p, r - p)
+        twice = np.linalg.det(np.stack([q - p, r - p], 1))
         # gradients of the barycentric coordinates times twice the area, (m, 3, 2)
         sides = np.stack([r - q, p - r, q - p], 1)
         slopes = np.stack([-sides[..., 1], sides[..., 0]], -1) * np.sign(twice)[:, None, None]
@@ -353,11 +353,6 @@ def _inverse(slopes):
     a, b, c = slopes.swapaxes(0, 1)
     columns = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], 2)
     return columns / np.einsum("ni,ni->n", a, columns[:, :, 0])[:, None, None]
-
-
-def _cross(a, b):
-    """Products (n,) of plane vectors (n, 2)."""
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
 def _plane(places, on):

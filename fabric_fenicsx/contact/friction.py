@@ -10,7 +10,7 @@ from ..energy.nodes import Nodes
 from ..energy.term import Triplets
 from ..surfaces.tool import Tool
 from .contact_points import ContactPairs, ContactPoints, RelativeMotion
-from .coulomb import Coulomb, slipped, turned
+from .coulomb import Coulomb, slipped
 
 
 class SlipMap(Protocol):
@@ -67,7 +67,7 @@ class ToolSlip:
 
     def on_nodes(self, forces: np.ndarray) -> np.ndarray:
         """Forces on the nodes (nodes, 3) of forces on the faces (nodes, 3) [N]."""
-        return turned(forces, self._derivative)
+        return np.einsum("nij,nj->ni", self._derivative, forces)
 
     def on_node_blocks(self, blocks: np.ndarray) -> np.ndarray:
         """Stiffness at the nodes of stiffness at the faces, (nodes, 3, 3) [N/mm]."""
@@ -119,8 +119,8 @@ class FrictionState:
     (n,) [N]. All ranks use it together.
 
     - coefficient, stiffness: as in `Coulomb`, of all points, or one for each (n,)
-    - used (n,): largest slip in accepted states over the elastic one, above 1 where a point slid
-    - limit (n,): friction that the points can bear in the accepted state [N]
+    - slip_ratio (n,): largest slip in accepted states over the elastic one, above 1 where it slid
+    - friction_limit (n,): friction that the points can bear in the accepted state [N]
     - start, sliding: from the accepted state on, and from where tangent planes were taken last
     """
 
@@ -137,18 +137,19 @@ class FrictionState:
         self.law, self.coefficient, self._comm = law, coefficient, comm
         n = len(normal_forces)
         self._slip, self._accepted_energy = np.zeros((n, 3)), np.zeros(n)
-        self.used = np.zeros(n)
+        self.slip_ratio = np.zeros(n)
         self._start(normal_forces, sliding)
 
     def _start(self, normal_forces, sliding):
         """Take normal forces for the next step, and turn the slip into the new tangent planes."""
-        self.start, self.limit = sliding, self.coefficient * normal_forces
-        self._slip = _turned(self._slip, self.limit, sliding.normals)
+        self.start, self.friction_limit = sliding, self.coefficient * normal_forces
+        self._slip = _turned(self._slip, self.friction_limit, sliding.normals)
         self.begin()
 
     def begin(self, normal_forces: np.ndarray | None = None) -> None:
         """Go back to the accepted state, under other normal forces without a change of energy."""
-        self._limit = self.limit if normal_forces is None else self.coefficient * normal_forces
+        limit = self.friction_limit if normal_forces is None else self.coefficient * normal_forces
+        self._limit = limit
         held = self._potential(self._slip, self._limit)[0]  # by the elastic slip
         self._energy_correction = self._accepted_energy - held
         self._take(self.start, self._slip)
@@ -165,7 +166,7 @@ class FrictionState:
         if np.isinf(self.law.lag):
             return False
         limit = self.coefficient * normal_forces
-        rubs = bool(limit.any() or self.limit.any() or self._limit.any())
+        rubs = bool(limit.any() or self.friction_limit.any() or self._limit.any())
         if not self._comm.allreduce(rubs, MPI.LOR):
             return False
         now = sliding()
@@ -185,7 +186,7 @@ class FrictionState:
         slip = self._slip_at(self.start.exact(sliding), self.sliding)
         self._accepted_energy = self._energy_correction + self._potential(slip, self._limit)[0]
         now = np.linalg.norm(slip, axis=1) / self.law.slips(self._limit, self._stiffness)
-        self.used = np.where(self._limit > 0, np.maximum(self.used, now), self.used)
+        self.slip_ratio = np.maximum(self.slip_ratio, np.where(self._limit > 0, now, 0.0))
         limit = self.coefficient * normal_forces  # which are all that is known when recalled
         self._slip = self.law.elastic(slip, limit, self._stiffness)
         self._start(normal_forces, sliding)
@@ -205,21 +206,21 @@ class FrictionState:
         )
 
     def memory(self) -> dict[str, np.ndarray]:
-        """Accepted elastic slip (n, 3) [mm] and energy (n, 1) [N mm], and `used` (n, 1)."""
-        used, energy = self.used[:, None], self._accepted_energy[:, None]
-        return {"slip": self._slip, "energy": energy, "used": used}
+        """Accepted elastic slip (n, 3) [mm] and energy (n, 1) [N mm], and slip ratio (n, 1)."""
+        ratio, energy = self.slip_ratio[:, None], self._accepted_energy[:, None]
+        return {"slip": self._slip, "energy": energy, "used": ratio}
 
     def recall(self, memory: dict[str, np.ndarray], sliding: SlipMap) -> None:
         """Take back what `memory` gave; `accept` of that state, without motion, is to follow."""
         self._slip = np.ascontiguousarray(memory["slip"])
         self._accepted_energy = memory["energy"].reshape(-1)
-        self.used = memory["used"].reshape(-1)
-        self.start, self.limit = sliding, np.zeros(len(self._slip))
+        self.slip_ratio = memory["used"].reshape(-1)
+        self.start, self.friction_limit = sliding, np.zeros(len(self._slip))
         self.begin()
 
     def _slip_at(self, exact, sliding):
         """Slip (n, 3) after `exact` sliding since the start, in the tangent planes of `sliding`."""
-        turned = _turned(self._slip, self.limit, sliding.normals)
+        turned = _turned(self._slip, self.friction_limit, sliding.normals)
         return slipped(self._slip if sliding is self.start else turned, exact, sliding.normals)
 
     def _slipped(self, slid):
@@ -228,7 +229,7 @@ class FrictionState:
     def _set_energy(self, slip, limit):
         """Let the energy be that of the state alone, however it was found: of the way to this slip,
         on which the friction that can be borne went to this limit."""
-        mean = (self.limit + limit) / 2
+        mean = (self.friction_limit + limit) / 2
         before, after = (self._potential(z, mean)[0] for z in (self._slip, slip))
         held = self._potential(self._slipped(self.sliding.slid()), self._limit)[0]
         self._energy_correction = self._accepted_energy + after - before - held

@@ -15,8 +15,8 @@ from ..energy.nodes import Nodes, shares_at
 from ..energy.output import Value
 from ..energy.term import SceneFacts, bind
 from ..surfaces.primitives import Plane
+from ..surfaces.surfaces import checked_vector
 from ..surfaces.tool import Tool
-from ..surfaces.values import checked_vector
 from .contact_term import PlyThickness, ToolContactTerm
 from .coulomb import Friction
 from .sheet_contact import SheetContact

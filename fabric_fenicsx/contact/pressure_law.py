@@ -237,33 +237,30 @@ def with_secant_stiffness(
     return now._replace(blocks=blocks)
 
 
-class Resistance(NamedTuple):
-    """Force along a tool's direction [N], its growth [N/mm], and the distance to touch [mm]."""
-
-    force: float
-    stiffness: float
-    free: float
-
-
 def find_balance(
-    force: float, look: Callable[[float], Resistance], start: float, reach: float, soft: float
+    force: float,
+    look: Callable[[float], tuple[float, float, float]],
+    start: float,
+    reach: float,
+    soft: float,
 ) -> bool:
-    """Seek the travel at which `look(travel)` resists with `force` [N], by Newton's method between
+    """Seek the travel at which a tool is resisted with `force` [N], by Newton's method between
     bounds; true if found. `look` was then called last there.
 
-    start: travel to begin with; reach: what the tool may pass a point by, or go back, in one step;
-    soft: step where it touches nothing and none is ahead [mm].
+    look: of the travel, to the force along the tool's direction [N], its growth [N/mm], and the
+    distance to touch [mm]; start: travel to begin with; reach: what the tool may pass a point by,
+    or go back, in one step; soft: step where it touches nothing and none is ahead [mm].
     """
     travel, back, low, high = start, reach, -np.inf, np.inf
     for _ in range(100):
-        resistance = look(travel)
-        missing = force - resistance.force
+        resistance, stiffness, free = look(travel)
+        missing = force - resistance
         if abs(missing) <= 1e-12 * force:
             return True
         low, high = (travel, high) if missing > 0 else (low, travel)
-        is_stiff = resistance.stiffness > 0  # without contact as far as no point is passed
-        step = missing / resistance.stiffness if is_stiff else resistance.free + soft
-        new = travel + float(np.clip(step, -back, resistance.free + reach))
+        # without contact as far as no point is passed
+        step = missing / stiffness if stiffness > 0 else free + soft
+        new = travel + float(np.clip(step, -back, free + reach))
         back = 2 * back if np.isfinite(high) and np.isinf(low) else back
         if np.isfinite(low + high) and not low < new < high:
             new = 0.5 * (low + high)

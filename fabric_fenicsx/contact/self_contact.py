@@ -40,7 +40,7 @@ class SelfPoints(ContactPoints):
     def __init__(self, part: Part, rule: int, face: FaceLaw, symmetric: Sequence[Where]) -> None:
         super().__init__(part, part, rule, [face, face], symmetric)
         thickness = float(face.thickness)
-        corners = self._own.X[self._own.triangles]
+        corners = self._over.X[self._over.triangles]
         self._centres, self._apart = corners.mean(1), np.pi / 2 * thickness
         self._edge = np.linalg.norm(np.diff(corners, axis=1), axis=2).max()
         self._reach = 2 * thickness + self._edge / 2
@@ -55,7 +55,7 @@ class SelfPoints(ContactPoints):
 
     def _project(self):
         below, self._mirrors = self._over_others(), None
-        for nodes, normal in self._own.planes:
+        for nodes, normal in self._over.planes:
             if len(nodes):
                 self._mirror(below, nodes, normal)
         return below
@@ -63,7 +63,7 @@ class SelfPoints(ContactPoints):
     def _mirror(self, below, nodes, normal):
         """Let points that are nearer to their images in a plane of symmetry than to what they lie
         over lie over these. nodes, normal: of the plane."""
-        face, many = self._own, len(self.places)
+        face, many = self._over, len(self.places)
         own = face.own_triangles.repeat(many)
         off = face.points(*self._on_face) - face.places[nodes].mean(0)
         gap = 2 * off @ normal
@@ -85,7 +85,7 @@ class SelfPoints(ContactPoints):
 
     def _over_others(self):
         """The `ClosestPoint` of all points on other places of the sheet."""
-        face, many = self._own, len(self.places)
+        face, many = self._over, len(self.places)
         triangle, y = np.full(self.count, -1), np.zeros((self.count, 3))
         self._partners_now = np.full((self.count, 3), np.inf)
         corners = face.places[face.triangles]
@@ -141,27 +141,27 @@ class SelfPoints(ContactPoints):
         """Numbers (k,) of this rank's triangles over or under which others lie within `reach`,
         with normals opposed to theirs or, in a roll, along them, and numbers of these, the nearest
         first, (k, n), -1 for none. middles, normals (m, 3): of all triangles."""
-        triangles, mine, count = self._own.triangles, self._own.own_triangles, len(middles)
+        triangles, local, count = self._over.triangles, self._over.own_triangles, len(middles)
         tree, farthest = cKDTree(np.hstack([middles / reach, normals])), np.sqrt(1 + 2)
-        ways = [(-1, 0.0)]
+        directions = [(-1, 0.0)]
         if (normals @ normals.mean(0)).min() <= 0:  # a sheet with a roll in it is turned over, too
             # a layer over or under the triangle, as its neighbours are nearer to itself
-            ways += [(1, self._distance), (1, -self._distance)]
-        found, order = [], []
-        for way, off in ways:
-            asked = np.hstack([(middles + off * normals) / reach, way * normals])[mine]
+            directions += [(1, self._distance), (1, -self._distance)]
+        layers, order = [], []
+        for direction, off in directions:
+            asked = np.hstack([(middles + off * normals) / reach, direction * normals])[local]
             near = tree.query(asked, range(1, MAX_NEIGHBOURS + 1), distance_upper_bound=farthest)[1]
             near_by = np.minimum(near, count - 1)
-            shared = triangles[near_by][..., None] == triangles[mine][:, None, None]
+            shared = triangles[near_by][..., None] == triangles[local][:, None, None]
             away, turned, flat = (
-                np.linalg.norm(values[near_by] - sign * values[mine][:, None], axis=2)
-                for values, sign in ((middles, 1), (normals, way), (self._centres, 1))
+                np.linalg.norm(values[near_by] - sign * values[local][:, None], axis=2)
+                for values, sign in ((middles, 1), (normals, direction), (self._centres, 1))
             )
-            least = self._apart if way < 0 else 2 * np.maximum(self._apart, away)
+            least = self._apart if direction < 0 else 2 * np.maximum(self._apart, away)
             near[shared.any((2, 3)) | (flat < least) | (near == count)] = -1
-            found.append(near)
+            layers.append(near)
             order.append(np.where(near < 0, np.inf, np.hypot(away / reach, turned)))
-        near = np.take_along_axis(np.hstack(found), np.hstack(order).argsort(1, kind="stable"), 1)
+        near = np.take_along_axis(np.hstack(layers), np.hstack(order).argsort(1, kind="stable"), 1)
         cells = np.flatnonzero(near[:, 0] >= 0)
         return cells, near[cells][:, : (near >= 0).sum(1).max(initial=0)]
 
@@ -248,34 +248,29 @@ class SelfContact(FaceContact):
 
 def crossings(places: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Places (k, 3) where an edge of triangles (m, 3) of nodes at `places` (n, 3) passes through
-    one of the others that it has no node in common with (Moeller and Trumbore, 1997)."""
+    one of the others that it has no node in common with."""
     sides = triangles[:, [(0, 1), (1, 2), (2, 0)]].reshape(-1, 2)
     edges = np.unique(np.sort(sides, axis=1), axis=0)
     if not len(edges):
         return np.empty((0, 3))
     corners = places[triangles]
     centres, starts = corners.mean(1), places[edges[:, 0]]
-    ways = places[edges[:, 1]] - starts
+    along = places[edges[:, 1]] - starts
     reach = np.linalg.norm(corners - centres[:, None], axis=2).max()
-    radii = np.linalg.norm(ways, axis=1) / 2 + reach
-    near = cKDTree(centres).query_ball_point(starts + ways / 2, radii)
-    edge = np.repeat(np.arange(len(edges)), [len(found) for found in near])
+    radii = np.linalg.norm(along, axis=1) / 2 + reach
+    near = cKDTree(centres).query_ball_point(starts + along / 2, radii)
+    edge = np.repeat(np.arange(len(edges)), [len(each) for each in near])
     triangle = np.concatenate(near).astype(np.int64)
     apart = (edges[edge][:, :, None] != triangles[triangle][:, None]).all((1, 2))
     edge, triangle = edge[apart], triangle[apart]
-    p, d = starts[edge], ways[edge]
-    a, b, c = corners[triangle].swapaxes(0, 1)
-    e, f = b - a, c - a
-    across = np.cross(d, f)
-    volume = _dot(e, across)
+    corners, p, d = corners[triangle], starts[edge], along[edge]
+    # p + t d is a corner and shares u, v of the sides from it
+    sides = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], -d], 2)
     # an edge and a triangle in a plane do not cross
-    flat = 1e-6 * np.prod([np.linalg.norm(side, axis=1) for side in (d, e, f)], axis=0)
-    at = np.flatnonzero(abs(volume) > flat)
-    p, d, e, f, across, offset = (each[at] for each in (p, d, e, f, across, p - a))
-    turned, scale = np.cross(offset, e), 1 / volume[at]
-    u, v, t = scale * _dot(offset, across), scale * _dot(d, turned), scale * _dot(f, turned)
-    through = (u >= 0) & (v >= 0) & (u + v <= 1) & (t >= 0) & (t <= 1)
-    return (p + t[:, None] * d)[through]
+    at = abs(np.linalg.det(sides)) > 1e-6 * np.prod(np.linalg.norm(sides, axis=1), axis=1)
+    shares = np.linalg.solve(sides[at], (p - corners[:, 0])[at][..., None])[..., 0]
+    through = (shares >= 0).all(1) & (shares[:, 2] <= 1) & (shares[:, :2].sum(1) <= 1)
+    return (p[at] + shares[:, 2:] * d[at])[through]
 
 
 def self_crossings(part: Part) -> np.ndarray:
@@ -307,7 +302,3 @@ def crossing_warning(blank: Blank) -> str:
         f"places, as at {coordinates(places[0])} mm: contact acts at points within cells, so take "
         "smaller cells"
     )
-
-
-def _dot(a, b):
-    return (a * b).sum(1)

@@ -13,11 +13,10 @@ from ..energy.morley import Where
 from ..energy.output import Value, joined, largest, size_of
 from ..energy.term import SceneFacts, Triplets, overrides
 from ..io.field import Field
-from .contact_points import POINTS, ContactPairs, ContactPoints, RelativeMotion
+from .contact_points import POINTS, ContactPairs, ContactPoints, LaggedFaces, RelativeMotion
 from .contact_term import ContactTerm, PlyThickness
 from .coulomb import Coulomb
 from .friction import FaceSlip
-from .lagged_faces import LaggedFaces
 from .pressure_law import (
     ContactResponse,
     between_faces,
@@ -70,7 +69,7 @@ class FaceContact(ContactTerm):
         self.depth, self._load = np.zeros(points.count), 0.0
         self.energy_correction = self._accepted_correction = np.zeros(points.count)
         # the last displacement and faces, and what was found there
-        self._found: tuple[np.ndarray, ContactPairs, ContactResponse] | None = None
+        self._response: tuple[np.ndarray, ContactPairs, ContactResponse] | None = None
         # in the last accepted state, before faces were taken anew
         self.totals, self.first = self._totals(), self.faces.accepted
         deepest = -self.blank.mesh.comm.allreduce(self.first.gap.min(initial=np.inf), MPI.MIN)
@@ -106,15 +105,15 @@ class FaceContact(ContactTerm):
     def state(self, pairs: ContactPairs | None = None) -> ContactResponse:
         """The points of `pairs`, by default those of this solve, as they are pressed now."""
         pairs, u = pairs or self.faces.now, self.blank.u.x.array
-        found = self._found
-        known = found is not None and found[1] is pairs and np.array_equal(u, found[0])
+        last = self._response
+        known = last is not None and last[1] is pairs and np.array_equal(u, last[0])
         # relative motion asks all ranks
-        if found is None or not self.blank.mesh.comm.allreduce(known, MPI.LAND):
+        if last is None or not self.blank.mesh.comm.allreduce(known, MPI.LAND):
             gap, normal = pairs.paraboloid()
             law = self.face._replace(growth=pairs.growth)
             now = contact_response(law, pairs.areas, gap, normal, pairs.curvature)
-            self._found = found = u.copy(), pairs, now
-        return found[2]
+            self._response = last = u.copy(), pairs, now
+        return last[2]
 
     def normal_forces(self) -> np.ndarray:
         now = self.faces.now
@@ -168,7 +167,7 @@ class FaceContact(ContactTerm):
         missing = 0.5 * (apart * now.normal).sum(1)
         law = self.face._replace(growth=pairs.growth)
         now = with_secant_stiffness(law, pairs.areas, now, missing)
-        self._found = self.blank.u.x.array.copy(), pairs, now
+        self._response = self.blank.u.x.array.copy(), pairs, now
 
     def set_load(self, load: float) -> None:
         """Go back to the faces and normal forces of the last accepted state."""
@@ -321,9 +320,8 @@ class SheetContact(FaceContact):
         """Distance by which the face at each point has slid along that of the other sheet from the
         place that it lay on at the start, (points, 3) [mm]; NaN where it lay or lies over none."""
         points, first, now = self.points, self.first, self.faces.now
-        moved = points.of_all(first, first.moved(), np.nan)
+        moved = points.of_all(first, first.moved() + first.offsets(), np.nan)
         moved -= points.of_all(now, now.offsets(), np.nan)
-        moved += points.of_all(first, first.offsets(), np.nan)
         normal = points.of_all(now, now.normal, np.nan)
         return moved - (moved * normal).sum(1, keepdims=True) * normal
 

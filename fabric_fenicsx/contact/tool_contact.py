@@ -24,7 +24,6 @@ from .pressure_law import (
     SMOOTHING,
     ContactResponse,
     FaceLaw,
-    Resistance,
     contact_response,
     face_of,
     find_balance,
@@ -98,7 +97,7 @@ class Contact(ToolContactTerm):
             if value is not None:
                 POSITIVE.check(f"{name} of the contact with {tool.name}", value)
         # the last displacement, and what was found at it
-        self._found: tuple[np.ndarray, ContactResponse] | None = None
+        self._response: tuple[np.ndarray, ContactResponse] | None = None
         self._seen: tuple[np.ndarray, Nearest] | None = None  # the last places from the tool's
         self._load, self._work = 0.0, Work()
 
@@ -138,7 +137,7 @@ class Contact(ToolContactTerm):
 
     def _press_on(self, areas, correction):
         """Press on areas (nodes,) [mm^2], where a sheet may be thicker as they shrink."""
-        self.areas, self.energy_correction, self._found = areas, correction, None
+        self.areas, self.energy_correction, self._response = areas, correction, None
         self.face = self._flat
         if np.any(self._flat.thickening):
             ratios = np.where(areas > 0, areas / np.maximum(self.nodes.areas, 1e-300), 1.0)
@@ -147,13 +146,13 @@ class Contact(ToolContactTerm):
     def state(self) -> ContactResponse:
         """This rank's nodes as they are pressed at the sheet's present displacement."""
         u = self.nodes.view()
-        is_current = self._found is not None and bool((u == self._found[0]).all())
+        is_current = self._response is not None and bool((u == self._response[0]).all())
         if self.tool.force:  # its balance asks all ranks, also those on which no node moved
             is_current = self.nodes.comm.allreduce(is_current, MPI.LAND)
-        if self._found is None or not is_current:
+        if self._response is None or not is_current:
             x = self.nodes.places + u
-            self._found = u.copy(), self._balanced(x) if self.tool.force else self._state_at(x)
-        return self._found[1]
+            self._response = u.copy(), self._balanced(x) if self.tool.force else self._state_at(x)
+        return self._response[1]
 
     def _state_at(self, x):
         nearest = self._nearest(x)
@@ -189,7 +188,7 @@ class Contact(ToolContactTerm):
             now = self._state_at(x)
             forces = now.forces + self._friction_forces()
             free = nodes.comm.allreduce(now.gap.min(initial=np.inf), MPI.MIN)
-            return Resistance(
+            return (
                 float(nodes.total(forces) @ tool.direction),
                 float(nodes.total(self._blocks(now) @ tool.direction) @ tool.direction),
                 max(free, 0.0),
@@ -253,7 +252,7 @@ class Contact(ToolContactTerm):
         now, others = self.state(), f[: 3 * self.nodes.count].reshape(-1, 3)
         missing = (others * now.normal).sum(1) / np.maximum(self.areas, 1e-300)
         now = with_secant_stiffness(self.face, self.areas, now, missing)
-        self._found = self.nodes.displacement(), now
+        self._response = self.nodes.displacement(), now
 
     def compliance(self) -> tuple[np.ndarray, float] | None:
         if not self.tool.force:
@@ -283,7 +282,7 @@ class Contact(ToolContactTerm):
     def _update_friction(self, normal_forces):
         changed = super()._update_friction(normal_forces)
         if changed and self.tool.force:  # to be balanced anew
-            self._found = None
+            self._response = None
         return changed
 
     def _update_pressing(self):
@@ -295,7 +294,7 @@ class Contact(ToolContactTerm):
         self._press_on(areas, self.energy_correction)
         then = self._state_at(self.nodes.places + u)
         self.energy_correction = self.energy_correction + now.energy - then.energy
-        self._found = None if self.tool.force else (u, then)
+        self._response = None if self.tool.force else (u, then)
         return True
 
     def work(self) -> float:
@@ -330,7 +329,7 @@ class Contact(ToolContactTerm):
         self._press_on(areas, correction)
         self._work.recall(self.nodes.common(memory["work"]).reshape(3, -1))
         u = self.nodes.displacement()  # not balanced, as what friction bore is not known
-        self._found = u, self._state_at(self.nodes.places + u)
+        self._response = u, self._state_at(self.nodes.places + u)
         super().recall(memory)
 
     def gap(self) -> np.ndarray:

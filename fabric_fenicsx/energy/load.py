@@ -13,7 +13,7 @@ from petsc4py import PETSc
 from ..core.errors import InputError
 from ..core.rules import FINITE, POSITIVE, Rule
 from ..sheet.blank import Blank
-from ..surfaces.values import checked_vector
+from ..surfaces.surfaces import checked_vector
 from .assembly import assembled
 from .output import Value
 from .term import SceneFacts, Term, Triplets

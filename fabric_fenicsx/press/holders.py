@@ -15,8 +15,8 @@ from ..energy.load import EdgeTension
 from ..energy.springs import Springs
 from ..energy.term import Term
 from ..surfaces.primitives import Plane
+from ..surfaces.surfaces import checked_vector
 from ..surfaces.tool import Tool
-from ..surfaces.values import checked_vector
 from .site import EDGES, HolderSite, Region, Where
 
 

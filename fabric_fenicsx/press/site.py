@@ -19,8 +19,8 @@ from ..core.rules import FINITE, repr_short, unknown_key
 from ..energy.nodes import values_at
 from ..material.files import Interval
 from ..sheet.blank import Blank
+from ..surfaces.surfaces import checked_vector
 from ..surfaces.tool import Tool
-from ..surfaces.values import checked_vector
 from . import stack
 from .interface import Interface
 from .laying import Laid

@@ -9,7 +9,7 @@ from ..core.errors import InputError
 from ..core.fields import KnowsItsFields, documented, flag, quantity
 from ..core.rules import COUNT, FINITE, FROM_ZERO, POSITIVE, unknown_key
 from ..core.tables import as_table
-from ..surfaces.values import checked_vector
+from ..surfaces.surfaces import checked_vector
 from .holders import Holder, PressureHolder
 from .tools import PressTool
 

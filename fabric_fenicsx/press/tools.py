@@ -16,8 +16,7 @@ from ..core.tables import located, names_of
 from ..io.field import Field, of_place
 from ..surfaces.double_dome import DoubleDome
 from ..surfaces.primitives import Block, Cylinder, Plane, Plate, Sphere, Torus
-from ..surfaces.surfaces import Surface, Turned
-from ..surfaces.values import checked_vector
+from ..surfaces.surfaces import Surface, Turned, checked_vector
 
 
 @documented

@@ -14,7 +14,7 @@ from ..core.rules import FINITE
 from ..energy.work import Work
 from ..sheet.blank import Blank
 from ..sheet.sheet_mesh import bounds
-from ..surfaces.values import checked_vector
+from ..surfaces.surfaces import checked_vector
 
 
 @dataclass(frozen=True)

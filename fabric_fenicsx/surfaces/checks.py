@@ -6,7 +6,7 @@ from mpi4py import MPI
 from ..core.errors import InputError
 from ..core.formatting import coordinates, rounded
 from ..core.graph import connected
-from .radii import least_radii
+from .projection import least_radii
 from .surfaces import innermost
 from .tool import Tool
 from .triangulated import TriangulatedSurface

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core.compiled import compiled
-from .facets import LAST, NEXT, Corners, Topology, facet_normals, unit
+from .facets import LAST, NEXT, SmoothVertices, Topology, facet_normals, unit
 
 
 class Patches(NamedTuple):
@@ -27,9 +27,9 @@ class Patches(NamedTuple):
 
 
 def curved(
-    points: np.ndarray, triangles: np.ndarray, across: Topology, corners: Corners
+    points: np.ndarray, triangles: np.ndarray, across: Topology, corners: SmoothVertices
 ) -> Patches:
-    """The `Patches` on triangles (m, 3) with these `Corners`."""
+    """The `Patches` on triangles (m, 3) with these `SmoothVertices`."""
     P = points[triangles]
     N = corners.normals[corners.name]
     other = np.maximum(across.triangle, 0)

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core.rules import FROM_ZERO, POSITIVE, Rule
-from .surfaces import Nearest, Surface
-from .values import checked_vector
+from .surfaces import Nearest, Surface, checked_vector
 
 ROUNDING = 1 + 1e-12
 
@@ -155,14 +154,9 @@ class Plate(Surface):
         self.centre = checked_vector("centre", centre)
         self.radii = (self.entry or math.inf, self.corner or math.inf)
 
-    def plan(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Signed distance (n,) [mm] to the opening's outline, positive on the plate, its gradient
-        (2, n), and curvature (n,) [1/mm] of its level lines, at x, y (n,) [mm] from the centre."""
-        return _from_rectangle(x, y, self.length, self.width, self.corner)
-
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         x, y, z = (points - self.centre).T
-        d, slope, bend = self.plan(x, y)
+        d, slope, bend = _from_rectangle(x, y, self.length, self.width, self.corner)
         return _of_profile(self.entry - d, -slope, -bend, z + self.entry, 1.0, self.entry)
 
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from copy import copy
+from reprlib import repr as repr_short
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from ..core.rules import Rule
+from ..core.errors import InputError
+from ..core.rules import FINITE, Rule
 from ..core.timing import phase
-from .values import checked_points, checked_vector
 
 Drawn = tuple[np.ndarray, np.ndarray, np.ndarray]  # points, normals and triangles
 
@@ -31,6 +32,34 @@ class Nearest(NamedTuple):
     gap: np.ndarray
     normal: np.ndarray
     curvature: np.ndarray
+
+
+def checked_vector(
+    name: str, value: ArrayLike, unit: bool = False, size: str = "three"
+) -> np.ndarray:
+    """`value` as an array of a `size` in words, "two", "three" or "two or three" numbers, of length
+    1 if `unit`; raises InputError for any other."""
+    try:
+        vector = np.array([FINITE.check("", each) for each in iter(value)])  # type: ignore
+    except (TypeError, InputError):
+        vector = np.empty(0)
+    if {2: "two", 3: "three"}.get(len(vector), "none") not in size or (unit and not vector.any()):
+        besides = ", not all 0" if unit else ""
+        raise InputError(
+            f"{name} is {repr_short(value)}; allowed are {size} finite numbers{besides}"
+        )
+    if not unit:
+        return vector
+    vector /= abs(vector).max()  # so that its square neither overflows nor vanishes
+    return vector / np.linalg.norm(vector)
+
+
+def checked_points(points: ArrayLike) -> np.ndarray:
+    """`points` as an array of shape (n, 3); raises InputError for any other."""
+    x = np.asarray(points, float)
+    if x.ndim != 2 or x.shape[1] != 3:
+        raise InputError(f"points have the shape {x.shape}; allowed is (n, 3)")
+    return x
 
 
 class Surface:

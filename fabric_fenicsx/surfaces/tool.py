@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core.errors import InputError
-from .surfaces import Nearest, Surface
-from .values import checked_points, checked_vector
+from .surfaces import Nearest, Surface, checked_points, checked_vector
 
 OfLoad = Callable[[float], ArrayLike]  # from the load factor to (3,)
 

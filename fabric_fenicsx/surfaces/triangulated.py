@@ -15,13 +15,11 @@ from ..core.collective_errors import on_root
 from ..core.errors import InputError
 from ..core.graph import connected
 from ..core.rules import BELOW_180, POSITIVE
-from .closest_triangles import boxes_around, closest
-from .curved_triangles import CurvedTriangles, row_dots
+from .curved_triangles import CurvedTriangles, boxes_around, closest, row_dots
+from .facets import repaired
 from .files import read_triangles
-from .projection import nearest, net_of
-from .radii import least_radii
+from .projection import least_radii, nearest, net_of
 from .surfaces import Drawn, Nearest, Surface
-from .triangles import repaired
 
 CREASE = 35.0  # deg
 

@@ -66,7 +66,7 @@ def test_derivatives(kind, side, direction):
             np.sign(force @ direction) / np.linalg.norm(direction) * np.array(direction)
         )
         tool.push, tool.force, tool.travel = float(force @ tool.direction), True, 1.0  # to be found
-        contact._found = None
+        contact._response = None
         assert contact.force() @ tool.direction == pytest.approx(tool.push, rel=1e-11)
         assert abs(tool.travel) < 1e-8
     assert off_differences(contact) < 1e-6

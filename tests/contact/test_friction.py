@@ -64,7 +64,7 @@ def test_derivatives(distance, pushed):
         ball.direction *= np.sign(force @ ball.direction)
         ball.push, ball.force = float(force @ ball.direction), True
         ball.travel = 0.3 * SLIP  # to be found back
-        contact._found = None
+        contact._response = None
         assert on_nodes(contact).sum(0) @ ball.direction == pytest.approx(ball.push, rel=1e-11)
         assert abs(ball.travel) < 1e-8
     rubbing = np.linalg.norm(contact.friction_state.forces(), axis=1)
@@ -245,7 +245,7 @@ def test_the_share_of_friction_that_is_used():
         contact.accept()
         if used:
             told = np.where(left, 0.25, 1.0) * used
-            assert contact.friction_state.used == pytest.approx(told)
+            assert contact.friction_state.slip_ratio == pytest.approx(told)
     share = 1 / (1 + 5 / 3 * 4)
     assert contact.friction_used() == pytest.approx((0.5 * share + 1 - share, 1 - share), rel=1e-6)
 

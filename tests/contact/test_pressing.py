@@ -7,7 +7,6 @@ from scipy.optimize import brentq
 import fabric_fenicsx as ff
 from fabric_fenicsx.contact.pressure_law import (
     FaceLaw,
-    Resistance,
     between_faces,
     contact_response,
     face_of,
@@ -67,12 +66,11 @@ def test_a_tool_is_found_where_its_force_is_in_balance(start):
     def look(travel):
         seen.append(travel)
         e = max(travel - 1.0, 0.0)
-        return Resistance(50 * e**2, 100 * e, max(1.0 - travel, 0.0))
+        return 50 * e**2, 100 * e, max(1.0 - travel, 0.0)
 
     assert find_balance(2.0, look, start, reach=0.25, soft=0.01)
     assert seen[-1] == pytest.approx(1.2) and len(seen) < 40
-    nothing = Resistance(0.0, 0.0, 1.0)
-    assert not find_balance(1.0, lambda travel: nothing, 0.0, 0.25, 0.01)
+    assert not find_balance(1.0, lambda travel: (0.0, 0.0, 1.0), 0.0, 0.25, 0.01)
 
 
 FABRIC = ff.load("komeili")

@@ -7,7 +7,7 @@ import pytest
 from mpi4py import MPI
 
 from fabric_fenicsx.core.errors import InputError
-from fabric_fenicsx.surfaces import radii
+from fabric_fenicsx.surfaces import projection
 from fabric_fenicsx.surfaces.checks import (
     check_start,
     check_triangles,
@@ -104,8 +104,8 @@ def test_the_least_radius_takes_more_than_a_hundredth_of_the_turning(monkeypatch
     bends = np.tile([[1 / 40], [-1 / 30]], len(surface.areas))
     for bend, radius in ((1 / 8, 8), (1.5 / 40, 40)):
         bends[0, 0] = bend
-        monkeypatch.setattr(radii, "curvatures", lambda patches: bends)
-        assert radii.least_radii(surface) == pytest.approx((radius, 30))
+        monkeypatch.setattr(projection, "curvatures", lambda patches: bends)
+        assert projection.least_radii(surface) == pytest.approx((radius, 30))
 
 
 @pytest.mark.parametrize(
