@@ -18,7 +18,7 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from .core.jit_cache import TIMEOUT, compiled
-from .core.signals import end_with_reader
+from .core.processes import end_with_reader
 
 VERSION = tuple(int(n) for n in dolfinx.__version__.split(".")[:2])
 OLD, NEW = VERSION < (0, 8), VERSION >= (0, 11)

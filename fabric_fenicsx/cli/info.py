@@ -1,24 +1,19 @@
-"""What is installed, and whether each piece of it works by itself.
-
-Nothing outside the standard library is imported before its turn, so that what is missing is told.
-"""
+"""What is installed, and whether each piece of it works by itself: nothing outside the standard
+library is imported before its turn, so that what is missing is told."""
 
 import os
 import platform
 import re
 import tempfile
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from importlib import import_module
-from importlib.metadata import version as installed
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from ..core.processes import in_child
-from ..core.signals import end_with_reader
+from ..core.processes import end_with_reader, in_child
 from ..core.version import __version__
 
 
@@ -37,8 +32,8 @@ def show(comm: Any) -> int:
             import_module("dolfinx")  # on all ranks, which PETSc starts together
         end_with_reader()  # after PETSc, which has a handler of its own
         if comm is None or comm.rank == 0:
-            works = [_tell(name, version, "") for name, version in _versions().items()]
-            works += [_tell(name, check, "ok") for name, check in CHECKS.items()]
+            parts = [(name, version, "") for name, version in VERSIONS.items()]
+            works = [_tell(*each) for each in (*parts, *((n, c, "ok") for n, c in CHECKS.items()))]
             status = int(not all(works))
     return comm.bcast(status) if comm else status
 
@@ -47,7 +42,7 @@ def _tell(name, act, well):
     """Print what `act` returns behind the word `well`, or why it fails; whether it works."""
     began, result = time.perf_counter(), well
     try:
-        words = act() or ""
+        words = act()
     except Exception as error:
         last = ["?", *str(error).strip().splitlines()][-1].strip()
         result, words = "fails", f"{type(error).__name__}: {last[-300:]}"
@@ -56,27 +51,11 @@ def _tell(name, act, well):
     return result == well
 
 
-def _versions():
-    def version(name):
-        return getattr(import_module(name), "__version__", None) or installed(name)
-
-    def mpi():
-        return re.split("[,\n]", import_module("mpi4py.MPI").Get_library_version())[0]
-
-    names = "dolfinx ufl petsc4py mpi4py numpy scipy gmsh meshio pyvista ezdxf shapely".split()
-    return {
-        "presets": lambda: ", ".join(import_module("fabric_fenicsx.material.presets").PRESETS),
-        "fabric_fenicsx": lambda: __version__,
-        "python": platform.python_version,
-        **{name: partial(version, name) for name in names},
-        "petsc": lambda: ".".join(map(str, import_module("petsc4py.PETSc").Sys.getVersion())),
-        "MPI library": mpi,
-        "VTK": lambda: import_module("vtkmodules.vtkCommonCore").vtkVersion.GetVTKVersion(),
-    }
+def _version(name):
+    return import_module(name).__version__
 
 
 def _mumps():
-    """Solve 2 x = 3."""
     from petsc4py import PETSc
 
     A = PETSc.Mat().createAIJ((1, 1), csr=([0, 1], [0], [2.0]), comm=PETSc.COMM_SELF)
@@ -93,8 +72,7 @@ def _mumps():
 def _blas():
     """The BLAS of the system that PETSc calls, as this process has loaded it, and a faster one."""
     import_module("petsc4py.PETSc")
-    maps = Path("/proc/self/maps").read_text()
-    files = {line.split()[-1] for line in maps.splitlines() if re.search(r"/lib\w*blas", line)}
+    files = set(re.findall(r"\S*/lib\w*blas\S*", Path("/proc/self/maps").read_text()))
     names = ", ".join(sorted(file for file in files if ".libs/" not in file))  # not NumPy's own
     slow = "/libblas.so" in names and "openblas" not in names
     return names + "; libopenblas0-serial makes MUMPS up to five times faster" * slow
@@ -120,12 +98,12 @@ def _gmsh():
 def _pyvista():
     """Draw in a process of its own, as VTK may take it down where there is no screen."""
     try:
-        in_child(draw_triangle, patience=60.0)
+        return in_child(draw_triangle, patience=60.0)
     except RuntimeError as error:
         raise RuntimeError(f"{error} (libegl1 on Debian 12, xvfb on 13?)") from None
 
 
-def draw_triangle() -> None:
+def draw_triangle() -> str:
     """Draw a red triangle as the package's pictures are drawn; RuntimeError if none is seen."""
     import numpy as np
     import pyvista
@@ -138,10 +116,21 @@ def draw_triangle() -> None:
         image = np.asarray(plotter.screenshot(None, return_img=True))
     if not 0.02 < (image.min(-1) < 50).mean() < 0.9:
         raise RuntimeError("the picture of a triangle is blank or wrong")
+    return ""
 
 
 # what each returns is said; what it raises is why it fails
-CHECKS: dict[str, Callable[[], str | None]] = {
+NAMES = "dolfinx ufl petsc4py mpi4py numpy scipy gmsh meshio pyvista ezdxf shapely"
+VERSIONS = {
+    "presets": lambda: ", ".join(import_module("fabric_fenicsx.material.presets").PRESETS),
+    "fabric_fenicsx": lambda: __version__,
+    "python": platform.python_version,
+    **{name: partial(_version, name) for name in NAMES.split()},
+    "petsc": lambda: ".".join(map(str, import_module("petsc4py.PETSc").Sys.getVersion())),
+    "MPI library": lambda: re.split("[,\n]", import_module("mpi4py.MPI").Get_library_version())[0],
+    "VTK": lambda: import_module("vtkmodules.vtkCommonCore").vtkVersion.GetVTKVersion(),
+}
+CHECKS = {
     "MPI": lambda: f"{world().size} rank(s)",
     "MUMPS": _mumps,
     "BLAS": _blas,

@@ -2,6 +2,7 @@
 
 import argparse
 import ast
+import re
 import runpy
 import sys
 import textwrap
@@ -9,26 +10,27 @@ from pathlib import Path
 
 from ..core.cache_folders import is_first
 from ..core.errors import InputError
+from ..core.processes import end_with_reader
 from ..core.rules import unknown_key
-from ..core.signals import end_with_reader
 from ..core.status import shown, task
 from ..core.version import __version__
 from . import info
 from .options import STUDIES, Parser, asks_for_help, exit_status
 
-COMMANDS = {
-    "run": {"sweep": "runs of a press file with several values, side by side"},
-    "results": {  # those with options
-        "view": "formed plies and tools in a window, or a page for a browser",
-        "export": "formed plies, thickness and yarns, for VTK, Abaqus, LS-DYNA, Nastran",
-        "pattern": "the flat pattern of a trimmed part",
-    },
-    "set-up": {
-        "info": "versions, presets, and whether all works",
-        "list": "the studies, and where their example data are",
-        "prepare": "compiles what usual runs need, so that the first ones do not wait for it",
-    },
-}
+COMMANDS = """\
+run:
+  STUDY    {}
+  sweep    runs of a press file with several values, side by side
+
+results:
+  view     formed plies and tools in a window, or a page for a browser
+  export   formed plies, thickness and yarns, for VTK, Abaqus, LS-DYNA, Nastran
+  pattern  the flat pattern of a trimmed part
+
+set-up:
+  info     versions, presets, and whether all works
+  list     the studies, and where their example data are
+  prepare  compiles what usual runs need, so that the first ones do not wait for it"""
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -52,7 +54,7 @@ def main(argv: list[str] | None = None) -> int:
     if not first and asks_for_help(argv):
         return 0
     try:
-        if command not in COMMANDS["results"]:
+        if command not in ("view", "export", "pattern"):
             command = _parsed(argv, scripts)
         if command == "info":
             return info.show(comm)
@@ -78,18 +80,14 @@ def main(argv: list[str] | None = None) -> int:
 
 def _parsed(argv, scripts):
     """The command of the words; InputError for others."""
-    names = textwrap.wrap(", ".join(scripts), 88, subsequent_indent=11 * " ")
-    lines, known = [], [name for group in COMMANDS.values() for name in group]
-    for title, commands in COMMANDS.items():
-        lines += [f"\n{title}:"] + ["  STUDY    " + "\n".join(names)] * (title == "run")
-        lines += [f"  {name:9}{words}" for name, words in commands.items()]
+    names = textwrap.fill(", ".join(scripts), 88, subsequent_indent=11 * " ")
     usage = "fabric STUDY|COMMAND [option ...]; with --help the options of each"
-    parser = Parser(prog="fabric", usage=usage, description="\n".join(lines).strip())
+    parser = Parser(prog="fabric", usage=usage, description=COMMANDS.format(names))
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("-v", "--version", action="version", version=__version__)
     parser.add_argument("command", help=argparse.SUPPRESS)
     args = parser.parse_args(argv or ["--help"])
-    if args.command not in known:
+    if args.command not in (known := re.findall("^  ([a-z]+) ", COMMANDS, re.MULTILINE)):
         raise unknown_key(args.command, [*known, *scripts], f"command {args.command}")
     return args.command
 

@@ -29,16 +29,14 @@ def exit_status(error: Exception) -> tuple[int, str]:
     error = unwritable(error) if isinstance(error, OSError) else error
     if isinstance(error, InputError):
         return 2, f"error: {error}"
-    words = str(error)
-    ended = isinstance(error, Interrupted) or words.startswith(NOT_BELIEVED)
-    return 3, words if ended else f"stopped: {words}"
+    ended = isinstance(error, Interrupted) or str(error).startswith(NOT_BELIEVED)
+    return 3, str(error) if ended else f"stopped: {error}"
 
 
 def program(name: str) -> str:
     """First words of the command that started study `name`: `fabric` or a script."""
     script = Path(sys.argv[0])
-    by_fabric = script.parent == STUDIES
-    return f"fabric {name}" if by_fabric else f"{script.parent.name}/{script.name}"
+    return f"fabric {name}" if script.parent == STUDIES else "/".join(script.parts[-2:])
 
 
 def restart_command(ranks: int = 1) -> str:
@@ -46,9 +44,9 @@ def restart_command(ranks: int = 1) -> str:
     options = [word for word in sys.argv[1:] if word not in ("--resume", "--overwrite")]
     script, here = Path(sys.argv[0]), f"{Path.cwd()}/"
     start = ["-m", "fabric_fenicsx", script.stem] if script.parent == STUDIES else [str(script)]
-    words = [sys.executable.removeprefix(here), *start, *options]
     mpirun = on_ranks(ranks)[0].removeprefix(here).removesuffix(".openmpi")
-    return (f"{mpirun} -n {ranks} " if ranks > 1 else "") + shlex.join(words)
+    words = [mpirun, "-n", str(ranks)] if ranks > 1 else []
+    return shlex.join([*words, sys.executable.removeprefix(here), *start, *options])
 
 
 def spelled(name: str) -> str:
@@ -77,9 +75,8 @@ class Parser(argparse.ArgumentParser):
 
     # what most runs are told, first in the help of a study
     USUAL = (
-        *("--material", "--length", "--width", "--strain", "--nx", "--steps", "--quick"),
-        *("--out", "--overwrite", "--resume"),
-    )
+        "--material --length --width --strain --nx --steps --quick --out --overwrite --resume"
+    ).split()
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(allow_abbrev=False, formatter_class=HelpFormatter, **settings)
@@ -89,9 +86,8 @@ class Parser(argparse.ArgumentParser):
 
     def group(self, title: str) -> None:
         """Add the options that follow to the group of this title."""
-        if title not in self._groups:
-            self._groups[title] = self.add_argument_group(title)
-        self._group = self._groups[title]
+        self._group = self._groups.get(title) or self.add_argument_group(title)
+        self._groups[title] = self._group
 
     def option(self, *names: str, free: bool = False, **settings: Any) -> None:
         """Add an option, as argparse's add_argument; free: a resumed run may change it."""
@@ -104,7 +100,6 @@ class Parser(argparse.ArgumentParser):
         self.option(name, action="store_true", help=words, free=True)
 
     def format_help(self) -> str:
-        """Argparse's help, with parameters as options."""
         return self.translated(super().format_help())
 
     def translated(self, text: str) -> str:

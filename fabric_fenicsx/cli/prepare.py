@@ -5,7 +5,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from ..core.errors import SolverFailure
-from ..core.status import task
+from ..core.status import log, task
 from ..coupons.bias_extension import BiasExtension
 from ..coupons.coupon import Coupon
 from ..coupons.picture_frame import PictureFrame
@@ -20,7 +20,6 @@ PRESSES = "double_dome", "hemisphere", "laminate"
 @task("compiling what usual runs need")
 def prepare() -> None:
     """Run a small one of each test and of some presses for two steps, and keep no results."""
-    log = logging.getLogger("fabric_fenicsx")
     level = log.level
     log.setLevel(logging.ERROR)  # so few cells are warned of
     kinds = Tensile, BiasExtension, PictureFrame

@@ -23,14 +23,12 @@ def press_parser(description: str | None, name: str = Press.NAME, press: str = "
         p.option("file", metavar="press.toml", help=words, free=True)
     p.group("usual")
     p.group("press")
-    several = {"action": "append", "metavar": "KEY=VALUE", "default": []}
-    words = "change an entry of the file, as tools.punch.radius=40"
-    p.option("--set", **several, help=words, free=True)
+    several: Any = {"action": "append", "metavar": "KEY=VALUE", "default": [], "free": True}
+    p.option("--set", **several, help="change an entry of the file, as tools.punch.radius=40")
     p.group("all plies, in place of what the press says")
     for each in declared(Sheet):
         if each.name in OF_ALL_PLIES:
-            how = kind_of_option(each.metadata)
-            p.option(spelled(each.name), help=each.metadata["help"], free=True, **how)
+            p.option(spelled(each.name), free=True, **kind_of_option(each.metadata))
     add_material(p, None)
     add_solver(p, Press)
     add_output(p, name)
@@ -55,9 +53,9 @@ class PressStudy(Study):
         args = self.args
         changes = *changes, *short_forms(vars(args)), *args.set
         press = Press.read(args.file, changes).with_fabrics(self.coupled)
-        asked = {name: value for name, value in vars(args).items() if value is not None}
-        limits = {f"max_{each.name}": getattr(press.limits, each.name) for each in declared(Limits)}
-        vars(args).update(limits | asked)
+        for name, value in vars(press.limits).items():
+            if getattr(args, f"max_{name}") is None:
+                setattr(args, f"max_{name}", value)
         args.stop_when_invalid |= press.stop_when_invalid
         self.fabric = press.fabric
         for doubt in press.fabric.plausibility_warnings():

@@ -3,6 +3,7 @@
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ def run(command: str, words: Sequence[str]) -> None:
     """Run a command with these words. Raises InputError, and OSError for files."""
     how = {"export": _export, "pattern": _pattern, "view": _view}[command]
     parser = Parser(prog=f"fabric {command}", description=how.__doc__)
-    parser.add_argument("folder", metavar="DIR", help="results of a run")
+    parser.option("folder", metavar="DIR", help="results of a run")
     args = how(parser, words)
     if reason := failure_reason(Path(args.folder) / "summary.json"):
         print(f"warning: the run in {args.folder} did not end well: {reason}", file=sys.stderr)
@@ -35,10 +36,9 @@ def run(command: str, words: Sequence[str]) -> None:
 def _export(parser, words):
     """Formed plies with thickness and yarns, for a structural analysis."""
     kinds = ".vtu (VTK), .inp (Abaqus), .k or .key (LS-DYNA), .bdf or .nas (Nastran)"
-    parser.add_argument("file", metavar="FILE", help=f"to write, as its ending says: {kinds}")
-    modelled = "what was modelled, as a quarter (default: the whole part)"
-    parser.add_argument("--modelled", action="store_true", help=modelled)
-    parser.add_argument("--frame", metavar="TOOL", help=FRAME)
+    parser.option("file", metavar="FILE", help=f"to write, as its ending says: {kinds}")
+    parser.switch("--modelled", "what was modelled, as a quarter (default: the whole part)")
+    parser.option("--frame", metavar="TOOL", help=FRAME)
     args = parser.parse_args(words)
     grids = states.read_grids(args.folder)
     frame = states.frame_of(args.folder, args.frame) if args.frame else None
@@ -55,9 +55,9 @@ def _export(parser, words):
 def _view(parser, words):
     """Formed plies and tools in a window, or as a page for a browser."""
     page = "write a page that needs no network, in place of a window (without a display: "
-    parser.add_argument("--html", metavar="FILE", help=f"{page}DIR/view.html)")
+    parser.option("--html", metavar="FILE", help=f"{page}DIR/view.html)")
     field = "field of the cells to show (default: shear_angle)"
-    parser.add_argument("--field", metavar="NAME", help=field)
+    parser.option("--field", metavar="NAME", help=field)
     args = parser.parse_args(words)
     states.states(args.folder)
     if args.html is None and os.environ.get("DISPLAY"):
@@ -75,13 +75,13 @@ def _pattern(parser, words):
     line = "closed trim line on the formed ply: x, y and z in a .csv, or a .dxf; without z it is "
     trim.add_argument("--line", metavar="FILE", help=f"{line}projected along z; inner rings: holes")
     trim.add_argument("--plane", help=f"plane that trims: {PLANE}")
-    parser.add_argument("--out", metavar="STEM", help="of the files (default: DIR/pattern)")
-    parser.add_argument("--sheet", metavar="NAME", help="ply of a stack (default: all)")
+    parser.option("--out", metavar="STEM", help="of the files (default: DIR/pattern)")
+    parser.option("--sheet", metavar="NAME", help="ply of a stack (default: all)")
     reach = "distance of the line from the ply (default: 2 thicknesses of all plies)"
-    parser.add_argument("--reach", type=option_type(POSITIVE), metavar="MM", help=reach)
+    parser.option("--reach", type=option_type(POSITIVE), metavar="MM", help=reach)
     edge = "of a formed net blank: tell how far its edge lies from the line, and write nothing"
-    parser.add_argument("--edge", action="store_true", help=edge)
-    parser.add_argument("--frame", metavar="TOOL", help=FRAME)
+    parser.switch("--edge", edge)
+    parser.option("--frame", metavar="TOOL", help=FRAME)
     # a plane may begin with a minus, which argparse takes for an option
     joined = "\n".join(words).replace("--plane\n", "--plane=")
     args = parser.parse_args(joined.split("\n") if words else [])
@@ -109,8 +109,7 @@ def _pattern(parser, words):
         except InputError as error:
             raise InputError(f"ply {name}: {error}" if name else str(error)) from None
     stem, units = Path(args.out or Path(args.folder) / "pattern"), states.units(args.folder)
-    for note in notes:
-        print(note)
+    print("".join(f"{note}\n" for note in notes), end="")
     for name, flat in patterns.items():
         own = stem.with_name("_".join(filter(None, [stem.name, labels[name]])))
         pattern.write_pattern(own, flat, units, name, frame)
@@ -122,18 +121,16 @@ def _pattern(parser, words):
 
 
 def _plane(text):
-    try:
-        axis, _, place = text.replace(" ", "").partition("=")
-        if place:
-            normal = np.eye(3)["xyz".index(axis)] if len(axis) == 1 else np.zeros(3)
+    axis, _, place = text.replace(" ", "").partition("=")
+    with suppress(ValueError):
+        if axis in ("x", "y", "z"):
+            normal = np.eye(3)["xyz".index(axis)]
             point = float(place) * normal
         else:
             point, normal = np.array(text.split(","), dtype=float).reshape(2, 3)
-    except ValueError:
-        point = normal = np.zeros(3)
-    if not (np.isfinite([*point, *normal]).all() and np.any(normal)):
-        raise InputError(f"--plane is {text}; allowed is {PLANE}")
-    return pattern.Plane(tuple(point), tuple(normal))
+        if np.isfinite([*point, *normal]).all() and np.any(normal):
+            return pattern.Plane(tuple(point), tuple(normal))
+    raise InputError(f"--plane is {text}; allowed is {PLANE}")
 
 
 def _thickness(grid):

@@ -4,18 +4,17 @@ import logging
 import signal
 import sys
 import traceback
-from argparse import BooleanOptionalAction, Namespace
+from argparse import BooleanOptionalAction
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 from mpi4py import MPI
 
-from ..core import status
 from ..core.collective_errors import is_alone
 from ..core.errors import InputError, Interrupted, SolverFailure
 from ..core.fields import declared
-from ..core.logs import Console
+from ..core.status import Console, log, shown, task
 from ..core.timing import count_imports, phase
 from ..coupons.coupon import Coupon
 from ..job.dry_run import checked
@@ -26,17 +25,9 @@ from ..material.presets import PRESETS, load, read_laws
 from ..results.output import Output
 from ..solve.limits import Limits
 from ..solve.settings import Settings
-from .options import (
-    Parser,
-    asks_for_help,
-    exit_status,
-    option_type,
-    program,
-    restart_command,
-    spelled,
-)
+from . import options as command_line
+from .options import Parser, program
 
-log = logging.getLogger("fabric_fenicsx")
 Test = TypeVar("Test", bound=Coupon)
 
 
@@ -58,11 +49,11 @@ def parser(test: Any, description: str | None, name: str = "", **defaults: objec
 def add_material(p: Parser, default: str | None) -> None:
     """Add the options of the material; default: what it is."""
     p.group("material")
-    presets = f"material file, or one of {', '.join(PRESETS)}"
-    presets += "" if default else " (that of the press)"
-    p.option("--material", metavar="FILE|PRESET", default=default, help=presets, free=True)
-    words = "Python file with the classes of your own laws"
-    p.option("--law-file", metavar="FILE.py", help=words, free=True)
+    own = "" if default else " (that of the press)"
+    presets = {"help": f"material file, or one of {', '.join(PRESETS)}{own}", "default": default}
+    p.option("--material", metavar="FILE|PRESET", **presets, free=True)
+    text = "Python file with the classes of your own laws"
+    p.option("--law-file", metavar="FILE.py", help=text, free=True)
     models = {"choices": ("hyperelastic", "fabric"), "default": "hyperelastic"}
     p.option("--model", **models, help="fabric: without all couplings", free=True)
     several = {"metavar": "COUPLING", "action": "append", "default": []}
@@ -74,47 +65,12 @@ def add_solver(p: Parser, test: Any) -> None:
     add_fields(p, Settings, test, free=True)
     p.group("solver")
     unasked = f" (yes from {test.CHEAP_FROM} cells on)" if test.CHEAP_FROM else ""
-    words = f"estimate all errors, from the same run on a mesh twice as coarse{unasked}"
-    p.option("--error", action=BooleanOptionalAction, help=words, free=True)
+    text = f"estimate all errors, from the same run on a mesh twice as coarse{unasked}"
+    p.option("--error", action=BooleanOptionalAction, help=text, free=True)
     if test is not Coupon:
-        words = "check all, draw setup.png of a press, take the first step and tell the cost"
-        p.switch("--dry-run", words)
+        text = "check all, draw setup.png of a press, take the first step and tell the cost"
+        p.switch("--dry-run", text)
     add_fields(p, Limits, test, prefix="max_", free=True)
-
-
-def add_fields(p: Parser, owner: type, test: Any, prefix: str = "", free: bool = False) -> None:
-    """Add an option for each field of the dataclass `owner` that has a help text; test: class whose
-    sizes and limits are defaults, prefix: of the options' names."""
-    for each in declared(owner):
-        meta, name = each.metadata, each.name
-        if owner is Coupon and meta["group"] == "weave":
-            continue
-        p.group(meta["group"])
-        how = {"help": meta["help"].replace("%", "%%"), "default": each.default}
-        how |= kind_of_option(meta)
-        if name in test.FULL:
-            sizes = [sizes[name] for sizes in (test.FULL, test.QUICK)]
-            full, quick = ("any" if size is None else size for size in sizes)
-            how |= {"help": f"{how['help']} ({full}, with --quick {quick})", "default": None}
-        p.option(spelled(prefix + name), free=free, **how)
-
-
-def kind_of_option(meta: Mapping) -> dict:
-    """Argparse's settings for the values of a declared field with this metadata."""
-    if "rule" in meta:
-        letter = "N" if meta["rule"].kind is int else "X"
-        letter = {"[deg]": "DEG", "[mm]": "MM"}.get(meta["help"].split(" ")[-1], letter)
-        return {"type": option_type(meta["rule"]), "metavar": letter}
-    if "switch" in meta:
-        return {"action": "store_true"}
-    if "metavar" in meta:
-        return {"metavar": meta["metavar"]}
-    return {"choices": tuple(meta["choices"])}
-
-
-def options_of(owner: type, args: Namespace) -> dict:
-    """Values {name: value} of the declared fields of the class `owner` that have options."""
-    return {f.name: getattr(args, f.name) for f in declared(owner) if hasattr(args, f.name)}
 
 
 def add_output(p: Parser, name: str) -> None:
@@ -129,6 +85,36 @@ def add_output(p: Parser, name: str) -> None:
     p.switch("--verbose", "print each Newton iteration, as log.txt has them")
 
 
+def add_fields(p: Parser, owner: type, test: Any, prefix: str = "", free: bool = False) -> None:
+    """Add an option for each field of the dataclass `owner` that has a help text; test: class whose
+    sizes and limits are defaults, prefix: of the options' names."""
+    for each in declared(owner):
+        if owner is Coupon and each.metadata["group"] == "weave":
+            continue
+        p.group(each.metadata["group"])
+        settings = {"default": each.default} | kind_of_option(each.metadata)
+        if each.name in test.FULL:
+            sizes = [sizes[each.name] for sizes in (test.FULL, test.QUICK)]
+            full, quick = ("any" if size is None else size for size in sizes)
+            settings["help"] += f" ({full}, with --quick {quick})"
+            settings["default"] = None
+        p.option(command_line.spelled(prefix + each.name), free=free, **settings)
+
+
+def kind_of_option(meta: Mapping) -> dict:
+    """Argparse's settings for a declared field with this metadata, without its default."""
+    settings: dict = {"help": meta["help"].replace("%", "%%")}
+    if "rule" in meta:
+        letter = "N" if meta["rule"].kind is int else "X"
+        letter = {"[deg]": "DEG", "[mm]": "MM"}.get(meta["help"].split(" ")[-1], letter)
+        return settings | {"type": command_line.option_type(meta["rule"]), "metavar": letter}
+    if "switch" in meta:
+        return settings | {"action": "store_true"}
+    if "metavar" in meta:
+        return settings | {"metavar": meta["metavar"]}
+    return settings | {"choices": tuple(meta["choices"])}
+
+
 class Study:
     """A study under way: parsed options `args`, `fabric`, `comm`, and the `output` of its runs.
     Construction checks options and material as a whole; it raises InputError on all ranks before
@@ -137,7 +123,7 @@ class Study:
     def __init__(self, name: str, options: Parser, argv: list[str] | None = None) -> None:
         self.comm = comm = MPI.COMM_WORLD
         argv = sys.argv[1:] if argv is None else argv
-        if comm.rank != 0 and asks_for_help(argv):
+        if comm.rank != 0 and command_line.asks_for_help(argv):
             sys.exit(0)
         self.args = args = options.parse_args(argv)
         for option, value in vars(args).pop("_sizes")[args.quick].items():
@@ -147,16 +133,19 @@ class Study:
         if args.resume and args.overwrite:
             raise InputError("--resume and --overwrite are both given; allowed is one of them")
         self.fabric = fabric = self.read_fabric()
-        self._free, self._title, self._text = options.free, "", ""
+        self._free = options.free
+        self._setup: Any = Setup  # the last that was built, for the report
         log.handlers.clear()
         log.setLevel(logging.DEBUG)
         log.propagate = False
         if comm.rank == 0:
             log.addHandler(Console(logging.DEBUG if args.verbose else logging.INFO))
-        how = {"resume": args.resume, "overwrite": args.overwrite, "translated": options.translated}
-        self.output = output = Output(
-            name, args.out, comm, command=restart_command(comm.size), **how
-        )
+        settings = {"resume": args.resume, "overwrite": args.overwrite}
+        settings |= {
+            "command": command_line.restart_command(comm.size),
+            "translated": options.translated,
+        }
+        self.output = output = Output(name, args.out, comm, **settings)
         self.say, self.warn, self.folder = output.say, output.warn, output.folder
         self.write_table = output.write_table
         for doubt in fabric.plausibility_warnings() if fabric else ():
@@ -180,30 +169,33 @@ class Study:
 
     def describe(self, kind: type[Test], fabric: Law | None = None) -> Test:
         """The test of this kind with the options' fields, of their fabric or another."""
-        return kind(fabric or self.fabric, **options_of(kind, self.args))
+        return kind(fabric or self.fabric, **self._fields(kind))
+
+    def _fields(self, owner, prefix=""):
+        """Values {name: value} of the declared fields of the class `owner` that have options."""
+        given, names = vars(self.args), [each.name for each in declared(owner)]
+        return {name: given[prefix + name] for name in names if prefix + name in given}
 
     def build(self, test: Any) -> Any:
         """The `Setup` of a test, whose warnings are told and whose sizes become the options'."""
         with phase("setup"):
-            setup = test.build(self.comm)
+            self._setup = setup = test.build(self.comm)
         vars(self.args).update(setup.resolved)
         for doubt in setup.warnings:
             self.warn(doubt)
-        self._title, self._text = setup.title, setup.text
         return setup
 
     def run(self, setup: Any, part: str = "") -> Result:
         """The `Result` of a built test with the solver's options, into the subfolder `part`."""
-        given = vars(self.args)
-        limits = Limits(**{each.name: given[f"max_{each.name}"] for each in declared(Limits)})
+        limits = Limits(**self._fields(Limits, "max_"))
         error = setup.has_cheap_error() if self.args.error is None else self.args.error
-        job = setup.job(**options_of(Settings, self.args), limits=limits, error=error)
+        job = setup.job(**self._fields(Settings), limits=limits, error=error)
         self._problem = self.problem(setup)
         return self.run_job(job, part)
 
     def run_job(self, job: Job, part: str) -> Result:
         """The `Result` of a job of the last test that ran, into the subfolder `part`."""
-        self._note_facts()
+        self.output.facts = self._facts()
         pictures = not self.args.no_pictures
         if self.args.dry_run:
             for line in checked(job, self.output, part, pictures, self.more_runs(job.setup)):
@@ -217,24 +209,24 @@ class Study:
 
     def summarise(self, folder: Path | None, **facts: object) -> dict:
         """Summarise the study as a whole, see `Output.summarise`."""
-        self._note_facts()
+        self.output.facts = self._facts()
         return self.output.summarise(folder, **{"element": self.args.element} | facts)
 
-    def _note_facts(self):
-        facts = {"command": self.output.command, "options": self._options()}
-        self.output.facts = facts | {"fabric": self.fabric.dumps()}
-
-    def _options(self):
-        return {k: str(v) if isinstance(v, Path) else v for k, v in vars(self.args).items()}
+    def _facts(self):
+        given = vars(self.args).items()
+        options = {k: str(v) if isinstance(v, Path) else v for k, v in given}
+        command, fabric = self.output.command, self.fabric.dumps()
+        return {"command": command, "options": options, "fabric": fabric}
 
     def problem(self, setup: Setup) -> dict:
         """Facts in which a checkpoint must agree: the fabric, and all options but the free ones."""
-        defining = {k: v for k, v in self._options().items() if k not in self._free}
+        options = self._facts()["options"].items()
+        defining = {k: v for k, v in options if k not in self._free}
         return {"study": self.output.name, **defining, "material": setup.data.fabric.dumps()}
 
     def write_report(self, description: str, ending: str) -> None:
         """Write report.html with the title and text of the test, else this description."""
-        self.output.report(self._text or description, ending, self._title)
+        self.output.report(self._setup.text or description, ending, self._setup.title)
 
 
 def run(name: str, options: Parser, main: Callable[[Any], None], kind: type[Study] = Study) -> None:
@@ -246,14 +238,14 @@ def run(name: str, options: Parser, main: Callable[[Any], None], kind: type[Stud
     description = " ".join((sys.modules["__main__"].__doc__ or "").split())
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        speaks = comm.rank == 0 and not asks_for_help(sys.argv)
-        with status.shown(first=speaks), status.task(program(name)):
+        speaks = comm.rank == 0 and not command_line.asks_for_help(sys.argv)
+        with shown(first=speaks), task(program(name)):
             study = kind(name, options)
             main(study)
             study.write_report(description, "done")
         return
     except (InputError, SolverFailure, Interrupted, OSError) as error:
-        code, text = exit_status(error)
+        code, text = command_line.exit_status(error)
         text = options.translated(text)
         if study and code == 3:
             study.write_report(description, text)

@@ -9,8 +9,7 @@ from pathlib import Path
 from ..core.errors import InputError, Interrupted, SolverFailure
 from ..core.files import replace_file
 from ..core.rules import COUNT, Rule
-from ..sweep import answers, results, varied
-from ..sweep.folder import SweepFolder
+from ..sweep import folder, results
 from ..sweep.runner import Runner, SweepRun
 from .options import STUDIES, Parser, exit_status, option_type
 
@@ -22,7 +21,7 @@ JOB_ARRAY = """\
 #SBATCH --ntasks={ranks}
 #SBATCH --signal=B:TERM@120
 cd {folder}
-exec {start} --only "$SLURM_ARRAY_TASK_ID"{passed}
+exec {start} --only "$SLURM_ARRAY_TASK_ID" {passed}
 """  # exec: so that the signal reaches the sweep, which ends its run after its step
 
 
@@ -31,8 +30,7 @@ def parser() -> Parser:
     numbers scatter. Called again, it goes on. DIR gets table.csv, pictures, report.html, and a
     folder a run. Options behind -- go to `fabric form`."""
     usage = "%(prog)s press.toml --vary KEY=VALUES [option ...] [-- option of form ...]"
-    description = " ".join((parser.__doc__ or "").split())
-    p = Parser(prog="fabric sweep", usage=usage, description=description)
+    p = Parser(prog="fabric sweep", usage=usage, description=parser.__doc__)
     power = Rule("a power of 2 from 8 on", lambda v: v >= 8 and v.bit_count() == 1, int)
     count: dict = {"type": option_type(COUNT)}
     several: dict = {"action": "append", "default": []}
@@ -43,7 +41,7 @@ def parser() -> Parser:
     p.option("--out", metavar="DIR", type=Path, help="default results/sweep_PRESS")
     words = "runs at a time (by default as many as cores and free memory allow)"
     p.option("--jobs", metavar="N", **count, help=words)
-    p.option("--ranks", metavar="N", **count, default=1, help="of each run, one core each (1)")
+    p.option("--ranks", metavar="N", **count, default=1, help="of each run, one core each")
     words = "run nothing here, but write a script for Slurm: a job array with a task for each run"
     p.option("--slurm", metavar="FILE", type=Path, help=words)
     either = p.add_mutually_exclusive_group()
@@ -83,27 +81,26 @@ def main(argv: Sequence[str], program: type[SweepRun] = SweepRun) -> int:
 def _sweep(args, passed, form, argv):
     """Run it and write what it found; why not all runs are believed, or ""."""
     ranges, values = _planned(args, passed, form)
-    below = [answers.limit_of(word) for word in args.below]
+    below = [results.limit_of(word) for word in args.below]
     asked = [name for name, _ in below]
     out = args.out or Path("results") / f"sweep_{args.press.stem}"
-    sweep = SweepFolder(out, args.press, list(values[0]), args.overwrite, bool(args.only))
-    if args.slurm:
+    sweep = folder.SweepFolder(out, args.press, list(values[0]), args.overwrite, bool(args.only))
+    if args.slurm and not args.only:
         sweep.close()
         _write_job_array(args.slurm, argv, len(values), args.ranks)
         return ""
     runner, told = Runner(sweep, form, args.jobs, asked), list[str]()
     if args.only:
-        (run,) = runner.all([values[args.only - 1]])
-        return run.reason
+        return runner.all([values[args.only - 1]])[0].reason
     sweep.state["asked"] = asked
     try:
         _announce(values, runner)
         runs = runner.all(values)
         if args.scatter:
             labels = results.headlines(runs, asked)
-            told, sweep.state["scatter"] = answers.told(runs, ranges, labels, below)
+            told, sweep.state["scatter"] = results.told(runs, ranges, labels, below)
         else:
-            told = [answers.below(runs, *limit) for limit in below]
+            told = [results.below(runs, *limit) for limit in below]
         sweep.save()
         print("".join(f"{sentence}\n" for sentence in told), end="")
     finally:
@@ -118,13 +115,13 @@ def _sweep(args, passed, form, argv):
 
 def _planned(args, passed, form):
     """Ranges that scatter, and the values of each run; InputError for what cannot be run."""
-    lists = {} if args.scatter else varied.lists(args.vary)
-    ranges = [*form.scatter(), *varied.ranges(args.vary)] if args.scatter else []
-    values: Sequence[varied.Values]
+    lists = {} if args.scatter else folder.lists(args.vary)
+    ranges = [*form.scatter(), *folder.ranges(args.vary)] if args.scatter else []
+    values: Sequence[folder.Values]
     values = checked = [dict(zip(lists, each)) for each in itertools.product(*lists.values())]
     if ranges:
-        values = answers.design(ranges, args.scatter)
-        checked = [{r.key: varied.spelled(r[k]) for r in ranges} for k in (1, 2)]
+        values = results.design(ranges, args.scatter)
+        checked = [{r.key: folder.spelled(r[k]) for r in ranges} for k in (1, 2)]
     for fault in _faults(args, passed, lists, ranges, len(values)):
         raise InputError(fault)
     for each in checked:
@@ -137,15 +134,13 @@ def _faults(args, passed, lists, ranges, count):
     given = "--set", "--out", "--resume", "--overwrite"  # to each run, by the sweep
     for word in passed:
         if word.split("=")[0] in given:
-            allowed = f"options of fabric form but {', '.join(given)}"
-            yield f"option {word} is behind --; allowed are {allowed}"
+            yield f"option {word} is behind --; allowed are options of form but {', '.join(given)}"
     if not (lists or ranges):
         yield "nothing is varied; allowed is --vary, or --scatter and [scatter] in a material file"
     least = 1 << (2 * len(ranges) + 1).bit_length()
     if ranges and args.scatter < least:
-        allowed = f"allowed for {len(ranges)} numbers is {least} or more"
-        yield f"--scatter is {args.scatter}; {allowed}"
-    if lists and args.below and [None in map(varied.number, v) for v in lists.values()] != [False]:
+        yield f"--scatter is {args.scatter}; allowed for {len(ranges)} numbers is {least} or more"
+    if lists and args.below and [None in map(folder.number, v) for v in lists.values()] != [False]:
         yield f"--below is given for {', '.join(args.vary)}; allowed is one key's numbers"
     if args.only and args.only > count:
         yield f"--only is {args.only}; allowed is 1 to {count}"
@@ -156,8 +151,7 @@ def _announce(values, runner):
     done = [run for run in runs if run.is_done(passed)]
     where = f"{min(runner.jobs, len(runs))} at a time; folder {runner.folder.path}"
     print(f"{len(runs)} runs, {len(done)} done before, {where}", flush=True)
-    others = {shlex.join(run.options) for run in done} - {shlex.join(passed)}
-    for each in sorted(others):
+    for each in sorted({shlex.join(run.options) for run in done} - {shlex.join(passed)}):
         print(f"warning: some were made with other options: {each or 'none'}", file=sys.stderr)
 
 
@@ -168,15 +162,10 @@ def _write_job_array(file, words, count, ranks):
         flaw = f"--slurm {file} is there and no script of a sweep"
         raise InputError(f"{flaw}; allowed is another file")
     cut = words.index("--") if "--" in words else len(words)
-    own = [word for word, before in zip(words[:cut], ["", *words]) if before != "--slurm"]
-    own = [w for w in own if w != "--overwrite" and w.split("=")[0] != "--slurm"]
-    script = JOB_ARRAY.format(
-        count=count,
-        ranks=ranks,
-        folder=shlex.quote(str(Path.cwd())),
-        start=shlex.join([sys.executable, "-m", "fabric_fenicsx", "sweep", *own]),
-        passed="".join(f" {shlex.quote(word)}" for word in words[cut:]),
-    )
-    replace_file(file, script)
+    own = [word for word in words[:cut] if word != "--overwrite"]
+    start = shlex.join([sys.executable, "-m", "fabric_fenicsx", "sweep", *own])
+    here, passed = shlex.quote(str(Path.cwd())), shlex.join(words[cut:])
+    of_array = {"count": count, "ranks": ranks, "folder": here, "start": start}
+    replace_file(file, JOB_ARRAY.format(passed=passed, **of_array))
     print(f"{file}: a job array of {count} runs, for sbatch; the same sweep without --slurm then")
     print("writes their table and does those that are missing")

@@ -89,6 +89,12 @@ def replace_file(path: Path, content: str | bytes, lasting: bool = False) -> Non
         raise OSError(error.errno, error.strerror, str(path)) from None
 
 
+def write_json(path: Path, data: Any) -> None:
+    """Write nested data to a JSON file, with null for numbers that JSON does not know."""
+    data = json.loads(json.dumps(plain(data)), parse_constant=lambda _: None)
+    replace_file(path, json.dumps(data, indent=2) + "\n")
+
+
 def unwritable(error: OSError) -> InputError:
     """The InputError of a file that a command can't read or write, or of a library that fails."""
     if error.errno is None:  # as of gmsh, whose wheel needs some of the machine's libraries

@@ -1,14 +1,17 @@
-"""Other processes: for libraries that may crash, and commands on several ranks."""
+"""Other processes, for libraries that may crash and for commands on several ranks, and signals."""
 
 import os
 import pickle
+import select
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TypeVar
+from types import FrameType
+from typing import Any, TypeVar
 
 T = TypeVar("T")
 # Open MPI's own beside those that count for any MPI; MPICH heeds none of them.
@@ -68,3 +71,44 @@ def on_ranks(ranks: int) -> list[str]:
     idle = ["--mca", "mpi_yield_when_idle", str(int(shares))]
     where = ["--map-by", ":OVERSUBSCRIBE", "--bind-to", "none"]
     return ["mpirun.openmpi", *where, *idle, "-n", str(ranks)]
+
+
+class StopSignals:
+    """Remembers the first SIGINT or SIGTERM on a rank of `comm`, an MPI communicator. A second one
+    ends the run at once."""
+
+    def __init__(self, comm: Any) -> None:
+        self.comm, self._number = comm, 0
+        numbers = signal.SIGINT, signal.SIGTERM
+        self._before = {each: signal.signal(each, self._note) for each in numbers}
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self._number = number
+        self.forget()
+
+    def __call__(self) -> str:
+        """Text on all ranks if any received a signal, else ""."""
+        number = max(self.comm.allgather(self._number))
+        return f"stopped by {signal.Signals(number).name}" if number else ""
+
+    def forget(self) -> None:
+        """Restore the signal handlers from before."""
+        for each, handler in self._before.items():
+            signal.signal(each, handler)
+
+
+def end_with_reader() -> None:
+    """End the process silently from here on if it prints to a pipe that has no reader any more, as
+    after `| head`. Any other broken pipe stays Python's BrokenPipeError, which PETSc would make an
+    abort of all ranks."""
+    if threading.current_thread() is threading.main_thread():  # the one that may
+        signal.signal(signal.SIGPIPE, _end_if_unread)
+
+
+def _end_if_unread(number: int, frame: FrameType | None) -> None:
+    pipes = select.poll()
+    for file in (1, 2):
+        pipes.register(file, 0)  # asks for errors alone
+    if any(event & select.POLLERR for _, event in pipes.poll(0)):
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)
+        os.kill(os.getpid(), signal.SIGPIPE)

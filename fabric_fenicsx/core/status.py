@@ -1,25 +1,33 @@
-"""What this process is doing, in words, for a user who waits."""
+"""What a program tells: messages, on the console and in log.txt, and what it is doing now."""
 
+import logging
 import os
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from pathlib import Path
 
 from tqdm import tqdm
 from tqdm.contrib import DummyTqdmFile
 
 from .cache_folders import RANK
 
-_tasks: list[tuple[str | Callable[[], str], float]] = []
+log = logging.getLogger("fabric_fenicsx")
+# of records that a user should look at: what console and log.txt write before them, while handlers
+# of other programs have the level for that
+MARKED = {"mark": "warning: "}
+_tasks: list[Callable[[], str]] = []
 _shown = threading.Lock()  # held while tasks are shown
 
 
 @contextmanager
 def task(words: str | Callable[[], str]) -> Iterator[None]:
     """Tell the user of these words while it is open; a function is asked each time for them."""
-    _tasks.append((words, time.monotonic()))
+    began, timed = time.monotonic(), tqdm.format_interval
+    tell = words if callable(words) else lambda: f"{words}, {timed(time.monotonic() - began)}"
+    _tasks.append(tell)
     try:
         yield
     finally:
@@ -28,12 +36,7 @@ def task(words: str | Callable[[], str]) -> Iterator[None]:
 
 def doing() -> str:
     """The task begun last, with its time, "" if there is none."""
-    if not _tasks:
-        return ""
-    words, began = _tasks[-1]
-    if callable(words):
-        return words()
-    return f"{words}, {tqdm.format_interval(time.monotonic() - began)}"
+    return _tasks[-1]() if _tasks else ""
 
 
 def on_terminal() -> bool:
@@ -58,9 +61,8 @@ def shown(lines: bool = True, first: bool = True, seconds: float = 3.0) -> Itera
         while not ended.wait(0.5 if renews else seconds):
             if renews:
                 bar.set_description_str(doing())
-            elif (text := doing()) and text != before:
-                print(text, file=out, flush=True)
-                before = text
+            elif (text := doing()) not in ("", before):
+                print(before := text, file=out, flush=True)
 
     thread = threading.Thread(target=tell, daemon=True)
     thread.start()
@@ -74,3 +76,33 @@ def shown(lines: bool = True, first: bool = True, seconds: float = 3.0) -> Itera
         thread.join()
         bar.close()
         _shown.release()
+
+
+class Console(logging.Handler):
+    """Results to standard output, warnings to standard error, each at once."""
+
+    def __init__(self, level: int) -> None:
+        super().__init__(level)
+        self.setFormatter(_formatter(""))
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print it."""
+        file = sys.stderr if record.levelno >= logging.WARNING else sys.stdout
+        print(self.format(record), file=file, flush=True)
+
+
+class LogFile(logging.FileHandler):
+    """log.txt, which starts with the command."""
+
+    def __init__(self, path: Path, mode: str, command: str) -> None:
+        super().__init__(path, mode)
+        self.setFormatter(_formatter("%(asctime)s  "))
+        print(command, file=self.stream)
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Nothing: what a full disk does to the log ends no run."""
+
+
+def _formatter(before):
+    """Of messages with their mark; before: what of a record stands in front of it."""
+    return logging.Formatter(f"{before}%(mark)s%(message)s", "%H:%M:%S", defaults={"mark": ""})

@@ -1,6 +1,5 @@
 """A job: brings a scene to full load, and keeps what happened on the way."""
 
-import logging
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -9,21 +8,20 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
 
-from ..core import status
 from ..core.collective_errors import all_or_none
 from ..core.errors import NOT_BELIEVED, InputError, Interrupted, SolverFailure
 from ..core.fields import declared
 from ..core.files import read_summary
 from ..core.formatting import rounded
-from ..core.signals import StopSignals
-from ..core.status import task
+from ..core.processes import StopSignals
+from ..core.status import log, shown, task
 from ..core.timing import phase
 from ..energy.fingerprint import entries
 from ..energy.materials import materials_of
 from ..energy.output import Fields
 from ..results import error
 from ..results.fields import FieldSeries
-from ..results.history import ENERGIES, History, energy_balance
+from ..results.history import ENERGIES, energy_balance
 from ..results.output import Output
 from ..results.quantities import waves_that_do_not_form
 from ..results.result import Result
@@ -37,8 +35,6 @@ from ..solve.stepping import LoadStepping
 from . import validity
 from .observers import LimitWatch, ProgressLog, StateWriter
 from .setup import Observer, Setup
-
-log = logging.getLogger("fabric_fenicsx")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,9 +139,8 @@ class Job(Settings):
         pictures = pictures and is_kept
         temporary = nullcontext(out) if is_kept or comm.rank else tempfile.TemporaryDirectory()
         with all_or_none(comm), temporary as path:  # studies see to that themselves
-            output = Output(
-                self.name, Path(comm.bcast(path)), comm, resume=resume, overwrite=overwrite
-            )
+            how: Any = {"resume": resume, "overwrite": overwrite}
+            output = Output(self.name, Path(comm.bcast(path)), comm, **how)
             output.facts["fabric"] = _material(self.scene)
             try:
                 return self._run(output, output.folder(part), problem, pictures, is_kept)
@@ -177,17 +172,18 @@ class Job(Settings):
         known_by = {k: v for part in parts for k, v in part.items()} | problem | scene.fingerprint()
         checkpoint = Checkpoint(folder / "checkpoint.npz", scene.blank, known_by)
         newton = Newton(scene, self.tolerance, linear_solver=self.linear_solver)
-        for material in materials_of(scene, scene.blank.whole):
-            output.say_assumed(material.label, material.assumed_values())
-        for words in [] if output.is_quiet else waves_that_do_not_form(scene):
-            output.say(words)
+        for each in materials_of(scene, scene.blank.whole):
+            if values := ", ".join(map(" = ".join, each.assumed_values().items())):
+                output.remark(f"no test has determined these numbers of {each.label}: {values}")
+        for words in waves_that_do_not_form(scene):
+            output.remark(words)
         start, notes = None, Numbers()
         # a part of several that was not begun yet has no checkpoint
         if output.resume and (folder == output.path or comm.bcast(checkpoint.path.exists())):
             start, notes = checkpoint.load(scene.memory())
             if start.load == 1 and not start.viscosity.drag:
-                summary = read_summary(folder / "summary.json") if comm.rank == 0 else {}
-                if (summary := comm.bcast(summary)).get("converged"):
+                summary = comm.bcast(read_summary(folder / "summary.json"))
+                if summary.get("converged"):
                     before = Result(summary, notes["rows"], Fields({}), folder, scene)
                     return self._finished_before(output, before, start, notes, problem, pictures)
         for warning in self.setup.warnings:
@@ -197,9 +193,8 @@ class Job(Settings):
         if comm.rank == 0:
             for old in [folder / "summary.json", *folder.glob("*.png")]:
                 old.unlink(missing_ok=True)  # of an earlier run, not of this one
-        states = StateWriter(self.setup, self, output, checkpoint, notes)
-        part = folder.name if folder != output.path else ""
-        progress = ProgressLog(states, newton, start.load if start else 0.0, part)
+        states = StateWriter(self, output, checkpoint, notes)
+        progress = ProgressLog(states, newton, start.load if start else 0.0)
         watch = LimitWatch(scene, self)
         observers = watch, states, progress, self.setup, *self.observers
         for each in observers:
@@ -208,8 +203,8 @@ class Job(Settings):
         result, wrong = self._result(output, outcome, stopped, states, watch.wrong)
         reached = rounded(result.summary["stroke_reached"], 6)
         if stopped:
-            words = f"{stopped} at load factor {reached}; `resume=True` goes on from there"
-            raise Interrupted(words)
+            hint = "`resume=True` goes on from there"
+            raise Interrupted(f"{stopped} at load factor {reached}; {hint}")
         if self.error and not wrong:
             self._estimate(output, result, problem, states.series)
         self._show(output, result, pictures)
@@ -227,18 +222,15 @@ class Job(Settings):
         """The `Outcome` of load stepping, and the signal that stopped it, as text, or ""."""
         watch, states, progress, *_ = observers
         signals = StopSignals(self.scene.comm)
-        stepping = LoadStepping(
-            newton,
-            self,
-            start,
-            on_accept=lambda accepted: [each.accept(accepted) for each in observers],
-            on_reject=lambda load, report: [each.reject(load, report) for each in observers],
-            stop=lambda: signals() or watch.reason_to_stop(),
-        )
-        first = self.scene.comm.rank == 0
+        calls: Any = {
+            "on_accept": lambda accepted: [each.accept(accepted) for each in observers],
+            "on_reject": lambda load, report: [each.reject(load, report) for each in observers],
+            "stop": lambda: signals() or watch.reason_to_stop(),
+        }
+        in_line = shown(False, self.scene.comm.rank == 0)
         try:
-            with phase("steps"), status.shown(False, first), task(progress.doing):
-                return stepping.run(), signals()
+            with phase("steps"), in_line, task(progress.doing):
+                return LoadStepping(newton, self, start, **calls).run(), signals()
         finally:
             signals.forget()
             states.history.close()
@@ -256,8 +248,7 @@ class Job(Settings):
         energy = {kind: rows[-1][f"{kind}_energy_Nmm"] for kind in kinds}
         energy["external_work"] = rows[-1]["external_work_Nmm"]
         quantities = self.setup.quantities(result)
-        wrong = validity.not_formed(result, self.limits)
-        wrong += [each for each in wrong_now if each not in wrong]
+        wrong = [*dict.fromkeys([*validity.not_formed(result, self.limits), *wrong_now])]
         wrong += validity.beyond_limits_at_end(scene, self.limits, rows, energy)
         reason = outcome.reason or validity.not_believed(wrong)
         if outcome.reason and not outcome.reason.startswith(NOT_BELIEVED):
@@ -305,7 +296,7 @@ class Job(Settings):
     def _estimate(self, output, result, problem, series):
         """Add errors, as a run on a coarser mesh tells them, to result, history.csv, fields and
         summary.json; warn if that run fails."""
-        began, folder, comm = time.perf_counter(), result.folder, self.scene.comm
+        began, folder = time.perf_counter(), result.folder
         try:
             other = self._run_coarser(output, result, problem)
         except (InputError, SolverFailure) as failure:
@@ -317,10 +308,7 @@ class Job(Settings):
         how = {"of_other_kind": not self.coarser and self.setup.coarser_is_other_kind}
         how["forces_only"] = bool(reason)
         errors = error.estimate(result, other, self.setup.headlines, **how)
-        part = folder / "history.csv.part"
-        History(part, comm, result.rows).close()
-        if comm.rank == 0:
-            part.replace(folder / "history.csv")
+        output.write_table(folder / "history.csv", result.rows)
         facts = {"cells": other.summary["cells"], "steps": other.summary["steps_accepted"]}
         facts["wall_s"] = round(time.perf_counter() - began, 4)
         result.summary = output.amend(folder, result.summary, error=errors, error_run=facts)
@@ -351,14 +339,13 @@ class Job(Settings):
     @task("writing tables and pictures")
     def _show(self, output, result, pictures):
         """Draw the last state; at full load observers write their files, too."""
-        reached = result.summary["stroke_reached"] == 1
-        if reached:
-            for each in (self.setup, *self.observers):
-                each.end(result, result.folder)
+        is_formed = result.summary["stroke_reached"] == 1
+        for each in (self.setup, *self.observers) if is_formed else ():
+            each.end(result, result.folder)
         if self.scene.comm.rank == 0 and pictures:
             from ..results.pictures import draw_state
 
-            if reached:
+            if is_formed:
                 self.setup.pictures(result, result.folder)
             draw_state(output.name, result, self.setup.force_name)
         self.scene.comm.barrier()

@@ -3,12 +3,13 @@
 import logging
 import time
 from pathlib import Path
+from typing import Any
 
 from petsc4py import PETSc
 from tqdm import tqdm
 
-from ..core import status
 from ..core.formatting import rounded
+from ..core.status import log, on_terminal
 from ..core.timing import phase
 from ..results.fields import FieldSeries
 from ..results.history import History, viscous_warning
@@ -23,9 +24,7 @@ from ..solve.progress import Accepted
 from ..solve.report import Report
 from ..solve.settings import Settings
 from . import validity
-from .setup import Observer, Setup
-
-log = logging.getLogger("fabric_fenicsx")
+from .setup import Observer
 
 
 class LimitWatch(Observer):
@@ -60,23 +59,15 @@ class LimitWatch(Observer):
 
 
 class StateWriter(Observer):
-    """Writes of each state a row of the `history`, with what `setup` measures, the fields to the
-    `series` if `settings` ask for it, and the checkpoint; notes: those of a run that is resumed."""
+    """Writes of each state of a `job` a row of the `history`, the fields to the `series` if it asks
+    for them, and the checkpoint; notes: those of a run that is resumed."""
 
     @phase("output")
-    def __init__(
-        self,
-        setup: Setup,
-        settings: Settings,
-        output: Output,
-        checkpoint: Checkpoint,
-        notes: Numbers,
-    ) -> None:
-        self.setup, self.settings, self.output = setup, settings, output
-        self.checkpoint, folder = checkpoint, checkpoint.path.parent
-        self.series = FieldSeries(folder, setup.scene, notes.get("states", ()))
-        rows = notes.get("rows", ())
-        self.history = History(folder / "history.csv", setup.scene.comm, rows)
+    def __init__(self, job: Any, output: Output, checkpoint: Checkpoint, notes: Numbers) -> None:
+        self.job, self.setup, self.output, self.checkpoint = job, job.setup, output, checkpoint
+        folder, rows = checkpoint.path.parent, notes.get("rows", ())
+        self.series = FieldSeries(folder, job.scene, notes.get("states", ()))
+        self.history = History(folder / "history.csv", job.scene.comm, rows)
 
     def accept(self, accepted: Accepted) -> None:
         scene, rows = self.setup.scene, self.history.rows
@@ -101,19 +92,18 @@ class StateWriter(Observer):
 
     def is_written(self) -> bool:
         """True if the last state is written for ParaView: at full load, as stages may follow."""
-        rows, kept = self.history.rows, (*self.settings.milestones, 1.0)
-        return (len(rows) - 1) % self.settings.every == 0 or rows[-1]["load"] in kept
+        rows, kept = self.history.rows, (*self.job.milestones, 1.0)
+        return (len(rows) - 1) % self.job.every == 0 or rows[-1]["load"] in kept
 
 
 class ProgressLog(Observer):
     """Tells how far the run of the `states` is from the load factor `start` on, and how long it
-    still takes, in the log and the status line; part: name of the part of several that it is."""
+    still takes, in the log and the status line."""
 
     MAX_SLOWDOWN = 1.5  # time of later steps over that of earlier ones, if all goes well
 
-    def __init__(self, states: StateWriter, newton: Newton, start: float, part: str) -> None:
-        self.rows, self.newton, self.output = states.history.rows, newton, states.output
-        self.stages, self.part = states.setup.stages, part
+    def __init__(self, states: StateWriter, newton: Newton, start: float) -> None:
+        self.states, self.rows, self.newton = states, states.history.rows, newton
         self.start = self.load = start
         self.size = self.seconds = 0.0  # of the last step
         self.began = self.step_began = time.monotonic()
@@ -132,7 +122,7 @@ class ProgressLog(Observer):
             f"{accepted.report.iterations} iterations"
         )
         if self.newton.scene.comm.rank == 0:
-            is_seen = status.on_terminal() or self.output.is_quiet
+            is_seen = on_terminal() or self.states.output.is_quiet
             log.log(logging.DEBUG if is_seen else logging.INFO, self.reached + self.left(0.0))
 
     def reject(self, load: float, report: Report) -> None:
@@ -157,5 +147,7 @@ class ProgressLog(Observer):
         return f", {tqdm.format_interval(low)} to {tqdm.format_interval(high)} left"
 
     def _name(self):
-        stage = next((name for end, name in self.stages if self.load <= end), "")
-        return ", ".join(filter(None, [self.part, stage])) or self.output.name
+        folder, output = self.states.series.directory, self.states.output
+        stages = [name for end, name in self.states.setup.stages if self.load <= end]
+        part = [folder.name] if folder != output.path else []
+        return ", ".join([*part, *stages[:1]]) or output.name

@@ -19,6 +19,10 @@ from ..solve.step_criteria import UNBALANCED
 
 MIN_CELLS = 7.0  # cells of a wave, from which on its height is within some per cent
 AIM = 7.5  # cells to be taken, as waves on finer ones may be shorter
+STILL = (
+    "nothing moves or loads the sheet: it stays as it was; a tool, a load or a support that moves "
+    "would, as `clamped_ends(stroke)`"
+)
 KERNEL_TOLERANCE = 1e-6  # of stresses of elements and kernel; usual is 1e-12
 
 
@@ -104,21 +108,15 @@ def doubts(result: Result, energy: Mapping[str, float], quantities: Numbers) -> 
     summary."""
     scene, in_space = result.scene, _in_space(result.scene)
     untouched = in_space.untouched_warning(scene) if in_space else ""
-    still = ""
-    if not (untouched or any(energy.values()) or scene.u.norm()):
-        still = (
-            "nothing moves or loads the sheet: it stays as it was; a tool, a load or a support "
-            "that moves would, as `clamped_ends(stroke)`"
-        )
+    is_still = not (untouched or any(energy.values()) or scene.u.norm())
     found = [
         *warnings_at_start(scene, formed=True),
         *fabric_doubts(result),
-        Reason(coarse_waves(quantities), of="wrinkles"),
-        Reason(ripples(quantities), of="wrinkles"),
+        *(Reason(each, of="wrinkles") for each in _of_waves(quantities)),
         untouched,
         in_space.plies_crossed(scene) if in_space else "",
         _mismatch(scene),
-        still,
+        STILL if is_still else "",
         *_of_path(result.rows, energy),
         *scene_output.warnings(scene),
     ]
@@ -155,26 +153,20 @@ def coarsest_waves(quantities: Numbers) -> dict[str, float]:
     return min(coarse, key=lambda each: each["cells_a_wave"], default={})
 
 
-def coarse_waves(quantities: Numbers) -> str:
-    """A sentence if a ply's wrinkles have few cells. quantities: of the summary."""
-    if not (least := coarsest_waves(quantities)):
-        return ""
-    return (
-        f"heights of wrinkles, up to {rounded(least['height_mm'])} mm, are rough, as "
-        f"{rounded(least['wavelength_mm'])} mm of a wave are {rounded(least['cells_a_wave'])} "
-        f"cells; take {AIM:g}: `nx` {rounded(AIM / least['cells_a_wave'])} times as large"
-    )
-
-
-def ripples(quantities: Numbers) -> str:
-    """A sentence if a ply has waves that are no wrinkles. quantities: of the summary."""
-    most: Numbers = max(_wrinkles(quantities), key=lambda each: each["ripples_mm"], default={})
-    if most.get("ripples_mm", 0.0) < MIN_HEIGHT:
-        return ""
-    return (
-        f"ripples of the mesh, up to {rounded(most['ripples_mm'])} mm high, are no wrinkles: cells "
-        f"or fabric make no waves shorter than {rounded(most['seen_mm'][0])} mm"
-    )
+def _of_waves(quantities):
+    """Sentences on wrinkles with few cells, and on waves that are no wrinkles."""
+    if least := coarsest_waves(quantities):
+        yield (
+            f"heights of wrinkles, up to {rounded(least['height_mm'])} mm, are rough, as "
+            f"{rounded(least['wavelength_mm'])} mm of a wave are {rounded(least['cells_a_wave'])} "
+            f"cells; take {AIM:g}: `nx` {rounded(AIM / least['cells_a_wave'])} times as large"
+        )
+    most = max(_wrinkles(quantities), key=lambda each: each["ripples_mm"], default=None)
+    if most and most["ripples_mm"] >= MIN_HEIGHT:
+        yield (
+            f"ripples of the mesh, up to {rounded(most['ripples_mm'])} mm high, are no wrinkles: "
+            f"cells or fabric make no waves shorter than {rounded(most['seen_mm'][0])} mm"
+        )
 
 
 def _mismatch(scene):

@@ -18,8 +18,7 @@ from numpy.typing import ArrayLike
 from ..contact.holder_pressure import BlankHolderPressure
 from ..contact.tool_contact import Contact
 from ..core.formatting import rounded
-from ..core.logs import MARKED, log
-from ..core.status import task
+from ..core.status import MARKED, log, task
 from ..energy.load import EdgeTension
 from ..energy.springs import Springs
 from ..energy.term import Term

@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from matplotlib.path import Path as Polygon
 
 from ..core.errors import InputError
-from ..core.logs import MARKED, log
+from ..core.status import MARKED, log
 from ..surfaces.double_dome import DoubleDome
 from ..surfaces.tool import Tool
 from .pictures import OUTLIERS, SHOWN, cells_range, colour_scale, draw_cells, figure, maps

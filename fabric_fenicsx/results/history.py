@@ -1,6 +1,7 @@
 """history.csv: one row an accepted step, written as it comes."""
 
 import csv
+import os
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -23,7 +24,7 @@ class History:
 
     def __init__(self, path: Path, comm: MPI.Comm, rows: Iterable[Numbers] = ()) -> None:
         self.rows = list(rows)
-        self._file = open(path, "w", newline="") if comm.rank == 0 else None
+        self._file = open(path if comm.rank == 0 else os.devnull, "w", newline="")
         for row in self.rows:
             self._write(row)
 
@@ -70,17 +71,15 @@ class History:
         self._write(row)
 
     def _write(self, row):
-        if self._file:
-            writer = csv.DictWriter(self._file, list(self.rows[0]))
-            if not self._file.tell():
-                writer.writeheader()
-            writer.writerow(row)
-            self._file.flush()
+        writer = csv.DictWriter(self._file, list(self.rows[0]))
+        if row is self.rows[0]:
+            writer.writeheader()
+        writer.writerow(row)
+        self._file.flush()
 
     def close(self) -> None:
         """Close the file."""
-        if self._file:
-            self._file.close()
+        self._file.close()
 
 
 def energy_balance(rows: Sequence[Numbers], energy: Mapping[str, float]) -> Numbers:

@@ -1,13 +1,11 @@
 """The folder of a run: locked against other runs, with the run's messages, tables, summary and
 report."""
 
-import json
-import math
 import platform
 import resource
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -21,20 +19,11 @@ from petsc4py import PETSc
 from ..core import timing
 from ..core.collective_errors import on_root
 from ..core.errors import InputError
-from ..core.files import csv_text, lock_folder, plain, replace_file
-from ..core.logs import MARKED, LogFile, log
+from ..core.files import csv_text, lock_folder, plain, replace_file, write_json
+from ..core.status import MARKED, LogFile, log
 from ..core.version import __version__
 from . import report
 from .verdict import INVALID, OK, Numbers, Reason
-
-
-def finite(value: Any) -> Any:
-    """The same, nested as it is, with None for numbers that JSON does not know."""
-    if isinstance(value, Mapping):
-        return {key: finite(each) for key, each in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [finite(each) for each in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 class Output:
@@ -84,14 +73,11 @@ class Output:
         if self.comm.rank == 0:
             log.info(text)
 
-    def say_assumed(self, name: str, values: Mapping[str, str]) -> None:
-        """Say which numbers {number: value} of the material `name` no test has determined, once,
-        unless warnings are quiet, too."""
-        numbers = ", ".join(f"{number} = {value}" for number, value in values.items())
-        text = f"no test has determined these numbers of {name}: {numbers}"
-        if values and not self.is_quiet and text not in self._said:
+    def remark(self, text: str) -> None:
+        """Say it once, unless warnings are quiet, too."""
+        if not self.is_quiet and text not in self._said:
             self.say(text)
-            self._said.add(text)
+        self._said.add(text)
 
     def warn(self, text: str) -> None:
         """Print a text once, on rank 0, as `tell`; the summary repeats it."""
@@ -177,27 +163,21 @@ class Output:
             "versions": self.VERSIONS,
         }
         summary = {"study": self.name, "ranks": self.comm.size} | facts | self.facts
-        return self._write(folder, plain(summary) | self._judged([], []) | costs)
+        return self.amend(folder, plain(summary), **costs)
 
-    def amend(self, folder: Path, summary: Numbers, **facts: Any) -> Numbers:
-        """`summary` with `facts` and what was warned of since it was written, written anew."""
-        judged = self._judged(summary.get("reasons", []), summary["warnings"])
-        return self._write(folder, {**summary, **plain(facts), **judged})
-
-    def _judged(self, reasons, warnings):
-        """Entries of the summary with the verdict, after these reasons and warnings."""
-        reasons = [*reasons, *(each._asdict() for each in self.reasons)]
+    def amend(self, folder: Path | None, summary: Numbers, **facts: Any) -> Numbers:
+        """`summary` with `facts`, and with verdict and warnings of what was said since it was
+        written, written anew; what is said and taken from now on is of the next one."""
+        reasons = [*summary.get("reasons", []), *(each._asdict() for each in self.reasons)]
         reasons.sort(key=lambda each: each["verdict"] != INVALID)
         verdict = reasons[0]["verdict"] if reasons else OK
-        return {"verdict": verdict, "reasons": reasons, "warnings": [*warnings, *self.warnings]}
-
-    def _write(self, folder, summary):
-        """The summary, written; what is said and taken from now on is of the next one."""
+        warnings = [*summary.get("warnings", []), *self.warnings]
+        judged = {"verdict": verdict, "reasons": reasons, "warnings": warnings}
+        summary = {**summary, **judged, **plain(facts)}
         timing.taken()
         self._started, self.warnings, self.reasons = time.perf_counter(), [], []
         if folder and self.comm.rank == 0:
-            text = json.dumps(finite(summary), indent=2, allow_nan=False) + "\n"
-            replace_file(folder / "summary.json", text)
+            write_json(folder / "summary.json", summary)
         return summary
 
     def report(self, description: str, ending: str, title: str = "") -> None:

@@ -85,10 +85,9 @@ def stack_quantities(
 
 def middle_of(sheets: Sequence[Any]) -> str:
     """Name of the middle sheet, if it is of fabric with metal on both sides of it; otherwise ""."""
-    middle = len(sheets) // 2
-    metals = [k for k, sheet in enumerate(sheets) if sheet.metal]
-    between = metals and metals[0] < middle < metals[-1]
-    return sheets[middle].name if sheets[middle].fabric and between else ""
+    k = len(sheets) // 2
+    between = all(any(each.metal for each in side) for side in (sheets[:k], sheets[k + 1 :]))
+    return sheets[k].name if sheets[k].fabric and between else ""
 
 
 def middle_quantities(result: Result, name: str) -> dict[str, float]:
@@ -159,10 +158,9 @@ def excess_length(result: Result, part: Part) -> float | None:
         low, high = measures.extremes(comm, across)
         at = across - low
         # a cell counts for the two strips beside its centre, the nearer one more
-        left = np.floor(at).astype(int)
-        strips = np.zeros(int(high - low) + 3)
-        np.add.at(strips, left, (1 - (at - left)) * lost)
-        np.add.at(strips, left + 1, (at - left) * lost)
+        left, size = np.floor(at).astype(int), int(high - low) + 3
+        strips = np.bincount(left, (1 - (at - left)) * lost, size)
+        strips += np.bincount(left + 1, (at - left) * lost, size)
         lengths.append(comm.allreduce(strips).max() / width)
     return float(max(lengths))
 

@@ -1,4 +1,5 @@
-"""The folder of a sweep: its press, in sweep.json, and the folder of each run."""
+"""Runs of a sweep: the values that each gives to keys of a press file, and the folders that keep
+them and the press, in sweep.json."""
 
 import dataclasses
 import hashlib
@@ -7,17 +8,121 @@ import math
 import re
 import shutil
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import NamedTuple
 
 from ..core.errors import InputError
-from ..core.files import lock_folder, plain, read_summary, replace_file
-from ..core.rules import did_you_mean
+from ..core.files import lock_folder, read_summary, write_json
+from ..core.rules import unknown_key
 from ..results.verdict import INVALID
-from .varied import Values, folder_name, label
 
 REFINED = "finer", "finest"  # folders of a run's own runs on the cells that waves need
+Values = Mapping[str, str]  # of a run {key: value as the press file would have it}
+
+
+class Range(NamedTuple):
+    """The numbers of `key` from `low` to `high`."""
+
+    key: str
+    low: float
+    high: float
+
+    def at(self, share: float) -> float:
+        """The number at a share, 0 to 1, of the range or its logarithm, to six digits."""
+        low, high = self.low, self.high
+        wide = is_wide([low, high])
+        value = low * (high / low) ** share if wide else low + share * (high - low)
+        return min(max(float(f"{value:.6g}"), low), high)
+
+    def share(self, value: float) -> float:
+        """The share, as of `at`, at which a number is."""
+        if is_wide([self.low, self.high]):
+            return math.log(value / self.low) / math.log(self.high / self.low)
+        return (value - self.low) / (self.high - self.low)
+
+
+def is_wide(numbers: Collection[float], times: float = 10.0) -> bool:
+    """True for numbers above 0 that are so many times apart, which are shown and spread by
+    logarithm."""
+    return min(numbers) > 0 and max(numbers) / min(numbers) >= times * (1 - 1e-9)
+
+
+def number(text: str) -> float | None:
+    """The number that a text is, or None."""
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def spelled(value: float) -> str:
+    """A number as runs are known by: 0.05 for 0.050 and 5e-2."""
+    return f"{value:.12g}"
+
+
+def lists(words: Sequence[str]) -> dict[str, list[str]]:
+    """The values {key: values} of words "KEY=VALUE,VALUE..."; values may be TOML's texts, lists
+    and tables. InputError for words of another form."""
+    values = {}
+    # what stands between commas that are in no quotes or brackets
+    closed = r"""'[^']*'|"[^"]*"|\[(?:[^][]|\[[^][]*\])*\]|\{[^{}]*\}"""
+    between = re.compile(rf"""((?:[^,"'[{{]|{closed}|.)*?),""")
+    for key, text in _by_key(words, "KEY=VALUE,VALUE...").items():
+        parts = map(str.strip, between.findall(text + ","))
+        values[key] = [*dict.fromkeys(p if number(p) is None else spelled(float(p)) for p in parts)]
+    return values
+
+
+def ranges(words: Sequence[str]) -> list[Range]:
+    """The ranges of words "KEY=LOW..HIGH"; InputError for words of another form."""
+    found = []
+    for key, text in _by_key(words, "KEY=LOW..HIGH").items():
+        low, high = map(number, text.partition("..")[::2])
+        if low is None or high is None or not -math.inf < low < high < math.inf:
+            allowed = "allowed with --scatter is KEY=LOW..HIGH with numbers, LOW below HIGH"
+            raise InputError(f"--vary {key}={text} is no range; {allowed}")
+        found.append(Range(key, low, high))
+    return found
+
+
+def _by_key(words, form):
+    """What stands behind each key of words."""
+    texts: dict[str, str] = {}
+    for word in words:
+        key, equals, text = word.partition("=")
+        if not (equals and re.fullmatch(r"[^.=]+(\.[^.=]+)*", key)):
+            raise InputError(f"--vary {word} is no key with values; allowed is {form}")
+        texts[key] = f"{texts[key]},{text}" if key in texts else text
+    return texts
+
+
+def label(values: Values) -> str:
+    """The values as a reader would write them, by as little of each key as tells them apart."""
+    return ", ".join(f"{name}={values[key]}" for key, name in short_names(values).items())
+
+
+def short_names(keys: Collection[str]) -> dict[str, str]:
+    """{key: the last words of it that no other key ends in}."""
+    names = {}
+    for key in keys:
+        words, others = key.split("."), [f".{other}" for other in keys if other != key]
+        ends = [".".join(words[-n:]) for n in range(1, len(words) + 1)]
+        unique = [e for e in ends if not any(other.endswith(f".{e}") for other in others)]
+        names[key] = [*unique, key][0]
+    return names
+
+
+def folder_name(values: Values, longest: int = 120) -> str:
+    """The name of a run's folder: its values, in letters that all file systems take, so many at
+    most."""
+    plain = label(values).replace(", ", "_")
+    name = re.sub(r"[^\w.=+-]+", "-", plain, flags=re.ASCII)
+    if name == plain and len(name) <= longest:
+        return name
+    mark = hashlib.sha256(plain.encode()).hexdigest()[:6]  # as two values may look alike now
+    return f"{name[:longest]}-{mark}"
 
 
 @dataclasses.dataclass
@@ -33,7 +138,6 @@ class Run:
 
     @property
     def label(self) -> str:
-        """Its values, as a reader would write them."""
         return label(self.values)
 
     @property
@@ -43,13 +147,11 @@ class Run:
         return [self.folder, *(each for each in finer if (each / "summary.json").is_file())][-1]
 
     def summary(self) -> dict:
-        """The summary.json of its results, {} if there is none yet."""
         return read_summary(self.results / "summary.json")
 
     def save(self) -> None:
-        """Write run.json into its folder."""
         state = {key: value for key, value in vars(self).items() if key != "folder"}
-        _write(self.folder / "run.json", state)
+        write_json(self.folder / "run.json", state)
 
     def memory(self) -> float:
         """The most that it took on all of its ranks [MiB], 0 as long as that is not known."""
@@ -71,7 +173,6 @@ class Run:
         return [r["text"] for r in reasons if not quantity or (r["of"] and r["of"] in quantity)]
 
     def is_at_full_load(self) -> bool:
-        """True once it reached the load, believed or not."""
         return self.summary().get("stroke_reached", 0) >= 1
 
     def is_done(self, options: Sequence[str]) -> bool:
@@ -84,27 +185,18 @@ class Run:
         if not (summary := self.summary()):
             return {}
         first = {name: summary.get(name) for name in ("reaction_N", "stroke_reached")}
-        wall = {"wall_s": summary.get("wall_s", {}).get("total")}
-        return flat(first | wall | summary.get("quantities", {}))
+        first["wall_s"] = summary.get("wall_s", {}).get("total")
+        return flat(first | summary.get("quantities", {}))
 
     def number(self, name: str) -> float:
         """The quantity `name`; InputError, which names the nearest, if it is not there."""
-        numbers = self.numbers()
-        if name not in numbers:
-            hint, allowed = did_you_mean(name, numbers), ", ".join(numbers)
-            where = f"not in the summary of {self.folder}{hint}"
-            raise InputError(f"quantity {name} is {where}; allowed is one of {allowed}")
+        if name not in (numbers := self.numbers()):
+            raise unknown_key(name, numbers, f"quantity {name} of {self.folder}")
         return numbers[name]
 
     def value(self, name: str) -> float:
         """The quantity `name`, nan where the run, or the quantity, is not believed."""
         return self.number(name) if self.is_believed() and not self.doubts(name) else math.nan
-
-
-def force_name(runs: Iterable[Run]) -> str:
-    """Name of the runs' force, if it is the same in all, else "force"."""
-    names = {run.summary().get("reaction_is", "force") for run in runs if run.summary()}
-    return names.pop() if len(names) == 1 else "force"
 
 
 def flat(values: Mapping[str, object], before: str = "") -> dict[str, float]:
@@ -116,10 +208,6 @@ def flat(values: Mapping[str, object], before: str = "") -> dict[str, float]:
         elif value is None or (isinstance(value, (int, float)) and not isinstance(value, bool)):
             numbers[f"{before}{name}"] = math.nan if value is None else value
     return numbers
-
-
-def _write(path, data):
-    replace_file(path, json.dumps(plain(data), indent=2) + "\n")
 
 
 class SweepFolder:
@@ -136,8 +224,13 @@ class SweepFolder:
         self.path, self.title = path, str(tomllib.loads(text).get("title", press.name))
         made_of = {"text": text, "files": _files_of(press, text)}
         self.state: dict = {"format": 2, "keys": list(keys), "press": made_of}
-        is_new = overwrite or not (path / "sweep.json").exists()
-        self._refuse_another(press, overwrite)
+        before = read_summary(path / "sweep.json")
+        if not before and any(not each.name.startswith(".") for each in path.glob("*")):
+            flaw = f"--out {path} holds files that no sweep wrote"
+            raise InputError(f"{flaw}; allowed is a folder of a sweep, an empty or a new one")
+        if before and not overwrite and (wrong := self._other(before, press.name)):
+            allowed = "another --out, or --overwrite, which loses the runs there"
+            raise InputError(f"--out {path} has {wrong}; allowed is {allowed}")
         path.mkdir(parents=True, exist_ok=True)
         self._lock = None if shared else lock_folder(path)
         if not (shared or self._lock):
@@ -149,29 +242,19 @@ class SweepFolder:
                 (path / name).unlink(missing_ok=True)
         runs = {file.parent: json.loads(file.read_text()) for file in path.glob("*/run.json")}
         self.runs = {folder.name: Run(folder=folder, **run) for folder, run in runs.items()}
-        if is_new:
+        if overwrite or not before:
             self.save()
 
-    def _refuse_another(self, press, overwrite):
-        """InputError for a folder that no sweep wrote, or one of another press or over other keys,
-        which may be overwritten."""
-        file, now = self.path / "sweep.json", self.state
-        if not file.exists():
-            if any(not each.name.startswith(".") for each in self.path.glob("*")):
-                flaw = f"--out {self.path} holds files that no sweep wrote"
-                raise InputError(f"{flaw}; allowed is a folder of a sweep, an empty or a new one")
-            return
-        before = json.loads(file.read_text())
-        if overwrite or all(before.get(key) == now[key] for key in now):
-            return
-        wrong = "a sweep of another version of this program"
-        if before["format"] == now["format"]:
-            wrong = f"a sweep over {', '.join(before['keys'])}, now it is {', '.join(now['keys'])}"
-            old, new = ({press: s["press"]["text"], **s["press"]["files"]} for s in (before, now))
-            for name, _ in old.items() ^ new.items():
-                wrong = f"runs of another press ({name} has changed since)"
-        allowed = "another --out, or --overwrite, which loses the runs there"
-        raise InputError(f"--out {self.path} has {wrong}; allowed is {allowed}")
+    def _other(self, before, press):
+        """What sweep it was `before`, if it was another one than now; else ""."""
+        now = self.state
+        if before["format"] != now["format"]:
+            return "a sweep of another version of this program"
+        old, new = ({press: s["press"]["text"], **s["press"]["files"]} for s in (before, now))
+        for name, _ in old.items() ^ new.items():
+            return f"runs of another press ({name} has changed since)"
+        keys = f"{', '.join(before['keys'])}, now it is {', '.join(now['keys'])}"
+        return f"a sweep over {keys}" if before["keys"] != now["keys"] else ""
 
     def run(self, values: Values) -> Run:
         """The run with these values, one of before or new."""
@@ -180,7 +263,7 @@ class SweepFolder:
 
     def save(self) -> None:
         """Write sweep.json."""
-        _write(self.path / "sweep.json", self.state)
+        write_json(self.path / "sweep.json", self.state)
 
     def close(self) -> None:
         """Let others use the folder."""

@@ -1,21 +1,152 @@
-"""Table, pictures and report of a sweep, from the files of its runs."""
+"""What the runs of a sweep tell: where a quantity is below a limit over one number, how it scatters
+where several numbers do and which of these matter; their table, pictures and report."""
 
 import csv
 import math
 import textwrap
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import qmc
 
-from ..core.errors import NOT_BELIEVED
+from ..core.errors import NOT_BELIEVED, InputError, SolverFailure
 from ..core.files import csv_text, replace_file
-from ..core.formatting import rounded
+from ..core.formatting import percent, rounded, with_error
 from ..results import report, states
 from ..results.pictures import curves, figure, maps
-from .answers import BOUNDS
-from .folder import Run, SweepFolder, force_name
-from .varied import is_wide, label, number, short_names
+from .folder import Range, Run, SweepFolder, Values, is_wide, label, number, short_names, spelled
+
+BOUNDS = 0.05, 0.95  # quantiles
+Limits = Sequence[tuple[str, float]]  # (quantity, what it is below)
+
+
+def limit_of(word: str) -> tuple[str, float]:
+    """Quantity and number of "QUANTITY=NUMBER"; InputError for another form."""
+    quantity, _, text = word.partition("=")
+    limit = number(text)
+    if not quantity or limit is None or not math.isfinite(limit):
+        raise InputError(f"--below {word} is no quantity with a number; allowed is QUANTITY=NUMBER")
+    return quantity, limit
+
+
+def below(runs: Sequence[Run], quantity: str, limit: float) -> str:
+    """Sentence on where `quantity` is below `limit`, over the one number that the runs vary, and
+    how far the cells may be off. Between believed runs with a value it is linear, over the
+    logarithm where numbers are far apart."""
+    (key,) = runs[0].values
+    name, points, others = short_names([key])[key], [], defaultdict(list)
+    for run in sorted(runs, key=lambda run: float(run.values[key])):
+        if math.isfinite(value := run.value(quantity)):
+            points.append((float(run.values[key]), value))
+        else:
+            doubt = "doubted, see the table" if run.doubts(quantity) else "without a value"
+            others[doubt if run.is_believed() else "not believed"].append(run.values[key])
+    notes = [f"left out, as {why}: {name} = {', '.join(x)}" for why, x in others.items()]
+    asked = f"{quantity} below {rounded(limit, 5)}"
+    if not points:
+        return "; ".join([f"{asked}: no run is believed and has a value", *notes])
+    x, y = np.array(points).T
+    slopes = np.sign(np.diff(y))
+    if (slopes > 0).any() and (slopes < 0).any():
+        notes.append("it neither falls nor rises throughout: look at trends.png")
+    errors = [run.summary().get("error", {}).get(quantity) for run in runs if run.is_believed()]
+    off = "all on these cells: `-- --error` tells how far they may be off, finer ones show it"
+    if sizes := [abs(error) for error in errors if error is not None]:
+        off = f"the cells' estimated error is up to {rounded(max(sizes), 2)}"
+    return "; ".join([f"{asked}: {_where(x, y, limit, name)}", *notes, off])
+
+
+def _where(x, y, limit, name):
+    """Where over x (n,) y (n,) is below the limit, in words."""
+    under, wide = y < limit, len(x) > 1 and is_wide(list(x))
+    if not under.any():
+        least = int(y.argmin())
+        return f"in no run; the least is {rounded(y[least], 4)} at {name} = {spelled(x[least])}"
+    if under.all():
+        return f"in all runs, from {name} = {x[0]:g} on"
+    scale, ends = np.log(x) if wide else x, []
+    for k in np.flatnonzero(np.diff(under)):
+        at = scale[k] + (limit - y[k]) / (y[k + 1] - y[k]) * (scale[k + 1] - scale[k])
+        place = f"{name} = {rounded(float(np.exp(at) if wide else at), 4)}"
+        ends.append(f"from {place} on" if under[k + 1] else f"up to {place}")
+    return f"{' and '.join(ends)} (between runs, interpolated)"
+
+
+def design(ranges: Sequence[Range], count: int) -> list[Values]:
+    """Values of a power of two of runs that fill the ranges evenly: Sobol's sequence, scrambled in
+    the same way in each call, of which a larger design has the smaller one as its beginning."""
+    points = qmc.Sobol(len(ranges), seed=1).random_base2(count.bit_length() - 1)
+    return [{r.key: spelled(r.at(share)) for r, share in zip(ranges, p)} for p in points]
+
+
+def spread(runs: Sequence[Run], ranges: Sequence[Range], quantity: str) -> dict:
+    """A quantity over believed runs: how many they are, mean, standard deviation, quantiles
+    `BOUNDS`; and of the regression that is linear in all numbers at once the effects, the largest
+    first, and the share of the variance that these leave.
+
+    An effect is the change from the low to the high end of a number's interval, with its standard
+    error and the number's share of the variance. Few runs determine nothing more: ranks, or Sobol'
+    indices of a fitted surface, would hide where straight lines do not do.
+    """
+    y = np.array([run.number(quantity) for run in runs])
+    X = np.array([[r.share(float(run.values[r.key])) for r in ranges] for run in runs]) - 0.5
+    A = np.column_stack([np.ones(len(y)), X])
+    slopes = np.linalg.lstsq(A, y, rcond=None)[0]
+    rest = ((y - A @ slopes) ** 2).sum() / (len(y) - A.shape[1])
+    errors = np.sqrt(rest * np.diag(np.linalg.inv(A.T @ A)))
+    parts = slopes[1:] ** 2 / 12  # variance of a straight line over evenly spread numbers
+    whole = parts.sum() + rest or 1.0
+    names = short_names([r.key for r in ranges]).values()
+    rows = np.column_stack([slopes[1:], errors[1:], parts / whole]).tolist()
+    effects = [
+        {"name": name, "low": r.low, "high": r.high, "change": b, "error": e, "share": share}
+        for name, r, (b, e, share) in zip(names, ranges, rows)
+    ]
+    return {
+        "runs": len(y),
+        "mean": float(y.mean()),
+        "deviation": float(y.std(ddof=1)),
+        "bounds": np.quantile(y, BOUNDS).tolist(),
+        "effects": sorted(effects, key=lambda each: -each["share"]),
+        "left": float(rest / whole),
+    }
+
+
+def _words(label, spread):
+    """What a person is told of a `spread`."""
+    mean, low, high = (rounded(each, 4) for each in (spread["mean"], *spread["bounds"]))
+    ends = f"90 % of {spread['runs']} runs between {low} and {high}"
+    deviation = f"standard deviation {rounded(spread['deviation'], 3)}"
+    lines = [f"{label}: mean {mean}, {deviation}, {ends}"]
+    for each in spread["effects"]:
+        change = with_error(f"{each['change']:+.3g}", each["change"], each["error"], 1)
+        where = f"{each['name']} from {each['low']:g} to {each['high']:g}"
+        lines.append(f"  {where}: {change}, {percent(each['share'], 2)} of the variance")
+    return "\n".join([*lines, f"  not by straight lines: {percent(spread['left'], 2)}"])
+
+
+def told(
+    runs: Sequence[Run], ranges: Sequence[Range], labels: Mapping[str, str], limits: Limits = ()
+) -> tuple[list[str], dict]:
+    """Sentences on the spread of the quantities {name: label} over believed runs, with the number
+    of runs below each limit, and the same for sweep.json. Raises SolverFailure for too few runs."""
+    sound = [run for run in runs if run.is_believed()]
+    if len(sound) < len(ranges) + 3:
+        raise SolverFailure(f"{len(sound)} of {len(runs)} runs are believed, too few to tell more")
+    known = set.intersection(*(set(run.numbers()) for run in sound))
+    names = [n for n in labels if n in known and all(math.isfinite(r.value(n)) for r in sound)]
+    spreads = {name: spread(sound, ranges, name) for name in names}
+    sentences = [_words(labels[name], each) for name, each in spreads.items()]
+    for name, limit in limits:
+        values = [y for run in sound if math.isfinite(y := run.value(name))]
+        count = f"{sum(y < limit for y in values)} of {len(values)}"
+        without = f", {n} have no value" if (n := len(sound) - len(values)) else ""
+        sentences.append(f"{name} below {rounded(limit, 5)}: in {count} runs{without}")
+    if lost := len(runs) - len(sound):
+        sentences.append(f"{lost} of {len(runs)} runs are not believed and left out")
+    return sentences, spreads
 
 
 def write(sweep: SweepFolder, answers: Sequence[str] = (), pictures: bool = True) -> None:
@@ -26,7 +157,13 @@ def write(sweep: SweepFolder, answers: Sequence[str] = (), pictures: bool = True
         "maps": "Shear angle, and shortening of both yarns",
     }
     runs = sorted(sweep.runs.values(), key=_place)
-    replace_file(sweep.path / "table.csv", _table(runs))
+    rows = [
+        {"run": run.folder.name, **run.values, "verdict": run.verdict()}
+        | {"converged": run.is_believed(), "reason": run.reason or "; ".join(run.doubts())}
+        | run.numbers()
+        for run in runs
+    ]
+    replace_file(sweep.path / "table.csv", csv_text(rows))
     columns = headlines(runs, sweep.state.get("asked", ()))
     files = {name: sweep.path / f"{name}.png" for name in captions}
     if pictures:
@@ -51,14 +188,10 @@ def _place(run):
     return [(value is None, value or 0.0, text) for value, text in values]
 
 
-def _table(runs):
-    """table.csv: a row a run, with values, verdict, doubts and all of its numbers."""
-    rows = []
-    for run in runs:
-        facts = {"run": run.folder.name, **run.values, "verdict": run.verdict()}
-        facts |= {"converged": run.is_believed(), "reason": run.reason or "; ".join(run.doubts())}
-        rows.append(facts | run.numbers())
-    return csv_text(rows)
+def force_name(runs: Iterable[Run]) -> str:
+    """Name of the runs' force, if it is the same in all, else "force"."""
+    names = {run.summary().get("reaction_is", "force") for run in runs if run.summary()}
+    return names.pop() if len(names) == 1 else "force"
 
 
 def headlines(runs: Iterable[Run], asked: Sequence[str] = ()) -> dict[str, str]:
@@ -82,9 +215,7 @@ def _row(run, keys, names):
     return {
         "values": [run.values.get(key, "") for key in keys],
         "numbers": [texts.get(name, "-") for name in names],
-        "believed": run.is_believed(),
-        "verdict": run.verdict() or "not run",
-        "reason": reason,
+        **{"believed": run.is_believed(), "verdict": run.verdict() or "not run", "reason": reason},
         "doubts": run.doubts() if run.is_believed() else [],
         "report": str(page.relative_to(run.folder.parent)) if page.is_file() else "",
     }
@@ -93,9 +224,8 @@ def _row(run, keys, names):
 def draw(
     files: Mapping[str, Path], runs: Sequence[Run], names: Mapping[str, str], scatter: bool = False
 ) -> None:
-    """Draw curves, trends and maps of runs with results into `files`, each where there is something
-    to draw; names: labels of the quantities whose trends are drawn {quantity: label}; scatter: True
-    of runs of a design, of which no maps are drawn."""
+    """Draw curves, trends {quantity: label} and maps of runs with results into `files`, each where
+    there is something to draw; scatter: True of runs of a design, of which no maps are drawn."""
     for file in files.values():
         file.unlink(missing_ok=True)
     _draw_curves(files["curves"], runs, scatter)
@@ -142,10 +272,9 @@ def _draw_trends(path, runs, names):
 def _draw_trend(ax, runs, key, name, most=8):
     """A quantity over a key, with a line for each values of the others, in a legend up to `most`;
     a cross is a run that is not believed."""
-    groups: dict[str, list[Run]] = {}
+    groups = defaultdict(list)
     for run in runs:
-        others = {other: value for other, value in run.values.items() if other != key}
-        groups.setdefault(label(others), []).append(run)
+        groups[label({k: v for k, v in run.values.items() if k != key})].append(run)
     for k, (group, mine) in enumerate(groups.items()):
         colour = f"C{k if len(groups) <= most else 0}"
         x = [float(run.values[key]) for run in mine]

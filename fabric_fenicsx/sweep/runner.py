@@ -21,8 +21,7 @@ from ..core.status import shown, task
 from ..material.presets import read_laws
 from ..press.press import Press
 from ..press.schema import OF_ALL_PLIES, short_forms
-from .folder import Run, SweepFolder
-from .varied import Range, Values, changes
+from .folder import Range, Run, SweepFolder, Values
 
 
 class SweepRun:
@@ -40,14 +39,14 @@ class SweepRun:
 
     def command(self, values: Values, folder: Path) -> list[str]:
         """The command of the run with these values into its folder, but for how it goes on."""
-        settings = [word for each in changes(values) for word in ("--set", each)]
+        settings = [word for pair in values.items() for word in ("--set", "=".join(pair))]
         ranks = on_ranks(self.ranks) if self.ranks > 1 else []
         start = [sys.executable, "-m", "fabric_fenicsx", "form", str(self.press)]
         return [*ranks, *start, *settings, "--out", str(folder), *self.options]
 
     def read(self, values: Values) -> Press:
         """The press with these values; InputError if it cannot have them."""
-        return Press.read(self.press, [*self._short_forms, *changes(values)])
+        return Press.read(self.press, [*self._short_forms, *map("=".join, values.items())])
 
     def scatter(self) -> list[Range]:
         """The intervals of the press's materials; one for all sheets of one fabric or metal."""
@@ -96,10 +95,10 @@ class Runner:
             return f"{sum(run.status is not None for run in todo)} of {len(todo)} runs have ended"
 
         def stop(number, _):
-            came.append(number)
+            came.append(signal.Signals(number).name)
             self._stop()
 
-        came: list[int] = []
+        came: list[str] = []
         stops = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
         before = {each: signal.signal(each, stop) for each in stops}
         try:
@@ -110,8 +109,7 @@ class Runner:
             for number, handler in before.items():
                 signal.signal(number, handler)
         if came:
-            name = signal.Signals(came[0]).name
-            raise Interrupted(f"stopped by {name}; the same command goes on from there")
+            raise Interrupted(f"stopped by {came[0]}; the same command goes on from there")
         return runs
 
     def _do(self, run):
@@ -136,11 +134,9 @@ class Runner:
                 raise
 
     def _start(self, run):
-        words = self.program.command(run.values, run.folder)
-        if (run.folder / "checkpoint.npz").exists():
-            words.append("--resume")
-        elif run.folder.exists():
-            words.append("--overwrite")
+        begun = (run.folder / "checkpoint.npz").exists()
+        again = ["--resume" if begun else "--overwrite"] if run.folder.exists() else []
+        words = self.program.command(run.values, run.folder) + again
         run.folder.mkdir(exist_ok=True)
         run.options = list(self.program.options)
         run.save()
@@ -164,12 +160,11 @@ class Runner:
             self._stopped = True
 
 
-def _last_words(run, own="fabric form: "):
+def _last_words(run):
     """A run's sentence on how it ended, else its last line; libraries of MPI may print after it."""
     text = (run.folder / "console.txt").read_text(errors="replace")
-    lines = re.split(r"[\r\n]+", text.strip())
-    last = ([line for line in lines if line.startswith(own)] or lines)[-1]
-    return re.sub(rf"^{own}(error: |stopped: )?", "", last) or "no words"
+    own = re.findall(r"^fabric form: (?:error: |stopped: )?(.+)", text, re.MULTILINE)
+    return (own or [line for line in text.splitlines() if line] or ["no words"])[-1]
 
 
 def _note(run, status):
@@ -179,8 +174,8 @@ def _note(run, status):
         memory = " (as the system does when memory is short)" if name == "SIGKILL" else ""
         run.reason = f"ended by {name}{memory}"
     elif not run.is_believed():
-        own = failure_reason(run.results / "summary.json")  # else of a later run
-        run.reason = (status == 3 and own) or _last_words(run)
+        own = status == 3 and failure_reason(run.results / "summary.json")  # else of a later run
+        run.reason = own or _last_words(run)
     if run.reason.startswith(("stopped by", "interrupted")):
         run.status = None  # by somebody else: the next call goes on with it
     run.save()

@@ -11,11 +11,10 @@ import pytest
 
 from fabric_fenicsx.cli import sweep
 from fabric_fenicsx.core.errors import InputError, SolverFailure
-from fabric_fenicsx.sweep import answers, results
-from fabric_fenicsx.sweep.answers import below
-from fabric_fenicsx.sweep.folder import Run
+from fabric_fenicsx.sweep import results
+from fabric_fenicsx.sweep.folder import Range, Run
+from fabric_fenicsx.sweep.results import below
 from fabric_fenicsx.sweep.runner import SweepRun
-from fabric_fenicsx.sweep.varied import Range
 
 
 @pytest.fixture
@@ -47,7 +46,7 @@ def test_scatter_of_four_runs(made):
     ranges = Range("m.b", 1.0, 1e4), Range("m.a", 0.0, 4.0)  # b counts by its logarithm
     places = {(1, 10): 7.5, (3, 10): 10.5, (1, 1000): 8.5, (3, 1000): 13.5}
     runs = [made({"m.b": b, "m.a": a}, quantities={"q": q}) for (a, b), q in places.items()]
-    found = answers.spread(runs, ranges, "q")
+    found = results.spread(runs, ranges, "q")
     assert (found["runs"], found["mean"]) == (4, pytest.approx(10))
     assert found["deviation"] == pytest.approx(math.sqrt(4 * (4 + 1 + 0.25) / 3))
     assert found["bounds"] == pytest.approx([7.65, 13.05])  # 15 % off the ends of three intervals
@@ -60,7 +59,7 @@ def test_scatter_of_four_runs(made):
     assert found["left"] == pytest.approx(1 / whole)
     lost = made({"m.b": 10, "m.a": 2}, status=3, quantities={"q": 99})
     labels, limits = {"q": "length [mm]"}, [("q", 8.5), ("q", 8.6)]
-    told, spreads = answers.told([*runs, lost], ranges[1:], labels, limits)
+    told, spreads = results.told([*runs, lost], ranges[1:], labels, limits)
     assert [*spreads] == ["q"] and told[0].splitlines() == [
         "length [mm]: mean 10, standard deviation 2.65, 90 % of 4 runs between 7.65 and 13.05",
         "  a from 0 to 4: +8 +- 3, 68 % of the variance",
@@ -69,17 +68,17 @@ def test_scatter_of_four_runs(made):
     assert told[1:3] == ["q below 8.5: in 1 of 4 runs", "q below 8.6: in 2 of 4 runs"]
     assert told[3].startswith("1 of 5 runs are not believed and left out")
     with pytest.raises(SolverFailure, match="4 of 5 runs are believed, too few"):
-        answers.told([*runs, lost], ranges, labels)
+        results.told([*runs, lost], ranges, labels)
 
 
 def test_a_design_fills_its_ranges():
     """Each number is once in each of as many equal intervals, of logarithms from tenfold on."""
     ranges = Range("a", 2.0, 10.0), Range("b", 1.0, 9.9), Range("c", 1.0, 10.0)
-    values = answers.design(ranges, 16)
+    values = results.design(ranges, 16)
     a, b, c = (np.array([float(each[key]) for each in values]) for key in "abc")
     for share in (a - 2) / 8, (b - 1) / 8.9, np.log10(c):
         assert sorted((16 * share).astype(int)) == [*range(16)]
-    assert answers.design(ranges, 8) == values[:8]
+    assert results.design(ranges, 8) == values[:8]
     assert [r.share(4.0) for r in ranges] == pytest.approx([0.25, 3 / 8.9, math.log10(4)])
 
 
