@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,16 +20,6 @@ from .contact_term import PlyThickness, ToolContactTerm
 from .coulomb import Friction
 from .sheet_contact import SheetContact
 from .tool_contact import Contact
-
-
-class _Accepted(NamedTuple):
-    """The last accepted state: the nodes' travel to the die (nodes,) [mm], pressure [MPa], pressed
-    areas (nodes,) [mm^2] and force on the sheet (3,) [N]."""
-
-    travel: np.ndarray
-    pressure: float
-    areas: np.ndarray
-    force: np.ndarray
 
 
 class BlankHolderPressure(ToolContactTerm):
@@ -124,14 +113,14 @@ class BlankHolderPressure(ToolContactTerm):
         self._start_friction()
 
     def _contact_with_die(self, scene):
-        die, up = (getattr(self._borne, name, None) for name in ("die", "up"))
-        if not die or self.coulomb or self.direction[2] * up <= 0:
+        """The contact along whose normals the pressure acts, if neither side has friction."""
+        die, up = getattr(self._borne, "die", None), getattr(self._borne, "up", 0.0)
+        contacts = (t for t in scene.terms if isinstance(t, Contact) and t.tool is die)
+        contact = next((each for each in contacts if not each.coulomb), None)
+        if self.coulomb or not contact or self.direction[2] * up <= 0:
             return None
-        for term in scene.terms:
-            if isinstance(term, Contact) and term.tool is die and not term.coulomb:
-                bind(term, scene)
-                return term
-        return None
+        bind(contact, scene)
+        return contact
 
     def set_load(self, load: float) -> None:
         """Set the pressure; InputError if it is not a number from 0 there."""
@@ -141,8 +130,9 @@ class BlankHolderPressure(ToolContactTerm):
             self.friction_state.begin(self.normal_forces())
 
     def accept(self) -> None:
-        force = self.nodes.total(self._pressing_forces())
-        self._accepted = _Accepted(self._travels()[0].copy(), self.now, self.areas, force)
+        # the nodes' travel to the die [mm], pressure and pressed areas of the accepted state
+        self._accepted = self._travels()[0].copy(), self.now, self.areas
+        self._force = self.nodes.total(self._pressing_forces())
         self.areas = self._next_areas = self._pressed()
         super().accept()
 
@@ -161,8 +151,9 @@ class BlankHolderPressure(ToolContactTerm):
 
     def work(self) -> float:
         """Done on this rank's nodes since the last accepted state, by trapezoids [N mm]."""
-        moved = self._travels()[0] - self._accepted.travel
-        pressed = 0.5 * (self._accepted.pressure + self.now) * float(self.areas @ moved)
+        travel, pressure, _ = self._accepted
+        moved = self._travels()[0] - travel
+        pressed = 0.5 * (pressure + self.now) * float(self.areas @ moved)
         return pressed + self._work_at_edge() + self._friction_work()
 
     def _work_at_edge(self):
@@ -170,19 +161,19 @@ class BlankHolderPressure(ToolContactTerm):
         [N mm]: the ply's face takes it as its pressure changes."""
         if not (self._die and self.part.is_whole):
             return 0.0
-        then, now = self.now * self._accepted.areas, self.normal_forces()
+        then, now = self.now * self._accepted[2], self.normal_forces()
         (depth, energy), (depth_now, energy_now) = map(self._die.pressed_by, (then, now))
         return float((energy_now - energy - now * (depth_now - depth)).sum())
 
     def memory(self) -> dict[str, np.ndarray]:
         """Areas pressed in the last accepted state (nodes, 1) [mm^2], if without friction."""
-        return super().memory() | ({"areas": self._accepted.areas[:, None]} if self._die else {})
+        return super().memory() | ({"areas": self._accepted[2][:, None]} if self._die else {})
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         super().recall(memory)
         if self._die:
             self.areas = memory["areas"][:, 0]
-            self._accepted = self._accepted._replace(areas=self.areas)
+            self._accepted = *self._accepted[:2], self.areas
 
     def energies(self) -> dict[str | None, float]:
         return {**super().energies(), None: -float(self.normal_forces() @ self._travels()[0])}
@@ -204,15 +195,15 @@ class BlankHolderPressure(ToolContactTerm):
         """How far each node has gone along the direction, or the die's normals (nodes,) [mm], the
         gradient of that (nodes, 3) and its Hessian (nodes, 3, 3) [1/mm]."""
         u = self.nodes.view()
-        if not self._die:
-            return u @ self.direction, self._normals(), np.zeros((len(u), 3, 3))
-        return tuple(-each for each in self._die.nearest(self.nodes.places + u, self.areas > 0))
+        if self._die:
+            return tuple(-each for each in self._die.nearest(self.nodes.places + u, self.areas > 0))
+        return u @ self.direction, self._normals(), np.zeros((len(u), 3, 3))
 
     def _normals(self):
         return np.tile(self.direction, (self.nodes.count, 1))
 
     def force(self) -> np.ndarray:
-        return self._accepted.force
+        return self._force
 
     def cell_fields(self) -> dict[str, Value]:
         share = self.areas / np.maximum(self.nodes.areas_now(), 1e-300)

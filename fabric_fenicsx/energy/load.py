@@ -34,20 +34,14 @@ def at_load(name: str, rule: Rule, given: float | Callable[[float], float], load
     return rule.check(name, given)
 
 
-class _DeadLoad(Term):
-    """A load of fixed direction whose size depends on the load factor alone. A subclass gives its
-    direction, and where it acts as a measure of UFL, to `_start`, and `_size(load)`."""
+class _Load(Term):
+    """Forces whose size depends on the load factor alone: `_size(load)` times `_forces`, of this
+    rank's degrees of freedom, at the displacements `_u`; `_work` is done on them."""
 
     _size: Callable[[float], float]
-
-    def _start(self, name, direction, measure):
-        unit = vector_on(self.blank, name, direction, unit=True)
-        test = self.blank.in_space(ufl.TestFunction(self.blank.V))
-        form = ufl.dot(test, ufl.as_vector(unit.tolist())) * measure
-        self._forces, self._u = assembled(form), self.blank.u  # at owned degrees of freedom
-        self._work = Work(follows=True)
-        self.set_load(0.0)
-        self.accept()
+    _forces: np.ndarray
+    _u: np.ndarray
+    _work: Work
 
     def set_load(self, load: float) -> None:
         self._load, self._now = load, self._size(load)
@@ -57,11 +51,6 @@ class _DeadLoad(Term):
 
     def reject(self) -> None:
         self._work.reject()
-
-    def work(self) -> float:
-        """Done on all of the sheet since the last accepted state, on rank 0 [N mm]."""
-        done = self._work.since(*self._state())
-        return done if self.blank.mesh.comm.rank == 0 else 0.0
 
     def stored(self) -> float:
         return -self._now * self._travel()
@@ -74,11 +63,30 @@ class _DeadLoad(Term):
 
     def _travel(self):
         """Travel of this rank's part of what is loaded, times its size [mm^2 or mm^3]."""
-        return float(self._forces @ self._u.x.array[: len(self._forces)])
+        return float(self._forces @ self._u)
 
     def _state(self):
         travel = self.blank.mesh.comm.allreduce(self._travel())
         return self._load, np.array([self._now]), np.array([travel])
+
+
+class _DeadLoad(_Load):
+    """A load of fixed direction. A subclass gives it, and where it acts as a measure of UFL, to
+    `_start`."""
+
+    def _start(self, name, direction, measure):
+        unit = vector_on(self.blank, name, direction, unit=True)
+        test = self.blank.in_space(ufl.TestFunction(self.blank.V))
+        self._forces = assembled(ufl.dot(test, ufl.as_vector(unit.tolist())) * measure)
+        self._u = self.blank.u.x.array[: len(self._forces)]
+        self._work = Work(follows=True)
+        self.set_load(0.0)
+        self.accept()
+
+    def work(self) -> float:
+        """Done on all of the sheet since the last accepted state, on rank 0 [N mm]."""
+        done = self._work.since(*self._state())
+        return done if self.blank.mesh.comm.rank == 0 else 0.0
 
 
 class DeadPressure(_DeadLoad):
@@ -171,7 +179,7 @@ class EdgeTension(_DeadLoad):
 RELEASED = "released"  # kind of energy
 
 
-class ReleaseForces(Term):
+class ReleaseForces(_Load):
     """Forces on the nodes, as tools exerted them, that fade with the load factor: all of them at
     load 0, none from 0.9 on.
 
@@ -193,11 +201,10 @@ class ReleaseForces(Term):
         self.reach = POSITIVE.check("reach of release forces [mm]", reach)
 
     def set_up(self, scene: SceneFacts) -> None:
-        blank = scene.blank
-        self._count = blank.V.dofmap.index_map.size_local
-        self._u = blank.u.x.array[: self._count * blank.mesh.geometry.dim]
+        dofs = scene.blank.V.dofmap.index_map.size_local * scene.blank.mesh.geometry.dim
+        self._u = scene.blank.u.x.array[:dofs]
         self.set_load(0.0)
-        self.take(np.zeros(len(self._u)))
+        self.take(np.zeros(dofs))
 
     def take(self, forces: np.ndarray) -> None:
         """Take forces (owned dofs,) [N] from here on, in the present state, on all ranks."""
@@ -217,27 +224,24 @@ class ReleaseForces(Term):
 
     def springback(self) -> np.ndarray:
         """Motion since the forces were taken, along the frame's axes, (owned nodes, gdim) [mm]."""
-        return self._moved().reshape(self._count, -1)
+        return (self._u - self._start).reshape(-1, self.blank.mesh.geometry.dim)
 
     def remaining(self) -> float:
         """Sizes of the forces that are left, added up on all ranks [N]."""
-        return self._share * self._whole()
+        return self._now * self._whole()
 
     def _whole(self):
-        sizes = np.linalg.norm(self._forces.reshape(self._count, -1), axis=1)
-        return self.blank.mesh.comm.allreduce(float(sizes.sum()), MPI.SUM)
+        sizes = np.linalg.norm(self._forces.reshape(-1, self.blank.mesh.geometry.dim), axis=1)
+        return self.blank.mesh.comm.allreduce(float(sizes.sum()))
 
-    def set_load(self, load: float) -> None:
+    def _size(self, load):
         # a sheet gets soft as the forces go that keep it tight
-        self._load, self._share = load, max(1.0 - load / self.NO_FORCES_FROM, 0.0) ** 6
+        return max(1.0 - load / self.NO_FORCES_FROM, 0.0) ** 6
 
     def accept(self) -> None:
         if self._work.memory()[:, 0].any():
             self._released -= self._since_accepted()
-        self._work.accept(*self._state())
-
-    def reject(self) -> None:
-        self._work.reject()
+        super().accept()
 
     def energies(self) -> dict[str | None, float]:
         """As in `Term`: their potential, and what was released up to the present state."""
@@ -245,16 +249,14 @@ class ReleaseForces(Term):
         released *= self.blank.mesh.comm.rank == 0  # known to all
         return {None: self.stored() - released, RELEASED: released}
 
-    def stored(self) -> float:
-        return -self._share * self._travel()
-
     def add_forces(self, f: np.ndarray) -> None:
-        f[: len(self._forces)] -= self._share * (self._forces - self._stiffness * self._moved())
+        bed = self._stiffness * (self._u - self._start)
+        f[: len(self._forces)] -= self._now * (self._forces - bed)
 
     def tangent(self) -> Triplets:
         first = self.blank.V.dofmap.index_map.local_range[0] * self.blank.mesh.geometry.dim
         dofs = (first + np.arange(len(self._u))).astype(PETSc.IntType)
-        return dofs, dofs, np.full(len(dofs), self._share * self._stiffness)
+        return dofs, dofs, np.full(len(dofs), self._now * self._stiffness)
 
     def applied_forces(self) -> np.ndarray:
         """As in `Term`: those at the start, as in the end no force is left to compare with."""
@@ -262,33 +264,26 @@ class ReleaseForces(Term):
 
     def memory(self) -> dict[str, np.ndarray]:
         """Work done, the same row at each node (nodes, k), and the nodes' start."""
-        row = np.append(self._work.memory(), self._released)
-        work = np.tile(row, (self._count, 1))
-        return {"work": work, "start": self._start.reshape(self._count, -1)}
+        start = self._start.reshape(-1, self.blank.mesh.geometry.dim)
+        work = np.tile(np.append(self._work.memory(), self._released), (len(start), 1))
+        return {"work": work, "start": start}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         firsts = self.blank.mesh.comm.allgather(memory["work"][:1])
-        row_of_all = next(row[0] for row in firsts if len(row))
-        self._work.recall(row_of_all[:-1].reshape(-1, 4))
-        self._released, self._start = float(row_of_all[-1]), memory["start"].ravel().copy()
+        *work, self._released = next(row[0].tolist() for row in firsts if len(row))
+        self._work.recall(np.reshape(work, (-1, 4)))
+        self._start = memory["start"].ravel().copy()
 
     def nodal_fields(self) -> dict[str, Value]:
         return {"springback": Value(self.springback() @ self.blank.frame, "mm")}
 
     def _travel(self):
         """Work of this rank's forces, less that of the springs [N mm]."""
-        moved = self._moved()
+        moved = self._u - self._start
         return float((self._forces - self._stiffness / 2 * moved) @ moved)
-
-    def _moved(self):
-        return self._u - self._start
 
     def _since_accepted(self):
         """Work of the forces since the last accepted state, of all ranks [N mm]."""
         work = self._work.since(*self._state())
-        gone = not self._share and self._work.memory()[:, 1].max() >= self.NO_FORCES_FROM
+        gone = not self._now and self._work.memory()[:, 1].max() >= self.NO_FORCES_FROM
         return 0.0 if gone else work  # as a parabola through states with forces is not
-
-    def _state(self):
-        travel = self.blank.mesh.comm.allreduce(self._travel(), MPI.SUM)
-        return self._load, np.array([self._share]), np.array([travel])

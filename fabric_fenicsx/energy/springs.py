@@ -77,19 +77,17 @@ class Springs(Term):
         self._preload = FROM_ZERO.check(f"preload of {name} [N]", preload)
         if (anchor is None) == (arm is None):
             raise InputError(f"{name} need one of `anchor` and `arm`")
-        self.where, self._anchor, self.arm = where, anchor, arm
+        self.where, self.arm = where, arm
+        self._vector: tuple = ("anchor", anchor) if arm is None else ("arm", arm)
 
     def set_up(self, scene: SceneFacts) -> None:
         blank, gdim = scene.blank, scene.blank.mesh.geometry.dim
         shares = self._shares()
         nodes = np.flatnonzero(shares)
         self._share, x = shares[nodes], blank.along(blank.coordinates()[nodes].T).T
-        if self.arm is not None:
-            arm = vector_on(blank, f"arm of {self.name} [mm]", self.arm)
-            self._from_anchor = -np.tile(blank.frame @ arm, (len(x), 1))
-        elif self._anchor is not None:
-            anchor = vector_on(blank, f"anchor of {self.name} [mm]", self._anchor)
-            self._from_anchor = x - blank.frame @ anchor
+        name, vector = self._vector
+        vector = blank.frame @ vector_on(blank, f"{name} of {self.name} [mm]", vector)
+        self._from_anchor = (x if self.arm is None else 0 * x) - vector
         self._lengths = np.linalg.norm(self._from_anchor, axis=1)
         size = np.ptp(blank.extent(), axis=0).max()
         if blank.mesh.comm.allreduce(self._lengths.min(initial=np.inf), MPI.MIN) < 1e-6 * size:
@@ -111,8 +109,7 @@ class Springs(Term):
             shares = assembled(side)[::gdim]
         except InputError:  # none is marked, on any rank
             shares = (self.part.nodes & where(blank.coordinates()[:owned].T)).astype(float)
-        whole = blank.mesh.comm.allreduce(float(shares.sum()))
-        if not whole:
+        if not (whole := blank.mesh.comm.allreduce(float(shares.sum()))):
             raise InputError(
                 f"`where` of {self.name} marks no node of {self.part.name or blank.name}; allowed "
                 "are 1 or more"
@@ -133,8 +130,8 @@ class Springs(Term):
         return float(self._share @ (pull**2 - self._preload**2)) / (2 * k)
 
     def add_forces(self, f: np.ndarray) -> None:
-        away, _, pull = self._now()
-        f[self._dofs] += (self._share * pull)[:, None] * away
+        forces = self.applied_forces()
+        f[: len(forces)] -= forces
 
     def tangent(self) -> Triplets:
         """As in `Term`: a block (gdim, gdim) for each node [N/mm]."""
@@ -145,19 +142,19 @@ class Springs(Term):
         return self._alone.rows, self._alone.cols, (self._share[:, None, None] * stiff).ravel()
 
     def applied_forces(self) -> np.ndarray:
+        away, _, pull = self._now()
         f = np.zeros(self.blank.V.dofmap.index_map.size_local * self.blank.mesh.geometry.dim)
-        self.add_forces(f)
-        return -f
+        f[self._dofs] = -(self._share * pull)[:, None] * away
+        return f
 
     def pull(self) -> float:
         """Sum of what the springs pull, whatever their directions, of all ranks [N]."""
-        return self.blank.mesh.comm.allreduce(float(self._share @ self._now()[2]), MPI.SUM)
+        return self.blank.mesh.comm.allreduce(float(self._share @ self._now()[2]))
 
     def force(self) -> np.ndarray:
         """Force of all springs on the sheet along x, y, z, (gdim,) [N]."""
         away, _, pull = self._now()
-        on_frame = -(self._share * pull) @ away
-        return self.blank.mesh.comm.allreduce(on_frame, MPI.SUM) @ self.blank.frame
+        return self.blank.mesh.comm.allreduce(-(self._share * pull) @ away) @ self.blank.frame
 
     def history(self) -> dict[str, Value]:
         return {f"{'_'.join(self.name.split())}_pull_N": total(self.pull())}

@@ -113,15 +113,20 @@ def _hold(press, laid, tools, schedule, friction, between):
         on_die = die if getattr(holder, "presses", True) else on_die
         site = HolderSite(
             name=name,
-            laid=laid,
-            planes=press.planes,
-            share=press.share,
             die=die,
             up=-press.tools[die.name].towards,
             thickness=press.thickness(),
+            laid=laid,
+            blank=laid.blank,
+            centre=laid.centre,
+            planes=press.planes,
+            share=press.share,
             interface=press.interface,
             friction=friction,
+            lag=press.interface.lag,
+            sheets=[sheet.name for sheet in laid.sheets] if laid.stack else [],
             against=stack.neighbours(between, laid.sheets),
+            rims=stack.rims(laid),
             taken=taken,
         )
         held[name] = terms = list(holder.terms(site))

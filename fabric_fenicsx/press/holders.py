@@ -1,6 +1,6 @@
 """Blank holders: each kind is one class, with its numbers and the terms with which it acts."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import ClassVar, Protocol
 
@@ -9,7 +9,7 @@ import numpy as np
 from ..contact.holder_pressure import BlankHolderPressure
 from ..core.errors import InputError
 from ..core.fields import KnowsItsFields, check_fields, documented, quantity
-from ..core.formatting import coordinates
+from ..core.formatting import coordinates, rounded
 from ..core.rules import FROM_ZERO, POSITIVE, repr_short
 from ..energy.load import EdgeTension
 from ..energy.springs import Springs
@@ -17,7 +17,10 @@ from ..energy.term import Term
 from ..surfaces.primitives import Plane
 from ..surfaces.surfaces import checked_vector
 from ..surfaces.tool import Tool
-from .site import EDGES, HolderSite, Region, Where
+from .site import HolderSite, Region, Where
+
+# edge of a rectangle around the blank -> axis, and which end of it
+EDGES = {"low x": (0, 0), "high x": (0, 1), "low y": (1, 0), "high y": (1, 1)}
 
 
 class Holder(Protocol):
@@ -36,9 +39,14 @@ class Holder(Protocol):
         """The terms with which it acts on the blank, new ones in each call."""
 
 
-def _mask():
-    """A field: function of points (3, n) [mm] to a mask (n,), in a file a table of a `Region`."""
-    return field(default=None, metadata={"table": Region})
+def _where(points):
+    """A field: where a segment of a holder acts, in a file by the table of a `Region`."""
+    text = f"function of {points} (3, n) [mm] to a mask (n,); segments must not overlap"
+    return field(default=None, metadata={"help": text, "table": Region})
+
+
+def _option(default, text):
+    return field(default=default, metadata={"help": text})
 
 
 class Kind(KnowsItsFields):
@@ -59,15 +67,8 @@ class Kind(KnowsItsFields):
 @dataclass(frozen=True)
 class PressureHolder(Kind):
     """A pressure on what lies on the flat face of the die, a tool that does not move: a number, or
-    a function of the load factor, 0 to 1 over the whole run.
-
-    Parameters
-    ----------
-    where
-        Function of present positions (3, n) [mm] to a mask (n,): where a segment of a holder
-        presses. Segments must not overlap.
-    against
-        Name of the die, needed if several tools could be it.
+    a function of the load factor, 0 to 1 over the whole run. A stack is pressed where all its
+    sheets lie on one another.
 
     Examples
     --------
@@ -79,21 +80,20 @@ class PressureHolder(Kind):
         *(2.0, FROM_ZERO, "pressure on what lies on the flange [MPa]"),
         doubt=(10.0, "pressures are in MPa (Pa over 1e6)"),
     )
-    where: Where | None = _mask()
-    against: str = ""
+    where: Where | None = _where("present positions")
+    against: str = _option("", "name of the die, needed if several tools could be it")
 
     def __post_init__(self) -> None:
         if not callable(self.pressure):
             super().__post_init__()
 
     def terms(self, site: HolderSite) -> list[Term]:
-        """As in `Holder`; a stack is pressed where all its sheets lie on one another."""
         if not callable(self.pressure):
-            site.warn(*check_fields(self, lambda name: f"{site.path}.{name}"))
+            site.warn(*check_fields(self, lambda name: f"holders.{site.name}.{name}"))
         if self.pressure == 0:
-            site.warn(f"{site.path}.pressure is 0: it does not hold the rim")
-        flange, where = site.on_flange(), site.pressed(self.where)
-        site.warn(*site.loose_ends())
+            site.warn(f"holders.{site.name}.pressure is 0: it does not hold the rim")
+        flange, where = site.on_flange(), _pressed(site, self.where)
+        site.warn(*_loose_ends(site))
         pressure = BlankHolderPressure(
             self.pressure,
             site.up,
@@ -108,8 +108,8 @@ class PressureHolder(Kind):
             return [pressure]
         if site.up[2] < 0:
             raise InputError(
-                f"{site.path} presses a stack downwards on {site.die.name}; allowed is a die "
-                "above the stack, or a holder that is a tool with a force"
+                f"holders.{site.name} presses a stack downwards on {site.die.name}; allowed is a "
+                "die above the stack, or a holder that is a tool with a force"
             )
         # sheets that reach beyond the lowest one can't sink below the holder's face
         face = Tool(Plane(-site.thickness / 2 * site.up, site.up), name=f"{site.name}'s face")
@@ -122,14 +122,6 @@ class PressureHolder(Kind):
 class ForceHolder(Kind):
     """A plate that a force pushes towards the die, with the blank between them.
 
-    Parameters
-    ----------
-    where
-        Function of points (3, n) [mm] of the flat blank to a mask (n,): the nodes that a segment
-        touches. Segments must not overlap.
-    against
-        As in `PressureHolder`.
-
     Examples
     --------
     >>> ff.ForceHolder(2e4).force
@@ -137,23 +129,18 @@ class ForceHolder(Kind):
     """
 
     force: float = quantity(1e5, POSITIVE, "force on the whole ply [N]")
-    where: Where | None = _mask()
-    against: str = ""
+    where: Where | None = _where("points of the flat blank")
+    against: str = _option("", "name of the die, needed if several tools could be it")
 
     def terms(self, site: HolderSite) -> list[Term]:
-        """As in `Holder`."""
-        return [_plate(site, site.thickness / 2, self.where, self.force * site.share)]
+        return _plate(site, site.thickness / 2, self.where, self.force * site.share)
 
 
 @documented
 @dataclass(frozen=True)
 class GapHolder(Kind):
-    """A plate at a fixed distance from the die, on the other side of the blank.
-
-    Parameters
-    ----------
-    where, against
-        As in `ForceHolder`.
+    """A plate at a fixed distance from the die, on the other side of the blank. When built, raises
+    InputError for a gap below half a thickness.
 
     Examples
     --------
@@ -164,39 +151,23 @@ class GapHolder(Kind):
     gap: float | None = quantity(
         None, POSITIVE, "distance of holder and die (1.1 thicknesses) [mm]"
     )
-    where: Where | None = _mask()
-    against: str = ""
+    where: Where | None = _where("points of the flat blank")
+    against: str = _option("", "name of the die, needed if several tools could be it")
 
     def terms(self, site: HolderSite) -> list[Term]:
-        """As in `Holder`. Raises InputError for a gap below half a thickness."""
         t = site.thickness
         gap = self.gap or 1.1 * t
         if gap < 0.5 * t:
-            flaw = f"{site.path}.gap is {gap:g}, which crushes the blank"
+            flaw = f"holders.{site.name}.gap is {gap:g}, which crushes the blank"
             raise InputError(f"{flaw}; allowed is from {t / 2:g} mm, half its thickness")
-        return [_plate(site, gap - t / 2, self.where)]
-
-
-def _plate(site, depth, where, force=0.0):
-    """Contact with a plate whose face is so far below the blank's middle, as seen from the die: it
-    touches what lies on the die's flat face, since it has the die's opening."""
-    flange, mask = site.on_flange(), site.pressed(where)
-    push = (lambda load: force * site.up) if force else None
-    tool = Tool(Plane(-depth * site.up, site.up), force=push, name=site.name)
-    return site.contact(tool, lambda x: (flange(x) > 0) & (mask(x) if mask else True))
+        return _plate(site, gap - t / 2, self.where)
 
 
 @documented
 @dataclass(frozen=True)
 class Grippers(Kind):
-    """A pull at the edges of a rectangular blank, outwards and within its plane.
-
-    Parameters
-    ----------
-    where
-        Function of points (3, n) [mm] of the flat blank to a mask (n,): parts of the edges.
-    edges
-        The edges that are gripped, some of "low x", "high x", "low y", "high y"; by default all.
+    """A pull at the edges of a rectangular blank, outwards and within its plane. When built, raises
+    InputError if no edge is gripped.
 
     Examples
     --------
@@ -205,36 +176,33 @@ class Grippers(Kind):
     """
 
     tension: float = quantity(5.0, FROM_ZERO, "pull at the edges of the ply [N/mm]")
-    where: Where | None = _mask()
-    edges: Sequence[str] = tuple(EDGES)
+    where: Where | None = _where("points of the flat blank")
+    edges: Sequence[str] = _option(tuple(EDGES), "edges that are gripped")
     presses: ClassVar[bool] = False
 
     def terms(self, site: HolderSite) -> list[Term]:
-        """As in `Holder`. Raises InputError if no edge is gripped."""
         if self.tension == 0:
-            site.warn(f"{site.path}.tension is 0: it does not hold the rim")
-        pulls: list[Term] = []
-        for name, outwards, edge in site.edges(self.edges):
-            if gripped := site.gripped(name, edge, self.where):
-                pulls.append(EdgeTension(self.tension, outwards, gripped))
+            site.warn(f"holders.{site.name}.tension is 0: it does not hold the rim")
+        pulls, x, mask = list[Term](), site.laid.flat_nodes().T, site.mask(self.where)
+        nodes = np.ones(x.shape[1])
+        for name, outwards, edge in _edges(site, self.edges):
+            if site.total(nodes, edge(x), mask(x)) > 1:  # more than a corner
+                grips = lambda x, edge=edge: edge(x) & mask(x)  # noqa: E731
+                site.take(name, grips, x, nodes, f"nodes of the edge {name}", most=1)
+                pulls.append(EdgeTension(self.tension, outwards, grips))
                 pulls[-1].name = f"{site.name}, {name}"
         if not pulls:
-            raise InputError(f"`where` of {site.path} marks no edge; allowed is a mask of one")
+            raise InputError(
+                f"`where` of holders.{site.name} marks no edge; allowed is a mask of one"
+            )
         return pulls
 
 
 @documented
 @dataclass(frozen=True)
 class SpringHolder(Kind):
-    """Springs that pull the blank outwards to fixed anchors; the sheets of a stack share each.
-
-    Parameters
-    ----------
-    edges
-        Edges with parallel springs, which together count as one spring; named as in `Grippers`.
-    at
-        Points (x, y) [mm] of the flat blank with one spring each, which pulls away from the blank's
-        centroid; needed without `edges`.
+    """Springs that pull the blank outwards to fixed anchors; the sheets of a stack share each. When
+    built, raises InputError for a point beyond a plane of symmetry.
 
     Examples
     --------
@@ -245,8 +213,12 @@ class SpringHolder(Kind):
     stiffness: float = quantity(None, FROM_ZERO, "of each spring, for the whole blank [N/mm]")
     preload: float = quantity(0.0, FROM_ZERO, "pull of each at the start, for the whole blank [N]")
     length: float = quantity(100.0, POSITIVE, "of each at the start [mm]")
-    edges: Sequence[str] = ()
-    at: Sequence[Sequence[float]] = ()
+    edges: Sequence[str] = _option((), "edges with parallel springs, which count as one spring")
+    at: Sequence[Sequence[float]] = _option(
+        (),
+        "points (x, y) [mm] of the flat blank with one spring each, away from its centroid, "
+        "needed without `edges`",
+    )
     presses: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
@@ -258,28 +230,27 @@ class SpringHolder(Kind):
             raise InputError("a `SpringHolder` needs `edges` or points `at`")
 
     def terms(self, site: HolderSite) -> list[Term]:
-        """As in `Holder`. Raises InputError for a point beyond a plane of symmetry."""
         planes, at = [*site.planes], [*site.planes.values()]
         springs: list[Term] = []
-        for name, outwards, edge in site.edges(self.edges):
-            cut = sum(not outwards[axis] for axis in planes)  # by planes across the edge
-            springs.append(self._spring(site, name, edge, 0.5**cut, outwards))
+
+        def add(name, where, share, outwards):
+            stiffness, preload = share * self.stiffness, share * self.preload
+            arm, name = self.length * outwards, f"{site.name}, {name}"
+            springs.append(Springs(where, stiffness, preload, arm=arm, name=name))
+
+        for name, outwards, edge in _edges(site, self.edges):  # cut by planes across the edge
+            add(name, edge, 0.5 ** sum(not outwards[axis] for axis in planes), outwards)
         for k, place in enumerate(np.array(self.at).reshape(-1, 2), 1):
             away = place - site.centre
             if (place[planes] < at).any() or not away.any():
                 raise InputError(
-                    f"{site.path}.at has the point {coordinates(place)} mm; allowed are points on "
-                    "the modelled part, but the blank's centroid, from which springs pull away"
+                    f"holders.{site.name}.at has the point {coordinates(place)} mm; allowed are "
+                    "points on the modelled part, but the blank's centroid, from which springs "
+                    "pull away"
                 )
             share, near = 0.5 ** int((place[planes] == at).sum()), site.laid.nearest_nodes(place)
-            outwards = np.append(away, 0.0) / np.linalg.norm(away)
-            springs.append(self._spring(site, f"point {k}", near, share, outwards))
+            add(f"point {k}", near, share, np.append(away, 0.0) / np.linalg.norm(away))
         return springs
-
-    def _spring(self, site, name, where, share, direction):
-        arm, name = self.length * direction, f"{site.name}, {name}"
-        stiffness, preload = share * self.stiffness, share * self.preload
-        return Springs(where, stiffness, preload, arm=arm, name=name)
 
 
 # entry of a file -> the kind of holder that has it
@@ -299,3 +270,54 @@ def segments(name: str, given: Holder | Sequence[Holder]) -> list[Holder]:
             "or an object with a method `terms(site)`, or a list of one or more"
         )
     return holders
+
+
+def _pressed(site, where):
+    """Function of points (3, n) to a mask (n,) of what a holder presses on the die's face and none
+    before it does, None for all of it: a node at the common limit of two segments is the first
+    one's. Raises InputError where they overlap by more than that."""
+    blank, mask = site.laid.blanks[0], site.mask(where)
+    x = blank.midpoints()
+    areas = np.where(site.on_flange()(x) > 0, blank.areas() / site.share, 0.0)
+    others = site.take(f"face of {site.die.name}", mask, x, areas, "mm2 of the blank")
+    if where is None and not others:
+        return None
+    return lambda x: np.all([mask(x), *(~other(x) for other in others)], axis=0)
+
+
+def _plate(site, depth, where, force=0.0):
+    """Contact with a plate whose face is so far below the blank's middle, as seen from the die: it
+    touches what lies on the die's flat face, since it has the die's opening."""
+    flange, mask = site.on_flange(), _pressed(site, where)
+    push = (lambda load: force * site.up) if force else None
+    tool = Tool(Plane(-depth * site.up, site.up), force=push, name=site.name)
+    return [site.contact(tool, lambda x: (flange(x) > 0) & (mask(x) if mask else True))]
+
+
+def _edges(site: HolderSite, names: Iterable[str]) -> Iterator[tuple[str, np.ndarray, Where]]:
+    """The modelled ones of the edges: name, direction outwards (3,), and mask of points."""
+    for name in names:
+        axis, end = EDGES[name]
+        if end or axis not in site.planes:
+            place = site.blank.extent()[end][axis]
+            mask = lambda x, axis=axis, place=place: abs(x[axis] - place) < 1e-6  # noqa: E731
+            yield name, (2 * end - 1) * np.eye(3)[axis], mask
+
+
+def _loose_ends(site):
+    """A sentence on each end of the smallest sheet, on the axes through the blank's centre, that
+    lies over the die's opening, where no blank holder presses it."""
+    extents = np.array([blank.extent() for blank in site.laid.blanks])
+    flange, reach, doubts = site.on_flange(), np.arange(200), []  # mm, within which it looks
+    for _, outwards, _ in _edges(site, EDGES):
+        end, across = (extents @ outwards).max(1).min(), 1 - abs(outwards)
+        middle = across * [*site.centre, 0.0]
+        share = flange(middle[:, None] + np.outer(outwards, end + reach))
+        if not share[0]:
+            away = f"{(share > 0).argmax()} mm" if share.any() else f"more than {len(reach)} mm"
+            doubts.append(
+                f"the smallest sheet ends over the die's opening at {'xy'[int(across.argmin())]} = "
+                f"{rounded(float(end * outwards.sum()), 4)} mm, {away} from the flange: the blank "
+                "holder does not press it there"
+            )
+    return doubts

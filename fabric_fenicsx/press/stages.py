@@ -102,18 +102,20 @@ class Schedule:
         for stage in self.stages:
             self._add(stage, f"stage.{stage.name.removeprefix('stage ')}")
         for name in tools:
-            gone = self._gone(name)
-            if min(gone) < 0 and max(gone) <= 0:
+            if min(gone := self._gone(name)) < 0 and max(gone) <= 0:
                 flaw = f"tools.{name} only moves away from the blank"
                 raise InputError(f"{flaw}; allowed are numbers above 0 in `moves`, towards it")
 
     def _add(self, stage, label):
         flaws = list[str]()
-        for kind, series in (("forces", self._forces), ("pressures", self._pressures)):
-            given = getattr(stage, kind)
+        of_kind = (
+            ("force", stage.forces, self._forces),
+            ("pressure", stage.pressures, self._pressures),
+        )
+        for kind, given, series in of_kind:
             flaws += [
-                f"{label}.{kind}.{name} needs a `{kind[:-1]}` from the start; those that have one "
-                f"are {', '.join(series) or 'none here'}"
+                f"{label}.{kind}s.{name} needs a `{kind}` from the start; those that have one are "
+                f"{', '.join(series) or 'none here'}"
                 for name in given
                 if name not in series
             ]
@@ -142,7 +144,7 @@ class Schedule:
 
     def _gone(self, name):
         """How far a tool has gone towards the blank at the joints [mm]."""
-        return [float(place @ self._tools[name].towards) for place in self._places[name]]
+        return np.array(self._places[name]) @ self._tools[name].towards
 
     def path(self, name: str, start: np.ndarray) -> Callable[[float], np.ndarray]:
         """Function of the load factor to where the tool's origin is, (3,) [mm]; start (3,)."""
@@ -152,17 +154,16 @@ class Schedule:
     def force(self, name: str, share: float) -> Callable[[float], np.ndarray] | None:
         """Function of the load factor to the force (3,) [N] of a tool on this share of the blank,
         None if it has none."""
-        whole, towards = self._forces.get(name), self._tools[name].towards
-        if whole is None:
+        if not (whole := self._forces.get(name)):
             return None
-        return lambda load: share * float(np.interp(load, self.joints, whole)) * towards
+        return lambda load: share * np.interp(load, self.joints, whole) * self._tools[name].towards
 
     def pressure(self, name: str) -> Callable[[float], float] | None:
         """Function of the load factor to a holder's pressure [MPa], if stages change it."""
-        values = self._pressures.get(name, [])
-        if len(set(values)) < 2:
-            return None
-        return lambda load: float(np.interp(load, self.joints, values))
+        values = self._pressures.get(name, [0.0])
+        return (
+            (lambda load: float(np.interp(load, self.joints, values))) if np.ptp(values) else None
+        )
 
     def closes_straight(self, name: str, die: str) -> bool:
         """Whether a tool moves only along z and by no force, and its die does not move."""
@@ -186,15 +187,17 @@ class Schedule:
         """For each stage the tool whose force and travel the curve shows: the one that moves
         furthest, else the one whose force changes most, or "" if none does."""
         leaders = [""] * len(self.stages)
-        for of_tools in (self._forces, self._places):
-            for k, changes in enumerate(self._changes(of_tools)):
+        for series in (self._forces, self._places):
+            for k, changes in enumerate(self._changes(series)):
                 if changes.any():
-                    leaders[k] = list(of_tools)[changes.argmax()]
+                    leaders[k] = [*series][changes.argmax()]
         return leaders
 
-    def _changes(self, of_tools):
+    def _changes(self, series):
         """By how much each stage changes the forces or places of each tool (stages, tools)."""
-        steps = [np.diff(np.reshape(v, (len(v), -1)), axis=0) for v in of_tools.values()]
+        steps = [
+            np.diff(values, axis=0).reshape(len(self.stages), -1) for values in series.values()
+        ]
         sizes = [np.linalg.norm(each, axis=1) for each in steps]
         return np.reshape(sizes, (len(sizes), len(self.stages))).T
 
@@ -204,5 +207,5 @@ class Schedule:
 
     def travel(self, load: float) -> float:
         """Travel of the leading tools in all stages up to a load factor [mm]."""
-        moves = self._changes(self._places).max(1)
-        return float(np.interp(load, self.joints, np.append(0.0, np.cumsum(moves))))
+        gone = np.append(0.0, self._changes(self._places).max(1).cumsum())
+        return float(np.interp(load, self.joints, gone))

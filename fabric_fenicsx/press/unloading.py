@@ -71,24 +71,46 @@ def unloading(
     >>> ff.unloading(strip, keep=["fixed grip"]).name
     'unloaded'
     """
-    before = result.scene
-    if result.summary.get("stroke_reached") != 1:
-        reached = result.summary.get("stroke_reached")
+    before, reached = result.scene, result.summary.get("stroke_reached")
+    if reached != 1:
         raise InputError(f"unloading needs a run that reached full load, not {reached} of it")
-    blank = before.blank
+    blank, kept = before.blank, _kept(before, keep)
     blank.u.x.array[:] = _formed.setdefault(before, blank.u.x.array.copy())
-    kept = _kept(before, keep)
     held = isostatic(blank, kept)
     thicknesses = [material.thickness for material in materials_of(before, blank.whole)]
     forces = _Release(min(thicknesses, default=1e-3 * float(np.ptp(blank.extent(), 0).max())))
     own = [term for term in before.terms if _stays(term, together)]
-    scene = _formed_scene(blank, own, forces, [*map(_where_it_was, kept), *held])
+    scene = _formed_scene(blank, own, forces, [*map(_at_full_load, kept), *held])
     scene.residual(scene.u.duplicate())
     outside = scene.forces.array.copy()
     for support in kept:  # what they bear stays
         outside[scene.supports.dofs_of[support.name][:, list(support.components)]] = 0.0
     forces.take(outside)
     return Job(Unloading(scene, forces, held), **{"path_tolerance": 1e-6} | changes)
+
+
+def _kept(scene, keep):
+    """Supports of a scene that stay: planes of symmetry, and those of the names in `keep`."""
+    names = [support.name for support in scene.supports]
+    if lost := [name for name in keep if name not in names]:
+        raise InputError(
+            f"`keep` names {lost[0]!r}; allowed are supports of the scene: {', '.join(names)}"
+        )
+    planes = [*planes_of_symmetry(scene.blank, scene.supports).values()]
+    return [each for each in scene.supports if each in planes or each.name in keep]
+
+
+def _stays(term, together):
+    """Whether a term belongs to the sheets, not to what forms them."""
+    if isinstance(term, SheetContact):
+        return together
+    stores = term.energy_kind is not None or term.energy is None
+    return stores and not overrides(term, "applied_forces")
+
+
+def _at_full_load(support):
+    """The same support, with the displacements at full load at any load."""
+    return replace(support, value=lambda x, load: support.at(x, 1.0), locates=False)
 
 
 def _formed_scene(blank, own, forces, supports):
@@ -108,23 +130,12 @@ def _formed_scene(blank, own, forces, supports):
     return scene
 
 
-def _kept(scene, keep):
-    """Supports of a scene that stay: planes of symmetry, and those of the names in `keep`."""
-    names = [support.name for support in scene.supports]
-    if lost := [name for name in keep if name not in names]:
-        raise InputError(
-            f"`keep` names {lost[0]!r}; allowed are supports of the scene: {', '.join(names)}"
-        )
-    planes = list(planes_of_symmetry(scene.blank, scene.supports).values())
-    return [each for each in scene.supports if each in planes or each.name in keep]
-
-
 class _Release(ReleaseForces):
     """Release forces that tell what becomes of the fabric."""
 
     def set_up(self, scene: SceneFacts) -> None:
         super().set_up(scene)
-        self._scene = scene
+        self._scene, self.parts = scene, [*scene.blank.parts.values()] or [scene.blank.whole]
 
     def largest(self, part: Part) -> float:
         """The largest springback of a node of a part, of all ranks [mm]."""
@@ -133,33 +144,17 @@ class _Release(ReleaseForces):
 
     def warnings(self) -> list[str]:
         """Of each sheet of fabric that keeps no shape, as its shear has no friction."""
-        blank = self.blank
-        fabrics = {p: fabric_of(self._scene, p) for p in blank.parts.values() or [blank.whole]}
         return [
-            f"{part.name or blank.name} springs back by up to {rounded(self.largest(part))} mm and "
-            "keeps no shape: fabric is elastic here and gives back all that it stored. Real fabric "
-            "keeps most of its shape; do not take this for its springback, but give its material a "
-            "`shear_friction`"
-            for part, fabric in fabrics.items()
-            if fabric and not fabric.shear_friction
+            f"{part.name or self.blank.name} springs back by up to {rounded(self.largest(part))} "
+            "mm and keeps no shape: fabric is elastic here and gives back all that it stored. Real "
+            "fabric keeps most of its shape; do not take this for its springback, but give its "
+            "material a `shear_friction`"
+            for part in self.parts
+            if (fabric := fabric_of(self._scene, part)) and not fabric.shear_friction
         ]
 
     def cell_fields(self) -> dict[str, Value]:
         return PlyThickness(self._scene).fields(0 * self.blank.areas())
-
-
-def _stays(term, together):
-    """Whether a term belongs to the sheets, not to what forms them."""
-    if isinstance(term, SheetContact):
-        return together
-    if overrides(term, "applied_forces"):
-        return False
-    return term.energy_kind is not None or term.energy is None
-
-
-def _where_it_was(support: Support) -> Support:
-    """The same support, with the displacements at full load at any load."""
-    return replace(support, value=lambda x, load: support.at(x, 1.0), locates=False)
 
 
 class Unloading(Setup):
@@ -172,18 +167,17 @@ class Unloading(Setup):
     def __init__(self, scene: Scene, forces: _Release, held: Sequence[Support]) -> None:
         super().__init__(scene)
         self.name, self._forces, self._held = "unloaded", forces, held
-        self._parts = list(scene.blank.parts.values()) or [scene.blank.whole]
 
     def measure(self, scene: Scene, load: float) -> tuple[float, float]:
         """The largest springback [mm], and the forces that are left [N]."""
-        return max(map(self._forces.largest, self._parts)), self._forces.remaining()
+        return max(map(self._forces.largest, self._forces.parts)), self._forces.remaining()
 
     def quantities(self, result: Result) -> dict[str, object]:
         """Springback, energies and the forces on fixed nodes."""
         scene, energy = self.scene, result.summary.get("energy") or self.scene.energies()
         dofs = [scene.supports.dofs_of[s.name][:, list(s.components)] for s in self._held]
         borne = sum(float(abs(scene.forces.array[each]).sum()) for each in dofs)
-        largest = {part.name: self._forces.largest(part) for part in self._parts}
+        largest = {part.name: self._forces.largest(part) for part in self._forces.parts}
         sheets = {name: {"springback_largest_mm": most} for name, most in largest.items()}
         return {
             "springback_largest_mm": max(largest.values()),
