@@ -8,6 +8,7 @@ from typing import Any
 import basix
 import dolfinx
 import dolfinx.geometry
+import dolfinx.la
 import dolfinx.plot
 import numpy as np
 import ufl
@@ -24,6 +25,7 @@ VERSION = tuple(int(n) for n in dolfinx.__version__.split(".")[:2])
 OLD, NEW = VERSION < (0, 8), VERSION >= (0, 11)
 if not OLD:
     import basix.ufl
+ADD = (dolfinx.la.ScatterMode if OLD else dolfinx.la.InsertMode).add  # values of ghosts
 
 end_with_reader()  # after petsc4py, which has a handler of its own
 

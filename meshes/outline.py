@@ -8,8 +8,8 @@ import math
 
 import meshio
 
-from fabric_fenicsx.io.outline_files import read_outline
-from fabric_fenicsx.sheet.outline import PATTERNS, outline_mesh
+from fabric_fenicsx.io.outlines import read_outline
+from fabric_fenicsx.sheet.sources import PATTERNS, outline_mesh
 
 parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
 parser.add_argument("outline", help="DXF, CSV of x and y [mm], or a mesh")

@@ -13,7 +13,7 @@ from ..core.errors import InputError
 from ..core.files import ending, failure_reason, replace_file
 from ..core.formatting import rounded
 from ..core.rules import POSITIVE, unknown_key
-from ..io.outline_files import read_trim_line
+from ..io.outlines import read_trim_line
 from ..results import pattern, space, states, structural
 from ..results.ply import planes_of
 from .options import Parser, option_type

@@ -14,54 +14,94 @@ from ..energy.bending import Bending
 from ..identification.curves import bias_normalised
 from ..job.job import Result
 from ..results import measures
-from ..scene.supports import Supports, clamped_ends
 from ..sheet.sheet import Values, YarnBending, declared_again
 from .pin_jointed import PinJointedStrip
-from .strip import Strip, StripSetup
+from .strip import Strip
 
 
-class BiasSetup(StripSetup):
-    """A `BiasExtension` on its mesh, beside the theory of inextensible yarns."""
+@documented
+@dataclass(frozen=True, kw_only=True)
+class BiasExtension(Strip, YarnBending):
+    """Tension of a woven strip whose yarns lie at +-45 deg to the load.
 
-    def prepare(self) -> None:
-        """Check the length, and set theory and stroke."""
+    Parameters
+    ----------
+    fabric : Law
+        The material, by default the preset `komeili`.
+
+    Raises
+    ------
+    InputError
+        For a value that is not allowed; by `build` for a strip that is too short.
+
+    References
+    ----------
+    Fig. 9 of Schäfer et al.
+
+    Examples
+    --------
+    >>> test = ff.BiasExtension(nx=4, element="P1", strain=0.05)
+    >>> result = test.job(steps=4).run()
+    >>> round(result.summary["quantities"]["theory_shear_angle_deg"], 2)
+    7.92
+    """
+
+    NAME = "bias_extension"
+    FULL = {"nx": 40, "steps": 20}
+    HEADLINES = (
+        "centre_shear_angle_deg",
+        "half_zone_shear_angle_deg",
+        "normalised_shear_force_N_per_mm",
+    )
+
+    fibre_angle: float = declared_again(Strip, "fibre_angle", default=45.0)
+
+    @property
+    def strip(self) -> PinJointedStrip:
+        """The same strip with inextensible yarns."""
+        a, (length, width) = math.radians(self.fibre_angle), self.high - self.low
+        return PinJointedStrip(length, width, a, a + math.radians(self.yarn_angle))
+
+    @property
+    def no_theory(self) -> str:
+        """Why inextensible yarns say nothing of this test, or ""."""
+        whole = abs(self.area / np.prod(self.high - self.low) - 1) < 1e-6
+        return self.strip.locked if whole else "the sheet is not the whole rectangle"
+
+    def doubts(self) -> list[str]:
+        """As of a strip; InputError for one that is too short."""
         length, width = self.high - self.low
         if length < 2 * width * (1 - 1e-9):
             raise InputError(
                 f"the strip is {rounded(length, 6)} mm long and {rounded(width, 6)} mm wide; "
                 "allowed is a length of 2 widths or more, for a zone of full shear"
             )
-        data, area = self.data, self.comm.allreduce(self.blank.areas().sum())
-        a, self.rest = math.radians(data.fibre_angle), self.membrane.weave_angle
-        # of inextensible yarns, and why it says nothing of this test
-        self.strip = PinJointedStrip(length, width, a, a + math.radians(data.yarn_angle))
-        whole = abs(area / (length * width) - 1) < 1e-6
-        self.no_theory = self.strip.locked if whole else "the sheet is not the whole rectangle"
-        self.at_45 = data.yarn_angle == 90 and data.fibre_angle % 90 == 45
-        super().prepare()
+        return super().doubts()
+
+    def defaults(self, nx: int) -> Values:
+        """As in `Strip`: also linear cells where yarns at +-45 deg bend."""
+        bends = self.in_plane_bending and not self.element and self.at_45
+        return super().defaults(nx) | ({"element": "P1"} if bends else {})
 
     def terms(self) -> Sequence[Bending]:
         """In-plane bending of yarns that the grips hold straight, if asked for."""
-        data, blank = self.data, self.blank
-        if not (data.in_plane_bending and data.bending_modulus):
+        along, modulus, in_plane = self.blank.along, self.bending_modulus, self.in_plane_bending
+        if not (in_plane and modulus):
             return []
         near, sides = 1e-6 * (self.high - self.low)[0], (self.low[0], self.high[0])
-        ends = [lambda x, at=at: abs(blank.along(x)[0] - at) < near for at in sides]
-        return [Bending(modulus=data.bending_modulus, in_plane=data.in_plane_bending, clamped=ends)]
-
-    def supports(self) -> Supports:
-        """Grips at both ends."""
-        return clamped_ends(self.stroke)
+        ends = [lambda x, at=at: abs(along(x)[0] - at) < near for at in sides]
+        return [Bending(modulus=modulus, in_plane=in_plane, clamped=ends)]
 
     def quantities(self, result: Result) -> Values:
         """Shear angles by zones, beside theory's, and the shear force as a test derives it."""
-        rows, gamma, strip = result.rows, np.abs(result.fields["shear_angle"]), self.strip
+        rows, gamma = result.rows, np.abs(result.fields["shear_angle"])
+        strip, rest = self.strip, self.membrane.weave_angle
         theory, found = [math.nan], Values()
         if not self.no_theory:
-            theory = [abs(strip.shear_angle(row["displacement_mm"], self.rest)) for row in rows]
+            theory = [abs(strip.shear_angle(row["displacement_mm"], rest)) for row in rows]
             found = self._by_zones(gamma)
         known = math.isfinite(theory[-1])
-        if self.at_45 and self.rest is None and known and theory[-1] > 0:
+        if self.at_45 and rest is None and known and theory[-1] > 0:
             reaction = [row["reaction_N"] for row in rows]
             force = bias_normalised(theory, reaction, strip.length, strip.width)
             found["normalised_shear_force_N_per_mm"] = float(force[-1])
@@ -112,47 +152,9 @@ class BiasSetup(StripSetup):
         if not self.no_theory:
             length, width = self.high - self.low
             x, stroke = np.linspace(0, length, 2001), result.rows[-1]["displacement_mm"]
-            theory = self.strip.shear_angles(x, np.full_like(x, width / 2), stroke, self.rest)
+            rest = self.membrane.weave_angle
+            theory = self.strip.shear_angles(x, np.full_like(x, width / 2), stroke, rest)
             if np.isfinite(theory).any():
                 series["inextensible yarns"] = (x, np.degrees(np.abs(theory)), "-")
         labels = "position along the axis / mm", "magnitude of the shear angle / deg"
         pictures.curves(folder / "axis.png", series, *labels)
-
-
-@documented
-@dataclass(frozen=True, kw_only=True)
-class BiasExtension(Strip, YarnBending):
-    """Tension of a woven strip whose yarns lie at +-45 deg to the load.
-
-    Parameters
-    ----------
-    fabric : Law
-        The material, by default the preset `komeili`.
-
-    Raises
-    ------
-    InputError
-        For a value that is not allowed; by `build` for a strip that is too short.
-
-    References
-    ----------
-    Fig. 9 of Schäfer et al.
-
-    Examples
-    --------
-    >>> test = ff.BiasExtension(nx=4, element="P1", strain=0.05)
-    >>> result = test.job(steps=4).run()
-    >>> round(result.summary["quantities"]["theory_shear_angle_deg"], 2)
-    7.92
-    """
-
-    SETUP = BiasSetup
-    NAME = "bias_extension"
-    FULL = {"nx": 40, "steps": 20}
-    HEADLINES = (
-        "centre_shear_angle_deg",
-        "half_zone_shear_angle_deg",
-        "normalised_shear_force_N_per_mm",
-    )
-
-    fibre_angle: float = declared_again(Strip, "fibre_angle", default=45.0)

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -11,14 +11,16 @@ from ..core.rules import POSITIVE, SHARE
 from ..job.job import Result
 from ..results import measures
 from ..scene.scene import Scene
+from ..scene.supports import Supports, clamped_ends
 from ..sheet.sheet import SheetFields, Values, declared_again
 from ..sheet.specimen import can_be_graded
-from .coupon import Coupon, CouponSetup
+from .coupon import Coupon
 
 
 @dataclass(frozen=True, kw_only=True)
 class Strip(Coupon):
-    """A strip of `fabric`, gripped at its ends, of which one moves."""
+    """A strip of `fabric`, gripped at its ends, of which one moves by `stroke`; a subclass says how
+    its yarns lie."""
 
     CHEAP_FROM = 1000
     SIDES = {"length": 200.0, "width": 50.0}
@@ -39,19 +41,20 @@ class Strip(Coupon):
     )
 
     def defaults(self, nx: int) -> Values:
-        """As in `Coupon`: also pattern and element, by the yarns."""
+        """As in `Coupon`: also the pattern, by the yarns."""
         values = super().defaults(nx)
         length, width = (values.get(name, getattr(self, name)) for name in self.SIDES)
-        off = math.remainder(self.fibre_angle - 45.0, 90.0), self.yarn_angle - 90.0
-        at_45 = max(map(abs, off)) < self.ANGLE_TOLERANCE
         if self.pattern is None and not self.sheet_file:
-            values["pattern"] = "crossed" if at_45 or self._has_yarns_along() else "yarns"
-            if at_45 and self.strain <= self.MAX_GRADED and can_be_graded(length, width):
+            values["pattern"] = "crossed" if self.at_45 or self._has_yarns_along() else "yarns"
+            if self.at_45 and self.strain <= self.MAX_GRADED and can_be_graded(length, width):
                 values["pattern"] = "graded"
-        bends = getattr(self, "in_plane_bending", 0.0)
-        if bends and not self.element and abs(off[0]) < self.ANGLE_TOLERANCE:
-            values["element"] = "P1"
         return values
+
+    @property
+    def at_45(self) -> bool:
+        """True if yarns lie at +-45 deg to the load."""
+        off = math.remainder(self.fibre_angle - 45.0, 90.0), self.yarn_angle - 90.0
+        return max(map(abs, off)) < self.ANGLE_TOLERANCE
 
     def points_of_p2(self, cells_follow_yarns: bool) -> str:
         """Inner where cells off the yarns would lock, but not where yarns lie along the load, as
@@ -62,42 +65,47 @@ class Strip(Coupon):
         yarns = self.fibre_angle, self.fibre_angle + self.yarn_angle
         return any(abs(math.remainder(yarn, 180.0)) <= 1.0 for yarn in yarns)
 
-
-class StripSetup(CouponSetup):
-    """A strip, gripped at its ends, of which one moves by `stroke` [mm]; a subclass says how its
-    yarns lie."""
+    def supports(self) -> Supports:
+        """Grips at both ends."""
+        return clamped_ends(self.stroke)
 
     def measure(self, scene: Scene, load: float) -> tuple[float, float]:
         """Displacement [mm] and reaction [N] of the moving grip."""
         return load * self.stroke, float(scene.reaction("moving grip")[0])
 
-    def coarser(self) -> Strip | None:
-        """As in `CouponSetup`, on quadratic cells along the yarns, which do not lock, but for
-        outlines, own meshes, in-plane bending, and if the run has such cells."""
-        data, sides = self.data, self.high - self.low
-        follows = data.pattern in ("yarns", "graded")
-        coarse = data.coarser(sides, 4 if self.blank.degree == 1 else 2)
-        bends = getattr(data, "in_plane_bending", 0.0)
-        if data.sheet_file or follows or bends or not coarse:
+    def coarser(self) -> Self | None:
+        """As in `Coupon`, on quadratic cells along the yarns, which do not lock, but for outlines,
+        own meshes, in-plane bending, and if the run has such cells."""
+        keeps = self.pattern in ("yarns", "graded") or getattr(self, "in_plane_bending", None)
+        coarse = self.with_larger_cells(self.high - self.low, 4 if self.blank.degree == 1 else 2)
+        if self.sheet_file or keeps or not coarse:
             return super().coarser()
-        return replace(coarse, pattern="yarns", element="P2", integration=None)
+        values: Values = {"pattern": "yarns", "element": "P2", "integration": None}
+        return replace(coarse, **values)
 
-    def prepare(self) -> None:
-        """Set stroke and centre, with their warnings."""
-        file, (length, width) = self.data.sheet_file, self.high - self.low
-        self.stroke, self.centre = self.data.strain * length, (self.low + self.high) / 2
-        self.has_centre = measures.covers(self.blank, self.centre)
-        if file and width > length:
-            sizes = f"{length:.4g} mm along x, in which it is pulled, and {width:.4g} mm along y"
-            words = f"{file} is {sizes}: turn it by 90 deg if it is a strip along y"
-            self.warnings.append(words)
-        if not self.has_centre:
-            self.warnings.append("the sheet has a hole at its centre, so nothing is known there")
+    @property
+    def stroke(self) -> float:
+        """Displacement of the moving grip at full load [mm]."""
+        return self.strain * (self.high - self.low)[0]
+
+    @property
+    def has_centre(self) -> bool:
+        """True if a cell lies at the centre; on all ranks together."""
+        return measures.covers(self.blank, (self.low + self.high) / 2)
+
+    def doubts(self) -> list[str]:
+        """On a strip along y, and a hole at the centre."""
+        length, width = self.high - self.low
+        sizes = f"{length:.4g} mm along x, in which it is pulled, and {width:.4g} mm along y"
+        across = f"{self.sheet_file} is {sizes}: turn it by 90 deg if it is a strip along y"
+        hole = "the sheet has a hole at its centre, so nothing is known there"
+        doubts = {across: self.sheet_file and width > length, hole: not self.has_centre}
+        return [words for words, is_true in doubts.items() if is_true]
 
     def near_centre(self) -> np.ndarray:
         """Mask of the owned cells within an eighth of the width of the centre (cells,)."""
-        radius = (self.high - self.low)[1] / 8
-        return measures.near(self.comm, self.blank.midpoints(), self.centre, radius)
+        (_, width), centre = self.high - self.low, (self.low + self.high) / 2
+        return measures.near(self.comm, self.blank.midpoints(), centre, width / 8)
 
     def ranges(self, result: Result) -> Values:
         """Least and largest strains and shear angles, and those between which 98 % of the area

@@ -9,18 +9,17 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from .surface_mesh import SurfaceMesh, surface_kind
-
 
 @dataclass
 class _Part:
     nodes: dict[int, list[float]] = field(default_factory=dict)
-    blocks: list[tuple[str, np.ndarray]] = field(default_factory=list)  # kind, numbers of nodes
+    blocks: list[tuple[int, np.ndarray]] = field(default_factory=list)
     others: dict[str, int] = field(default_factory=dict)
 
 
-def read_abaqus(path: Path) -> SurfaceMesh:
-    """The surface elements of an Abaqus input file [mm], instances where the assembly has them.
+def read_abaqus(path: Path) -> tuple[np.ndarray, list[tuple[int, np.ndarray]], dict[str, int]]:
+    """Points (n, 3) [mm] of an Abaqus input file, instances where the assembly has them; numbers of
+    corners and nodes (m, k) of its surface elements in blocks; and {kind: dimension} of others.
     Raises ValueError and OSError with the reason."""
     parts: dict[str, _Part] = {"": _Part()}
     placed: list[tuple[_Part, list[np.ndarray]]] = []
@@ -89,33 +88,27 @@ def _add_elements(part, of, rows):
         return
     nodes = int(known[1])
     cells = _numbers(rows, int).reshape(-1, nodes + 1)[:, 1:]  # behind the element's own number
-    part.blocks.append((surface_kind(3 if nodes in (3, 6) else 4, nodes), cells))
+    part.blocks.append((3 if nodes in (3, 6) else 4, cells))
 
 
 def _assembled(placed):
-    points: list[np.ndarray] = []
-    blocks: list[tuple[str, np.ndarray]] = []
-    others: dict[str, int] = {}
-    start = 0
-    for part, move in placed:
-        own = np.array(list(part.nodes), dtype=np.int64)
-        order = np.argsort(own)
-        for kind, cells in part.blocks:
+    """The mesh of parts where the rows of their instances have them: shifted, by zeros where
+    numbers are left out, and turned about an axis of two points by an angle [deg]."""
+    points, blocks, others, start = [], [], dict[str, int](), 0
+    for part, rows in placed:
+        own, order = np.array(list(part.nodes), dtype=np.int64), np.argsort(list(part.nodes))
+        for corners, cells in part.blocks:
             if (lost := np.setdiff1d(cells, own)).size:
                 raise ValueError(f"it lacks node {lost[0]} of an element")
-            blocks.append((kind, order[np.searchsorted(own, cells, sorter=order)] + start))
-        points.append(_moved(np.array(list(part.nodes.values())).reshape(-1, 3), move))
+            at = order[np.searchsorted(own, cells, sorter=order)]
+            blocks.append((corners, at + start))
+        x = np.array(list(part.nodes.values())).reshape(-1, 3)
+        x = x + [*(rows[0] if rows else ()), 0, 0, 0][:3]
+        for row in rows[1:]:
+            foot, axis = row[:3], row[3:6] - row[:3]
+            turn = Rotation.from_rotvec(np.radians(row[6]) * axis / np.linalg.norm(axis))
+            x = turn.apply(x - foot) + foot
+        points.append(x)
         others |= part.others
         start += len(own)
-    return SurfaceMesh.collected(np.vstack(points), blocks, others)
-
-
-def _moved(x, rows):
-    """Points where the rows of an instance have them: shifted, by zeros where numbers are left out,
-    and turned about an axis of two points by an angle [deg]."""
-    x = x + [*(rows[0] if rows else ()), 0, 0, 0][:3]
-    for row in rows[1:]:
-        foot, axis = row[:3], row[3:6] - row[:3]
-        turn = Rotation.from_rotvec(np.radians(row[6]) * axis / np.linalg.norm(axis))
-        x = turn.apply(x - foot) + foot
-    return x
+    return np.vstack(points), blocks, others

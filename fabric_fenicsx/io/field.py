@@ -172,14 +172,35 @@ def from_entry(value: object, path: str, found: Callable[[object, str], str]) ->
     return Field(found(value.get("file"), f"{path}.file"), str(value.get("field", "")))
 
 
-# Readers raise ValueError with the reason.
-
-
 def _read(path, name):
-    """Places (n, 2 or 3) [mm] and values (n,) of the points in a file, each place once."""
+    """Places (n, 2 or 3) [mm] and values (n,) of the points in a file, each place once. Raises
+    ValueError with the reason."""
     check_file(path, "file", ALLOWED)
     is_table = ending(path) in (".csv", ".txt", ".dat")
-    places, values = _of_table(path, name) if is_table else _of_mesh(path, name)
+    if is_table:
+        table, kind = table_of(read_lines(path), ("x", "y", "z").__contains__), "columns"
+        names = [each for each in table.names if each not in ("x", "y", "z")]
+    else:
+        import meshio
+
+        try:
+            mesh, kind = meshio.read(path), "fields at points"
+        except (Exception, SystemExit) as error:  # meshio raises whatever its parsing stumbles on
+            raise ValueError(f"can't be read ({error}); allowed is {ALLOWED}") from None
+        fields = {k: np.asarray(v, float) for k, v in mesh.point_data.items() if np.ndim(v) == 1}
+        names = list(fields)
+    one = name or (names[0] if len(names) == 1 else "")
+    if one not in names:
+        found = f"has the {kind} {', '.join(names) or 'x, y alone'}{name and f', not {name!r}'}"
+        raise ValueError(f"{found}; allowed is one, or one of them that `field` names")
+    if is_table:
+        units = dict.fromkeys(("x", "y", "z"), {None: 1.0, "mm": 1.0})
+        units[one] = dict.fromkeys((None, "deg", "mm", "deg C", "C", "-"), 1.0)
+        columns = columns_of(table, units, ("z",))
+        values = columns.pop(one)
+        places = np.stack([*columns.values()], 1)
+    else:
+        values, places = fields[one], np.asarray(mesh.points, float)
     once, first, which = np.unique(places.round(9), axis=0, return_index=True, return_inverse=True)
     others = values[first][which.ravel()]
     for k in np.flatnonzero(abs(values - others) > 1e-9 * np.maximum(abs(values), 1.0))[:1]:
@@ -187,33 +208,3 @@ def _read(path, name):
         raise ValueError(f"at {coordinates(places[k])} mm there are the values {both}")
     is_flat = once.shape[1] == 3 and np.ptp(once[:, 2]) < 1e-9
     return once[:, :2] if is_flat else once, values[first]
-
-
-def _of_table(path, name):
-    table = table_of(read_lines(path), ("x", "y", "z").__contains__)
-    name = _chosen([each for each in table.names if each not in ("x", "y", "z")], name, "column")
-    units = dict.fromkeys(("x", "y", "z"), {None: 1.0, "mm": 1.0})
-    units[name] = dict.fromkeys((None, "deg", "mm", "deg C", "C", "-"), 1.0)
-    columns = columns_of(table, units, ("z",))
-    values = columns.pop(name)
-    return np.stack([*columns.values()], 1), values
-
-
-def _of_mesh(path, name):
-    import meshio
-
-    try:
-        mesh = meshio.read(path)
-    except (Exception, SystemExit) as error:  # meshio raises whatever its parsing stumbles on
-        raise ValueError(f"can't be read ({error}); allowed is {ALLOWED}") from None
-    fields = {k: np.asarray(v, float) for k, v in mesh.point_data.items() if np.ndim(v) == 1}
-    values = fields[_chosen(list(fields), name, "field at points")]
-    return np.asarray(mesh.points, float), values
-
-
-def _chosen(names, name, kind):
-    """The name that is asked for, or the only one there is."""
-    if name in names or (not name and len(names) == 1):
-        return name or names[0]
-    found = f"has the {kind}s {', '.join(names) or 'x, y alone'}{name and f', not {name!r}'}"
-    raise ValueError(f"{found}; allowed is one, or one of them that `field` names")

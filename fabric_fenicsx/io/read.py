@@ -5,6 +5,7 @@ import re
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,10 +13,10 @@ from ..core.errors import InputError
 from ..core.files import check_file, ending
 from ..core.processes import in_child
 from .abaqus import read_abaqus
-from .surface_mesh import SurfaceMesh, surface_kind
 
 READ = "a mesh that gmsh, PyVista or meshio reads"
 NASTRAN = ".bdf", ".nas", ".dat", ".fem"
+GMSH = ".unv", ".ply2", ".p3d", *NASTRAN
 # how whole files end, which libraries read without a word where they are cut off
 ENDS = {
     (".step", ".stp"): rb"END-ISO-10303-21\s*;",
@@ -25,42 +26,50 @@ ENDS = {
     (".obj", ".ply2"): rb"\n$",
     NASTRAN: rb"\n$|ENDDATA\s*$",
 }
-# a node of Nastran with its coordinate system, of which gmsh knows nothing: separated by commas, in
-# fields of 16 columns, in fields of 8
-_GRID = re.compile(
-    r"^ *GRID(?: *\*? *,[^,\n]*, *(\d+)|\* {3}.{16}([ \d]{16})| {4}.{8}([ \d]{8})).*$",
-    re.MULTILINE | re.IGNORECASE,
-)
+
+
+class SurfaceMesh(NamedTuple):
+    """A mesh in a file: points (n, 3) [mm]; surface cells (m, k) by meshio's name of their kind, as
+    triangle, quad9 or polygon5, in gmsh's order of nodes; other kinds with their dimension."""
+
+    points: np.ndarray
+    cells: dict[str, np.ndarray]
+    others: dict[str, int]
 
 
 def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh:
-    """The mesh in a file, with surface cells; `what` and `allowed` are words of errors."""
+    """The mesh in a file, with surface cells, each once; `what` and `allowed` are words of
+    errors."""
     check_file(path, what, allowed)
     check_end(path, what)
     kind = ending(path)
+    own = {".stl": _stl, ".inp": read_abaqus, ".obj": _obj}.get(kind)
     # gmsh would run a .msh that does not begin with $, as those of Ansys, as a script
-    is_gmsh = kind == ".msh" and path.read_bytes().startswith(b"$")
-    is_gmsh = is_gmsh or kind in (".unv", ".ply2", ".p3d", *NASTRAN)
+    is_gmsh = path.read_bytes().startswith(b"$") if kind == ".msh" else kind in GMSH
     is_vtk = re.fullmatch(r"\.(vt\w+|pv\w+|e|exo|ex2)", kind)
     library = _by_gmsh if is_gmsh else _by_pyvista if is_vtk else _by_meshio
     try:
-        if reader := {".stl": read_stl, ".inp": read_abaqus, ".obj": _read_obj}.get(kind):
-            mesh = reader(path)
-        else:
-            mesh = SurfaceMesh.collected(*in_child(library, path.absolute()))
+        points, blocks, others = own(path) if own else in_child(library, path.absolute())
     except (RuntimeError, ValueError, OSError) as error:
         raise InputError(
             f"{what} {path} cannot be read as {kind or 'a mesh'} ({error}); allowed is {allowed}"
         ) from None
-    if not mesh.cells:
-        raise InputError(
-            f"{what} {path} holds no surface cells, but {sorted(mesh.others) or 'nodes alone'}; "
-            f"allowed is {allowed}, with triangles or quadrilaterals"
-        )
-    last = len(mesh.points) - 1
-    if not all(0 <= cells.min() and cells.max() <= last for cells in mesh.cells.values()):
-        raise InputError(f"{what} {path} lacks nodes of its cells; allowed is a whole file")
-    return mesh
+    parts: dict[str, list[np.ndarray]] = {}
+    for corners, nodes in (block for block in blocks if len(block[1])):
+        name, count = {3: "triangle", 4: "quad"}.get(corners, f"polygon{corners}"), nodes.shape[1]
+        parts.setdefault(name if count == corners else f"{name}{count}", []).append(nodes)
+    flaw, x, cells = "", np.pad(points, ((0, 0), (0, 3 - np.shape(points)[1]))).astype(float), {}
+    for name, each in parts.items():
+        nodes = np.concatenate(each).astype(np.int64)
+        cells[name] = nodes[np.sort(np.unique(nodes, axis=0, return_index=True)[1])]
+        if nodes.min() < 0 or nodes.max() >= len(x):
+            flaw = "lacks nodes of its cells; allowed is a whole file"
+    if not cells:
+        flaw = f"holds no surface cells, but {sorted(others) or 'nodes alone'}; allowed is "
+        flaw += f"{allowed}, with triangles or quadrilaterals"
+    if flaw:
+        raise InputError(f"{what} {path} {flaw}")
+    return SurfaceMesh(x, cells, others)
 
 
 def check_end(path: Path, what: str) -> None:
@@ -71,10 +80,15 @@ def check_end(path: Path, what: str) -> None:
         raise InputError(f"{what} {path} {flaw}; allowed is a whole file")
 
 
-def read_stl(path: Path) -> SurfaceMesh:
-    """The triangles of an STL file [mm] as they are met, which no library reads: binary ones that
-    begin with "solid" or end in further bytes, text with capitals, tabs, decimal commas. Corners at
-    one place are one point. Raises ValueError with the reason for one that is cut off or no STL."""
+# Readers give points (n, 2 or 3), numbers of corners and nodes (m, k) of surface cells in blocks,
+# and {kind: dimension} of others. They raise ValueError with the reason, and libraries in them
+# whatever their parsing stumbles on.
+
+
+def _stl(path):
+    """Triangles as they are met, which no library reads: binary ones that begin with "solid" or end
+    in further bytes, text with capitals, tabs, decimal commas. Corners at one place are one
+    point."""
     data = path.read_bytes()
     header, facet = 84, 50  # bytes; a facet is its normal, three corners and two bytes
     count = int.from_bytes(data[header - 4 : header], "little")
@@ -82,56 +96,52 @@ def read_stl(path: Path) -> SurfaceMesh:
         more, rest = (len(data) - header) // facet - count, data[header + facet * count :]
         if more and any(rest):
             raise ValueError(f"it counts {count} triangles in its header and holds {count + more}")
-        facets = np.frombuffer(data, np.dtype([("x", "<f4", (4, 3)), ("-", "<u2")]), count, header)
-        corners = facets["x"][:, 1:].reshape(-1, 3).astype(float)
+        rows = np.frombuffer(data, np.dtype([("x", "<f4", (4, 3)), ("-", "<u2")]), count, header)
+        corners = rows["x"][:, 1:].reshape(-1, 3).astype(float)
     else:
-        size = len(data) - header
-        flaw = f"it tells of {count} triangles and holds {size} bytes of them: cut off"
-        corners = _stl_text(data, flaw)
+        facets = len(re.findall(rb"(?<!\S)facet\s+normal(?!\S)", data, re.IGNORECASE))
+        if b"\0" in data and not facets:
+            size = len(data) - header
+            raise ValueError(
+                f"it tells of {count} triangles and holds {size} bytes of them: cut off"
+            )
+        vertices = re.findall(rb"(?<!\S)vertex\s+(\S+)\s+(\S+)\s+(\S+)", data, re.IGNORECASE)
+        # letters in which a text ends
+        if not facets or len(vertices) != 3 * facets or b"endsolid" not in data[-1000:].lower():
+            raise ValueError(
+                f"it has {len(vertices)} vertices in {facets} facets, or no `endsolid`"
+            )
+        spelled = bytes.maketrans(b",dD", b".ee")  # decimal commas, exponents of Fortran
+        corners = np.array([[word.translate(spelled) for word in x] for x in vertices], float)
     points, number = np.unique(corners, axis=0, return_inverse=True)
-    return SurfaceMesh.collected(points, [("triangle", number.reshape(-1, 3))], {})
+    return points, [(3, number.reshape(-1, 3))], {}
 
 
-def _stl_text(data, flaw):
-    """Corners (3 n, 3) of facets in text; `flaw` if it is none, but binary."""
-    facets = len(re.findall(rb"(?<!\S)facet\s+normal(?!\S)", data, re.IGNORECASE))
-    if b"\0" in data and not facets:
-        raise ValueError(flaw)
-    vertex = rb"(?<!\S)vertex\s+(\S+)\s+(\S+)\s+(\S+)"
-    vertices = re.findall(vertex, data, re.IGNORECASE)
-    # letters in which a text ends
-    if not facets or len(vertices) != 3 * facets or b"endsolid" not in data[-1000:].lower():
-        raise ValueError(f"it has {len(vertices)} vertices in {facets} facets, or no `endsolid`")
-    spelled = bytes.maketrans(b",dD", b".ee")  # decimal commas, exponents of Fortran
-    return np.array([[word.translate(spelled) for word in each] for each in vertices], float)
-
-
-def _read_obj(path):
+def _obj(path):
     """Points and faces, without weights, textures and normals, in which libraries stumble."""
     points, blocks = [], []
     for line in path.read_text("utf-8", "replace").splitlines():
         word, *rest = line.split() or [""]
         if word == "v":
-            points.append(rest[:3])
+            points.append([*map(float, rest[:3])])
         elif word == "f":  # of numbers from 1, or back from the last point
             numbers = [int(each.split("/")[0]) for each in rest]
             cell = [n - 1 if n > 0 else n + len(points) for n in numbers]
-            blocks.append((surface_kind(len(cell), len(cell)), np.array([cell])))
-    return SurfaceMesh.collected(np.array(points, float).reshape(-1, 3), blocks, {})
-
-
-# Libraries' readers give points (n, 2 or 3), (kind, cells (m, k)) of surface cells, and {kind:
-# dimension} of others. They raise whatever their parsing stumbles on.
+            blocks.append((len(cell), np.array([cell])))
+    return points, blocks, {}
 
 
 def _by_gmsh(path):
     import gmsh
 
     is_nastran = ending(path) in NASTRAN
-    for card in _GRID.finditer(path.read_text("latin-1").expandtabs(8)) if is_nastran else ():
-        if (system := "".join(card.groups("")).strip()).strip("0"):
-            words = " ".join(card[0].split())
-            raise ValueError(f"it has a GRID in coordinate system {system}, {words}")
+    for line in path.read_text("latin-1").expandtabs(8).splitlines() if is_nastran else ():
+        # fields with commas between them, of 16 columns, of 8
+        wide = 16 if "*" in line[:8] else 8
+        card = line.split(",") if "," in line else [line[:8], *re.findall(f".{{{wide}}}", line[8:])]
+        if card[0].strip(" *").upper() == "GRID" and "".join(card[2:3]).strip(" 0"):
+            words = " ".join(line.split())
+            raise ValueError(f"it has a GRID in coordinate system {card[2].strip()}, {words}")
     gmsh.initialize(readConfigFiles=False)
     with TemporaryDirectory() as folder:
         # gmsh does not know OptiStruct's name, and few in capitals
@@ -145,8 +155,7 @@ def _by_gmsh(path):
         name, dim, _, count, *_ = gmsh.model.mesh.getElementProperties(kind)
         if dim == 2:
             at = order[np.searchsorted(numbers, nodes, sorter=order)]
-            corners = 3 if name.startswith("Tri") else 4
-            blocks.append((surface_kind(corners, count), at.reshape(-1, count)))
+            blocks.append((3 if name.startswith("Tri") else 4, at.reshape(-1, count)))
         else:
             others[name.lower()] = dim
     return x.reshape(-1, 3), blocks, others
@@ -178,7 +187,7 @@ def _by_pyvista(path):
         first = grid.GetCell(int(which[0]))
         if first.GetCellDimension() == 2:
             cells = cells[:, [0, 1, 3, 2]] if kind == pyvista.CellType.PIXEL else cells
-            blocks.append((surface_kind(first.GetNumberOfEdges(), count), cells))
+            blocks.append((first.GetNumberOfEdges(), cells))
         else:
             others[first.GetClassName().removeprefix("vtk").lower()] = first.GetCellDimension()
     return grid.points, blocks, others
@@ -189,17 +198,15 @@ def _by_meshio(path):
 
     if b"Temporal" in path.read_bytes() and ending(path) in (".xdmf", ".xmf"):
         with meshio.xdmf.TimeSeriesReader(path) as series:  # all times share the mesh
-            return _parts(meshio.Mesh(*series.read_points_cells()))
-    return _parts(meshio.read(path))
-
-
-def _parts(mesh):
+            mesh = meshio.Mesh(*series.read_points_cells())
+    else:
+        mesh = meshio.read(path)
     blocks, others = [], {}
     for block in mesh.cells:
         if block.dim != 2:
             others[block.type] = block.dim
         elif block.type.startswith("polygon"):
-            blocks += [(surface_kind(len(cell), len(cell)), cell[None]) for cell in block.data]
+            blocks += [(len(cell), cell[None]) for cell in block.data]
         else:
-            blocks.append((block.type, block.data))
+            blocks.append((3 if block.type.startswith("triangle") else 4, block.data))
     return mesh.points, blocks, others

@@ -240,7 +240,7 @@ class FormingScene(Setup):
     def coarser(self) -> PressData | None:
         """As in `Setup`: for rectangles and outlines, which the program meshes."""
         both = zip(self.sheets, self.laid.blanks)
-        coarse = [sheet.coarser(blank.sides()[:2]) for sheet, blank in both]
+        coarse = [sheet.with_larger_cells(blank.sides()[:2]) for sheet, blank in both]
         return None if None in coarse else self.data.replace(sheets=coarse)
 
     def finer(self, times: float) -> PressData:

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from ..core.errors import InputError
 from ..core.files import replace_file
 from ..core.formatting import coordinates, rounded
-from ..io.rings import joined, sheet_of
+from ..io.outlines import joined, sheet_of
 from ..surfaces.tool import Frame
 from .ply import SAME, Grid, Ply, areas, edge_sides, grid_of, in_frame, plan_area, ply_of, whole
 from .states import save

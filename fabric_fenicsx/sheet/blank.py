@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -105,16 +106,14 @@ class Blank(SheetMesh):
         count = np.sum(list(masks.values()), axis=0)
         sizes = [mask.sum() for mask in (count == 0, count > 1, *masks.values())]
         others, shared, *cells = self.mesh.comm.allreduce(np.array(sizes))
-        flaw = ""
         if self.parts:
-            flaw = f"{self.name} has parts {', '.join(self.parts)} already; allowed is one division"
-        elif shared:
-            flaw = f"patches of {self.name} overlap; allowed is one for each cell"
-        elif 0 in cells:
-            empty = list(masks)[cells.index(0)]
-            flaw = f"patch {empty} of {self.name} has no cells; allowed are one or more"
-        if flaw:
-            raise InputError(flaw)
+            known = f"{self.name} has parts {', '.join(self.parts)} already"
+            raise InputError(f"{known}; allowed is one division")
+        if shared:
+            raise InputError(f"patches of {self.name} overlap; allowed is one for each cell")
+        if 0 in cells:
+            empty = f"patch {list(masks)[cells.index(0)]} of {self.name} has no cells"
+            raise InputError(f"{empty}; allowed are one or more")
         for name, mask in (masks | ({rest: count == 0} if others else {})).items():
             self.parts[name] = Part(self, name, np.flatnonzero(mask), orthogonal=self.orthogonal)
 
@@ -192,7 +191,7 @@ class Blank(SheetMesh):
         - spatial: True: free to leave its plane
         - turned: angle from x to the length [rad]; the frame is then along length and width
         - centred: True: the middle is the origin, otherwise a corner; one for each side if two are
-          given
+          given; planes: {axis, 0 or 1: place [mm]} by which it is moved
         - fibre_angle, yarn_angle: from the length to yarns a (0), a `Field`, too, and from there to
           yarns b (90) [deg]. Cells along the yarns follow those in the middle.
 
@@ -200,9 +199,9 @@ class Blank(SheetMesh):
         """
         sides = POSITIVE.check("`length`", length), POSITIVE.check("`width`", width)
         turned = FINITE.check("`turned`", layout.pop("turned", 0.0))
-        centred = layout.pop("centred", False)
+        centred, planes = layout.pop("centred", False), layout.pop("planes", {})
         sheet = Layout(nx=nx, ny=ny, pattern=pattern, **layout)
-        make = partial(sources.rectangle, sheet, sides, turned, centred)
+        make = partial(sources.rectangle, sheet, sides, turned, centred, planes)
         options = sheet.options(turned)
         return cls.made(comm, make, "the specimen", spatial, options, from_file=False)
 
@@ -238,8 +237,10 @@ class Blank(SheetMesh):
         pattern = pattern or ("along" if spatial else "unstructured")
         turned = FINITE.check("`turned`", layout.pop("turned", 0.0))
         place = turned, layout.pop("centred", False), layout.pop("planes", ())
-        sheet, source = Layout(nx=nx, pattern=pattern, **layout), sources.outline_source(outline)
-        make = partial(sources.outline, sheet, outline, (size, layer), *place)
+        sheet = Layout(nx=nx, pattern=pattern, **layout)
+        is_file = isinstance(outline, str | os.PathLike)
+        source = f"outline {outline}" if is_file else "the outline"
+        make = partial(sources.outline, sheet, outline, source, size, layer, *place)
         return cls.made(comm, make, source, spatial, sheet.options(turned))
 
     @classmethod

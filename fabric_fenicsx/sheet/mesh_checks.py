@@ -69,26 +69,32 @@ def checked_mesh(
     """
     if flaw := _flaw(points, cells, kind):
         raise InputError(f"{source} {flaw}")
-    how = CELLS[kind]
+    how, warnings = CELLS[kind], list[str]()
     used, numbers = np.unique(cells, return_inverse=True)
-    points, cells = points[used], numbers.reshape(cells.shape)
-    height, plane, warnings, x = 0.0, points.shape[1] == 2, list[str](), points
+    x, cells = points[used], numbers.reshape(cells.shape)
     # extent in z over the sheet's below which it is plane: files have singles
-    if not plane and np.ptp(points[:, 2]) <= 1e-7 * np.ptp(points, axis=0).max():
-        height, plane = np.median(points[:, 2]), True
+    plane = x.shape[1] == 2 or np.ptp(x[:, 2]) <= 1e-7 * np.ptp(x, axis=0).max()
     if plane:
-        x = np.column_stack([points[:, :2], np.full(len(points), height)])
-        cells, warnings = _one_sense(x, cells, how, source)
-    edges = _Edges(x, cells, how)
-    flaw = _bad_shape(x, cells, how, source) or _torn(x, edges, source)
-    if flaw := flaw or _hanging(x, edges, used, how, source):
-        raise InputError(flaw)
-    warnings += _slits(x, edges, source)
+        height = np.full(len(x), np.median(x[:, 2:]) if x.shape[1] > 2 else 0.0)
+        x = np.column_stack([x[:, :2], height])
+        cells, warnings = _one_sense(x, cells, how)
+    flaw = _bad_shape(x, cells, how)
+    if not flaw:
+        flaw, rim, of = _torn(x, cells, how)
+    if not flaw and len(rim):  # no closed sheet
+        flaw, slits = _hanging(x, rim, of, {1: 1e-3, 2: 3e-2}[how.degree], used)
+        warnings += slits
+    if flaw:
+        raise InputError(f"{source} {flaw}")
+    warnings = [f"{source} {words}" for words in warnings]
     return MeshArrays(x[:, :2] if plane and not spatial else x, cells, kind, warnings)
 
 
+# Flaws are a verb with its object and what is allowed, "" if there is none; x: points (n, 3) [mm].
+
+
 def _flaw(points, cells, kind):
-    """What makes arrays no mesh, and what is allowed; else ""."""
+    """What makes arrays no mesh."""
     if kind not in CELLS:
         return f"holds cells of kind {kind}; allowed are {sorted(CELLS)}"
     if len(cells) == 0:
@@ -104,65 +110,45 @@ def _flaw(points, cells, kind):
     return ""
 
 
-class _Edges:
-    """Edges of a mesh: sides (m,) of its cells, those of one edge beside each other; their `ends`
-    (m, 2) by nodes, cells (m,), and numbers `shared` (m,) of cells at their edges."""
-
-    def __init__(self, x, cells, how):
-        corners = cells[:, : how.corners]
-        n, k = corners.shape
-        ends = np.stack([corners, np.roll(corners, -1, 1)], -1).reshape(-1, 2)
-        key = ends.min(1).astype(np.int64) * len(x) + ends.max(1)
-        _, edge, count = np.unique(key, return_inverse=True, return_counts=True)
-        sides = np.argsort(edge, kind="stable")
-        self.ends, self.cells, self.shared = ends[sides], sides // k, count[edge[sides]]
-        # middle nodes of quadratic cells' edges stand behind the corners, in the order of the edges
-        self.middles = cells[:, k : 2 * k].ravel()[sides] if how.degree == 2 else None
-        self.count, self.centres = n, x[corners].mean(1)
-
-    def rim(self):
-        """Straight edges (m, 2) by nodes on the sheet's rim, and their cells (m,)."""
-        single = self.shared == 1
-        ends, cells = self.ends[single], self.cells[single]
-        if self.middles is None:
-            return ends, cells
-        halves = np.insert(ends, 1, self.middles[single], axis=1)
-        return np.vstack([halves[:, :2], halves[:, 1:]]), np.tile(cells, 2)
-
-
-def _torn(x, edges, source):
-    """Why cells make no sheet, and what is allowed; else ""."""
-    if (many := edges.shared > 2).any():
+def _torn(x, cells, how):
+    """The flaw of cells that make no one sheet; and straight edges (m, 2) on its rim, by nodes, and
+    their cells (m,)."""
+    k, corners = how.corners, cells[:, : how.corners]
+    ends = np.stack([corners, np.roll(corners, -1, 1)], -1).reshape(-1, 2)
+    key = ends.min(1).astype(np.int64) * len(x) + ends.max(1)
+    _, edge, count = np.unique(key, return_inverse=True, return_counts=True)
+    sides = np.argsort(edge, kind="stable")  # those of one edge beside each other
+    ends, of, shared = ends[sides], sides // k, count[edge[sides]]
+    if (many := shared > 2).any():
         first = many.argmax()
-        cells = edges.cells[first : first + edges.shared[first]].tolist()
-        return (
-            f"{source} has an edge {at_place(x[edges.ends[first]].mean(0))} that {len(cells)} "
-            f"cells share, numbers {str(cells)[1:-1]}; allowed are 2 cells or, at the rim, 1"
-        )
-    parts, part = connected(edges.count, edges.cells[edges.shared == 2].reshape(-1, 2).T)
+        numbers = of[first : first + shared[first]].tolist()
+        place = at_place(x[ends[first]].mean(0))
+        flaw = f"has an edge {place} that {len(numbers)} cells share, numbers {str(numbers)[1:-1]}"
+        return f"{flaw}; allowed are 2 cells or, at the rim, 1", None, None
+    parts, part = connected(len(cells), of[shared == 2].reshape(-1, 2).T)
     if parts > 1:
         one, other = (
-            f"one with cell {k} {at_place(edges.centres[k])}"
-            for k in (0, (part != part[0]).argmax())
+            f"one with cell {cell} {at_place(x[corners[cell]].mean(0))}"
+            for cell in (0, (part != part[0]).argmax())
         )
-        return (
-            f"{source} falls into {parts} parts that share no edge, {one}, {other}; allowed is one "
-            "sheet, whose cells share nodes where they meet"
-        )
-    return ""
+        flaw = f"falls into {parts} parts that share no edge, {one}, {other}; allowed is one sheet,"
+        return f"{flaw} whose cells share nodes where they meet", None, None
+    single = shared == 1
+    rim, of = ends[single], of[single]
+    if how.degree == 2:  # middle nodes of edges stand behind the corners, in the same order
+        halves = np.insert(rim, 1, cells[:, k : 2 * k].ravel()[sides][single], axis=1)
+        rim, of = np.vstack([halves[:, :2], halves[:, 1:]]), np.tile(of, 2)
+    return "", rim, of
 
 
-def _hanging(x, edges, numbers, how, source):
-    """Why cells do not meet at whole edges, and what is allowed; else "". numbers: (n,) of points
-    in the file."""
-    ends, cells = edges.rim()
-    # distance from an edge, over its length, of a node that lies on it; curved edges are cut
-    nodes, near = np.unique(ends), {1: 1e-3, 2: 3e-2}[how.degree]
-    if not len(nodes):  # a closed sheet
-        return ""
-    p, q = x[ends].swapaxes(0, 1)
+def _hanging(x, ends, cells, near, numbers):
+    """The flaw of cells that do not meet at whole edges, by a node of the rim on an edge of it, up
+    to `near` of its length off; and words on nodes of the rim that lie where others do, in a list.
+    numbers: (n,) of points in the file."""
+    nodes, (p, q) = np.unique(ends), x[ends].swapaxes(0, 1)
     length = np.linalg.norm(q - p, axis=1)
-    beside = cKDTree(x[nodes]).query_ball_point((p + q) / 2, (0.5 + near) * length)
+    tree = cKDTree(x[nodes])
+    beside = tree.query_ball_point((p + q) / 2, (0.5 + near) * length)
     edge = np.repeat(np.arange(len(ends)), [len(each) for each in beside])
     node = nodes[np.concatenate([*beside, []]).astype(int)]
     # both over the edge's length; its own nodes are at 0 and 1
@@ -170,38 +156,21 @@ def _hanging(x, edges, numbers, how, source):
     along = (q - p)[edge] / length[edge, None]
     at = (arm * along).sum(1)
     off = np.linalg.norm(arm - at[:, None] * along, axis=1)
-    hits = np.flatnonzero((at > near) & (at < 1 - near) & (off < near))
-    if not hits.size:
-        return ""
-    first = node[hits[0]]
-    return (
-        f"{source} has a hanging node, number {numbers[first]} {at_place(x[first])}: it lies on an "
-        f"edge of cell {cells[edge[hits[0]]]}, which does not have it; allowed are cells that meet "
-        "at whole edges"
-    )
-
-
-def _slits(x, edges, source):
-    """A sentence if nodes of the rim lie where others do, in a list."""
-    ends, _ = edges.rim()
-    if not ends.size:
-        return []
-    # distance of nodes at one place, over the mean edge at the sheet's rim
-    near = 1e-6 * np.linalg.norm(x[ends[:, 0]] - x[ends[:, 1]], axis=1).mean()
-    x = x[np.unique(ends)]
-    pairs = cKDTree(x).query_pairs(near, output_type="ndarray")
-    return [
-        f"{source} has {len(pairs)} nodes where another one lies, the first {at_place(x[first])}: "
+    for hit in np.flatnonzero((at > near) & (at < 1 - near) & (off < near))[:1]:
+        where = f"number {numbers[node[hit]]} {at_place(x[node[hit]])}"
+        flaw = f"has a hanging node, {where}: it lies on an edge of cell {cells[edge[hit]]}, which"
+        return f"{flaw} does not have it; allowed are cells that meet at whole edges", []
+    pairs = tree.query_pairs(1e-6 * length.mean(), output_type="ndarray")
+    return "", [
+        f"has {len(pairs)} nodes where another one lies, the first {at_place(x[nodes[first]])}: "
         "the sheet is open there, a slit; merge these nodes if it should be whole"
         for first in np.unique(pairs)[:1]
     ]
 
 
-def _one_sense(
-    x: np.ndarray, cells: np.ndarray, how: CellKind, source: str
-) -> tuple[np.ndarray, list[str]]:
+def _one_sense(x, cells, how):
     """Cells (m, k) of a plane mesh that all turn the same way round about z, as most of them do,
-    and a sentence if some had to be turned over. x: points (n, 3) [mm]."""
+    and words if some had to be turned over, in a list."""
     corners = x[cells[:, : how.corners]]
     arms = corners[:, 1:] - corners[:, :1]
     sense = np.sign(np.cross(arms[:, :-1], arms[:, 1:])[..., 2].sum(1))
@@ -211,14 +180,13 @@ def _one_sense(
     cells = cells.copy()
     cells[turn] = turned_over(cells[turn], how)
     return cells, [
-        f"{source} has {turn.size} of {len(cells)} cells turned over, the first number {turn[0]} "
+        f"has {turn.size} of {len(cells)} cells turned over, the first number {turn[0]} "
         f"{at_place(corners[turn[0]].mean(0))}; they were turned to agree with the others"
     ]
 
 
-def _bad_shape(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str) -> str:
-    """What is wrong with a cell that is flat, not convex or turned over somewhere, and what is
-    allowed; else "". x: points (n, 3) [mm]; cells: (m, k), of kind `how`; source: of the mesh."""
+def _bad_shape(x, cells, how):
+    """The flaw of a cell that is flat, not convex or turned over somewhere."""
     corners = x[cells[:, : how.corners]]
     edges = np.roll(corners, -1, 1) - corners
     # twice the area of the triangle at each corner
@@ -227,7 +195,7 @@ def _bad_shape(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str) -> 
     flat = np.flatnonzero((normals * mean[:, None]).sum(2).min(1) <= AREA_TOLERANCE * size**2)
     if flat.size:
         where = f"number {flat[0]} {at_place(corners[flat[0]].mean(0))}"
-        return f"{source} has a degenerate or non-convex cell, {where}; allowed are cells with area"
+        return f"has a degenerate or non-convex cell, {where}; allowed are cells with area"
     if how.degree == 1:
         return ""
     kind, variant = getattr(basix.CellType, how.cell), basix.LagrangeVariant.equispaced
@@ -242,7 +210,7 @@ def _bad_shape(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str) -> 
         for k in np.flatnonzero(areas.min(1) <= AREA_TOLERANCE * size[block] ** 2)[:1]:
             place = at_place(values[areas[k].argmin()] @ nodes[k])
             return (
-                f"{source} has a cell, number {block[k]}, that its curved edges turn over inside, "
+                f"has a cell, number {block[k]}, that its curved edges turn over inside, "
                 f"{place}; allowed is area everywhere"
             )
     return ""

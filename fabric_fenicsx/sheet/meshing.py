@@ -1,7 +1,7 @@
 """A sheet's fields made into a blank: a rectangle, an own mesh or an outline."""
 
 from collections.abc import Collection, Mapping, Sequence
-from functools import partial
+from dataclasses import fields
 from typing import TypeVar
 
 import numpy as np
@@ -11,9 +11,8 @@ from ..core import timing
 from ..core.errors import InputError
 from ..core.formatting import rounded
 from ..core.status import task
-from . import sources
 from .blank import Blank
-from .sheet import SheetFields, Values
+from .sheet import Layout, SheetFields, Values
 
 SIZE_TOLERANCE = 1e-3  # of a length, by which an own mesh may differ from what is asked for
 Kind = TypeVar("Kind", bound=SheetFields)
@@ -38,26 +37,23 @@ def mesh_sheet(
     names, source, planes = [*sheet.SIDES], sheet.sheet_file or "the specimen", planes or {}
     sides = names[0], names[-1]
     with timing.phase("setup"), task("meshing the sheet"):
-        options = sheet.options(turned)
+        how: Values = {"spatial": spatial, "comm": comm, "centred": centred}
+        cells: Values = {each.name: getattr(sheet, each.name) for each in fields(Layout)}
+        cells |= {"turned": turned, "planes": planes}
         if sheet.mesh:
-            options |= {"centred": centred, "height": height}
-            blank = Blank.read(sheet.mesh, spatial=spatial, comm=comm, **options)
+            blank = Blank.read(sheet.mesh, height=height, **how, **sheet.options(turned))
         elif sheet.outline:
-            rim, cells = sheet.outline, (sheet.size, sheet.layer)
-            make = partial(sources.outline, sheet, rim, cells, turned, bool(centred), planes)
-            blank = Blank.made(comm, make, sources.outline_source(rim), spatial, options)
+            cells |= {"size": sheet.size, "layer": sheet.layer}
+            blank = Blank.outline(sheet.outline, **how, **cells)
         else:
             modelled = modelled_share(planes) * [getattr(sheet, name) for name in sides]
-            make = partial(sources.rectangle, sheet, modelled, turned, centred, planes)
-            blank = Blank.made(comm, make, source, spatial, options, from_file=False)
-    kind, flaw = "P" if blank.around == [0, 1, 2] else "Q", ""
+            blank = Blank.rectangle(**dict(zip(("length", "width"), modelled)), **how, **cells)
     if blank.mesh.geometry.dim == 3 and not spatial:
-        flaw = f"{source} is not plane in z; allowed is a sheet in a plane z = const"
-    elif sheet.element and sheet.element[0] != kind:
+        raise InputError(f"{source} is not plane in z; allowed is a sheet in a plane z = const")
+    kind = "P" if blank.around == [0, 1, 2] else "Q"
+    if sheet.element and sheet.element[0] != kind:
         flaw = f"`element` {sheet.element} does not fit the cells of {source}"
-        flaw += "; allowed is P on triangles, Q on quadrilaterals"
-    if flaw:
-        raise InputError(flaw)
+        raise InputError(f"{flaw}; allowed is P on triangles, Q on quadrilaterals")
     doubts = [*blank.warnings, size_warning(blank, source)]
     integration = sheet.integration or "full"
     if not sheet.integration and blank.degree == 2 and blank.triangulated:

@@ -51,7 +51,7 @@ class Part:
         if not self.is_whole:
             self._tags = meshtags(mesh, 2, np.sort(self.cells), np.ones(len(self.cells), np.int32))
         self._flat: np.ndarray | None = None
-        self._growth: tuple[np.ndarray, np.ndarray] | None = None
+        self._growth = np.empty(0), np.empty(0)  # the displacement, and what it is there
 
     def _yarns(self):
         """Yarns a and b in the cells, two arrays (cells, gdim)."""
@@ -67,9 +67,8 @@ class Part:
 
     def growth(self) -> np.ndarray:
         """Areas at the local nodes now over undeformed ones, (nodes,), 1 off the part."""
-        u, blank = self.blank.u.x.array, self.blank
-        is_same = self._growth is not None and np.array_equal(u, self._growth[0])
-        if self._growth is None or not blank.mesh.comm.allreduce(is_same, MPI.LAND):
+        u, blank, (known, _) = self.blank.u.x.array, self.blank, self._growth
+        if not blank.mesh.comm.allreduce(np.array_equal(u, known), MPI.LAND):
             flat = self.flat_areas()
             now = self._at_nodes((blank.areas() * blank.area_ratios())[self.cells])
             self._growth = u.copy(), np.divide(now, flat, out=np.ones_like(now), where=flat > 0)

@@ -154,7 +154,7 @@ class SheetFields(Layout):
         """Default of `integration` on quadratic triangles."""
         return "full"
 
-    def coarser(self, sides: np.ndarray, times: int = 2) -> Self | None:
+    def with_larger_cells(self, sides: np.ndarray, times: int = 2) -> Self | None:
         """The same with cells so many `times` as large, None if that is no mesh or not known;
         sides (2,): of the modelled part [mm]."""
         size = self.size or (sides[0] / self.nx if self.nx else math.inf)

@@ -5,11 +5,10 @@ from typing import ClassVar
 
 import numpy as np
 import ufl
-from dolfinx import fem
+from dolfinx import fem, la
 from dolfinx.mesh import Mesh
 from mpi4py import MPI
 from numpy.typing import ArrayLike
-from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from .. import dolfinx_compat as compat
@@ -234,18 +233,12 @@ class SheetMesh:
         """Values (local nodes, k) with those of their owners, added up over ranks before."""
         if self.mesh.comm.size == 1:
             return local
-        gdim, k = self.mesh.geometry.dim, local.shape[1]
-        vector = compat.petsc_vector(self.u).duplicate()
-        values = np.pad(local, [(0, 0), (0, -k % gdim)])
-        for columns in np.split(values, values.shape[1] // gdim, axis=1):  # views
-            with vector.localForm() as form:
-                form.array[:] = columns.ravel()
-            if add:
-                vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
-            vector.ghostUpdate(PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)
-            with vector.localForm() as form:
-                columns[:] = form.array.reshape(-1, gdim)
-        return values[:, :k]
+        vector = la.vector(self.V.dofmap.index_map, local.shape[1])
+        vector.array[:] = local.ravel()
+        if add:
+            vector.scatter_reverse(compat.ADD)
+        vector.scatter_forward()
+        return vector.array.reshape(local.shape).copy()
 
 
 def _areas(corners: np.ndarray) -> np.ndarray:

@@ -1,31 +1,32 @@
-"""Sheets as arrays, in their place: rectangles, outlines and meshes in files."""
+"""Sheets as arrays, in their place: rectangles, triangles in an outline with holes, and meshes in
+files."""
 
 import math
 import os
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
 from ..core.errors import InputError
 from ..core.files import ending
-from ..core.formatting import rounded
-from ..io import rings
-from ..io.outline_files import read_outline
+from ..core.formatting import coordinates, rounded
+from ..core.rules import POSITIVE
+from ..io.outlines import centred as centred_outline
+from ..io.outlines import mirrored_half, read_outline, sheet_of
 from ..io.read import READ, read_surface_mesh
-from .mesh_checks import CELLS, MeshArrays, at_place
-from .outline import outline_mesh
+from .mesh_checks import CELLS, MeshArrays
 from .sheet import Layout, axes_of
-from .specimen import specimen
+from .specimen import meshed, own_model, specimen
 
 FLAT_TOLERANCE = 1e-6  # of its size, up to which a sheet is flat
-# corners and degree of cells of which DOLFINx would have more than the checks can judge
-HIGHER = {f"triangle{(p + 1) * (p + 2) // 2}": (3, p) for p in range(3, 11)} | {
-    f"quad{(p + 1) ** 2}": (4, p) for p in range(3, 11)
-}
-STRAIGHT_TOLERANCE = 1e-6  # distance of nodes from an edge or a plane, over the edge's length
+PATTERNS = "along", "unstructured"
+MIN_DETAIL = 0.1  # of the cells' size: length of an edge or a hole below which it is left out
+MIN_CLEARANCE = 1e-3  # of the cells' size: least distance of parts of the outline
+MAX_CELLS = 1_000_000  # cells
 
 
 def rectangle(
@@ -33,7 +34,7 @@ def rectangle(
     sides: Sequence[float],
     turned: float,
     centred: bool | Sequence[bool],
-    planes: Mapping[int, float] = MappingProxyType({}),
+    planes: Mapping[int, float],
 ) -> MeshArrays:
     """A rectangle of these sides [mm], `turned` from x [rad], with a corner or, `centred`, its
     middle at the origin, moved to `planes` {axis: place}. Cells along the yarns follow those in the
@@ -54,23 +55,25 @@ def rectangle(
 def outline(
     layout: Layout,
     rim: Path | str | Sequence[ArrayLike],
-    cells: tuple[float | None, str | None],
+    source: str,
+    size: float | None,
+    layer: str | None,
     turned: float,
     centred: bool,
     planes: Collection[int] | Mapping[int, float],
 ) -> MeshArrays:
-    """The inside of a `rim`, as in `Blank.outline`; cells: their size [mm], and the layer of a DXF.
-    Warnings say what was left out."""
+    """The inside of a `rim`, as in `Blank.outline`, that messages call `source`. Warnings say what
+    was left out."""
     _check_triangles(layout, "an outline")
-    (size, layer), source, notes = cells, outline_source(rim), list[str]()
+    notes = list[str]()
     if isinstance(rim, str | os.PathLike):
         sheet, notes = read_outline(rim, layer)
     else:
-        sheet = rings.sheet_of([np.asarray(ring, float) for ring in rim], source)
+        sheet = sheet_of([np.asarray(ring, float) for ring in rim], source)
+    sheet = centred_outline(sheet) if centred else sheet
     places = planes if isinstance(planes, Mapping) else dict.fromkeys(planes, 0.0)
-    sheet = rings.centred(sheet) if centred else sheet
     for axis, place in places.items():
-        sheet = rings.mirrored_half(sheet, axis, source, place)
+        sheet = mirrored_half(sheet, axis, source, place)
     low, high = np.reshape(sheet.bounds, (2, 2))
     a, between = _yarns(layout, sheet.centroid.coords[0])
     size = (high - low)[0] / layout.nx if size is None else size
@@ -80,11 +83,6 @@ def outline(
     except InputError as error:
         raise InputError("; ".join([str(error), *notes])) from None
     return MeshArrays(points, triangles, kind, notes + left_out)
-
-
-def outline_source(rim: Path | str | Sequence[ArrayLike]) -> str:
-    """What messages call an outline."""
-    return f"outline {rim}" if isinstance(rim, str | os.PathLike) else "the outline"
 
 
 def _check_triangles(layout, what):
@@ -109,53 +107,19 @@ def read_mesh(path: Path | str) -> MeshArrays:
         raise InputError(f"{file} is {other} without a mesh; allowed is {READ}{how}")
     points, surface, others = read_surface_mesh(path, "mesh file")
     solid = sorted(kind for kind, dim in others.items() if dim == 3)
-    known = {*CELLS, *HIGHER, "quad8"}
-    if solid or len(surface) > 1 or not known.issuperset(surface):
+    if solid or len(surface) > 1 or not {*CELLS, "quad8"}.issuperset(surface):
         what = f"solid cells {solid}" if solid else f"cells {sorted(surface)}"
         raise InputError(f"{file} holds {what}; allowed is one kind out of {sorted(CELLS)}")
     ((kind, cells),) = surface.items()
     if kind == "quad8":
-        points, cells = with_centres(points, cells)
-        kind = "quad9"
-    elif kind in HIGHER:
-        cells, kind = straight_cells(points, cells, kind, file)
+        # a node inside leaves the shape as it is
+        numbers = len(points) + np.arange(len(cells))
+        corners, middles = np.split(points[cells], [4], axis=1)
+        points = np.vstack([points, middles.sum(1) / 2 - corners.sum(1) / 4])
+        cells, kind = np.column_stack([cells, numbers]), "quad9"
     unused, total = len(points) - len(np.unique(cells)), len(points)
     doubt = f"{file} has {unused} of {total} nodes in no cell of a sheet: it may be cut off"
     return MeshArrays(points, cells, kind, [doubt] if unused > 0.02 * total else [])
-
-
-def with_centres(points: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points and cells (m, 9) of the same shape as quadrilaterals (m, 8) without a node inside."""
-    x = points[cells]
-    centres = x[:, 4:].sum(1) / 2 - x[:, :4].sum(1) / 4
-    numbers = len(points) + np.arange(len(cells))
-    return np.vstack([points, centres]), np.column_stack([cells, numbers])
-
-
-def straight_cells(
-    points: np.ndarray, cells: np.ndarray, kind: str, source: str
-) -> tuple[np.ndarray, str]:
-    """The corners (m, 3 or 4) of plane cells (m, k) of a higher degree with straight edges, and
-    their kind; `kind` is one of `HIGHER`. Raises InputError for cells of another shape."""
-    k, degree = HIGHER[kind]
-    x = points[cells]
-    edges = np.roll(x[:, :k], -1, 1) - x[:, :k]
-    length = np.linalg.norm(edges, axis=2)
-    near = STRAIGHT_TOLERANCE * length.max(1)
-    arms = x[:, k : k * degree].reshape(-1, k, degree - 1, 3) - x[:, :k, None]
-    beside = np.linalg.norm(np.cross(arms, edges[:, :, None]), axis=3).max(2)
-    normal = np.cross(edges[:, 0], edges[:, 1])
-    above = abs(((x - x[:, :1]) * normal[:, None]).sum(2)).max(1)
-    curved = (beside > near[:, None] * length).any(1)
-    curved |= above > near * np.linalg.norm(normal, axis=1)
-    if curved.any():
-        first = int(curved.argmax())
-        raise InputError(
-            f"{source} has curved cells of order {degree}, the first number {first} "
-            f"{at_place(x[first, :k].mean(0))}; allowed curved cells of order 2 (in gmsh "
-            "Mesh.ElementOrder = 2) and straight ones"
-        )
-    return cells[:, :k], {3: "triangle", 4: "quad"}[k]
 
 
 def moved_sheet(
@@ -178,3 +142,187 @@ def moved_sheet(
         f"{source} lies in {place} mm and was put in z = {height:g}, where a press has its blank"
     )
     return points, [doubt] if abs(low[2] - height) > near else []
+
+
+# -- triangles in an outline
+
+
+def outline_mesh(
+    sheet: shapely.Polygon,
+    size: float,
+    pattern: str = "unstructured",
+    yarns: Sequence[float] = (0.0, math.pi / 2),
+) -> tuple[np.ndarray, np.ndarray, str, list[str]]:
+    """Points (n, 3) [mm], triangles (m, 3), their kind, and what was left out, in words.
+
+    size: of the cells' edges [mm], smaller where the outline is curved or narrow; its corners stay.
+    pattern: `unstructured`, or `along`: squares along both yarns, each of four triangles, and other
+    triangles between them and the outline. yarns: angles from x to yarns a and b [rad].
+    """
+    size = POSITIVE.check("`size`", size)
+    if pattern not in PATTERNS:
+        raise InputError(f"`pattern` is {pattern!r}; allowed for an outline are {PATTERNS}")
+    low, high = np.reshape(sheet.bounds, (2, 2))
+    cells = sheet.area / size**2 * (4 if pattern == "along" else 4 / math.sqrt(3))
+    if size > (high - low).min() / 2 or cells > MAX_CELLS:
+        sides = " x ".join(rounded(side, 4) for side in high - low)
+        raise InputError(
+            f"`size` is {size:g}, but the outline is {sides} mm, about {rounded(cells)} cells; "
+            f"allowed is up to half of it, and {MAX_CELLS:,} cells"
+        )
+    # about its centre and without the last digits, as cells are not to depend on where it lies
+    centre = ((low + high) / 2).round(6)
+    sheet = shapely.transform(sheet, lambda x: (x - centre).round(9))
+    sheet, notes = _simplified(sheet, size, centre)
+    places, sizes = _fine_places(sheet, size, notes, centre)
+    if sheet.minimum_clearance < MIN_CLEARANCE * size:
+        raise InputError(
+            f"the outline comes within {rounded(sheet.minimum_clearance)} mm of itself; allowed "
+            f"for cells of this size is above {rounded(MIN_CLEARANCE * size)} mm"
+        )
+
+    def size_at(x, y):
+        off = np.hypot(places[:, 0] - x, places[:, 1] - y)
+        # of the cells' size over the distance from a small edge
+        return float((sizes + 0.4 * off).min(initial=size))
+
+    sheet = _divided(sheet, size, size_at)
+    if pattern == "along":
+        points, triangles = _along(sheet, size, size_at, yarns)
+    else:
+        points, triangles = _filled([sheet], size_at)
+    points = np.pad(points + centre, ((0, 0), (0, 1)))
+    return points, triangles, "triangle", notes
+
+
+def _simplified(sheet, size, centre):
+    """The sheet without details below this size of cells, and words on holes left out."""
+    notes, rings = [], []
+    for ring in (sheet.exterior, *sheet.interiors):
+        x = shapely.get_coordinates(ring)[:-1]
+        if (extent := np.ptp(x, axis=0).max()) < MIN_DETAIL * size:
+            hole = f"a hole of {rounded(extent)} mm at {coordinates(x[0] + centre)} mm"
+            notes.append(f"{hole} is left out, as it is small beside the cells")
+            continue
+        # where it begins it stays: at a corner
+        rings.append(np.roll(x, -np.linalg.norm(x - x.mean(0), axis=1).round(6).argmax(), 0))
+    # distance from a curve, over the cells' size, up to which an edge stands for it
+    sheet = shapely.Polygon(rings[0], rings[1:]).simplify(0.02 * size)
+    coarser = shapely.remove_repeated_points(sheet, MIN_DETAIL * size)
+    return (coarser if coarser.is_valid else sheet), notes
+
+
+def _fine_places(sheet, size, notes, centre):
+    """Places (n, 2) where cells are to be smaller, and their sizes there (n,): at short edges and
+    where the sheet is narrow, which gets two cells across."""
+    edges, dense = [], []
+    for k, ring in enumerate((sheet.exterior, *sheet.interiors)):
+        x = shapely.get_coordinates(ring)
+        edges.append([*(x[1:] + x[:-1]).T / 2, np.linalg.norm(np.diff(x, axis=0), axis=1)])
+        x = shapely.get_coordinates(shapely.segmentize(ring, size / 5))
+        way = np.cumsum(np.linalg.norm(np.diff(x, axis=0), axis=1))
+        dense.append([*x[1:].T, way, 0 * way + ring.length, 0 * way + k])
+    *places, sizes = np.concatenate(edges, 1)
+    x, y, along, around, number = np.concatenate(dense, 1)
+    x = np.column_stack([x, y])
+    i, j = cKDTree(x).query_pairs(2 * size, output_type="ndarray").T
+    width = np.linalg.norm(x[i] - x[j], axis=1)
+    way = abs(along[i] - along[j])
+    way = np.where(number[i] == number[j], np.minimum(way, around[i] - way), np.inf)
+    middle = (x[i] + x[j]) / 2
+    # way along a ring over the distance through the sheet, above which it is narrow
+    faces = way > 6.0 * width
+    faces[faces] = shapely.contains_xy(sheet, middle[faces])
+    if faces.any() and (least := width[faces].min()) < MIN_DETAIL * size:
+        where = coordinates(middle[faces][width[faces].argmin()] + centre)
+        notes.append(f"the outline is {rounded(least)} mm wide at {where} mm, less than a cell")
+    places = np.concatenate([np.transpose(places), middle[faces]])
+    sizes = np.maximum(np.concatenate([sizes, width[faces] / 2]), MIN_DETAIL * size)
+    return places[sizes < size], sizes[sizes < size]
+
+
+def _divided(sheet, size, size_at):
+    """The sheet with points on its edges as far apart as cells are to be there."""
+    rings = []
+    for ring in (sheet.exterior, *sheet.interiors):
+        corners, points = shapely.get_coordinates(ring), []
+        for p, q in zip(corners, corners[1:]):
+            length = math.dist(p, q)
+            steps = math.ceil(5 * length / size)
+            middles = p + (q - p) * (np.arange(steps)[:, None] + 0.5) / steps
+            cells = np.cumsum([0.0, *(length / steps / size_at(*x) for x in middles)])
+            count = max(1, math.ceil(cells[-1] - 0.2))
+            at = np.interp(
+                np.arange(count) * cells[-1] / count, cells, np.linspace(0, 1, steps + 1)
+            )
+            points.append(p + (q - p) * at[:, None])
+        rings.append(np.concatenate(points))
+    return shapely.Polygon(rings[0], rings[1:])
+
+
+def _filled(faces, size_at):
+    """Points (n, 2) and triangles (m, 3) in polygons, whose edges stay, of sizes size_at(x, y)."""
+    import gmsh
+
+    options = {"MeshSizeMin": 0.0, "MeshSizeMax": 1e22, "Algorithm": 6.0}
+    sources = "FromPoints", "FromCurvature", "ExtendFromBoundary"
+    options |= {f"MeshSize{source}": 0.0 for source in sources}
+    with own_model(gmsh, **options):
+        geo = gmsh.model.geo
+        numbers: dict[tuple[float, ...], int] = {}
+
+        def loop(ring):
+            ends = [*ring.coords]
+            for end in ends[1:]:
+                numbers[end] = numbers.get(end) or geo.addPoint(*end, 0)
+            lines = [geo.addLine(numbers[p], numbers[q]) for p, q in zip(ends, ends[1:])]
+            for line in lines:
+                geo.mesh.setTransfiniteCurve(line, 2)
+            return geo.addCurveLoop(lines)
+
+        for face in map(shapely.geometry.polygon.orient, faces):
+            geo.addPlaneSurface([*map(loop, (face.exterior, *face.interiors))])
+        geo.synchronize()
+        try:
+            points, triangles = meshed(gmsh, size_at=size_at)
+        except Exception as error:  # it raises no other kind
+            raise InputError(
+                f"gmsh cannot mesh the outline ({error}); allowed is one without spikes and cracks"
+            ) from None
+    return points[:, :2], triangles
+
+
+def _along(sheet, size, size_at, yarns):
+    """Points (n, 2) and triangles (m, 3): parallelograms along both yarns inside, each of four
+    triangles, and others around them."""
+    axes = size * np.array([[math.cos(yarn), math.sin(yarn)] for yarn in yarns])
+    corners = np.reshape(shapely.get_coordinates(shapely.box(*sheet.bounds)), (-1, 2))
+    steps = corners @ np.linalg.inv(axes)
+    low, high = np.floor(steps.min(0)).astype(int), np.ceil(steps.max(0)).astype(int)
+    i, j = np.indices(high - low + 1)
+    grid = np.stack([i + low[0], j + low[1]], -1) @ axes
+    square = np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]], 2)
+    # least distance of squares along yarns from the outline, over their size
+    inner = sheet.buffer(-0.5 * size)
+    shapely.prepare(inner)
+    inside = shapely.contains(inner, shapely.polygons(square))
+    # where two squares touch in a corner alone, both go
+    while True:
+        a, b, c, d = inside[:-1, :-1], inside[1:, 1:], inside[1:, :-1], inside[:-1, 1:]
+        pinched = (a & b & ~c & ~d) | (c & d & ~a & ~b)
+        if not pinched.any():
+            break
+        for part in (a, b, c, d):
+            part &= ~pinched
+    square = square[inside]
+    if not len(square):
+        return _filled([sheet], size_at)
+    rim = shapely.get_parts(sheet.difference(shapely.union_all(shapely.polygons(square))))
+    points, cells = _filled(rim, size_at)
+    number = len(points) + np.arange(5 * len(square)).reshape(-1, 5)
+    points = np.concatenate([points, *np.concatenate([square, square.mean(1)[:, None]], 1)])
+    cells = [cells, *(number[:, [k, (k + 1) % 4, 4]] for k in range(4))]
+    _, first, of = np.unique(
+        np.round(points / (1e-6 * size)), axis=0, return_index=True, return_inverse=True
+    )
+    return points[first], of.ravel()[np.concatenate(cells)]

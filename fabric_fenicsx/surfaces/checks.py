@@ -1,5 +1,7 @@
 """Checks of tools before anything runs: errors, and warnings, a sentence each."""
 
+from itertools import islice
+
 import numpy as np
 from mpi4py import MPI
 
@@ -35,18 +37,17 @@ def check_triangles(surface: TriangulatedSurface, name: str, thickness: float) -
     def middle(nodes):
         return coordinates(surface.points[nodes].mean(0))
 
-    flaw, count = "", len(surface.forks)
     off = 0.75 * surface.curved.patches.bulge  # more than the patches themselves
     worst = int(off.argmax())
-    if count:
-        flaw = f"{count} edges with more than two triangles, one at {middle(surface.forks[0])}; "
-        flaw += "allowed are at most two at an edge"
-    elif off[worst] > thickness:
-        flaw = f"facets that are {rounded(off[worst])} mm off the curved surface through their "
-        flaw += f"corners, at {middle(surface.triangles[worst])}; allowed is up to the ply's "
-        flaw += f"thickness {thickness:g} mm"
-    if flaw:
-        raise InputError(f"{name} has {flaw}")
+    if count := len(surface.forks):
+        flaw = f"{count} edges with more than two triangles, one at {middle(surface.forks[0])}"
+        raise InputError(f"{name} has {flaw}; allowed are at most two at an edge")
+    if off[worst] > thickness:
+        raise InputError(
+            f"{name} has facets that are {rounded(off[worst])} mm off the curved surface through "
+            f"their corners, at {middle(surface.triangles[worst])}; allowed is up to the ply's "
+            f"thickness {thickness:g} mm"
+        )
     edges, turn = surface.curved.turns()
     if not len(turn) or (sharpest := np.degrees(turn.max())) <= 20.0:
         return []
@@ -97,17 +98,13 @@ def triangle_warnings(tool: Tool, sheet: float) -> list[str]:
     if not (surface := _triangles(tool)):
         return []
     x, (p, q) = surface.points, surface.rim.T
-    size = float(np.ptp(x, axis=0).max())
-    doubt, loop = unit_doubt(size, sheet, 0.2), connected(len(x), [p, q])[1][p]
-    warnings = [f"the surface of {tool.name} {doubt}; lengths are in mm"] if doubt else []
-    for number in np.unique(loop):
-        around = x[surface.rim[loop == number]].reshape(-1, 3)
-        width = float(np.ptp(around, axis=0).max())
-        if width < 0.1 * size:
-            warnings.append(
-                f"the surface of {tool.name} has a hole {rounded(width)} mm wide at "
-                f"{coordinates(around.mean(0) + tool.middle)} mm in its own coordinates, where "
-                "nothing stops the sheet"
-            )
-            break
-    return warnings
+    size, loop = float(np.ptp(x, axis=0).max()), connected(len(x), [p, q])[1][p]
+    around = [x[surface.rim[loop == number]].reshape(-1, 3) for number in np.unique(loop)]
+    doubt, what = unit_doubt(size, sheet, 0.2), f"the surface of {tool.name}"
+    warnings = [f"{what} {doubt}; lengths are in mm"] if doubt else []
+    small = ((width, ring) for ring in around if (width := np.ptp(ring, axis=0).max()) < 0.1 * size)
+    return warnings + [
+        f"{what} has a hole {rounded(width)} mm wide at {coordinates(ring.mean(0) + tool.middle)} mm in its own "
+        "coordinates, where nothing stops the sheet"
+        for width, ring in islice(small, 1)
+    ]

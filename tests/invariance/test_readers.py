@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fabric_fenicsx.io import read
-from fabric_fenicsx.io.outline_files import read_outline
+from fabric_fenicsx.io.outlines import read_outline
 
 EIGHTH = st.integers(-2400, 2400).map(lambda k: k / 8)
 LENGTH = st.integers(8, 400).map(lambda k: k / 8)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from fabric_fenicsx.io.abaqus import read_abaqus
+from fabric_fenicsx.core.errors import InputError
+from fabric_fenicsx.io.read import read_surface_mesh
 
 NODES = "*Node\n1, 0., 0., 0.\n2, 10., 0.\n3, 10., 10., 0.\n4, 0., 10., 0.\n"
 MIDDLES = "*NODE, NSET=MIDDLES\n5, 5., 0.\n6, 10., 5.\n7, 5., 10.\n8, 0., 5.\n9, 5., 5.\n"
@@ -11,7 +12,7 @@ MIDDLES = "*NODE, NSET=MIDDLES\n5, 5., 0.\n6, 10., 5.\n7, 5., 10.\n8, 0., 5.\n9,
 
 def read(tmp_path, text, name="square.inp"):
     (tmp_path / name).write_text(text)
-    return read_abaqus(tmp_path / name)
+    return read_surface_mesh(tmp_path / name, "mesh file")
 
 
 @pytest.mark.parametrize(
@@ -75,5 +76,5 @@ def test_what_cannot_be_read_is_named(tmp_path):
         ("*Node, system=C\n1, 0., 0.\n", "SYSTEM=C, not rectangular"),
         (f"*Part, name=Ply\n{NODES}", r"has a part or instance without \*END"),
     ):
-        with pytest.raises(ValueError, match=words):
+        with pytest.raises(InputError, match=words):
             read(tmp_path, text)

@@ -14,9 +14,8 @@ from mpi4py import MPI
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.core.errors import InputError
 from fabric_fenicsx.core.processes import in_child
-from fabric_fenicsx.io.read import read_stl, read_surface_mesh
-from fabric_fenicsx.sheet.gmsh_cells import own_model
-from fabric_fenicsx.sheet.specimen import specimen
+from fabric_fenicsx.io.read import read_surface_mesh
+from fabric_fenicsx.sheet.specimen import own_model, specimen
 
 SQUARE = np.array([[0.0, 0, 0], [10, 0, 0], [10, 10, 0], [0, 10, 0]])
 POINTS, TRIANGLES, _ = specimen(20, 10, 4, 2, "right")
@@ -235,7 +234,7 @@ FILES = {
 @pytest.mark.parametrize("case", FILES)
 def test_stl_with(tmp_path, case):
     (tmp_path / "plate.stl").write_bytes(FILES[case])
-    mesh = read_stl(tmp_path / "plate.stl")
+    mesh = read(tmp_path / "plate.stl")
     x = mesh.points[mesh.cells["triangle"][:2]]
     np.testing.assert_allclose(x, CORNERS, atol=1e-7)
     assert len(mesh.points) == 4
@@ -247,5 +246,5 @@ def test_stl_that_is_cut_off_or_wrong(tmp_path):
         (binary(count=3), "tells of 3 triangles and holds 100 bytes of them"),
     ):
         (tmp_path / "plate.stl").write_bytes(content)
-        with pytest.raises(ValueError, match=words):
-            read_stl(tmp_path / "plate.stl")
+        with pytest.raises(InputError, match=words):
+            read(tmp_path / "plate.stl")

@@ -16,7 +16,7 @@ from fabric_fenicsx.energy.fingerprint import entries
 from fabric_fenicsx.press import pictures
 from fabric_fenicsx.press.press import EXAMPLES
 from fabric_fenicsx.results import forming_pictures, space
-from fabric_fenicsx.sheet.gmsh_cells import own_model
+from fabric_fenicsx.sheet.specimen import own_model
 from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.progress import Progress
 

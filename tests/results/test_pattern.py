@@ -9,7 +9,7 @@ import shapely
 
 from fabric_fenicsx.cli import main
 from fabric_fenicsx.core.errors import InputError
-from fabric_fenicsx.io.outline_files import read_outline, read_trim_line
+from fabric_fenicsx.io.outlines import read_outline, read_trim_line
 from fabric_fenicsx.results.pattern import Plane, edge_distance, flat_pattern, write_pattern
 from fabric_fenicsx.results.ply import SYMMETRIC
 from fabric_fenicsx.results.states import save

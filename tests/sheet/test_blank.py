@@ -11,9 +11,8 @@ from dolfinx import fem
 
 import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
-from fabric_fenicsx.sheet.gmsh_cells import own_model
 from fabric_fenicsx.sheet.sources import moved_sheet
-from fabric_fenicsx.sheet.specimen import specimen, yarns_through_corners
+from fabric_fenicsx.sheet.specimen import own_model, specimen, yarns_through_corners
 
 
 def area(blank):
@@ -177,9 +176,9 @@ def test_defaults_of_cells():
     tall = ff.Blank.outline([[(0, 0), (40, 0), (40, 100), (0, 100)]], nx=4)
     x = tall.mesh.geometry.x
     assert sorted(x[abs(x[:, 1]) < 1e-9, 0]) == pytest.approx([0, 10, 20, 30, 40])
-    given = ff.Tensile(nx=9, ny=6).coarser((200, 50), times=3)
+    given = ff.Tensile(nx=9, ny=6).with_larger_cells((200, 50), times=3)
     assert (given.nx, given.ny) == (3, 2)
-    assert ff.Tensile(outline="o.csv", size=4).coarser((200, 50)).size == 8
+    assert ff.Tensile(outline="o.csv", size=4).with_larger_cells((200, 50)).size == 8
 
 
 @pytest.mark.parametrize("spatial", [False, True])

@@ -6,9 +6,8 @@ import pytest
 from builders import COMM, slit_strip
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.core.errors import InputError
 from fabric_fenicsx.sheet.mesh_checks import CELLS, checked_mesh, turned_over
-from fabric_fenicsx.sheet.sources import read_mesh, straight_cells
+from fabric_fenicsx.sheet.sources import read_mesh
 from fabric_fenicsx.sheet.specimen import PATTERNS, specimen
 
 STRIP = specimen(4, 2, 4, 2, "right")
@@ -141,26 +140,6 @@ def written(path, points, *blocks):
     points = np.pad(np.asarray(points, float), ((0, 0), (0, 3 - np.shape(points)[1])))
     meshio.write_points_cells(path, points, [(kind, np.asarray(cells)) for kind, cells in blocks])
     return path
-
-
-def high_order(p, bulge=0.0):
-    """Triangle of order p over half of `TEN_MM`, the first edge bulged out, as gmsh orders it."""
-    corners, shares = TEN_MM[:3], np.arange(1, p)[:, None] / p
-    edges = [(1 - shares) * corners[i] + shares * corners[(i + 1) % 3] for i in range(3)]
-    edges[0] = edges[0] - [0, bulge]
-    inside = np.tile([7.0, 3.0], ((p - 1) * (p - 2) // 2, 1))
-    points = np.pad(np.vstack([corners, *edges, inside]), ((0, 0), (0, 1)))
-    return points, np.arange(len(points))[None], f"triangle{len(points)}"
-
-
-@pytest.mark.parametrize("p", [3, 4])
-def test_straight_cells_of_a_higher_order_are_their_corners(p):
-    cells, kind = straight_cells(*high_order(p), "s.msh")
-    assert kind == "triangle" and cells.tolist() == [[0, 1, 2]]
-    within, beyond = (share * 1e-6 * np.hypot(10, 10) for share in (0.9, 1.1))
-    straight_cells(*high_order(p, bulge=within), "s.msh")
-    with pytest.raises(InputError, match=f"curved cells of order {p}, the first number 0"):
-        straight_cells(*high_order(p, bulge=beyond), "s.msh")
 
 
 @pytest.mark.parametrize("unused, told", [(2, 0), (3, 1)])

@@ -7,7 +7,7 @@ import pytest
 
 from fabric_fenicsx.core.errors import InputError
 from fabric_fenicsx.core.formatting import rounded
-from fabric_fenicsx.io.outline_files import read_outline
+from fabric_fenicsx.io.outlines import read_outline
 from fabric_fenicsx.sheet.specimen import specimen
 
 CORNERS = [(0, 0), (100, 0), (100, 80), (0, 80)]

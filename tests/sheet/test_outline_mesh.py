@@ -13,10 +13,10 @@ from shapely import affinity
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.core.errors import InputError
-from fabric_fenicsx.io.rings import centred, joined, mirrored_half, sheet_of
-from fabric_fenicsx.sheet import outline
+from fabric_fenicsx.io.outlines import centred, joined, mirrored_half, sheet_of
+from fabric_fenicsx.sheet import sources
 from fabric_fenicsx.sheet.mesh_checks import checked_mesh
-from fabric_fenicsx.sheet.outline import PATTERNS, outline_mesh
+from fabric_fenicsx.sheet.sources import PATTERNS, outline_mesh
 
 YARNS = np.radians([30, 120])
 NOTCHED = [(0, 0), (200, 0), (200, 60), (180, 60), (180, 80), (200, 80), (200, 150), (0, 150)]
@@ -136,14 +136,14 @@ def test_outlines_just_within_and_just_beyond_a_limit(beyond, words, within, mon
     def divided(*_):
         raise Meshed
 
-    places = outline._fine_places
+    places = sources._fine_places
 
     def noted(sheet, size, notes, centre):
         told.append(notes)
         return places(sheet, size, notes, centre)
 
-    monkeypatch.setattr(outline, "_divided", divided)
-    monkeypatch.setattr(outline, "_fine_places", noted)
+    monkeypatch.setattr(sources, "_divided", divided)
+    monkeypatch.setattr(sources, "_fine_places", noted)
     for given, is_told in ((beyond, True), (within, False)):
         told.clear()
         with pytest.raises((InputError, Meshed)) as error:

@@ -11,7 +11,7 @@ from dome_triangles import double_dome
 from mpi4py import MPI
 
 from fabric_fenicsx.core.errors import InputError
-from fabric_fenicsx.sheet.gmsh_cells import own_model
+from fabric_fenicsx.sheet.specimen import own_model
 from fabric_fenicsx.surfaces import files, patches
 from fabric_fenicsx.surfaces.checks import check_triangles
 from fabric_fenicsx.surfaces.double_dome import DoubleDome

@@ -1,16 +1,19 @@
-"""Outlines of sheets in files: polygons in CSV, drawings in DXF, boundaries of meshes."""
+"""Outlines of sheets, closed rings of lines in a plane, and their files: polygons in CSV, drawings
+in DXF, boundaries of meshes."""
 
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import shapely
+from scipy.spatial import cKDTree
 
 from ..core.errors import InputError
 from ..core.files import check_file, ending
-from ..core.formatting import rounded
+from ..core.formatting import coordinates, rounded
+from ..core.graph import connected
 from .read import read_surface_mesh
-from .rings import joined, sheet_of
 from .text_tables import columns_of, read_lines, table_of
 from .units import factors
 
@@ -18,6 +21,7 @@ ALLOWED = "a drawing (.dxf), a table of x and y (.csv, .txt), or a mesh"
 CURVES = "LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE"  # of DXF
 TABLES = ".csv", ".txt", ".xy"
 PLANE_TOLERANCE = 1e-6  # extent in z over the others, below which lines lie in a plane
+MIRROR_TOLERANCE = 1e-3  # of its extent, by which a sheet may differ from its mirror image
 
 
 def read_outline(path: Path | str, layer: str | None = None) -> tuple[shapely.Polygon, list[str]]:
@@ -115,29 +119,24 @@ def _drawing(path, source, layer):
                 f"`layer` {', '.join(missing)} of {source} has no lines; allowed are {layers}"
             )
         drawn = [each for each in drawn if each[1].lower() in asked]
-    curves = [each for each in drawn if _is_curve(each[0])]
     beside = "TEXT MTEXT DIMENSION ARC_DIMENSION LEADER MULTILEADER POINT ATTDEF".split()
     others = Counter(entity.dxftype() for entity, *_ in drawn if not _is_curve(entity))
     unread = ", ".join(f"{n} {kind}" for kind, n in sorted(others.items()) if kind not in beside)
-    notes = [f"{source} has {unread}, not read; allowed are {', '.join(CURVES)}"] if unread else []
-    fixes = [each.message for each in auditor.fixes]
-    notes += [f"{source} is damaged: {each}" for each in fixes if each.startswith("Removed")]
-    if not curves:
-        raise InputError(
-            f"{source} has no lines, but {unread or 'nothing'}; allowed are {', '.join(CURVES)}"
-        )
     factor, unit = _unit(drawing)
     lines = []
-    for curve, _, place in curves:
-        if curve.dxftype() == "POLYLINE":  # R12 has vertices, by this flag, that steer a spline
-            on_it = [vertex for vertex in curve.vertices if not vertex.dxf.flags & 16]
-            curve.vertices[:] = on_it or curve.vertices
+    for curve, _, place in (each for each in drawn if _is_curve(each[0])):
         stretch = np.linalg.norm(np.array([*place.rows()])[:3, :3], 2)
         for line in _flattened(curve, 0.01 / factor / stretch):  # chords within 0.01 mm
             lines.append(factor * np.array([tuple(x) for x in place.transform_vertices(line)]))
-    if unit:
-        sides = " x ".join(rounded(each, 4) for each in np.ptp(np.concatenate(lines), axis=0)[:2])
-        notes.append(f"{source} {unit}, so it is {sides} mm")
+    if not lines:
+        raise InputError(
+            f"{source} has no lines, but {unread or 'nothing'}; allowed are {', '.join(CURVES)}"
+        )
+    sides = " x ".join(rounded(each, 4) for each in np.ptp(np.concatenate(lines), axis=0)[:2])
+    notes = [f"{source} has {unread}, not read; allowed are {', '.join(CURVES)}"] if unread else []
+    fixes = [each.message for each in auditor.fixes]
+    notes += [f"{source} is damaged: {each}" for each in fixes if each.startswith("Removed")]
+    notes += [f"{source} {unit}, so it is {sides} mm"] if unit else []
     hint = f"; it has {unread}, not read" if unread else ""
     if layer is None and len(layers) > 1:
         hint += f"; of its layers {', '.join(layers)} some may be left out by `layer`"
@@ -152,6 +151,9 @@ def _flattened(curve, chord):
     kind = curve.dxftype()
     if kind in ("ARC", "CIRCLE", "ELLIPSE"):
         return [[*curve.flattening(chord)]]
+    if kind == "POLYLINE":  # R12 has vertices, by this flag, that steer a spline
+        on_it = [vertex for vertex in curve.vertices if not vertex.dxf.flags & 16]
+        curve.vertices[:] = on_it or curve.vertices
     if kind in ("LWPOLYLINE", "POLYLINE") and curve.has_arc:
         return [line for each in curve.virtual_entities() for line in _flattened(each, chord)]
     if kind != "SPLINE":
@@ -160,13 +162,11 @@ def _flattened(curve, chord):
     spline = curve.construction_tool()
     ends = np.unique(spline.knots()[spline.degree : spline.count + 1])
     for parts in 2 ** np.arange(2, 13):  # of each stretch between knots
-        shares = np.arange(parts)[:, None] / parts
-        t = np.append((ends[:-1] + shares * np.diff(ends)).T, ends[-1])
-        points = [*spline.points(t)]
-        x = np.array([tuple(point) for point in points])
+        t = np.interp(np.arange(parts * (len(ends) - 1) + 1) / parts, np.arange(len(ends)), ends)
+        x = np.array([tuple(point) for point in spline.points(t)])
         if np.linalg.norm(x[1::2] - (x[:-1:2] + x[2::2]) / 2, axis=1).max() < chord:
             break
-    return [points]
+    return [x]
 
 
 def _is_curve(entity):
@@ -214,3 +214,84 @@ def _boundary(path):
         edges += [*np.stack([corners, np.roll(corners, -1, 1)], 2).reshape(-1, 2)]
     ends, count = np.unique(np.sort(edges, 1), axis=0, return_counts=True)
     return [*points[ends[count == 1]]]
+
+
+def joined(lines: Sequence[np.ndarray], source: str) -> list[np.ndarray]:
+    """Closed rings (n, 2) of lines (k, 2) [mm] whose ends meet, in any order and sense, each once;
+    source: what errors call them. Raises InputError, by the place, for lines that do not close."""
+    # of the lines' extent, up to which their ends meet
+    gap = 1e-4 * np.ptp(np.concatenate(lines), axis=0).max()
+    ends = np.array([line[[0, -1]] for line in lines]).reshape(-1, 2)
+    _, place = connected(len(ends), cKDTree(ends).query_pairs(gap, output_type="ndarray").T)
+    _, first, group = np.unique(place, return_index=True, return_inverse=True)
+    ends = ends[first[group]].reshape(-1, 2, 2)
+    pieces = [
+        shapely.LineString([start, *line[1:-1], end]) for line, (start, end) in zip(lines, ends)
+    ]
+    pieces = [each for each in pieces if each.length > gap]
+    once = {shapely.normalize(each).wkb: each for each in pieces}
+    merged = shapely.get_parts(shapely.line_merge(shapely.multilinestrings([*once.values()])))
+    rings = [shapely.get_coordinates(each) for each in merged]
+    if loose := [ring[[0, -1]] for ring in rings if (ring[0] != ring[-1]).any()]:
+        place, *others = np.concatenate(loose)
+        off = np.linalg.norm(others - place, axis=1)
+        k = off.argmin()  # at 0 mm where more than two lines meet
+        raise InputError(
+            f"{source} is open at {coordinates(place)} mm: the nearest other end is "
+            f"{rounded(off[k])} mm away, at {coordinates(others[k])}; allowed are closed rings, of "
+            f"two lines at each place, whose ends are up to {rounded(gap, 1)} mm apart"
+        )
+    return rings
+
+
+def sheet_of(rings: Sequence[np.ndarray], source: str) -> shapely.Polygon:
+    """The sheet that rings (n, 2) [mm] bound: the largest is its outline, the others are holes.
+    Raises InputError, by the place, for rings of a `source` that do not bound one sheet."""
+    # rings of fewer points are too few for GEOS, not for its constructor
+    areas = [shapely.Polygon(np.resize(ring, (max(3, len(ring)), 2))) for ring in rings]
+    areas.sort(key=lambda area: -area.area)
+    outline, *holes = [area.exterior for area in areas] or [None]
+    sheet = shapely.Polygon(outline, holes)
+    fault, _, place = shapely.is_valid_reason(sheet).partition("[")
+    if place:  # as of Self-intersection[5 10]
+        where = coordinates(map(float, place.rstrip("]").split()))
+        raise InputError(
+            f"{source} bounds no sheet: {fault.lower()} at {where} mm; allowed is one outline, and "
+            "holes inside it that are apart from each other"
+        )
+    return sheet
+
+
+def centred(sheet: shapely.Polygon) -> shapely.Polygon:
+    """The sheet with the middle of its extent at the origin."""
+    middle = np.reshape(sheet.bounds, (2, 2)).mean(0)
+    return shapely.transform(sheet, lambda x: x - middle)
+
+
+def mirrored_half(
+    sheet: shapely.Polygon, axis: int, source: str, at: float = 0.0
+) -> shapely.Polygon:
+    """The half of a sheet on the positive side of the plane x = `at` or y = `at` (`axis` 0 or 1)
+    [mm], which mirrors it; a sheet that begins at the plane as it is. Raises InputError, by the
+    size of what differs, for a sheet that is not its own mirror image, and for one in two parts."""
+    low, high = np.reshape(sheet.bounds, (2, 2))[:, axis]
+    if low - at > -MIRROR_TOLERANCE * (high - low):
+        return sheet
+    image = shapely.transform(sheet, lambda x: np.where(np.arange(2) == axis, 2 * at - x, x))
+    apart = shapely.symmetric_difference(sheet, image)
+    name, far = "xy"[axis], shapely.buffer(apart, -MIRROR_TOLERANCE * (high - low))
+    if not far.is_empty:
+        place = coordinates(far.representative_point().coords[0])
+        raise InputError(
+            f"{source} is not its own mirror image in {name} = {at:g}: {rounded(far.area, 3)} mm2 "
+            f"differ, as at {place} mm; allowed is a symmetric outline, or its half"
+        )
+    reach = 2 * np.abs(sheet.bounds).max()
+    start = [at if k == axis else -reach for k in (0, 1)]
+    half = shapely.intersection(sheet, shapely.box(*start, reach, reach))
+    if half.geom_type != "Polygon":
+        raise InputError(
+            f"{source} is cut into {shapely.get_num_geometries(half)} parts by the plane of "
+            f"symmetry {name} = {at:g}; allowed is an outline that stays in one piece"
+        )
+    return half
