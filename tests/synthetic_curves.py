@@ -80,7 +80,7 @@ def bias_displacement(gamma, height, width):
 def bias_test(force, gamma, height, width, noise):
     """A raw bias test of a fabric of 1.2 mm; noise: a share of each value."""
     keys, strains = {"height": height, "width": width}, np.outer(gamma, [0, 0, 1])
-    responses = (data.forces.response("F", force, gamma, "bias_extension", keys, 1.2),)
+    responses = (data.model.response("F", force, gamma, "bias_extension", keys, 1.2),)
     more = {"displacement": bias_displacement(gamma, height, width), "keys": keys}
     rows, stated = np.arange(len(gamma)), ("value", noise)
     return Curve("bias.csv", "bias_extension", strains, responses, rows, 2, noise=stated, **more)

@@ -10,7 +10,7 @@ from fabric_fenicsx.coupons.bias_extension import BiasExtension
 from fabric_fenicsx.coupons.simulated import simulated_bias
 from fabric_fenicsx.identification import identify_simulated
 from fabric_fenicsx.identification.curves import Curve, Sheet
-from fabric_fenicsx.identification.curves.forces import response
+from fabric_fenicsx.identification.curves.model import response
 from fabric_fenicsx.job.setup import Observer
 from fabric_fenicsx.material.laws.coupled import WovenFabric
 from fabric_fenicsx.solve.progress import Accepted

@@ -13,7 +13,7 @@ value of `[assumed]` in sheet.toml or of Table 1, and the result says so. A dire
 neither pulled nor stated is refused: it would get another fabric's values.
 """
 
-from .compaction import CompactionFit, fit_compaction
 from .fit import identify, identify_simulated
 from .problem import Assumed, Determined
 from .result import Identification, draw, result_lines
+from .separate import CompactionFit, fit_compaction

@@ -4,7 +4,6 @@ tests maybe with the force of the simulated specimen."""
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -13,11 +12,10 @@ from ..core.errors import InputError, SolverFailure
 from ..core.formatting import rounded
 from ..material.files import FIBRES, SHEET
 from ..material.laws.coupled import SHEAR, WovenFabric, Yarn
-from .compaction import fit_compaction
 from .curves import Curve, Sheet, curve_warnings
-from .friction import fit_friction
 from .problem import NOISE, Assumed, Determined, NotConverged, Problem, base, unit_of, yarns_of
-from .result import Identification, SimulatedFit
+from .result import Identification
+from .separate import fit_compaction, fit_friction
 
 UNCOUPLED = "no coupling, so that held strips are not too stiff"  # source of a p_min of 1
 
@@ -28,42 +26,43 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     compaction = fit_compaction(sheet) if sheet.compaction else None
     friction = fit_friction(curves)
     problem = Problem(sheet, curves, friction.friction if friction else None)
-    default, source, reason = _assumptions(problem, sheet)
-    _check_yarns(sheet, problem.names, reason, source)
+    names, (default, source, reason) = problem.names, _assumptions(problem, sheet)
     theta, staged, fitted = _regression(problem, default, reason, source)
     theta, sd, estimated = _weighted_fit(problem, theta, fitted)
     free = [k for k in range(len(theta)) if k not in reason]
-    fit = _statistics(problem, theta, free, sd)
+    variance, errors, halves, correlation, J = _statistics(problem, theta, free, sd)
     if estimated is None and not all(c.noise for c in curves):
-        estimated = NOISE * math.sqrt(fit.variance)
-    bound = problem.at_bound(theta, free, fitted)
-    determined = {
-        problem.names[k]: _determined(problem, k, theta[k], staged[k], e, half, k in bound)
-        for k, e, half in zip(free, fit.error, fit.half)
-    }
+        estimated = NOISE * math.sqrt(variance)
+    bound, determined, dof = problem.at_bound(theta, free, fitted), {}, len(sd) - len(free)
+    for k, error, half in zip(free, errors, halves):
+        value = float(theta[k])
+        high = value + half
+        if base(names[k]) == "c":  # the larger it is the less the force depends on it
+            high = max(high, value * math.exp(min(half / max(value, 1e-300), 50)))
+        interval = tuple(np.clip([value - half, high], *problem.box(k)).tolist())
+        how = unit_of(names[k]), float(staged[k]), bool(half > abs(value)), k in bound
+        determined[names[k]] = Determined(value, float(error), interval, *how)
     assumed = {}
     for k, why in sorted(reason.items()):
-        name, moves = problem.names[k], _moves(problem, theta, fit, sd, k)
-        assumed[name] = Assumed(float(theta[k]), unit_of(name), source[name], why, moves)
-    fabric = _fabric(dict(zip(problem.names, map(float, theta))), sheet, assumed)
+        unit, moves = unit_of(names[k]), _moves(problem, theta, free, halves, J, sd, k)
+        assumed[names[k]] = Assumed(float(theta[k]), unit, source[names[k]], why, moves)
+    fabric = _fabric(dict(zip(names, map(float, theta))), sheet, assumed)
+    fabric = fabric.replace(shear_friction=friction and friction.friction)
     if compaction:
         fabric = fabric.replace(compaction=compaction.compaction)
-    fabric = fabric.replace(shear_friction=friction and friction.friction)
     softest, convex = _physics(problem, fabric)
-    predicted, untold = problem.predict(theta), []
-    if any(curve.back for curve in curves):
-        untold = ["the loops do not tell friction between yarns; it is left out"]
+    predicted, lost = problem.predict(theta), not friction and any(c.back for c in curves)
     fits = [(curve, response, predicted[s], sd[s]) for (curve, response), s in problem.parts]
     warnings = [
         *(f"{curve.file}: {text}" for curve in curves for text in curve.remarks),
         *(f"{test.file}: {text}" for test in sheet.compaction for text in test.remarks),
-        *_fit_warnings(problem, fit, softest, convex, determined, assumed),
+        *_fit_warnings(problem, dof, variance, softest, convex, determined, assumed),
         *curve_warnings(curves),
         *(compaction.warnings if compaction else ()),
-        *(() if friction else untold),
+        *(["the loops do not tell friction between yarns; it is left out"] if lost else ()),
         *fabric.plausibility_warnings(),
     ]
-    quality = fit.correlation, fits, fit.dof, fit.variance, estimated, softest, convex, warnings
+    quality = correlation, fits, dof, variance, estimated, softest, convex, warnings
     others = sheet.areal_weight, compaction, friction
     result = Identification(fabric, determined, assumed, *quality, *others)
     for name, p in result.all_determined.items():
@@ -73,19 +72,10 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     return result
 
 
-def _determined(problem, k, value, staged, error, half, at_bound):
-    high = value + half
-    if base(problem.names[k]) == "c":  # the larger it is the less the force depends on it
-        high = max(high, value * math.exp(min(half / max(value, 1e-300), 50)))
-    interval = tuple(np.clip([value - half, high], *problem.box(k)).tolist())
-    is_weak = bool(half > abs(value))
-    unit = unit_of(problem.names[k])
-    return Determined(float(value), float(error), interval, unit, float(staged), is_weak, at_bound)
-
-
 def _assumptions(problem, sheet):
     """Values (parameters,) that hold unless they are fitted, their sources {name: source}, and why
-    some can't be fitted {number: reason}."""
+    some can't be fitted {number: reason}. InputError for an unbalanced fabric of which one
+    direction was neither pulled nor stated."""
     names, values = problem.names, dict(zip(problem.names, problem.start))
     source, reason = dict.fromkeys(names, "Table 1 of Schäfer et al."), {}
     for k, name in enumerate(names):
@@ -103,22 +93,16 @@ def _assumptions(problem, sheet):
             reason[k] = "tests of free strips without the strain across do not tell it"
             if source[name] != "sheet.toml":
                 values[name], source[name] = 1.0, UNCOUPLED
-    return np.array([values[n] for n in names]), source, reason
-
-
-def _check_yarns(sheet, names, reason, source):
-    """InputError for an unbalanced fabric of which one direction was neither pulled nor stated."""
-    if sheet.balanced:
-        return
-    numbers = {n for k, n in enumerate(names) if k not in reason or source[n] == "sheet.toml"}
+    told = {n for k, n in enumerate(names) if k not in reason or source[n] == "sheet.toml"}
     for yarn, other, i in (("warp", "weft", "a"), ("weft", "warp", "b")):
-        missing = [n for n in "ab" if f"{yarn}.{n}" not in numbers]
-        if missing and f"{other}.b" in numbers:
+        missing = [n for n in "ab" if f"{yarn}.{n}" not in told]
+        if not sheet.balanced and missing and f"{other}.b" in told:
             flaw = f"balanced is false, but no test tells the {yarn}'s {' and '.join(missing)}"
             raise InputError(
                 f"sheet.toml: {flaw}; allowed is a test uniaxial_{i} or biaxial, values in "
                 f"[assumed.{yarn}], or balanced = true, which gives the {yarn} those of the {other}"
             )
+    return np.array([values[n] for n in names]), source, reason
 
 
 def _weighted_fit(problem, theta, fitted):
@@ -138,42 +122,29 @@ def _weighted_fit(problem, theta, fitted):
     return theta, sd, estimated
 
 
-class _Statistics(NamedTuple):
-    """Degrees of freedom, variance of the weighted residuals, and for the parameters `free` (k,):
-    standard errors, half widths of the 95 % intervals, correlation (k, k), and the weighted
-    Jacobian (N, k), for natural changes."""
-
-    free: list[int]
-    dof: int
-    variance: float
-    error: np.ndarray
-    half: np.ndarray
-    correlation: np.ndarray
-    jacobian: np.ndarray
-
-
 def _statistics(problem, theta, free, sd):
-    residual = problem.residual(theta, sd)
+    """Variance of the weighted residuals, and for the parameters `free` (k,): standard errors, half
+    widths of the 95 % intervals, correlation (k, k), and the weighted Jacobian (N, k), for natural
+    changes."""
+    residual, natural = problem.residual(theta, sd), problem.natural[free]
     dof = len(residual) - len(free)
     variance = float(residual @ residual) / dof
-    J = problem.jacobian(theta, free) * problem.natural[free] / sd[:, None]
+    J = problem.jacobian(theta, free) * natural / sd[:, None]
     inverse = np.linalg.inv(np.linalg.qr(J, "r"))
     covariance = inverse @ inverse.T  # over the variance
     spread = np.sqrt(np.diag(covariance))
-    error = math.sqrt(variance) * spread * problem.natural[free]
+    error = math.sqrt(variance) * spread * natural
     half = stats.t.ppf(0.975, dof) * error
-    correlation = covariance / np.outer(spread, spread)
-    return _Statistics(free, dof, variance, error, half, correlation, J)
+    return variance, error, half, covariance / np.outer(spread, spread), J
 
 
-def _moves(problem, theta, fit, sd, k):
+def _moves(problem, theta, free, half, J, sd, k):
     """Changes {name: change} of fitted parameters, beyond half intervals, by 10 % more of k."""
-    free = fit.free
     if not free or not np.isfinite(problem.natural[k]):
         return {}
     more = 0.1 * theta[k] * (problem.jacobian(theta, [k])[:, 0] / sd)
-    change = -np.linalg.lstsq(fit.jacobian, more, rcond=None)[0] * problem.natural[free]
-    least = np.maximum(fit.half, 1e-3 * np.abs(theta[free]))
+    change = -np.linalg.lstsq(J, more, rcond=None)[0] * problem.natural[free]
+    least = np.maximum(half, 1e-3 * np.abs(theta[free]))
     return {problem.names[f]: float(c) for f, c, most in zip(free, change, least) if abs(c) > most}
 
 
@@ -201,10 +172,10 @@ def _physics(problem, fabric):
     return softest, convex
 
 
-def _fit_warnings(problem, fit, softest, convex, determined, assumed):
-    limit = stats.chi2.ppf(0.999, fit.dof) / fit.dof
-    if all(c.noise for c in problem.curves) and fit.variance > limit:
-        times = rounded(math.sqrt(fit.variance), 2)
+def _fit_warnings(problem, dof, variance, softest, convex, determined, assumed):
+    limit = stats.chi2.ppf(0.999, dof) / dof
+    if all(c.noise for c in problem.curves) and variance > limit:
+        times = rounded(math.sqrt(variance), 2)
         text = f"the curves lie {times} times their stated noise from the law"
         yield f"{text}, and the intervals are widened by that"
     if softest is not None and softest <= 0:
@@ -219,22 +190,28 @@ def _fit_warnings(problem, fit, softest, convex, determined, assumed):
                 "strain across (eps_a or eps_b), or hold the sides"
             )
     if held := [name for name, p in determined.items() if p.at_bound]:
-        why = "at a limit of what a fabric can have, as a stiffness of 0"
-        is_at = f"{'is' if len(held) == 1 else 'are'} {why}"
-        yield f"{', '.join(held)} {is_at}, so their intervals are a rough guide"
+        are = f"{'is' if len(held) == 1 else 'are'} at a limit of what a fabric can have"
+        yield f"{', '.join(held)} {are}, as a stiffness of 0, so their intervals are a rough guide"
 
 
 def _regression(problem, default, reason, source):
     """Stage 1, stage 2 and the joint fit.
 
     They are repeated with one parameter less, its reason in `reason`, until the data determine all
-    that is fitted. Returns values after the joint fit, after the stages, and
-    the parameters that were free in it."""
+    that is fitted. Returns values after the joint fit, after the stages, and the parameters that
+    were free in it. InputError if there are none, or more than measured values."""
     names, couplings = problem.names, ("c", "p_min", "s_T", "s_C")
     coupled = [k for k, n in enumerate(names) if base(n) in couplings]
     uncoupled = ~np.any(problem.effect[:, coupled] > 0, axis=1)
     while True:
-        free = _free(problem, reason)
+        free = [k for k in range(len(names)) if k not in reason]
+        if not free:
+            tests = ", ".join(sorted({c.test for c in problem.curves}))
+            flaw = f"the curves, of the tests {tests}, determine no parameter"
+            raise InputError(f"{flaw}; allowed are more tests")
+        if (count := len(problem.points.measured)) <= len(free):
+            flaw = f"there are {count} measured values for {len(free)} parameters"
+            raise InputError(f"{flaw}; allowed are more values")
         theta = _start(problem, default, reason, source, free)
         sd = problem.deviation(problem.points.measured)
         seen = np.any(problem.effect[uncoupled] > 0, axis=0)
@@ -251,19 +228,6 @@ def _regression(problem, default, reason, source):
             return theta, staged, [k for k in free if k != s3 or theta[s3] > 0]
         k, why = _given_up(names, bad, free, lone, np.maximum(abs(theta), abs(default)))
         reason[k] = why
-
-
-def _free(problem, reason):
-    """Parameters to be fitted; InputError if there are none, or more than measured values."""
-    free = [k for k in range(len(problem.names)) if k not in reason]
-    if not free:
-        tests = ", ".join(sorted({c.test for c in problem.curves}))
-        flaw = f"the curves, of the tests {tests}, determine no parameter"
-        raise InputError(f"{flaw}; allowed are more tests")
-    if (count := len(problem.points.measured)) <= len(free):
-        flaw = f"there are {count} measured values for {len(free)} parameters"
-        raise InputError(f"{flaw}; allowed are more values")
-    return free
 
 
 def _start(problem, default, reason, source, free):
@@ -332,32 +296,28 @@ def identify_simulated(sheet: Sheet, curves: Sequence[Curve], simulate: Simulate
     the last values (Gauss-Newton). Where a specimen cannot be simulated, or its forces do not
     settle, the result is the first fit, with a warning.
     """
-    start = identify(sheet, curves)
-    if not any(curve.is_raw for curve in curves):
-        return start
-    try:
-        return _fitted(sheet, curves, simulate, start)
-    except SolverFailure as failure:
-        words = f"a bias test could not be simulated: {failure}; the fit is of homogeneous shear"
-        return dataclasses.replace(start, warnings=[*start.warnings, words])
-
-
-def _fitted(sheet, curves, simulate, start, most=8):
+    start, raw = identify(sheet, curves), [curve for curve in curves if curve.is_raw]
     fit, first = start, dict[str, float]()
-    for _ in range(most):
-        forces = {c.file: simulate(fit.fabric, c) for c in curves if c.is_raw}
-        off, change = {}, 0.0
-        for curve, response, expected, _ in fit.fits:
-            if curve.is_raw:
-                force, peak = forces[curve.file][0], response.peak
-                off[curve.file] = float(np.sqrt(np.mean((force - response.values) ** 2)) / peak)
-                change = max(change, np.abs(force - expected).max() / peak)
-        if first and change < 2e-3:  # of the peak
-            shear = {name: getattr(start.fabric, name) for name in SHEAR}
-            return dataclasses.replace(fit, simulated=SimulatedFit(shear, first, off))
-        first = first or off
-        fit = identify(sheet, [_linear(curve, fit.fabric, forces) for curve in curves])
-    raise SolverFailure(f"its force did not settle in {most} fits")
+    try:
+        for _ in range(8 if raw else 0):
+            forces = {curve.file: simulate(fit.fabric, curve) for curve in raw}
+            off, change = {}, 0.0
+            for curve, response, expected, _ in fit.fits:
+                if curve.is_raw:
+                    force, peak = forces[curve.file][0], response.peak
+                    off[curve.file] = float(np.sqrt(np.mean((force - response.values) ** 2)) / peak)
+                    change = max(change, np.abs(force - expected).max() / peak)
+            if first and change < 2e-3:  # of the peak
+                shear = {name: getattr(start.fabric, name) for name in SHEAR}
+                told = {"homogeneous": shear, "off_homogeneous": first, "off": off}
+                return dataclasses.replace(fit, simulated=told)
+            first = first or off
+            fit = identify(sheet, [_linear(curve, fit.fabric, forces) for curve in curves])
+        failure = "its force did not settle in 8 fits"
+    except SolverFailure as error:
+        failure = str(error)
+    words = f"a bias test could not be simulated: {failure}; the fit is of homogeneous shear"
+    return dataclasses.replace(start, warnings=[*start.warnings, words]) if raw else start
 
 
 def _linear(curve, fabric, forces):

@@ -69,13 +69,6 @@ class Determined:
     at_bound: bool
 
 
-def by_logarithm(value: float, error: float, half: float, unit: str) -> Determined:
-    """A number that was fitted by its logarithm, of which are standard error and half interval."""
-    value, error, half = float(value), float(value * error), min(float(half), 100.0)
-    interval = value * math.exp(-half), value * math.exp(half)
-    return Determined(value, error, interval, unit, value, half > math.log(2), False)
-
-
 @dataclass(frozen=True)
 class Assumed:
     """A parameter that was not fitted: value in `unit`, where that is from, and why the data don't

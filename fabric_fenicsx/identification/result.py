@@ -1,6 +1,5 @@
 """The result of an identification, for a material file, a report, the screen and pictures."""
 
-import dataclasses
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,28 +9,19 @@ import numpy as np
 
 from ..core.formatting import percent, rounded
 from ..material.laws.coupled import WovenFabric
-from .compaction import CompactionFit
 from .curves import STRAINS, Curve, Response
-from .friction import FrictionFit
 from .problem import Assumed, Determined, numbers_report
-
-
-@dataclass(frozen=True)
-class SimulatedFit:
-    """How far a fit to simulated specimens of bias tests is from that of homogeneous shear:
-    s1, s2, s3 of the latter [MPa], and for each file the r.m.s. difference of simulated from
-    measured forces over the largest measured, with the latter and with the fit itself."""
-
-    homogeneous: dict[str, float]
-    off_homogeneous: dict[str, float]
-    off: dict[str, float]
+from .separate import CompactionFit, FrictionFit
 
 
 @dataclass(frozen=True)
 class Identification:
     """The result of `identify`. fits: for each measured column (curve, response, predicted (n,),
     deviation (n,)); correlation (m, m) in the order of `determined`; variance: of the weighted
-    residuals (1: as the noise was stated)."""
+    residuals (1: as the noise was stated); simulated: how far a fit to simulated specimens of bias
+    tests is from that of homogeneous shear: s1, s2, s3 of the latter [MPa], and for each file the
+    r.m.s. difference of simulated from measured forces over the largest measured, with the latter
+    (`off_homogeneous`) and with the fit itself (`off`)."""
 
     fabric: WovenFabric
     determined: dict[str, Determined]
@@ -47,7 +37,7 @@ class Identification:
     areal_weight: float | None = None  # [g/m2], if the density is from it
     compaction: CompactionFit | None = None  # None without a test of it: the default
     friction: FrictionFit | None = None  # between yarns; None without loops
-    simulated: SimulatedFit | None = None  # None if no specimen was simulated
+    simulated: dict[str, dict[str, float]] | None = None  # None if no specimen was
 
     def remarks(self) -> list[str]:
         """Lines for a material file on the origin of its values."""
@@ -92,7 +82,7 @@ class Identification:
             "curves": [_error(*fit) for fit in self.fits],
             "compaction": self.compaction and self.compaction.report(),
             "shear_friction": self.friction and self.friction.report(),
-            "simulated": self.simulated and dataclasses.asdict(self.simulated),
+            "simulated": self.simulated,
             "degrees_of_freedom": self.degrees_of_freedom,
             "variance_of_weighted_residuals": self.variance,
             "noise_estimated_of_peak": self.noise_estimated,
@@ -133,10 +123,10 @@ def result_lines(result: Identification) -> Iterator[str]:
     for test in (report["compaction"] or {"tests": []})["tests"]:
         yield f"{test['file']}: r.m.s. error of thickness {test['rms_error_mm']:.3g} mm"
     if fit := result.simulated:
-        shear = ", ".join(f"{name} {value:.4g} MPa" for name, value in fit.homogeneous.items())
+        shear = ", ".join(f"{name} {value:.4g} MPa" for name, value in fit["homogeneous"].items())
         yield f"specimens of bias tests were simulated; by homogeneous shear: {shear}"
-        for file, off in fit.off.items():
-            before = f"{percent(fit.off_homogeneous[file])} with the fit of homogeneous shear"
+        for file, off in fit["off"].items():
+            before = f"{percent(fit['off_homogeneous'][file])} with the fit of homogeneous shear"
             share = f"{percent(off)} of its peak"
             yield f"{file}: the simulated force is {share} off r.m.s., and {before}"
     if result.areal_weight is not None:
@@ -149,71 +139,60 @@ def result_lines(result: Identification) -> Iterator[str]:
 def draw(result: Identification, stem: Path | str) -> list[str]:
     """Write stem_fit.png (measured and fitted curves), stem_residuals.png (in standard deviations),
     stem_correlation.png and, with tests of it, stem_compaction.png; returns their names."""
-    figures = {
-        "fit": _panels(result, False),
-        "residuals": _panels(result, True),
-        "correlation": _correlation(result),
-    }
-    if result.compaction:
-        figures["compaction"] = _compaction(result.compaction)
-    for kind, figure in figures.items():
-        figure.savefig(f"{stem}_{kind}.png", dpi=130)
-    return [f"{stem}_{kind}.png" for kind in figures]
-
-
-def _figure(width, height):
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height), layout="constrained")
-
-
-def _panels(result, residuals):
-    """Measured and fitted values of each curve, or the residuals in standard deviations."""
-    n = len(result.fits)
-    across = min(4, n)
-    down = -(-n // across)
-    figure = _figure(0.6 + 3.1 * across, 0.4 + 2.5 * down)
-    axes = figure.subplots(down, across, squeeze=False).ravel()
-    for ax, (curve, response, predicted, sd) in zip(axes, result.fits):
-        name, sd = STRAINS[curve.abscissa], sd * math.sqrt(result.variance)
-        factor, unit = (180 / math.pi, "deg") if name == "gamma" else (100, "%")
-        x = factor * curve.strains[:, curve.abscissa]
-        if residuals:
-            ax.axhline(0, color="0.6", linewidth=0.8)
-            ax.plot(x, (response.values - predicted) / np.where(sd > 0, sd, 1), ".", markersize=4)
-            ax.set_ylabel("residual / std. deviation", fontsize=8)
+    count, names = len(result.fits), list(result.determined)
+    across = min(4, count)
+    down = -(-count // across)
+    panels, square = (0.6 + 3.1 * across, 0.4 + 2.5 * down), 0.45 * len(names)
+    sizes = {"fit": panels, "residuals": panels, "correlation": (1.8 + square, 1.2 + square)}
+    sizes |= {"compaction": (4.4, 3.2)} if result.compaction else {}
+    for kind, size in sizes.items():
+        figure = Figure(figsize=size, layout="constrained")
+        if kind == "correlation":
+            ax = figure.subplots()
+            image = ax.imshow(result.correlation, cmap="coolwarm", vmin=-1, vmax=1)
+            ax.set_xticks(range(len(names)), names, rotation=90)
+            ax.set_yticks(range(len(names)), names)
+            figure.colorbar(image, label="correlation")
+        elif kind == "compaction":
+            _draw_compaction(figure.subplots(), result.compaction)
         else:
-            style = {"fmt": ".", "markersize": 4, "elinewidth": 0.6}
-            ax.errorbar(x, response.values, sd, label="measured", **style)
-            ax.plot(x, predicted, "-", label="fitted")
-            ax.set_ylabel(f"{response.column} / {response.unit}", fontsize=8)
-            axes[0].legend(fontsize=7)
-        ax.set_xlabel(f"{name} / {unit}", fontsize=8)
-        ax.set_title(f"{curve.file.removesuffix('.csv')}: {response.column}", fontsize=8)
-        ax.tick_params(labelsize=7)
-    for ax in axes[n:]:
-        ax.set_axis_off()
-    return figure
+            axes = figure.subplots(down, across, squeeze=False).ravel()
+            for ax, fit in zip(axes, result.fits):
+                _draw_curve(ax, *fit, kind == "residuals" and math.sqrt(result.variance))
+            for ax in axes[count:]:
+                ax.set_axis_off()
+            if kind == "fit":
+                axes[0].legend(fontsize=7)
+        figure.savefig(f"{stem}_{kind}.png", dpi=130)
+    return [f"{stem}_{kind}.png" for kind in sizes]
 
 
-def _correlation(result):
-    names = list(result.determined)
-    figure = _figure(1.8 + 0.45 * len(names), 1.2 + 0.45 * len(names))
-    ax = figure.subplots()
-    image = ax.imshow(result.correlation, cmap="coolwarm", vmin=-1, vmax=1)
-    ax.set_xticks(range(len(names)), names, rotation=90)
-    ax.set_yticks(range(len(names)), names)
-    figure.colorbar(image, label="correlation")
-    return figure
+def _draw_curve(ax, curve, response, predicted, sd, scale):
+    """Measured and fitted values, or with a `scale` of deviations the residuals over these."""
+    name = STRAINS[curve.abscissa]
+    factor, unit = (180 / math.pi, "deg") if name == "gamma" else (100, "%")
+    x = factor * curve.strains[:, curve.abscissa]
+    if scale:
+        ax.axhline(0, color="0.6", linewidth=0.8)
+        off, sd = response.values - predicted, scale * sd
+        ax.plot(x, off / np.where(sd > 0, sd, 1), ".", markersize=4)
+        ax.set_ylabel("residual / std. deviation", fontsize=8)
+    else:
+        style = {"fmt": ".", "markersize": 4, "elinewidth": 0.6}
+        ax.errorbar(x, response.values, sd, label="measured", **style)
+        ax.plot(x, predicted, "-", label="fitted")
+        ax.set_ylabel(f"{response.column} / {response.unit}", fontsize=8)
+    ax.set_xlabel(f"{name} / {unit}", fontsize=8)
+    ax.set_title(f"{curve.file.removesuffix('.csv')}: {response.column}", fontsize=8)
+    ax.tick_params(labelsize=7)
 
 
-def _compaction(fit):
-    figure = _figure(4.4, 3.2)
-    ax = figure.subplots()
+def _draw_compaction(ax, fit):
     for test, measured, fitted in fit.tests:
         (dots,) = ax.semilogx(1e3 * test.pressure, measured, ".", label=test.file)
         ax.semilogx(1e3 * test.pressure, fitted, "-", color=dots.get_color())
     ax.set_xlabel("pressure / kPa")
     ax.set_ylabel("thickness of a ply / mm")
     ax.legend(fontsize=8)
-    return figure

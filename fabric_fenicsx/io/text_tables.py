@@ -9,7 +9,6 @@ import math
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,27 +16,9 @@ import numpy as np
 
 from ..core.errors import InputError
 
-_SPELLINGS = {"µm": "um", "μm": "um", "°": "deg", "N/mm²": "N/mm2", "g/m²": "g/m2"}
-_HEADER = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*(.*?)\s*[\])]|(?:/|\bin\b)\s*(\S+))?\s*")
+_SPELLINGS = {"µm": "um", "μm": "um", "°": "deg", "N/mm²": "N/mm2", "g/m²": "g/m2", "": None}
+_HEADER = re.compile(r"^\s*(.*?)\s*(?:[\[(]\s*(.*?)\s*[\])]|(?:/|\bin\b)\s*(\S+))?\s*$")
 _NUMBER = re.compile(r"\s*[+-]?[.,]?\d[\d.,]*(?:[eE][+-]?\d+)?\s*")
-
-
-class Problems(list[str]):
-    """Faults of a file, raised at once: `with problems:` keeps an InputError of its block, `stop`
-    raises one of all that were kept."""
-
-    def __enter__(self) -> "Problems":
-        return self
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
-        is_kept = isinstance(error, InputError)
-        self += [str(error)] if is_kept else []
-        return is_kept
-
-    def stop(self) -> None:
-        """InputError of all problems, if there are any."""
-        if self:
-            raise InputError("; ".join(dict.fromkeys(self)))
 
 
 class TextTable(NamedTuple):
@@ -80,52 +61,54 @@ def table_of(
 ) -> TextTable:
     """The table in lines, without comments; is_known: whether a column of a name is asked for;
     usual: names of the columns where no header has such a name. InputError where there is no
-    table."""
-    # a spreadsheet puts a comment in quotes
-    texts = [
-        (row, text)
+    table, or a row has other cells than it."""
+    texts = {  # a spreadsheet puts a comment in quotes
+        row: text
         for row, text in enumerate(lines, 1)
         if text.strip(" ,;\t") and not text.lstrip(' \t"').startswith("#")
-    ]
-    split = [(row, _split(text, delimiter or _delimiter(text))) for row, text in texts]
-    known = (k for k, (_, cells) in enumerate(split) if any(is_known(_parted(c)[0]) for c in cells))
-    top = next(known, -1)
-    if top < 0 and usual and split:
-        names = [*usual[: len(split[0][1])]]
-        return TextTable(0, names, [None] * len(names), *map(list, zip(*split)))
-    if top < 0:  # what stands above the first row of numbers
-        counts = (sum(map(bool, map(_NUMBER.fullmatch, cells))) for _, cells in split)
-        top = next((k for k, count in enumerate(counts) if count > 1), len(split)) - 1
-    if top < 0:
-        raise InputError("there is no header; allowed is a line such as eps_a [%], sigma_a [MPa]")
-    row, header = split[top]
-    delimiter = delimiter or _delimiter(texts[top][1])
-    body = [(row, _split(text, delimiter)) for row, text in texts[top + 1 :]]
-    header = header[: max((k for k, c in enumerate(header) if c.strip()), default=0) + 1]
+    }
+    split = {row: _split(text, delimiter or _delimiter(text)) for row, text in texts.items()}
+    known = (k for k, cells in split.items() if any(is_known(_parted(cell)[0]) for cell in cells))
+    numeric = [k for k, cells in split.items() if sum(map(bool, map(_NUMBER.fullmatch, cells))) > 1]
+    above = [0, *(row for row in split if row < min(numeric, default=math.inf))]
+    top = next(known, 0 if usual else above[-1])
+    if not top and not (usual and split):
+        allowed = "a line such as eps_a [%], sigma_a [MPa]"
+        raise InputError(f"there is no header; allowed is {allowed}")
+    header = split[top] if top else [*usual[: len(split[min(split)])]]
+    while len(header) > 1 and not header[-1].strip():
+        header.pop()
     names, units = map(list, zip(*map(_parted, header)))
-    if body and not any(re.match(r"\s*[+-]?[.,]?\d", cell) for cell in body[0][1]):
-        below, cells = body.pop(0)
-        for k, cell in enumerate(cells[: len(units)]):
+    sign = delimiter or _delimiter(texts[top or min(texts)])
+    body = {row: _split(text, sign) for row, text in texts.items() if row > top}
+    below = min(body, default=0)
+    if top and below and not any(re.match(r"\s*[+-]?[.,]?\d", cell) for cell in body[below]):
+        for k, cell in enumerate(body.pop(below)[: len(units)]):
             unit = _unit(cell.strip(" []()"))
             if unit and unit != (units[k] or unit):
                 two = f"{unit}, and {units[k]} in the header"
                 raise InputError(f"row {below}: the unit of {names[k]} is {two}; allowed is one")
             units[k] = units[k] or unit
-    for _, cells in body:
+    for cells in body.values():
         while len(cells) > len(header) and not cells[-1].strip():
             cells.pop()
-    return TextTable(row, names, units, [row for row, _ in body], [cells for _, cells in body])
+    odd = [f"row {row}: {len(c)} cells" for row, c in body.items() if len(c) != len(header)]
+    if odd:
+        raise InputError(
+            f"{some(odd)} under {len(header)} columns; allowed is one number a column (a decimal "
+            "comma needs semicolons or tabs between them)"
+        )
+    return TextTable(top, names, units, [*body], [*body.values()])
 
 
 def _parted(cell):
     """Name and unit, None without one, in a cell of a header."""
-    match = _HEADER.fullmatch(cell)
-    name, *units = match.groups() if match else (cell.strip(), None)
-    return name, _unit(next(filter(None, units), None))
+    ((name, *units),) = _HEADER.findall(cell)
+    return name, _unit("".join(units))
 
 
 def _unit(text):
-    return _SPELLINGS.get(text, text) or None
+    return _SPELLINGS.get(text, text)
 
 
 def _delimiter(text):
@@ -139,49 +122,41 @@ def _split(text, delimiter):
 
 
 def values_of(
-    table: TextTable,
-    factors: Mapping[int, tuple[str, float]],
-    problems: Problems,
-    decimal: str | None = None,
+    table: TextTable, factors: Mapping[int, tuple[str, float]], decimal: str | None = None
 ) -> dict[str, np.ndarray]:
     """The numbers of columns {number: (name, factor)}, {name: (n,)}, each times its factor.
-    Problems of rows and cells go to `problems`, and a column's value there is nan."""
-    columns = {name: np.full(len(table.rows), math.nan) for name, _ in factors.values()}
-    odd, wrong, found = list[str](), list[str](), []
-    for k, (row, cells) in enumerate(zip(table.rows, table.cells)):
-        if len(cells) == len(table.names):
-            found += [(k, *factors[i], cells[i].strip()) for i in factors]
-        else:
-            odd.append(f"row {row}: {len(cells)} cells")
-    if odd:
-        problems.append(
-            f"{some(odd)} under {len(table.names)} columns; allowed is one number a column (a "
-            "decimal comma needs semicolons or tabs between them)"
-        )
-    commas = [each for each in found if "," in each[-1] and _NUMBER.fullmatch(each[-1])]
-    grouped = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
-    if not decimal and commas and all(grouped.fullmatch(cell) for *_, cell in commas):
-        k, name, _, cell = commas[0]
-        problems.append(
-            f"row {table.rows[k]}: {name} is {cell!r}, which may mean {cell.replace(',', '.')} or "
-            f"{cell.replace(',', '')}; allowed is a point before decimals, and no sign between "
-            "thousands"
-        )
-        return columns
+    InputError by row, of all that is wrong; decimal: the sign before decimals, if it is stated."""
+    found = [
+        (f"row {row}: {name} is {cells[i].strip()!r}", cells[i].strip())
+        for i, (name, _) in factors.items()
+        for row, cells in zip(table.rows, table.cells)
+    ]
+    commas = [(words, cell) for words, cell in found if "," in cell and _NUMBER.fullmatch(cell)]
+    if not decimal and all(re.fullmatch(r"[+-]?[1-9]\d{0,2}(,\d{3})+", cell) for _, cell in commas):
+        for words, cell in commas[:1]:
+            raise InputError(
+                f"{words}, which may mean {cell.replace(',', '.')} or {cell.replace(',', '')}; "
+                "allowed is a point before decimals, and no sign between thousands"
+            )
     decimal = decimal or ("," if commas else ".")
     # Python would take underscores between thousands
     signs = str.maketrans({"\u2212": "-", "_": "?", ".": "?"} | {decimal: "."})
-    for k, name, factor, cell in found:
-        with suppress(ValueError):
-            columns[name][k] = float(cell.translate(signs)) * factor
-        if not math.isfinite(columns[name][k]):
-            wrong.append(f"row {table.rows[k]}: {name} is {cell!r}")
-    if wrong:
-        problems.append(
+    numbers = [number_of(cell.translate(signs)) for _, cell in found]
+    if wrong := [words for (words, _), number in zip(found, numbers) if not math.isfinite(number)]:
+        raise InputError(
             f"{some(wrong)}; allowed is a finite number, as 1058{decimal}5, with the same sign "
             "before all decimals and none between thousands"
         )
-    return columns
+    columns = np.reshape(numbers, (len(factors), len(table.rows)))
+    return {name: factor * column for (name, factor), column in zip(factors.values(), columns)}
+
+
+def number_of(text: str) -> float:
+    """The number that a text is, nan if it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
 
 
 def columns_of(
@@ -190,7 +165,7 @@ def columns_of(
     """The numbers of columns by their names, {name: (n,)}; units: {name: {unit: factor}}, in which
     None stands for no unit; optional: those that may be missing. InputError by row, of all that is
     wrong."""
-    factors, problems = {}, Problems()
+    factors = {}
     for name, known in units.items():
         k = table.names.index(name) if name in table.names else -1
         if k >= 0 and table.units[k] in known:
@@ -199,9 +174,7 @@ def columns_of(
             flaw = f"the unit of {name} is {table.units[k]}" if k >= 0 else f"no column {name}"
             words = ", ".join(unit for unit in known if unit)
             raise InputError(f"row {table.top}: {flaw}; allowed is one in {words}")
-    values = values_of(table, factors, problems)
-    problems.stop()
-    return values
+    return values_of(table, factors)
 
 
 def some(texts: Sequence[str]) -> str:

@@ -108,7 +108,13 @@ def read_numbers(
     the key, as `d_kPa`, or in the file's `units` {kind: unit}. where: what stands before a key in
     messages; also: keys that belong to others. Raises InputError by key."""
     numbers: Document = {}
-    keys = _keys(rules, units)
+    # {key: (name in `rules`, power of ten from the key's unit to the package's own)}
+    keys = {name: (name, 0) for name, rule in rules.items() if not rule.unit}
+    for name, rule in rules.items():
+        powers = suffixes(rule.unit)
+        keys |= {f"{name}_{unit}": (name, power) for unit, power in powers.items()}
+        if rule.unit in units:
+            keys[name] = name, UNITS[rule.unit][units[rule.unit]]
     for key, value in table.items():
         label = where + key
         if key not in keys:
@@ -121,17 +127,6 @@ def read_numbers(
             raise InputError(f"{label} repeats {where}{name}; allowed is {name} once")
         numbers[name] = _scaled(rules[name].check(label, value), power)
     return numbers
-
-
-def _keys(rules, units):
-    """{key: (name in `rules`, power of ten from the key's unit to the package's own)}."""
-    keys = {name: (name, 0) for name, rule in rules.items() if not rule.unit}
-    for name, rule in rules.items():
-        powers = suffixes(rule.unit)
-        keys |= {f"{name}_{unit}": (name, power) for unit, power in powers.items()}
-        if rule.unit in units:
-            keys[name] = name, UNITS[rule.unit][units[rule.unit]]
-    return keys
 
 
 def read_scatter(

@@ -12,8 +12,8 @@ from fabric_fenicsx.core.errors import SolverFailure
 from fabric_fenicsx.identification import curves as data
 from fabric_fenicsx.identification import identify, identify_simulated
 from fabric_fenicsx.identification.curves import Curve, Sheet
-from fabric_fenicsx.identification.curves.forces import response
-from fabric_fenicsx.identification.friction import fit_friction
+from fabric_fenicsx.identification.curves.model import response
+from fabric_fenicsx.identification.separate import fit_friction
 from fabric_fenicsx.material import kernel
 from fabric_fenicsx.material.friction import ShearFriction
 from fabric_fenicsx.material.homogeneous import conjugate, gradient
@@ -179,7 +179,11 @@ def test_specimens_give_their_fabric_back():
         start, fit = identify(GLASS, [raw(force)]), found.simulated
         values = [getattr(found.fabric, name) for name in ("s1", "s2", "s3")]
         assert values == pytest.approx(TRUE, rel=rel)
-        assert fit.homogeneous == {name: getattr(start.fabric, name) for name in ("s1", "s2", "s3")}
-        for told, fabric in ((fit.off_homogeneous, start.fabric), (fit.off, found.fabric)):
+        assert list(fit["homogeneous"].values()) == [
+            start.fabric.s1,
+            start.fabric.s2,
+            start.fabric.s3,
+        ]
+        for told, fabric in ((fit["off_homogeneous"], start.fabric), (fit["off"], found.fabric)):
             off = np.sqrt(np.mean((specimen(fabric, None)[0] - force) ** 2)) / force.max()
             assert told == {"bias.csv": pytest.approx(off, rel=1e-6)}

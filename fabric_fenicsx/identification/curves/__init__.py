@@ -9,6 +9,5 @@ test.
 """
 
 from .checks import curve_warnings
-from .forces import bias_normalised
-from .model import MIN_POINTS, STRAINS, TESTS, CompactionTest, Curve, Response, Sheet
+from .model import STRAINS, TESTS, CompactionTest, Curve, Response, Sheet, bias_normalised
 from .reading import read, read_sheet

@@ -7,8 +7,7 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.formatting import rounded
-from .forces import bias_angle
-from .model import STRAINS, TESTS, Curve, Table, unit_inside, units
+from .model import STRAINS, TESTS, Curve, Table, bias_angle, unit_inside, units
 
 
 def check_length(table: Table, least: int) -> None:
@@ -34,76 +33,70 @@ def _value(value, column):
 
 def _faults(name, table, runs, measured):
     """(column, flags of the rows (n,), what follows the value, what is allowed) of each rule."""
-    test, row = TESTS[name], np.arange(len(table.rows))
-    strains = [column for column in STRAINS if column in table.columns]
+    sign, row, columns = TESTS[name].sign, np.arange(len(table.rows)), table.columns
+    strains, first = [column for column in STRAINS if column in columns], TESTS[name].strains[0]
     for column in strains:
         # beyond it a wrong unit is the likely reason
-        most, values = math.radians(85) if column == "gamma" else 0.5, table.columns[column]
+        most = math.radians(85) if column == "gamma" else 0.5
         allowed = f"within +-{most:.3g} (is the unit in the header right?)"
-        yield column, np.abs(values) > most, "", allowed
-    first, least = test.strains[0], "least" if test.sign > 0 else "most"
-    yield first, test.sign * table.columns[first] < 0, "", f"at {least} 0 in the test {name}"
-    x, unit = table.columns[runs], table.header[runs]
+        yield column, np.abs(columns[column]) > most, "", allowed
+    allowed = f"at {'least' if sign > 0 else 'most'} 0 in the test {name}"
+    yield first, sign * columns[first] < 0, "", allowed
+    x, unit = columns[runs], table.header[runs]
     # what a test must reach: below it fractions were taken for percent, or radians for degrees
-    reached = {"%": (5e-4, "-"), "deg": (math.radians(1.6), "rad")}
-    bound, other = reached.get(unit, (0.0, ""))
-    factor, top = units(runs)[unit], int(np.abs(x).argmax())
-    allowed = f"{bound / factor:.3g} {unit} or more (is the unit {other} rather than {unit}?)"
-    yield runs, (row == top) & (np.abs(x) < bound), " at most", allowed
-    undeformed = ~np.any([table.columns[c] for c in strains if c not in measured], axis=0)
+    bound, other = {"%": (5e-4, "-"), "deg": (math.radians(1.6), "rad")}.get(unit, (0.0, ""))
+    least = f"{bound / units(runs)[unit]:.3g} {unit}"
+    allowed = f"{least} or more (is the unit {other} rather than {unit}?)"
+    yield runs, (row == np.abs(x).argmax()) & (np.abs(x) < bound), " at most", allowed
+    undeformed = ~np.any([columns[c] for c in strains if c not in measured], axis=0)
     for column in measured:
-        yield from _response_faults(name, table, column, undeformed, row)
+        values, narrows = columns[column], column.startswith("eps")
+        if "F" in columns and not narrows:  # of a load cell that may not read 0
+            values = values - values[0]
+        peak = int(np.abs(values).argmax())
+        largest = values[peak]
+        yield column, values * 0 == largest, " in every row", "what a law can be fitted to"
+        side, why = (-1, "free sides narrow") if narrows else (sign, f"of the test {name}")
+        if not narrows and sign < 0 and "gamma" in columns:
+            side = 0  # compressed and sheared, k_SC can make it a pull
+        allowed = f"at {'least' if side > 0 else 'most'} 0, {why} (is its sign turned?)"
+        yield column, (row == peak) & (largest * side < 0), "", allowed
+        flags, allowed = np.abs(values) > 0.2 * abs(largest), "up to 20 % of its peak there"
+        words = " before anything is strained"
+        yield column, undeformed & flags, words, f"{allowed} (take the offset off)"
+        share = f"{100 * values[-1] / largest:.0f} % of its value in row {table.rows[peak]}"
+        flags = (row == row[-1]) & (np.abs(values) < 0.5 * abs(largest))
+        allowed = "50 % or more (keep the rows before yarns break)"
+        yield column, flags & name.startswith("uniaxial"), f" and has fallen to {share}", allowed
 
 
-def _response_faults(name, table, column, undeformed, row):
-    """Rules of a measured column: not 0, of the right sign, 0 without strain, not falling."""
-    values, narrows = table.columns[column], column.startswith("eps")
-    if "F" in table.columns and not narrows:  # of a load cell that may not read 0
-        values = values - values[0]
-    peak = int(np.abs(values).argmax())
-    largest = values[peak]
-    yield column, values * 0 == largest, " in every row", "what a law can be fitted to"
-    sign, why = (-1, "free sides narrow") if narrows else (TESTS[name].sign, f"of the test {name}")
-    if not narrows and sign < 0 and "gamma" in table.columns:
-        sign = 0  # compressed and sheared, k_SC can make it a pull
-    allowed = f"at {'least' if sign > 0 else 'most'} 0, {why} (is its sign turned?)"
-    yield column, (row == peak) & (largest * sign < 0), "", allowed
-    flags = undeformed & (np.abs(values) > 0.2 * abs(largest))
-    allowed = "up to 20 % of its peak there (take the offset off)"
-    yield column, flags, " before anything is strained", allowed
-    share = f"{100 * values[-1] / largest:.0f} % of its value in row {table.rows[peak]}"
-    flags = (row == row[-1]) & (np.abs(values) < 0.5 * abs(largest)) & name.startswith("uniaxial")
-    allowed = "50 % or more (keep the rows before yarns break)"
-    yield column, flags, f" and has fallen to {share}", allowed
-
-
-def _compaction_faults(name, table, runs, measured):
+def _compaction_faults(_, table, runs, measured):
     """As `_faults`, of a test of compaction."""
     p, (column,) = table.columns[runs], measured
     values, is_share = table.columns[column], column == "fibre_volume_fraction"
+    last = np.arange(len(p)) == len(p) - 1
     yield runs, p <= 0, "", "above 0"
     allowed = "above 0 and below 1" if is_share else "above 0"
     yield column, (values <= 0) | (is_share & (values >= 1)), "", allowed
-    last = np.arange(len(p)) == len(p) - 1
     yield runs, last & (p[-1] <= p[0]), " at last", "to rise"
     words = f" under the highest pressure and {_value(values[0], column)} under the lowest"
     grows = values[-1] <= values[0] if is_share else values[-1] >= values[0]
     yield column, last & grows, words, "more" if is_share else "less"
 
 
-def origin_remarks(name: str, table: Table, moved: str, stated: Mapping) -> list[str]:
+def origin_remarks(name: str, table: Table, moved: str, stated: Mapping) -> Iterator[str]:
     """Sentences on a force that is not 0 at first, or that hardly rises at first, where no `zero`
     or `slack` is `stated`; moved: the column that runs."""
     if "F" not in table.columns or TESTS[name].sign <= 0:
-        return []
-    x, zero, remarks = np.abs(table.columns[moved]), table.columns["F"][0], []
+        return
+    x, zero = np.abs(table.columns[moved]), table.columns["F"][0]
     force = np.abs(table.columns["F"] - zero)
     if "zero" not in stated and x[0] <= 0.01 * x[-1] and abs(zero) > 0.02 * force.max():
         reading = f"F is {rounded(zero)} N before anything is strained"
-        remarks.append(f"{reading}; if that is no load, state `# zero: {rounded(zero)} N`")
+        yield f"{reading}; if that is no load, state `# zero: {rounded(zero)} N`"
     early = (force > 0.05 * force.max()) & (force < 0.15 * force.max()) & (x < x[-1])
     if "slack" in stated or early.sum() < 3 or not np.ptp(x[early]):
-        return remarks
+        return
     slope, offset = np.polyfit(x[early], force[early], 1)
     toe = -offset / slope if slope > 0 else 0.0
     # a straight or parabolic curve has more force there
@@ -111,34 +104,31 @@ def origin_remarks(name: str, table: Table, moved: str, stated: Mapping) -> list
         unit = {"displacement": "mm", "gamma": "deg"}.get(moved, "%")
         most = f"{rounded(toe / units(moved)[unit], 2)} {unit}"  # of a curve that bends upwards
         tangent = f"the tangent at 10 % of the peak meets zero force at {most}"
-        remarks.append(f"{tangent}; if that is slack, state it as `# slack: {most}` or less")
-    return remarks
+        yield f"{tangent}; if that is slack, state it as `# slack: {most}` or less"
 
 
-def angle_remarks(table: Table, lengths: Mapping[str, float]) -> list[str]:
+def angle_remarks(table: Table, lengths: Mapping[str, float]) -> Iterator[str]:
     """A sentence on measured shear angles that are not those of the displacement up to 30 deg."""
     by_clamp = bias_angle(table.columns["displacement"], lengths["height"], lengths["width"])
     for k in np.flatnonzero((by_clamp > math.radians(5)) & (by_clamp < math.radians(30)))[-1:]:
         angle, other = math.degrees(table.columns["gamma"][k]), math.degrees(by_clamp[k])
         if abs(angle / other - 1) > 0.3:
-            return [
+            yield (
                 f"gamma is {angle:.3g} deg in row {table.rows[k]}, and {other:.3g} deg by the "
                 "displacement; it must be the change of the angle between the yarns, not half of "
                 "it as the shear strain of a tensor"
-            ]
-    return []
+            )
 
 
 def curve_warnings(curves: Sequence[Curve]) -> Iterator[str]:
     """Sentences on bias tests with shear angles from the displacement, and beyond 30 deg, where the
     specimen is not simulated."""
-    for curve in curves:
-        if curve.is_raw and curve.responses[0].linear is None:
-            for k in np.flatnonzero(np.abs(curve.strains[:, 2]) > math.radians(30))[:1]:
-                yield (
-                    f"{curve.file}: from row {curve.rows[k]} on shear angles are above 30 deg by "
-                    "the displacement, more than a real strip's: simulate or measure them"
-                )
+    for curve in (c for c in curves if c.is_raw and c.responses[0].linear is None):
+        for k in np.flatnonzero(np.abs(curve.strains[:, 2]) > math.radians(30))[:1]:
+            yield (
+                f"{curve.file}: from row {curve.rows[k]} on shear angles are above 30 deg by "
+                "the displacement, more than a real strip's: simulate or measure them"
+            )
 
 
 def copies(curves: Sequence[Curve]) -> Iterator[str]:

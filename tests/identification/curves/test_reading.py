@@ -11,7 +11,7 @@ from scipy.integrate import trapezoid
 from fabric_fenicsx.core.errors import InputError
 from fabric_fenicsx.identification import curves as data
 from fabric_fenicsx.identification.curves import bias_normalised
-from fabric_fenicsx.identification.curves.forces import bias_angle, response
+from fabric_fenicsx.identification.curves.model import bias_angle, response
 from fabric_fenicsx.material.homogeneous import nominal
 from fabric_fenicsx.material.kernel import evaluate
 from fabric_fenicsx.material.presets import PRESETS
