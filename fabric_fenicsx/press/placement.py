@@ -40,21 +40,23 @@ def place_tools(press: PressData, laid: Laid) -> tuple[dict[str, Tool], Schedule
     frames = dict[str, Frame]()
     for name in sorted(given, key=dies.__contains__):  # dies after their tools
         tool, surface = given[name], given[name].surface
-        axes = Rotation.from_euler("xyz", tool.turn, degrees=True).as_matrix()
+        turn = Rotation.from_euler("xyz", tool.turn, degrees=True).as_matrix()
         if isinstance(surface, DieOf):
             face = _face_of(surfaces[surface.tool], given[surface.tool].towards)
             _check_covered(surface.tool, face, starts[surface.tool], extent, press.planes)
             pressed = press.thickness(CHECK_PRESSURE)
             check_clearance(f"tools.{name}.clearance", clearances[name], pressed, face)
-            middle, axes = frames[surface.tool].at, axes @ frames[surface.tool].axes
+            middle, axes = frames[surface.tool]
+            frames[name] = Frame(middle, turn @ axes)
             surface = Reversed(Offset(face, clearances[name]))
         else:
             surface, more = _surface_of(name, tool, laid, thickness)
             doubts += more
-            surface, middle = _about_middle(surface, tool.at, axes, press.planes)
+            surface, middle = _about_middle(surface, tool.at, turn, press.planes)
+            frames[name] = Frame(middle, turn)
         surfaces[name] = Turned(surface, tool.turn) if any(tool.turn) else surface
-        frames[name], usual = Frame(middle, axes), usual_off.get(name, 0.0)
-        starts[name] = _start(name, tool, surfaces[name], axes @ middle, laid, thickness, usual)
+        origin, usual = frames[name].axes @ middle, usual_off.get(name, 0.0)
+        starts[name] = _start(name, tool, surfaces[name], origin, laid, thickness, usual)
     reach = dict[str, float]()
     for name, die in dies.items():
         apart = float((starts[name] - starts[die.tool]) @ given[die.tool].towards)
@@ -63,7 +65,7 @@ def place_tools(press: PressData, laid: Laid) -> tuple[dict[str, Tool], Schedule
     for name in given:
         path, force = schedule.path(name, starts[name]), schedule.force(name, press.share)
         tools[name] = Tool(surfaces[name], path, force=force, name=name)
-        tools[name].middle, tools[name].axes = frames[name]
+        tools[name].home = frames[name]
 
     def checked():
         doubts = _clearance_doubts(press, tools, schedule, extent)

@@ -16,8 +16,6 @@ from .interface import Interface
 from .stages import Schedule, Stage
 from .tools import DieOf, PressTool
 
-SYMMETRIES = "none", "x", "y", "xy"
-
 
 @dataclass(frozen=True, kw_only=True)
 class PressData(KnowsItsFields):
@@ -36,13 +34,13 @@ class PressData(KnowsItsFields):
     def __post_init__(self) -> None:
         check_fields(self, "limits.{}".format)
         places = self.symmetry if isinstance(self.symmetry, Mapping) else {}
+        if not places.keys() <= {*"xy"} or self.symmetry not in ("none", "x", "y", "xy", places):
+            flaw = (
+                f"blank.symmetry is {repr_short(self.symmetry)}; allowed is one of none, x, y, xy"
+            )
+            raise InputError(f"{flaw}, or a table of places [mm], as {{y = -400}}")
         for axis, place in places.items():
             FINITE.check(f"blank.symmetry.{axis}", place)
-        if not places.keys() <= {*"xy"} or not places and self.symmetry not in SYMMETRIES:
-            raise InputError(
-                f"blank.symmetry is {repr_short(self.symmetry)}; allowed is one of "
-                f"{', '.join(SYMMETRIES)}, or a table of places [mm], as {{y = -400}}"
-            )
         object.__setattr__(self, "sheets", _all_of(Sheet, "plies", self.sheets))
         object.__setattr__(self, "stages", _all_of(Stage, "stages", self.stages))
         _all_of(PressTool, "tools", list(self.tools.values()))

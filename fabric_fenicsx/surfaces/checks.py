@@ -104,7 +104,7 @@ def triangle_warnings(tool: Tool, sheet: float) -> list[str]:
     warnings = [f"{what} {doubt}; lengths are in mm"] if doubt else []
     small = ((width, ring) for ring in around if (width := np.ptp(ring, axis=0).max()) < 0.1 * size)
     return warnings + [
-        f"{what} has a hole {rounded(width)} mm wide at {coordinates(ring.mean(0) + tool.middle)} "
+        f"{what} has a hole {rounded(width)} mm wide at {coordinates(ring.mean(0) + tool.home.at)} "
         "mm in its own coordinates, where nothing stops the sheet"
         for width, ring in islice(small, 1)
     ]

@@ -71,8 +71,8 @@ class Tool:
         self.force = None if force is None else _growing(f"force of {name}", force)
         self.travel, self.push = 0.0, 0.0
         self.direction = np.zeros(3)
-        # origin of its surface in the coordinates of its file, and axes of these
-        self.middle, self.axes = np.zeros(3), np.eye(3)
+        # where its surface's origin is in the coordinates of its file, and axes of these
+        self.home = Frame(np.zeros(3), np.eye(3))
         if self.force:
             full = f"force of {name} at full load"
             self.direction = checked_vector(full, self.force(1.0), unit=True)
@@ -98,7 +98,7 @@ class Tool:
 
     def frame(self) -> Frame:
         """The coordinates in which its file has it, where it is now."""
-        return Frame(self.displacement - self.axes @ self.middle, self.axes)
+        return Frame(self.displacement - self.home.axes @ self.home.at, self.home.axes)
 
     def evaluate(self, points: ArrayLike, reach: float = math.inf) -> Nearest:
         """As `Surface.evaluate`, where the tool is now."""
