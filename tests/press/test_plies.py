@@ -7,7 +7,7 @@ import pytest
 from builders import KOMEILI, dome
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.press import built
+from fabric_fenicsx.press import forming_scene
 from fabric_fenicsx.press.press import EXAMPLES
 
 COARSE = {"nx": 4, "stroke": 5}
@@ -106,7 +106,7 @@ def test_friction_of_tools_is_that_of_the_sheet_they_touch(laid):
 def test_heights_are_those_off_the_faces_of_the_stack(laid, monkeypatch):
     """The holder's plate touches the stack from below, the die its flange from above, as seen from
     each mid-surface: what lies below and above it is between."""
-    monkeypatch.setattr(built, "height_map", lambda grid, over, wave: over)
+    monkeypatch.setattr(forming_scene, "height_map", lambda grid, over, wave: over)
     result = SimpleNamespace(scene=laid.scene, grids=dict.fromkeys(("sheet", "a", "b")))
     over, t = laid.height_maps(result), ff.load("komeili").thickness_under(0.0)
     for name, z in zip(over, (-t, -t / 2 + 0.4, t / 2 + 0.4)):
