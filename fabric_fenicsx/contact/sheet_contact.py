@@ -8,9 +8,9 @@ from mpi4py import MPI
 from ..core.errors import InputError
 from ..core.formatting import rounded
 from ..core.rules import POSITIVE, Rule
-from ..energy.materials import material_of, thickness_shares_at_nodes
+from ..energy.materials import materials_of, thickness_shares_at_nodes
 from ..energy.morley import Where
-from ..energy.output import Value, joined, largest, size_of
+from ..energy.output import Value, joined, largest
 from ..energy.term import SceneFacts, Triplets, overrides
 from ..io.field import Field
 from .contact_points import POINTS, ContactPairs, ContactPoints, LaggedFaces, RelativeMotion
@@ -82,7 +82,7 @@ class FaceContact(ContactTerm):
 
     def _face_of(self, scene, part, t):
         """The `FaceLaw` of a sheet, of t [mm] if its face is rigid by a penalty."""
-        k, material = self._given["penalty"], material_of(scene, part)
+        k, material = self._given["penalty"], next(materials_of(scene, part), None)
         t = t or (material.thickness_under(0.0) if material else None)
         if k and t:
             return rigid_face(t, k)
@@ -329,9 +329,9 @@ class SheetContact(FaceContact):
         """Means over the cells of the sheet that has the points: pressure, and the sliding on the
         other sheet, as a vector and its size; of two other sheets the larger."""
         slid = self.points.means(np.nan_to_num(self.sliding()))[:, 0]
-        field = largest(self.points.part.spread(slid), "mm")
-        sliding = {"sliding": field, "sliding_size": size_of("sliding", "mm")}
-        return super().cell_fields() | sliding
+        sliding = {"sliding": slid, "sliding_size": np.linalg.norm(slid, axis=1)}
+        spread = self.points.part.spread
+        return super().cell_fields() | {k: largest(spread(v), "mm") for k, v in sliding.items()}
 
     def _lost(self, pressure):
         points = self.points

@@ -8,7 +8,7 @@ from mpi4py import MPI
 from ..core.errors import InputError
 from ..core.formatting import coordinates, of_sheet
 from ..core.rules import POSITIVE
-from ..energy.materials import material_of, sheets_of, thickness_shares_at_nodes
+from ..energy.materials import materials_of, sheets_of, thickness_shares_at_nodes
 from ..energy.morley import Where
 from ..energy.nodes import Nodes
 from ..energy.output import Value, largest, least, total
@@ -123,7 +123,7 @@ class Contact(ToolContactTerm):
         faces = []
         for number, part in enumerate(parts):
             which[part.nodes] = number
-            if material := material_of(scene, part):
+            if material := next(materials_of(scene, part), None):
                 material = material.replace(thickness=t or material.thickness)
                 faces.append(face_of(material, radius, k))
         if len(faces) < len(parts):
@@ -157,7 +157,7 @@ class Contact(ToolContactTerm):
     def _state_at(self, x):
         nearest = self._nearest(x)
         gap = nearest.gap - self.thickness / 2
-        gap[~self.nodes.own] = np.inf
+        gap[~self.nodes.mask] = np.inf
         return contact_response(self.face, self.areas, gap, nearest.normal, nearest.curvature)
 
     def _nearest(self, x):
@@ -339,7 +339,7 @@ class Contact(ToolContactTerm):
         for reach in (0.0, float(self.thickness.max(initial=0.0))):
             far = np.isnan(gap)  # so far off that no nearest point is found: a bound will do
             gap[far] = self.tool.evaluate(x[far], reach).gap
-        gap[~self.nodes.own] = np.inf
+        gap[~self.nodes.mask] = np.inf
         return gap - self.thickness / 2
 
     def penetration(self) -> float:
@@ -377,12 +377,12 @@ class Contact(ToolContactTerm):
         """See `Term`: also for a tool's path or surface that can't be."""
         self.tool.at(1.0)
         self.tool.at(0.0)
-        x = (self.nodes.places + self.nodes.displacement())[self.nodes.own]
+        x = (self.nodes.places + self.nodes.displacement())[self.nodes.mask]
         check_start(self.tool, x, float(self.thickness.max(initial=0.0)), self.nodes.comm)
 
     def may_press(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """See `Term`, at up to twice 1000 nodes of a rank: triangles take 1 ms each."""
-        at_loads, x = [], self.nodes.places[self.nodes.own]
+        at_loads, x = [], self.nodes.places[self.nodes.mask]
         x = x[:: max(1, len(x) // 1000)]
         for load in (0.0, 1.0):
             self.tool.at(load)

@@ -40,7 +40,7 @@ def documented(kind: Kind) -> Kind:
     head, *rest = re.split(r"(?=\n\n(?:Raises|References|Examples)\n)", doc, maxsplit=1)
     head += "" if "\nParameters\n" in head else "\n\nParameters\n----------"
     for each in declared(kind):
-        is_usual = each.default in (None, "", (), dataclasses.MISSING)
+        is_usual = each.default in (None, (), "", dataclasses.MISSING)
         usual = "" if is_usual else f"; by default {each.default}"
         rule = each.metadata.get("rule")
         name = f"{each.name} : {rule.kind.__name__}" if isinstance(rule, Rule) else each.name

@@ -5,6 +5,8 @@ from __future__ import annotations
 import ctypes
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from functools import reduce
+from operator import add
 
 import numpy as np
 import ufl
@@ -47,12 +49,11 @@ class TripletPlaces:
     def __init__(self, A: PETSc.Mat, rows: np.ndarray, cols: np.ndarray) -> None:
         self._comm, self._rows, self._cols = A.comm.tompi4py(), rows, cols
         names = A.getLGMap()
-        starts, own, _ = A.getValuesCSR()
-        first, end = A.getOwnershipRange()
-        self._none = np.zeros(len(own))  # is added to A's own places
-        own_rows = np.repeat(np.arange(first, end), np.diff(starts))
-        places = [np.concatenate(each) for each in ((own_rows, rows), (own, cols))]
-        pointers = [each.astype(PETSc.IntType).ctypes.data_as(ctypes.c_void_p) for each in places]
+        starts, columns, _ = A.getValuesCSR()
+        self._none = np.zeros(len(columns))  # is added to A's own places
+        in_rows = np.repeat(np.arange(*A.getOwnershipRange()), np.diff(starts))
+        places = np.append(in_rows, rows), np.append(columns, cols)
+        pointers = [end.astype(PETSc.IntType).ctypes.data_as(ctypes.c_void_p) for end in places]
         _call("MatSetPreallocationCOO", A, ctypes.c_ssize_t(len(places[0])), *pointers)
         A.setLGMap(*names)
         self._counts: np.ndarray | None = None  # which ones are in free rows and columns
@@ -98,10 +99,8 @@ class Assembly:
         zero = fem.Constant(blank.mesh, 0.0)
         nothing = zero * ufl.inner(blank.u, v) * ufl.dx, zero * ufl.inner(w, v) * ufl.dx
         groups = list(on.values()) or [[nothing]]
-        self._residuals, self._tangents = (
-            [compat.form(sum((pair[i] for pair in pairs[1:]), pairs[0][i])) for pairs in groups]
-            for i in (0, 1)
-        )
+        sums = [[reduce(add, forms) for forms in zip(*pairs)] for pairs in groups]
+        self._residuals, self._tangents = ([compat.form(pair[i]) for pair in sums] for i in (0, 1))
         # where any of the parts and edges has entries
         whole = ufl.inner(v, w) * ufl.dx
         self._places = self._tangents[0] if list(on) == [("",)] else compat.form(whole)
@@ -111,9 +110,9 @@ class Assembly:
 
     def energies(self) -> dict[str | None, float]:
         """Energy of each kind now, of all ranks {kind: N mm}; None: minus the work of loads."""
-        mine = [{kind: fem.assemble_scalar(form)} for kind, form in self._energies]
-        mine += [term.energies() for term in self._terms]
-        return _summed(self._comm.allgather(_summed(mine)))
+        parts = [{kind: fem.assemble_scalar(form)} for kind, form in self._energies]
+        parts += [term.energies() for term in self._terms]
+        return _summed(self._comm.allgather(_summed(parts)))
 
     def applied_forces(self) -> list[np.ndarray]:
         """Forces of each tool and load (owned dofs,) [N], with which a residual is compared."""

@@ -111,19 +111,16 @@ class Bending(Term):
         modulus: float | None = None,
         twist_modulus: float = 0.0,
     ) -> None:
-        self.in_plane = FROM_ZERO.check("`in_plane` of the bending", in_plane)
         self._edges = symmetric, clamped
         self.resists = ("turn",) if symmetric or clamped else ()
-        if modulus is not None and D_a is None:
-            stiffness = {"modulus": modulus, "twist_modulus": twist_modulus}
-        elif modulus is None and D_a is not None:
-            stiffness = {"D_a": D_a, "D_b": D_a if D_b is None else D_b, "D_t": D_t}
-        else:
+        if (modulus is None) == (D_a is None):
             raise InputError("bending needs one of `D_a` and `modulus`")
-        self._given = {
-            name: FROM_ZERO.check(f"`{name}` of the bending", value)
-            for name, value in stiffness.items()
-        }
+        stiffness = {"modulus": modulus, "twist_modulus": twist_modulus}
+        if modulus is None:
+            stiffness = {"D_a": D_a, "D_b": D_a if D_b is None else D_b, "D_t": D_t}
+        numbers = stiffness | {"in_plane": in_plane}
+        checked = {k: FROM_ZERO.check(f"`{k}` of the bending", v) for k, v in numbers.items()}
+        self.in_plane, self._given = checked.pop("in_plane"), checked
 
     def set_up(self, scene: SceneFacts) -> None:
         blank, fabric = scene.blank, fabric_of(scene, self.part)
@@ -181,12 +178,11 @@ class Bending(Term):
     def _weights(self, scene, cells):
         """Areas times stiffnesses of the cells (cells, 3), of a sheet as thick as it is there."""
         weights = cells.area[:, None] * self.stiffnesses
-        if "modulus" not in self._given:
-            return weights
-        x = cells.corners.mean(1) @ self.blank.frame @ np.eye(len(self.blank.frame), 3)
-        cubes = thickness_shares(scene, self.part, x)[:, None] ** 3
-        measured = np.array([True, True, False]) & bool(self._measured)
-        return weights * np.where(measured, 1.0, cubes)
+        if "modulus" in self._given:
+            x = cells.corners.mean(1) @ self.blank.frame @ np.eye(len(self.blank.frame), 3)
+            by_modulus = slice(2, 3) if self._measured else slice(3)
+            weights[:, by_modulus] *= thickness_shares(scene, self.part, x)[:, None] ** 3
+        return weights
 
     def stored(self) -> float:
         return self._state().energy
@@ -213,10 +209,8 @@ class Bending(Term):
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         if self._friction.size:
-            self._slid = {
-                name: memory[name][self.part.cells].reshape(now.shape)
-                for name, now in self._slid.items()
-            }
+            at = self.part.cells
+            self._slid = {k: memory[k][at].reshape(v.shape) for k, v in self._slid.items()}
             self._now = None
 
     def add_forces(self, f: np.ndarray) -> None:
@@ -266,18 +260,17 @@ class Bending(Term):
     def _state(self):
         U = self._stencil.displacement()
         if self._now is None or not np.array_equal(U, self._now.U):
-            self._now = _State(U, 0.5 * float(np.vdot(U, self._matrix @ U)))
-            if U.shape[1] == 3:
-                self._now = self._bent(self._now)
+            energy = 0.5 * float(np.vdot(U, self._matrix @ U))
+            self._now = self._bent(U, energy) if U.shape[1] == 3 else _State(U, energy)
         return self._now
 
-    def _bent(self, state):
-        """The state with what is normal to the cells."""
-        shape, section, friction = self._stencil.shape(state.U), self._section, None
+    def _bent(self, U, energy):
+        """The state with what is normal to the cells; energy: of bending within the sheet."""
+        shape, section, friction = self._stencil.shape(U), self._section, None
         angles, slope, growth = _angles(shape.curvature)
         bent = self._curvature(angles) - self._rest
         moments = section * bent
-        energy = state.energy + 0.5 * float(np.vdot(moments, bent))
+        energy += 0.5 * float(np.vdot(moments, bent))
         if self._measured:
             measured, weight = self._measured
             along = measured.respond(bent[:, :2], weight)
@@ -294,7 +287,7 @@ class Bending(Term):
             section[:, :2] += area * friction.tangent
         given = self._cells.spread, slope, growth, moments, section
         moments, section = self._stencil.loops.at_edges(*given)
-        return _State(state.U, energy, shape, moments, section, friction)
+        return _State(U, energy, shape, moments, section, friction)
 
     def _curvature(self, angles):
         """Curvatures (cells, 3), 11, 22, 2 12, from angles (cells, 3) at the cells' edges."""
@@ -304,15 +297,13 @@ class Bending(Term):
 def _elements(fabric, measured):
     """Stiffness [N mm] of the elements of friction of each yarn, and the curvature at which they
     slide [1/mm], (2, 2, k): those of a fabric's `bending_friction`, and of thresholds."""
-    stiffness, slides = [], []
+    elements = []
     if friction := fabric and fabric.bending_friction:
-        for k, f in zip(friction.stiffness, friction.strength):
-            stiffness.append([k, k])
-            slides.append([f / k] * 2)
+        elements = [[k, k, f / k, f / k] for k, f in zip(friction.stiffness, friction.strength)]
     if measured and any(measured.thresholds):
-        stiffness.append([f / measured.stuck for f in measured.thresholds])
-        slides.append([measured.stuck] * 2)
-    return np.array([stiffness, slides]).reshape(2, -1, 2).swapaxes(1, 2)
+        slides = 2 * [measured.stuck]
+        elements.append([*(f / measured.stuck for f in measured.thresholds), *slides])
+    return np.array(elements).reshape(-1, 2, 2).transpose(1, 2, 0)
 
 
 def _angles(slopes):

@@ -1,8 +1,8 @@
 """Attributes of objects as plain data, which a checkpoint compares."""
 
-import dataclasses
 import tomllib
 from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -18,9 +18,9 @@ Plain = Any  # what JSON can hold
 
 
 def plain(value: Plain) -> Plain:
-    """`value` as JSON can hold it, numbers to 12 digits; of tools their surface, and path and force
-    at half and at full load. Of functions, other objects and arrays of more than 100 numbers, which
-    may be of a rank's own nodes, it is only their type, as what they hold can't be compared."""
+    """`value` as JSON can hold it, numbers to 12 digits; of tools surface, path and force at half
+    and full load; of functions, other objects and arrays of more than 100 numbers, which may be of
+    a rank's own nodes, only their type."""
     if isinstance(value, fem.Constant):
         value = value.value
     if isinstance(value, (np.ndarray, np.generic)) and value.size <= 100:
@@ -39,13 +39,13 @@ def plain(value: Plain) -> Plain:
         return f"points {value.content}" if value.content else "a function"
     kind = type(value).__name__
     if isinstance(value, Tool):
-        ways = {"path": value.path} | ({"force": value.force} if value.force else {})
-        at = {name: [np.asarray(way(load)) for load in (0.5, 1.0)] for name, way in ways.items()}
+        moves = {"path": value.path, "force": value.force}
+        at = {k: [np.asarray(f(load)) for load in (0.5, 1.0)] for k, f in moves.items() if f}
         return plain({"name": value.name, "surface": value.surface} | at)
     if isinstance(value, Surface):
         return {"kind": kind} | plain(value.fingerprint())
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return plain({each.name: getattr(value, each.name) for each in dataclasses.fields(value)})
+    if is_dataclass(value) and not isinstance(value, type):
+        return plain({field.name: getattr(value, field.name) for field in fields(value)})
     return kind
 
 
@@ -67,13 +67,12 @@ def entries(value: Plain, path: str) -> dict[str, Plain]:
             value = tomllib.loads(value)
         except tomllib.TOMLDecodeError:  # texts of several materials
             return {path: value}
-    if isinstance(value, list) and value and all(isinstance(each, Mapping) for each in value):
+    if isinstance(value, list) and value and all(isinstance(entry, Mapping) for entry in value):
         value = dict(enumerate(value, 1))
     if not isinstance(value, Mapping):
         return {path: value}
-    return {
-        k: v for name, each in value.items() for k, v in entries(each, f"{path}.{name}").items()
-    }
+    parts = (entries(entry, f"{path}.{name}") for name, entry in value.items())
+    return {key: number for part in parts for key, number in part.items()}
 
 
 def of_attributes(thing: object) -> dict[str, Plain]:

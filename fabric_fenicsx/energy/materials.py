@@ -11,7 +11,7 @@ from ..material.laws import Law
 from ..material.laws.base import Material
 from ..material.metal import Metal
 from ..sheet.blank import Blank, Part
-from .term import SceneFacts, Term, bind
+from .term import SceneFacts, bind
 
 
 def sheets_of(blank: Blank) -> list[Part]:
@@ -19,7 +19,7 @@ def sheets_of(blank: Blank) -> list[Part]:
     return list(blank.parts.values()) or [blank.whole]
 
 
-def terms_on(scene: SceneFacts, part: Part) -> Iterator[Term]:
+def _terms_on(scene, part):
     """Terms on a part or on all of the blank."""
     here = part, scene.blank.whole
     return (term for term in scene.terms if scene.blank.part(term.part_name) in here)
@@ -27,23 +27,18 @@ def terms_on(scene: SceneFacts, part: Part) -> Iterator[Term]:
 
 def materials_of(scene: SceneFacts, part: Part) -> Iterator[Material]:
     """Fabrics and metals of terms on a part or all of the blank; of the whole, of all terms."""
-    terms = scene.terms if part.is_whole else terms_on(scene, part)
+    terms = scene.terms if part.is_whole else _terms_on(scene, part)
     return (term.material for term in terms if term.material is not None)
-
-
-def material_of(scene: SceneFacts, part: Part) -> Material | None:
-    """The first of these, None if no term knows."""
-    return next(materials_of(scene, part), None)
 
 
 def fabric_of(scene: SceneFacts, part: Part) -> Law | None:
     """The first fabric among these, None if no term knows."""
-    return next((each for each in materials_of(scene, part) if isinstance(each, Law)), None)
+    return next((fabric for fabric in materials_of(scene, part) if isinstance(fabric, Law)), None)
 
 
 def thickness_shares(scene: SceneFacts, part: Part, x: np.ndarray) -> np.ndarray:
     """Thickness (n,) at flat places x (n, 3) over that of the material; on all ranks together."""
-    for term in terms_on(scene, part):
+    for term in _terms_on(scene, part):
         if (field := term.thickness_field) and (material := term.material):
             return on_all(scene.blank.mesh.comm, lambda: field.at(x)) / material.thickness
     return np.ones(len(x))
@@ -61,21 +56,19 @@ def thickness_shares_at_nodes(scene: SceneFacts) -> np.ndarray:
 def stretching_stiffness(scene: SceneFacts, part: Part) -> float:
     """Tension over the strain of a part that is stretched, or shortened, by 1e-4 along all
     directions, 0 without a strain energy [N/mm]: of an isotropic sheet E t / (1 - nu)."""
-    blank, total, strain = scene.blank, 0.0, 1e-4
-    u, comm = blank.u.x.array, blank.mesh.comm
+    blank, u, total, strain = scene.blank, scene.blank.u.x.array, 0.0, 1e-4
     kept, grown = u.copy(), strain * blank.coordinates().ravel()
-    for term in terms_on(scene, part):
+    for term in _terms_on(scene, part):
         if isinstance(metal := term.material, Metal):
             total += metal.E * metal.thickness / (1 - metal.nu)
         elif term.energy_kind == "strain":
             bind(term, scene)
             if term.energy is None:
                 continue
-            form, gained = compat.form(term.energy), 0.0
-            for way, share in ((1.0, 0.5), (-1.0, 0.5), (0.0, -1.0)):
-                u[:] = way * grown
-                gained += share * comm.allreduce(fem.assemble_scalar(form))
+            form, gained, sums = compat.form(term.energy), 0.0, blank.mesh.comm.allreduce
+            for sign, share in ((1.0, 0.5), (-1.0, 0.5), (0.0, -1.0)):
+                u[:] = sign * grown
+                gained += share * sums(fem.assemble_scalar(form))
             u[:] = kept
-            area = comm.allreduce(float(blank.areas()[term.part.cells].sum()))
-            total += gained / (strain**2 * area)
+            total += gained / (strain**2 * sums(float(blank.areas()[term.part.cells].sum())))
     return total

@@ -116,12 +116,16 @@ class Membrane(FabricStates):
         if integration not in ("full", "inner"):
             raise InputError(f"integration is {integration!r}; allowed are full, inner")
         checked_fabric("fabric of a membrane", fabric)
-        if temperature is not None:
-            temperature = of_place(FINITE).check("`temperature`", temperature)
-        if thickness is not None:
-            thickness = of_place(POSITIVE).check("`thickness`", thickness)
-            if not isinstance(thickness, Field):
-                thickness, fabric = None, fabric.replace(thickness=thickness)
+        degree, temperature, thickness = (
+            value if value is None else rule.check(name, value)
+            for name, rule, value in (
+                ("`quadrature_degree`", COUNT, quadrature_degree),
+                ("`temperature`", of_place(FINITE), temperature),
+                ("`thickness`", of_place(POSITIVE), thickness),
+            )
+        )
+        if thickness and not isinstance(thickness, Field):
+            thickness, fabric = None, fabric.replace(thickness=thickness)
         self.thickness_field, self.integration = thickness, integration
         self._warm: tuple[Law, Field] | None = None
         if isinstance(temperature, Field):  # the coldest stands for all where one law is asked for
@@ -129,18 +133,15 @@ class Membrane(FabricStates):
             temperature = min(fabric.at_temperatures, default=0.0)
         self.fabric = fabric.at(temperature)
         self.weave_angle = None if weave_angle is None else kernel.check_weave_angle(weave_angle)
-        self.prestressed = weave_angle is not None
-        if quadrature_degree is not None:
-            quadrature_degree = COUNT.check("`quadrature_degree`", quadrature_degree)
-        self._quadrature_degree = quadrature_degree
+        self.prestressed, self._quadrature_degree = weave_angle is not None, degree
 
     def set_up(self, scene: SceneFacts) -> None:
         self._numbers = self._numbers_of_cells()
         blank, mesh = scene.blank, scene.blank.mesh
         self.fabric.check_rest()
         kind, inner = (compat.cell_name(mesh), blank.degree), self.integration == "inner"
-        is_inner = not inner or (blank.degree == 2 and blank.triangulated)
-        if kind not in QUADRATURE_DEGREE or not is_inner:
+        may_be_inner = blank.degree == 2 and blank.triangulated
+        if kind not in QUADRATURE_DEGREE or (inner and not may_be_inner):
             allowed = ", ".join(f"{degree} on {cell}s" for cell, degree in QUADRATURE_DEGREE)
             allowed = "2 on triangles (P2) with straight sides" if inner else allowed
             raise InputError(
@@ -199,15 +200,13 @@ class Membrane(FabricStates):
         given: entries of one vector, as several would be ordered, and the form compiled anew, by
         their names."""
         straight, fabric, numbers = self.part.straight, self.fabric, self._numbers
-        values = [] if numbers is not None else numbers_of(fabric)
-        values += [*np.ravel(straight or ())]
+        values = numbers_of(fabric) if numbers is None else []
+        values += np.ravel(straight or ()).tolist()
         values += [] if self.weave_angle is None else [np.cos(self.weave_angle)]
-        entries = iter(fem.Constant(mesh, values) if values else ())
-        of_law = entries
+        of_law = entries = iter(fem.Constant(mesh, values) if values else ())
         if numbers is not None:
-            many = numbers.shape[1]
-            function = fem.Function(compat.vector_space(mesh, "DG", 0, many))
-            function.x.array.reshape(-1, many)[self.part.cells] = numbers
+            function = fem.Function(compat.vector_space(mesh, "DG", 0, numbers.shape[1]))
+            function.x.array.reshape(-1, numbers.shape[1])[self.part.cells] = numbers
             of_law = iter(function)
         law = fabric.symbols(lambda _: next(of_law))
         directions = [ufl.as_vector([next(entries) for _ in each]) for each in straight or ()]
@@ -219,15 +218,15 @@ class Membrane(FabricStates):
             return None
         x, comm = self.blank.centres()[self.part.cells], self.blank.mesh.comm
         numbers = np.tile(numbers_of(self.fabric), (len(x), 1))
-        fields: dict[str, Field] = {"temperature": self._warm[1]} if self._warm else {}
-        fields |= {"thickness": self.thickness_field} if self.thickness_field else {}
-        values = {name: on_all(comm, partial(each.at, x)) for name, each in fields.items()}
-        self.fields = {name: (each, x, values[name]) for name, each in fields.items()}
         if self._warm:
-            law, at = self._warm[0], values["temperature"]
+            law, field = self._warm
+            at = on_all(comm, lambda: field.at(x))
+            self.fields = {"temperature": (field, x, at)}
             on_all(comm, lambda: law.check_temperatures(at) if len(at) else None)
             numbers = law.numbers_at(at)
-        numbers[:, -1] = values.get("thickness", numbers[:, -1])
+        if thickness := self.thickness_field:
+            numbers[:, -1] = on_all(comm, partial(thickness.at, x))
+            self.fields = {**self.fields, "thickness": (thickness, x, numbers[:, -1])}
         return numbers
 
     def _fibres(self):

@@ -183,15 +183,13 @@ class SheetMetal(Term):
 
     def cell_memory(self) -> dict[str, np.ndarray]:
         """Accepted elastic strains (cells, 3 points), and equivalent plastic (cells, points)."""
-        arrays = {"elastic": self._elastic, "plastic": self._plastic}
-        many = self._stencil.cells.per_cell
-        return {name: self.part.rows(each, many) for name, each in arrays.items()}
+        rows, many = self.part.rows, self._stencil.cells.per_cell
+        return {"elastic": rows(self._elastic, many), "plastic": rows(self._plastic, many)}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        self._elastic, self._plastic = (
-            memory[name][self.part.cells].reshape(now.shape)
-            for name, now in (("elastic", self._elastic), ("plastic", self._plastic))
-        )
+        at = self.part.cells
+        self._elastic = memory["elastic"][at].reshape(self._elastic.shape)
+        self._plastic = memory["plastic"][at].reshape(self._plastic.shape)
         self._count_from(self._stencil.shape(self._stencil.displacement()))
 
     def history(self) -> dict[str, Value]:
@@ -219,9 +217,12 @@ class SheetMetal(Term):
             self._of_cells(values).mean(1)
             for values in (self.thickness(), stress[:, -1], stress[:, 0])
         )
-        fields = {"equivalent_plastic_strain": (strain, "-"), "metal_thickness": (thickness, "mm")}
-        fields |= {"von_mises_top": (top, "MPa"), "von_mises_bottom": (bottom, "MPa")}
-        return {name: on_part(self.part, *field) for name, field in fields.items()}
+        return {
+            "equivalent_plastic_strain": on_part(self.part, strain, "-"),
+            "metal_thickness": on_part(self.part, thickness, "mm"),
+            "von_mises_top": on_part(self.part, top, "MPa"),
+            "von_mises_bottom": on_part(self.part, bottom, "MPa"),
+        }
 
     def thickness(self) -> np.ndarray:
         """Present thickness of the flat triangles of this rank's cells, (triangles,) [mm]."""

@@ -102,7 +102,7 @@ def morley_cells(
     flat = _FlatCells(part.blank)
     sides = _Sides(flat, symmetric, clamped)
     own = _Quadratics(flat, sides)
-    bends, x, nodes, codes = _bends(flat, sides, own, _known_beyond(flat, sides, own))
+    bends, x, nodes, codes = _bends(flat, sides, own)
     out = flat.out2
     spread = np.stack([out[:, :, 0] ** 2, out[:, :, 1] ** 2, out[:, :, 0] * out[:, :, 1]], 1)
     spread *= (flat.length / flat.area[:, None])[:, None]
@@ -274,9 +274,8 @@ class _Quadratics:
         self.six = six.reshape(-1, 6).astype(np.int64)
 
 
-def _known_beyond(flat, sides, own):
-    """Data of this rank's cells and of those beyond them, as a `_Beyond`."""
-    parts = _Beyond(own.slopes, own.six, sides.plane, own.opposite, own.trust)
+def _with_beyond(flat, *parts):
+    """Arrays (cells, ...) of this rank's cells, with those of the cells beyond them."""
     widths = [math.prod(part.shape[1:]) for part in parts]
     index_map = flat.blank.mesh.topology.index_map(2)
     sent = dolfinx.la.vector(index_map, sum(widths) * flat.per_cell)
@@ -284,13 +283,14 @@ def _known_beyond(flat, sides, own):
     for values, part in zip(known, parts):
         values[: flat.count] = part.reshape(flat.count, values.shape[1])
     sent.scatter_forward()
-    pairs = zip(known, parts)
-    return _Beyond(*(v.reshape(-1, *p.shape[1:]).astype(p.dtype) for v, p in pairs))
+    return (v.reshape(-1, *part.shape[1:]).astype(part.dtype) for v, part in zip(known, parts))
 
 
-def _bends(flat, sides, own, known):
+def _bends(flat, sides, own):
     """Slopes of the edges less those of the plane cell (cells, 3, 12), of the 12 nodes'
     displacements, and these nodes' positions (cells, 12, gdim), numbers and codes (cells, 12)."""
+    given = own.slopes, own.six, sides.plane, own.opposite, own.trust
+    slopes, six, planes, opposite, trust = _with_beyond(flat, *given)
     count, here = flat.count, np.arange(flat.count)
     x = np.zeros((count, 12, flat.corners.shape[2]))
     x[:, :3], x[:, 3:6] = flat.corners, own.opposite
@@ -303,38 +303,26 @@ def _bends(flat, sides, own, known):
         image, free = sides.image[:, e], sides.free[:, e]
         other = np.where(sides.beyond[:, e] < 0, here, sides.beyond[:, e])
         edge = np.where(sides.beyond[:, e] < 0, e, sides.edge_beyond[:, e])
-        share = known.trust[here] / (known.trust[here] + known.trust[other])
-        share = np.where(free, 0, share)[:, None]
+        share = np.where(free, 0, trust[here] / (trust[here] + trust[other]))[:, None]
         rest = np.where(free[:, None], 0, 1 - share)
         bends[:, e, :6] += share * own.slopes[:, e]
-        follows = known.six[other, (edge + 1) % 3] == own.six[:, (e + 1) % 3]
+        follows = six[other, (edge + 1) % 3] == own.six[:, (e + 1) % 3]
         place = np.empty((count, 6), int)  # of their six nodes among these 12
         place[here, edge], place[here, 3 + edge] = 3 + e, e
         for k in (1, 2):
             place[here, (edge + k) % 3] = np.where(follows, (e + k) % 3, (e + 3 - k) % 3)
             new, source = 5 + 2 * e + k, (edge + k) % 3
             place[here, 3 + source] = new
-            nodes[:, new] = known.six[other, 3 + source]
+            nodes[:, new] = six[other, 3 + source]
             mirrored = np.where(image, sides.plane[:, e] * sides.planes, 0)
-            codes[:, new] = known.plane[other, source] + mirrored
-            x[:, new] = known.opposite[other, source]
+            codes[:, new] = planes[other, source] + mirrored
+            x[:, new] = opposite[other, source]
             x[image, new] = sides.reflected(flat, x[:, new], e)[image]
-        theirs = known.slopes[other, edge]
-        np.add.at(bends, (here[:, None], e, place), -rest * theirs)  # type: ignore[arg-type]
+        at = here[:, None], e, place
+        np.add.at(bends, at, -rest * slopes[other, edge])  # type: ignore[arg-type]
     first, second = np.divmod(codes, sides.planes)
     codes[first == second] = 0
     return bends, x, nodes, codes
-
-
-class _Beyond(NamedTuple):
-    """Slopes (cells, 3, 6), nodes (cells, 6), planes of mirrors (cells, 3), nodes opposite (cells,
-    3, gdim) and trust (cells,) of this rank's cells and of those beyond them."""
-
-    slopes: np.ndarray
-    six: np.ndarray
-    plane: np.ndarray
-    opposite: np.ndarray
-    trust: np.ndarray
 
 
 def _monomials(p):

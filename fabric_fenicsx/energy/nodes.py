@@ -102,7 +102,7 @@ class Nodes:
 
     - part: of the blank, by default all of it; where: function of undeformed points (3, n) to a
       mask (n,), by default true: which nodes of the part count
-    - own (count,): which ones count, of the `count` nodes of the blank
+    - mask (count,): which ones count, of the `count` nodes of the blank
     - places (count, 3) [mm], areas of the part (count,) [mm^2]: undeformed, 0 at other nodes; of
       a quadratic triangle those of its four flat ones; `areas_now` gives those of the present
     - rows, cols (9 count,): global degrees of freedom of each node's 3 x 3 block
@@ -128,11 +128,11 @@ class Nodes:
         self.count = blank.V.dofmap.index_map.size_local
         self.places = blank.coordinates()[: self.count]
         self.areas, self.part = _areas(blank, part)[: self.count], part
-        self.own = part.nodes
+        self.mask = part.nodes
         if where:
-            self.own = part.nodes & values_at(where, self.places.T)
-            self.areas[~self.own] = 0.0
-            if not self.comm.allreduce(int(self.own.sum())):
+            self.mask = part.nodes & values_at(where, self.places.T)
+            self.areas[~self.mask] = 0.0
+            if not self.comm.allreduce(int(self.mask.sum())):
                 raise InputError(
                     f"contact of {blank.name} is asked for where no node is; allowed are 1 or more"
                 )

@@ -43,9 +43,9 @@ class Value(NamedTuple):
 class Fields(dict[str, np.ndarray]):
     """Fields {name: array (cells, ...) or (nodes, ...)}, with their `units` {name: unit}."""
 
-    def __init__(self, given: Mapping[str, Value]) -> None:
-        super().__init__({name: each.value for name, each in given.items()})
-        self.units = {name: each.unit for name, each in given.items() if each.unit}
+    def __init__(self, values: Mapping[str, Value]) -> None:
+        super().__init__({name: field.value for name, field in values.items()})
+        self.units = {name: field.unit for name, field in values.items() if field.unit}
 
     def __missing__(self, name: str) -> NoReturn:
         raise InputError(
@@ -103,11 +103,6 @@ def joined(value: Mapping[str, Content]) -> Value:
     return Value(value, "", lambda before, now: {**before, **now})
 
 
-def size_of(name: str, unit: str = "") -> Value:
-    """The size (n,) of the vectors (n, k) of field `name`, once that is merged."""
-    return last(lambda fields: np.linalg.norm(fields[name], axis=1), unit)
-
-
 def on_part(part: Part, values: np.ndarray, unit: str = "") -> Value:
     """A field by its `values` (cells, ...) in the cells of a part; cells of no part get NaN, or 0
     in whole numbers. Where parts overlap, that of the last term counts."""
@@ -128,50 +123,48 @@ def merged(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> d
     Raises InputError for one of the names `taken`, for a name that two terms give without a rule,
     for what differs between ranks, and for a field of another size than the rank's cells or nodes.
     """
-    noun, place = {"history": ("column", "history.csv"), "summary": ("entry", "summary.json")}.get(
-        method, ("field", "the sheet")
-    )
+    places = {"history": ("column", "history.csv"), "summary": ("entry", "summary.json")}
+    noun, place = places.get(method, ("field", "the sheet"))
     checked = arrays if noun == "field" else _same_on_ranks
     values: dict[str, Value] = {}
     givers = dict.fromkeys(taken, f"{place} has")
     for term in (term for term in terms if overrides(term, method)):
         output = getattr(term, method)().items()
-        given = {k: v if isinstance(v, Value) else Value(v) for k, v in output}
-        now = {k: v.value for k, v in given.items() if not callable(v.value)}
-        known = checked(term, method, now)
-        for name, each in given.items():
-            before = values.get(name)
-            if name in givers and not (before and each.merge):
+        rules = {k: v if isinstance(v, Value) else Value(v) for k, v in output}
+        plain_ones = {k: rule.value for k, rule in rules.items() if not callable(rule.value)}
+        answers = checked(term, method, plain_ones)
+        for name, (value, unit, merge) in rules.items():
+            before, value = values.get(name), answers.get(name, value)
+            if before and merge:
+                value = merge(before.value, value)
+            elif name in givers:
                 rule = ", or a rule that merges both, as `largest(value)`" if before else ""
                 raise InputError(
                     f"`{method}` of term {term.name} gives the {noun} {name}, which "
                     f"{givers[name]} already; allowed is another name{rule}"
                 )
-            value = known.get(name, each.value)
-            value = each.merge(before.value, value) if before and each.merge else value
-            values[name], givers[name] = each._replace(value=value), f"term {term.name} gives"
-    results = {name: each.value for name, each in values.items()}
+            values[name], givers[name] = Value(value, unit, merge), f"term {term.name} gives"
+    known = {name: field.value for name, field in values.items()}
     return {
-        name: each._replace(value=each.value(results)) if callable(each.value) else each
-        for name, each in values.items()
+        name: field._replace(value=field.value(known)) if callable(field.value) else field
+        for name, field in values.items()
     }
 
 
-def arrays(term: Term, method: str, given: Mapping[str, Content]) -> dict[str, np.ndarray]:
+def arrays(term: Term, method: str, answer: Mapping[str, Content]) -> dict[str, np.ndarray]:
     """Answer of a term's `method` as arrays; InputError, on all ranks, for what is no number and
     for another size than the rank's cells or nodes."""
-    whole, result, wrong = term.blank.whole, {k: np.asarray(v) for k, v in given.items()}, ""
+    whole, result, flaw = term.blank.whole, {k: np.asarray(v) for k, v in answer.items()}, ""
     size = whole.cells.size if "cell" in method else whole.nodes.size
     for name, values in result.items():
-        is_number = values.dtype.kind in "biuf"
-        if values.shape[:1] != (size,) or not is_number:
-            wrong = wrong or (
-                f"`{method}` of term {term.name} gives {name} with "
-                f"{f'shape {values.shape}' if is_number else 'no numbers'}; allowed is ({size},) "
+        kind = f"shape {values.shape}" if values.dtype.kind in "biuf" else "no numbers"
+        if not flaw and (values.shape[:1] != (size,) or kind == "no numbers"):
+            flaw = (
+                f"`{method}` of term {term.name} gives {name} with {kind}; allowed is ({size},) "
                 f"or ({size}, k), of what the rank owns"
             )
-    if wrong := term.blank.mesh.comm.allreduce(wrong, MPI.MAX):
-        raise InputError(wrong)
+    if flaw := term.blank.mesh.comm.allreduce(flaw, MPI.MAX):
+        raise InputError(flaw)
     return result
 
 
@@ -181,11 +174,11 @@ def _larger(before, now):
     return np.where(kept if now.ndim == 1 else kept[:, None], before, now)
 
 
-def _same_on_ranks(term, method, given):
-    texts = dict.fromkeys(term.blank.mesh.comm.allgather(json.dumps(plain(given))))
+def _same_on_ranks(term, method, answer):
+    texts = dict.fromkeys(term.blank.mesh.comm.allgather(json.dumps(plain(answer))))
     if len(texts) > 1:
         raise InputError(
             f"`{method}` of term {term.name} gives {' and '.join(texts)} on different ranks; "
             "allowed is the same on all, as `self.blank.mesh.comm.allreduce(number)`, the sum"
         )
-    return given
+    return answer

@@ -5,6 +5,7 @@ from __future__ import annotations
 import weakref
 from collections.abc import Mapping, Sequence
 from copy import copy
+from functools import partial
 from reprlib import repr as repr_short
 from typing import Protocol, Self
 
@@ -37,8 +38,8 @@ class SceneFacts(Protocol):
 
 def overrides(term: Term, method: str) -> bool:
     """True if a term has a `method` of its own in place of that of `Term`."""
-    own, base = (getattr(each, method, None) for each in (type(term), Term))
-    return method in vars(term) or own is not base
+    of_type, base = (getattr(kind, method, None) for kind in (type(term), Term))
+    return method in vars(term) or of_type is not base
 
 
 class Term:
@@ -270,7 +271,7 @@ def bind(term: Term, scene: SceneFacts) -> None:
             "`Membrane(fabric)`"
         )
     elsewhere = term.bound_to is not None and term.bound_to() is not scene
-    if elsewhere or sum(each is term for each in scene.terms) > 1:
+    if elsewhere or sum(other is term for other in scene.terms) > 1:
         place = "in another scene already" if elsewhere else "in the scene twice"
         raise InputError(f"term {term.name} is {place}; each scene needs terms of its own")
     if term.bound_to is not None:
@@ -279,34 +280,23 @@ def bind(term: Term, scene: SceneFacts) -> None:
     term.bound_to, term.blank = weakref.ref(scene), scene.blank
     term.part = scene.blank.part(term.part_name)
     term.set_up(scene)
-    if term.energy is not None:
-        _check_form(term)
-    if any(overrides(term, name) for name in ("memory", "cell_memory")):
-        if not overrides(term, "recall"):
-            raise InputError(f"term {term.name} has a memory and needs `recall`, which takes it")
-    stores = overrides(term, "stored") and not overrides(term, "energies")
-    stores = (stores or term.energy is not None) and not overrides(term, "work")
-    if stores and term.energy_kind is None:
-        raise InputError(
-            f"term {term.name} stores an energy and needs an `energy_kind`, its column in "
-            "history.csv, or, as a load, `work`"
-        )
-
-
-def _check_form(term):
-    """InputError for an `energy` that is none of the displacement, or not of the term's part."""
-    form, of = term.energy, f"energy of term {term.name}"
-    is_energy = isinstance(form, ufl.Form) and not form.arguments()
-    if not is_energy or term.blank.u not in form.coefficients():
-        raise InputError(
-            f"{of} is {repr_short(form)}; allowed is the energy itself in `blank.u`, from which "
-            "forces and stiffness follow, integrated: `W * self.part.dx(degree)`"
-        )
-    if term.part_name and any(each.subdomain_id() == "everywhere" for each in form.integrals()):
-        raise InputError(
-            f"{of}, which is on a part, is integrated over the whole sheet; it needs "
-            "`self.part.dx(degree)` in place of `ufl.dx`"
-        )
+    form, u, flaw, has = term.energy, term.blank.u, "", partial(overrides, term)
+    is_energy = isinstance(form, ufl.Form) and not form.arguments() and u in form.coefficients()
+    of = f"energy of term {term.name}"
+    if form is not None and not is_energy:
+        flaw = f"{of} is {repr_short(form)}; allowed is the energy itself in `blank.u`, from which "
+        flaw += "forces and stiffness follow, integrated: `W * self.part.dx(degree)`"
+    elif form and term.part_name and "everywhere" in [i.subdomain_id() for i in form.integrals()]:
+        flaw = f"{of}, which is on a part, is integrated over the whole sheet; it needs "
+        flaw += "`self.part.dx(degree)` in place of `ufl.dx`"
+    elif (has("memory") or has("cell_memory")) and not has("recall"):
+        flaw = f"term {term.name} has a memory and needs `recall`, which takes it"
+    elif term.energy_kind is None and not has("work"):
+        if form is not None or (has("stored") and not has("energies")):
+            flaw = f"term {term.name} stores an energy and needs an `energy_kind`, its column in "
+            flaw += "history.csv, or, as a load, `work`"
+    if flaw:
+        raise InputError(flaw)
 
 
 def check_answers(term: Term) -> None:
@@ -321,8 +311,7 @@ def check_answers(term: Term) -> None:
     alone = np.zeros_like(blank.u.x.array)
     returned: object = term.add_forces(alone)  # type: ignore[func-returns-value]
     before = 1.0 + abs(alone).max(initial=0.0)
-    after = np.full_like(alone, before)
-    term.add_forces(after)
+    term.add_forces(after := np.full_like(alone, before))
     lost = abs(after - alone - before).max(initial=0.0) > 1e-6 * before
     if comm.allreduce(bool(lost or returned is not None), MPI.LOR):
         raise InputError(
@@ -330,11 +319,10 @@ def check_answers(term: Term) -> None:
             "allowed is to add to the array that it is given, as `f[dofs] += forces`"
         )
     size = blank.V.dofmap.index_map.size_global * blank.mesh.geometry.dim
-    rows, cols, values = (np.asarray(each) for each in term.tangent())
-    numbers = np.append(rows, cols)
-    wrong = rows.shape != values.shape or cols.shape != values.shape
-    wrong = wrong or not ((numbers >= 0) & (numbers < size)).all()
-    if comm.allreduce(wrong, MPI.LOR):  # PETSc would write past its arrays
+    rows, cols, values = map(np.asarray, term.tangent())
+    inside = all(((numbers >= 0) & (numbers < size)).all() for numbers in (rows, cols))
+    is_right = rows.shape == cols.shape == values.shape and inside
+    if comm.allreduce(not is_right, MPI.LOR):  # PETSc would write past its arrays
         raise InputError(
             f"`tangent` of term {term.name} gives other places than rows and columns of the matrix;"
             f" allowed are three arrays (k,): rows and columns from 0 to {size - 1}, and values"

@@ -74,16 +74,16 @@ class MeasuredBending(Parameters):
         curves = self.curvature, self.moment_a, self.moment_b
         if all(lengths) and not any(curves):
             return
-        counts = {len(each) for each in curves}
+        counts = set(map(len, curves))
         if any(lengths) or len(counts) > 1 or min(counts) < 2 or not any(self.curvature):
             raise InputError(
                 "bending is incomplete, or told twice; allowed are cantilever_a and cantilever_b, "
                 "or as many numbers of curvature, not 0 alone, moment_a, and moment_b if it differs"
             )
-        names, moments = ("moment_a", "moment_b"), map(np.array, curves[1:])
-        parts = [_parted(np.array(self.curvature), *each) for each in zip(moments, names)]
-        object.__setattr__(self, "_elastic", tuple(curve for curve, _ in parts))
-        object.__setattr__(self, "thresholds", tuple(float(each) for _, each in parts))
+        columns = zip(map(np.array, curves[1:]), ("moment_a", "moment_b"))
+        elastic, thresholds = zip(*(_parted(np.array(curves[0]), *column) for column in columns))
+        object.__setattr__(self, "_elastic", elastic)
+        object.__setattr__(self, "thresholds", tuple(map(float, thresholds)))
 
     @property
     def stuck(self) -> float:
@@ -131,23 +131,22 @@ def _parted(curvature, moment, name):
 
 def _of_loop(curvature, moment, name):
     """Curvatures, elastic moments and the threshold of a loop."""
-    steps = np.diff(curvature)
-    ways = []
-    for sign in (1, -1):
-        way = np.append(sign * steps > 0, False) | np.append(False, sign * steps > 0)
-        way[0] &= curvature[0] != 0  # from rest nothing slides yet
-        order = np.argsort(curvature[way], kind="stable")
-        ways.append((curvature[way][order], moment[way][order]))
-    if min(len(x) for x, _ in ways) < 1:
+    branches = []
+    for moves in (np.diff(curvature) > 0, np.diff(curvature) < 0):
+        on = np.append(moves, False) | np.append(False, moves)
+        on[0] &= curvature[0] != 0  # from rest nothing slides yet
+        order = np.argsort(curvature[on], kind="stable")
+        branches.append((curvature[on][order], moment[on][order]))
+    if min(len(x) for x, _ in branches) < 1:
         raise InputError("bending.curvature falls; allowed is a rising one, or a loop")
-    low, high = max(x[0] for x, _ in ways), min(x[-1] for x, _ in ways)
+    low, high = max(x[0] for x, _ in branches), min(x[-1] for x, _ in branches)
     at = np.unique(curvature[(curvature >= low) & (curvature <= high)])
-    there, back = (np.interp(at, *way) for way in ways)
+    there, back = (np.interp(at, *branch) for branch in branches)
     half = (there - back) / 2
     if half.sum() < 0:
         raise InputError(f"bending.{name} is larger on the way back; allowed is a loop of friction")
     threshold = np.median(half[half >= 0.5 * half.max()])
-    # where a way begins nothing slides, and the other one tells
+    # where a branch begins nothing slides, and the other one tells
     ends = np.where(at > 0, there - threshold, back + threshold)
     elastic = np.where(half > threshold / 2, (there + back) / 2, ends)
     elastic -= np.interp(0.0, at, elastic) if low < 0 else 0.0

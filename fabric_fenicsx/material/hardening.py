@@ -50,8 +50,6 @@ class Hardening(Parameters):
 class Swift(Hardening):
     """Yield stress K (eps0 + p)^n.
 
-    Raises InputError for a value out of its range.
-
     References
     ----------
     Swift, J. Mech. Phys. Solids 1, 1952.
@@ -83,8 +81,6 @@ class Swift(Hardening):
 @dataclass(frozen=True)
 class Voce(Hardening):
     """Yield stress Y0 + Q (1 - exp(-b p)), which ends at Y0 + Q.
-
-    Raises InputError for a value out of its range.
 
     References
     ----------

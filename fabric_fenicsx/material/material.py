@@ -17,15 +17,22 @@ from ..io.units import suffixes
 from .files import OWN_UNITS, SHEET, Document, Several, read_numbers, read_toml, write_whole
 from .hyperdual import Number
 
+Scatter = Mapping[str, tuple[float, float]]
 
-def parameter(rule: Rule | Several, text: str, default: object = dataclasses.MISSING) -> Any:
-    """A field of `Parameters`: a number by `rule`; text: what it is, with its unit."""
-    return dataclasses.field(default=default, metadata={"rule": rule, "help": text})
+
+def parameter(
+    rule: Rule | Several | None, text: str, default: Any = dataclasses.MISSING, **options: Any
+) -> Any:
+    """A field of `Parameters`: a number by `rule`, or (None) another value; text: what it is, with
+    its unit; default: value, or `dict`; options: others of `dataclasses.field`."""
+    options["default_factory" if default is dict else "default"] = default
+    return dataclasses.field(metadata={"rule": rule, "help": text}, **options)
 
 
 def parameters(kind: Kind) -> Kind:
     """A dataclass whose `rules` and docstring have what it declares by `parameter`."""
-    kind.rules = {each.name: each.metadata["rule"] for each in declared(kind)}  # type: ignore
+    rules = {field.name: field.metadata["rule"] for field in declared(kind)}
+    kind.rules = {name: rule for name, rule in rules.items() if rule}  # type: ignore[attr-defined]
     return documented(kind)
 
 
@@ -63,11 +70,11 @@ class Parameters:
 
     def __rmul__(self, factor: float) -> Self:
         """A copy with all stresses times a factor."""
-        numbers = {n: getattr(self, n) for n, rule in self.rules.items() if rule.unit == "stress"}
-        for name, value in numbers.items():
+        stresses = {n: getattr(self, n) for n, rule in self.rules.items() if rule.unit == "stress"}
+        for name, value in stresses.items():
             several = isinstance(value, tuple)
-            numbers[name] = tuple(factor * v for v in value) if several else factor * value
-        return dataclasses.replace(self, **numbers)
+            stresses[name] = tuple(factor * v for v in value) if several else factor * value
+        return dataclasses.replace(self, **stresses)
 
     def symbols(self, make: Callable[[float], Number]) -> Self:
         """A copy, not checked, of which each number v of the energy is make(v); so make may give
@@ -75,8 +82,7 @@ class Parameters:
         last."""
         beside = "density fibre_density fibre_share compaction bending bending_friction".split()
         new, names = copy.copy(self), [field.name for field in dataclasses.fields(self)]
-        names.sort(key="thickness".__eq__)
-        for name in (each for each in names if each not in beside):
+        for name in sorted(filter(lambda name: name not in beside, names), key="thickness".__eq__):
             value = getattr(self, name)
             if isinstance(value, float):
                 object.__setattr__(new, name, make(value))
@@ -92,7 +98,7 @@ class Material(Parameters):
 
     thickness: float
     name: str
-    scatter: Mapping[str, tuple[float, float]]
+    scatter: Scatter
     factors: ClassVar[Mapping[str, tuple[str, ...]]] = {}
 
     def __post_init__(self) -> None:
@@ -127,12 +133,12 @@ class Material(Parameters):
         for name in numbers:
             if name not in (known := (*self.numbers(), *self.factors)):
                 raise unknown_key(name, known, name)
-        own = {name: value for name, value in numbers.items() if name not in self.factors}
-        new = self.replace(**own) if own else self
-        for name, fields in self.factors.items():  # of what is set
+        fields = {name: value for name, value in numbers.items() if name not in self.factors}
+        new = self.replace(**fields) if fields else self
+        for name, scaled in self.factors.items():  # of what is set
             factor = POSITIVE.check(name, numbers.get(name, 1.0))
             if factor != 1:
-                new = new.replace(**{n: factor * getattr(new, n) for n in fields})
+                new = new.replace(**{n: factor * getattr(new, n) for n in scaled})
         return new
 
     def thickness_under(self, pressure: float) -> float:

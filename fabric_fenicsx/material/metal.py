@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import ClassVar, Self
@@ -12,29 +12,13 @@ from ..core.rules import Rule, above_zero, check_complete, repr_short
 from . import files
 from .files import OWN_UNITS, Document
 from .hardening import Hardening, Swift, hardening_from
-from .material import Material
+from .material import Material, Scatter, parameter, parameters
 
 
+@parameters
 @dataclass(frozen=True)
 class Metal(Material):
     """An isotropic metal that yields after von Mises.
-
-    Raises InputError for a value out of its range.
-
-    Parameters
-    ----------
-    E, nu : float
-        Young's modulus [MPa] and Poisson's ratio [-].
-    hardening : Swift, Voce or HardeningTable
-        Yield stress over equivalent plastic strain.
-    thickness : float
-        Thickness of the sheet [mm].
-    density : float
-        Mass per volume [g/cm3].
-    name : str
-        In results and messages.
-    scatter : mapping
-        As of a `Law`.
 
     Examples
     --------
@@ -43,20 +27,20 @@ class Metal(Material):
     0.8
     """
 
-    rules: ClassVar[Mapping[str, Rule]] = {
-        "E": above_zero("stress"),
-        "nu": Rule("a number from 0 to 0.5", lambda v: 0 <= v <= 0.5),
-    }
     factors = {"yield_factor": ("hardening",)}
     law: ClassVar[str] = "metal"  # its name in material files
 
-    E: float
-    nu: float
-    hardening: Hardening
-    thickness: float
-    density: float = 7.85
-    name: str = ""
-    scatter: Mapping[str, tuple[float, float]] = field(default_factory=dict, compare=False)
+    E: float = parameter(above_zero("stress"), "Young's modulus [MPa]")
+    nu: float = parameter(
+        Rule("a number from 0 to 0.5", lambda v: 0 <= v <= 0.5), "Poisson's ratio [-]"
+    )
+    hardening: Hardening = parameter(
+        None, "`Swift`, `Voce` or `HardeningTable`: yield stress over equivalent plastic strain"
+    )
+    thickness: float = parameter(None, "thickness of the sheet [mm]")
+    density: float = parameter(None, "mass per volume [g/cm3]", 7.85)
+    name: str = parameter(None, "in results and messages", "")
+    scatter: Scatter = parameter(None, "as of a `Law`", dict, compare=False)
 
     def table(self) -> Document:
         numbers = {name: getattr(self, name) for name in ("law", "name", *self.numbers())}

@@ -52,16 +52,6 @@ def invariants(
     return np.stack([la**2, la * lb * np.cos(rest - g), lb**2, g], -1)
 
 
-def convexity(
-    fabric: Law, eps_a: ArrayLike, eps_b: ArrayLike, gamma: ArrayLike = 0.0
-) -> np.ndarray:
-    """Smallest eigenvalue of the Hessian of W in (eps_a, eps_b) at fixed gamma [MPa], in the
-    broadcast shape of the strains [-, rad]."""
-    ea, eb, g = np.broadcast_arrays(*(np.asarray(v, float) for v in (eps_a, eps_b, gamma)))
-    W = _in_strains(fabric, (1 + ea.ravel()) ** 2, (1 + eb.ravel()) ** 2, g.ravel())
-    return _hessian(W).reshape(ea.shape)
-
-
 def evaluate(fabric: Law, invariants: ArrayLike) -> Stability:
     """Stability at states given by their invariants (..., 4) as in `kernel.State`, nan where one is
     not finite."""

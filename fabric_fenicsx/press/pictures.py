@@ -232,7 +232,7 @@ def compare(
     named = [(label, *ply) for label, grids in layers.items() for ply in grids.items()]
     plies = {f"{label} {name}".strip(): grid for label, name, grid in named}
     with _no_loss("paths.png"):
-        forming_pictures.draw_compared(folder, plies, leader)
+        forming_pictures.draw_compared(folder, plies)
     metals = [sheet.name for sheet in sheets if sheet.metal]
     middle = middle_of(sheets)
     if middle and all({middle, metals[-1]} <= set(each) for each in layers.values()):

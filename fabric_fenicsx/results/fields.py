@@ -20,7 +20,6 @@ from ..energy.output import Fields
 from ..scene import output
 from ..scene.scene import Scene
 from ..sheet.blank import Blank
-from ..sheet.sheet_mesh import bounds
 from .measures import planes_of_symmetry
 from .ply import Grid, mark_planes
 from .states import save, triangulated, with_known_fields
@@ -35,16 +34,13 @@ def yarn_coordinates(blank: Blank) -> np.ndarray:
     weight of 1 %, across them nearest to 1: between yarns that converge distances cannot stay."""
     mesh, comm = blank.mesh, blank.mesh.comm
     gdim = mesh.geometry.dim
-    fibres = np.column_stack([f.x.array.reshape(-1, gdim) for f in (blank.a0, blank.b0)])
-    low, high = bounds(comm, fibres.T)
-    if (high - low).max() < 1e-12:
-        a, b = low[:gdim], low[gdim:]
+    if blank.whole.straight:
+        a, b = np.array(blank.whole.straight)
         across = np.column_stack([b - (a @ b) * a, a - (a @ b) * b])
         return blank.coordinates()[:, :gdim] @ (across / np.linalg.norm(across, axis=0))
     x, u, v = ufl.SpatialCoordinate(mesh), ufl.TrialFunction(blank.V), ufl.TestFunction(blank.V)
-    lows, highs = blank.extent()
     # little enough not to bend a line
-    anchor = fem.Constant(mesh, 1e-8 / (highs - lows).max() ** 2)
+    anchor = fem.Constant(mesh, 1e-8 / blank.sides().max() ** 2)
     bilinear, linear = anchor * ufl.inner(u, v), 0
     for k, (f, g) in enumerate([(blank.a0, blank.b0), (blank.b0, blank.a0)]):
         n = g - ufl.dot(f, g) * f
@@ -102,9 +98,8 @@ class FieldSeries:
                 for k, part in enumerate(self._parts):
                     number[part.cells] = k
                 self._grid.cell_data["part"] = number
-            self._set_points(
-                self._grid, {f"yarn_coordinate_{k}": yarns[:, i] for i, k in enumerate("ab")}
-            )
+            across = {f"yarn_coordinate_{k}": x for k, x in zip("ab", yarns.T)}
+            self._set_points(self._grid, across)
         on_root(self.comm, self._begin)
 
     def write(self, load: float, fields: Fields | None = None) -> None:
@@ -157,7 +152,8 @@ class FieldSeries:
     def _write(self, number, fields, nodal):
         if self._grid:
             u = self.blank.nodal_displacement()
-            self._set_points(self._grid, nodal | {"u": np.pad(u, ((0, 0), (0, 3 - u.shape[1])))})
+            nodal["u"] = np.pad(u, ((0, 0), (0, 3 - u.shape[1])))
+            self._set_points(self._grid, nodal)
             self._grid.cell_data.update(fields)
             for k, part in enumerate(self._parts):
                 if not len(part.cells):  # VTK's writer may crash on a grid without cells

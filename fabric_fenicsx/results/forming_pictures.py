@@ -1,10 +1,9 @@
 """Pictures of formed plies in plan: paths, strain states, and all that a forming run draws of its
 last state."""
 
-import math
 import pathlib
 from collections.abc import Mapping, Sequence
-from itertools import cycle
+from itertools import chain, cycle
 
 import numpy as np
 from matplotlib.colors import ListedColormap
@@ -38,14 +37,14 @@ def paths_picture(
     is on the path; NaN for none."""
     angles = list(dict.fromkeys(angle for paths in runs.values() for angle in paths))
     factors = {"log_eps_11": 100, "log_eps_22": 100, "shear_angle": 1}  # to units shown
-    size, shared = (11, 2.6 * len(angles) + 0.6), {"sharex": "row", "sharey": "col"}
-    with figure(path, size, len(angles), 3, **shared) as (page, axes):
+    size = 11, 2.6 * len(angles) + 0.6
+    with figure(path, size, len(angles), 3, sharex="row", sharey="col") as (page, axes):
         for row, angle in enumerate(angles):
             here = {label: paths[angle] for label, paths in runs.items() if angle in paths}
-            end = max(each.distance[-1] for each in here.values())
+            end = max(line.distance[-1] for line in here.values())
             for ax, (name, factor) in zip(axes[row], factors.items()):
-                for label, each in here.items():
-                    ax.plot(each.distance, factor * getattr(each, name), lw=1.4, label=label)
+                for label, line in here.items():
+                    ax.plot(line.distance, factor * getattr(line, name), lw=1.4, label=label)
                 for style, (label, at) in zip(cycle(("--", ":", "-.")), marks.items()):
                     if at[row] <= end:
                         ax.axvline(at[row], label=label, color="0.45", lw=0.9, ls=style)
@@ -56,8 +55,8 @@ def paths_picture(
             axes[row, 1].set_title(f"path {along}", fontsize="medium")
         for ax in axes[-1]:
             ax.set_xlabel("distance on the flat ply / mm")
-        lines = [each for ax in axes[:, 0] for each in zip(*ax.get_legend_handles_labels())]
-        legend = {label: line for line, label in lines}
+        handles = (zip(*ax.get_legend_handles_labels()[::-1]) for ax in axes[:, 0])
+        legend = dict(chain.from_iterable(handles))
         if len(legend) > 1 or (legend and marks):
             page.get_layout_engine().set(rect=(0, 0, 1, 1 - 0.35 / page.get_figheight()))
             above = {"loc": "upper center", "ncol": len(legend), "frameon": False}
@@ -128,16 +127,11 @@ def _paths(name, grid):
         return {}
 
 
-def draw_compared(folder: pathlib.Path, grids: Mapping[str, Grid], punch: Tool) -> None:
+def draw_compared(folder: pathlib.Path, grids: Mapping[str, Grid]) -> None:
     """Paths of plies {label: grid} side by side."""
     fabrics = of_fabric(grids).items()
-    paths = {label: each for label, grid in fabrics if (each := _paths(label, grid))}
-    surface, s, marks = punch.surface, np.arange(0.0, 1e3, 0.1), {}
-    if isinstance(surface, DoubleDome):
-        rays = [(np.cos(angle) * s, np.sin(angle) * s) for angle in np.radians(ANGLES)]
-        marks = {"outline of the punch": [_first(s, surface.plan(*ray)[0] > 0) for ray in rays]}
-    if paths:
-        paths_picture(folder / "paths.png", paths, marks)
+    if runs := {label: paths for label, grid in fabrics if (paths := _paths(label, grid))}:
+        paths_picture(folder / "paths.png", runs, {})
 
 
 def draw_laminate(
@@ -149,11 +143,11 @@ def draw_laminate(
 ) -> None:
     """The middle ply of runs {label: {name of a sheet: grid}}: strain states and shear angle with
     the metal's contour, and strains along the paths of `ANGLES`; pressure and sliding of all."""
+    fields = "sheet_pressure", "sliding_size"
     for label, grids in runs.items():
         end = f"_{label.replace(' ', '_')}" if label else ""
         edges = outline(grids[metal])
         state_map(folder / f"middle{end}.png", grids[middle], formed=True, edges=edges)
-        fields = "sheet_pressure", "sliding_size"
         between = {name: grid for name, grid in grids.items() if fields[0] in grid.cell_data}
         maps(folder / f"between{end}.png", between, fields, OUTLIERS)
     first = next(iter(runs.values()))
@@ -167,20 +161,17 @@ def _laminate_marks(ply, metal, punch):
     to the punch's upper rounding, to the end of its fillet and to the metal's edge; NaN where it
     does not, and of a punch that is no `DoubleDome`."""
     names = "inner punch radius", "outer punch radius", "edge of the metal"
-    marks: dict[str, list[float]] = {name: [] for name in names}
-    corners = outline(metal)[0].formed[:, :2]
+    corners, rows = outline(metal)[0].formed[:, :2], []
     if ply_of(metal).planes:  # of a quarter the edge is open
         corners = np.vstack([corners, [0.0, 0.0]])
     for path in along_paths(ply, ANGLES, spacing=0.2).values():
-        places, radii = path.places[:, :2], (math.inf, math.inf)
-        away = np.zeros(len(places))
-        if isinstance(punch.surface, DoubleDome):
-            away, radii = punch.surface.plan(*places.T)[0], punch.surface.roundings
+        places, never = path.places[:, :2], np.zeros(len(path.places), bool)
         # mm, so that paths on planes of symmetry are within the metal
-        outside = ~Polygon(corners).contains_points(places + 1e-6)
-        for at, holds in zip(marks.values(), [*(away > d for d in radii), outside]):
-            at.append(_first(path.distance, holds))
-    return marks
+        beyond = [never, never, ~Polygon(corners).contains_points(places + 1e-6)]
+        if isinstance(surface := punch.surface, DoubleDome):
+            beyond[:2] = (surface.plan(*places.T)[0] > radius for radius in surface.roundings)
+        rows.append([_first(path.distance, holds) for holds in beyond])
+    return dict(zip(names, zip(*rows)))
 
 
 def _first(s, holds):

@@ -94,8 +94,7 @@ def draw_cells(
     limits: Sequence[float],
 ) -> PolyCollection:
     """Add cells (n, k, 2) [mm] in plan, coloured by `values` (n,) between `limits`."""
-    cells = PolyCollection(polygons, array=values, cmap=colours, antialiased=False)
-    cells.set_clim(*limits)
+    cells = PolyCollection(polygons, array=values, cmap=colours, antialiased=False, clim=limits)
     ax.add_collection(cells)
     ax.autoscale_view()
     ax.set_aspect("equal")
@@ -129,7 +128,7 @@ def maps(
     size, shared = (7.0 * columns**0.7, height * rows), {"sharex": True, "sharey": True}
     # tight, as wide sheets push labels out
     with figure(path, size, rows, columns, bbox_inches="tight", **shared) as (page, axes):
-        for name, mine in zip(names, axes if one else axes.T):
+        for name, column in zip(names, axes if one else axes.T):
             is_nodal = any(name not in grid.cell_data for grid in variants.values())
             title = f"{name}, mean over each cell" if is_nodal else name
             label, factor, colours = shown(title, (units or {}).get(name, ""))
@@ -138,13 +137,13 @@ def maps(
             every = np.concatenate(values)
             low, high = np.quantile(every, (outliers, 1 - outliers))
             colours, *limits = colour_scale(colours, low, high)
-            for ax, (title, shape), value in zip(mine, polygons.items(), values):
+            for ax, (title, shape), value in zip(column, polygons.items(), values):
                 cells = draw_cells(ax, shape, value, colours, limits)
                 text = cells_range(value)
                 ax.set_title(text if one else f"{title}\n{text}", size="small" if one else "medium")
             place = {"location": "right", "aspect": 15} if one else {"location": "bottom"}
             bar = {"aspect": 30, "shrink": 0.9, "extend": arrows(every, *limits)} | place
-            page.colorbar(cells, ax=list(mine), label=label, **bar)
+            page.colorbar(cells, ax=list(column), label=label, **bar)
         label_outer(axes)
 
 

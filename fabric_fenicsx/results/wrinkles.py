@@ -6,16 +6,8 @@ from typing import Any
 
 import lazy_loader
 import numpy as np
+from scipy import ndimage
 from scipy.linalg import toeplitz
-from scipy.ndimage import (
-    distance_transform_edt,
-    gaussian_filter1d,
-    map_coordinates,
-    maximum_filter1d,
-    minimum_filter,
-    minimum_filter1d,
-    uniform_filter1d,
-)
 
 from .ply import Grid, grid_of, mark_planes, plan_area, ply_of, whole
 from .shape import outline
@@ -47,12 +39,11 @@ def height_map(grid: Grid, over_tools: Heights, shortest: float = 0.0) -> Grid:
     longest = np.ptp(whole(ply).x, axis=0).max() / 3  # longer ones are not told from shape
     heights = grid_of(ply.x, ply.cells, ply.u)
     w, lengths = _waves(ply, _edge(ply), longest)
-    for name, low, high in ((HEIGHT, shortest, longest), (RIPPLE, 0.0, min(shortest, longest))):
+    for name, low, high in ((RIPPLE, 0.0, min(shortest, longest)), (HEIGHT, shortest, longest)):
         of_kind = w * ((lengths >= low) & (lengths < high))
         best = abs(of_kind).argmax(0), np.arange(len(ply.x))
-        heights.point_data[name] = np.sign(of_kind[best]) * np.minimum(abs(of_kind[best]), free)
-        if name == HEIGHT:
-            heights.point_data[LENGTH] = lengths[best]
+        heights.point_data[name] = np.clip(of_kind[best], -free, free)
+    heights.point_data[LENGTH] = lengths[best]
     heights.field_data[SEEN] = [shortest, longest]
     mark_planes(heights, ply.planes)
     return heights
@@ -63,19 +54,19 @@ def wrinkles(heights: Grid) -> dict[str, Any]:
     squares of heights as weights; ripples_mm: largest height of waves that are none; rim_mm: height
     of the outer free edge, whose ridges that stand out by `MIN_RIDGE` are `folds`."""
     ply, w = ply_of(heights), heights.point_data[HEIGHT]
-    area = plan_area(ply.x, ply.cells)
-    of_nodes = np.bincount(ply.cells.ravel(), np.repeat(area / 3, 3), len(w))
+    thirds = np.repeat(plan_area(ply.x, ply.cells) / 3, 3)
+    of_nodes = np.bincount(ply.cells.ravel(), thirds, len(w))
     largest, length = float(abs(w).max()), None
     if largest >= MIN_HEIGHT:
         length = float(np.average(heights.point_data[LENGTH], weights=of_nodes * w**2))
-    rim = max((each.formed[:, 2] for each in outline(heights)), key=len)
+    rim = max((line.formed[:, 2] for line in outline(heights)), key=len)
     return {
         "height_mm": largest,
         "height_rms_mm": float(np.sqrt(np.average(w**2, weights=of_nodes))),
         "wavelength_mm": length,
         "cells_a_wave": None if length is None else float(length / _edge(ply)),
         "ripples_mm": float(abs(heights.point_data[RIPPLE]).max()),
-        "seen_mm": [float(each) for each in heights.field_data[SEEN]],
+        "seen_mm": [float(length) for length in heights.field_data[SEEN]],
         "rim_mm": float(np.ptp(rim)),
         "folds": _ridges(rim, len(ply.planes)),
     }
@@ -96,12 +87,13 @@ def _waves(ply, edge, longest):
     bands = 2 * edge * RATIO ** np.arange(count + 2)  # the last for waves that are too long
     steps = np.clip(bands / PLACES, edge / 2, 0.9 * edge)  # coarser ones mistake ripples for waves
     at, spacing = ply.x[:, :2], np.sqrt(flat.area / flat.n_points)
-    found = []
+    waves = []
     for angle in np.arange(WAYS) * np.pi / WAYS:
-        turned = at @ _turned(angle)
-        sampled = _sampled(flat, turned, _turned(angle), bands, steps)
-        found.append([_along(turned, spacing, *each) for each in zip(bands, steps, *sampled)])
-    w, energy, length = np.array(found).transpose(2, 0, 1, 3)
+        c, s = np.cos(angle), np.sin(angle)
+        turn = np.array([[c, -s], [s, c]])  # of flat places, to along and across the direction
+        sampled = _sampled(flat, at @ turn, turn, bands, steps)
+        waves.append([_along(at @ turn, spacing, *band) for band in zip(bands, steps, *sampled)])
+    w, energy, length = np.array(waves).transpose(2, 0, 1, 3)
     beside = np.pad(energy, ((0, 0), (1, 1), (0, 0)))
     others = np.roll(energy, 1, 0), np.roll(energy, -1, 0), beside[:, :-2], beside[:, 2:]
     strongest = (energy > 0) & (energy >= np.max(others, axis=0))  # not seen from aside, or in part
@@ -113,7 +105,7 @@ def _along(nodes, spacing, band, step, low, on, x):
     [mm], from places as of `_sampled`; spacing: of the ply's nodes [mm]."""
     wave = band / step  # places a wave
     fine, coarse, quarter = FINE * wave, COARSE * wave, wave / 4
-    inside, between = minimum_filter(on, 3), minimum_filter1d(on, 3, 0)
+    inside, between = ndimage.minimum_filter(on, 3), ndimage.minimum_filter1d(on, 3, 0)
     along, across = (np.gradient(x, step, axis=axis) for axis in (0, 1))
     normal = _mean(np.cross(along, across), inside, NORMAL * wave, NORMAL * wave)
     normal /= np.maximum(np.linalg.norm(normal, axis=2), 1e-300)[..., None]
@@ -131,23 +123,18 @@ def _along(nodes, spacing, band, step, low, on, x):
     apart = spacing / step  # places from node to node, between straight
     alternates = np.where(z > 0, _alternates(bend, wave), _alternates(-bend, wave)) * (z * bend < 0)
     # that much of both sides must be on the ply
-    alternates *= uniform_filter1d(on, 2 * round(REACH * wave) + 1, 0, mode="constant") > 0.7
+    around = 2 * round(REACH * wave) + 1
+    alternates *= ndimage.uniform_filter1d(on, around, 0, mode="constant") > 0.7
     energy = _mean((z * alternates) ** 2, on, quarter, quarter)
-    left_over = (
-        (_passed(phase, fine) - shape) * (1 - shape) * np.sinc(apart * phase / 2 / np.pi) ** 2
-    )
+    left_over = (_passed(phase, fine) - shape) * (1 - shape)
+    left_over *= np.sinc(apart * phase / 2 / np.pi) ** 2
     z *= alternates / np.maximum(left_over, 0.8)
-    longer = maximum_filter1d(longer, 2 * round(REACH * wave) + 1, 0)  # or where it turns back
-    nearest = distance_transform_edt(on == 0, return_distances=False, return_indices=True)
+    longer = ndimage.maximum_filter1d(longer, around, 0)  # or where it turns back
+    nearest = ndimage.distance_transform_edt(on == 0, return_distances=False, return_indices=True)
     at = ((nodes - low) / step).T
     # waves along stretches, squared, that are so much longer than across, are shape
     values = z * (longer < 0.05), energy, 2 * np.pi * step / phase
-    return [map_coordinates(each[tuple(nearest)], at, order=1) for each in values]
-
-
-def _turned(angle):
-    """Matrix that flat places are multiplied with to be along and across a direction."""
-    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return [ndimage.map_coordinates(each[tuple(nearest)], at, order=1) for each in values]
 
 
 def _sampled(flat, nodes, turn, bands, steps):
@@ -163,10 +150,12 @@ def _sampled(flat, nodes, turn, bands, steps):
         lows.append(low)
         counts.append(((high - low) / step).astype(int) + 2)
         places.append((low + step * np.indices(counts[-1]).reshape(2, -1).T) @ turn.T)
-    found = pyvista.PolyData(np.pad(np.vstack(places), ((0, 0), (0, 1)))).sample(flat)
+    sampled = pyvista.PolyData(np.pad(np.vstack(places), ((0, 0), (0, 1)))).sample(flat)
     starts = np.cumsum([len(at) for at in places])[:-1]
-    on, x = (np.split(np.asarray(found[k], float), starts) for k in ("vtkValidPointMask", "formed"))
-    on, x = ([v.reshape(*n, *v.shape[1:]) for v, n in zip(vs, counts)] for vs in (on, x))
+    on, x = (
+        [part.reshape(*n, *part.shape[1:]) for part, n in zip(np.split(field, starts), counts)]
+        for field in (np.asarray(sampled[k], float) for k in ("vtkValidPointMask", "formed"))
+    )
     return lows, on, x
 
 
@@ -199,7 +188,7 @@ def _fitted(values, weights, sigma):
 
 @lru_cache(8)
 def _gaussian(n, sigma):
-    return gaussian_filter1d(np.eye(n), sigma, 0) if sigma else np.eye(n)
+    return ndimage.gaussian_filter1d(np.eye(n), sigma, 0) if sigma else np.eye(n)
 
 
 @lru_cache(8)
@@ -221,11 +210,9 @@ def _passed(phase, sigma):
 def _alternates(bend, wave):
     """Share with which a crest counts: 0 where `bend` on one of its sides has less than a tenth of
     the crest's the other way, 1 from a fifth on."""
-    half = round(REACH * wave / 2)
-    size = 2 * half + 1
-    sides = [maximum_filter1d(bend, size, 0, mode="constant", origin=o) for o in (half, -half)]
-    own = maximum_filter1d(-bend, 2 * round(wave / 4) + 1, 0)
-    three = np.stack([*sides, own])
+    half, highest = round(REACH * wave / 2), ndimage.maximum_filter1d
+    sides = [highest(bend, 2 * half + 1, 0, mode="constant", origin=o) for o in (half, -half)]
+    three = np.stack([*sides, highest(-bend, 2 * round(wave / 4) + 1, 0)])
     share = three.min(0) / np.maximum(three.max(0), 1e-12)
     return np.clip((share - 0.1) / 0.1, 0, 1)
 

@@ -19,19 +19,21 @@ OF_A_SHEET = "u", "yarn_coordinate_a", "yarn_coordinate_b", "rank", "part"
 
 def history(scene: Scene, taken: Collection[str] = ()) -> dict[str, Content]:
     """Entries of the terms in a row of history.csv, beside the columns `taken`."""
-    return {name: each.value for name, each in merged(scene.terms, "history", taken).items()}
+    columns = merged(scene.terms, "history", taken).items()
+    return {name: column.value for name, column in columns}
 
 
 def summary(scene: Scene) -> dict[str, Content]:
     """Entries of the terms in summary.json."""
-    own = (
+    of_runs = (
         "study ranks converged stroke_reached reason element dofs cells terms steps_accepted "
         "steps_rejected newton_iterations energy reaction_N reaction_is energy_imbalance "
         "energy_imbalance_largest branches quantities error verdict reasons warnings wall_s "
         "peak_memory_mib versions"
     ).split()
-    given = {name: each.value for name, each in merged(scene.terms, "summary", own).items()}
-    return {"terms": [term.name for term in scene.terms], **given}
+    entries = merged(scene.terms, "summary", of_runs).items()
+    names = [term.name for term in scene.terms]
+    return {"terms": names} | {name: entry.value for name, entry in entries}
 
 
 def sizes(scene: Scene) -> dict[str, Content]:
@@ -72,7 +74,7 @@ def deepest(scene: Scene) -> tuple[float, str]:
     """Deepest penetration of a sheet by a tool or another sheet in any accepted state, over the
     sheet's thickness; and which one it was, and where, as a text."""
     depths = [(term.penetration_of_thickness(), term) for term in scene.terms]
-    deepest, term = max(depths, key=lambda each: each[0])
+    deepest, term = max(depths, key=lambda pair: pair[0])
     return deepest, term.where_deepest() if deepest else ""
 
 
@@ -104,16 +106,20 @@ def virial(scene: Scene) -> np.ndarray:
 
 
 def outer_forces(scene: Scene) -> dict[str, float]:
-    """Sums of sizes of nodal forces after `Scene.residual` [N], by support, "" of all else."""
-    of_supports = scene.supports.dofs_of.items()
-    sizes = {name: abs(scene.forces.array[dofs]).sum() for name, dofs in of_supports}
+    """Sums of sizes of nodal forces after `Scene.residual` [N], by support, "" of all else. What
+    two supports hold counts for the first, or for the one that does not only locate."""
+    sizes, left = {}, abs(scene.forces.array)
+    for support in sorted(scene.supports, key=lambda support: support.locates):
+        dofs = scene.supports.dofs_of[support.name][:, list(support.components)]
+        sizes[support.name] = left[dofs].sum()
+        left[dofs] = 0.0
     sizes[""] = sum(abs(given).sum() for given in scene.applied_forces())
     return {name: scene.comm.allreduce(float(size)) for name, size in sizes.items()}
 
 
 def warnings(scene: Scene) -> list[str]:
     """Doubts about the state though nothing failed, as sentences."""
-    given = [membrane_warnings(term) for term in _membranes(scene)]
-    given += [term.warnings() for term in scene.terms]
-    texts = [text for each in given for text in ([each] if isinstance(each, str) else each)]
+    texts = [text for term in _membranes(scene) for text in membrane_warnings(term)]
+    for sentences in (term.warnings() for term in scene.terms):
+        texts += [sentences] if isinstance(sentences, str) else sentences
     return [*texts, *filter(None, [scene.supports.locating_warning(outer_forces(scene))])]

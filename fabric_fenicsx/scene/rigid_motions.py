@@ -119,7 +119,7 @@ def planes_of_symmetry(blank: Blank, supports: Iterable[Support]) -> dict[int, S
 def beyond_planes(blank: Blank, supports: Iterable[Support]) -> dict[str, tuple[int, float]]:
     """Number of nodes beyond each plane of symmetry that bounds the flat sheets, by its support's
     name, and the farthest one's distance from it [mm]; none where there are none."""
-    near, comm, found = PLANE_TOLERANCE * blank.sides().max(), blank.mesh.comm, {}
+    near, comm, crossed = PLANE_TOLERANCE * blank.sides().max(), blank.mesh.comm, {}
     owned = len(blank.whole.nodes)
     x = blank.coordinates()[:owned]
     now, flat = (blank.along(each.T) for each in (x + blank.nodal_displacement()[:owned], x))
@@ -129,8 +129,8 @@ def beyond_planes(blank: Blank, supports: Iterable[Support]) -> dict[str, tuple[
         side = int(place <= low[axis] + near) - int(place >= high[axis] - near)
         beyond = side * (place - now[axis])
         if count := comm.allreduce(int((beyond > near).sum())):
-            found[support.name] = count, comm.allreduce(beyond.max(initial=0.0), MPI.MAX)
-    return found
+            crossed[support.name] = count, comm.allreduce(beyond.max(initial=0.0), MPI.MAX)
+    return crossed
 
 
 def isostatic(blank: Blank, kept: Sequence[Support]) -> list[Support]:
@@ -156,7 +156,7 @@ def _of_sheet(blank, part, kept):
             basis = _with(basis, np.vstack([_row(x[0], axis), across]), loose)
         rows = [_row(x[k], axis) for k, axis in zip(*np.nonzero(fixed))]
         bases.append(_with(basis, rows, loose))
-    found = dict[int, list[int]]()
+    held = dict[int, list[int]]()
     corners = list(dict.fromkeys(k for x in (places, shapes[0]) for k in _corners(x, fixed)))
     for least in (firm, loose):
         for k in corners:
@@ -164,11 +164,11 @@ def _of_sheet(blank, part, kept):
                 more = [_with(b, [_row(x[k], axis)], least) for b, x in zip(bases, shapes)]
                 if all(len(after) > len(b) for after, b in zip(more, bases)):
                     bases = more
-                    found.setdefault(k, []).append(axis)
+                    held.setdefault(k, []).append(axis)
     name = part.name or blank.name
     return [
         _support(blank, f"point {i} of {name}", places[k], sorted(axes), moved[k])
-        for i, (k, axes) in enumerate(found.items(), 1)
+        for i, (k, axes) in enumerate(held.items(), 1)
     ]
 
 
@@ -180,8 +180,8 @@ def _nodes(blank, part, kept):
     for support in kept:
         fixed[np.ix_(np.flatnonzero(support.where(x.T)), support.components)] = 1
     u = blank.u.x.array[: owned * gdim].reshape(-1, gdim)
-    mine = np.hstack([blank.along(x.T).T, u, fixed])[part.nodes]
-    rows = np.concatenate(blank.mesh.comm.allgather(mine))
+    rows = np.hstack([blank.along(x.T).T, u, fixed])[part.nodes]
+    rows = np.concatenate(blank.mesh.comm.allgather(rows))
     rows = rows[np.lexsort((rows[:, :gdim] / blank.sides().max()).round(9).T[::-1])]
     places, moved, fixed = np.split(rows, [gdim, 2 * gdim], axis=1)
     return places, moved, fixed > 0

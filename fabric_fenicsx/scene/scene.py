@@ -62,9 +62,8 @@ class Scene:
         self._assembly = Assembly(blank, self.terms)
         self.keeping = [term for term in self.terms if overrides(term, "contact_prediction")]
         self.has_lagged_terms = any(overrides(term, "update_lagged") for term in self.terms)
-        self._checked = False
+        self._checked = self.was_loaded = False  # by a run, which leaves the state of the start
         self._fixed_in_matrix: dict[bool, np.ndarray] = {}  # and in the narrow one
-        self.was_loaded = False  # True once a run has left the state that terms and sheet began in
         is_plane = blank.mesh.geometry.dim == 2
         self._inverted = compat.form(blank.inverted_area()) if is_plane else None
         self.supports = FixedDofs(blank, supports(blank) if callable(supports) else supports)
@@ -268,21 +267,19 @@ class Scene:
         of the supports and directions of the yarns, the same on any number of ranks."""
         facts: dict[str, object] = {"terms": ", ".join(term.name for term in self.terms)}
         for i, term in enumerate(self.terms, 1):
-            for name, given in term.fingerprint.items():
-                numbers = entries(given, name)
-                facts |= {f"{k} of term {i}, {term.name}": v for k, v in numbers.items()}
+            of = f"of term {i}, {term.name}"
+            for name, attribute in term.fingerprint.items():
+                facts |= {f"{k} {of}": number for k, number in entries(attribute, name).items()}
             for name, (_, x, values) in term.fields.items():
-                name = f"values of {name} of term {i}, {term.name}"
-                facts[name] = of_values(self.comm, x, values[:, None])
+                facts[f"values of {name} {of}"] = of_values(self.comm, x, values[:, None])
         facts["supports"] = ", ".join(support.name for support in self.supports)
         farthest = self.comm.allreduce(abs(self.supports.values(1.0)).max(initial=0.0), MPI.MAX)
         facts["largest displacement of supports [mm]"] = plain(float(farthest))
-        if straight := self.blank.whole.straight:
-            facts["directions of the yarns"] = np.round(straight, 9).tolist()
+        whole, yarns = self.blank.whole, "directions of the yarns"
+        if whole.straight:
+            facts[yarns] = np.round(whole.straight, 9).tolist()
         else:
-            gdim, x = self.blank.mesh.geometry.dim, self.blank.centres()
-            yarns = [f.x.array.reshape(-1, gdim)[: len(x)] for f in (self.blank.a0, self.blank.b0)]
-            facts["directions of the yarns"] = of_values(self.comm, x, np.hstack(yarns))
+            facts[yarns] = of_values(self.comm, self.blank.centres(), np.hstack(whole.yarns()))
         return facts
 
 
@@ -308,12 +305,12 @@ def rescale_loads(memory: Mapping[str, np.ndarray], share: float) -> None:
 def recall(term: Term, number: int, memory: dict[str, np.ndarray]) -> None:
     """Give a term back its part of `memory`. Raises InputError, on all ranks, if it did not take
     it."""
-    given = {key: memory[f"{place}{number} {key}"] for place, key in _memory(term)}
-    term.recall(given)
+    saved = {key: memory[f"{place}{number} {key}"] for place, key in _memory(term)}
+    term.recall(saved)
     lost = []
     for (_, key), values in _memory(term).items():
-        scale = np.abs(given[key]).max(initial=0.0, where=np.isfinite(given[key]))
-        if not np.allclose(values, given[key], 1e-9, 1e-9 * scale, equal_nan=True):
+        scale = np.abs(saved[key]).max(initial=0.0, where=np.isfinite(saved[key]))
+        if not np.allclose(values, saved[key], 1e-9, 1e-9 * scale, equal_nan=True):
             lost.append(key)
     if lost := term.blank.mesh.comm.allreduce(lost):
         raise InputError(

@@ -51,7 +51,7 @@ class Support:
     locates: bool = False
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "components", tuple(int(each) for each in self.components))
+        object.__setattr__(self, "components", tuple(map(int, self.components)))
         if not callable(self.value):
             name = f"value of support {self.name}"
             vector = checked_vector(name, self.value, size="two or three")

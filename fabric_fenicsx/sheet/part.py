@@ -43,7 +43,7 @@ class Part:
         nodes = dofmap[local].ravel()
         self.nodes = np.zeros(blank.V.dofmap.index_map.size_local, dtype=bool)
         self.nodes[nodes[nodes < len(self.nodes)]] = True
-        low, high = bounds(mesh.comm, np.hstack(self._yarns()).T)
+        low, high = bounds(mesh.comm, np.hstack(self.yarns()).T)
         same = (high - low).max() <= 1e-15  # directions
         self.straight = high.reshape(2, -1).tolist() if same else None
         crossed = self.straight is not None or compat.is_affine(mesh)
@@ -53,7 +53,7 @@ class Part:
         self._flat: np.ndarray | None = None
         self._growth = np.empty(0), np.empty(0)  # the displacement, and what it is there
 
-    def _yarns(self):
+    def yarns(self) -> list[np.ndarray]:
         """Yarns a and b in the cells, two arrays (cells, gdim)."""
         gdim = self.blank.mesh.geometry.dim
         return [f.x.array.reshape(-1, gdim)[self.cells] for f in (self.blank.a0, self.blank.b0)]
@@ -91,7 +91,7 @@ class Part:
         edges = np.roll(corners, -1, 1) - corners
         edges /= np.linalg.norm(edges, axis=2, keepdims=True)
         follows = []
-        for yarn in self._yarns():
+        for yarn in self.yarns():
             cosine = np.abs((edges * blank.along(yarn.T).T[:, None]).sum(2))
             # a bias test's force is 3 % too large with 1 deg, 8 % with 3 deg, 22 % with 10 deg
             edge = cosine >= math.cos(math.radians(1.0))

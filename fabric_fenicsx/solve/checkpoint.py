@@ -112,19 +112,19 @@ class Checkpoint:
 
     def _find(self, saved, places, kind):
         """Indices of the `saved` nodes or cells (n, k) at this rank's `places` (m, k)."""
-        count, off, found = self.comm.allreduce(len(places)), math.inf, np.empty(0, int)
+        count, off, nearest = self.comm.allreduce(len(places)), math.inf, np.empty(0, int)
         gdim = self._centres.shape[1]
         if saved.shape[1] == places.shape[1]:  # both in a plane, or both in space
-            distance, found = cKDTree(saved).query(places)
+            distance, nearest = cKDTree(saved).query(places)
             off = self.comm.allreduce(distance.max(initial=0.0), MPI.MAX)
         is_other = count != len(saved) or off > 1e-9 * np.ptp(saved[:, :gdim], axis=0).max()
-        if is_other or self.comm.allreduce(np.bincount(found, minlength=count)).max() > 1:
+        if is_other or self.comm.allreduce(np.bincount(nearest, minlength=count)).max() > 1:
             fault = "or they lie elsewhere" if is_other else "of which some lie at one place"
             raise InputError(
                 f"checkpoint {self.path} is of another mesh, with {len(saved)} {kind}; now there "
                 f"are {count}, {fault}"
             )
-        return found
+        return nearest
 
     def _read(self, memory):
         """Meta data and arrays of the file, and the share of the load that its stages take."""

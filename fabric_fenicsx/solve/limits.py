@@ -62,7 +62,7 @@ class Limits:
 
     def exceeded(self, values: Mapping[str, float]) -> list[str]:
         """A sentence for each limit that is exceeded; values: by the names above, not strain."""
-        told = []
+        sentences = []
         for name, value in values.items():
             limit = getattr(self, name)
             as_text = (lambda v, n: f"{rounded(v, n)} deg") if name.startswith("shear") else percent
@@ -70,5 +70,6 @@ class Limits:
             texts = [(as_text(value, n), as_text(limit, n)) for n in (3, 6, 17)]
             text, bound = next((pair for pair in texts if pair[0] != pair[1]), texts[-1])
             if not value <= limit:
-                told.append(f"{SENTENCES[name].format(text)}; allowed is {bound} (`Limits.{name}`)")
-        return told
+                sentence = SENTENCES[name].format(text)
+                sentences.append(f"{sentence}; allowed is {bound} (`Limits.{name}`)")
+        return sentences

@@ -159,25 +159,22 @@ class LoadStepping:
 
     def _apply_criteria(self, trial):
         """Reject the trial's state, if there is one, by the criteria of steps."""
-        report = trial.report
-        if report.converged:
-            report.reject(step_criteria.off_path(trial.deviation, self.settings.accuracy))
-        if not report.converged:
-            return
-        self._measure(trial)
-        if not (self._in_equilibrium and report.converged):
+        if trial.report.converged:
+            trial.report.reject(step_criteria.off_path(trial.deviation, self.settings.accuracy))
+        if trial.report.converged:
+            self._measure(trial)
+        if not (self._in_equilibrium and trial.report.converged):
             return
         missing, balance = self._missing_work(trial), self.settings.balance
         # energies that grow as the load or faster are 1 / size times as large in the end
         matters = share(step_criteria.UNBALANCED, trial.size)
         if not self.progress.last_step:  # work along a straight line, which halving does not mend
             matters = min(balance or np.inf, matters / 2)
-        snapped = False
+        snapped, allowed = False, min(balance or np.inf, matters)
         for part in (1 / 2, 1 / 4, 3 / 4):  # of the step, at which its work is measured
-            allowed = min(balance or np.inf, matters) if part == 1 / 2 else matters
             if missing <= allowed or not trial.report.converged:
                 break
-            missed = self._missed(trial)
+            missed, allowed = self._missed(trial), matters
             if inner := self._measure_on_the_way(trial, part):
                 missing = self._missing_work(trial)
                 first, both = self._missed(inner), self._missed(trial)
@@ -204,9 +201,8 @@ class LoadStepping:
     def _measure_on_the_way(self, trial, part):
         """Measure work anew with the state at this part of the step: its trial, if found."""
         solution, iterations = self.newton.x.copy(), trial.report.iterations
-        load = self.progress.load + part * trial.size
-        values = self.scene.supports.values(load)
-        inner = TrialStep(load, part * trial.size, trial.tolerance, values)
+        load, size = self.progress.load + part * trial.size, part * trial.size
+        inner = TrialStep(load, size, trial.tolerance, self.scene.supports.values(load))
         self._solve(inner)
         if inner.report.converged:
             self._measure(inner)
@@ -238,11 +234,9 @@ class LoadStepping:
         scene.accept()
         scene.release_locating_supports()
         progress.memory, progress.solver = scene.memory(), self.newton.memory()
-        if self._in_equilibrium:
-            progress.accepted += 1
-            progress.work += trial.work
-        else:
-            self._in_equilibrium, progress.work = True, trial.energy
+        progress.accepted += self._in_equilibrium
+        progress.work = progress.work + trial.work if self._in_equilibrium else trial.energy
+        self._in_equilibrium = True
         progress.load, progress.stored = trial.load, trial.energy
         if trial.load >= progress.missed_at:
             progress.missed = np.inf
@@ -251,9 +245,9 @@ class LoadStepping:
         progress.viscosity.note_accepted(uncut=not self._cuts, at_rest=not trial.size)
         self._notify(trial.report, trial.energies)
         self._steps_at_rest += progress.load == 1 and not trial.size
-        creeps = progress.viscosity.drag and self._steps_at_rest == self.MAX_STEPS_AT_REST
-        many = f"{self.MAX_STEPS_AT_REST} steps at rest"
-        return f"the state at full load still creeps after {many}" if creeps else ""
+        most = self.MAX_STEPS_AT_REST
+        creeps = progress.viscosity.drag and self._steps_at_rest == most
+        return f"the state at full load still creeps after {most} steps at rest" if creeps else ""
 
     def _next_step_size(self, trial):
         progress, accuracy = self.progress, self.settings.accuracy

@@ -57,8 +57,8 @@ def check_derivatives(
     FINITE.check("`load`", load)
     if size is not None:
         POSITIVE.check("`size`", size)
-    remarks = ["derivatives agree with differences"]
     points = np.empty(0) if at is None or isinstance(at, Scene) else np.asarray(at, float)
+    remarks = ["derivatives agree with differences"]
     if isinstance(thing, Law):
         name, rows = f"law {thing.law}", [*_of_law(thing, points)]
     elif isinstance(thing, Surface) and points.size:
@@ -70,12 +70,11 @@ def check_derivatives(
             f"no derivatives of {thing!r} can be checked at {at!r}; allowed are a law, a surface "
             "with points near it, (n, 3), and a term with its scene"
         )
-    return _table(name, rows, remarks)
+    return _report(name, rows, remarks)
 
 
-def _table(name, rows, remarks):
-    """The table of `rows`: names of compared quantities, their difference over the largest (NaN: no
-    number), and its place; InputError with it if they differ."""
+def _report(name, rows, remarks):
+    """The table of `rows`, with its remarks; InputError with it if a row differs too much."""
     table = "\n".join(f"{names:<45} {off:9.1e}  {where}" for names, off, where in rows)
     for names, off, where in rows:  # the first, as what follows from it is off, too
         if not off <= DIFFERENCE_TOLERANCE:
@@ -89,13 +88,14 @@ def _place(point):
     return f"at ({', '.join(f'{v:.4g}' for v in point)})"
 
 
-def _row(names, given, expected, places, kinks=0.02):
-    """The difference of values (n, ...) at that of the `places` (n, k) which is the worst but for
-    the share `kinks` of them, at which a derivative may jump between both sides."""
-    off = abs(given - expected).reshape(len(places), -1).max(1)
+def _row(names, values, expected, places, kinks=0.02):
+    """Row of a table: names, the difference of values (n, ...) over the largest (NaN: no number) at
+    that of the `places` (n, k) which is the worst but for the share `kinks` of them, at which a
+    derivative may jump between both sides, and that place."""
+    off = abs(values - expected).reshape(len(places), -1).max(1)
     off[np.isnan(off)] = np.inf
     i = np.argsort(off)[int((1 - kinks) * (len(off) - 1))]
-    scale = max(*(np.nanmax(abs(each), initial=0) for each in (given, expected)), 1e-300)
+    scale = max(*(np.nanmax(abs(side), initial=0) for side in (values, expected)), 1e-300)
     return names, float(off[i] / scale) if np.isfinite(off[i]) else np.nan, _place(places[i])
 
 
@@ -114,36 +114,38 @@ def _of_law(law, x):
         with np.errstate(all="ignore"):  # sides of a case that do not count
             return sum(part + np.zeros(len(x)) for part in law.parts(*x.T))
 
+    def stresses(x):
+        return law.derivatives(*np.ascontiguousarray(x.T), False).first.T
+
     law.check_rest()
     if not x.size:
         x = np.random.default_rng(0).uniform(-1, 1, (500, 3)) * [0.05, 0.05, 0.8]
-    W, rest, here = energy(x), energy(np.zeros((1, 3))), law.derivatives(*x.T)
+    W, here = energy(x), law.derivatives(*x.T)
     yield from _not_finite("energies", W, x)
     yield _row("energies of kernel and law", here.parts.sum(1), W, x)
     slopes = _central(energy, x, 1e-6)
     for i, name in enumerate(("sigma_a", "sigma_b", "tau")):
         yield _row(f"{name} and differences of energies", here.first[i], slopes[:, i], x)
     if here.second is not None:
-        transposed = np.ascontiguousarray
-        turns = _central(lambda x: law.derivatives(*transposed(x.T), False).first.T, x, 1e-7)
-        pairs = {"aa": (0, 0), "ab": (0, 1), "bb": (1, 1), "ag": (0, 2), "bg": (1, 2), "gg": (2, 2)}
-        for k, (name, (i, j)) in enumerate(pairs.items()):
-            names = f"tangents {name} and differences of stresses"
-            yield _row(names, here.second[k], turns[:, i, j], x)
+        turns = _central(stresses, x, 1e-7)
+        for pair, tangents in zip(("aa", "ab", "bb", "ag", "bg", "gg"), here.second):
+            i, j = map("abg".index, pair)
+            yield _row(f"tangents {pair} and differences of stresses", tangents, turns[:, i, j], x)
     depths = []  # below the energy at rest; as shear stores little, also of each strain alone
     for states in (x * e for e in [np.ones(3), *np.eye(3)]):
-        rise = energy(states) - rest
-        depth = -float(rise.min()) / max(abs(rise).max(), 1e-300)
-        depths.append((max(depth, 0.0), _place(states[rise.argmin()])))
+        rise = energy(states) - energy(np.zeros((1, 3)))
+        depth = max(-float(rise.min()) / max(abs(rise).max(), 1e-300), 0.0)
+        depths.append((depth, _place(states[rise.argmin()])))
     yield "energy at rest and the least one", *max(depths)
 
 
 def _of_surface(surface, x):
     here, h = surface.evaluate(x), 1e-5
     yield from _not_finite("gaps to the nearest point", here.gap, x)
-    slopes = _central(lambda x: surface.evaluate(x).gap, x, h)
+    slopes, turns = (
+        _central(lambda x: getattr(surface.evaluate(x), name), x, h) for name in ("gap", "normal")
+    )
     yield _row("normals and differences of gaps", here.normal, slopes, x)
-    turns = _central(lambda x: surface.evaluate(x).normal, x, h)
     bent = max(abs(turns).max(), abs(here.curvature).max()) > 1e-6  # else nothing to compare with
     yield _row("curvatures and differences of normals", here.curvature * bent, turns * bent, x)
     gap = here.gap[:, None]
@@ -163,21 +165,17 @@ def _of_term(term, scene, load, size):
     """Rows on forces and tangent of a term, and remarks. The sheet is displaced by about `size`
     [mm] along `moved`, and from there along d: rough fields, the same on any number of ranks."""
     blank, comm, before, x = scene.blank, scene.comm, scene.u.copy(), scene.u.copy()
-    assembly, gdim = Assembly(blank, [term]), blank.mesh.geometry.dim
+    assembly, f, gdim = Assembly(blank, [term]), scene.u.duplicate(), blank.mesh.geometry.dim
     area, cells = comm.allreduce(np.array([blank.areas().sum(), len(blank.areas())]))
     size = size or 1e-3 * float(np.sqrt(area / cells))
     places = blank.coordinates()[: blank.V.dofmap.index_map.size_local]
     angles = 1e3 * places @ [1.3, 1.7, 1.9] + np.arange(2 * gdim).reshape(2, gdim, 1)
     (moved, d), h = np.sin(angles).swapaxes(1, 2).reshape(2, -1), 1e-6 * size
 
-    def move(by, share=1.0):
+    def at(by, share=1.0):
+        """Energy and forces."""
         x.array[:] = before.array + share * size * moved + by
         scene.set(x)
-
-    def at(by):
-        """Energy and forces."""
-        move(by)
-        f = scene.u.duplicate()
         assembly.residual(f)
         return sum(assembly.energies().values()), f.array.copy()
 
@@ -188,20 +186,22 @@ def _of_term(term, scene, load, size):
     try:
         term.set_load(0.0)
         term.set_load(load)
-        f = at(0.0)[1]
-        check_answers(term)
-        _check_places(term, move)
+        asked = []
+        for share in (0.0, -1.0, 1.0):
+            stored, forces = at(0.0, share)
+            check_answers(term)
+            asked.append((term.pattern, np.array(term.tangent()[:2])))
+        _check_places(term, asked)
         Kd = _stiffness(term, assembly, d, scene)
         change = (at(h * d)[1] - at(-h * d)[1]) / (2 * h)
-        largest, total = abs(whole(f)).max(), abs(whole(f)).sum()
+        largest, total = abs(whole(forces)).max(), abs(whole(forces)).sum()
         # not d alone, along which forces may cancel
-        e = d / 2 + f / max(largest, 1e-300)
+        e = d / 2 + forces / max(largest, 1e-300)
         slope = (at(1e3 * h * e)[0] - at(-1e3 * h * e)[0]) / (2e3 * h)
-        stored = at(0.0)[0]
     finally:
         scene.set(before)
         term.set_load(0.0)
-    work = whole(f * e)
+    work = whole(forces * e)
     off = abs(slope - work.sum()) / max(abs(slope), abs(work).sum(), 1e-300)
     where = f"for displacements of about {size:.3g} mm, the `size`"
     rows = [
@@ -228,14 +228,10 @@ def _stiffness(term, assembly, d, scene):
     return product
 
 
-def _check_places(term, move):
-    """InputError if places of the tangent change with the displacement but not `pattern`."""
-    changed, first = False, None
-    for share in (0.0, -1.0, 1.0):
-        move(0.0, share)
-        now = term.pattern, np.array(term.tangent()[:2])
-        first = first or now
-        changed |= first[0] == now[0] and not np.array_equal(first[1], now[1])
+def _check_places(term, asked):
+    """InputError if places of the tangent changed with the displacement but not `pattern`."""
+    pattern, places = asked[0]
+    changed = any(now == pattern and not np.array_equal(at, places) for now, at in asked)
     if term.blank.mesh.comm.allreduce(changed, MPI.LOR):
         raise InputError(
             f"`tangent` of term {term.name} gives other places where the sheet is elsewhere; "

@@ -76,6 +76,8 @@ def test_a_bent_pair_slides_where_its_mid_surfaces_keep_their_length(radius=20.0
     assert total / area == pytest.approx(slid, rel=0.03)
     told = result.summary["sheet_contacts"]["a, b"]["sliding_largest_mm"]
     assert told == pytest.approx(np.nanmax(sizes), rel=1e-9)
+    in_cells = max(COMM.allgather(np.nanmax(result.fields["sliding_size"], initial=0.0)))
+    assert in_cells == pytest.approx(told, rel=0.1)
     energy = MU * pair.totals[3] * (slid - SLIP / 2)
     assert result.rows[-1]["friction_energy_Nmm"] == pytest.approx(energy, rel=0.2)
 

@@ -131,7 +131,7 @@ def test_the_history_has_the_force_of_each_holder_on_the_whole_blank():
         forces = term.nodes.total(term._pressing_forces())
         told = q["contact_forces_N"][term.tool.name]
         assert told == pytest.approx(np.sqrt((forces**2).sum()), rel=1e-6)
-    depths = [-term.gap()[term.nodes.own] for term in built.contacts]
+    depths = [-term.gap()[term.nodes.mask] for term in built.contacts]
     most = max(built.scene.comm.allgather(max(each.max(initial=0) for each in depths)))
     assert q["penetration_mm"] == pytest.approx(most) and most > 0
     assert row["low_force_of_whole_N"] == pytest.approx(300, rel=1e-6)

@@ -42,8 +42,6 @@ def test_what_is_merged_of_several_terms():
     assert kept.tolist() == [[1, 2, 2], [1, 4, 0]]
     few = values.least(np.array([1.0, 5.0]))
     assert few.merge(np.array([3.0, 2.0]), few.value).tolist() == [1.0, 2.0]
-    size = values.size_of("slip")
-    assert size.value({"slip": np.array([[2.0, 3, 6], [0, 0, 1]])}).tolist() == [7, 1]
 
 
 def test_the_worst_of_several_terms_and_the_force_of_a_tool():

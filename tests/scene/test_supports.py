@@ -47,18 +47,20 @@ def test_an_end_is_gripped_over_half_the_width(width, gripped):
 @pytest.mark.mpi
 def test_reactions_and_forces_from_outside():
     """A strip of E h = 1000 N/mm and 10 mm, stretched by 1 %: Green's strain times stretch times
-    width. One support holds both ends, whose forces cancel but in their sizes."""
+    width. One support holds both ends, whose forces cancel but in their sizes; what another one
+    would hold there, too, counts once."""
     blank = sheet(40, 10, 8, 2)
     ends = ff.Support(
         "ends", lambda x: abs(x[0] - 20) > 19.99, (0,), lambda x, load: 0.01 * load * x[:2]
     )
     side = ff.Support("side", lambda x: np.hypot(x[0] - 20, x[1]) < 1e-6, (1,), locates=True)
-    scene = ff.Scene(blank, [Elastic(1e3)], [ends, side])
+    again = ff.Support("again", near(0, 0.0), (0,), locates=True)
+    scene = ff.Scene(blank, [Elastic(1e3)], [again, ends, side])
     scene.blank.u.interpolate(lambda x: (0.01 * x[0], 0 * x[0]))
     scene.residual(scene.u.duplicate())
     pull = 1e3 * 0.01005 * 1.01 * 10
     assert scene.reaction("ends") == pytest.approx([0, 0], abs=1e-9)
-    outer = {"ends": 2 * pull, "side": 0, "": 0}
+    outer = {"ends": 2 * pull, "again": 0, "side": 0, "": 0}
     assert output.outer_forces(scene) == pytest.approx(outer, abs=1e-9)
     # over their nodes: 1/4, 1/2 and 1/4 of the pull
     assert scene.force_scale() == pytest.approx(pull * np.sqrt(2 * (2 / 16 + 1 / 4)))

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import Self
 
@@ -18,7 +18,7 @@ from ..energy import COUPLINGS, Derivatives, Energy, Range, check_couplings, str
 from ..files import FIBRES, OWN_UNITS, SHEET, Document, read_numbers
 from ..friction import BendingFriction, ShearFriction
 from ..hyperdual import Number
-from ..material import Material, Parameters
+from ..material import Material, Parameters, Scatter, parameter, parameters
 
 __all__ = ["COUPLINGS", "LAWS", "Derivatives", "Law", "Material", "Range", "stresses_of_energy"]
 
@@ -32,6 +32,7 @@ TABLES: dict[str, type[Parameters]] = {
 }
 
 
+@parameters
 @dataclass(frozen=True)
 class Law(Material, Energy):
     """A fabric: the parameters of a constitutive law and what all fabrics have.
@@ -39,34 +40,7 @@ class Law(Material, Energy):
     A law is one frozen dataclass in one file. It states `law`, its name in material files; `rules`,
     a `Rule` for each of its numbers; and `energy`, from which all else follows. It may have closed
     forms for the kernel (`derivatives`), and `factors` that multiply several numbers together, for
-    `changed`. Raises InputError for a value out of its range.
-
-    Parameters
-    ----------
-    thickness : float
-        Thickness of the sheet [mm].
-    density : float
-        Mass per volume of the sheet [g/cm3].
-    name : str
-        In results and messages.
-    compaction : Compaction or None
-        Thickness under pressure; None for fabric that keeps its thickness.
-    shear_friction : ShearFriction or None
-        Friction of yarns that turn on each other; None for shear that is elastic.
-    bending_friction : BendingFriction or None
-        The same as they bend.
-    bending : MeasuredBending or None
-        As tests tell it; None for that of the sheet, by a modulus.
-    fibre_density : float or None
-        Mass per volume of the fibres [g/cm3], None if not known.
-    fibre_share : float or None
-        Share of the fabric's mass that is fibres, where it brings its matrix; None for all of it.
-    at_temperatures : mapping
-        {temperature [deg C]: {name of a number or factor: its value there}}, for `at`.
-    assumed : tuple of str
-        Names of numbers that no test has determined.
-    scatter : mapping
-        {name: (lowest, highest)} of numbers and factors that scatter, for `fabric sweep`.
+    `changed`.
 
     Examples
     --------
@@ -81,19 +55,35 @@ class Law(Material, Energy):
     """
 
     _: KW_ONLY
-    thickness: float = 1.0
-    density: float = 0.75
-    name: str = ""
-    compaction: Compaction | None = Compaction()
-    shear_friction: ShearFriction | None = None
-    bending_friction: BendingFriction | None = None
-    bending: MeasuredBending | None = None
-    fibre_density: float | None = None
-    fibre_share: float | None = None
-    at_temperatures: Mapping[float, Mapping[str, float]] = field(default_factory=dict, hash=False)
+    thickness: float = parameter(None, "thickness of the sheet [mm]", 1.0)
+    density: float = parameter(None, "mass per volume of the sheet [g/cm3]", 0.75)
+    name: str = parameter(None, "in results and messages", "")
+    compaction: Compaction | None = parameter(
+        None, "thickness under pressure; None for fabric that keeps its thickness", Compaction()
+    )
+    shear_friction: ShearFriction | None = parameter(
+        None, "of yarns that turn on each other, `ShearFriction`; None for elastic shear", None
+    )
+    bending_friction: BendingFriction | None = parameter(None, "the same in bending", None)
+    bending: MeasuredBending | None = parameter(
+        None, "`MeasuredBending`, as tests tell it; None for that of the sheet, by a modulus", None
+    )
+    fibre_density: float | None = parameter(
+        None, "mass per volume of the fibres [g/cm3], None if not known", None
+    )
+    fibre_share: float | None = parameter(
+        None, "share of the mass that is fibres, where it brings its matrix; None for all", None
+    )
+    at_temperatures: Mapping[float, Mapping[str, float]] = parameter(
+        None, "{temperature [deg C]: {number or factor: value}}, for `at`", dict, hash=False
+    )
     # where numbers are from does not make another fabric
-    assumed: tuple[str, ...] = field(default=(), compare=False)
-    scatter: Mapping[str, tuple[float, float]] = field(default_factory=dict, compare=False)
+    assumed: tuple[str, ...] = parameter(
+        None, "names of numbers that no test tells", (), compare=False
+    )
+    scatter: Scatter = parameter(
+        None, "{number or factor: (lowest, highest)}, for `fabric sweep`", dict, compare=False
+    )
 
     def __init_subclass__(cls) -> None:
         other = LAWS.get(cls.law, cls)
@@ -148,8 +138,8 @@ class Law(Material, Energy):
     def rules_at_temperatures(cls) -> Mapping[str, Rule]:
         """The rules of what may depend on the temperature: numbers but for those of the sheet, and
         factors."""
-        own = {name: rule for name, rule in cls.numbers().items() if name not in SHEET}
-        return own | dict.fromkeys(cls.factors, POSITIVE)
+        rules = {name: rule for name, rule in cls.numbers().items() if name not in SHEET}
+        return rules | dict.fromkeys(cls.factors, POSITIVE)
 
     def _measured(self):
         plain, at = dataclasses.replace(self, at_temperatures={}), self.at_temperatures
@@ -279,13 +269,13 @@ class Law(Material, Energy):
             "stiffness along b": (2.0, 2e5, "MPa"),
             "stiffness in shear": (1e-4, 10.0, "MPa"),
         }
-        doubts = []
+        sentences = []
         for name, value in (values | sheet).items():
             low, high, unit = plausible[name]
             if value is not None and not low <= value <= high:
                 fabrics = f"fabrics have {low:g} to {high:g}; look at its unit"
-                doubts.append(f"{name} of material {self.label} is {value:g} {unit}, {fabrics}")
-        return doubts
+                sentences.append(f"{name} of material {self.label} is {value:g} {unit}, {fabrics}")
+        return sentences
 
     def table(self) -> Document:
         numbers = {name: getattr(self, name) for name in self.rules}
@@ -295,9 +285,9 @@ class Law(Material, Energy):
         """A material file's content but for the law and its numbers."""
         entries = {name: getattr(self, name) for name in (*SHEET, *FIBRES)}
         entries |= {"assumed": list(self.assumed), "scatter": dict(self.scatter)}
-        tables_at = self.at_temperatures.items()
-        entries["at"] = [{"temperature": t} | dict(numbers) for t, numbers in tables_at]
-        tables = {name: each.table() for name in TABLES if (each := getattr(self, name))}
+        at = self.at_temperatures.items()
+        entries["at"] = [{"temperature": warm, **numbers} for warm, numbers in at]
+        tables = {name: part.table() for name in TABLES if (part := getattr(self, name))}
         written = {name: value for name, value in entries.items() if value}
         return {"name": self.name} | written | {"compaction": False} | tables
 

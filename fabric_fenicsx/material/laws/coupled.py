@@ -31,8 +31,7 @@ from .base import Law, sheet_fields
 class Yarn(Parameters):
     """The seven parameters of one yarn direction.
 
-    Only b and d are needed: by default there is no cubic term and no coupling. Raises InputError
-    for a value out of its range.
+    Only b and d are needed: by default there is no cubic term and no coupling.
 
     Examples
     --------
@@ -59,16 +58,12 @@ YARN: dict[str, Rule] = {**Yarn.rules}
 class WovenFabric(Law):
     """A woven fabric with biaxial and normal-shear couplings, in 17 parameters.
 
-    Raises InputError for a value out of its range.
-
     Parameters
     ----------
     warp, weft : Yarn
         Yarns along a0 and b0, the same one twice in a balanced fabric.
     couplings : collection of str
         Those that are on, any of `biaxial`, `tension_shear`, `compression_shear`.
-    thickness, density, name, compaction, fibre_density, fibre_share, assumed
-        As in `Law`.
 
     References
     ----------
@@ -271,13 +266,12 @@ class WovenFabric(Law):
         return changes
 
     def table(self) -> Document:
-        own = {"law": self.law} if self.law != WovenFabric.law else {}
-        own |= {name: getattr(self, name) for name in self._added()}  # of a law made from this one
+        entries: Document = {"law": self.law} if self.law != WovenFabric.law else {}
+        entries |= {name: getattr(self, name) for name in self._added()}  # of a law made from this
         couplings = [name for name in COUPLINGS if name in self.couplings]
-        tables = {key: dataclasses.asdict(yarn) for key, yarn in self._yarns().items()}
-        tables["shear"] = {name: getattr(self, name) for name in SHEAR}
-        sheet = self.sheet_table() | {"couplings": couplings, "units": OWN_UNITS}
-        return own | sheet | tables
+        entries |= self.sheet_table() | {"couplings": couplings, "units": OWN_UNITS}
+        entries |= {key: dataclasses.asdict(yarn) for key, yarn in self._yarns().items()}
+        return entries | {"shear": {name: getattr(self, name) for name in SHEAR}}
 
     @classmethod
     def _added(cls):
@@ -289,9 +283,9 @@ class WovenFabric(Law):
         document.pop("law", None)
         tables = {key: take_table(document, key) for key in ("yarns", "warp", "weft", "shear")}
         units = take_units(document)
-        own = {key: document.pop(key) for key in ("couplings", *cls._added()) if key in document}
-        also = "law", "couplings", "units", *tables
-        fields = own | sheet_fields(cls, document, units, also, {})
+        taken = [key for key in ("couplings", *cls._added()) if key in document]
+        fields = {key: document.pop(key) for key in taken}
+        fields |= sheet_fields(cls, document, units, ("law", "couplings", "units", *tables), {})
         fields |= read_numbers(tables.pop("shear"), SHEAR, units, "shear.")
         check_complete(fields, SHEAR, "shear.", "in [shear]")
         numbers = {key: read_numbers(t, YARN, units, f"{key}.") for key, t in tables.items()}

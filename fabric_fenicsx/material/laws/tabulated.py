@@ -204,13 +204,13 @@ class TabulatedFabric(Law):
         """The fabric of a TOML document in `folder`, in which `warp`, `weft` and `shear` are CSV
         files with the headers `eps [%], sigma [MPa]` and `gamma [deg], tau [MPa]`, or such."""
         keys = "law", "model", "extrapolation", *cls.strain_of
-        own = {key: document.pop(key) for key in keys if key in document}
+        files = {key: document.pop(key) for key in keys if key in document}
         fields = sheet_fields(cls, document, take_units(document), keys, {})
-        check_complete(own, cls.strain_of, "", "CSV files beside this one")
-        stress, beyond = stresses(fields["thickness"]), own.get("extrapolation", "constant")
+        check_complete(files, cls.strain_of, "", "CSV files beside this one")
+        stress, beyond = stresses(fields["thickness"]), files.get("extrapolation", "constant")
         yarn, shear = {"eps": STRAIN, "sigma": stress}, {"gamma": ANGLE, "tau": stress}
         for key in cls.strain_of:
-            fields[key] = read_table(folder / own[key], shear if key == "shear" else yarn, beyond)
+            fields[key] = read_table(folder / files[key], shear if key == "shear" else yarn, beyond)
         return cls(**fields)
 
 
