@@ -169,22 +169,14 @@ def _draw_setup(plotter, scene):
         plotter.add_mesh(surface, color="#e6d8a8", opacity=opacity, ambient=0.4, diffuse=0.6)
         edges = surface.extract_feature_edges(feature_edges=False, **open_edges)
         plotter.add_mesh(edges, color="k", line_width=3)
-    low, high = np.reshape(scene.bounds, (3, 2)).T
-    size = (high - low).max()
-    for k, (surface, colour, above, motion) in enumerate(scene.tools.values()):
+    size = np.ptp(np.reshape(scene.bounds, (3, 2)), axis=1).max()
+    for surface, colour, above, _ in scene.tools.values():
         if not above:  # a little away, or what touches the blank would show through it
             surface = surface.translate(-0.003 * size * np.array(space.VIEW))
         plotter.add_mesh(surface, color=colour, opacity=0.22 if above else 1.0, **solid)
         edges = surface.extract_feature_edges(feature_angle=40, **open_edges)
         if edges.n_points:
             plotter.add_mesh(edges, color=colour, line_width=2)
-        if motion is not None:
-            start = np.array([high[0] + (0.05 + 0.07 * k) * size, low[1], surface.center[2]])
-            length = float(np.linalg.norm(motion))
-            wide = min(0.008 * size / length, 0.1)
-            tip = {"tip_radius": 2.5 * wide, "tip_length": min(0.4, 7 * wide)}
-            place = {"start": start, "direction": motion, "scale": length}
-            plotter.add_mesh(pyvista.Arrow(shaft_radius=wide, **place, **tip), color=colour)
 
 
 def _draw_section(ax, scene, axis):

@@ -14,7 +14,7 @@ from ..surfaces.checks import FLANGE, MIN_SHARE, MIRRORED, check_triangles, unit
 from ..surfaces.files import CAD
 from ..surfaces.surfaces import Offset, Reversed, Surface, Turned
 from ..surfaces.tool import Frame, Tool
-from ..surfaces.triangulated import TriangulatedSurface
+from ..surfaces.triangulated import CUT_TOLERANCE, TriangulatedSurface
 from .laying import Laid
 from .press_data import PressData
 from .stages import Schedule
@@ -25,7 +25,6 @@ POINTS_ACROSS = 60  # points across the blank at which the distance of two tools
 TOUCH_TOLERANCE = 1e-9  # of the thickness: a tool so near touches the blank
 MAX_AWAY = 1e7  # mm from the blank, up to which a tool's face is looked for
 MAX_OFF_ORIGIN = 4.0  # of its size, up to which a surface of triangles keeps its coordinates
-CUT_TOLERANCE = 1e-3  # mm off a plane of symmetry, up to which a tool is cut there
 
 
 @task("placing the tools")
@@ -87,44 +86,42 @@ def check_clearance(path: str, clearance: float, pressed: float, surface: Surfac
 def _surface_of(name, tool, laid, thickness):
     """The tool's surface, read, and doubts; of a CAD model whose facets are coarse one of a smaller
     `chord`."""
-    surface, comm = tool.surface, laid.blank.mesh.comm
-    size = float(np.ptp(np.array(laid.blank.extent())[:, :2], axis=0).max())
-
-    def doubts_of(words, read):
-        if not isinstance(read, TriangulatedSurface):
-            return []
-        if doubt := unit_doubt(float(np.ptp(read.points, axis=0).max()), size, MIN_SHARE):
-            raise InputError(f"{words} {doubt}; allowed is a surface in mm")
-        return check_triangles(read, words, thickness)
-
-    if isinstance(surface, Surface):
-        return surface, doubts_of(f"tools.{name}.surface", surface)
-    is_model, flaw = ending(surface) in CAD, ""
-    for finer in (1, 2, 5) if is_model else (1,):
-        read = TriangulatedSurface.read(surface, tool.chord / finer, comm=comm)
+    surface, is_own = tool.surface, isinstance(tool.surface, Surface)
+    words = f"tools.{name}.surface" if is_own else f"tools.{name}, {surface},"
+    finest, size = 1 if is_own or ending(surface) not in CAD else 5, laid.blank.sides()[:2].max()
+    for finer in (1, 2, 5):
+        if not is_own:
+            chord, comm = tool.chord / finer, laid.blank.mesh.comm
+            surface = TriangulatedSurface.read(tool.surface, chord, comm=comm)
+        if not isinstance(surface, TriangulatedSurface):
+            break
         try:
-            return read, doubts_of(f"tools.{name}, {surface},", read)
+            if doubt := unit_doubt(float(np.ptp(surface.points, axis=0).max()), size, MIN_SHARE):
+                raise InputError(f"{words} {doubt}; allowed is a surface in mm")
+            return surface, check_triangles(surface, words, thickness)
         except InputError as error:
-            flaw = str(error)
-    raise InputError(f"{flaw}{', or a smaller `chord`' if is_model else ''}")
+            if finer == finest:
+                smaller = ", or a smaller `chord`" if finer > 1 else ""
+                raise InputError(f"{error}{smaller}") from None
+    return surface, []
 
 
 def _about_middle(surface, at, axes, planes):
     """A surface of triangles about its own middle if that lies far from its origin, where rounding
     would count, and whole if it is cut at planes of symmetry; the middle (3,). Others stay. at,
     axes: of its coordinates (2 or 3,) and (3, 3), as columns."""
-    middle = np.zeros(3)
+    middle, cuts = np.zeros(3), []
     if not isinstance(surface, TriangulatedSurface):
         return surface, middle
     low, high = surface.points.min(0), surface.points.max(0)
     if max(abs(low).max(), abs(high).max()) > MAX_OFF_ORIGIN * (high - low).max():
         middle = (low + high) / 2
-        surface = surface.moved(-middle)
     for axis, place in planes.items():
-        off = surface.points @ axes[axis] - (place - at[axis] - axes[axis] @ middle)
-        if min(abs(off.min()), abs(off.max())) < CUT_TOLERANCE < np.ptp(off):
-            surface = surface.mirrored(np.where(abs(off) < CUT_TOLERANCE, 0.0, off), axes[axis])
-    return surface, middle
+        cuts.append(np.append(axes[axis], place - at[axis] - axes[axis] @ middle))
+        off = (surface.points - middle) @ cuts[-1][:3] - cuts[-1][3]
+        if not min(abs(off.min()), abs(off.max())) < CUT_TOLERANCE < np.ptp(off):
+            cuts.pop()
+    return (surface.moved(-middle, cuts) if middle.any() or cuts else surface), middle
 
 
 def _check_covered(name, surface, origin, extent, planes):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from copy import copy
 from pathlib import Path
 from typing import NamedTuple, Self
@@ -22,6 +23,7 @@ from .projection import least_radii, nearest, net_of
 from .surfaces import Drawn, Nearest, Surface
 
 CREASE = 35.0  # deg
+CUT_TOLERANCE = 1e-3  # mm off a plane of symmetry, up to which a tool is cut there
 
 
 class SearchCache(NamedTuple):
@@ -138,20 +140,19 @@ class TriangulatedSurface(Surface):
         own = vertices.normals[vertices.name]
         return TriangulatedSurface(self.points, self.triangles[keep], own[keep], self.crease)
 
-    def moved(self, way: ArrayLike) -> TriangulatedSurface:
-        """The surface moved by `way` (3,) [mm]."""
-        return TriangulatedSurface(self.points + way, self.triangles, self._given, self.crease)
-
-    def mirrored(self, off: np.ndarray, normal: np.ndarray) -> TriangulatedSurface:
-        """The surface with its image in a plane with this unit `normal` (3,), of which its points
-        are `off` (n,) [mm], and without triangles in the plane."""
-        kept, cells, given = off[self.triangles].any(1), self.triangles, self._given
-        cells = np.vstack([cells[kept], cells[kept][:, ::-1] + len(off)])
-        if given is not None:
-            image = np.eye(3) - 2 * np.outer(normal, normal)
-            given = np.concatenate([given[kept], given[kept][:, ::-1] @ image])
-        points = np.vstack([self.points, self.points - 2 * np.outer(off, normal)])
-        return TriangulatedSurface(points, cells, given, self.crease)
+    def moved(self, way: np.ndarray, planes: Iterable[np.ndarray] = ()) -> TriangulatedSurface:
+        """The surface moved by `way` (3,) [mm], with its images in planes that cut it then, by unit
+        normals and distances from the origin (4,) [mm], and without triangles in them."""
+        x, cells, given = self.points + way, self.triangles, self._given
+        for plane in planes:
+            off = x @ plane[:3] - plane[3]
+            off[abs(off) < CUT_TOLERANCE] = 0.0
+            kept, image = off[cells].any(1), np.eye(3) - 2 * np.outer(plane[:3], plane[:3])
+            if given is not None:
+                given = np.concatenate([given[kept], given[kept][:, ::-1] @ image])
+            cells = np.vstack([cells[kept], cells[kept][:, ::-1] + len(x)])
+            x = np.vstack([x, x - 2 * np.outer(off, plane[:3])])
+        return TriangulatedSurface(x, cells, given, self.crease)
 
     def mesh(self, low: ArrayLike, high: ArrayLike, size: float) -> Drawn:
         # a point for each smooth vertex, so that sharp edges look sharp
