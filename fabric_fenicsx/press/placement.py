@@ -41,11 +41,16 @@ def place_tools(press: PressData, laid: Laid) -> tuple[dict[str, Tool], Schedule
         tool, surface = given[name], given[name].surface
         turn = Rotation.from_euler("xyz", tool.turn, degrees=True).as_matrix()
         if isinstance(surface, DieOf):
-            face = _face_of(surfaces[surface.tool], given[surface.tool].towards)
-            _check_covered(surface.tool, face, starts[surface.tool], extent, press.planes)
+            punch, (middle, axes), face = surface.tool, frames[surface.tool], surfaces[surface.tool]
+            inner, own = _triangles(face)
+            if inner:
+                if not len(inner.rim):  # of a closed body what looks towards the blank
+                    inner = inner.face(own.T @ given[punch].towards)
+                    face = Turned(inner, face.angles) if isinstance(face, Turned) else inner
+                rim = (inner.points @ own.T + starts[punch])[inner.rim].mean(1)
+                _check_covered(punch, rim, extent, press.planes)
             pressed = press.thickness(CHECK_PRESSURE)
             check_clearance(f"tools.{name}.clearance", clearances[name], pressed, face)
-            middle, axes = frames[surface.tool]
             frames[name] = Frame(middle, turn @ axes)
             surface = Reversed(Offset(face, clearances[name]))
         else:
@@ -124,20 +129,17 @@ def _about_middle(surface, at, axes, planes):
     return (surface.moved(-middle, cuts) if middle.any() or cuts else surface), middle
 
 
-def _check_covered(name, surface, origin, extent, planes):
-    """Raise InputError for the surface of triangles of a tool with a die that has an opening
-    beneath the blank, or beneath its mirror images in `planes` of symmetry."""
-    triangles, turn = _triangles(surface)
-    if triangles is None:
-        return
+def _check_covered(name, rim, extent, planes):
+    """Raise InputError for the surface of a tool with a die that has its `rim` (n, 3) beneath the
+    blank, or beneath its mirror images in `planes` of symmetry."""
     low, high = extent[:, :2]
     low = np.array([2 * planes[k] - high[k] if k in planes else low[k] for k in (0, 1)])
     whole = float((high - low).max())
-    margin, middle = 1e-6 * whole, (triangles.points @ turn.T + origin)[triangles.rim].mean(1)
-    within = ((middle[:, :2] > low + margin) & (middle[:, :2] < high - margin)).all(1)
+    margin = 1e-6 * whole
+    within = ((rim[:, :2] > low + margin) & (rim[:, :2] < high - margin)).all(1)
     if within.any():
         raise InputError(
-            f"tools.{name} is open at {coordinates(middle[within.argmax()])} mm, beneath the blank;"
+            f"tools.{name} is open at {coordinates(rim[within.argmax()])} mm, beneath the blank;"
             f" allowed is a surface in mm that reaches beyond the blank of {rounded(whole, 4)} mm, "
             "without holes and cracks"
         )
@@ -201,9 +203,8 @@ def _touching(name, up, place, surface, laid, thickness):
             x = np.vstack([x, [*top, 0.0]])  # the top is between nodes
         if away < -first:
             break
-    triangles, turn = _triangles(surface)
-    points = (np.zeros((1, 3)) if triangles is None else triangles.points) @ turn.T
-    reach = place + points[:, :2]
+    inner, own = _triangles(surface)
+    reach = place + ((inner.points if inner else np.zeros((1, 3))) @ own.T)[:, :2]
     beside = np.maximum(0, np.maximum(low - reach.max(0), reach.min(0) - high))
     raise InputError(
         f"tools.{name} does not meet the blank when it is moved along z, "
@@ -223,16 +224,6 @@ def _to_flange(surface, origin, extent, thickness):
     gap = nearest.gap - thickness / 2
     flat = (abs(nearest.normal[:, 2]) > 0.99) & (abs(gap) < FLANGE * thickness)
     return float(np.median(gap[flat])) if flat.any() else 0.0
-
-
-def _face_of(surface, towards):
-    """The face of a closed surface of triangles that looks `towards` the blank (3,), with the walls
-    within it; other surfaces as they are."""
-    inner, turn = _triangles(surface)
-    if inner is None or len(inner.rim):
-        return surface
-    face = inner.face(turn.T @ towards)
-    return Turned(face, surface.angles) if isinstance(surface, Turned) else face
 
 
 def _triangles(surface):

@@ -244,13 +244,11 @@ def write_pattern(
     """
     stem = Path(stem)
     files = [stem.with_name(stem.name + ending) for ending in (".dxf", ".csv", ".vtu")]
-    parts = shapely.get_parts(pattern.net)
-    rings = [
-        (layer, shapely.get_coordinates(ring)[:-1])  # without the first point again
-        for part in parts
-        for layer, own in (("OUTLINE", [part.exterior]), ("HOLES", part.interiors))
-        for ring in own
-    ]
+    rings = []
+    for part in shapely.get_parts(pattern.net):
+        # without the first point again
+        outline, *holes = (shapely.get_coordinates(x)[:-1] for x in shapely.get_rings(part))
+        rings += [("OUTLINE", outline), *(("HOLES", hole) for hole in holes)]
     replace_file(files[0], _drawing(rings, name or "ply", _yarn(pattern)))
     rows = [f"{x:.6f},{y:.6f},{k}\n" for k, (_, ring) in enumerate(rings) for x, y in ring]
     replace_file(files[1], "".join(["x [mm],y [mm],ring\n", *rows]))
