@@ -9,7 +9,7 @@ import numpy as np
 from ..contact.holder_pressure import BlankHolderPressure
 from ..core.errors import InputError
 from ..core.fields import KnowsItsFields, check_fields, documented, quantity
-from ..core.formatting import coordinates
+from ..core.formatting import coordinates, rounded
 from ..core.rules import FROM_ZERO, POSITIVE, repr_short
 from ..energy.load import EdgeTension
 from ..energy.springs import Springs
@@ -18,6 +18,8 @@ from ..surfaces.primitives import Plane
 from ..surfaces.tool import Tool
 from ..surfaces.values import checked_vector
 from .site import EDGES, HolderSite, Region, Where
+
+OFF_BLANK = 0.01  # of its size, up to which a point off the blank stands for one on its edge
 
 
 class Holder(Protocol):
@@ -270,6 +272,11 @@ class SpringHolder(Kind):
                 raise InputError(
                     f"{site.path}.at has the point {coordinates(place)} mm; allowed are points on "
                     "the modelled part, but the blank's centroid, from which springs pull away"
+                )
+            if (off := site.laid.distance(place)) > OFF_BLANK * max(site.laid.sides):
+                raise InputError(
+                    f"{site.path}.at has the point {coordinates(place)} mm, {rounded(off)} mm off "
+                    "the blank; allowed are points on it"
                 )
             share, near = 0.5 ** int((place[planes] == 0).sum()), site.laid.nearest_nodes(place)
             outwards = np.append(away, 0.0) / np.linalg.norm(away)

@@ -83,7 +83,8 @@ def _surface_of(name, tool, blank):
         return surface, _triangle_doubts(words, surface, blank)
     words, is_model = f"tools.{name}, {surface},", ending(surface) in CAD
     for finer in (1, 2, 5) if is_model else (1,):
-        read = TriangulatedSurface.read(surface, tool.chord / finer, comm=blank.comm)
+        chord, body = tool.chord / finer, tool.body or ()
+        read = TriangulatedSurface.read(surface, chord, comm=blank.comm, body=body)
         try:
             return read, _triangle_doubts(words, read, blank)
         except InputError as error:
