@@ -22,6 +22,8 @@ from .site import HolderSite, Region, Where
 # edge of a rectangle around the blank -> axis, and which end of it
 EDGES = {"low x": (0, 0), "high x": (0, 1), "low y": (1, 0), "high y": (1, 1)}
 
+OFF_BLANK = 0.01  # of its size, up to which a point off the blank stands for one on its edge
+
 
 class Holder(Protocol):
     """What holds the rim of a blank: any object with this method.
@@ -247,6 +249,11 @@ class SpringHolder(Kind):
                     f"holders.{site.name}.at has the point {coordinates(place)} mm; allowed are "
                     "points on the modelled part, but the blank's centroid, from which springs "
                     "pull away"
+                )
+            if (off := site.laid.distance(place)) > OFF_BLANK * max(site.laid.sides):
+                raise InputError(
+                    f"holders.{site.name}.at has the point {coordinates(place)} mm, {rounded(off)} "
+                    "mm off the blank; allowed are points on it"
                 )
             share, near = 0.5 ** int((place[planes] == at).sum()), site.laid.nearest_nodes(place)
             add(f"point {k}", near, share, np.append(away, 0.0) / np.linalg.norm(away))

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 
@@ -51,6 +52,12 @@ class Laid:
         """Nodes (n, 3) of this rank [mm], as if all sheets lay in the blank's middle, z = 0."""
         owned = self.blank.V.dofmap.index_map.size_local
         return self.blank.coordinates()[:owned] * (1, 1, 0)
+
+    def distance(self, place: ArrayLike) -> float:
+        """Distance of a place (x, y) from the flat blank, 0 on it; on all ranks together [mm]."""
+        cells = shapely.polygons(self.blank.corners()[:, :, :2])
+        off = shapely.distance(cells, shapely.Point(np.asarray(place))).min(initial=np.inf)
+        return float(self.blank.mesh.comm.allreduce(off, MPI.MIN))
 
     def nearest_nodes(self, place: ArrayLike) -> Callable[[np.ndarray], np.ndarray]:
         """Function of points (3, n) to a mask (n,) of one node of each sheet: the nearest to

@@ -97,7 +97,8 @@ def _surface_of(name, tool, laid, thickness):
     for finer in (1, 2, 5):
         if not is_own:
             chord, comm = tool.chord / finer, laid.blank.mesh.comm
-            surface = TriangulatedSurface.read(tool.surface, chord, comm=comm)
+            body = tool.body or ()
+            surface = TriangulatedSurface.read(tool.surface, chord, comm=comm, body=body)
         if not isinstance(surface, TriangulatedSurface):
             break
         try:

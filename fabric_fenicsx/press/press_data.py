@@ -56,6 +56,9 @@ class PressData(KnowsItsFields):
             raise InputError(f"{flaw}; allowed is a tool on the other side, or a holder")
         surfaces = [name for name in self.tools if name not in self.dies()]
         for name, die in self.dies().items():
+            if die.tool in self.tools and die.tool not in surfaces:
+                flaw = f"tools.{name}.die_of {die.tool} leads to a tool that is itself a `die_of`"
+                raise InputError(f"{flaw}; allowed is one with a `shape` or `file`")
             if die.tool not in surfaces:
                 raise unknown_key(die.tool, surfaces, f"tools.{name}.die_of {die.tool}")
 

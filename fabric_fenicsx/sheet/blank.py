@@ -18,7 +18,7 @@ from ..core.collective_errors import on_root
 from ..core.errors import InputError
 from ..core.rules import FINITE, POSITIVE
 from . import sources
-from .mesh_checks import CELLS, MeshArrays, checked_mesh
+from .mesh_checks import CELLS, MeshArrays, checked_mesh, cut_open
 from .part import Part
 from .sheet import Layout, Values
 from .sheet_mesh import Direction, SheetMesh
@@ -154,12 +154,14 @@ class Blank(SheetMesh):
     ) -> Self:
         """Blank of what `make` returns on rank 0, checked; centred, height: as in `read`;
         from_file: if its cells are a user's; others as in `from_arrays`."""
+        slits = options.pop("slits", ())
 
         def checked():
             points, cells, kind, notes = make()
             mesh = checked_mesh(points, cells, kind, source, spatial)
             points, moved = sources.moved_sheet(mesh.points, source, centred, height)
-            return MeshArrays(points, mesh.cells, kind, [*notes, *mesh.warnings, *moved])
+            points, cells = cut_open(points, mesh.cells, kind, slits, source)
+            return MeshArrays(points, cells, kind, [*notes, *mesh.warnings, *moved])
 
         points, nodes, kind, warnings = on_root(comm, checked)
         if comm.rank:  # rank 0 gives all of the mesh
@@ -194,6 +196,7 @@ class Blank(SheetMesh):
           given; planes: {axis, 0 or 1: place [mm]} by which it is moved
         - fibre_angle, yarn_angle: from the length to yarns a (0), a `Field`, too, and from there to
           yarns b (90) [deg]. Cells along the yarns follow those in the middle.
+        - slits: lines (n, 2) [mm] along which the sheet is cut, as in `Sheet`
 
         Raises InputError for values that are not allowed or do not fit together.
         """
@@ -228,7 +231,7 @@ class Blank(SheetMesh):
         - centred: True: the middle of its extent is the origin; otherwise it lies as in the file
         - planes: axes, 0 or 1, to which planes of symmetry are perpendicular, or {axis: place} of
           those not through the origin: of an outline on both sides the positive one is meshed
-        - spatial, turned, element, fibre_angle, yarn_angle: as in `rectangle`
+        - spatial, turned, element, fibre_angle, yarn_angle, slits: as in `rectangle`
 
         What was left out stands in `warnings`. Raises InputError for a file that cannot be read,
         rings that bound no sheet, quadrilaterals, an outline that a plane of symmetry does not

@@ -1,13 +1,17 @@
 """Kinds of cells, and checks of a mesh, without which its results mean nothing, of plain arrays."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import basix
 import numpy as np
+import shapely
+from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from .. import dolfinx_compat as compat
 from ..core.errors import InputError
+from ..core.formatting import rounded
 from ..core.graph import connected
 
 
@@ -42,6 +46,7 @@ CELLS = {
     "quad": CellKind("quadrilateral", 1, _QUAD[:4]),
     "quad9": CellKind("quadrilateral", 2, _QUAD),
 }
+SLIT_TOLERANCE = 0.1  # of an edge's length, up to which it lies on a slit
 AREA_TOLERANCE = 1e-16  # squared area over the longest edge's fourth power: no area below it
 
 
@@ -214,3 +219,41 @@ def _bad_shape(x, cells, how):
                 f"{place}; allowed is area everywhere"
             )
     return ""
+
+
+def cut_open(
+    points: np.ndarray, cells: np.ndarray, kind: str, slits: Sequence[ArrayLike], source: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points and cells of a mesh with other nodes on both sides of lines (n, 2) [mm], but at their
+    ends inside. Raises InputError for lines that do not run along edges of its cells."""
+    if not len(slits):
+        return points, cells
+    lines, count = shapely.MultiLineString(list(slits)), cells.shape[1]
+    nodes, sides = cells.ravel(), np.arange(cells.size)
+    ends = np.stack([nodes, np.roll(cells, -1, 1).ravel()], 1)
+    x = points[:, :2][ends]
+    length = np.linalg.norm(x[:, 1] - x[:, 0], axis=1)
+    places = [*x.swapaxes(0, 1), x.mean(1)]  # both ends and the middle of each side
+    off = np.max([shapely.distance(lines, shapely.points(each)) for each in places], axis=0)
+    _, edge, shared = np.unique(np.sort(ends, 1), axis=0, return_inverse=True, return_counts=True)
+    inner, is_cut = shared[edge.ravel()] == 2, off < SLIT_TOLERANCE * length
+    follows = length[is_cut & inner].sum() / 2
+    if CELLS[kind].degree > 1 or abs(follows - lines.length) > 0.01 * lines.length:
+        raise InputError(
+            f"{source} has edges of straight cells along {rounded(follows)} of the "
+            f"{rounded(lines.length)} mm of `slits`; allowed are lines within the sheet along "
+            "edges, or an `outline`, whose cells follow them"
+        )
+    # corners of cells at one node are one as far as they share edges that are not cut
+    whole = np.flatnonzero(inner & ~is_cut)
+    one, other = whole[np.argsort(edge.ravel()[whole], kind="stable")].reshape(-1, 2).T
+    after = sides - sides % count + (sides + 1) % count
+    same = nodes[one] == nodes[other]  # in which sense the other cell goes round
+    pairs = [np.append(one, after[one])]
+    pairs += [np.append(np.where(same, other, after[other]), np.where(same, after[other], other))]
+    _, fan = connected(cells.size, pairs)
+    fan[~np.isin(nodes, ends[is_cut])] = 0
+    _, first, number = np.unique(
+        np.stack([nodes, fan], 1), axis=0, return_index=True, return_inverse=True
+    )
+    return points[nodes[first]], number.reshape(cells.shape)

@@ -5,6 +5,7 @@ from dataclasses import fields
 from typing import TypeVar
 
 import numpy as np
+import shapely
 from mpi4py import MPI
 
 from ..core import timing
@@ -14,6 +15,7 @@ from ..core.status import task
 from .blank import Blank
 from .sheet import Layout, SheetFields, Values
 
+MAX_SIDE = 1e6  # mm, beyond which fine grids over a sheet fill any memory
 SIZE_TOLERANCE = 1e-3  # of a length, by which an own mesh may differ from what is asked for
 Kind = TypeVar("Kind", bound=SheetFields)
 
@@ -37,11 +39,17 @@ def mesh_sheet(
     names, source, planes = [*sheet.SIDES], sheet.sheet_file or "the specimen", planes or {}
     sides = names[0], names[-1]
     with timing.phase("setup"), task("meshing the sheet"):
+        slits = shapely.MultiLineString(list(sheet.slits))
+        for axis, place in planes.items():
+            start = [place if k == axis else -MAX_SIDE for k in (0, 1)]
+            slits = shapely.intersection(slits, shapely.box(*start, MAX_SIDE, MAX_SIDE))
+        lines = [shapely.get_coordinates(each) for each in shapely.get_parts(slits)]
         how: Values = {"spatial": spatial, "comm": comm, "centred": centred}
         cells: Values = {each.name: getattr(sheet, each.name) for each in fields(Layout)}
-        cells |= {"turned": turned, "planes": planes}
+        cells |= {"turned": turned, "planes": planes, "slits": lines}
         if sheet.mesh:
-            blank = Blank.read(sheet.mesh, height=height, **how, **sheet.options(turned))
+            options = sheet.options(turned) | {"slits": lines}
+            blank = Blank.read(sheet.mesh, height=height, **how, **options)
         elif sheet.outline:
             cells |= {"size": sheet.size, "layer": sheet.layer}
             blank = Blank.outline(sheet.outline, **how, **cells)
@@ -54,6 +62,8 @@ def mesh_sheet(
     if sheet.element and sheet.element[0] != kind:
         flaw = f"`element` {sheet.element} does not fit the cells of {source}"
         raise InputError(f"{flaw}; allowed is P on triangles, Q on quadrilaterals")
+    if (side := blank.sides().max()) > MAX_SIDE:
+        raise InputError(f"{source} is {rounded(side)} mm large; allowed is up to {MAX_SIDE:g} mm")
     doubts = [*blank.warnings, size_warning(blank, source)]
     integration = sheet.integration or "full"
     if not sheet.integration and blank.degree == 2 and blank.triangulated:

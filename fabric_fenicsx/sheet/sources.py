@@ -27,6 +27,7 @@ PATTERNS = "along", "unstructured"
 MIN_DETAIL = 0.1  # of the cells' size: length of an edge or a hole below which it is left out
 MIN_CLEARANCE = 1e-3  # of the cells' size: least distance of parts of the outline
 MAX_CELLS = 1_000_000  # cells
+CELL_MEMORY = 12e-6  # GB, of P2 in a plane
 
 
 def rectangle(
@@ -44,6 +45,13 @@ def rectangle(
     (length, width), middle = sides, np.array(sides) / 2
     ny = layout.ny or max(1, round(layout.nx * width / length))
     cell = "quadrilateral" if (layout.element or "P")[0] == "Q" else "triangle"
+    count = (
+        layout.nx * ny * (1 if cell[0] == "q" else {"left": 2, "right": 2}.get(layout.pattern, 4))
+    )
+    if count > MAX_CELLS:
+        raise InputError(
+            f"`nx` is {layout.nx}, `ny` {ny}: {_cost(count)}; allowed are {MAX_CELLS:,}"
+        )
     axes, shift = axes_of(turned), middle * np.asarray(centred)
     start = np.array([planes.get(axis, 0.0) for axis in (0, 1)])
     yarns = _yarns(layout, (middle - shift) @ axes + start)
@@ -79,10 +87,15 @@ def outline(
     size = (high - low)[0] / layout.nx if size is None else size
     yarns = a + turned, a + turned + between
     try:
-        points, triangles, kind, left_out = outline_mesh(sheet, size, layout.pattern, yarns)
+        made = outline_mesh(sheet, size, layout.pattern, yarns, layout.slits)
+        points, triangles, kind, left_out = made
     except InputError as error:
         raise InputError("; ".join([str(error), *notes])) from None
     return MeshArrays(points, triangles, kind, notes + left_out)
+
+
+def _cost(cells):
+    return f"{rounded(cells)} cells, which take some {rounded(CELL_MEMORY * cells)} GB of memory"
 
 
 def _check_triangles(layout, what):
@@ -152,12 +165,14 @@ def outline_mesh(
     size: float,
     pattern: str = "unstructured",
     yarns: Sequence[float] = (0.0, math.pi / 2),
+    slits: Sequence[ArrayLike] = (),
 ) -> tuple[np.ndarray, np.ndarray, str, list[str]]:
     """Points (n, 3) [mm], triangles (m, 3), their kind, and what was left out, in words.
 
     size: of the cells' edges [mm], smaller where the outline is curved or narrow; its corners stay.
     pattern: `unstructured`, or `along`: squares along both yarns, each of four triangles, and other
-    triangles between them and the outline. yarns: angles from x to yarns a and b [rad].
+    triangles between them and the outline. yarns: angles from x to yarns a and b [rad]; slits:
+    lines (n, 2) [mm] along which edges run.
     """
     size = POSITIVE.check("`size`", size)
     if pattern not in PATTERNS:
@@ -167,13 +182,14 @@ def outline_mesh(
     if size > (high - low).min() / 2 or cells > MAX_CELLS:
         sides = " x ".join(rounded(side, 4) for side in high - low)
         raise InputError(
-            f"`size` is {size:g}, but the outline is {sides} mm, about {rounded(cells)} cells; "
-            f"allowed is up to half of it, and {MAX_CELLS:,} cells"
+            f"`size` is {size:g}, but the outline is {sides} mm, about {_cost(cells)}; allowed is "
+            f"up to half of it, and {MAX_CELLS:,} cells"
         )
     # about its centre and without the last digits, as cells are not to depend on where it lies
     centre = ((low + high) / 2).round(6)
     sheet = shapely.transform(sheet, lambda x: (x - centre).round(9))
     sheet, notes = _simplified(sheet, size, centre)
+    sheet, lines = _with_slits(sheet, [np.array(line) - centre for line in slits], size)
     places, sizes = _fine_places(sheet, size, notes, centre)
     if sheet.minimum_clearance < MIN_CLEARANCE * size:
         raise InputError(
@@ -187,12 +203,28 @@ def outline_mesh(
         return float((sizes + 0.4 * off).min(initial=size))
 
     sheet = _divided(sheet, size, size_at)
+    lines = [np.vstack([_points_along(x, size, size_at), x[-1:]]) for x in lines]
     if pattern == "along":
-        points, triangles = _along(sheet, size, size_at, yarns)
+        points, triangles = _along(sheet, size, size_at, yarns, lines)
     else:
-        points, triangles = _filled([sheet], size_at)
+        points, triangles = _filled([sheet], size_at, lines)
     points = np.pad(points + centre, ((0, 0), (0, 1)))
     return points, triangles, "triangle", notes
+
+
+def _with_slits(sheet, slits, size):
+    """The sheet with corners where slits (n, 2) end near its edge, and the slits that end on it,
+    cut where they meet."""
+    ends = []
+    for x in slits:
+        for k in (0, -1):
+            line = shapely.shortest_line(sheet.boundary, shapely.Point(x[k]))
+            if line.length < MIN_DETAIL * size:
+                x[k] = shapely.get_coordinates(line)[0].round(9)
+                ends.append(x[k])
+    sheet = shapely.snap(sheet, shapely.multipoints(ends), 1e-6 * size) if ends else sheet
+    lines = shapely.get_parts(shapely.node(shapely.MultiLineString(slits)))
+    return sheet, [shapely.get_coordinates(line) for line in lines]
 
 
 def _simplified(sheet, size, centre):
@@ -243,25 +275,30 @@ def _fine_places(sheet, size, notes, centre):
 
 def _divided(sheet, size, size_at):
     """The sheet with points on its edges as far apart as cells are to be there."""
-    rings = []
-    for ring in (sheet.exterior, *sheet.interiors):
-        corners, points = shapely.get_coordinates(ring), []
-        for p, q in zip(corners, corners[1:]):
-            length = math.dist(p, q)
-            steps = math.ceil(5 * length / size)
-            middles = p + (q - p) * (np.arange(steps)[:, None] + 0.5) / steps
-            cells = np.cumsum([0.0, *(length / steps / size_at(*x) for x in middles)])
-            count = max(1, math.ceil(cells[-1] - 0.2))
-            at = np.interp(
-                np.arange(count) * cells[-1] / count, cells, np.linspace(0, 1, steps + 1)
-            )
-            points.append(p + (q - p) * at[:, None])
-        rings.append(np.concatenate(points))
+    rings = [
+        _points_along(shapely.get_coordinates(ring), size, size_at)
+        for ring in (sheet.exterior, *sheet.interiors)
+    ]
     return shapely.Polygon(rings[0], rings[1:])
 
 
-def _filled(faces, size_at):
-    """Points (n, 2) and triangles (m, 3) in polygons, whose edges stay, of sizes size_at(x, y)."""
+def _points_along(corners, size, size_at):
+    """Points (m, 2) on a line from its first corner to before its last one."""
+    points = []
+    for p, q in zip(corners, corners[1:]):
+        length = math.dist(p, q)
+        steps = math.ceil(5 * length / size)
+        middles = p + (q - p) * (np.arange(steps)[:, None] + 0.5) / steps
+        cells = np.cumsum([0.0, *(length / steps / size_at(*x) for x in middles)])
+        count = max(1, math.ceil(cells[-1] - 0.2))
+        at = np.interp(np.arange(count) * cells[-1] / count, cells, np.linspace(0, 1, steps + 1))
+        points.append(p + (q - p) * at[:, None])
+    return np.concatenate(points)
+
+
+def _filled(faces, size_at, slits):
+    """Points (n, 2) and triangles (m, 3) in polygons, whose edges stay, and slits (n, 2) in them,
+    of sizes size_at(x, y)."""
     import gmsh
 
     options = {"MeshSizeMin": 0.0, "MeshSizeMax": 1e22, "Algorithm": 6.0}
@@ -271,18 +308,24 @@ def _filled(faces, size_at):
         geo = gmsh.model.geo
         numbers: dict[tuple[float, ...], int] = {}
 
-        def loop(ring):
-            ends = [*ring.coords]
-            for end in ends[1:]:
+        def lines_of(coordinates):
+            ends = [*map(tuple, coordinates)]
+            for end in ends:
                 numbers[end] = numbers.get(end) or geo.addPoint(*end, 0)
             lines = [geo.addLine(numbers[p], numbers[q]) for p, q in zip(ends, ends[1:])]
             for line in lines:
                 geo.mesh.setTransfiniteCurve(line, 2)
-            return geo.addCurveLoop(lines)
+            return lines
 
+        surfaces = []
         for face in map(shapely.geometry.polygon.orient, faces):
-            geo.addPlaneSurface([*map(loop, (face.exterior, *face.interiors))])
+            rings = [lines_of(ring.coords) for ring in (face.exterior, *face.interiors)]
+            surfaces.append(geo.addPlaneSurface([*map(geo.addCurveLoop, rings)]))
+        within = [np.argmin(shapely.distance(faces, shapely.Point(x[:2].mean(0)))) for x in slits]
+        cuts = [(lines_of(x), surfaces[k]) for x, k in zip(slits, within)]
         geo.synchronize()
+        for lines, surface in cuts:
+            gmsh.model.mesh.embed(1, lines, 2, surface)
         try:
             points, triangles = meshed(gmsh, size_at=size_at)
         except Exception as error:  # it raises no other kind
@@ -292,7 +335,7 @@ def _filled(faces, size_at):
     return points[:, :2], triangles
 
 
-def _along(sheet, size, size_at, yarns):
+def _along(sheet, size, size_at, yarns, slits):
     """Points (n, 2) and triangles (m, 3): parallelograms along both yarns inside, each of four
     triangles, and others around them."""
     axes = size * np.array([[math.cos(yarn), math.sin(yarn)] for yarn in yarns])
@@ -303,7 +346,8 @@ def _along(sheet, size, size_at, yarns):
     grid = np.stack([i + low[0], j + low[1]], -1) @ axes
     square = np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]], 2)
     # least distance of squares along yarns from the outline, over their size
-    inner = sheet.buffer(-0.5 * size)
+    cuts = shapely.MultiLineString(slits)
+    inner = sheet.buffer(-0.5 * size).difference(cuts.buffer(0.5 * size))
     shapely.prepare(inner)
     inside = shapely.contains(inner, shapely.polygons(square))
     # where two squares touch in a corner alone, both go
@@ -316,9 +360,9 @@ def _along(sheet, size, size_at, yarns):
             part &= ~pinched
     square = square[inside]
     if not len(square):
-        return _filled([sheet], size_at)
+        return _filled([sheet], size_at, slits)
     rim = shapely.get_parts(sheet.difference(shapely.union_all(shapely.polygons(square))))
-    points, cells = _filled(rim, size_at)
+    points, cells = _filled(rim, size_at, slits)
     number = len(points) + np.arange(5 * len(square)).reshape(-1, 5)
     points = np.concatenate([points, *np.concatenate([square, square.mean(1)[:, None]], 1)])
     cells = [cells, *(number[:, [k, (k + 1) % 4, 4]] for k in range(4))]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from copy import copy
 from pathlib import Path
 from typing import NamedTuple, Self
@@ -108,14 +108,16 @@ class TriangulatedSurface(Surface):
         chord: float = 0.1,
         crease: float = CREASE,
         comm: MPI.Comm = MPI.COMM_SELF,
+        body: Sequence[int] = (),
     ) -> Self:
         """The surface in a file, in mm: STL, VTP, MSH, or any other that gmsh, PyVista or meshio
         reads, where larger cells are cut; or STEP, IGES or BREP, whose faces gmsh meshes. chord:
         distance of that mesh from the faces [mm]; crease: as for the surface [deg]; comm: its rank
-        0 reads, as gmsh meshes the same faces a little differently each time. Raises InputError if
+        0 reads, as gmsh meshes the same faces a little differently each time; body: numbers of the
+        model's solids, from 1, needed of several. Raises InputError if
         the file cannot be read or has no triangle, or for a chord not above 0."""
         path, chord = Path(path), POSITIVE.check("chord", chord)
-        points, triangles, normals = on_root(comm, lambda: read_triangles(path, chord))
+        points, triangles, normals = on_root(comm, lambda: read_triangles(path, chord, body))
         try:
             return cls(points, triangles, normals, crease)
         except InputError as error:
