@@ -2,6 +2,7 @@
 
 from .contact.coulomb import Coulomb as Coulomb
 from .contact.holder_pressure import BlankHolderPressure as BlankHolderPressure
+from .contact.line_bead import LineBead as LineBead
 from .contact.self_contact import SelfContact as SelfContact
 from .contact.sheet_contact import SheetContact as SheetContact
 from .contact.tool_contact import Contact as Contact
@@ -14,6 +15,7 @@ from .coupons.tensile import Tensile as Tensile
 from .energy.bending import Bending as Bending
 from .energy.load import DeadPressure as DeadPressure
 from .energy.load import EdgeTension as EdgeTension
+from .energy.load import Gravity as Gravity
 from .energy.membrane import Membrane as Membrane
 from .energy.metal import SheetMetal as SheetMetal
 from .energy.output import Value as Value
@@ -40,6 +42,7 @@ from .material.laws.tabulated import TabulatedFabric as TabulatedFabric
 from .material.metal import Metal as Metal
 from .material.metal import load_metal as load_metal
 from .material.presets import load as load
+from .press.holders import BeadHolder as BeadHolder
 from .press.holders import ForceHolder as ForceHolder
 from .press.holders import GapHolder as GapHolder
 from .press.holders import Grippers as Grippers

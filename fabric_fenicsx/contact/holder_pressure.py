@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike
 
 from ..core.errors import InputError
 from ..core.rules import ABOVE_ZERO_OR_INF, FROM_ZERO
 from ..energy.load import at_load
+from ..energy.materials import sheets_of
 from ..energy.nodes import Nodes, shares_at
 from ..energy.output import Value
 from ..energy.term import SceneFacts, bind
@@ -22,8 +24,30 @@ from .sheet_contact import SheetContact
 from .tool_contact import Contact
 
 
+class _Bare:
+    """The share (n,) of positions (3, n) that is `under` a holder where none of these triangles
+    (m, 3, 3) lies, as seen along its direction."""
+
+    def __init__(self, under: Callable, triangles: np.ndarray, direction: np.ndarray) -> None:
+        self._under, self._across = under, np.linalg.svd(direction[None])[2][1:].T
+        self._lying = shapely.STRtree(shapely.polygons(triangles @ self._across))
+
+    def over(self, corners: np.ndarray) -> np.ndarray:
+        """As `Flange.over`."""
+        share = self._under.over(corners) if hasattr(self._under, "over") else np.nan
+        return np.where(share == 0, np.zeros(len(corners)), np.nan)
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        share = shares_at(self._under, x)
+        at = np.flatnonzero(share)
+        points = shapely.points(x[:, at].T @ self._across)
+        share[at[self._lying.query(points, "intersects")[0]]] = 0.0
+        return share
+
+
 class BlankHolderPressure(ToolContactTerm):
-    """Dead pressure of a blank holder on the parts of a sheet under it.
+    """Dead pressure of a blank holder on the parts of a sheet under it; of a stack, on the sheet
+    that is nearest to the holder at each place.
 
     A `Contact` bears it on the other side of the sheet. The pressed areas are lagged.
 
@@ -42,9 +66,9 @@ class BlankHolderPressure(ToolContactTerm):
         The areas are updated within a step, at most three times, if more than this share of
         their sum has changed; with None never.
     against
-        Contacts with and between the sheets that lie on this one, from it to the last. The pressure
-        then acts only where all of them lie on one another, as a plate's does that rests on the
-        whole stack: a flange that reaches beyond the next sheet is not pressed.
+        Of a term `.on` the sheet that the holder touches: contacts with and between those that lie
+        on it, from it to the last. The pressure then acts only where all of them lie on one
+        another, as a plate's that rests on the whole stack.
     friction
         Of the holder's side, as of `Contact`. Without it the holder does not hold the sheet in its
         plane.
@@ -98,11 +122,16 @@ class BlankHolderPressure(ToolContactTerm):
             )
 
     def set_up(self, scene: SceneFacts) -> None:
+        sheets = [self.part]
         if self.part.is_whole and any(part.thickness for part in scene.blank.parts.values()):
-            raise InputError(
-                'the blank holder of a stack needs `.on("NAME")`, the sheet that it touches'
-            )
+            if self._against:
+                raise InputError(
+                    'the blank holder of a stack needs `.on("NAME")`, the sheet that it touches, '
+                    "with `against`"
+                )
+            sheets = sheets_of(scene.blank)[:: 1 if self.direction[2] > 0 else -1]
         self.nodes = Nodes(scene.blank, self.part)
+        self._sheets = [Nodes(scene.blank, each) for each in sheets]  # the nearest first
         for contact in self._against:
             bind(contact, scene)
         self.plies = PlyThickness(scene)
@@ -159,7 +188,7 @@ class BlankHolderPressure(ToolContactTerm):
     def _work_at_edge(self):
         """Work where nodes have left the holder or come under it, beyond that of the present areas
         [N mm]: the ply's face takes it as its pressure changes."""
-        if not (self._die and self.part.is_whole):
+        if not (self._die and self.part.is_whole and len(self._sheets) == 1):
             return 0.0
         then, now = self.now * self._accepted[2], self.normal_forces()
         (depth, energy), (depth_now, energy_now) = map(self._die.pressed_by, (then, now))
@@ -215,9 +244,20 @@ class BlankHolderPressure(ToolContactTerm):
         return shares_at(self.under, points)
 
     def _pressed(self):
-        """Areas (nodes,) under the holder, where all the other sheets lie on this one [mm^2]."""
+        """Areas (nodes,) under the holder, of the nearest sheets, or where all the other sheets lie
+        on this one [mm^2]."""
         covered: np.ndarray | None = None
         for contact in reversed(self._against):
             covered = contact.points.covered(covered)
-        areas = self.nodes.areas_now() if covered is None else covered
-        return self.nodes.shares_under(self.under, self._borne) * areas
+        under, blank, lying = self.under, self.blank, list[np.ndarray]()
+        areas = np.zeros(self.nodes.count)
+        for nodes in self._sheets:
+            of_sheet = nodes.areas_now() if covered is None else covered
+            areas += nodes.shares_under(under, self._borne) * of_sheet
+            if nodes is not self._sheets[-1]:
+                x = blank.coordinates() + blank.nodal_displacement()
+                lying += self.nodes.comm.allgather(
+                    x[blank.triangles(nodes.part.cells)].reshape(-1, 3, 3)
+                )
+                under = _Bare(self.under, np.concatenate(lying), self.direction)
+        return areas

@@ -6,15 +6,20 @@ from collections.abc import Callable
 
 import numpy as np
 import ufl
+from dolfinx import fem
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
+from .. import dolfinx_compat as compat
 from ..core.errors import InputError
-from ..core.rules import FINITE, POSITIVE, Rule
+from ..core.rules import FINITE, FROM_ZERO, POSITIVE, Rule
+from ..material.laws import Law
+from ..material.metal import Metal
 from ..sheet.blank import Blank
 from ..surfaces.surfaces import checked_vector
 from .assembly import assembled
+from .materials import materials_of, sheets_of, thickness_shares
 from .output import Value
 from .term import SceneFacts, Term, Triplets
 from .work import Work
@@ -74,10 +79,10 @@ class _DeadLoad(_Load):
     """A load of fixed direction. A subclass gives it, and where it acts as a measure of UFL, to
     `_start`."""
 
-    def _start(self, name, direction, measure):
+    def _start(self, name, direction, measure, weight=1.0):
         unit = vector_on(self.blank, name, direction, unit=True)
         test = self.blank.in_space(ufl.TestFunction(self.blank.V))
-        self._forces = assembled(ufl.dot(test, ufl.as_vector(unit.tolist())) * measure)
+        self._forces = assembled(weight * ufl.dot(test, ufl.as_vector(unit.tolist())) * measure)
         self._u = self.blank.u.x.array[: len(self._forces)]
         self._work = Work(follows=True)
         self.set_load(0.0)
@@ -128,6 +133,63 @@ class DeadPressure(_DeadLoad):
 
     def _size(self, load):
         return load * self._pressure
+
+
+class Gravity(_DeadLoad):
+    """Weight of the sheets, whole from the start: over the undeformed area density times thickness
+    of each one's fabric or metal, [g/cm^3] times [mm], which is kg/m^2. Its potential is minus int
+    rho t g . u dA.
+
+    Parameters
+    ----------
+    gravity : float
+        Acceleration [m/s^2], from 0.
+    direction : array_like, (gdim,)
+        In which it pulls; of any length.
+
+    Raises
+    ------
+    InputError
+        For numbers that are not allowed, and for a sheet of which no term has a fabric or metal, so
+        that its mass is not known.
+
+    Examples
+    --------
+    >>> ply = ff.Blank.rectangle(1000, 500, nx=2, spatial=True)
+    >>> weight = ff.Gravity()
+    >>> fabric = ff.load("komeili").replace(thickness=1.0, density=0.8)  # 0.8 kg/m2
+    >>> scene = ff.Scene(ply, [ff.Membrane(fabric), weight], ff.clamped_ends(0.1))
+    >>> weight.force().round(6)  # of 0.4 kg [N]
+    array([ 0.   ,  0.   , -3.924])
+    """
+
+    name = "gravity"
+
+    def __init__(self, gravity: float = 9.81, direction: ArrayLike = (0, 0, -1)) -> None:
+        self._gravity, self._direction = FROM_ZERO.check("gravity [m/s^2]", gravity), direction
+
+    def set_up(self, scene: SceneFacts) -> None:
+        blank = scene.blank
+        weight = fem.Function(compat.vector_space(blank.mesh, "DG", 0, 1))
+        for part in sheets_of(blank) if self.part.is_whole else [self.part]:
+            if not isinstance(material := next(materials_of(scene, part), None), Law | Metal):
+                of = part.name or blank.name
+                raise InputError(
+                    f"gravity needs the mass of {of}, a fabric or metal of a term on it"
+                )
+            shares = thickness_shares(scene, part, blank.centres()[part.cells])
+            mass = material.density * material.thickness * shares  # kg/m^2
+            weight.x.array[part.cells] = 1e-6 * self._gravity * mass  # N/mm^2
+        name = f"direction of {self.name} on {blank.name}"
+        self._start(name, self._direction, self.part.dx(), weight[0])
+
+    def _size(self, load):
+        return 1.0
+
+    def force(self) -> np.ndarray:
+        """Weight along x, y, z, of all ranks (gdim,) [N]."""
+        forces = self.applied_forces().reshape(-1, self.blank.mesh.geometry.dim).sum(0)
+        return self.blank.mesh.comm.allreduce(forces) @ self.blank.frame
 
 
 class EdgeTension(_DeadLoad):

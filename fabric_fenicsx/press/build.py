@@ -14,6 +14,7 @@ from ..core.rules import unknown_key
 from ..core.status import task
 from ..core.timing import phase
 from ..energy.bending import Bending
+from ..energy.load import Gravity
 from ..energy.membrane import Membrane
 from ..energy.metal import SheetMetal
 from ..energy.term import Term
@@ -59,6 +60,7 @@ def build(press: PressData, comm: MPI.Comm | None = None) -> FormingScene:
         folds = SelfContact(penalty=k, lag=lag, symmetric=planes, friction=friction)
         terms.append(laid.on(sheet, folds))
 
+    terms += [Gravity(press.gravity, press.gravity_direction)] if press.gravity else []
     scene = Scene(laid.blank, terms, _supports(press, laid))
     stack.press(laid, scene.terms, on_die)
     warnings = list(dict.fromkeys([*warnings, *doubts, *more]))

@@ -12,12 +12,13 @@ from scipy.spatial.transform import Rotation
 
 from ..contact.contact_term import ToolContactTerm
 from ..contact.coulomb import MAX_SLIP
+from ..contact.line_bead import LineBead
 from ..contact.tool_contact import Contact
 from ..core.collective_errors import on_root
 from ..core.errors import InputError
 from ..core.formatting import rounded, share
 from ..energy.fingerprint import plain
-from ..energy.load import EdgeTension
+from ..energy.load import EdgeTension, Gravity
 from ..energy.springs import Springs
 from ..energy.term import Term
 from ..io.field import Field
@@ -96,7 +97,7 @@ class FormingScene(Setup):
     def columns(self, scene: Scene) -> dict[str, float]:
         """{name: value} of each tool's travel since the start [mm] and its force on the modelled
         part [N], both along z; of each holder the force on the whole blank [N]: along z, or the sum
-        of its pulls."""
+        of its pulls or, of a bead, along the flange."""
         columns = {}
         for name, tool in self.tools.items():
             travel = tool.displacement[2] - np.asarray(tool.path(0.0))[2]
@@ -111,6 +112,8 @@ class FormingScene(Setup):
 
     def _held_by(self, term):
         """Force of a holder's term on the modelled part [N], None of one that tells none."""
+        if isinstance(term, LineBead):
+            return term.restrained()
         if isinstance(term, ToolContactTerm):
             return float(term.tool_force()[2])
         if isinstance(term, EdgeTension):
@@ -163,7 +166,8 @@ class FormingScene(Setup):
         force along z on the whole blank and the size of the contact force on the modelled part [N];
         forces that are not in balance, penetration, and what else checks the contact."""
         scene, interface, energies = self.scene, self.data.interface, energies_of(result.rows[-1])
-        part, springs = self.modelled_share, [t for t in scene.terms if isinstance(t, Springs)]
+        part = self.modelled_share
+        springs = [t for t in scene.terms if isinstance(t, Springs | Gravity)]
         tools = [(t.tool.name, float(output.tool_force(scene, t.tool)[2])) for t in self.pressing]
         acting = [*(z for _, z in tools), *(float(term.force()[2]) for term in springs)]
         return {

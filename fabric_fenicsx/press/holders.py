@@ -7,8 +7,9 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from ..contact.holder_pressure import BlankHolderPressure
+from ..contact.line_bead import LineBead
 from ..core.errors import InputError
-from ..core.fields import KnowsItsFields, check_fields, documented, quantity
+from ..core.fields import KnowsItsFields, check_fields, documented, flag, quantity
 from ..core.formatting import coordinates, rounded
 from ..core.rules import FROM_ZERO, POSITIVE, repr_short
 from ..energy.load import EdgeTension
@@ -69,8 +70,8 @@ class Kind(KnowsItsFields):
 @dataclass(frozen=True)
 class PressureHolder(Kind):
     """A pressure on what lies on the flat face of the die, a tool that does not move: a number, or
-    a function of the load factor, 0 to 1 over the whole run. A stack is pressed where all its
-    sheets lie on one another.
+    a function of the load factor, 0 to 1 over the whole run. Of a stack it presses the sheet
+    that is nearest to the holder at each place.
 
     Examples
     --------
@@ -84,6 +85,7 @@ class PressureHolder(Kind):
     )
     where: Where | None = _where("present positions")
     against: str = _option("", "name of the die, needed if several tools could be it")
+    full_stack: bool = flag("only where all sheets lie on one another, as a rigid plate presses")
 
     def __post_init__(self) -> None:
         if not callable(self.pressure):
@@ -102,7 +104,7 @@ class PressureHolder(Kind):
             (lambda x: flange(x) * where(x)) if where else flange,
             tool=Tool(Plane((0, 0, 0), site.up), name=site.name),
             lag=site.lag,
-            against=site.against,
+            against=site.against if self.full_stack else (),
             friction=site.friction,
             borne=flange,
         )
@@ -113,6 +115,8 @@ class PressureHolder(Kind):
                 f"holders.{site.name} presses a stack downwards on {site.die.name}; allowed is a "
                 "die above the stack, or a holder that is a tool with a force"
             )
+        if not self.full_stack:
+            return [pressure]
         # sheets that reach beyond the lowest one can't sink below the holder's face
         face = Tool(Plane(-site.thickness / 2 * site.up, site.up), name=f"{site.name}'s face")
         below = [site.contact(face, where).on(name) for name in site.rims[:1]]
@@ -260,10 +264,49 @@ class SpringHolder(Kind):
         return springs
 
 
+@documented
+@dataclass(frozen=True)
+class BeadHolder(Kind):
+    """A bead on the die's flange, as an equivalent drawbead, see `LineBead`. When built, raises
+    InputError for a line off the flange.
+
+    Examples
+    --------
+    >>> ff.BeadHolder({"line": [[0, 90], [60, 90]], "restraint": 2.0}).bead["restraint"]
+    2.0
+    """
+
+    bead: Mapping = _option(
+        None, "`line`, two or more points (x, y) [mm], and `restraint`, force per length [N/mm]"
+    )
+    against: str = _option("", "name of the die, needed if several tools could be it")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not isinstance(self.bead, Mapping) or self.bead.keys() != {"line", "restraint"}:
+            raise InputError(
+                f"`bead` is {repr_short(self.bead)}; allowed is a table of `line` and `restraint`"
+            )
+        LineBead(**self.bead)
+
+    def terms(self, site: HolderSite) -> list[Term]:
+        interface = site.interface
+        bead = LineBead(**self.bead, slip=interface.slip, lag=site.lag, name=site.name)
+        x = np.pad(bead.points(), ((0, 0), (0, 1)))
+        inside = (x[:, list(site.planes)] >= 0).all(1)
+        off = np.flatnonzero(inside & (site.on_flange()(x.T) == 0))
+        if len(off):
+            raise InputError(
+                f"holders.{site.name}.bead leaves the flange of {site.die.name} at "
+                f"{coordinates(x[off[0], :2])} mm; allowed is a line on its flat face"
+            )
+        return [bead]
+
+
 # entry of a file -> the kind of holder that has it
 HOLDERS: Mapping[str, type[Kind]] = {
     fields(kind)[0].name: kind
-    for kind in (PressureHolder, ForceHolder, GapHolder, Grippers, SpringHolder)
+    for kind in (PressureHolder, ForceHolder, GapHolder, Grippers, SpringHolder, BeadHolder)
 }
 
 

@@ -39,6 +39,7 @@ OF_ALL_PLIES = {"material": "fabric"} | {
     for name in ("nx", "ny", "size", "pattern", "element", "integration")
     + ("fibre_angle", "yarn_angle", "temperature")
 }
+GRAVITY = "gravity", "gravity_direction"  # entries beside the tables
 SURFACES = "shape", "file", "die_of"  # keys of a tool, one of which it has
 
 
@@ -59,7 +60,7 @@ def read(kind: type[P], path: Path, changes: Sequence[str] = ()) -> P:
 
 
 def _fields(document, path):
-    known = "unit", "title", *TABLES, "ply", "stage"
+    known = "unit", "title", *TABLES, "ply", "stage", *GRAVITY
     if other := next((key for key in document if key not in known), ""):
         raise unknown_key(other, known, f"entry {other}")
     if (unit := document.get("unit", "missing")) != "mm":
@@ -70,6 +71,7 @@ def _fields(document, path):
     convert = partial(_value, folder=path.parent)
     return {
         "title": document.get("title", path.stem.replace("_", " ")),
+        **{key: document[key] for key in GRAVITY if key in document},
         "symmetry": blank.pop("symmetry", "none"),
         "stop_when_invalid": limits.pop("stop_when_invalid", False),
         "sheets": _sheets(document, blank, convert),
@@ -243,6 +245,7 @@ def document_of(press: PressData) -> dict[str, object]:
     document = {
         "unit": "mm",
         "title": press.title,
+        **{key: getattr(press, key) for key in GRAVITY if press.gravity},
         "blank": blank | (plies[0] if len(plies) == 1 else {}),
         "contact": tables.entries(press.interface),
         "limits": limits | ({"stop_when_invalid": True} if press.stop_when_invalid else {}),

@@ -1,7 +1,7 @@
 """Sheets laid on one another: the terms of each and between them."""
 
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -19,11 +19,12 @@ REACH_TOLERANCE = 1e-6  # mm by which a sheet reaches beyond another
 
 
 def between(laid: Laid, interface: Interface, planes: Sequence[Where]) -> list[Term]:
-    """Contact of each sheet with the next, and of two around a smaller one. planes: of symmetry."""
+    """Contact of each sheet with the next, and of two around smaller ones. planes: of symmetry."""
     pairs, reach = list(pairwise(laid.sheets)), _reach(laid)
-    for k, (lower, upper) in enumerate(zip(laid.sheets, laid.sheets[2:])):
-        if (np.minimum(reach[k], reach[k + 2]) > reach[k + 1] + REACH_TOLERANCE).any():
-            pairs.append((lower, upper))
+    for i, j in combinations(range(len(reach)), 2):
+        smaller = reach[i + 1 : j].max(0, initial=-np.inf) + REACH_TOLERANCE
+        if j > i + 1 and (np.minimum(reach[i], reach[j]) > smaller).any():
+            pairs.append((laid.sheets[i], laid.sheets[j]))
     return [
         SheetContact(
             lower.name,
@@ -60,7 +61,7 @@ def _reach(laid):
 def press(laid: Laid, terms: Sequence[Term], die: Tool | None) -> None:
     """Press the sheets of a stack together and onto the `die`, as the present pressures of holders
     do: sheets that do not touch at first resist nothing. Metal moves up as a whole, as it would not
-    bend at the flange's end."""
+    bend at the flange's end; of fabric, what lies below no other sheet moves to the die, too."""
     stack, sheets = laid.blank, laid.sheets
     holders = [t for t in terms if isinstance(t, BlankHolderPressure) and t.now]
     if not (laid.stack and holders):
@@ -69,15 +70,17 @@ def press(laid: Laid, terms: Sequence[Term], die: Tool | None) -> None:
     pairs, names = neighbours(terms, sheets), [sheet.name for sheet in sheets]
     on_it = stack.parts[names[-1]].nodes
     depths = [on_top.depth_under(each.now)[on_it].max(initial=0.0) for each in holders]
-    rises = np.max(stack.mesh.comm.allgather(depths), axis=0)[:, None]
     places = stack.coordinates()[: len(on_it)].T
+    rises = np.tile(np.max(stack.mesh.comm.allgather(depths), axis=0)[:, None], len(on_it))
     shares = np.array([each.shares(places) for each in holders])
-    if any(sheet.metal for sheet in sheets):
+    if has_metal := any(sheet.metal for sheet in sheets):
         shares[:] = 1 / len(holders)
     u = stack.u.x.array.reshape(-1, 3)
     for k, name in reversed([*enumerate(names)]):
         at = np.flatnonzero(stack.parts[name].nodes)
-        u[at, 2] = (shares[:, at] * rises).sum(0)
+        u[at, 2] = (shares * rises)[:, at].sum(0)
         if k:
-            rises += [[pairs[k - 1].depth_under(each.now)] for each in holders]
+            between = np.array([[pairs[k - 1].depth_under(each.now)] for each in holders])
+            lies = has_metal | laid.covers(k, places)
+            rises += np.where(lies, between, sheets[k].thickness_under(0.0))
     stack.u.x.scatter_forward()

@@ -15,7 +15,7 @@ from ..contact.sheet_contact import FaceContact, SheetContact
 from ..core.errors import InputError
 from ..core.formatting import rounded
 from ..energy.fabric_states import KIND
-from ..energy.load import RELEASED, ReleaseForces
+from ..energy.load import RELEASED, Gravity, ReleaseForces
 from ..energy.materials import fabric_of, materials_of
 from ..energy.output import Value
 from ..energy.term import SceneFacts, overrides
@@ -33,7 +33,7 @@ _formed: WeakKeyDictionary[Scene, np.ndarray] = WeakKeyDictionary()
 def unloading(
     result: Result, *, together: bool = False, keep: Sequence[str] = (), **changes: Any
 ) -> Job:
-    """Job that unloads the sheets of a result, without tools, holders and loads.
+    """Job that unloads the sheets of a result, without tools, holders and loads but gravity.
 
     The forces that these, and supports, exerted on the nodes in the formed state are released in
     proportion to the load, see `ReleaseForces`. The sheets keep their history, as plastic strains
@@ -104,8 +104,9 @@ def _stays(term, together):
     """Whether a term belongs to the sheets, not to what forms them."""
     if isinstance(term, SheetContact):
         return together
-    stores = term.energy_kind is not None or term.energy is None
-    return stores and not overrides(term, "applied_forces")
+    if overrides(term, "applied_forces"):
+        return isinstance(term, Gravity)
+    return term.energy_kind is not None or term.energy is None
 
 
 def _at_full_load(support):

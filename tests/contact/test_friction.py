@@ -199,6 +199,25 @@ def test_a_resumed_run_knows_what_no_displacement_tells(shared_path):
     assert newton.memory()["negative_pivots_met"] and newton.memory()["shift"] > 0
 
 
+@pytest.mark.mpi
+@pytest.mark.parametrize("across", [0.0, 0.75])
+def test_a_strip_drawn_through_a_bead_needs_width_times_restraint(across):
+    """Times the length of the line on it over the width, if the line is oblique, and friction mu p
+    on 1200 mm2 of a holder; and nothing more as the strip goes on."""
+    strip = sheet(60, 20, 13, 5)
+    ends = [(30 + across * (y - 10), y) for y in (-30, 50)]
+    bead = ff.LineBead(ends, restraint=2.0)
+    holder = ff.BlankHolderPressure(0.05, (0, 0, 1), everywhere, friction=0.2)
+    drawn = ff.Support("end", near(0, 60.0), (0, 1, 2), (6.0, 0, 0))
+    flat = ff.Support("flat", everywhere, (1, 2))
+    scene, pulls = ff.Scene(strip, [Elastic(1e5), bead, holder], [drawn, flat]), []
+    pulled = lambda state: pulls.append((bead.restrained(), scene.reaction("end")[0]))  # noqa: E731
+    assert not march(Newton(scene), 4, on_accept=pulled).reason
+    for restraint, pull in pulls[1:]:
+        assert restraint == pytest.approx(40 * np.hypot(1, across), rel=3e-3)
+        assert pull == pytest.approx(restraint + 0.2 * 0.05 * 1200, rel=1e-3)
+
+
 def test_elastic_slip():
     """By default what sticks is as stiff as told, from 0.1 micrometres to 0.1 mm."""
     limit = np.array([1e-3, 0.02, 5.0, 50.0])

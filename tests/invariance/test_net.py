@@ -64,6 +64,17 @@ def slippery(steps):
     return scenes.press(interface=ff.Interface(friction=0.0, lag=1e-9), stages=stage)
 
 
+def test_a_patch_off_the_flange_changes_as_little_as_it_is_thick():
+    """It is a sheet of its own, a hundredth as thick as the ply; the holder acts as without it."""
+    ply, thin = scenes.sheet(name="ply", nx=4), scenes.TWILL.replace(thickness=0.01)
+    patch = ff.Sheet(fabric=thin, length=20.0, width=20.0, nx=2, bending_modulus=0.0, name="patch")
+    sheets = [ply], [ply, patch], [patch, ply]
+    made = [scenes.press(*each, stages=scenes.SHORT).job(balance=None).run() for each in sheets]
+    for name in ("reaction_N", "holder_force_of_whole_N"):
+        alone, *patched = (result.rows[-1][name] for result in made)
+        assert patched == pytest.approx([alone, alone], rel=0.02)
+
+
 PRESS_FILE = """
 unit = "mm"
 title = "A press"

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from builders import dome
+from builders import KOMEILI, dome
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.press.holders import Region
@@ -66,6 +66,24 @@ def test_segments_that_overlap_are_refused_with_their_area(one, other, words):
 def test_grippers_may_share_corners():
     ends = [ff.Grippers(1.0, edges=[f"{end} {axis}" for axis in "xy"]) for end in ("low", "high")]
     assert held_whole(dict(zip("ab", ends)), "none") == 0
+
+
+@pytest.mark.mpi
+def test_a_stack_is_pressed_where_any_of_its_sheets_lies_on_the_flange():
+    """A cross of two sheets over a patch in its middle, under a flat die: the area of the cross;
+    `full_stack` presses what all have in common."""
+    sizes = {"patch": (20, 22), "along": (100, 60), "across": (56, 94)}
+    tools = {"ball": ff.PressTool(ff.Sphere(20.0))}
+    tools["die"] = ff.PressTool(ff.Plane((0, 0, 0), (0, 0, -1)), side="above")
+    cross = [
+        ff.Sheet(fabric=KOMEILI, length=a, width=b, nx=7, name=n) for n, (a, b) in sizes.items()
+    ]
+    press = ff.Press(sheets=cross, tools=tools, stages=ff.Stage(moves={"ball": 0.1}))
+    areas = (False, 100 * 60 + 56 * (94 - 60), 2e-3), (True, 20 * 22, 0.02)
+    for full, area, within in areas:
+        held = press.replace(holders={"holder": ff.PressureHolder(0.02, full_stack=full)}).build()
+        force = held.columns(held.scene)["holder_force_of_whole_N"]
+        assert force == pytest.approx(0.02 * area, rel=within)
 
 
 @pytest.mark.parametrize("gap, meant", [(None, 1.1 * 1.07427), (0.54, 0.54)])

@@ -93,6 +93,7 @@ def test_the_force_of_a_tool_is_that_on_the_whole_blank(tmp_path):
         (["tools.ring.turn=[180, 0, 0]"], r"body between its face .*, turn = \[180, 0, 0\]"),
         (["tools.ring.length=60"], "punch and ring go 13.* mm through one another at the end of f"),
         (["holder.against=punch"], "holder.against is punch, which moves; allowed is a tool"),
+        (["holder.bead={line=[[60, 0], [40, 9]], restraint=1}"], "bead leaves the flange of ring"),
         (["holder.gap=0.53"], "holder.gap is 0.53, which crushes the blank; allowed is from"),
     ],
 )
@@ -105,6 +106,11 @@ def test_tools_that_cannot_stand_or_move_as_given(changes, words):
     "changes, words",
     [
         (["stage.1.moves.punch=-30"], "tools.punch only moves away from the blank"),
+        (["gravity=1", "gravity_direction=[1, 0, 0]"], "direction is .*, across a plane of sym"),
+        (
+            ["holder.bead={line=[[9, 0], [9, 9]]}"],
+            "is {'line': .* a table of `line` and `restraint`",
+        ),
         (["stage.1.close=1.2"], "close needs a tool with a die, as die_of"),
         (["holder={pressure=1, force=3}"], "has pressure and force; allowed is one of pressure, f"),
         (["ply=[{metal='dc04', fabric='komeili'}]"], "1.fabric is given beside ply.1.metal"),

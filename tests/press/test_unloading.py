@@ -115,6 +115,18 @@ def test_fabric_whose_yarns_rub_keeps_its_height_if_that_is_stronger_than_the_la
     assert not [each for each in said(unloaded.summary) if "keeps no shape" in each]
 
 
+def test_gravity_stays_when_the_tools_are_taken_away():
+    """The fixed nodes then bear the weight of the quarter: 0.75 kg/m2, 1 mm thick."""
+    changes = ["blank.nx=4", "gravity=9.81", "stage.1.moves.punch=6", "stage.1.steps=2"]
+    formed = ff.Press.read("hemisphere", changes).job(balance=None).run()
+    weight = 9.81 * 0.75e-6 * 200 * 200 / 4
+    assert formed.scene.terms[-1].force() == pytest.approx([0, 0, -weight])
+    assert formed.summary["quantities"]["unbalanced_force_N"] < 1e-3 * weight
+    unloaded = ff.unloading(formed).run()
+    assert unloaded.number("supports_bear_N") == pytest.approx(weight, rel=1e-3)
+    assert unloaded.summary["energy_imbalance"] < 0.02
+
+
 @pytest.mark.mpi
 def test_sheets_of_a_stack_spring_back_on_each_other_or_alone():
     plies = [{"metal": ff.load_metal("dc04"), "name": "metal"}, {"name": "fabric"}]
