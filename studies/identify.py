@@ -14,7 +14,7 @@ import scipy
 from fabric_fenicsx import __version__, identification
 from fabric_fenicsx.cli.options import Parser, exit_status, program, restart_command
 from fabric_fenicsx.core.errors import InputError, SolverFailure
-from fabric_fenicsx.core.files import ending
+from fabric_fenicsx.core.files import check_new, ending
 from fabric_fenicsx.core.status import shown, task
 from fabric_fenicsx.identification import curves
 from fabric_fenicsx.results import report as html
@@ -37,9 +37,9 @@ def check(args):
     """InputError for options that do not fit together."""
     if ending(args.out) != ".toml":
         raise InputError(f"--out is {args.out}; allowed is a file that ends in .toml")
-    if args.out.exists() and not args.overwrite:
-        allowed = "another file, or --overwrite to lose it"
-        raise InputError(f"--out {args.out} is there already; allowed is {allowed}")
+    ends = ".toml", ".json", ".html", "_fit.png", "_residuals.png", "_correlation.png"
+    files = (args.out.with_name(args.out.stem + end) for end in (*ends, "_compaction.png"))
+    check_new(*files, overwrite=args.overwrite)
 
 
 def is_first_rank():
@@ -92,7 +92,7 @@ def main(args):
         identification.draw(result, args.out.with_suffix(""))
     files = args.out.with_suffix(".json"), args.out.parent.glob(f"{args.out.stem}_*.png")
     page = html.page("identify", {"": files}, __doc__, "done")
-    args.out.with_suffix(".html").write_text(page)
+    args.out.with_suffix(".html").write_text(page, encoding="utf-8")
     print(*identification.result_lines(result), sep="\n")
     print(
         f"{args.out}: {len(result.determined)} of {report['parameters']} parameters determined, "

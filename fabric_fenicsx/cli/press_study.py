@@ -86,5 +86,6 @@ class PressStudy(Study):
         try:
             return super().run(setup, part)
         finally:
-            if self.comm.rank == 0 and (folder / "summary.json").exists():
-                setup.data.write(folder / "press.toml")
+            file, is_there = folder / "press.toml", (folder / "summary.json").exists()
+            if self.comm.rank == 0 and is_there and file.resolve() not in self.output.owned.inputs:
+                setup.data.write(file)

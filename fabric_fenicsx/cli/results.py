@@ -1,6 +1,6 @@
 """`fabric export`, `pattern` and `view`: commands on the results of a forming run."""
 
-import os
+import ctypes
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.files import ending, failure_reason, replace_file
+from ..core.files import check_new, ending, failure_reason, replace_file
 from ..core.formatting import rounded
 from ..core.rules import POSITIVE, unknown_key
 from ..io.outlines import read_trim_line
@@ -28,6 +28,7 @@ def run(command: str, words: Sequence[str]) -> None:
     how = {"export": _export, "pattern": _pattern, "view": _view}[command]
     parser = Parser(prog=f"fabric {command}", description=how.__doc__)
     parser.option("folder", metavar="DIR", help="results of a run")
+    parser.switch("--overwrite", "replace files that are there")
     args = how(parser, words)
     if reason := failure_reason(Path(args.folder) / "summary.json"):
         print(f"warning: the run in {args.folder} did not end well: {reason}", file=sys.stderr)
@@ -40,6 +41,7 @@ def _export(parser, words):
     parser.switch("--modelled", "what was modelled, as a quarter (default: the whole part)")
     parser.option("--frame", metavar="TOOL", help=FRAME)
     args = parser.parse_args(words)
+    check_new(Path(args.file), overwrite=args.overwrite)
     grids = states.read_grids(args.folder)
     frame = states.frame_of(args.folder, args.frame) if args.frame else None
     labels = states.set_labels(grids) if ending(args.file) == ".inp" else {}
@@ -60,13 +62,23 @@ def _view(parser, words):
     parser.option("--field", metavar="NAME", help=field)
     args = parser.parse_args(words)
     states.states(args.folder)
-    if args.html is None and os.environ.get("DISPLAY"):
+    if args.html is None and _has_display():
         space.show(args.folder, args.field)
     else:
         file = Path(args.html or Path(args.folder) / "view.html")
+        check_new(file, overwrite=args.overwrite)
         replace_file(file, space.page(args.folder, args.field))
         print(f"{file}: the last state, for a browser")
     return args
+
+
+def _has_display():
+    """True if an X server answers; without one VTK opens no window and says nothing."""
+    with suppress(OSError):
+        x11 = ctypes.CDLL("libX11.so.6")
+        x11.XOpenDisplay.restype = ctypes.c_void_p
+        return bool(x11.XOpenDisplay(None))
+    return False
 
 
 def _pattern(parser, words):
@@ -109,9 +121,12 @@ def _pattern(parser, words):
         except InputError as error:
             raise InputError(f"ply {name}: {error}" if name else str(error)) from None
     stem, units = Path(args.out or Path(args.folder) / "pattern"), states.units(args.folder)
+    stems = {n: f"{stem}_{labels[n]}" if labels[n] else f"{stem}" for n in patterns}
+    files = (Path(each + end) for each in stems.values() for end in (".dxf", ".csv", ".vtu"))
+    check_new(*files, overwrite=args.overwrite)
     print("".join(f"{note}\n" for note in notes), end="")
     for name, flat in patterns.items():
-        own = stem.with_name("_".join(filter(None, [stem.name, labels[name]])))
+        own = stems[name]
         pattern.write_pattern(own, flat, units, name, frame)
         off = f", trim line up to {rounded(flat.off)} mm off the ply" if flat.off else ""
         sizes = f"area {rounded(flat.net.area, 6)} mm2, perimeter {rounded(flat.net.length, 6)} mm"

@@ -1,6 +1,7 @@
 """Parts that all study scripts share: options, a test of them, its run, and the exit status."""
 
 import logging
+import os
 import signal
 import sys
 import traceback
@@ -146,6 +147,8 @@ class Study:
             "translated": options.translated,
         }
         self.output = output = Output(name, args.out, comm, **settings)
+        texts = [each for each in vars(args).values() if isinstance(each, str)]
+        output.owned.inputs = [Path(each).resolve() for each in texts if os.path.isfile(each)]
         self.say, self.warn, self.folder = output.say, output.warn, output.folder
         self.write_table = output.write_table
         for doubt in fabric.plausibility_warnings() if fabric else ():
@@ -200,6 +203,7 @@ class Study:
         if self.args.dry_run:
             for line in checked(job, self.output, part, pictures, self.more_runs(job.setup)):
                 self.say(line)
+            self.output.close()
             sys.exit(0)
         return job.run(self.output, part, problem=self._problem, pictures=pictures)
 
@@ -215,8 +219,8 @@ class Study:
     def _facts(self):
         given = vars(self.args).items()
         options = {k: str(v) if isinstance(v, Path) else v for k, v in given}
-        command, fabric = self.output.command, self.fabric.dumps()
-        return {"command": command, "options": options, "fabric": fabric}
+        command = {k: v for k, v in self.output.facts.items() if k == "command"}
+        return command | {"options": options, "fabric": self.fabric.dumps()}
 
     def problem(self, setup: Setup) -> dict:
         """Facts in which a checkpoint must agree: the fabric, and all options but the free ones."""

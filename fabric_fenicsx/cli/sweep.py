@@ -92,6 +92,8 @@ def _sweep(args, passed, form, argv):
     runner, told = Runner(sweep, form, args.jobs, asked), list[str]()
     if args.only:
         return runner.all([values[args.only - 1]])[0].reason
+    if "--dry-run" in passed:
+        return "".join(run.reason for run in runner.all(values))
     sweep.state["asked"] = asked
     try:
         _announce(values, runner)

@@ -44,17 +44,26 @@ def csv_text(rows: Sequence[Mapping]) -> str:
     return text.getvalue()
 
 
-def read_summary(path: Path) -> dict:
-    """The summary in `path`, {} if there is none."""
+def read_json(path: Path) -> dict:
+    """The table in `path`, {} if there is none."""
     with suppress(OSError, ValueError):
-        return json.loads(path.read_text())
+        data = json.loads(path.read_text())
+        return data if isinstance(data, dict) else {}
     return {}
 
 
 def failure_reason(path: Path) -> str:
     """Why the run of the summary in `path` did not end well; "" if it did or there is none."""
-    summary = read_summary(path)
+    summary = read_json(path)
     return "" if summary.get("converged", True) else str(summary.get("reason", "no reason given"))
+
+
+def check_new(*files: Path, overwrite: bool) -> None:
+    """Raise InputError for a file that is there and may not be replaced."""
+    for file in files:
+        if file.exists() and not overwrite:
+            allowed = "another file, or --overwrite to lose it"
+            raise InputError(f"{file} is there already; allowed is {allowed}")
 
 
 def lock_folder(folder: Path) -> IO | None:

@@ -95,7 +95,7 @@ class LogFile(logging.FileHandler):
     """log.txt, which starts with the command."""
 
     def __init__(self, path: Path, mode: str, command: str) -> None:
-        super().__init__(path, mode)
+        super().__init__(path, mode, encoding="utf-8")
         self.setFormatter(_formatter("%(asctime)s  "))
         print(command, file=self.stream)
 

@@ -11,7 +11,7 @@ from typing import Any, Self
 from ..core.collective_errors import all_or_none
 from ..core.errors import NOT_BELIEVED, InputError, Interrupted, SolverFailure
 from ..core.fields import declared
-from ..core.files import read_summary
+from ..core.files import read_json
 from ..core.formatting import rounded
 from ..core.processes import StopSignals
 from ..core.status import log, shown, task
@@ -182,7 +182,7 @@ class Job(Settings):
         if output.resume and (folder == output.path or comm.bcast(checkpoint.path.exists())):
             start, notes = checkpoint.load(scene.memory())
             if start.load == 1 and not start.viscosity.drag:
-                summary = comm.bcast(read_summary(folder / "summary.json"))
+                summary = comm.bcast(read_json(folder / "summary.json"))
                 if summary.get("converged"):
                     before = Result(summary, notes["rows"], Fields({}), folder, scene)
                     return self._finished_before(output, before, start, notes, problem, pictures)
@@ -190,9 +190,10 @@ class Job(Settings):
             output.warn(warning)
         for doubt in validity.warnings_at_start(scene):
             output.tell(doubt)
-        if comm.rank == 0:
-            for old in [folder / "summary.json", *folder.glob("*.png")]:
-                old.unlink(missing_ok=True)  # of an earlier run, not of this one
+        if comm.rank == 0:  # of an earlier run, not of this one
+            for name in output.owned.names("summary.json", ".png"):
+                if (file := output.path / name).parent == folder:
+                    file.unlink()
         states = StateWriter(self, output, checkpoint, notes)
         progress = ProgressLog(states, newton, start.load if start else 0.0)
         watch = LimitWatch(scene, self)
@@ -326,7 +327,7 @@ class Job(Settings):
             f"the error: the same run on {cells} cells instead of {result.summary['cells']}, in "
             f"{job.steps:g} steps"
         )
-        folder = result.folder / name
+        folder = output.folder(str((result.folder / name).relative_to(output.path)), is_shown=False)
         known = output.resume and comm.bcast((folder / "checkpoint.npz").exists())
         apart = Output(f"{job.name}, coarser", folder, comm, resume=known, overwrite=not known)
         apart.is_quiet = True

@@ -282,6 +282,7 @@ def write(press: PressData, path: str | os.PathLike[str]) -> None:
     path, files = Path(path), dict[Path, Material]()
 
     def plain(value, where):
+        is_file = isinstance(value, Field) or where.endswith((".file", ".mesh", ".outline"))
         if isinstance(value, (Field, Region)):
             value = value.entry if isinstance(value, Field) else value.limits
         if isinstance(value, Mapping):
@@ -298,7 +299,7 @@ def write(press: PressData, path: str | os.PathLike[str]) -> None:
             files[file] = value
             return file.name
         if isinstance(value, (str, bool, int, float)):
-            return value
+            return os.path.relpath(value, path.parent) if is_file else value
         flaw = f"{where} is {repr_short(value)}, which a file cannot hold"
         raise InputError(f"{flaw}; allowed are numbers, names, files, shapes and regions")
 

@@ -23,6 +23,7 @@ from ..core.files import csv_text, lock_folder, plain, replace_file, write_json
 from ..core.status import MARKED, LogFile, log
 from ..core.version import __version__
 from . import report
+from .owned import OwnedFiles
 from .verdict import INVALID, OK, Numbers, Reason
 
 
@@ -56,8 +57,8 @@ class Output:
     ) -> None:
         self.name, self.path, self.comm = name, path, comm
         self.resume, self.overwrite = resume, overwrite
-        self.command, self.translated = command, translated
-        self.facts: dict[str, object] = {}
+        self.translated, self.owned = translated, OwnedFiles(path)
+        self.facts: dict[str, object] = {"command": command} if command else {}
         self.parts: list[str] = []  # that were begun, "" for the folder itself
         self.is_quiet = False
         # since the last summary: remarks on what was given, and reasons of the verdict
@@ -100,22 +101,25 @@ class Output:
         self._said.add(text)
         return text
 
-    def folder(self, part: str = "") -> Path:
-        """Make the folder, or its subfolder `part`, and return it. Raises InputError if it can't be
-        written to, another run uses it, or it holds results and neither resume nor overwrite is
-        set."""
+    def folder(self, part: str = "", is_shown: bool = True) -> Path:
+        """Make the folder, or its subfolder `part`, and return it; is_shown: the report tells of
+        it. Raises InputError if it can't be written to, another run uses it, it holds what is not
+        of a run of it, or results, and neither resume nor overwrite is set."""
         path = self.path / part
-        on_root(self.comm, lambda: self._make(path))
-        if part not in self.parts:
+        on_root(self.comm, lambda: self._make(path, part))
+        if is_shown and part not in self.parts:
             self.parts.append(part)
         return path
 
-    def _make(self, path):
+    def _make(self, path, part):
         """Make the folder and, the first time, lock it."""
         is_first = not self.parts
-        if self.resume and is_first and "checkpoint.npz" not in {f.name for f in self._results()}:
+        if self.resume and is_first and not self.owned.names("checkpoint.npz"):
             flaw = f"`resume=True` finds no checkpoint in {path}"
             raise InputError(f"{flaw}; allowed is the `out` of a run that was begun")
+        if others := self.owned.others(part, self.resume):
+            flaw = f"`out` {self.path} holds inputs, or what no run of it wrote"
+            raise InputError(f"{flaw}: {', '.join(others)}; allowed is another folder")
         try:
             path.mkdir(parents=True, exist_ok=True)
             tempfile.TemporaryFile(dir=path).close()
@@ -123,28 +127,25 @@ class Output:
             flaw = f"`out` {path} can't be written to ({error.strerror})"
             raise InputError(f"{flaw}; allowed is a folder that can be made") from None
         if not is_first:
-            return
+            return self.owned.note(part)
         if not (lock := lock_folder(self.path)):
             allowed = "another folder, or this one when that run has ended"
             raise InputError(f"`out` {self.path} is in use by another run; allowed is {allowed}")
         self._open.enter_context(lock)
-        old = self._results()  # now that no other run adds to them
+        old = self.owned.names(*self.RESULTS)
         if old and not (self.resume or self.overwrite):
-            self.close()
-            found = f"`out` {self.path} holds results ({old[0].relative_to(self.path)})"
+            self._open.close()
+            found = f"`out` {self.path} holds results ({old[0]})"
             allowed = "`resume=True` to go on with them, `overwrite=True` to lose them"
             raise InputError(f"{found}; allowed is another folder, {allowed}")
-        if self.overwrite:
-            for file in (*old, *self.path.glob("*.png"), self.path / "report.html"):
-                file.unlink(missing_ok=True)
-        handler = LogFile(self.path / "log.txt", "a" if self.resume else "w", self.command)
+        if not self.resume:
+            self.owned.remove()
+        self.owned.note("", part)
+        command = str(self.facts.get("command", ""))
+        handler = LogFile(self.path / "log.txt", "a" if self.resume else "w", command)
         log.addHandler(handler)
         self._open.callback(handler.close)
         self._open.callback(log.removeHandler, handler)
-
-    def _results(self):
-        patterns = [under + name for name in self.RESULTS for under in ("", "*/")]
-        return [file for pattern in patterns for file in self.path.glob(pattern)]
 
     def write_table(self, path: Path, rows: Sequence[Numbers]) -> None:
         """Write dicts to a CSV file, on rank 0, with a column for each of their keys."""
@@ -188,7 +189,10 @@ class Output:
         runs = {part: (at / "summary.json", at.glob("*.png")) for part, at in folders.items()}
         page = report.page(title or self.name, runs, description, ending, self.path / "log.txt")
         replace_file(self.path / "report.html", page)
+        self.close()
 
     def close(self) -> None:
-        """Close the log and let other runs use the folder."""
+        """List the files of the run, close the log and let other runs use the folder."""
+        if self.parts and self.comm.rank == 0:
+            self.owned.note(is_over=True)
         self._open.close()

@@ -54,7 +54,8 @@ def configure(ksp: PETSc.KSP, A: PETSc.Mat, name: str) -> None:
     database, options = PETSc.Options(PREFIX), _options(name)
     ksp.setOperators(A)
     if name.startswith("mumps"):
-        entries = A.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_allocated"]
+        known = A.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)  # before it is assembled, or on ranks
+        entries = max(known["nz_allocated"], known["nz_used"])
         if entries >= A.size[0] * A.size[1]:  # PORD ends the process then: minimum degree there
             options["mat_mumps_icntl_7"] = 0
         ksp.pc.setType(options["pc_type"])

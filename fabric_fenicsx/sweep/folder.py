@@ -6,7 +6,6 @@ import hashlib
 import json
 import math
 import re
-import shutil
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
@@ -14,8 +13,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..core.errors import InputError
-from ..core.files import lock_folder, read_summary, write_json
+from ..core.files import lock_folder, read_json, write_json
 from ..core.rules import unknown_key
+from ..results.owned import OwnedFiles
 from ..results.verdict import INVALID
 
 REFINED = "finer", "finest"  # folders of a run's own runs on the cells that waves need
@@ -147,7 +147,7 @@ class Run:
         return [self.folder, *(each for each in finer if (each / "summary.json").is_file())][-1]
 
     def summary(self) -> dict:
-        return read_summary(self.results / "summary.json")
+        return read_json(self.results / "summary.json")
 
     def save(self) -> None:
         state = {key: value for key, value in vars(self).items() if key != "folder"}
@@ -176,9 +176,9 @@ class Run:
         return self.summary().get("stroke_reached", 0) >= 1
 
     def is_done(self, options: Sequence[str]) -> bool:
-        """True for a run that ended by itself at full load, or with these options."""
+        """True for a run with results that ended by itself at full load, or with these options."""
         ended = self.is_at_full_load() or self.options == list(options)
-        return self.status == 0 or (self.status == 3 and ended)
+        return bool(self.summary()) and (self.status == 0 or (self.status == 3 and ended))
 
     def numbers(self) -> dict[str, float]:
         """Its quantities that are one number {name with dots: number}, nan without a value."""
@@ -224,7 +224,7 @@ class SweepFolder:
         self.path, self.title = path, str(tomllib.loads(text).get("title", press.name))
         made_of = {"text": text, "files": _files_of(press, text)}
         self.state: dict = {"format": 2, "keys": list(keys), "press": made_of}
-        before = read_summary(path / "sweep.json")
+        before = read_json(path / "sweep.json")
         if not before and any(not each.name.startswith(".") for each in path.glob("*")):
             flaw = f"--out {path} holds files that no sweep wrote"
             raise InputError(f"{flaw}; allowed is a folder of a sweep, an empty or a new one")
@@ -236,8 +236,12 @@ class SweepFolder:
         if not (shared or self._lock):
             raise InputError(f"--out {path} is in use by another sweep; allowed is another folder")
         if overwrite:
-            for file in path.glob("*/run.json"):
-                shutil.rmtree(file.parent)
+            for folder in (file.parent for file in path.glob("*/run.json")):
+                OwnedFiles(folder).remove()
+                for name in ("run.json", "console.txt", ".lock"):
+                    (folder / name).unlink(missing_ok=True)
+                with suppress(OSError):  # a user's files are there
+                    folder.rmdir()
             for name in "table.csv report.html curves.png maps.png trends.png".split():
                 (path / name).unlink(missing_ok=True)
         runs = {file.parent: json.loads(file.read_text()) for file in path.glob("*/run.json")}

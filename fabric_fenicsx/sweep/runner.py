@@ -125,6 +125,9 @@ class Runner:
             try:
                 if status == 2:
                     raise InputError(f"run {run.label}: {_last_words(run)}")
+                if "--dry-run" in self.program.options and status == 0:  # which leaves no results
+                    print(f"{run.label}: {_last_words(run, 'the run takes .*')}", flush=True)
+                    return
                 _note(run, status)
                 print(_line(run, time.monotonic() - began), flush=True)
                 for name in self.asked if run.is_believed() else ():
@@ -160,10 +163,10 @@ class Runner:
             self._stopped = True
 
 
-def _last_words(run):
+def _last_words(run, of="fabric form: (?:error: |stopped: )?(.+)"):
     """A run's sentence on how it ended, else its last line; libraries of MPI may print after it."""
     text = (run.folder / "console.txt").read_text(errors="replace")
-    own = re.findall(r"^fabric form: (?:error: |stopped: )?(.+)", text, re.MULTILINE)
+    own = re.findall(f"^{of}", text, re.MULTILINE)
     return (own or [line for line in text.splitlines() if line] or ["no words"])[-1]
 
 

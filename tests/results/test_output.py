@@ -66,6 +66,42 @@ def test_what_is_kept_is_plain(tmp_path, write):
     assert kept == {"a": [1.0, None, {"b": [None, "c", 2]}]}
 
 
+def test_a_run_owns_what_is_on_its_list(tmp_path):
+    """All else in its folder stays, and is refused where it has the name of a result."""
+
+    def run(folder, *pictures, ends=True, part="", **how):
+        output = Output("run", tmp_path / folder, MPI.COMM_SELF, **how)
+        for name in ("history.csv", *pictures):
+            (output.folder(part) / name).write_text("the run's")
+        output.summarise(output.path / part)
+        output.report("", "done") if ends else output._open.close()
+
+    def refused(folder, words, **how):
+        before = {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
+        with pytest.raises(ff.InputError, match=words):
+            run(folder, "curve.png", **how)
+        assert before == {file: file.read_bytes() for file in before}
+
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own/report.html").write_text("mine")
+    refused("own", "own holds inputs, or what no run of it wrote: report.html; allowed")
+    for folder, ends in ("all/A", True), ("all/B", False):  # which was killed
+        run(folder, "formed.png", part="unloaded", ends=ends)
+        for name in ("photo.png", "unloaded/notes.txt"):
+            (tmp_path / folder / name).write_text("mine")
+        refused(folder, "holds results")
+        refused("all", "wrote: A, B; allowed" if folder == "all/B" else ": A;", overwrite=True)
+        run(folder, overwrite=True)
+        left = {str(f.relative_to(tmp_path / folder)) for f in (tmp_path / folder).rglob("*.*")}
+        assert left == {
+            *("photo.png", "unloaded/notes.txt", "history.csv", "summary.json", "report.html"),
+            *("log.txt", ".files.json", ".lock"),
+        }
+        (tmp_path / folder / "curve.png").write_text("mine")
+        for how in ({"overwrite": True}, {}):
+            refused(folder, "wrote: curve.png; allowed", **how)
+
+
 def test_what_is_invalid_is_before_doubts_and_both_stay(tmp_path):
     output = Output("run", tmp_path, MPI.COMM_SELF)
     doubt, worse = Reason("a doubt", "wrinkles"), Reason("wrong", verdict="invalid")

@@ -33,14 +33,20 @@ def negative_pivots(newton):
     return newton.tangent.negative_pivots()
 
 
+@pytest.mark.mpi
 @pytest.mark.versions
 def test_orderings_of_the_factors():
     """PORD, which orders a strip, ends the process where all unknowns are coupled, as in one cell;
     the user's own options have a prefix."""
     cell = sheet(10.0, 10.0, 1, 1, "left", cell="quadrilateral")
     one = ff.Scene(cell, [ff.Membrane(KOMEILI)], ff.rolling_ends(0.1))
+    crossed = ff.Blank.rectangle(10, 10, nx=1, ny=1, element="P1", pattern="crossed", spatial=True)
+    bent = ff.Scene(
+        crossed, [ff.Membrane(KOMEILI), ff.Bending(modulus=100.0)], ff.clamped_ends(0.1)
+    )
     options = PETSc.Options("fabric_")
-    for scene, own, ordering in ((strip(nx=4), None, 4), (one, None, 0), (strip(nx=4), 6, 6)):
+    scenes = (strip(nx=4), None, 4), (one, None, 0), (bent, None, 0), (strip(nx=4), 6, 6)
+    for scene, own, ordering in scenes:
         options.delValue("mat_mumps_icntl_7")
         if own:
             options["mat_mumps_icntl_7"] = own

@@ -14,17 +14,27 @@ from fabric_fenicsx.press.press import EXAMPLES
 from fabric_fenicsx.results import forming_pictures
 from fabric_fenicsx.results.states import read_state
 
+ROOT = EXAMPLES.parents[1]
 PRESS = EXAMPLES / "hemisphere.toml"
 SMALL = PRESS, "--set", "blank.nx=4", "--steps", 2, "--balance", 9, "--no-pictures"
 
 
-def test_the_press_as_it_was_run_is_beside_its_results(launch):
-    change = "stage.1.moves.punch=3", "fabric.s1=0.05"
-    run = launch("form", *SMALL, *(word for each in change for word in ("--set", each)))
+def test_the_press_as_it_was_run_is_beside_its_results(launch, run_script, tmp_path):
+    """It runs again from its folder, with files that were named from another, but not into it."""
+    (tmp_path / "ply.csv").write_text("x,y\n-50,-50\n50,-50\n50,50\n-50,50\n")
+    change = "stage.1.moves.punch=3", "fabric.s1=0.05", "blank.outline=ply.csv", "blank.size=25"
+    small = SMALL[0], *SMALL[3:], *(word for each in change for word in ("--set", each))
+    run = launch("form", *small)
     assert run.status == 0, run.err
-    press = ff.Press.read(run.folder / "press.toml")
-    given = ff.Press.read(PRESS, ["blank.nx=4", *change])
-    assert press.build().fingerprint() == given.build().fingerprint()
+    press = run.folder / "press.toml"
+    press.write_text("# mine\n" + press.read_text())
+    script = ROOT / "studies/form.py", "press.toml", *SMALL[3:], "--out"
+    status, _, err = run_script(run.folder, *script, ".", "--overwrite")
+    assert status == 2 and "holds inputs, or what no run of it wrote: press.toml" in err
+    assert run_script(run.folder, *script, "../again")[0] == 0
+    again = json.loads((tmp_path / "again/summary.json").read_text())
+    assert again["reaction_N"] == pytest.approx(run.summary["reaction_N"], rel=1e-9)
+    assert press.read_text().startswith("# mine")
 
 
 def test_a_disturbed_run_is_of_the_whole_ply(launch):
