@@ -46,10 +46,13 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     for k, why in sorted(reason.items()):
         unit, moves = unit_of(names[k]), _moves(problem, theta, free, halves, J, sd, k)
         assumed[names[k]] = Assumed(float(theta[k]), unit, source[names[k]], why, moves)
-    fabric = _fabric(dict(zip(names, map(float, theta))), sheet, assumed)
-    fabric = fabric.replace(shear_friction=friction and friction.friction)
-    if compaction:
-        fabric = fabric.replace(compaction=compaction.compaction)
+    values = dict(zip(names, map(float, theta)))
+    numbers: dict = {n: getattr(sheet, n) for n in ("name", *SHEET, *FIBRES)}
+    numbers |= {n: values[n] for n in SHEAR} | {"assumed": tuple({*map(base, assumed)})}
+    numbers |= {"compaction": compaction.compaction} if compaction else {}
+    numbers |= {"shear_friction": friction and friction.friction}
+    warp, weft = (Yarn(**yarn) for yarn in yarns_of(values))
+    fabric = WovenFabric(warp, weft, **numbers)
     softest, convex = _physics(problem, fabric)
     predicted, lost = problem.predict(theta), not friction and any(c.back for c in curves)
     fits = [(curve, response, predicted[s], sd[s]) for (curve, response), s in problem.parts]
@@ -146,14 +149,6 @@ def _moves(problem, theta, free, half, J, sd, k):
     change = -np.linalg.lstsq(J, more, rcond=None)[0] * problem.natural[free]
     least = np.maximum(half, 1e-3 * np.abs(theta[free]))
     return {problem.names[f]: float(c) for f, c, most in zip(free, change, least) if abs(c) > most}
-
-
-def _fabric(value, sheet, assumed):
-    """The fabric of values {name: number}; assumed: names of those that were not fitted."""
-    warp, weft = (Yarn(**yarn) for yarn in yarns_of(value))
-    numbers = {n: value[n] for n in SHEAR}
-    numbers |= {n: getattr(sheet, n) for n in ("name", *SHEET, *FIBRES)}
-    return WovenFabric(warp, weft, **numbers, assumed=tuple({base(name) for name in assumed}))
 
 
 def _physics(problem, fabric):

@@ -9,6 +9,7 @@ import math
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -33,14 +34,15 @@ class TextTable(NamedTuple):
 
 
 def read_lines(path: str | os.PathLike[str], encoding: str | None = None) -> list[str]:
-    """The lines of a text file, in UTF-8 or Windows' Latin encoding unless another one is stated;
-    InputError without the file's name where it is none."""
+    """The lines of a text file, in UTF-8, UTF-16 with its mark, or Windows' Latin encoding unless
+    another one is stated; InputError without the file's name where it is none."""
     try:
         data = Path(path).read_bytes()
         if data.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):  # as files of Excel begin
             raise ValueError("it is a workbook; save its sheet as CSV")
+        marked = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
         try:
-            text = data.decode(encoding or "utf-8-sig")
+            text = data.decode(encoding or marked)
         except UnicodeDecodeError:
             if encoding:
                 raise
@@ -49,7 +51,8 @@ def read_lines(path: str | os.PathLike[str], encoding: str | None = None) -> lis
             raise ValueError("it has bytes that are no text in UTF-8" if text else "it is empty")
     except (OSError, ValueError, LookupError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise InputError(f"cannot be read as text ({reason}); allowed is CSV in UTF-8") from None
+        allowed = "CSV in UTF-8, or in UTF-16 with its byte order mark"
+        raise InputError(f"cannot be read as text ({reason}); allowed is {allowed}") from None
     return text.splitlines()
 
 
@@ -116,8 +119,8 @@ def _delimiter(text):
 
 
 def _split(text, delimiter):
-    if delimiter == " ":
-        return text.split()
+    if delimiter == " ":  # but not before a unit in brackets
+        return re.split(r"\s+(?![\[(])", text.strip())
     return next(csv.reader([text], delimiter=delimiter, skipinitialspace=True))
 
 
@@ -126,19 +129,22 @@ def values_of(
 ) -> dict[str, np.ndarray]:
     """The numbers of columns {number: (name, factor)}, {name: (n,)}, each times its factor.
     InputError by row, of all that is wrong; decimal: the sign before decimals, if it is stated."""
+    columns = [[cells[i].strip() for cells in table.cells] for i in factors]
     found = [
-        (f"row {row}: {name} is {cells[i].strip()!r}", cells[i].strip())
-        for i, (name, _) in factors.items()
-        for row, cells in zip(table.rows, table.cells)
+        (f"row {row}: {name} is {cell!r}", cell)
+        for (name, _), column in zip(factors.values(), columns)
+        for row, cell in zip(table.rows, column)
     ]
-    commas = [(words, cell) for words, cell in found if "," in cell and _NUMBER.fullmatch(cell)]
-    if not decimal and all(re.fullmatch(r"[+-]?[1-9]\d{0,2}(,\d{3})+", cell) for _, cell in commas):
-        for words, cell in commas[:1]:
-            raise InputError(
-                f"{words}, which may mean {cell.replace(',', '.')} or {cell.replace(',', '')}; "
-                "allowed is a point before decimals, and no sign between thousands"
-            )
-    decimal = decimal or ("," if commas else ".")
+    sign = "," if any("," in cell and _NUMBER.fullmatch(cell) for _, cell in found) else "."
+    signed = [(words, cell) for words, cell in found if sign in cell and _NUMBER.fullmatch(cell)]
+    grouped = re.compile(rf"[+-]?[1-9]\d{{0,2}}([{sign}]\d{{3}})+")
+    is_unclear = signed and all(grouped.fullmatch(cell) for _, cell in signed)
+    if not decimal and is_unclear and (sign == "," or any(map(_has_jump, columns))):
+        words, cell = signed[0]
+        meant = f"{cell.replace(',', '.')} or {cell.replace(sign, '')}"
+        allowed = "a point before decimals in every row, and no sign between thousands"
+        raise InputError(f"{words}, which may mean {meant}; allowed is {allowed}")
+    decimal = decimal or sign
     # Python would take underscores between thousands
     signs = str.maketrans({"\u2212": "-", "_": "?", ".": "?"} | {decimal: "."})
     numbers = [number_of(cell.translate(signs)) for _, cell in found]
@@ -147,8 +153,17 @@ def values_of(
             f"{some(wrong)}; allowed is a finite number, as 1058{decimal}5, with the same sign "
             "before all decimals and none between thousands"
         )
-    columns = np.reshape(numbers, (len(factors), len(table.rows)))
-    return {name: factor * column for (name, factor), column in zip(factors.values(), columns)}
+    values = np.reshape(numbers, (len(factors), len(table.rows)))
+    return {name: factor * column for (name, factor), column in zip(factors.values(), values)}
+
+
+def _has_jump(cells):
+    """Whether a number is next to a whole one that is nearer to it without its point: 1.185 after
+    875, by a factor of more than the root of 1000."""
+    return any(
+        "." in cell and "." not in whole and abs(number_of(whole)) > 31.6 * abs(number_of(cell))
+        for cell, whole in [*pairwise(cells), *pairwise(cells[::-1])]
+    )
 
 
 def number_of(text: str) -> float:

@@ -16,6 +16,8 @@ OWN = {kind: next(iter(known)) for kind, known in UNITS.items()}  # the package'
 DEG = math.pi / 180
 ANGLE = {"rad": 1.0, "deg": DEG}
 STRAIN = {"-": 1.0, "%": 0.01}
+# what tests reach, [-] or [rad]: outside, fractions were taken for percent or radians for degrees
+REACH = {"eps": (5e-4, 0.5), "gamma": (1.6 * DEG, 85 * DEG)}
 PER_WIDTH = {"N/mm": 1.0, "N/m": 1e-3, "kN/m": 1.0}
 
 

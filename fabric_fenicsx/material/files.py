@@ -73,7 +73,7 @@ def read_toml(path: str | os.PathLike[str], make: Callable[[Document], T]) -> T:
         raise InputError(f"{path}: is in {found}; allowed is TOML in UTF-8") from None
     except (OSError, ValueError, RecursionError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{path}: cannot be read ({reason}); allowed is TOML") from None
+        raise InputError(f"{path}: cannot be read ({reason}); allowed is TOML in UTF-8") from None
     try:
         return make(document)
     except InputError as error:

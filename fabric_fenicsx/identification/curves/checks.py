@@ -7,14 +7,15 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.formatting import rounded
+from ...io.units import REACH
 from .model import STRAINS, TESTS, Curve, Table, bias_angle, unit_inside, units
 
 
 def check_length(table: Table, least: int) -> None:
     """InputError for a table of fewer rows than `least`."""
     if len(table.rows) < least:
-        row, text = [table.top, *table.rows][-1], f"the file ends after {len(table.rows)} points"
-        raise InputError(f"row {row}: {text}; allowed is {least} or more")
+        text = f"{len(table.rows)} points are left to be fitted; allowed is {least} or more"
+        raise InputError(f"row {[table.top, *table.rows][-1]}: {text}")
 
 
 def check_values(name: str, table: Table, runs: str, measured: Sequence[str]) -> None:
@@ -36,15 +37,14 @@ def _faults(name, table, runs, measured):
     sign, row, columns = TESTS[name].sign, np.arange(len(table.rows)), table.columns
     strains, first = [column for column in STRAINS if column in columns], TESTS[name].strains[0]
     for column in strains:
-        # beyond it a wrong unit is the likely reason
-        most = math.radians(85) if column == "gamma" else 0.5
+        _, most = REACH[column.split("_")[0]]
         allowed = f"within +-{most:.3g} (is the unit in the header right?)"
         yield column, np.abs(columns[column]) > most, "", allowed
     allowed = f"at {'least' if sign > 0 else 'most'} 0 in the test {name}"
     yield first, sign * columns[first] < 0, "", allowed
     x, unit = columns[runs], table.header[runs]
-    # what a test must reach: below it fractions were taken for percent, or radians for degrees
-    bound, other = {"%": (5e-4, "-"), "deg": (math.radians(1.6), "rad")}.get(unit, (0.0, ""))
+    other = {"%": "-", "deg": "rad"}.get(unit, "")
+    bound = REACH[runs.split("_")[0]][0] if other else 0.0
     least = f"{bound / units(runs)[unit]:.3g} {unit}"
     allowed = f"{least} or more (is the unit {other} rather than {unit}?)"
     yield runs, (row == np.abs(x).argmax()) & (np.abs(x) < bound), " at most", allowed
@@ -55,12 +55,15 @@ def _faults(name, table, runs, measured):
             values = values - values[0]
         peak = int(np.abs(values).argmax())
         largest = values[peak]
+        allowed = "within +-1e9 (is it a mark of overload?)"
+        yield column, np.abs(columns[column]) > 1e9, "", allowed
         yield column, values * 0 == largest, " in every row", "what a law can be fitted to"
         side, why = (-1, "free sides narrow") if narrows else (sign, f"of the test {name}")
         if not narrows and sign < 0 and "gamma" in columns:
             side = 0  # compressed and sheared, k_SC can make it a pull
         allowed = f"at {'least' if side > 0 else 'most'} 0, {why} (is its sign turned?)"
-        yield column, (row == peak) & (largest * side < 0), "", allowed
+        wrong = min(largest * side, columns[column][peak] * side) < 0
+        yield column, (row == peak) & wrong, "", allowed
         flags, allowed = np.abs(values) > 0.2 * abs(largest), "up to 20 % of its peak there"
         words = " before anything is strained"
         yield column, undeformed & flags, words, f"{allowed} (take the offset off)"

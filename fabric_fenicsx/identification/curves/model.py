@@ -38,6 +38,7 @@ _UNIT = {  # first unit of each: the one used inside
     "fibre_volume_fraction": STRAIN,
 }
 COLUMNS = tuple(_UNIT)
+ALL_UNITS = {unit for known in _UNIT.values() for unit in known}
 # what machines call columns, in lower case
 _ALIASES = {
     "displacement": "extension, stroke, travel, crosshead, weg, standardweg, traversenweg",
@@ -147,7 +148,8 @@ class Table(NamedTuple):
         x = self.columns[column]
         size = x - x[:1]
         if not size.any():
-            return self, []
+            flaw = f"{column} is {x[0]:.4g} {unit_inside(column)} in every row"
+            raise InputError(f"row {self.rows[-1]}: {flaw}; allowed is to rise or fall")
         size = size * np.sign(size[np.abs(size).argmax()])
         top = np.maximum.accumulate(size)
         stop = int(np.argmax(np.append(top - size > self.noise * size.max(), True)))
@@ -284,21 +286,16 @@ def response(
     t: float,
 ) -> Response:
     """The response of `values` (n,) of a column, in its inner unit, at shear angles gamma (n,)
-    [rad]; lengths: keys of the test [mm], t: thickness [mm]. Raises InputError for lengths that no
-    specimen has."""
+    [rad]; lengths: keys of the test [mm], t: thickness [mm]."""
     gain: np.ndarray = np.ones_like(values)
     half = None
     if column == "F_sh":
         gain = t / np.cos(gamma)
     elif test == "picture_frame":
-        frame, fabric = lengths["frame_length"], lengths["fabric_length"]
-        if fabric > frame:
-            flaw = f"fabric_length is {fabric:g} mm and frame_length {frame:g} mm"
-            allowed = "a fabric up to as large as its frame (are they exchanged?)"
-            raise InputError(f"{flaw}; allowed is {allowed}")
-        gain = t * fabric**2 / (frame * np.sin(math.pi / 4 - gamma / 2))
+        arm = lengths["frame_length"] * np.sin(math.pi / 4 - gamma / 2)
+        gain = t * lengths["fabric_length"] ** 2 / arm
     elif test == "bias_extension":
-        H, W = _bias_strip(lengths)
+        H, W = lengths["height"], lengths["width"]
         arm = (H / W - 1) * (np.cos(gamma / 2) - np.sin(gamma / 2))
         gain, half = t * (2 * H - 3 * W) / arm, t * W / arm
     return Response(column, unit_inside(column), values, gain, half)
@@ -314,27 +311,6 @@ def image_angle(strains: np.ndarray, measure: str, test: str) -> np.ndarray:
     C = np.einsum("nij,nj,nkj->nik", axes, MEASURES[measure](values), axes)
     sine = (C @ b @ a) / np.sqrt((C @ a @ a) * (C @ b @ b))
     return np.arcsin(sine * np.sign(sine[np.abs(sine).argmax()]))
-
-
-def _bias_strip(lengths):
-    """Height and width [mm] of a bias test; InputError if it has no zone of full shear."""
-    H, W = lengths["height"], lengths["width"]
-    if H < 2 * W:
-        allowed = "allowed is a height of 2 widths or more"
-        raise InputError(f"height is {H:g} mm and width {W:g} mm; {allowed}")
-    return H, W
-
-
-def of_fabric(
-    column: str, values: np.ndarray, test: str, lengths: Mapping[str, float], t: float
-) -> np.ndarray:
-    """A test's strain, shear angle [rad] or stress [MPa], (n,), from what the machine wrote: a
-    `displacement` [mm] or a force `F` [N]; lengths and t as for `response`."""
-    if column == "F":
-        return values / (lengths["width"] * t)
-    if test == "bias_extension":
-        return bias_angle(values, *_bias_strip(lengths))
-    return values / lengths["length"]
 
 
 def bias_angle(displacement: ArrayLike, height: float, width: float) -> np.ndarray:

@@ -97,13 +97,15 @@ def _sheet(document):
 
 class _Keys(NamedTuple):
     """The test that the keys of a file state: the yarns with free sides (0, 1 or None), columns
-    that may be measured, lengths [mm], and {key: (place, text)} of all keys."""
+    that may be measured, lengths [mm], {key: (place, text)} of all keys, and sentences on lines
+    that are not read."""
 
     test: str
     free: int | None
     measured: tuple[str, ...]
     lengths: dict[str, float]
     texts: dict[str, tuple[str, str]]
+    unread: list[str]
 
 
 def _read_test(path, sheet):
@@ -138,9 +140,14 @@ def _curve(file, table, keys, thickness, remarks):
         table = table.kept(table.columns[moved] > loose) if loose else table
         table.columns[moved] = table.columns[moved] - loose
     for column, machine in raw.items():
-        values = table.columns[machine]
-        table.columns[column] = model.of_fabric(machine, values, keys.test, keys.lengths, thickness)
-        table.header[column] = unit_inside(column)
+        values, lengths = table.columns[machine], keys.lengths
+        if keys.test == "bias_extension":
+            values = model.bias_angle(values, lengths["height"], lengths["width"])
+        else:
+            values = values / (
+                lengths["width"] * thickness if machine == "F" else lengths["length"]
+            )
+        table.columns[column], table.header[column] = values, unit_inside(column)
     columns = table.columns
     measured = [column for column in keys.measured if column in columns]
     checks.check_length(table, model.MIN_POINTS)
@@ -186,15 +193,23 @@ def _compaction_test(file, table, keys, sheet, remarks):
 def _keys(lines, stated):
     """The keys of a file's comment lines, and of those that sheet.toml states."""
     texts, problems = {key: ("sheet.toml", text) for key, text in stated.items()}, []
+    unread = list[str]()
     for row, line in enumerate(lines, 1):
-        match = re.match(r'[\s"]*#\s*(\w+)\s*:\s*(.*?)["\s,;]*$', line)
-        key, value = match.groups() if match else ("", "")
-        if key in texts:
-            problems.append(f"row {row}: the key {key} is repeated; allowed is once")
-        elif key in model.KEYS:
-            texts[key] = f"row {row}", value
-        elif difflib.get_close_matches(key, model.KEYS, 1, 0.75):
+        # words, and a colon or an equals sign or at once a number
+        match = re.match(
+            r'[\s"]*#\s*([^\W\d][\w -]*?)\s*([:=]|(?=[-+.]?\d))\s*(.*?)["\s,;]*$', line
+        )
+        key, sign, value = match.groups() if match else ("", "", "")
+        unit = re.sub(r"^[-+.,\deE]+|\s", "", value)
+        is_quantity = value[:1] in "+-.0123456789" and {*unit.split("/")} <= model.ALL_UNITS
+        if key in model.KEYS and (sign or is_quantity):
+            if key in texts:
+                problems.append(f"row {row}: the key {key} is repeated; allowed is once")
+            texts.setdefault(key, (f"row {row}", value))
+        elif sign and (is_quantity or difflib.get_close_matches(key, model.KEYS, 1, 0.75)):
             problems.append(str(unknown_key(key, model.KEYS, f"row {row}: the key {key}")))
+        elif sign and key.isidentifier():
+            unread.append(f"the line {key!r} is not read")
     place, name = texts.pop("test", ("", ""))
     if name not in TESTS:
         where = 'in the file or in its table [tests."NAME"] of sheet.toml'
@@ -220,12 +235,19 @@ def _keys(lines, stated):
     lengths = {
         key: _quantity(key, texts[key], factors("length")) for key in texts if key not in others
     }
+    for small, large, factor, least in (
+        ("width", "height", 2, "a height of 2 widths or more"),
+        ("fabric_length", "frame_length", 1, "a fabric up to as large as its frame"),
+    ):
+        if large in lengths and lengths[large] < factor * lengths[small]:
+            sizes = f"{large} is {lengths[large]:g} mm and {small} {lengths[small]:g} mm"
+            raise InputError(f"{sizes}; allowed is {least}")
     free, measured = None, test.measured
     if "lateral" in texts:  # of test uniaxial_a or uniaxial_b
         along = "ab".index(name[-1])
         free = along if lateral == "free" else None
         measured += (f"{'sigma' if free is None else 'eps'}_{'ba'[along]}",)
-    return _Keys(name, free, measured, lengths, texts)
+    return _Keys(name, free, measured, lengths, texts, unread)
 
 
 def _quantity(key, stated, factors):
@@ -298,7 +320,7 @@ def _table(lines, keys, sheet):
         cells.rows.pop(), cells.cells.pop()  # of a longer test beside this one
     columns = values_of(cells, factors, csv.get("decimal"))
     sentences = [f"column {name!r} is not read; see [columns] of sheet.toml" for name in unread]
-    return Table(columns, header, cells.rows, cells.top), sentences
+    return Table(columns, header, cells.rows, cells.top), [*keys.unread, *sentences]
 
 
 def _of_columns(keys, header, unread):

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.rules import FINITE, POSITIVE, Rule, check_complete, repr_short, unknown_key
+from ...core.tables import as_list
 from ...io.units import OWN
 from .. import files
 from ..bending import MeasuredBending
@@ -314,11 +315,14 @@ def sheet_fields(
             fields[key] = document.pop(key) or None
         elif key in document:
             fields[key] = kind.from_table(files.take_table(document, key), units, key)
-    fields |= {"assumed": document.pop("assumed", ())}
+    fields["assumed"] = assumed = document.pop("assumed", ())
+    if not isinstance(assumed, (list, tuple)):
+        raise InputError(f"assumed is {repr_short(assumed)}; allowed is a list of parameters")
     fields |= {"scatter": files.read_scatter(document, law.numbers(), law.factors, units)}
     at_rules, at = {"temperature": FINITE} | dict(law.rules_at_temperatures()), {}
-    for k, table in enumerate(document.pop("at", []), 1):
-        numbers = read_numbers(files.take_table({"at": table}, "at"), at_rules, units, f"at.{k}.")
+    tables = as_list(document.pop("at"), "at") if "at" in document else []
+    for k, table in enumerate(tables, 1):
+        numbers = read_numbers(table, at_rules, units, f"at.{k}.")
         check_complete(numbers, ["temperature"], f"at.{k}.", "in each [[at]]")
         if (temperature := numbers.pop("temperature")) in at:
             raise InputError(f"at.{k}.temperature is {temperature:g} again; allowed is another one")

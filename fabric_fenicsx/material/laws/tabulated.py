@@ -15,7 +15,7 @@ from ...core.errors import InputError
 from ...core.formatting import percent
 from ...core.rules import check_complete
 from ...io.text_tables import columns_of, read_lines, table_of
-from ...io.units import ANGLE, STRAIN, stresses
+from ...io.units import ANGLE, REACH, STRAIN, stresses
 from ..energy import Derivatives, Range
 from ..files import Document, take_units
 from ..functions import where
@@ -59,7 +59,7 @@ class Curve(Parameters):
         ]
         if len(x) < 3 or (0.0, 0.0) not in zip(x, y):
             flaws += [f"the curve has {len(x)} points; allowed is 3 or more, with (0, 0)"]
-        if (beyond := self.extrapolation) not in _BEYOND:
+        if (beyond := self.extrapolation) not in [*_BEYOND]:
             flaws += [f"extrapolation is {beyond!r}; allowed is {' or '.join(_BEYOND)}"]
         for flaw in flaws[:1]:
             raise InputError(flaw)
@@ -181,7 +181,11 @@ class TabulatedFabric(Law):
     def plausibility_warnings(self) -> list[str]:
         warnings = super().plausibility_warnings()
         for name in self.strain_of:
-            curve, table = getattr(self, name), f"the table of {name} of material {self.name}"
+            curve, table = getattr(self, name), f"the table of {name} of material {self.label}"
+            low, high = REACH[self.strain_of[name].split("_")[0]]
+            if not low <= (end := float(max(np.abs(curve.x)))) <= high:
+                reach = f"{math.degrees(end):.4g} deg" if name == "shear" else f"{100 * end:.4g} %"
+                warnings.append(f"{table} reaches {reach}; is the unit in its header right?")
             if name != "shear" and curve.x[0] == 0:
                 warnings.append(f"{table} begins at 0: yarns have no stiffness in compression")
             for k in np.flatnonzero(np.diff(curve.y) < 0)[:1]:
@@ -210,6 +214,8 @@ class TabulatedFabric(Law):
         stress, beyond = stresses(fields["thickness"]), files.get("extrapolation", "constant")
         yarn, shear = {"eps": STRAIN, "sigma": stress}, {"gamma": ANGLE, "tau": stress}
         for key in cls.strain_of:
+            if not isinstance(files[key], str):
+                raise InputError(f"{key} is {files[key]!r}; allowed is the name of a CSV file")
             fields[key] = read_table(folder / files[key], shear if key == "shear" else yarn, beyond)
         return cls(**fields)
 

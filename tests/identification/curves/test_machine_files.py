@@ -29,6 +29,7 @@ FILES = {
     + HEAD.replace(";", ",")
     + re.sub(r"([\d,]+);([\d,]+)", r'"\1","\2"', COMMA),
     "tabs": (KEYS + HEAD + POINT).replace(";", "\t"),
+    "blanks": KEYS + "displacement [mm]  F [N]\n" + POINT.replace(";", "  "),
     "exponents": KEYS + HEAD + rows("+.6E", decimal=","),
     "a row of units": KEYS + "displacement;F\nmm;N\n" + COMMA,
     "lines above": "Prüfer;Müller\nDatum;12.03.2024 09:41\nv;2;mm/min\n\n"
@@ -54,7 +55,7 @@ def check(curve, remarks=0):
 
 @pytest.mark.parametrize("text", FILES.values(), ids=FILES.keys())
 def test_a_file_is_read_as_it_was_written(tmp_path, text):
-    for encoding in ("utf-8-sig", "cp1252"):
+    for encoding in ("utf-8-sig", "cp1252", "utf-16"):
         check(read(tmp_path, text.encode(encoding)))
 
 
@@ -65,12 +66,13 @@ REFUSED = {
     "1,5;1.058,5\n": "row 5: F is '1.058,5'; allowed is a finite number, as 1058,5",
     "mm;kN\n" + COMMA: "row 5: the unit of F is kN, and N in the header",
     POINT.replace(";", " mm;"): "row 5: displacement is '2.500 mm', row 6: displ",
+    "2;1\n2;2\n2;3\n2;4\n2;5\n": "row 9: displacement is 2 mm in every row",
     "2;1\n4;2\n6;3\n3;1\n4;2\n6;3\n10;5\n": "row 8: displacement is ",
 }
 UNREADABLE = {
     b"": "bias.csv: cannot be read as text (it is empty",
     b"PK\x03\x04": "it is a workbook; save its sheet as CSV",
-    (MACHINE + COMMA).encode("utf-16"): "no text in UTF-8",
+    (MACHINE + COMMA).encode("utf-16-le"): "no text in UTF-8); allowed is CSV in UTF-8, or in UTF",
     (KEYS + "Traverse [mm];Kanal 1 [N]\n" + COMMA).encode(): "row 4: columns 'Traverse', 'Kanal 1' "
     "are unknown; allowed are",
 }
@@ -84,9 +86,9 @@ def test_what_cannot_be_read_is_refused_in_one_sentence(tmp_path, content):
 
 
 def test_the_sheet_says_how_numbers_are_written_and_what_columns_and_files_are(tmp_path):
-    sheet = SHEET + '[csv]\nencoding = "utf-16"\ndecimal = ","\ndelimiter = "\\t"\n'
+    sheet = SHEET + '[csv]\nencoding = "utf-16-le"\ndecimal = ","\ndelimiter = "\\t"\n'
     rows = "".join(f"{k}\t{k},234\n" for k in range(1, 6))
-    text = (KEYS + HEAD.replace(";", "\t") + rows).encode("utf-16")
+    text = (KEYS + HEAD.replace(";", "\t") + rows).encode("utf-16-le")
     assert read(tmp_path, text, sheet).responses[0].values[0] == 1.234
     stated = '[columns]\nFahrweg = "displacement"\nK = "F [N]"\n[tests."bias.csv"]\n'
     stated += 'test = "bias_extension"\nheight = "230 mm"\nwidth = "11,5 cm"\n'
@@ -180,10 +182,11 @@ def strip(moved, force, more=""):
 
 def test_strain_and_force_count_from_a_stated_slack_and_zero(tmp_path):
     x = np.linspace(0.2, 5, 25).round(1)
-    pulled = strip(x, 500 * x - 40, "# slack: 0,1 cm\n# zero: -40 N\n")
+    pulled = strip(x, 500 * x - 40, "# slack = 0,1 cm\n# zero -40 N\n# speed: 5 mm/min\n")
     (curve,) = data.read(folder(tmp_path, strip=pulled))[1]
+    assert curve.remarks == ("the line 'speed' is not read",)
     assert curve.strains[[0, -1], 0] == pytest.approx([0.001, 0.02])
-    assert curve.rows[0] == 13
+    assert curve.rows[0] == 14
     assert curve.responses[0].values[-1] == pytest.approx(2500 / 50 / 1.2)
     bias = BIAS.replace("# width", "# slack: 4 deg\n# width")
     (tmp_path / "strip.csv").write_text(bias)

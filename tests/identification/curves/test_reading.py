@@ -172,11 +172,16 @@ def test_normalisation_of_a_bias_test():
 NARROW = "allowed is at most 0, free sides narrow (is its sign turned?)"
 CASES = [
     (UNIAXIAL, "# test: uniaxial_a\n", "", "no line `# test: ...` states the test; allowed are"),
-    (UNIAXIAL, "2.5,41.1\n", "", "row 10: the file ends after 4 points; allowed is 5 or more"),
+    (UNIAXIAL, "2.5,41.1\n", "", "row 10: 4 points are left to be fitted; allowed is 5 or"),
     (FREE, "sigma_a [MPa]", "F [N]", "row 5: the column F needs the strip's width; allowed is"),
     (FREE, "41.1", "-410.1", "row 11: sigma_a is -410.1 MPa; allowed is at least 0, of the test"),
     (WIDENED, "", "", f"row 8: eps_a is 0.1; {NARROW}"),
     (BIAS, "gamma [deg]", "exx [%]", "the strain of exx is not stated; allowed is `# strain: gre"),
+    (BIAS, "# width", "# preload: 1 N\n# width", "row 3: the key preload is unknown; allowed"),
+    (BIAS, "# width", "# give = 1 mm/N\n# width", "row 3: the key give is unknown; allowed"),
+    (BIAS, "# width", "# slack: 1 rad\n# width", "row 5: 0 points are left to be fitted; allowed"),
+    (BIAS, "# width", "# zero: 9 N\n# width", "row 10: F is -4 N; allowed is at least 0, of"),
+    (BIAS, "40,5", "40,9.9e37", "row 9: F is 9.9e+37 N; allowed is within +-1e9"),
     (BIAS, "11.5 cm", "15 cm", "height is 230 mm and width 150 mm; allowed is a height of 2"),
 ]
 
@@ -199,7 +204,7 @@ def limit(values, x, test, keys, columns):
 
 UP = np.arange(1.0, 7)
 TURNED = "shear", "", "gamma [deg],tau [MPa]"
-BRANCH = np.arange(9.0)
+TURNS = np.arange(10.0)
 LIMITS = {  # text of a file by a number: the last that is allowed, and the first that is not
     "strain": (lambda v: (UP, UP / 6 * v, *PULL), 49.9, 50.1, "within +-0.5"),
     "shear angle": (lambda v: (UP, UP / 6 * v, *TURNED), 84.9, 85.1, "within +-1.48"),
@@ -208,7 +213,8 @@ LIMITS = {  # text of a file by a number: the last that is allowed, and the firs
     "fall": (lambda v: ([1, 2, 4, 8, 10, v], UP, *PULL), 5.1, 4.9, "has fallen to 49 %"),
     "before strain": (lambda v: ([v, *UP[1:] * 2], UP - 1, *PULL), 2.3, 2.5, "before anything is"),
     "steps back": (lambda v: (UP, [0, 2, 4, 5, 5 - v, 10], *PULL), 0.09, 0.11, "to rise"),
-    "branch": (lambda v: (BRANCH, [1, 3, 6, 8, 9, v, 5, 2, 10.5], *PULL), 10.45, 10.35, "to rise"),
+    "cycles": (lambda v: (TURNS, [1, 3, 6, 9, v, 5, 0, 10.5, 4, 0], *PULL), 10.45, 10.35, "(keep"),
+    "thousands": (lambda v: ([1, v, 1.185, 30, 31, 41], UP, *PULL), 37, 38, "1.185 or 1185"),
 }
 
 

@@ -48,6 +48,20 @@ def test_what_tables_lack_is_told_before_a_run():
     assert "the table of shear of material table falls from 28.65 deg on" in falls
 
 
+@pytest.mark.parametrize(
+    "end, angle, told", [(5.1e-4, 1.61, 0), (4.9e-4, 1.59, 1), (0.49, 84.9, 0), (0.51, 85.1, 1)]
+)
+def test_tables_in_a_wrong_unit_are_doubted(end, angle, told):
+    warp = Curve((-end, 0.0, end), (-1.0, 0.0, 1e3 * end))
+    shear = Curve((0.0, 0.01, np.radians(angle)), (0.0, 0.001, 0.1))
+    doubts = " ".join(TABLE.replace(warp=warp, shear=shear).plausibility_warnings())
+    for table in (
+        f"warp of material table reaches {100 * end:g} %; is the unit",
+        f"{angle} deg; i",
+    ):
+        assert doubts.count(table) == told
+
+
 WARP = "eps [%], sigma [MPa]\n-1, -0.1\n0, 0\n1, 10\n2, 30\n"
 
 
@@ -56,8 +70,8 @@ def read(folder, more="", warp=WARP):
     (folder / "weft.csv").write_text("sigma [kPa], eps [-]\n-100, -0.01\n0, 0\n10e3, 0.01\n")
     (folder / "shear.csv").write_text("# by nobody\ngamma [deg], tau [N/mm]\n0, 0\n9, 1\n18, 3\n")
     (folder / "m.toml").write_text(
-        'model = "fabric"\nthickness_mm = 0.5\ndensity_g_per_cm3 = 1\nwarp = "warp.csv"\n'
-        f'weft = "weft.csv"\nshear = "shear.csv"\n{more}'
+        'model = "fabric"\nthickness_mm = 0.5\ndensity_g_per_cm3 = 1\nweft = "weft.csv"\n'
+        f'shear = "shear.csv"\n{more}' + ('warp = "warp.csv"\n' if "warp" not in more else "")
     )
     return load(str(folder / "m.toml"))
 
@@ -80,6 +94,10 @@ def test_tables_from_files(tmp_path, how, stress):
         ("", WARP + "".join(f"{e}, {e}\n" for e in range(31, 68)), "41 points; allowed are up"),
         ("", "eps [%], sigma [MPa]\n0, 1\n1, 2\n2, 3\n", r"warp.csv.*\(0, 0\)"),
         ("", WARP + "3, -1\n", r"row 6 is \(0.03, -1\); allowed"),
+        ("warp = 3\n", WARP, "m.toml: warp is 3; allowed is the name of a CSV file"),
+        ('extrapolation = ["linear"]\n', WARP, r"extrapolation is \['linear'\]; allowed is const"),
+        ("at = 3\n", WARP, r"m.toml: at is \[3\]; allowed is a table \[\[at\]\] for each"),
+        ("assumed = 3\n", WARP, "m.toml: assumed is 3; allowed is a list of parameters"),
     ],
 )
 def test_bad_tables_are_named(tmp_path, more, warp, words):
