@@ -10,8 +10,8 @@ from ..core.rules import POSITIVE, repr_short
 from ..energy.nodes import Nodes
 from ..energy.term import SceneFacts
 from ..surfaces.primitives import Plane
+from ..surfaces.surfaces import checked_vector
 from ..surfaces.tool import Tool
-from ..surfaces.values import checked_vector
 from .contact_term import ToolContactTerm
 from .coulomb import LAG, Coulomb
 

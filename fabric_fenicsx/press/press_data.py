@@ -11,7 +11,7 @@ from ..material.laws import Law
 from ..material.metal import Metal
 from ..sheet.sheet import Sheet
 from ..solve.limits import Limits
-from ..surfaces.values import checked_vector
+from ..surfaces.surfaces import checked_vector
 from .holders import Holder, segments
 from .interface import Interface
 from .stages import Schedule, Stage

@@ -299,7 +299,7 @@ def write(press: PressData, path: str | os.PathLike[str]) -> None:
             files[file] = value
             return file.name
         if isinstance(value, (str, bool, int, float)):
-            return os.path.relpath(value, path.parent) if is_file else value
+            return os.path.relpath(str(value), path.parent) if is_file else value
         flaw = f"{where} is {repr_short(value)}, which a file cannot hold"
         raise InputError(f"{flaw}; allowed are numbers, names, files, shapes and regions")
 
