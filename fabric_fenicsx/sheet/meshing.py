@@ -43,7 +43,8 @@ def mesh_sheet(
         for axis, place in planes.items():
             start = [place if k == axis else -MAX_SIDE for k in (0, 1)]
             slits = shapely.intersection(slits, shapely.box(*start, MAX_SIDE, MAX_SIDE))
-        lines = [shapely.get_coordinates(each) for each in shapely.get_parts(slits)]
+        parts = shapely.get_parts(slits)
+        lines = [shapely.get_coordinates(each) for each in parts[~shapely.is_empty(parts)]]
         how: Values = {"spatial": spatial, "comm": comm, "centred": centred}
         cells: Values = {each.name: getattr(sheet, each.name) for each in fields(Layout)}
         cells |= {"turned": turned, "planes": planes, "slits": lines}
