@@ -43,7 +43,7 @@ def mesh_sheet(
         for axis in planes:
             start = [0.0 if k == axis else -MAX_SIDE for k in (0, 1)]
             slits = shapely.intersection(slits, shapely.box(*start, MAX_SIDE, MAX_SIDE))
-        lines = [shapely.get_coordinates(each) for each in shapely.get_parts(slits)]
+        lines = [shapely.get_coordinates(x) for x in shapely.get_parts(slits) if not x.is_empty]
         how: Values = {"spatial": spatial, "comm": comm, "centred": centred}
         cells: Values = {each.name: getattr(sheet, each.name) for each in fields(Layout)}
         cells |= {"turned": turned, "slits": lines}
