@@ -95,6 +95,8 @@ class PressTool(KnowsItsFields):
                 value = tuple(checked_vector(f"`{name}`", value, size=size).tolist())
                 object.__setattr__(self, name, value)
         if self.body is not None:
+            if not isinstance(self.surface, (str, os.PathLike)):
+                raise InputError("`body` is allowed only for the `file` of a CAD model")
             object.__setattr__(self, "body", Several(COUNT).check("`body`", self.body))
         if not isinstance(self.surface, (Surface, str, os.PathLike, DieOf)):
             flaw = f"`surface` is {repr_short(self.surface)}"

@@ -228,32 +228,27 @@ def cut_open(
     ends inside. Raises InputError for lines that do not run along edges of its cells."""
     if not len(slits):
         return points, cells
-    lines, count = shapely.MultiLineString(list(slits)), cells.shape[1]
-    nodes, sides = cells.ravel(), np.arange(cells.size)
-    ends = np.stack([nodes, np.roll(cells, -1, 1).ravel()], 1)
-    x = points[:, :2][ends]
+    lines, sides = shapely.MultiLineString(list(slits)), np.arange(cells.size).reshape(cells.shape)
+    nodes, after = cells.ravel(), np.roll(sides, -1, 1).ravel()
+    ends = np.stack([nodes, nodes[after]], 1)
+    x = points[ends, :2]
     length = np.linalg.norm(x[:, 1] - x[:, 0], axis=1)
-    places = [*x.swapaxes(0, 1), x.mean(1)]  # both ends and the middle of each side
-    off = np.max([shapely.distance(lines, shapely.points(each)) for each in places], axis=0)
-    _, edge, shared = np.unique(np.sort(ends, 1), axis=0, return_inverse=True, return_counts=True)
-    inner, is_cut = shared[edge.ravel()] == 2, off < SLIT_TOLERANCE * length
-    follows = length[is_cut & inner].sum() / 2
+    places = shapely.points(np.stack([*x.swapaxes(0, 1), x.mean(1)]))
+    is_cut = shapely.distance(lines, places).max(0) < SLIT_TOLERANCE * length
+    _, edge, count = np.unique(np.sort(ends, 1), axis=0, return_inverse=True, return_counts=True)
+    edge = edge.ravel()
+    follows = length[is_cut & (count[edge] == 2)].sum() / 2
     if CELLS[kind].degree > 1 or abs(follows - lines.length) > 0.01 * lines.length:
         raise InputError(
             f"{source} has edges of straight cells along {rounded(follows)} of the "
             f"{rounded(lines.length)} mm of `slits`; allowed are lines within the sheet along "
             "edges, or an `outline`, whose cells follow them"
         )
-    # corners of cells at one node are one as far as they share edges that are not cut
-    whole = np.flatnonzero(inner & ~is_cut)
-    one, other = whole[np.argsort(edge.ravel()[whole], kind="stable")].reshape(-1, 2).T
-    after = sides - sides % count + (sides + 1) % count
-    same = nodes[one] == nodes[other]  # in which sense the other cell goes round
-    pairs = [np.append(one, after[one])]
-    pairs += [np.append(np.where(same, other, after[other]), np.where(same, after[other], other))]
-    _, fan = connected(cells.size, pairs)
-    fan[~np.isin(nodes, ends[is_cut])] = 0
-    _, first, number = np.unique(
-        np.stack([nodes, fan], 1), axis=0, return_index=True, return_inverse=True
-    )
+    # corners of cells at one node are one as far as they meet in edges that are not cut
+    corners, whole = np.append(sides, after), np.tile(~is_cut, 2)
+    meets = np.stack([np.tile(edge, 2), nodes[corners]], 1)
+    meets = cells.size + np.unique(meets, axis=0, return_inverse=True)[1].ravel()
+    _, fan = connected(3 * cells.size, [corners[whole], meets[whole]])
+    named = np.stack([nodes, fan[: cells.size] * np.isin(nodes, ends[is_cut])], 1)
+    _, first, number = np.unique(named, axis=0, return_index=True, return_inverse=True)
     return points[nodes[first]], number.reshape(cells.shape)

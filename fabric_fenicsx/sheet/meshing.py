@@ -5,7 +5,6 @@ from dataclasses import fields
 from typing import TypeVar
 
 import numpy as np
-import shapely
 from mpi4py import MPI
 
 from ..core import timing
@@ -39,18 +38,11 @@ def mesh_sheet(
     names, source, planes = [*sheet.SIDES], sheet.sheet_file or "the specimen", planes or {}
     sides = names[0], names[-1]
     with timing.phase("setup"), task("meshing the sheet"):
-        slits = shapely.MultiLineString(list(sheet.slits))
-        for axis, place in planes.items():
-            start = [place if k == axis else -MAX_SIDE for k in (0, 1)]
-            slits = shapely.intersection(slits, shapely.box(*start, MAX_SIDE, MAX_SIDE))
-        parts = shapely.get_parts(slits)
-        lines = [shapely.get_coordinates(each) for each in parts[~shapely.is_empty(parts)]]
         how: Values = {"spatial": spatial, "comm": comm, "centred": centred}
         cells: Values = {each.name: getattr(sheet, each.name) for each in fields(Layout)}
-        cells |= {"turned": turned, "planes": planes, "slits": lines}
+        cells |= {"turned": turned, "planes": planes}
         if sheet.mesh:
-            options = sheet.options(turned) | {"slits": lines}
-            blank = Blank.read(sheet.mesh, height=height, **how, **options)
+            blank = Blank.read(sheet.mesh, height=height, **how, **sheet.options(turned))
         elif sheet.outline:
             cells |= {"size": sheet.size, "layer": sheet.layer}
             blank = Blank.outline(sheet.outline, **how, **cells)
@@ -64,7 +56,7 @@ def mesh_sheet(
         flaw = f"`element` {sheet.element} does not fit the cells of {source}"
         raise InputError(f"{flaw}; allowed is P on triangles, Q on quadrilaterals")
     if (side := blank.sides().max()) > MAX_SIDE:
-        raise InputError(f"{source} is {rounded(side)} mm large; allowed is up to {MAX_SIDE:g} mm")
+        raise InputError(f"{source} is {rounded(side)} mm large; allowed is up to 1e6 mm")
     doubts = [*blank.warnings, size_warning(blank, source)]
     integration = sheet.integration or "full"
     if not sheet.integration and blank.degree == 2 and blank.triangulated:

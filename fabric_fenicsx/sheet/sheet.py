@@ -62,7 +62,7 @@ class Layout(KnowsItsFields):
             lines = [np.array(line, float).reshape(-1, 2) for line in self.slits]
         except (TypeError, ValueError):
             lines = [np.empty((0, 2))]
-        if not all(len(x) > 1 and np.isfinite(x).all() for x in lines):
+        if not all(len(x) > 1 and 0 < np.ptp(x, axis=0).max() < np.inf for x in lines):
             flaw = f"`slits` are {repr_short(self.slits)}"
             raise InputError(f"{flaw}; allowed are lines [[x, y], [x, y], ...] in mm")
         # tuples, so that sheets compare

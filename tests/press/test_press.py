@@ -115,12 +115,21 @@ def test_tools_that_cannot_stand_or_move_as_given(changes, words):
         (["holder={pressure=1, force=3}"], "has pressure and force; allowed is one of pressure, f"),
         (["ply=[{metal='dc04', fabric='komeili'}]"], "1.fabric is given beside ply.1.metal"),
         (["holders={}", "tools.ring.side=below"], "stand below the blank, and nothing resists"),
+        (["tools.ring={die_of='ring'}"], "tools.ring.die_of ring leads to a tool that is itself a"),
+        (["blank.slits=[[0, 1], [2]]"], r"blank.slits are .*; allowed are lines \[\[x, y\]"),
     ],
 )
 def test_what_is_wrong_is_said_with_its_file_and_key(changes, words):
     with pytest.raises(ff.InputError, match=words) as error:
         ff.Press.read(HEMISPHERE, changes)
     assert "hemisphere.toml: " in str(error.value)
+
+
+def test_the_encoding_of_a_file_is_named(tmp_path):
+    for encoding in ("Latin-1", "UTF-16"):
+        (tmp_path / "press.toml").write_text(f"# Übung\n{HEMISPHERE.read_text()}", encoding)
+        with pytest.raises(ff.InputError, match=f"is in {encoding}.*; allowed is TOML in UTF-8"):
+            ff.Press.read(tmp_path / "press.toml")
 
 
 @pytest.mark.parametrize(
