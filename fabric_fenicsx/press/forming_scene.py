@@ -133,9 +133,9 @@ class FormingScene(Setup):
         tools = {tool.name: tool.frame() for tool in (self.leader(), *self.tools.values())}
         (leader, frame), *_ = tools.items()
         for own in (numbers, *numbers.get("plies", {}).values()):
-            for key in [key for key in own if key.endswith("_formed_at_mm")]:
-                of_tool = key.replace("_formed_at", f"_in_{leader}_at")
-                own[of_tool] = frame.inside(own[key]).tolist()
+            places = {key: at for key, at in own.items() if key.endswith("_formed_at_mm")}
+            for key, at in places.items():
+                own[key.replace("_formed_at", f"_in_{leader}_at")] = frame.inside(at).tolist()
         numbers["tool_places"] = {
             name: {
                 "placed_at_mm": frame.at.tolist(),

@@ -39,10 +39,8 @@ class PressData(KnowsItsFields):
         check_fields(self, lambda name: paths.get(name, name))
         places = self.symmetry if isinstance(self.symmetry, Mapping) else {}
         if not places.keys() <= {*"xy"} or self.symmetry not in ("none", "x", "y", "xy", places):
-            flaw = (
-                f"blank.symmetry is {repr_short(self.symmetry)}; allowed is one of none, x, y, xy"
-            )
-            raise InputError(f"{flaw}, or a table of places [mm], as {{y = -400}}")
+            flaw = f"blank.symmetry is {repr_short(self.symmetry)}; allowed is one of none, x, y"
+            raise InputError(f"{flaw}, xy, or a table of places [mm], as {{y = -400}}")
         for axis, place in places.items():
             FINITE.check(f"blank.symmetry.{axis}", place)
         down = checked_vector("gravity_direction", self.gravity_direction, unit=True)

@@ -80,6 +80,8 @@ class TriangulatedSurface(Surface):
     array([1.])
     """
 
+    _rim_side = 1.0  # sign of the gap beyond the rim
+
     def __init__(
         self,
         points: ArrayLike,
@@ -94,11 +96,10 @@ class TriangulatedSurface(Surface):
         self.triangles: np.ndarray = curved.triangles
         self.facets, self.areas, self.normals = curved.facets, curved.areas, curved.normals
         across, sharp = curved.across, curved.vertices.sharp
-        self.rim = curved.ends(across.sharing == 1)
+        self.rim, self.forks = curved.ends(across.sharing == 1), curved.ends(across.sharing > 2)
         self.sharp = curved.ends(sharp & (across.triangle >= 0))
         self.radii = least_radii(curved)
         self._boxes, self._net = boxes_around(curved), net_of(curved)
-        self._rim_side = 1.0
         self._caches: dict[int, SearchCache] = {}
 
     @classmethod
@@ -122,11 +123,6 @@ class TriangulatedSurface(Surface):
             return cls(points, triangles, normals, crease)
         except InputError as error:
             raise InputError(f"surface file {path}: {error}") from None
-
-    @property
-    def forks(self) -> np.ndarray:
-        """Points (k, 2) at the ends of edges of more than two triangles."""
-        return self.curved.ends(self.curved.across.sharing > 2)
 
     def face(self, towards: ArrayLike) -> TriangulatedSurface:
         """What looks `towards` (3,), with the walls that lie within it."""
