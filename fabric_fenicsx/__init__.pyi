@@ -2,7 +2,6 @@
 
 from .contact.coulomb import Coulomb as Coulomb
 from .contact.holder_pressure import BlankHolderPressure as BlankHolderPressure
-from .contact.line_bead import LineBead as LineBead
 from .contact.self_contact import SelfContact as SelfContact
 from .contact.sheet_contact import SheetContact as SheetContact
 from .contact.tool_contact import Contact as Contact

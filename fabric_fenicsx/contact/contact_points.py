@@ -278,17 +278,6 @@ class ContactPoints:
         sums, areas = sums_at_nodes.reshape(-1, 3)[:, :2].T
         return np.divide(sums, areas, out=np.zeros_like(sums), where=areas < 0)
 
-    def covered(self, above: np.ndarray | None = None) -> np.ndarray:
-        """Areas of the lower sheet over which the upper one lies, at this rank's owned nodes (n,)
-        [mm^2]. above (n,): such areas of the upper sheet, if only those count."""
-        now, forces = self.pairs(), np.zeros(3 * self.nodes.count)
-        areas = now.areas
-        if above is not None:
-            share = np.where(self.parts[1].nodes, above / self.nodes.areas_now(), 0.0)
-            areas = areas * abs(now.motion.apart(np.tile(share[:, None], 3)))[:, 0]
-        now.motion.add(np.tile(areas[:, None], 3), forces)
-        return np.where(self.parts[0].nodes, abs(forces[::3]), 0.0)
-
 
 class LaggedFaces:
     """The `ContactPairs` that contact uses within a solve, so that its energy has no kinks.

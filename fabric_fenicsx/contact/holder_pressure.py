@@ -1,15 +1,16 @@
-"""The pressure of a blank holder, without contact."""
+"""The pressure of a blank holder, and the restraint of a bead, without contact."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
 from ..core.errors import InputError
-from ..core.rules import ABOVE_ZERO_OR_INF, FROM_ZERO
+from ..core.rules import ABOVE_ZERO_OR_INF, FROM_ZERO, POSITIVE, repr_short
 from ..energy.load import at_load
 from ..energy.materials import sheets_of
 from ..energy.nodes import Nodes, shares_at
@@ -20,29 +21,23 @@ from ..surfaces.surfaces import checked_vector
 from ..surfaces.tool import Tool
 from .contact_term import PlyThickness, ToolContactTerm
 from .coulomb import Friction
-from .sheet_contact import SheetContact
 from .tool_contact import Contact
 
 
-class _Bare:
-    """The share (n,) of positions (3, n) that is `under` a holder where none of these triangles
-    (m, 3, 3) lies, as seen along its direction."""
+def lying(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Mask (n,) of points (n, 2) that lie in one of the cells with these corners (m, k, 2)."""
+    cell_at = shapely.STRtree(shapely.polygons(corners)).query(shapely.points(points), "intersects")
+    return np.isin(np.arange(len(points)), cell_at[0])
 
-    def __init__(self, under: Callable, triangles: np.ndarray, direction: np.ndarray) -> None:
-        self._under, self._across = under, np.linalg.svd(direction[None])[2][1:].T
-        self._lying = shapely.STRtree(shapely.polygons(triangles @ self._across))
 
-    def over(self, corners: np.ndarray) -> np.ndarray:
-        """As `Flange.over`."""
-        share = self._under.over(corners) if hasattr(self._under, "over") else np.nan
-        return np.where(share == 0, np.zeros(len(corners)), np.nan)
-
-    def __call__(self, x: np.ndarray) -> np.ndarray:
-        share = shares_at(self._under, x)
+def _seen(under, across, cells, are_there, x):
+    """The share of positions x (3, n) `under` a holder where all of some sheets lie, or none (n,):
+    the `cells` of each, corners (m, 3, 2), as seen `across` the direction (3, 2)."""
+    share = shares_at(under, x)
+    for each in cells:
         at = np.flatnonzero(share)
-        points = shapely.points(x[:, at].T @ self._across)
-        share[at[self._lying.query(points, "intersects")[0]]] = 0.0
-        return share
+        share[at[lying(each, x[:, at].T @ across) != are_there]] = 0.0
+    return share
 
 
 class BlankHolderPressure(ToolContactTerm):
@@ -65,10 +60,8 @@ class BlankHolderPressure(ToolContactTerm):
     lag
         The areas are updated within a step, at most three times, if more than this share of
         their sum has changed; with None never.
-    against
-        Of a term `.on` the sheet that the holder touches: contacts with and between those that lie
-        on it, from it to the last. The pressure then acts only where all of them lie on one
-        another, as a plate's that rests on the whole stack.
+    full_stack
+        Press the nearest sheet only where all others lie, too, as a plate that rests on all.
     friction
         Of the holder's side, as of `Contact`. Without it the holder does not hold the sheet in its
         plane.
@@ -103,14 +96,14 @@ class BlankHolderPressure(ToolContactTerm):
         under: Callable[[np.ndarray], np.ndarray],
         tool: Tool | None = None,
         lag: float | None = None,
-        against: Sequence[SheetContact] = (),
+        full_stack: bool = False,
         friction: Friction = 0.0,
         borne: Callable[[np.ndarray], np.ndarray] | None = None,
     ) -> None:
         at_load(self.PRESSURE, FROM_ZERO, pressure, 0.0)
         if lag is not None:
             lag = ABOVE_ZERO_OR_INF.check(f"lag of the {self.name}", lag)
-        self.under, self.lag, self._against = under, lag, list(against)
+        self.under, self.lag, self._full = under, lag, full_stack
         self._borne = borne or under
         self._pressure = pressure
         self.direction = checked_vector(f"direction of the {self.name}", direction, unit=True)
@@ -122,18 +115,12 @@ class BlankHolderPressure(ToolContactTerm):
             )
 
     def set_up(self, scene: SceneFacts) -> None:
-        sheets = [self.part]
-        if self.part.is_whole and any(part.thickness for part in scene.blank.parts.values()):
-            if self._against:
-                raise InputError(
-                    'the blank holder of a stack needs `.on("NAME")`, the sheet that it touches, '
-                    "with `against`"
-                )
-            sheets = sheets_of(scene.blank)[:: 1 if self.direction[2] > 0 else -1]
+        is_stack = self.part.is_whole and any(p.thickness for p in scene.blank.parts.values())
+        sheets = sheets_of(scene.blank) if is_stack else [self.part]
         self.nodes = Nodes(scene.blank, self.part)
         self._sheets = [Nodes(scene.blank, each) for each in sheets]  # the nearest first
-        for contact in self._against:
-            bind(contact, scene)
+        if self.direction[2] < 0:
+            self._sheets.reverse()
         self.plies = PlyThickness(scene)
         self._die = self._contact_with_die(scene)
         self._next_areas = self._pressed()
@@ -159,9 +146,9 @@ class BlankHolderPressure(ToolContactTerm):
             self.friction_state.begin(self.normal_forces())
 
     def accept(self) -> None:
-        # the nodes' travel to the die [mm], pressure and pressed areas of the accepted state
-        self._accepted = self._travels()[0].copy(), self.now, self.areas
-        self._force = self.nodes.total(self._pressing_forces())
+        # the nodes' travel to the die [mm], pressure, pressed areas and force accepted last
+        force = self.nodes.total(self._pressing_forces())
+        self._accepted = self._travels()[0].copy(), self.now, self.areas, force
         self.areas = self._next_areas = self._pressed()
         super().accept()
 
@@ -180,7 +167,7 @@ class BlankHolderPressure(ToolContactTerm):
 
     def work(self) -> float:
         """Done on this rank's nodes since the last accepted state, by trapezoids [N mm]."""
-        travel, pressure, _ = self._accepted
+        travel, pressure, *_ = self._accepted
         moved = self._travels()[0] - travel
         pressed = 0.5 * (pressure + self.now) * float(self.areas @ moved)
         return pressed + self._work_at_edge() + self._friction_work()
@@ -202,7 +189,7 @@ class BlankHolderPressure(ToolContactTerm):
         super().recall(memory)
         if self._die:
             self.areas = memory["areas"][:, 0]
-            self._accepted = *self._accepted[:2], self.areas
+            self._accepted = *self._accepted[:2], self.areas, self._accepted[3]
 
     def energies(self) -> dict[str | None, float]:
         return {**super().energies(), None: -float(self.normal_forces() @ self._travels()[0])}
@@ -232,7 +219,7 @@ class BlankHolderPressure(ToolContactTerm):
         return np.tile(self.direction, (self.nodes.count, 1))
 
     def force(self) -> np.ndarray:
-        return self._force
+        return self._accepted[3]
 
     def cell_fields(self) -> dict[str, Value]:
         share = self.areas / np.maximum(self.nodes.areas_now(), 1e-300)
@@ -244,20 +231,87 @@ class BlankHolderPressure(ToolContactTerm):
         return shares_at(self.under, points)
 
     def _pressed(self):
-        """Areas (nodes,) under the holder, of the nearest sheets, or where all the other sheets lie
-        on this one [mm^2]."""
-        covered: np.ndarray | None = None
-        for contact in reversed(self._against):
-            covered = contact.points.covered(covered)
-        under, blank, lying = self.under, self.blank, list[np.ndarray]()
-        areas = np.zeros(self.nodes.count)
-        for nodes in self._sheets:
-            of_sheet = nodes.areas_now() if covered is None else covered
-            areas += nodes.shares_under(under, self._borne) * of_sheet
-            if nodes is not self._sheets[-1]:
-                x = blank.coordinates() + blank.nodal_displacement()
-                lying += self.nodes.comm.allgather(
-                    x[blank.triangles(nodes.part.cells)].reshape(-1, 3, 3)
-                )
-                under = _Bare(self.under, np.concatenate(lying), self.direction)
+        """Areas (nodes,) under the holder of the nearest sheets [mm^2]."""
+        areas, cells = np.zeros(self.nodes.count), list[np.ndarray]()
+        across = np.linalg.svd(self.direction[None])[2][1:].T
+        for nodes in self._sheets if self._sheets[1:] else ():
+            local = _triangles(self.blank, nodes.part)[1] @ across
+            cells.append(np.concatenate(self.nodes.comm.allgather(local)))
+        for k, nodes in enumerate(self._sheets[: 1 if self._full else None]):
+            others = cells[1:] if self._full else cells[:k]
+            under = partial(_seen, self.under, across, others, self._full) if others else self.under
+            areas += nodes.shares_under(under, self._borne) * nodes.areas_now()
         return areas
+
+
+class LineBead(ToolContactTerm):
+    """Equivalent drawbead: a force per length of a line that stands still in plan, against the
+    sliding of the sheets that lie there, in any direction; these share it. It does not depend on
+    the rate, and begins with an elastic slip as friction. It acts on the nodes around by their
+    shape functions, taken anew in each accepted state.
+
+    line: two points (x, y) [mm] or more; restraint: above 0 [N/mm]; law: 1.0, or a `Coulomb` of it.
+    Raises InputError for others.
+    """
+
+    energy_kind = "friction"
+    SPACING = 0.01  # of points along the line, over the size of a mean cell
+
+    def __init__(
+        self, line: Sequence, restraint: float, name: str = "bead", law: Friction = 1.0
+    ) -> None:
+        points = [checked_vector(f"line of {name}", each, size="two") for each in line]
+        self.line, self.name = shapely.LineString(points if points[1:] else None), name
+        if not self.line.length:
+            flaw = f"line of {name} is {repr_short(line)}"
+            raise InputError(f"{flaw}; allowed are two points or more")
+        self.restraint = POSITIVE.check(f"restraint of {name} [N/mm]", restraint)
+        super().__init__(Tool(Plane((0, 0, 0), (0, 0, 1)), name=name), law, name)
+
+    def points(self, spacing: float = 1.0) -> np.ndarray:
+        """Middles (n, 2) of equal pieces of the line, at most `spacing` long [mm]."""
+        count = int(np.ceil(self.line.length / spacing))
+        at = (np.arange(count) + 0.5) / count
+        return shapely.get_coordinates(self.line.interpolate(at, normalized=True))
+
+    def set_up(self, scene: SceneFacts) -> None:
+        self.nodes, areas = Nodes(scene.blank, self.part), scene.blank.areas()
+        size, count = scene.blank.mesh.comm.allreduce(np.array([areas.sum(), len(areas)]))
+        self._points = self.points(self.SPACING * float(np.sqrt(size / count)))
+        self.accept()
+        self._start_friction()
+
+    def accept(self) -> None:
+        triangles, x = _triangles(self.blank, self.part)
+        tree, n = shapely.STRtree(shapely.polygons(x[..., :2])), len(self._points)
+        point, cell = tree.query(shapely.points(self._points), "intersects")
+        sharing = self.nodes.comm.allreduce(np.bincount(point, minlength=n))
+        sides = np.moveaxis(x[cell, 1:, :2] - x[cell, :1, :2], 1, 2)
+        # of a triangle that stands upright the inverse is none, but its pseudoinverse
+        N = np.linalg.pinv(sides) @ (self._points[point] - x[cell, 0, :2])[..., None]
+        N = np.concatenate([1 - N.sum(1, keepdims=True), N], 1)  # shape functions (k, 3, 1)
+        N *= (self.line.length / n / sharing[point])[:, None, None]
+        self._lengths = self.blank.summed_at(triangles[cell], N)[: self.nodes.count, 0]
+        super().accept()
+
+    def normal_forces(self) -> np.ndarray:
+        return self.restraint * self._lengths
+
+    def restrained(self) -> float:
+        """Sum of the sizes of its forces, of all ranks [N]."""
+        return float(self.nodes.total(np.linalg.norm(self._friction_forces(), axis=1)))
+
+    def _update_pressing(self):
+        return False
+
+    def _pressing_forces(self):
+        return np.zeros((self.nodes.count, 3))
+
+    def _normals(self):
+        return np.tile([0.0, 0.0, 1.0], (self.nodes.count, 1))
+
+
+def _triangles(blank, part):
+    """Nodes of a part's triangles (n, 3), and where their corners are now (n, 3, 3) [mm]."""
+    triangles = blank.triangles(part.cells).reshape(-1, 3)
+    return triangles, (blank.coordinates() + blank.nodal_displacement())[triangles]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import ufl
@@ -13,7 +14,7 @@ from petsc4py import PETSc
 
 from .. import dolfinx_compat as compat
 from ..core.errors import InputError
-from ..core.rules import FINITE, FROM_ZERO, POSITIVE, Rule
+from ..core.rules import FINITE, POSITIVE, Rule
 from ..material.laws import Law
 from ..material.metal import Metal
 from ..sheet.blank import Blank
@@ -136,60 +137,43 @@ class DeadPressure(_DeadLoad):
 
 
 class Gravity(_DeadLoad):
-    """Weight of the sheets, whole from the start: over the undeformed area density times thickness
-    of each one's fabric or metal, [g/cm^3] times [mm], which is kg/m^2. Its potential is minus int
-    rho t g . u dA.
+    """Weight of the sheets, whole from the start: density [g/cm^3] times thickness [mm], together
+    kg/m^2, of each one's fabric or metal, on the undeformed area. Its potential is minus int rho t
+    g . u dA.
 
-    Parameters
-    ----------
-    gravity : float
-        Acceleration [m/s^2], from 0.
-    direction : array_like, (gdim,)
-        In which it pulls; of any length.
-
-    Raises
-    ------
-    InputError
-        For numbers that are not allowed, and for a sheet of which no term has a fabric or metal, so
-        that its mass is not known.
+    gravity: acceleration [m/s^2], downwards or as a vector (gdim,). Raises InputError for others,
+    and for a sheet whose mass is not known, as no term has a fabric or metal for it.
 
     Examples
     --------
-    >>> ply = ff.Blank.rectangle(1000, 500, nx=2, spatial=True)
-    >>> weight = ff.Gravity()
+    >>> ply, weight = ff.Blank.rectangle(1000, 500, nx=2, spatial=True), ff.Gravity()
     >>> fabric = ff.load("komeili").replace(thickness=1.0, density=0.8)  # 0.8 kg/m2
     >>> scene = ff.Scene(ply, [ff.Membrane(fabric), weight], ff.clamped_ends(0.1))
-    >>> weight.force().round(6)  # of 0.4 kg [N]
-    array([ 0.   ,  0.   , -3.924])
+    >>> round(float(weight.applied_forces().sum()), 6)  # of 0.4 kg [N]
+    -3.924
     """
 
     name = "gravity"
 
-    def __init__(self, gravity: float = 9.81, direction: ArrayLike = (0, 0, -1)) -> None:
-        self._gravity, self._direction = FROM_ZERO.check("gravity [m/s^2]", gravity), direction
+    def __init__(self, gravity: Any = 9.81) -> None:
+        if not np.iterable(gravity):
+            gravity = 0, 0, -FINITE.check("`gravity`", gravity)
+        self.acceleration = checked_vector("`gravity`", gravity, size="two or three")
 
     def set_up(self, scene: SceneFacts) -> None:
         blank = scene.blank
-        weight = fem.Function(compat.vector_space(blank.mesh, "DG", 0, 1))
+        mass = fem.Function(compat.vector_space(blank.mesh, "DG", 0, 1))  # kg/m^2
         for part in sheets_of(blank) if self.part.is_whole else [self.part]:
-            if not isinstance(material := next(materials_of(scene, part), None), Law | Metal):
-                of = part.name or blank.name
-                raise InputError(
-                    f"gravity needs the mass of {of}, a fabric or metal of a term on it"
-                )
+            material = next(materials_of(scene, part), None)
+            if not isinstance(material, Law | Metal):
+                name = part.name or blank.name
+                raise InputError(f"gravity needs the mass of {name}: a fabric or metal of a term")
             shares = thickness_shares(scene, part, blank.centres()[part.cells])
-            mass = material.density * material.thickness * shares  # kg/m^2
-            weight.x.array[part.cells] = 1e-6 * self._gravity * mass  # N/mm^2
-        name = f"direction of {self.name} on {blank.name}"
-        self._start(name, self._direction, self.part.dx(), weight[0])
+            mass.x.array[part.cells] = material.density * material.thickness * shares
+        self._start(f"gravity on {blank.name}", self.acceleration, self.part.dx(), mass[0])
 
     def _size(self, load):
-        return 1.0
-
-    def force(self) -> np.ndarray:
-        """Weight along x, y, z, of all ranks (gdim,) [N]."""
-        forces = self.applied_forces().reshape(-1, self.blank.mesh.geometry.dim).sum(0)
-        return self.blank.mesh.comm.allreduce(forces) @ self.blank.frame
+        return 1e-6 * float(np.linalg.norm(self.acceleration))  # N/mm^2 of 1 kg/m^2
 
 
 class EdgeTension(_DeadLoad):

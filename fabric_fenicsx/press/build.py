@@ -22,9 +22,9 @@ from ..io.field import Field
 from ..results.measures import PLANE_OF_SYMMETRY
 from ..scene.scene import Scene
 from ..scene.supports import Support
-from . import stack
 from .forming_scene import FormingScene
 from .holders import PressureHolder, segments
+from .interface import press_together
 from .laying import Laid, lay_blank, on_plane
 from .placement import place_tools
 from .press_data import PressData
@@ -51,8 +51,8 @@ def build(press: PressData, comm: MPI.Comm | None = None) -> FormingScene:
         friction = on_tools if own is None else interface.coulomb(own)
         terms.append(Contact(tool, penalty=interface.penalty, friction=friction))
     terms += [laid.on(s, SheetMetal(s.metal, symmetric=planes)) for s in sheets if s.metal]
-    between = stack.between(laid, interface, planes)
-    held, on_die, more = _hold(press, laid, tools, schedule, on_tools, between)
+    between = interface.between(laid, planes)
+    held, on_die, more = _hold(press, laid, tools, schedule, on_tools)
     terms += [*chain(*held.values()), *between]
     for sheet in sheets if interface.self else ():
         friction = interface.coulomb(sheet.friction_to(sheet))
@@ -60,9 +60,9 @@ def build(press: PressData, comm: MPI.Comm | None = None) -> FormingScene:
         folds = SelfContact(penalty=k, lag=lag, symmetric=planes, friction=friction)
         terms.append(laid.on(sheet, folds))
 
-    terms += [Gravity(press.gravity, press.gravity_direction)] if press.gravity else []
+    terms += [Gravity(press.gravity)] if press.gravity else []
     scene = Scene(laid.blank, terms, _supports(press, laid))
-    stack.press(laid, scene.terms, on_die)
+    press_together(laid, scene.terms, on_die)
     warnings = list(dict.fromkeys([*warnings, *doubts, *more]))
     return FormingScene(press, scene, warnings, laid, tools, schedule, held)
 
@@ -105,9 +105,9 @@ def _supports(press: PressData, laid: Laid) -> list[Support]:
 # -- holders
 
 
-def _hold(press, laid, tools, schedule, friction, between):
+def _hold(press, laid, tools, schedule, friction):
     """{name of a holder or segment: its terms}, the last tool on which one presses, and doubts.
-    friction: of tools; between: contacts of the sheets of a stack."""
+    friction: of tools."""
     held, on_die, doubts = dict[str, list[Term]](), None, list[str]()
     taken: dict[str, dict[str, Where]] = {}
     for name, holder in _segments(press, schedule):
@@ -126,9 +126,6 @@ def _hold(press, laid, tools, schedule, friction, between):
             interface=press.interface,
             friction=friction,
             lag=press.interface.lag,
-            sheets=[sheet.name for sheet in laid.sheets] if laid.stack else [],
-            against=stack.neighbours(between, laid.sheets),
-            rims=stack.rims(laid),
             taken=taken,
         )
         held[name] = terms = list(holder.terms(site))

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from ..contact.contact_term import ToolContactTerm
 from ..contact.coulomb import MAX_SLIP
-from ..contact.line_bead import LineBead
+from ..contact.holder_pressure import LineBead
 from ..contact.tool_contact import Contact
 from ..core.collective_errors import on_root
 from ..core.errors import InputError
@@ -167,9 +167,9 @@ class FormingScene(Setup):
         forces that are not in balance, penetration, and what else checks the contact."""
         scene, interface, energies = self.scene, self.data.interface, energies_of(result.rows[-1])
         part = self.modelled_share
-        springs = [t for t in scene.terms if isinstance(t, Springs | Gravity)]
+        loads = [t for t in scene.terms if isinstance(t, Springs | Gravity)]
         tools = [(t.tool.name, float(output.tool_force(scene, t.tool)[2])) for t in self.pressing]
-        acting = [*(z for _, z in tools), *(float(term.force()[2]) for term in springs)]
+        acting = sum(float(term.applied_forces()[2::3].sum()) for term in loads)
         return {
             f"{self.leader().name}_force_N": (force := result.rows[-1]["reaction_N"]),
             "force_of_whole_blank_N": force / part,
@@ -177,7 +177,7 @@ class FormingScene(Setup):
                 term.tool.name: float(np.linalg.norm(term.force())) for term in self.pressing
             },
             "tool_forces_of_whole_blank_N": {name: z / part for name, z in tools},
-            "unbalanced_force_N": abs(sum(acting)),
+            "unbalanced_force_N": abs(scene.comm.allreduce(acting) + sum(z for _, z in tools)),
             "penalty_N_per_mm3": interface.penalty,
             "penetration_mm": max(each.penetration() for each in self.contacts),
             "penetration_largest_mm": max(each.largest_penetration() for each in self.contacts),

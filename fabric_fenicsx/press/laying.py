@@ -59,15 +59,6 @@ class Laid:
         off = shapely.distance(cells, shapely.Point(np.asarray(place))).min(initial=np.inf)
         return float(self.blank.mesh.comm.allreduce(off, MPI.MIN))
 
-    def covers(self, number: int, x: np.ndarray) -> np.ndarray:
-        """Mask (n,) of the places x (3, n) at which the sheet of this number, flat, lies."""
-        blank = self.blanks[number]
-        corners = np.vstack(blank.mesh.comm.allgather(blank.corners()))[..., :2]
-        lying = shapely.STRtree(shapely.polygons(corners)).query(
-            shapely.points(x[:2].T), "intersects"
-        )
-        return np.isin(np.arange(x.shape[1]), lying[0])
-
     def nearest_nodes(self, place: ArrayLike) -> Callable[[np.ndarray], np.ndarray]:
         """Function of points (3, n) to a mask (n,) of one node of each sheet: the nearest to
         `place` (x, y) [mm]; of equally near ones the one with the largest x, then y."""

@@ -16,7 +16,6 @@ from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
 
 from ..contact.holder_pressure import BlankHolderPressure
-from ..contact.line_bead import LineBead
 from ..contact.tool_contact import Contact
 from ..core.formatting import rounded
 from ..core.status import MARKED, log, task
@@ -79,9 +78,6 @@ def _holders(scene, holders, plies, size):
         elif isinstance(term, Contact) and term.where and term in owners:
             up = term.tool.evaluate(centres.T[:1]).normal[0]
             surfaces[name] = _patch(ply, np.asarray(term.where(centres)), -0.02 * size * up)
-        elif isinstance(term, LineBead):
-            line = np.pad(term.points(), ((0, 0), (0, 1)))
-            surfaces[name] = pyvista.lines_from_points(line).tube(radius=0.004 * size).triangulate()
         elif isinstance(term, Springs | EdgeTension):
             if isinstance(term, Springs):
                 at, way = x[term.where(x.T)], np.asarray(term.arm, dtype=float)

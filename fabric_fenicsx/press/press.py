@@ -44,9 +44,8 @@ class Press(PressData):
         True: the run ends at the step where the ply can't be formed, see `Settings`.
     title
         Of the report.
-    gravity, gravity_direction
-        [m/s^2], by default 0, and a vector (3,), down by default: the weight of the sheets, by
-        thickness and density of their materials.
+    gravity
+        Acceleration [m/s^2], down or as a vector (3,), of sheets with the mass of their materials.
 
     Raises
     ------

@@ -5,13 +5,13 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 from ..core.errors import InputError
-from ..core.fields import KnowsItsFields, check_fields, flag, quantity
-from ..core.rules import FINITE, FROM_ZERO, repr_short, unknown_key
+from ..core.fields import KnowsItsFields, check_fields, flag
+from ..core.rules import FINITE, repr_short, unknown_key
+from ..energy.load import Gravity
 from ..material.laws import Law
 from ..material.metal import Metal
 from ..sheet.sheet import Sheet
 from ..solve.limits import Limits
-from ..surfaces.surfaces import checked_vector
 from .holders import Holder, segments
 from .interface import Interface
 from .stages import Schedule, Stage
@@ -31,25 +31,19 @@ class PressData(KnowsItsFields):
     limits: Limits = Limits()
     stop_when_invalid: bool = flag("the run ends at the step where the ply can't be formed")
     title: str = ""
-    gravity: float = quantity(0.0, FROM_ZERO, "acceleration by gravity [m/s^2]")
-    gravity_direction: Sequence[float] = (0.0, 0.0, -1.0)
+    gravity: float | Sequence[float] = 0.0
 
     def __post_init__(self) -> None:
-        paths = {"stop_when_invalid": "limits.stop_when_invalid"}
-        check_fields(self, lambda name: paths.get(name, name))
+        check_fields(self, "limits.{}".format)
         places = self.symmetry if isinstance(self.symmetry, Mapping) else {}
         if not places.keys() <= {*"xy"} or self.symmetry not in ("none", "x", "y", "xy", places):
             flaw = f"blank.symmetry is {repr_short(self.symmetry)}; allowed is one of none, x, y"
             raise InputError(f"{flaw}, xy, or a table of places [mm], as {{y = -400}}")
         for axis, place in places.items():
             FINITE.check(f"blank.symmetry.{axis}", place)
-        down = checked_vector("gravity_direction", self.gravity_direction, unit=True)
-        if self.gravity and down[list(self.planes)].any():
-            raise InputError(
-                f"gravity_direction is {repr_short(self.gravity_direction)}, across a plane of "
-                "symmetry; allowed is one along it"
-            )
-        object.__setattr__(self, "gravity_direction", tuple(self.gravity_direction))
+        if Gravity(self.gravity).acceleration[list(self.planes)].any():
+            flaw = f"`gravity` is {self.gravity}, across a plane of symmetry"
+            raise InputError(f"{flaw}; allowed is one along it")
         object.__setattr__(self, "sheets", _all_of(Sheet, "plies", self.sheets))
         object.__setattr__(self, "stages", _all_of(Stage, "stages", self.stages))
         _all_of(PressTool, "tools", list(self.tools.values()))

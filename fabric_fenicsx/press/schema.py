@@ -39,7 +39,6 @@ OF_ALL_PLIES = {"material": "fabric"} | {
     for name in ("nx", "ny", "size", "pattern", "element", "integration")
     + ("fibre_angle", "yarn_angle", "temperature")
 }
-GRAVITY = "gravity", "gravity_direction"  # entries beside the tables
 SURFACES = "shape", "file", "die_of"  # keys of a tool, one of which it has
 
 
@@ -60,7 +59,7 @@ def read(kind: type[P], path: Path, changes: Sequence[str] = ()) -> P:
 
 
 def _fields(document, path):
-    known = "unit", "title", *TABLES, "ply", "stage", *GRAVITY
+    known = "unit", "title", "gravity", *TABLES, "ply", "stage"
     if other := next((key for key in document if key not in known), ""):
         raise unknown_key(other, known, f"entry {other}")
     if (unit := document.get("unit", "missing")) != "mm":
@@ -71,7 +70,7 @@ def _fields(document, path):
     convert = partial(_value, folder=path.parent)
     return {
         "title": document.get("title", path.stem.replace("_", " ")),
-        **{key: document[key] for key in GRAVITY if key in document},
+        "gravity": document.get("gravity", 0.0),
         "symmetry": blank.pop("symmetry", "none"),
         "stop_when_invalid": limits.pop("stop_when_invalid", False),
         "sheets": _sheets(document, blank, convert),
@@ -245,7 +244,7 @@ def document_of(press: PressData) -> dict[str, object]:
     document = {
         "unit": "mm",
         "title": press.title,
-        **{key: getattr(press, key) for key in GRAVITY if press.gravity},
+        "gravity": press.gravity or "",
         "blank": blank | (plies[0] if len(plies) == 1 else {}),
         "contact": tables.entries(press.interface),
         "limits": limits | ({"stop_when_invalid": True} if press.stop_when_invalid else {}),

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from scipy import ndimage
 
 from ..contact.coulomb import Coulomb
-from ..contact.sheet_contact import SheetContact
 from ..contact.tool_contact import Contact
 from ..core.errors import InputError
 from ..core.formatting import rounded
@@ -131,22 +130,13 @@ class Flange:
 class HolderSite:
     """What a blank holder gets to make its terms.
 
-    Parameters
-    ----------
-    name, die, up, thickness
-        The holder's name, the tool on which it presses the blank, the direction (3,) towards that,
-        and the thickness of all between them [mm].
-    laid, blank, centre, planes, share
-        The blank as it is laid, flat in z = 0, the whole one's centroid (2,) [mm], the axes across
-        which planes of symmetry halve it, and the share of it that is modelled.
-    interface, friction, lag
-        How tools touch the blank, their friction, and the share of areas and normal forces by which
-        these may lag behind the state.
-    sheets, against, rims
-        Of a stack: names of its sheets, the lowest first, contacts between them, and names of those
-        that reach beyond all sheets below them.
-    taken
-        By holders before this one: {place: {name of a holder: where it acts there}}.
+    - name, die, up, thickness: its name, the tool on which it presses the blank, the direction (3,)
+      towards that, and the thickness of all between them [mm]
+    - laid, blank, centre, planes, share: the blank as it is laid, flat in z = 0, the whole one's
+      centroid (2,) [mm], axes across which planes of symmetry halve it, the share that is modelled
+    - interface, friction, lag: how tools touch the blank, their friction, and the share of areas
+      and normal forces by which these may lag behind the state
+    - taken: by holders before this one, {place: {name of a holder: where it acts there}}
 
     Examples
     --------
@@ -170,9 +160,6 @@ class HolderSite:
     interface: Interface
     friction: Coulomb
     lag: float
-    sheets: Sequence[str]
-    against: Sequence[SheetContact]
-    rims: Sequence[str]
     taken: dict[str, dict[str, Where]]
     warnings: list[str] = field(default_factory=list)
 

@@ -20,6 +20,7 @@ from mpi4py import MPI
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.contact.friction import FrictionState
+from fabric_fenicsx.contact.holder_pressure import LineBead
 from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.newton import Newton
@@ -206,16 +207,16 @@ def test_a_strip_drawn_through_a_bead_needs_width_times_restraint(across):
     on 1200 mm2 of a holder; and nothing more as the strip goes on."""
     strip = sheet(60, 20, 13, 5)
     ends = [(30 + across * (y - 10), y) for y in (-30, 50)]
-    bead = ff.LineBead(ends, restraint=2.0)
+    bead = LineBead(ends, restraint=2.0)
     holder = ff.BlankHolderPressure(0.05, (0, 0, 1), everywhere, friction=0.2)
-    drawn = ff.Support("end", near(0, 60.0), (0, 1, 2), (6.0, 0, 0))
-    flat = ff.Support("flat", everywhere, (1, 2))
-    scene, pulls = ff.Scene(strip, [Elastic(1e5), bead, holder], [drawn, flat]), []
-    pulled = lambda state: pulls.append((bead.restrained(), scene.reaction("end")[0]))  # noqa: E731
-    assert not march(Newton(scene), 4, on_accept=pulled).reason
-    for restraint, pull in pulls[1:]:
-        assert restraint == pytest.approx(40 * np.hypot(1, across), rel=3e-3)
-        assert pull == pytest.approx(restraint + 0.2 * 0.05 * 1200, rel=1e-3)
+    held = [ff.Support("end", near(0, 60.0), (0, 1, 2), (6.0, 0, 0))]
+    held.append(ff.Support("flat", everywhere, (1, 2)))
+    scene = ff.Scene(strip, [Elastic(1e5), bead, holder], held)
+    for steps in (3, 4):  # once more from where it is
+        run(scene, steps)
+        assert bead.restrained() == pytest.approx(40 * np.hypot(1, across), rel=3e-3)
+        pull = bead.restrained() + 0.2 * 0.05 * 1200
+        assert scene.reaction("end")[0] == pytest.approx(pull, rel=1e-3)
 
 
 def test_elastic_slip():

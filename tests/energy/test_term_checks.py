@@ -178,6 +178,7 @@ REFUSED = [
     (lambda: between(stack(), pair(None), Elastic()), "a penalty, a number above 0, as no term"),
     (lambda: between(stack(), ff.SelfContact(T, penalty=1.0)), "asked of a stack; allowed is one"),
     (lambda: alone(square(), ff.Springs(END, 1.0, anchor=(10, 0, 0))), "an anchor at a node that"),
+    (lambda: alone(square(), ff.Gravity()), "gravity needs the mass of"),
     (lambda: alone(square(), ff.Bending(1.0, symmetric=SIDES)), "sides in more than one plane"),
     (lambda: alone(square(spatial=False), ff.Bending(1.0)), "`spatial=True`, or `in_plane`"),
 ]

@@ -116,12 +116,6 @@ def test_grippers_pull_at_the_edges_that_are_marked():
         dome(**SIZES, holder=ff.Grippers(where=lambda x: x[0] < 1))
 
 
-def test_a_checkpoint_knows_the_number_of_a_holder():
-    """So that a run is not gone on with by another."""
-    first, second = (dome(**SIZES, holder=ff.PressureHolder(p)).scene.fingerprint() for p in (2, 3))
-    assert {key.split(" of ")[0] for key in first if first[key] != second[key]} == {"pressure"}
-
-
 def test_a_pressure_that_is_directed_away_from_the_die_is_told_of():
     class Own:
         def terms(self, site):

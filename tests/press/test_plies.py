@@ -73,7 +73,8 @@ def laid():
     """Two plies, smaller metal below them, no bending of plies of metal."""
     metal = {"metal": ff.load_metal("dc04"), "thickness": 0.8, "length": 380, "width": 220}
     metal["name"] = "sheet"
-    return dome(plies=[metal, {"name": "a"}, {"name": "b"}], **COARSE)
+    holder = ff.PressureHolder(2.0, full_stack=True)
+    return dome(plies=[metal, {"name": "a"}, {"name": "b"}], holder=holder, **COARSE)
 
 
 def test_thickness_and_face_are_those_of_the_metal(laid):

@@ -106,7 +106,7 @@ def test_tools_that_cannot_stand_or_move_as_given(changes, words):
     "changes, words",
     [
         (["stage.1.moves.punch=-30"], "tools.punch only moves away from the blank"),
-        (["gravity=1", "gravity_direction=[1, 0, 0]"], "direction is .*, across a plane of sym"),
+        (["gravity=[1, 0, -9.81]"], "gravity` is .*, across a plane of symmetry"),
         (
             ["holder.bead={line=[[9, 0], [9, 9]]}"],
             "is {'line': .* a table of `line` and `restraint`",
