@@ -10,14 +10,13 @@ from ..results.result import Result
 from ..sheet.sheet import Sheet
 from ..solve.limits import Limits
 from .options import Parser, program, spelled
-from .study import Study, add_material, add_output, add_solver, kind_of_option
+from .study import Study, add_shared, kind_of_option
 
 
 def press_parser(description: str | None, name: str = Press.NAME, press: str = "") -> Parser:
     """The parser of a study of the example `press`, by default of the press that is named."""
     usage = f"%(prog)s {'' if press else 'press.toml '}[option ...]"
     p = Parser(prog=program(name), usage=usage, description=description)
-    p.set_defaults(file=press)
     if not press:
         words = "the press: blank, tools, holders, stages; or the name of one in studies/presses"
         p.option("file", metavar="press.toml", help=words, free=True)
@@ -29,13 +28,8 @@ def press_parser(description: str | None, name: str = Press.NAME, press: str = "
     for each in declared(Sheet):
         if each.name in OF_ALL_PLIES:
             p.option(spelled(each.name), free=True, **kind_of_option(each.metadata))
-    add_material(p, None)
-    add_solver(p, Press)
-    add_output(p, name)
-    # which the press says
     from_press = dict.fromkeys(["steps", *(f"max_{each.name}" for each in declared(Limits))])
-    sizes = {False: Press.FULL, True: Press.QUICK}
-    p.set_defaults(_sizes=sizes, **dict(Press.SOLVER) | from_press)
+    add_shared(p, Press, name, file=press, **from_press)
     return p
 
 
@@ -66,15 +60,6 @@ class PressStudy(Study):
                 press = press.replace(sheets=coarser.sheets)
             args.steps = args.steps or max(len(made.schedule.stages), made.schedule.steps // 3)
         return press
-
-    def more_runs(self, setup: Any) -> dict[str, float]:
-        """As in `Study`: on finer cells, and of the whole blank."""
-        given, whole = vars(self.args), 1 / setup.data.share
-        more = {"--refine, if waves need cells half as long,": 4.0} if given.get("refine") else {}
-        if given.get("disturb"):
-            after = {f"--disturb after {name}": whole * cells for name, cells in more.items()}
-            more |= {"--disturb": whole} | after
-        return more
 
     def problem(self, setup: Any) -> dict[str, Any]:
         """As in `Study`, with the press."""

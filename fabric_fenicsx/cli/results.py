@@ -113,25 +113,24 @@ def _pattern(parser, words):
             print(f"{of_ply} is up to {largest} mm from the trim line, {mean} mm in the mean")
         return args
     reach = args.reach or 2 * sum(map(_thickness, grids.values()))
-    labels = states.set_labels(grids) if len(grids) > 1 else dict.fromkeys(grids, "")
+    labels = states.set_labels(grids) if len(grids) > 1 else {}
     patterns = {}
     for name, grid in trimmed.items():
         try:
             patterns[name] = pattern.flat_pattern(grid, where, reach)
         except InputError as error:
             raise InputError(f"ply {name}: {error}" if name else str(error)) from None
-    stem, units = Path(args.out or Path(args.folder) / "pattern"), states.units(args.folder)
-    stems = {n: f"{stem}_{labels[n]}" if labels[n] else f"{stem}" for n in patterns}
+    stem = args.out or Path(args.folder) / "pattern"
+    stems = {n: f"{stem}_{labels[n]}" if labels else f"{stem}" for n in patterns}
     files = (Path(each + end) for each in stems.values() for end in (".dxf", ".csv", ".vtu"))
     check_new(*files, overwrite=args.overwrite)
     print("".join(f"{note}\n" for note in notes), end="")
     for name, flat in patterns.items():
-        own = stems[name]
-        pattern.write_pattern(own, flat, units, name, frame)
+        pattern.write_pattern(stems[name], flat, states.units(args.folder), name, frame)
         off = f", trim line up to {rounded(flat.off)} mm off the ply" if flat.off else ""
         sizes = f"area {rounded(flat.net.area, 6)} mm2, perimeter {rounded(flat.net.length, 6)} mm"
         formed = f"area of the formed part {rounded(flat.formed_area, 6)} mm2"
-        print(f"{own}.dxf, .csv, .vtu: {sizes}, {formed}{off}")
+        print(f"{stems[name]}.dxf, .csv, .vtu: {sizes}, {formed}{off}")
     return args
 
 

@@ -40,29 +40,23 @@ def parser(test: Any, description: str | None, name: str = "", **defaults: objec
     p = Parser(prog=program(name), usage="%(prog)s [option ...]", description=description)
     p.group("usual")
     add_fields(p, test, test)
-    add_material(p, "komeili")
-    add_solver(p, test)
-    add_output(p, name)
-    p.set_defaults(_sizes={False: test.FULL, True: test.QUICK}, **dict(test.SOLVER) | defaults)
+    add_shared(p, test, name, **{"material": "komeili"} | defaults)
     return p
 
 
-def add_material(p: Parser, default: str | None) -> None:
-    """Add the options of the material; default: what it is."""
+def add_shared(p: Parser, test: Any, name: str, **defaults: Any) -> None:
+    """Add what studies `name` of all tests have, material, solver and output, with the defaults of
+    the class `test` or these."""
     p.group("material")
-    own = "" if default else " (that of the press)"
-    presets = {"help": f"material file, or one of {', '.join(PRESETS)}{own}", "default": default}
-    p.option("--material", metavar="FILE|PRESET", **presets, free=True)
+    own = "" if "material" in defaults else " (that of the press)"
+    presets = f"material file, or one of {', '.join(PRESETS)}{own}"
+    p.option("--material", metavar="FILE|PRESET", help=presets, free=True)
     text = "Python file with the classes of your own laws"
     p.option("--law-file", metavar="FILE.py", help=text, free=True)
     models = {"choices": ("hyperelastic", "fabric"), "default": "hyperelastic"}
     p.option("--model", **models, help="fabric: without all couplings", free=True)
     several = {"metavar": "COUPLING", "action": "append", "default": []}
     p.option("--without", **several, help=f"turn off one of {', '.join(COUPLINGS)}", free=True)
-
-
-def add_solver(p: Parser, test: Any) -> None:
-    """Add the options of solver, errors and limits, with the defaults of the class `test`."""
     add_fields(p, Settings, test, free=True)
     p.group("solver")
     unasked = f" (yes from {test.CHEAP_FROM} cells on)" if test.CHEAP_FROM else ""
@@ -72,10 +66,6 @@ def add_solver(p: Parser, test: Any) -> None:
         text = "check all, draw setup.png of a press, take the first step and tell the cost"
         p.switch("--dry-run", text)
     add_fields(p, Limits, test, prefix="max_", free=True)
-
-
-def add_output(p: Parser, name: str) -> None:
-    """Add the options of the results' folder; name: of the study."""
     p.group("output")
     where = {"metavar": "DIR", "type": Path, "default": Path("results") / name}
     p.option("--out", **where, help="folder of the results", free=True)
@@ -84,6 +74,7 @@ def add_output(p: Parser, name: str) -> None:
     p.switch("--no-pictures", "draw nothing")
     p.switch("--quick", "coarse mesh and few steps")
     p.switch("--verbose", "print each Newton iteration, as log.txt has them")
+    p.set_defaults(_sizes={False: test.FULL, True: test.QUICK}, **dict(test.SOLVER) | defaults)
 
 
 def add_fields(p: Parser, owner: type, test: Any, prefix: str = "", free: bool = False) -> None:
@@ -201,15 +192,11 @@ class Study:
         self.output.facts = self._facts()
         pictures = not self.args.no_pictures
         if self.args.dry_run:
-            for line in checked(job, self.output, part, pictures, self.more_runs(job.setup)):
+            for line in checked(job, self.output, part, pictures):
                 self.say(line)
             self.output.close()
             sys.exit(0)
         return job.run(self.output, part, problem=self._problem, pictures=pictures)
-
-    def more_runs(self, setup: Setup) -> dict[str, float]:
-        """{what options ask for beside the run of a test: times as many cells}."""
-        return {}
 
     def summarise(self, folder: Path | None, **facts: object) -> dict:
         """Summarise the study as a whole, see `Output.summarise`."""
@@ -219,8 +206,8 @@ class Study:
     def _facts(self):
         given = vars(self.args).items()
         options = {k: str(v) if isinstance(v, Path) else v for k, v in given}
-        command = {k: v for k, v in self.output.facts.items() if k == "command"}
-        return command | {"options": options, "fabric": self.fabric.dumps()}
+        known = {"options": options, "fabric": self.fabric.dumps()}
+        return {"command": self.output.facts["command"], **known}
 
     def problem(self, setup: Setup) -> dict:
         """Facts in which a checkpoint must agree: the fabric, and all options but the free ones."""

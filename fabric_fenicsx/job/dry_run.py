@@ -2,7 +2,6 @@
 
 import resource
 import time
-from collections.abc import Mapping
 
 from mpi4py import MPI
 
@@ -17,12 +16,9 @@ from . import validity
 from .job import Job
 
 
-def checked(
-    job: Job, output: Output, part: str, pictures: bool, more: Mapping[str, float]
-) -> list[str]:
+def checked(job: Job, output: Output, part: str, pictures: bool) -> list[str]:
     """Check all that a run checks before its first step, draw its first picture, and take the first
-    step; sentences on the size and the cost. more: {name of a further run: times as many cells}.
-    Raises InputError as `Job.run`."""
+    step; sentences on the size and the cost. Raises InputError as `Job.run`."""
     scene, comm, began = job.scene, job.scene.comm, time.process_time()
     with all_or_none(comm), task("checking the scene"):
         scene.check_start()
@@ -56,20 +52,13 @@ def checked(
     if job.error:
         fewer = cost(1 / 4, job.coarser_settings(job.setup.fewer_steps).steps, setup=0)
         lines.append(f"the run on coarser cells, for errors, takes {fewer} more")
-    lines += [f"{name} takes {cost(cells)} more" for name, cells in more.items()]
     memory = rounded(comm.allreduce(peak, MPI.SUM), 2)
     return [*lines, f"memory without pictures about {memory} MiB"]
 
 
 @task("taking the first step")
-def _first_step(newton, job, most=100):
-    """Iterations up to the first state under load, and why it failed, or ""; more than `most` of
-    them do not tell of later steps."""
-
-    def is_enough():
-        progress = stepping.progress
-        return "enough" if progress.load or progress.iterations >= most else ""
-
-    stepping = LoadStepping(newton, job, stop=is_enough)
+def _first_step(newton, job):
+    """Iterations up to the first state under load, and why there is none, or ""."""
+    stepping = LoadStepping(newton, job, stop=lambda: "enough" if stepping.progress.load else "")
     outcome = stepping.run()
-    return outcome.iterations, "" if outcome.reached or is_enough() else outcome.reason
+    return outcome.iterations, "" if outcome.reached else outcome.reason

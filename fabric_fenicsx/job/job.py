@@ -221,7 +221,7 @@ class Job(Settings):
 
     def _step_to_full_load(self, newton, start, observers):
         """The `Outcome` of load stepping, and the signal that stopped it, as text, or ""."""
-        watch, states, progress, *_ = observers
+        watch, _, progress, *_ = observers
         signals = StopSignals(self.scene.comm)
         calls: Any = {
             "on_accept": lambda accepted: [each.accept(accepted) for each in observers],
@@ -234,7 +234,6 @@ class Job(Settings):
                 return LoadStepping(newton, self, start, **calls).run(), signals()
         finally:
             signals.forget()
-            states.history.close()
 
     @phase("output")
     def _result(self, output, outcome, stopped, states, wrong_now):

@@ -106,7 +106,6 @@ class ProgressLog(Observer):
         self.states, self.rows, self.newton = states, states.history.rows, newton
         self.start = self.load = start
         self.size = self.seconds = 0.0  # of the last step
-        self.began = self.step_began = time.monotonic()
         self.reached = f"{self._name()}: first step"
 
     def begin(self, folder: Path, pictures: bool) -> None:

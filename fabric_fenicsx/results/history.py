@@ -23,10 +23,9 @@ class History:
     that is resumed."""
 
     def __init__(self, path: Path, comm: MPI.Comm, rows: Iterable[Numbers] = ()) -> None:
-        self.rows = list(rows)
-        self._file = open(path if comm.rank == 0 else os.devnull, "w", newline="")
-        for row in self.rows:
-            self._write(row)
+        self.rows, self._path = list[Numbers](), path if comm.rank == 0 else os.devnull
+        for row in rows:
+            self._append(row)
 
     def add(
         self,
@@ -67,19 +66,15 @@ class History:
                 f"at load {rounded(accepted.load, 6)} the terms {some} give history.csv the column "
                 f"{sorted(other)[0]}; allowed are the same columns in `history` each time"
             )
+        self._append(row)
+
+    def _append(self, row):
         self.rows.append(row)
-        self._write(row)
-
-    def _write(self, row):
-        writer = csv.DictWriter(self._file, list(self.rows[0]))
-        if row is self.rows[0]:
-            writer.writeheader()
-        writer.writerow(row)
-        self._file.flush()
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
+        with open(self._path, "a" if self.rows[1:] else "w", newline="") as file:
+            writer = csv.DictWriter(file, list(self.rows[0]))
+            if not self.rows[1:]:
+                writer.writeheader()
+            writer.writerow(row)
 
 
 def energy_balance(rows: Sequence[Numbers], energy: Mapping[str, float]) -> Numbers:

@@ -32,12 +32,6 @@ CAPTIONS = {
     "shortening": "Shortening of yarns by compression, where a real ply wrinkles",
     "thickness": "Thickness of the plies under the pressure on them",
     "paths": "Strains and shear angle along paths from the centre",
-    "metal": "Metal sheets: plastic strain and thickness",
-    "middle": "The middle ply of the stack",
-    "between": "Between the sheets of the stack",
-    "shear_force": "Shear force over the shear angle",
-    "springback": "Springback: how far nodes move without the tools",
-    "fig7": "Stresses of one element: closed form, kernel and elements",
     "error": "Estimated errors of strains and shear angle, from a coarser mesh",
 }
 # the beginning of a name -> its text, where that is not the name's own

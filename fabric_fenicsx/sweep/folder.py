@@ -15,7 +15,7 @@ from typing import NamedTuple
 from ..core.errors import InputError
 from ..core.files import lock_folder, read_json, write_json
 from ..core.rules import unknown_key
-from ..results.owned import OwnedFiles
+from ..results.output import OwnedFiles
 from ..results.verdict import INVALID
 
 REFINED = "finer", "finest"  # folders of a run's own runs on the cells that waves need
@@ -43,10 +43,9 @@ class Range(NamedTuple):
         return (value - self.low) / (self.high - self.low)
 
 
-def is_wide(numbers: Collection[float], times: float = 10.0) -> bool:
-    """True for numbers above 0 that are so many times apart, which are shown and spread by
-    logarithm."""
-    return min(numbers) > 0 and max(numbers) / min(numbers) >= times * (1 - 1e-9)
+def is_wide(numbers: Collection[float]) -> bool:
+    """True for numbers above 0 and tenfold apart, which are shown and spread by logarithm."""
+    return min(numbers) > 0 and max(numbers) / min(numbers) >= 10 * (1 - 1e-9)
 
 
 def number(text: str) -> float | None:
@@ -115,8 +114,7 @@ def short_names(keys: Collection[str]) -> dict[str, str]:
 
 
 def folder_name(values: Values, longest: int = 120) -> str:
-    """The name of a run's folder: its values, in letters that all file systems take, so many at
-    most."""
+    """The name of a run's folder: its values, in letters that all file systems take."""
     plain = label(values).replace(", ", "_")
     name = re.sub(r"[^\w.=+-]+", "-", plain, flags=re.ASCII)
     if name == plain and len(name) <= longest:
@@ -155,8 +153,7 @@ class Run:
 
     def memory(self) -> float:
         """The most that it took on all of its ranks [MiB], 0 as long as that is not known."""
-        summary = self.summary()
-        return summary.get("peak_memory_mib", 0) * summary.get("ranks", 1)
+        return self.summary().get("peak_memory_mib", 0) * self.summary().get("ranks", 1)
 
     def is_believed(self) -> bool:
         """True once its process ended well and its result is not invalid."""
@@ -223,7 +220,7 @@ class SweepFolder:
         text = press.read_text()
         self.path, self.title = path, str(tomllib.loads(text).get("title", press.name))
         made_of = {"text": text, "files": _files_of(press, text)}
-        self.state: dict = {"format": 2, "keys": list(keys), "press": made_of}
+        self.state: dict = {"keys": list(keys), "press": made_of}
         before = read_json(path / "sweep.json")
         if not before and any(not each.name.startswith(".") for each in path.glob("*")):
             flaw = f"--out {path} holds files that no sweep wrote"
@@ -252,8 +249,6 @@ class SweepFolder:
     def _other(self, before, press):
         """What sweep it was `before`, if it was another one than now; else ""."""
         now = self.state
-        if before["format"] != now["format"]:
-            return "a sweep of another version of this program"
         old, new = ({press: s["press"]["text"], **s["press"]["files"]} for s in (before, now))
         for name, _ in old.items() ^ new.items():
             return f"runs of another press ({name} has changed since)"
@@ -266,11 +261,9 @@ class SweepFolder:
         return self.runs.setdefault(name, Run(dict(values), self.path / name))
 
     def save(self) -> None:
-        """Write sweep.json."""
         write_json(self.path / "sweep.json", self.state)
 
     def close(self) -> None:
-        """Let others use the folder."""
         if self._lock:
             self._lock.close()
 

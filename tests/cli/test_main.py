@@ -46,6 +46,12 @@ def test_example_data_are_found_from_any_folder(fabric):
     assert done.returncode == 0, done.stderr
 
 
+def test_a_terminal_of_few_letters(fabric, monkeypatch):
+    monkeypatch.setenv("PYTHONIOENCODING", "ascii")
+    done = fabric("list")
+    assert done.returncode == 0 and "Sch\\xe4fer" in done.stdout and not done.stderr
+
+
 @pytest.mark.versions
 def test_studies_and_data_are_listed(capsys):
     assert main.main(["list"]) == 0

@@ -77,13 +77,6 @@ def test_a_quick_press_has_a_third_of_the_steps_and_cells_twice_as_large(tmp_pat
         study.output.close()
 
 
-def test_more_runs_are_told_by_their_cells():
-    """A half is modelled, so the whole has twice the cells, and finer ones four times these."""
-    study = Namespace(args=Namespace(refine=True, disturb=True))
-    setup = SimpleNamespace(data=SimpleNamespace(share=0.5))
-    assert [*PressStudy.more_runs(study, setup).values()] == [4, 2, 8]
-
-
 def test_the_model_fabric_has_no_coupling():
     def fabric(model, *without):
         study = Namespace(args=Namespace(model=model, without=without))

@@ -5,7 +5,7 @@ import os
 import tomllib
 
 import pytest
-from fabrics import LAW58
+from fabrics import LAW58, TABLE
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.material.laws.coupled import Yarn
@@ -80,6 +80,7 @@ def read(tmp_path):
         UNBALANCED.without("biaxial").replace(assumed=["s1", "d"], compaction=None),
         KOMEILI.replace(bending=FALLING, shear_friction=ff.ShearFriction(0.2, 0.01)),
         LAW58,
+        TABLE.replace(compaction=ff.Compaction(12.5, onset=2e-3, pressure=5e-4)),
         LAW58.replace(
             compaction=ff.Compaction(12.5, onset=2e-3, pressure=5e-4, thickening=1.0),
             fibre_density=2.54,

@@ -41,7 +41,6 @@ def test_a_row_has_each_number_under_its_name(tmp_path):
     assert json.loads(json.dumps(history.rows)) == [expected]
     with pytest.raises(InputError, match="load 0.5 the terms no longer give .* the column own"):
         history.add(state, 1.5, 20.0, lambda taken: {})
-    history.close()
     (row,) = csv.DictReader((tmp_path / "history.csv").open())
     assert {name: float(value) for name, value in row.items()} == expected
 

@@ -182,11 +182,13 @@ def test_the_command(tmp_path, capsys):
         (["--plane", "z=-10", "--out", "no/where"], 2, "no/where.dxf can't be read or written"),
         (["--line", file, "--edge"], 0, "trim line, 0.18"),
         (["--plane", "-10,0,0,1,0,0"], 0, "area 5605"),  # begins with a minus
-        (["--plane", "z=-10"], 0, "pattern.dxf, .csv, .vtu: area 5146"),
+        (["--plane", "z=-10"], 2, "pattern.dxf is there already; allowed is another file"),
+        (["--plane", "z=-10", "--overwrite"], 0, "pattern.dxf, .csv, .vtu: area 5146"),
     ):
-        assert not list(tmp_path.glob("pattern*")) or not status
+        before = {*tmp_path.glob("pattern*")}
         assert main.main(["pattern", str(tmp_path), *words]) == status
         assert told in "".join(capsys.readouterr())
+        assert status == 0 or before == {*tmp_path.glob("pattern*")}
     assert {each.suffix for each in tmp_path.glob("pattern.*")} == {".dxf", ".csv", ".vtu"}
 
 

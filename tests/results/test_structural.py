@@ -231,7 +231,8 @@ def test_the_command_exports_the_whole_part(tmp_path, capsys, plies):
     name = plies[0] if plies else "the ply"
     for words, status, told, count in (
         ((folder, file), 0, whole, max(1, len(plies))),
-        (("--modelled", folder, file), 0, "), 24 cells\n", 1),
+        ((folder, file), 2, "ply.inp is there already; allowed is another file, or --over", 1),
+        (("--modelled", folder, file, "--overwrite"), 0, "), 24 cells\n", 1),
         ((folder, tmp_path / "ply.k"), 2, f"the thickness of {name} is not", 1),
         ((folder, "ply.stl"), 2, "the ending of ply.stl is unknown; allowed are .vtu", 1),
     ):
@@ -240,7 +241,7 @@ def test_the_command_exports_the_whole_part(tmp_path, capsys, plies):
     held = [ff.Support("clamp", builders.near(0, 0.0), (0, 1, 2))]
     folder = formed(tmp_path / "clamped", plies=plies, supports=held)
     (folder / "summary.json").write_text(json.dumps({"converged": False, "reason": "folds"}))
-    assert main.main(["export", str(folder), str(file)]) == 0
+    assert main.main(["export", str(folder), str(file), "--overwrite"]) == 0
     out, err = capsys.readouterr()
     assert "mirrored" not in out and err.strip().endswith("folds")
 

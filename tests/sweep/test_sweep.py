@@ -78,6 +78,13 @@ def test_all_combinations_are_run_and_in_the_table(run):
     assert set(map(tuple, starts().values())) == {("begin",)}
 
 
+def test_a_dry_run_tells_costs_and_leaves_nothing_that_counts_as_done(run):
+    status, out, _ = run(*pressures("0.1,0.3"), "--", "--dry-run")
+    assert status == 0 and out.count(": the run takes 1 to 2 s\n") == 2 and not starts()
+    status, out, _ = run(*pressures("0.1,0.3"))
+    assert status == 0 and "0 done before" in out and len(starts()) == 2
+
+
 def test_a_run_that_gave_up_stays_with_its_reason_until_options_change(run):
     status, out, err = run(*pressures("0.1,2"))
     assert status == 3 and "1 of 2 runs are not believed" in err
@@ -119,12 +126,14 @@ def test_a_folder_of_another_sweep_or_press_is_refused_or_lost(run):
     assert "has a sweep over ring.pressure, now it is ring.pressure, tools.punch.friction" in err
     with lock_folder(Path("out")):
         assert "out is in use by another sweep" in run(*pressures("0.1"))[2]
+    Path("out/pressure=0.1/notes.txt").write_text("mine")
     for file in ("punch.stl", "press.toml"):
         Path(file).write_text(Path(file).read_text() + "\n")
         status, _, err = run(*pressures("0.2"))
         assert status == 2 and f"another press ({file} has changed since); allowed is" in err
         assert run(*pressures("0.2"), "--overwrite")[0] == 0
         assert [row["run"] for row in table()] == [*starts()] == ["pressure=0.2"]
+    assert Path("out/pressure=0.1/notes.txt").read_text() == "mine"
     Path("out/sweep.json").rename("out/other.json")
     assert "out holds files that no sweep wrote" in run(*pressures("0.2"), "--overwrite")[2]
 

@@ -17,7 +17,7 @@ from ...core.rules import check_complete
 from ...io.text_tables import columns_of, read_lines, table_of
 from ...io.units import ANGLE, REACH, STRAIN, stresses
 from ..energy import Derivatives, Range
-from ..files import Document, take_units
+from ..files import OWN_UNITS, Document, take_units
 from ..functions import where
 from ..hyperdual import Number
 from ..material import Parameters
@@ -195,8 +195,8 @@ class TabulatedFabric(Law):
         return warnings
 
     def table(self) -> Document:
-        """The curves and the sheet; a material file names CSV files in the place of the points."""
-        tables: Document = {"model": "fabric", **self.sheet_table()}
+        """The curves and the sheet; a user's file names CSV files in the place of the points."""
+        tables: Document = {"law": self.law, **self.sheet_table(), "units": OWN_UNITS}
         for name in self.strain_of:
             curve = getattr(self, name)
             points = {"x": list(curve.x), "y": list(curve.y)}
@@ -207,6 +207,11 @@ class TabulatedFabric(Law):
     def from_document(cls, document: Document, folder: Path) -> Self:
         """The fabric of a TOML document in `folder`, in which `warp`, `weft` and `shear` are CSV
         files with the headers `eps [%], sigma [MPa]` and `gamma [deg], tau [MPa]`, or such."""
+        if all(isinstance(document.get(key), Mapping) for key in cls.strain_of):  # as of `table`
+            own = {key: dict(document.pop(key)) for key in cls.strain_of}
+            curves = {k: Curve(tuple(t.pop("x")), tuple(t.pop("y")), **t) for k, t in own.items()}
+            document.pop("law")
+            return cls(**curves, **sheet_fields(cls, document, take_units(document), (), {}))
         keys = "law", "model", "extrapolation", *cls.strain_of
         files = {key: document.pop(key) for key in keys if key in document}
         fields = sheet_fields(cls, document, take_units(document), keys, {})
