@@ -203,7 +203,6 @@ def outline_mesh(
         return float((sizes + 0.4 * off).min(initial=size))
 
     sheet = _divided(sheet, size, size_at)
-    lines = [np.vstack([_points_along(x, size, size_at), x[-1:]]) for x in lines]
     if pattern == "along":
         points, triangles = _along(sheet, size, size_at, yarns, lines)
     else:
@@ -213,18 +212,15 @@ def outline_mesh(
 
 
 def _with_slits(sheet, slits, size):
-    """The sheet with corners where slits (n, 2) end near its edge, and the slits that end on it,
-    cut where they meet."""
-    ends = []
+    """The sheet with corners where slits (n, 2) end near its edge, and these as lines that end on
+    it, cut where they meet."""
     for x in slits:
         for k in (0, -1):
             line = shapely.shortest_line(sheet.boundary, shapely.Point(x[k]))
             if line.length < MIN_DETAIL * size:
                 x[k] = shapely.get_coordinates(line)[0].round(9)
-                ends.append(x[k])
-    sheet = shapely.snap(sheet, shapely.multipoints(ends), 1e-6 * size) if ends else sheet
-    lines = shapely.get_parts(shapely.node(shapely.MultiLineString(slits)))
-    return sheet, [shapely.get_coordinates(line) for line in lines]
+                sheet = shapely.snap(sheet, shapely.Point(x[k]), 1e-6 * size)
+    return sheet, shapely.get_parts(shapely.node(shapely.MultiLineString(slits)))
 
 
 def _simplified(sheet, size, centre):
@@ -275,30 +271,26 @@ def _fine_places(sheet, size, notes, centre):
 
 def _divided(sheet, size, size_at):
     """The sheet with points on its edges as far apart as cells are to be there."""
-    rings = [
-        _points_along(shapely.get_coordinates(ring), size, size_at)
-        for ring in (sheet.exterior, *sheet.interiors)
-    ]
+    rings = []
+    for ring in (sheet.exterior, *sheet.interiors):
+        corners, points = shapely.get_coordinates(ring), []
+        for p, q in zip(corners, corners[1:]):
+            length = math.dist(p, q)
+            steps = math.ceil(5 * length / size)
+            middles = p + (q - p) * (np.arange(steps)[:, None] + 0.5) / steps
+            cells = np.cumsum([0.0, *(length / steps / size_at(*x) for x in middles)])
+            count = max(1, math.ceil(cells[-1] - 0.2))
+            at = np.interp(
+                np.arange(count) * cells[-1] / count, cells, np.linspace(0, 1, steps + 1)
+            )
+            points.append(p + (q - p) * at[:, None])
+        rings.append(np.concatenate(points))
     return shapely.Polygon(rings[0], rings[1:])
 
 
-def _points_along(corners, size, size_at):
-    """Points (m, 2) on a line from its first corner to before its last one."""
-    points = []
-    for p, q in zip(corners, corners[1:]):
-        length = math.dist(p, q)
-        steps = math.ceil(5 * length / size)
-        middles = p + (q - p) * (np.arange(steps)[:, None] + 0.5) / steps
-        cells = np.cumsum([0.0, *(length / steps / size_at(*x) for x in middles)])
-        count = max(1, math.ceil(cells[-1] - 0.2))
-        at = np.interp(np.arange(count) * cells[-1] / count, cells, np.linspace(0, 1, steps + 1))
-        points.append(p + (q - p) * at[:, None])
-    return np.concatenate(points)
-
-
 def _filled(faces, size_at, slits):
-    """Points (n, 2) and triangles (m, 3) in polygons, whose edges stay, and slits (n, 2) in them,
-    of sizes size_at(x, y)."""
+    """Points (n, 2) and triangles (m, 3) of sizes size_at(x, y) in polygons, whose edges stay, and
+    along slits, lines in them."""
     import gmsh
 
     options = {"MeshSizeMin": 0.0, "MeshSizeMax": 1e22, "Algorithm": 6.0}
@@ -308,24 +300,23 @@ def _filled(faces, size_at, slits):
         geo = gmsh.model.geo
         numbers: dict[tuple[float, ...], int] = {}
 
-        def lines_of(coordinates):
-            ends = [*map(tuple, coordinates)]
+        def curves(line):
+            ends = [*map(tuple, shapely.get_coordinates(line))]
             for end in ends:
                 numbers[end] = numbers.get(end) or geo.addPoint(*end, 0)
-            lines = [geo.addLine(numbers[p], numbers[q]) for p, q in zip(ends, ends[1:])]
-            for line in lines:
-                geo.mesh.setTransfiniteCurve(line, 2)
-            return lines
+            return [geo.addLine(numbers[p], numbers[q]) for p, q in zip(ends, ends[1:])]
 
         surfaces = []
         for face in map(shapely.geometry.polygon.orient, faces):
-            rings = [lines_of(ring.coords) for ring in (face.exterior, *face.interiors)]
+            rings = [curves(ring) for ring in (face.exterior, *face.interiors)]
+            for edge in sum(rings, []):
+                geo.mesh.setTransfiniteCurve(edge, 2)
             surfaces.append(geo.addPlaneSurface([*map(geo.addCurveLoop, rings)]))
-        within = [np.argmin(shapely.distance(faces, shapely.Point(x[:2].mean(0)))) for x in slits]
-        cuts = [(lines_of(x), surfaces[k]) for x, k in zip(slits, within)]
+        shares = [shapely.length(shapely.intersection(faces, line)) for line in slits]
+        cuts = [(curves(line), share.argmax()) for line, share in zip(slits, shares)]
         geo.synchronize()
-        for lines, surface in cuts:
-            gmsh.model.mesh.embed(1, lines, 2, surface)
+        for lines, face in cuts:
+            gmsh.model.mesh.embed(1, lines, 2, surfaces[face])
         try:
             points, triangles = meshed(gmsh, size_at=size_at)
         except Exception as error:  # it raises no other kind
@@ -346,8 +337,7 @@ def _along(sheet, size, size_at, yarns, slits):
     grid = np.stack([i + low[0], j + low[1]], -1) @ axes
     square = np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]], 2)
     # least distance of squares along yarns from the outline, over their size
-    cuts = shapely.MultiLineString(slits)
-    inner = sheet.buffer(-0.5 * size).difference(cuts.buffer(0.5 * size))
+    inner = sheet.buffer(-0.5 * size).difference(shapely.union_all(slits).buffer(0.5 * size))
     shapely.prepare(inner)
     inside = shapely.contains(inner, shapely.polygons(square))
     # where two squares touch in a corner alone, both go
