@@ -31,14 +31,14 @@ from .material.bending import MeasuredBending as MeasuredBending
 from .material.compaction import Compaction as Compaction
 from .material.friction import BendingFriction as BendingFriction
 from .material.friction import ShearFriction as ShearFriction
-from .material.hardening import HardeningTable as HardeningTable
-from .material.hardening import Swift as Swift
-from .material.hardening import Voce as Voce
 from .material.laws.base import Law as Law
 from .material.laws.coupled import WovenFabric as WovenFabric
 from .material.laws.coupled import Yarn as Yarn
 from .material.laws.tabulated import TabulatedFabric as TabulatedFabric
+from .material.metal import HardeningTable as HardeningTable
 from .material.metal import Metal as Metal
+from .material.metal import Swift as Swift
+from .material.metal import Voce as Voce
 from .material.metal import load_metal as load_metal
 from .material.presets import load as load
 from .press.holders import BeadHolder as BeadHolder

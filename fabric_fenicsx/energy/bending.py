@@ -16,7 +16,7 @@ from ..material.laws import Law
 from .fabric_states import KIND
 from .materials import fabric_of, thickness_shares
 from .morley import Section, Shape, Where, morley_cells
-from .stencil import Stencil
+from .nodes import Stencil
 from .term import SceneFacts, Term, Triplets
 
 TWIST = np.array([1.0, 1.0, 2.0])  # times x,aa, x,bb, x,ab: the curvatures of a `Shape`

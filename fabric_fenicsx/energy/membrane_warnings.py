@@ -106,12 +106,7 @@ def alternating_energy(membrane: Membrane) -> float:
     blank, state = membrane.blank, membrane.state()[0]
     stretches, gamma = np.sqrt(state.invariants[..., [0, 2]]), state.invariants[..., 3]
     cells = membrane.part.cells
-    corners, nodes = blank.corners()[cells], blank.cell_nodes[cells]
-    # of two sides, or both diagonals
-    ends = ((1, 0), (2, 0)) if corners.shape[1] == 3 else ((2, 0), (3, 1))
-    p, q = (corners[:, i] - corners[:, j] for i, j in ends)
-    square = (p * p).sum(1) * (q * q).sum(1) - (p * q).sum(1) ** 2
-    areas = np.sqrt(np.maximum(square, 0)) / 2
+    areas, nodes = blank.areas()[cells], blank.cell_nodes[cells]
     means = np.einsum("q,cqk->ck", membrane.weights, stretches) * areas[:, None]
 
     def at_nodes(values):
@@ -137,8 +132,9 @@ def range_warnings(membrane: Membrane) -> list[str]:
     I4, _, I8, gamma = np.moveaxis(membrane.invariants_at_points(), -1, 0)
     strains = {"eps_a": nominal_strain(I4), "eps_b": nominal_strain(I8), "gamma": abs(gamma)}
     whole, texts = comm.allreduce(float(areas.sum())), []
+    as_angle = lambda v: f"{rounded(math.degrees(v), 4)} deg"  # noqa: E731
     for limits in ranges:
-        text = _as_angle if limits.strain == "gamma" else partial(percent, digits=4)
+        text = as_angle if limits.strain == "gamma" else partial(percent, digits=4)
         for sign, end in ((1, limits.high), (-1, limits.low)):
             beyond = sign * (strains[limits.strain] - end)
             share = comm.allreduce(float(areas @ ((beyond > 1e-9) @ membrane.weights))) / whole
@@ -150,7 +146,3 @@ def range_warnings(membrane: Membrane) -> list[str]:
                     f"reaches {text(furthest)}; {limits.beyond}"
                 )
     return texts
-
-
-def _as_angle(angle):
-    return f"{rounded(math.degrees(angle), 4)} deg"

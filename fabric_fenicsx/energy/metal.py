@@ -9,14 +9,21 @@ from numpy.polynomial.legendre import Legendre
 
 from ..core.errors import InputError
 from ..core.rules import Rule
-from ..material.hencky import Hencky, hencky
 from ..material.metal import Metal
-from ..material.plasticity import Response, elastic_energy, respond, volume_change, von_mises
+from ..material.plasticity import (
+    Hencky,
+    Response,
+    elastic_energy,
+    hencky,
+    respond,
+    volume_change,
+    von_mises,
+)
 from . import metal_cells
 from .bending import TWIST, plate_stiffness
 from .morley import Section, Shape, Where, morley_cells
+from .nodes import Stencil
 from .output import Value, joined, largest, last, least, on_part
-from .stencil import Stencil
 from .term import SceneFacts, Term, Triplets
 
 # from strains 11, 22, 2 12 to half the changes of C as mean and shears, see `hencky`

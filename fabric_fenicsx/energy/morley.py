@@ -174,11 +174,11 @@ class _Sides:
             is_plane = number < len(symmetric)
             total /= max(np.linalg.norm(total), 1e-300)
             counts = on.sum(), (flat.outward[on] @ total < 0.5).sum()
-            found, off = comm.allreduce(np.array(counts))
-            if not found or (is_plane and off):
+            marked, off = comm.allreduce(np.array(counts))
+            if not marked or (is_plane and off):
                 kind = "symmetric" if is_plane else "clamped"
                 k = number if is_plane else number - len(symmetric)
-                fault = "sides in more than one plane" if found else "no side of the sheet's edge"
+                fault = "sides in more than one plane" if marked else "no side of the sheet's edge"
                 raise InputError(
                     f"function {k + 1} in `{kind}` of the bending of {flat.blank.name} marks "
                     f"{fault}; allowed is a function of points (3, n) that is true at both ends of "

@@ -20,8 +20,7 @@ from ..scene import output as scene_output
 from ..scene.scene import Scene
 from ..solve.checkpoint import Checkpoint
 from ..solve.newton import Newton
-from ..solve.progress import Accepted
-from ..solve.report import Report
+from ..solve.progress import Accepted, Report
 from ..solve.settings import Settings
 from . import validity
 from .setup import Observer

@@ -11,8 +11,7 @@ from ..results.result import Result
 from ..results.verdict import Numbers
 from ..scene import output
 from ..scene.scene import Scene
-from ..solve.progress import Accepted
-from ..solve.report import Report
+from ..solve.progress import Accepted, Report
 
 # displacement [mm], force [N], and further columns of the history
 Measured = tuple[float, float] | tuple[float, float, dict[str, float]]

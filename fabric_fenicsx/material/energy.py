@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from ..core.errors import InputError
 from ..core.formatting import rounded
 from ..core.rules import repr_short, unknown_key
-from .hyperdual import HyperDual, Number
+from .functions import HyperDual, Number
 
 COUPLINGS = ("biaxial", "tension_shear", "compression_shear")
 

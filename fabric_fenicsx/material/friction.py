@@ -9,8 +9,7 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.rules import above_zero
 from .files import Several
-from .functions import negative, positive
-from .hyperdual import Number
+from .functions import Number, negative, positive
 from .material import Parameters
 
 

@@ -1,14 +1,96 @@
-"""The functions in which laws are written, for NumPy, hyper-dual numbers and UFL alike.
+"""Numbers and functions in which laws are written, for NumPy, hyper-dual numbers and UFL alike.
 
-`exp`, `log`, `sqrt`, `cos`, `sin`, `tan` and `atan` are those of mathematics. What they do with UFL
-expressions is registered by `expression`.
+Hyper-dual numbers carry their first and second derivatives through arithmetic, exact to rounding
+(Fike and Alonso, AIAA paper 2011-886). Unlike complex steps they give second derivatives, too,
+without cancellation. `exp`, `log`, `sqrt`, `cos`, `sin`, `tan` and `atan` are those of mathematics.
+What they do with UFL expressions is registered by `expression`.
 """
 
 from functools import singledispatch
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from .hyperdual import HyperDual, Number
+Number = Any  # a float, an array, a `HyperDual`, or an expression of UFL
+
+# which two variables each second derivative belongs to: aa, ab, bb, ag, bg, gg
+FIRST, SECOND = [0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]
+
+
+class HyperDual:
+    """`value` (...), with `first` derivatives (3, ...) in three variables and `second` (6, ...),
+    in the order of `FIRST` and `SECOND`. Sums, products, quotients, powers by a plain number, abs
+    and comparisons work as with arrays."""
+
+    __array_ufunc__ = None  # so that array * HyperDual comes here
+
+    def __init__(self, value, first, second):
+        self.value, self.first, self.second = value, first, second
+
+    @classmethod
+    def variables(cls, *values: ArrayLike) -> "list[HyperDual]":
+        """The three variables themselves, at values of one shape."""
+        x = np.broadcast_arrays(*(np.asarray(v, float) for v in values))
+        variables = []
+        for k, value in enumerate(x):
+            first = np.zeros((3, *value.shape))
+            first[k] = 1
+            variables.append(cls(value, first, np.zeros((6, *value.shape))))
+        return variables
+
+    def chain(self, f: Number, f1: Number, f2: Number) -> "HyperDual":
+        """A function of this number, from its value and derivatives there."""
+        d = self.first
+        return HyperDual(f, f1 * d, f1 * self.second + f2 * (d[FIRST] * d[SECOND]))
+
+    def __add__(self, other):
+        if not isinstance(other, HyperDual):
+            return HyperDual(self.value + other, self.first, self.second)
+        return HyperDual(
+            self.value + other.value, self.first + other.first, self.second + other.second
+        )
+
+    def __mul__(self, other):
+        if not isinstance(other, HyperDual):
+            return HyperDual(self.value * other, self.first * other, self.second * other)
+        x, d, y, e = self.value, self.first, other.value, other.first
+        crossed = d[FIRST] * e[SECOND] + d[SECOND] * e[FIRST]
+        return HyperDual(x * y, d * y + e * x, self.second * y + other.second * x + crossed)
+
+    def __pow__(self, n):
+        x = self.value
+        if n == 2:
+            return self.chain(x * x, 2 * x, 2.0)
+        second = n * (n - 1) * x ** (n - 2) if n != 1 else 0.0 * x
+        return self.chain(x**n, n * x ** (n - 1), second)
+
+    def __truediv__(self, other):
+        return self * (other**-1.0 if isinstance(other, HyperDual) else 1 / other)
+
+    def __rtruediv__(self, other):
+        return self**-1.0 * other
+
+    def __neg__(self):
+        return self * -1.0
+
+    def __sub__(self, other):
+        return self + -other
+
+    def __rsub__(self, other):
+        return -self + other
+
+    def __abs__(self):
+        return self * np.where(self.value < 0, -1.0, 1.0)
+
+    def __gt__(self, other):
+        return self.value > getattr(other, "value", other)
+
+    def __lt__(self, other):
+        return self.value < getattr(other, "value", other)
+
+    __radd__, __rmul__ = __add__, __mul__
+
 
 exp = singledispatch(np.exp)
 log = singledispatch(np.log)

@@ -15,7 +15,7 @@ from ..core.fields import Kind, declared, documented
 from ..core.rules import POSITIVE, Rule, check_complete, unknown_key
 from ..io.units import suffixes
 from .files import OWN_UNITS, SHEET, Document, Several, read_numbers, read_toml, write_whole
-from .hyperdual import Number
+from .functions import Number
 
 Scatter = Mapping[str, tuple[float, float]]
 

@@ -3,8 +3,7 @@
 import math
 
 from ..core.rules import Rule
-from .functions import atan, sqrt
-from .hyperdual import Number
+from .functions import Number, atan, sqrt
 
 # nominal strain by which yarns are shorter under compression where a real ply rather wrinkles
 SHORTENED = 0.02

@@ -23,9 +23,8 @@ from ..energy.load import EdgeTension
 from ..energy.springs import Springs
 from ..energy.term import Term
 from ..job.job import Result
-from ..results import forming_pictures, space
+from ..results import pictures, space
 from ..results.measures import planes_of_symmetry
-from ..results.pictures import maps
 from ..results.ply import Grid, Surface, grid_of, mark_planes, marked_planes, ply_of
 from ..results.quantities import middle_of
 from ..results.states import triangulated
@@ -208,11 +207,11 @@ def _draw_section(ax, scene, axis):
 def draw(result: Result, folder: Path, leader: Tool, sheets: Sequence[Sheet]) -> None:
     """The formed plies, strain states, paths, thickness and metal; called on rank 0."""
     with _no_loss("formed.png"):
-        forming_pictures.draw_plies(folder, result.grids, leader.name)
+        pictures.draw_plies(folder, result.grids, leader.name)
     with _no_loss("wrinkles.png"):
         plies = {file.stem: pyvista.read(file) for file in sorted(folder.glob("wrinkles*.vtu"))}
         if plies:
-            maps(folder / "wrinkles.png", plies, [HEIGHT], units={HEIGHT: "mm"})
+            pictures.maps(folder / "wrinkles.png", plies, [HEIGHT], units={HEIGHT: "mm"})
     compare({"": result}, folder, leader, sheets)
 
 
@@ -224,11 +223,11 @@ def compare(
     named = [(label, *ply) for label, grids in layers.items() for ply in grids.items()]
     plies = {f"{label} {name}".strip(): grid for label, name, grid in named}
     with _no_loss("paths.png"):
-        forming_pictures.draw_compared(folder, plies)
+        pictures.draw_compared(folder, plies)
     metals = [sheet.name for sheet in sheets if sheet.metal]
     middle = middle_of(sheets)
     if middle and all({middle, metals[-1]} <= set(each) for each in layers.values()):
-        forming_pictures.draw_laminate(folder, layers, middle, metals[-1], leader)
+        pictures.draw_laminate(folder, layers, middle, metals[-1], leader)
 
 
 @contextmanager

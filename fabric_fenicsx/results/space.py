@@ -21,10 +21,25 @@ from vtkmodules.vtkCommonCore import vtkLogger
 
 from ..core.errors import InputError
 from ..surfaces.facets import unit
-from .pictures import shown
 from .ply import SAME, Grid, check_field, mark_planes, marked_planes, ply_of, whole
 from .states import states, units
 
+# field -> label, factor to the unit shown, colour map; no label has an index 1 or 2, which beside
+# axes x and y looks like theirs
+SHOWN = {
+    "log_eps_11": ("log strain\nalong yarns a / %", 100.0, "viridis"),
+    "log_eps_22": ("log strain\nalong yarns b / %", 100.0, "viridis"),
+    "shear_angle": ("shear angle / deg", 180 / np.pi, "coolwarm"),
+    "shortening_a": ("shortening\nof yarns a / %", 100.0, "magma_r"),
+    "shortening_b": ("shortening\nof yarns b / %", 100.0, "magma_r"),
+    "wrinkle_height": ("height of wrinkles / mm", 1.0, "coolwarm"),
+    "thickness_under_pressure": ("thickness\nunder pressure / mm", 1.0, "viridis"),
+    "error_log_eps_11": ("error of log strain\nalong yarns a / %", 100.0, "magma_r"),
+    "error_log_eps_22": ("error of log strain\nalong yarns b / %", 100.0, "magma_r"),
+    "error_shear_angle": ("error of\nshear angle / deg", 180 / np.pi, "magma_r"),
+    "ellipticity_lost": ("ellipticity lost (1) or not", 1.0, "Greys"),
+    "strain_state": ("strain state", 1.0, "Set2"),
+}
 COLOURS = "YlOrRd"  # light, so that the shading shows the shape
 STEEL, YARNS = "#8f9aa8", "#30343b"
 VIEW = 0.45, -1.0, 0.55  # from the blank to the camera
@@ -214,6 +229,12 @@ def formed_picture(
     bar.set_label(words, fontsize=18)
     bar.ax.tick_params(labelsize=16)
     page.savefig(path, dpi=100)
+
+
+def shown(name: str, unit: str = "") -> tuple[str, float, str]:
+    """Label, factor to the unit shown and colour map of a field; unit: of one not in `SHOWN`."""
+    plain = " / ".join(filter(None, (name.replace("_", " "), unit)))
+    return SHOWN.get(name, (plain, 1.0, "viridis"))
 
 
 def page(folder: Path | str, field: str | None = None) -> str:

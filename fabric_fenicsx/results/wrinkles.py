@@ -113,8 +113,8 @@ def _along(nodes, spacing, band, step, low, on, x):
     even = _fitted(x.swapaxes(0, 1), on.T, ACROSS * wave).swapaxes(0, 1)
     z = ((_fitted(even, on, fine) - _fitted(even, on, coarse)) * normal).sum(2)
     z -= _fitted(z[..., None], on, coarse)[..., 0]  # what is left of the shape
-    own = np.gradient(z, step, axis=0)  # slope of the wave, which may lengthen it
-    stretches = (along**2).sum(2) - own**2 - (across**2).sum(2)
+    climb = np.gradient(z, step, axis=0)  # slope of the wave, which may lengthen it
+    stretches = (along**2).sum(2) - climb**2 - (across**2).sum(2)
     longer = _mean(stretches, inside, quarter, quarter)
     squares = _mean(np.dstack([_turn(z), z]) ** 2, between, quarter, quarter)
     turned = np.sqrt(np.divide(*np.maximum(np.moveaxis(squares, 2, 0), 1e-30)))

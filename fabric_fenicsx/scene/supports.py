@@ -212,7 +212,6 @@ class FixedDofs:
         return iter(self._supports)
 
     def _fix(self, supports):
-        """Fix the degrees of freedom of these `supports` alone."""
         V, gdim = self.blank.V, self._gdim
         fixed = np.zeros(len(self.blank.coordinates()) * gdim, dtype=bool)
         for support, nodes in zip(self, self._nodes):

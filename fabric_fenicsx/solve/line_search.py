@@ -6,7 +6,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from ..scene.scene import Scene
-from .report import Report, SolveFailed, Termination
+from .progress import Report, SolveFailed, Termination
 
 ROUNDING = 1e-12  # of the energy, below which its differences are noise
 

@@ -8,7 +8,7 @@ from petsc4py import PETSc
 
 from ..scene.scene import Scene
 from .line_search import LineSearch, Objective
-from .report import Report, SolveFailed, Termination
+from .progress import Report, SolveFailed, Termination
 from .saddles import Saddles
 from .tangent import Preconditioner, Tangent
 
@@ -178,7 +178,6 @@ class Newton:
         return None
 
     def _longest(self, d):
-        """The largest motion of a node [mm]."""
         moved = d.array_r.reshape(-1, self.scene.blank.mesh.geometry.dim)
         squares = np.einsum("ij,ij->i", moved, moved)
         return self.scene.comm.allreduce(np.sqrt(squares.max(initial=0.0)), MPI.MAX)
@@ -201,7 +200,7 @@ class Newton:
         """Mean diagonal of the tangent at x [N/mm]."""
         self.scene.set(x)
         self.tangent.assemble()
-        return self.tangent.mean_stiffness()
+        return self.tangent.A.getDiagonal().sum() / self.tangent.A.size[0]
 
     def is_at_rest(self, x: PETSc.Vec) -> bool:
         """True if x is in equilibrium but for forces that move positions by rounding alone."""

@@ -4,7 +4,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from .line_search import ROUNDING, Objective
-from .report import Report, SolveFailed, Termination
+from .progress import Report, SolveFailed, Termination
 from .tangent import Tangent
 
 

@@ -1,9 +1,11 @@
-"""Staggered solution: what terms lag is updated between solves until it is settled."""
+"""Solution of a step: its prediction, and solves until what terms lag is settled."""
 
+import numpy as np
 from petsc4py import PETSc
 
+from ..scene.scene import Scene
 from .newton import Newton
-from .report import Report
+from .progress import Progress, Report, SolveFailed
 
 MAX_SOLVES = 30  # solves of one step
 # tolerance of solves after which something may be updated: 3e-3, 1e-3, 5e-4 and 2e-4 take 300, 313,
@@ -18,6 +20,52 @@ FIRST_TOLERANCE = 3e-2
 # with 8), if twice as many iterations are enough: near the end of the laminate's stroke 58, 61 and
 # 148 of them changed nothing that counted
 MAX_ROUGH_ITERATIONS = 8
+
+
+def predict(newton: Newton, progress: Progress, size: float, values: np.ndarray) -> None:
+    """Make `newton.x` the start of a step of load factor `size`, with the supports' `values` (fixed
+    dofs,) [mm]: the last step continued, or the linear response if that turns cells inside out."""
+    scene, x = newton.scene, newton.x
+    progress.x.copy(x)
+    if size and progress.last_step:
+        share = size / progress.last_step
+        x.axpby(-share, 1 + share, progress.previous)
+        x.array[scene.fixed_dofs] = values
+        scene.set(x)
+        if scene.energy() != scene.INVERTED:
+            return
+        progress.x.copy(x)
+    if size:
+        _follow_supports(newton, x, values - x.array[scene.fixed_dofs])
+
+
+def keep_contact(scene: Scene, x: PETSc.Vec) -> bool:
+    """Move nodes of the prediction x out of tools; False if that does not lower the energy."""
+    scene.set(x)
+    energy, motion = scene.energy(), scene.contact_prediction()
+    x.array[:] += motion
+    scene.set(x)
+    return scene.energy() < energy
+
+
+def _follow_supports(newton, x, change):
+    """Add to x its linear response to a `change` (fixed dofs,) [mm] of the supports."""
+    scene, tangent, d, rhs = newton.scene, newton.tangent, x.duplicate(), x.duplicate()
+    scene.set(x)
+    d.set(0)
+    d.array[scene.fixed_dofs] = change
+    tangent.assemble(with_supports=False)
+    tangent.A.mult(d, rhs)
+    rhs.scale(-1)
+    rhs.array[scene.fixed_dofs] = change
+    tangent.assemble()
+    try:
+        tangent.stiffness_norm()
+        tangent.solve(rhs, d, Report())
+    except SolveFailed:
+        d.set(0)  # the supports alone move; the iterations that follow say what is wrong
+    d.array[scene.fixed_dofs] = change
+    x.axpy(1.0, d)
 
 
 def solve_staggered(

@@ -9,11 +9,9 @@ import numpy as np
 from ..core.formatting import rounded, share
 from . import step_criteria
 from .newton import Newton
-from .prediction import keep_contact, predict
-from .progress import Accepted, Outcome, Progress
-from .report import Report
+from .progress import Accepted, Outcome, Progress, Report
 from .settings import Settings
-from .staggered import solve_staggered
+from .staggered import keep_contact, predict, solve_staggered
 
 
 @dataclass
@@ -93,7 +91,6 @@ class LoadStepping:
         return Outcome(p.load, reason, p.accepted, p.rejected, p.iterations)
 
     def _begin(self):
-        """Put the scene into the state of the progress."""
         scene, progress, newton = self.scene, self.progress, self.newton
         check = scene.check_start if self._is_new else scene.check_held
         check()
@@ -279,7 +276,6 @@ class LoadStepping:
         return f"{gave_up}: {trial.report.reason}{even}"
 
     def _restore(self):
-        """Put the scene into its last accepted state."""
         self.scene.reject()
         self.scene.drag = 0.0
         self.scene.set(self.progress.x)

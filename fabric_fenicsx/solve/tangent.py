@@ -6,7 +6,7 @@ from petsc4py import PETSc
 from ..core.timing import phase
 from ..scene.scene import Scene
 from . import linear
-from .report import Report, SolveFailed, Termination
+from .progress import Report, SolveFailed, Termination
 
 
 class Tangent:
@@ -48,10 +48,6 @@ class Tangent:
             self.ksp.reset()
             self._make()
         self._scene.tangent(self.A, with_supports)
-
-    def mean_stiffness(self) -> float:
-        """Mean of the diagonal [N/mm]."""
-        return self.A.getDiagonal().sum() / self.A.size[0]
 
     def stiffness_norm(self) -> float:
         """Norm of the diagonal [N/mm]; raises SolveFailed if it is not a number."""

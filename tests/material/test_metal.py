@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from fabric_fenicsx.material.hardening import HardeningTable, Swift, Voce
-from fabric_fenicsx.material.hencky import hencky
-from fabric_fenicsx.material.metal import load_metal
-from fabric_fenicsx.material.plasticity import elastic_energy, respond, von_mises
+from fabric_fenicsx.material.metal import HardeningTable, Swift, Voce, load_metal
+from fabric_fenicsx.material.plasticity import elastic_energy, hencky, respond, von_mises
 
 DC04 = load_metal("dc04")
 CURVES = {

@@ -15,7 +15,8 @@ from fabric_fenicsx.cli import main
 from fabric_fenicsx.energy.fingerprint import entries
 from fabric_fenicsx.press import pictures
 from fabric_fenicsx.press.press import EXAMPLES
-from fabric_fenicsx.results import forming_pictures, space
+from fabric_fenicsx.results import pictures as result_pictures
+from fabric_fenicsx.results import space
 from fabric_fenicsx.sheet.specimen import own_model
 from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.progress import Progress
@@ -252,7 +253,7 @@ def test_a_picture_that_fails_loses_no_run(tmp_path, monkeypatch, caplog):
         raise ValueError("Empty meshes cannot be plotted")
 
     monkeypatch.setattr(pictures, "setup_picture", fails)
-    monkeypatch.setattr(forming_pictures, "draw_plies", lambda *_: None)  # for time
+    monkeypatch.setattr(result_pictures, "draw_plies", lambda *_: None)  # for time
     press = hemisphere("blank.nx=2", "stage.1.moves.punch=5")
     result = press.job(steps=1, balance=None).run(tmp_path)
     assert result.summary["converged"] and (tmp_path / "maps.png").exists()

@@ -16,8 +16,7 @@ from fabric_fenicsx.results import measures
 from fabric_fenicsx.results.error import Rule, curve_errors, estimate, lag_of, mesh_decides, rule
 from fabric_fenicsx.results.history import History, energy_balance, viscous_warning
 from fabric_fenicsx.sheet.specimen import specimen
-from fabric_fenicsx.solve.progress import Accepted
-from fabric_fenicsx.solve.report import Report
+from fabric_fenicsx.solve.progress import Accepted, Report
 
 
 def test_a_row_has_each_number_under_its_name(tmp_path):

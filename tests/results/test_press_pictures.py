@@ -15,7 +15,7 @@ from mpi4py import MPI
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.press import pictures as press_pictures
-from fabric_fenicsx.results import forming_pictures, pictures, report, space
+from fabric_fenicsx.results import pictures, report, space
 from fabric_fenicsx.results.fields import FieldSeries
 from fabric_fenicsx.results.shape import Path
 from fabric_fenicsx.results.states import read_state, states
@@ -81,7 +81,7 @@ def test_all_ranks_know_the_whole_blank():
 
 
 def test_a_run_draws_what_the_report_names(run):
-    forming_pictures.draw_plies(run, states(run)[-1].plies(), "ball")
+    pictures.draw_plies(run, states(run)[-1].plies(), "ball")
     drawn = {file.stem for file in run.glob("*.png")}
     assert {"formed", "states"} <= drawn <= set(report.CAPTIONS) - {"shortening"}
 
@@ -93,7 +93,7 @@ def test_pictures_of_a_formed_ply(tmp_path, capfd, monkeypatch):
     drawn, save = [], Figure.savefig
     noted = lambda figure, *given, **more: drawn.append(figure) or save(figure, *given, **more)  # noqa: E731
     monkeypatch.setattr(Figure, "savefig", noted)
-    forming_pictures.state_map(files[0], grid, formed=True)
+    pictures.state_map(files[0], grid, formed=True)
     tool = pyvista.PolyData.from_regular_faces(*double_dome())
     space.formed_picture(files[1], [grid], tool)
     images = [matplotlib.image.imread(file)[..., :3] for file in files]
@@ -108,7 +108,7 @@ def test_paths_are_drawn_in_per_cent_and_degrees_with_marks_that_lie_on_them(tmp
     distance = np.array([0.0, 10, 20])
     path = Path(distance, 2 * distance, 0.01 * distance, -0.001 * distance, distance / 2, None)
     marks = {"edge": [15.0, 25.0], "none": [np.nan, np.nan]}
-    forming_pictures.paths_picture(tmp_path / "p.png", {"run": {0: path, 90: path}}, marks)
+    pictures.paths_picture(tmp_path / "p.png", {"run": {0: path, 90: path}}, marks)
     for axes, mark in ((figures[0][:3], [15.0]), (figures[0][3:], [])):
         for ax, values in zip(axes, ([0, 10, 20], [0, -1, -2], [0, 5, 10])):
             drawn, *vertical, zero = ax.lines
@@ -151,7 +151,7 @@ def test_scales_cover_what_they_show():
     assert [space.round_length(about) for about in (1.5, 12.0, 3.0)] == [2, 10, 2]
     limits = [space.shear_limit([{"shear_angle": np.array([x, 1])}]) for x in (12.1, 15, 2)]
     assert limits == [15, 15, 5]
-    first = lambda *holds: forming_pictures._first(np.arange(4.0), np.array(holds))  # noqa: E731
+    first = lambda *holds: pictures._first(np.arange(4.0), np.array(holds))  # noqa: E731
     assert first(1, 0, 1, 1) == 2 and first(0, 1, 1, 1) == 1 and np.isnan(first(1, 0, 0, 0))
 
 
@@ -195,7 +195,7 @@ def test_a_band_is_as_high_as_the_errors(tmp_path, drawn):
 @pytest.mark.versions
 def test_shares_of_strain_states_are_of_the_area(tmp_path, drawn):
     grid = halves(strain_state=[1, 4], shear_angle=[0.1, -0.5])
-    forming_pictures.state_map(tmp_path / "states.png", grid)
+    pictures.state_map(tmp_path / "states.png", grid)
     texts = [text.get_text() for text in drawn[0][0].get_legend().get_texts()]
     assert texts[0] == "both in tension: 75%" and texts[3] == "both in compression: 25%"
     assert list(drawn[0][1].collections[0].get_array()) == pytest.approx(np.degrees([0.1, -0.5]))

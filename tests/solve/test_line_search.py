@@ -8,7 +8,7 @@ from petsc4py import PETSc
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.solve.line_search import LineSearch
-from fabric_fenicsx.solve.report import Report, SolveFailed
+from fabric_fenicsx.solve.progress import Report, SolveFailed
 from fabric_fenicsx.solve.settings import Settings
 from fabric_fenicsx.solve.step_criteria import (
     imbalance,

@@ -11,7 +11,7 @@ from builders import COMM
 import fabric_fenicsx as ff
 from fabric_fenicsx.cli.press_study import PressStudy, press_parser
 from fabric_fenicsx.press.press import EXAMPLES
-from fabric_fenicsx.results import forming_pictures
+from fabric_fenicsx.results import pictures
 from fabric_fenicsx.results.states import read_state
 
 ROOT = EXAMPLES.parents[1]
@@ -104,7 +104,7 @@ SHEETS = ["lower metal", "lower", "middle", "upper", "upper metal"]
 
 @pytest.mark.versions
 def test_a_laminate_is_formed(launch, monkeypatch):
-    monkeypatch.setattr(forming_pictures, "draw_compared", lambda *_: None)  # as of a single ply
+    monkeypatch.setattr(pictures, "draw_compared", lambda *_: None)  # as of a single ply
     # a step of hardly any work: what is missing of it differs from machine to machine
     short = "--set", "stage.1.moves.punch=1.5", "--steps", 1, "--max-imbalance", 0.5
     done = launch("laminate", "--nx", 3, *short, "--balance", 9)
@@ -124,9 +124,9 @@ def test_a_laminate_is_formed(launch, monkeypatch):
         assert ("shear_angle_max_deg" in ply) != is_metal
     assert q["plies"]["middle"]["shear_contrast_deg"] > 0 and "shear_contrast_deg" not in q
     assert q["sheet_pressure_largest_MPa"] > 1  # of 2 MPa beneath the holder
-    pictures = "middle", "middle_paths", "between", "metal", "formed", "states_middle"
+    drawn = "middle", "middle_paths", "between", "metal", "formed", "states_middle"
     if COMM.rank == 0:
-        assert all((done.folder / f"{name}.png").stat().st_size > 10_000 for name in pictures)
+        assert all((done.folder / f"{name}.png").stat().st_size > 10_000 for name in drawn)
         grid = read_state(done.folder)
         is_metal = np.isin(np.asarray(grid.cell_data["part"]), (0, 4))
         thickness = np.asarray(grid.cell_data["metal_thickness"])

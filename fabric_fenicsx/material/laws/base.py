@@ -18,7 +18,7 @@ from ..compaction import Compaction
 from ..energy import COUPLINGS, Derivatives, Energy, Range, check_couplings, stresses_of_energy
 from ..files import FIBRES, OWN_UNITS, SHEET, Document, read_numbers
 from ..friction import BendingFriction, ShearFriction
-from ..hyperdual import Number
+from ..functions import Number
 from ..material import Material, Parameters, Scatter, parameter, parameters
 
 __all__ = ["COUPLINGS", "LAWS", "Derivatives", "Law", "Material", "Range", "stresses_of_energy"]
@@ -167,11 +167,10 @@ class Law(Material, Energy):
         if temperature is None and not self.at_temperatures:
             return self
         (warm,) = self.check_temperatures(temperature)
-        known, fabrics = self._measured()
-        k = min(int(np.searchsorted(known, warm, side="right")), len(known) - 1)
-        share = (warm - known[k - 1]) / (known[k] - known[k - 1])
-        mixed = _mixed(fabrics[k - 1], fabrics[k], float(share))
-        return dataclasses.replace(mixed, name=f"{self.label} at {warm:g} C")
+        known, tables = [*self.at_temperatures], [*self.at_temperatures.values()]
+        numbers = {k: float(np.interp(warm, known, [at[k] for at in tables])) for k in tables[0]}
+        plain = dataclasses.replace(self, at_temperatures={}, name=f"{self.label} at {warm:g} C")
+        return Material.changed(plain, numbers)
 
     def numbers_at(self, temperatures: np.ndarray) -> np.ndarray:
         """The numbers of `symbols` at temperatures (n,) [deg C], (n, numbers), as of `at`."""
@@ -339,16 +338,3 @@ def numbers_of(law: Parameters) -> list[float]:
     numbers: list[float] = []
     law.symbols(numbers.append)
     return numbers
-
-
-def _mixed(one, two, share):
-    """Of two alike, what lies at a share of the way from one to the other."""
-    if isinstance(one, Parameters):
-        names = [each.name for each in dataclasses.fields(one) if each.init]
-        pairs = {name: (getattr(one, name), getattr(two, name)) for name in names}
-        return dataclasses.replace(one, **{n: _mixed(*each, share) for n, each in pairs.items()})
-    if one == two:
-        return one
-    if isinstance(one, tuple):
-        return tuple(_mixed(*each, share) for each in zip(one, two))
-    return (1 - share) * one + share * two

@@ -20,8 +20,7 @@ from ...core.rules import (
 )
 from ..energy import COUPLINGS, Derivatives, check_couplings
 from ..files import OWN_UNITS, Document, read_numbers, take_table, take_units
-from ..functions import exp, negative, positive
-from ..hyperdual import Number
+from ..functions import Number, exp, negative, positive
 from ..material import Parameters, parameter, parameters
 from .base import Law, sheet_fields
 

@@ -18,8 +18,7 @@ from ...io.text_tables import columns_of, read_lines, table_of
 from ...io.units import ANGLE, REACH, STRAIN, stresses
 from ..energy import Derivatives, Range
 from ..files import OWN_UNITS, Document, take_units
-from ..functions import where
-from ..hyperdual import Number
+from ..functions import Number, where
 from ..material import Parameters
 from .base import Law, sheet_fields
 
@@ -209,7 +208,9 @@ class TabulatedFabric(Law):
         files with the headers `eps [%], sigma [MPa]` and `gamma [deg], tau [MPa]`, or such."""
         if all(isinstance(document.get(key), Mapping) for key in cls.strain_of):  # as of `table`
             own = {key: dict(document.pop(key)) for key in cls.strain_of}
-            curves = {k: Curve(tuple(t.pop("x")), tuple(t.pop("y")), **t) for k, t in own.items()}
+            curves: Document = {
+                k: Curve(tuple(t.pop("x")), tuple(t.pop("y")), **t) for k, t in own.items()
+            }
             document.pop("law")
             return cls(**curves, **sheet_fields(cls, document, take_units(document), (), {}))
         keys = "law", "model", "extrapolation", *cls.strain_of

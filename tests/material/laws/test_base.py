@@ -10,9 +10,8 @@ from fabrics import LAW58, TABLE
 from fabric_fenicsx import InputError, Membrane, Scene, load
 from fabric_fenicsx.core.rules import above_zero
 from fabric_fenicsx.material import functions
-from fabric_fenicsx.material.functions import exp, negative, positive, sqrt
+from fabric_fenicsx.material.functions import HyperDual, exp, negative, positive, sqrt
 from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
-from fabric_fenicsx.material.hyperdual import HyperDual
 from fabric_fenicsx.material.laws import COUPLINGS, LAWS, Law
 from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.studies.lib.coupling_variants import coupling_variants
