@@ -159,10 +159,9 @@ def _announce(values, runner):
 
 def _write_job_array(file, words, count, ranks):
     """Write a script for Slurm, a task a run of the `count` that `fabric sweep` with these words
-    does, to start in the present folder. InputError for a file that is another's."""
-    if file.exists() and "#SBATCH --job-name=sweep\n" not in file.read_text(errors="replace"):
-        flaw = f"--slurm {file} is there and no script of a sweep"
-        raise InputError(f"{flaw}; allowed is another file")
+    does, to start in the present folder. InputError for a file that is there."""
+    if file.exists():
+        raise InputError(f"--slurm {file} is there already; allowed is another file")
     cut = words.index("--") if "--" in words else len(words)
     own = [word for word in words[:cut] if word != "--overwrite"]
     start = shlex.join([sys.executable, "-m", "fabric_fenicsx", "sweep", *own])

@@ -297,8 +297,10 @@ def write(press: PressData, path: str | os.PathLike[str]) -> None:
             file = next(f for f in map(path.with_name, names) if files.get(f, value) == value)
             files[file] = value
             return file.name
+        if isinstance(value, str) and is_file:
+            return os.path.relpath(value, path.parent)
         if isinstance(value, (str, bool, int, float)):
-            return os.path.relpath(str(value), path.parent) if is_file else value
+            return value
         flaw = f"{where} is {repr_short(value)}, which a file cannot hold"
         raise InputError(f"{flaw}; allowed are numbers, names, files, shapes and regions")
 

@@ -92,8 +92,6 @@ class Output:
     function of a message to its text with parameters as the reader writes them. `facts` are what
     every summary of the run repeats; `is_quiet`: warnings are only for the summary."""
 
-    # the files by which a folder is known to hold results
-    RESULTS = "summary.json", "history.csv", "checkpoint.npz"
     VERSIONS = {
         "fabric_fenicsx": __version__,
         "dolfinx": dolfinx.__version__,
@@ -191,7 +189,7 @@ class Output:
             allowed = "another folder, or this one when that run has ended"
             raise InputError(f"`out` {self.path} is in use by another run; allowed is {allowed}")
         self._open.enter_context(lock)
-        old = self.owned.names(*self.RESULTS)
+        old = self.owned.names("summary.json", "history.csv", "checkpoint.npz")
         if old and not (self.resume or self.overwrite):
             self._open.close()
             found = f"`out` {self.path} holds results ({old[0]})"
@@ -200,8 +198,8 @@ class Output:
         if not self.resume:
             self.owned.remove()
         self.owned.note("", part)
-        command = str(self.facts.get("command", ""))
-        handler = LogFile(self.path / "log.txt", "a" if self.resume else "w", command)
+        mode, command = "a" if self.resume else "w", str(self.facts.get("command", ""))
+        handler = LogFile(self.path / "log.txt", mode, command)
         log.addHandler(handler)
         self._open.callback(handler.close)
         self._open.callback(log.removeHandler, handler)

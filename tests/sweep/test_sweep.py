@@ -108,7 +108,7 @@ BAD_WORDS = """
 --scatter 8 --vary a=1..2 --vary b=1..2 --vary c=1..2 | allowed for 4 numbers is 16 or more
 --vary a=1 -- --out x | option --out is behind --; allowed are options
 --vary a=1,2 --only 3 | --only is 3; allowed is 1 to 2
---vary a=1 --slurm press.toml | --slurm press.toml is there and no script of a sweep
+--vary a=1 --slurm press.toml | --slurm press.toml is there already
 """
 
 

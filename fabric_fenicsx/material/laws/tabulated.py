@@ -206,13 +206,13 @@ class TabulatedFabric(Law):
     def from_document(cls, document: Document, folder: Path) -> Self:
         """The fabric of a TOML document in `folder`, in which `warp`, `weft` and `shear` are CSV
         files with the headers `eps [%], sigma [MPa]` and `gamma [deg], tau [MPa]`, or such."""
-        if all(isinstance(document.get(key), Mapping) for key in cls.strain_of):  # as of `table`
-            own = {key: dict(document.pop(key)) for key in cls.strain_of}
-            curves: Document = {
-                k: Curve(tuple(t.pop("x")), tuple(t.pop("y")), **t) for k, t in own.items()
-            }
-            document.pop("law")
-            return cls(**curves, **sheet_fields(cls, document, take_units(document), (), {}))
+        found = [document.get(key) for key in cls.strain_of]
+        if all(isinstance(each, dict) and "extrapolation" in each for each in found):  # of `table`
+            own = {key: document.pop(key) for key in ("law", *cls.strain_of)}
+            fields = sheet_fields(cls, document, take_units(document), (), {})
+            for k in cls.strain_of:
+                fields[k] = Curve(tuple(own[k]["x"]), tuple(own[k]["y"]), own[k]["extrapolation"])
+            return cls(**fields)
         keys = "law", "model", "extrapolation", *cls.strain_of
         files = {key: document.pop(key) for key in keys if key in document}
         fields = sheet_fields(cls, document, take_units(document), keys, {})
