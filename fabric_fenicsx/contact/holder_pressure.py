@@ -25,9 +25,10 @@ from .tool_contact import Contact
 
 
 def lying(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Mask (n,) of points (n, 2) that lie in one of the cells with these corners (m, k, 2)."""
-    cell_at = shapely.STRtree(shapely.polygons(corners)).query(shapely.points(points), "intersects")
-    return np.isin(np.arange(len(points)), cell_at[0])
+    """Mask (n,) of points (n, 2) that lie in one of the cells with these corners (m, k, 2), or up
+    to 1e-6 mm beside it."""
+    tree, at = shapely.STRtree(shapely.polygons(corners)), shapely.points(points)
+    return np.isin(np.arange(len(points)), tree.query(at, "dwithin", distance=1e-6)[0])
 
 
 def _seen(under, across, cells, are_there, x):
@@ -46,36 +47,24 @@ class BlankHolderPressure(ToolContactTerm):
 
     A `Contact` bears it on the other side of the sheet. The pressed areas are lagged.
 
-    Parameters
-    ----------
-    pressure
-        Number [MPa], there from the start, or function of the load factor.
-    direction
-        In which it presses (3,).
-    under
-        Function of positions (3, n) [mm] to the share (n,) of each, 0 to 1, that is under the
-        holder: what is pressed of a triangle follows from its values within it.
-    tool
-        Moves with the holder along a path, for its friction; by default one at rest.
-    lag
-        The areas are updated within a step, at most three times, if more than this share of
-        their sum has changed; with None never.
-    full_stack
-        Press the nearest sheet only where all others lie, too, as a plate that rests on all.
-    friction
-        Of the holder's side, as of `Contact`. Without it the holder does not hold the sheet in its
-        plane.
-    borne
-        As `under`, by default the same: where the die bears the pressure. Corners of triangles
-        beyond it are not pressed, as nothing is below them; those that are bear all of it. If it is
-        a die's flange and neither side has friction, the pressure acts along the die's normals: it
-        would push nodes that slide over the edge, before the areas are updated, along the die.
+    - pressure: number [MPa], there from the start, or function of the load factor
+    - direction: in which it presses (3,)
+    - under: function of positions (3, n) [mm] to the share (n,) of each, 0 to 1, that is under the
+      holder: what is pressed of a triangle follows from its values within it
+    - tool: moves with the holder along a path, for its friction; by default one at rest
+    - lag: areas are updated within a step, at most three times, if more than this share of their
+      sum has changed; with None never
+    - full_stack: press the nearest sheet only where all others lie, too, as a plate that rests on
+      all
+    - friction: of the holder's side, as of `Contact`; without it the holder does not hold the sheet
+      in its plane
+    - borne: as `under`, by default the same: where the die bears the pressure. Corners of triangles
+      beyond it are not pressed, as nothing is below them; those that are bear all of it. If it is a
+      die's flange and neither side has friction, the pressure acts along the die's normals: it
+      would push nodes that slide over the edge, before the areas are updated, along the die
 
-    Raises
-    ------
-    InputError
-        For a direction or pressure that is not finite or below 0, a tool moved by force, `under` of
-        another shape, and as `Contact` does for blanks.
+    Raises InputError for a direction or pressure that is not finite or below 0, a tool moved by
+    force, `under` of another shape, and as `Contact` does for blanks.
 
     Examples
     --------

