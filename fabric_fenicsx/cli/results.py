@@ -5,6 +5,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from ..results.ply import planes_of
 from .options import Parser, option_type
 
 PLANE = '"z=5" (what is above it), or "x,y,z,nx,ny,nz": a point [mm] and the normal to what is kept'
+
+FRAME = "coordinates of this tool's file at the end, `tool`: of the leading one (default: press)"
 
 
 def run(command: str, words: Sequence[str]) -> None:
@@ -36,14 +39,17 @@ def _export(parser, words):
     kinds = ".vtu (VTK), .inp (Abaqus), .k or .key (LS-DYNA), .bdf or .nas (Nastran)"
     parser.option("file", metavar="FILE", help=f"to write, as its ending says: {kinds}")
     parser.switch("--modelled", "what was modelled, as a quarter (default: the whole part)")
+    parser.option("--frame", metavar="TOOL", help=FRAME)
     args = parser.parse_args(words)
     check_new(Path(args.file), overwrite=args.overwrite)
     grids = states.read_grids(args.folder)
+    frame = states.frame_of(args.folder, args.frame) if args.frame else None
     labels = states.set_labels(grids) if ending(args.file) == ".inp" else {}
-    for name, ply in structural.export(grids, args.file, args.modelled).items():
+    for name, ply in structural.export(grids, args.file, args.modelled, frame).items():
         own = f" (ELSET {labels[name]})" if labels else ""
-        planes = [] if args.modelled else ["xy"[axis] for axis in planes_of(grids[name])]
-        mirrored = f", mirrored in {' and '.join(planes)} = 0" if planes else ""
+        planes = {} if args.modelled else planes_of(grids[name])
+        words = [f"{'xy'[axis]} = {place:g}" for axis, place in planes.items()]
+        mirrored = f", mirrored in {' and '.join(words)}" if words else ""
         print(f"{args.file}: {name or 'ply'}{own}, {len(ply.cells)} cells{mirrored}")
     return args
 
@@ -87,6 +93,7 @@ def _pattern(parser, words):
     parser.option("--reach", type=option_type(POSITIVE), metavar="MM", help=reach)
     edge = "of a formed net blank: tell how far its edge lies from the line, and write nothing"
     parser.switch("--edge", edge)
+    parser.option("--frame", metavar="TOOL", help=FRAME)
     # a plane may begin with a minus, which argparse takes for an option
     joined = "\n".join(words).replace("--plane\n", "--plane=")
     args = parser.parse_args(joined.split("\n") if words else [])
@@ -95,7 +102,9 @@ def _pattern(parser, words):
     grids = states.read_grids(args.folder)
     if args.sheet is not None and args.sheet not in grids:
         raise unknown_key(args.sheet, filter(None, grids), f"--sheet {args.sheet}")
-    where, notes = (_plane(args.plane), []) if args.plane else read_trim_line(args.line)
+    trim, notes = (_plane(args.plane), []) if args.plane else read_trim_line(args.line)
+    frame = states.frame_of(args.folder, args.frame) if args.frame else None
+    where: Any = pattern.placed(trim, frame) if frame else trim
     trimmed = {name: grid for name, grid in grids.items() if args.sheet in (None, name)}
     if args.edge:
         for name, grid in trimmed.items():
@@ -117,7 +126,7 @@ def _pattern(parser, words):
     check_new(*files, overwrite=args.overwrite)
     print("".join(f"{note}\n" for note in notes), end="")
     for name, flat in patterns.items():
-        pattern.write_pattern(stems[name], flat, states.units(args.folder))
+        pattern.write_pattern(stems[name], flat, states.units(args.folder), name, frame)
         off = f", trim line up to {rounded(flat.off)} mm off the ply" if flat.off else ""
         sizes = f"area {rounded(flat.net.area, 6)} mm2, perimeter {rounded(flat.net.length, 6)} mm"
         formed = f"area of the formed part {rounded(flat.formed_area, 6)} mm2"

@@ -1,6 +1,7 @@
 """Outlines of sheets, closed rings of lines in a plane, and their files: polygons in CSV, drawings
 in DXF, boundaries of meshes."""
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -32,11 +33,11 @@ def read_outline(path: Path | str, layer: str | None = None) -> tuple[shapely.Po
     count, or of several with commas between them, by default of all that are visible; of any other
     file, a mesh, the boundary.
     """
-    path, notes, hint = Path(path), [], ""
+    path, notes, hint, names = Path(path), [], "", [""]
     source = f"outline {path}"
     check_file(path, "outline", ALLOWED)
     if ending(path) == ".dxf":
-        lines, notes, hint = _drawing(path, source, layer)
+        lines, names, notes, hint = _drawing(path, source, layer)
     elif layer is not None:
         raise InputError(f"`layer` is allowed only for a .dxf, not for {source}")
     elif ending(path) in TABLES:
@@ -49,9 +50,21 @@ def read_outline(path: Path | str, layer: str | None = None) -> tuple[shapely.Po
             f"{source} reaches over {rounded(size[2])} mm in z; allowed is a plane z = const"
         )
     try:
-        return sheet_of(joined([line[:, :2] for line in lines], source), source), notes
+        sheet = sheet_of(joined([line[:, :2] for line in lines], source), source)
     except InputError as error:
         raise InputError(f"{error}{hint}") from None
+    if layer is None and len(set(names)) > 1:
+        places = shapely.points([line[len(line) // 2, :2] for line in lines])
+        is_rim = shapely.distance(sheet.exterior, places) < PLANE_TOLERANCE * size.max()
+        rim = {name for name, is_on in zip(names, is_rim) if is_on}
+        inside = sorted({name for name in names if not re.search("hole", name, re.I)} - rim)
+        if inside:
+            raise InputError(
+                f"{source} has lines of {', '.join(inside)} inside those of {', '.join(rim)}: "
+                "holes, or a part in its drawing frame; allowed is `layer` with the layers that "
+                "count"
+            )
+    return sheet, notes
 
 
 def read_trim_line(path: Path | str) -> tuple[list[np.ndarray], list[str]]:
@@ -64,7 +77,7 @@ def read_trim_line(path: Path | str) -> tuple[list[np.ndarray], list[str]]:
     if ending(path) in TABLES:
         lines = [np.vstack([ring, ring[:1]]) for ring in _table(path, source, ("x", "y", "z"))]
     elif ending(path) == ".dxf":
-        lines, notes, _ = _drawing(path, source, None)
+        lines, _, notes, _ = _drawing(path, source, None)
         size = np.ptp(np.concatenate(lines), axis=0)
         if size[2] <= PLANE_TOLERANCE * size.max():
             lines = [line[:, :2] for line in lines]
@@ -95,8 +108,8 @@ def _table(path, source, names=("x", "y")):
 
 
 def _drawing(path, source, layer):
-    """Lines (n, 3) of a drawing [mm], sentences on its unit if that is not mm and on what is not
-    read, and what to add to errors."""
+    """Lines (n, 3) of a drawing [mm], the layer of each, sentences on its unit if that is not mm
+    and on what is not read, and what to add to errors."""
     from ezdxf import readfile, recover
     from ezdxf.lldxf.const import DXFError
     from ezdxf.math import Matrix44
@@ -123,11 +136,12 @@ def _drawing(path, source, layer):
     others = Counter(entity.dxftype() for entity, *_ in drawn if not _is_curve(entity))
     unread = ", ".join(f"{n} {kind}" for kind, n in sorted(others.items()) if kind not in beside)
     factor, unit = _unit(drawing)
-    lines = []
-    for curve, _, place in (each for each in drawn if _is_curve(each[0])):
+    lines, names = [], []
+    for curve, name, place in (each for each in drawn if _is_curve(each[0])):
         stretch = np.linalg.norm(np.array([*place.rows()])[:3, :3], 2)
         for line in _flattened(curve, 0.01 / factor / stretch):  # chords within 0.01 mm
             lines.append(factor * np.array([tuple(x) for x in place.transform_vertices(line)]))
+            names.append(name)
     if not lines:
         raise InputError(
             f"{source} has no lines, but {unread or 'nothing'}; allowed are {', '.join(CURVES)}"
@@ -140,7 +154,7 @@ def _drawing(path, source, layer):
     hint = f"; it has {unread}, not read" if unread else ""
     if layer is None and len(layers) > 1:
         hint += f"; of its layers {', '.join(layers)} some may be left out by `layer`"
-    return lines, notes, hint
+    return lines, names, notes, hint
 
 
 def _flattened(curve, chord):
@@ -268,28 +282,30 @@ def centred(sheet: shapely.Polygon) -> shapely.Polygon:
     return shapely.transform(sheet, lambda x: x - middle)
 
 
-def mirrored_half(sheet: shapely.Polygon, axis: int, source: str) -> shapely.Polygon:
-    """The half of a sheet on the positive side of the plane x = 0 or y = 0 (`axis` 0 or 1), which
-    mirrors it; a sheet that begins at the plane as it is. Raises InputError, by the size of what
-    differs, for a sheet that is not its own mirror image, and for one in two parts."""
+def mirrored_half(
+    sheet: shapely.Polygon, axis: int, source: str, at: float = 0.0
+) -> shapely.Polygon:
+    """The half of a sheet on the positive side of the plane x = `at` or y = `at` (`axis` 0 or 1)
+    [mm], which mirrors it; a sheet that begins at the plane as it is. Raises InputError, by the
+    size of what differs, for a sheet that is not its own mirror image, and for one in two parts."""
     low, high = np.reshape(sheet.bounds, (2, 2))[:, axis]
-    if low > -MIRROR_TOLERANCE * (high - low):
+    if low - at > -MIRROR_TOLERANCE * (high - low):
         return sheet
-    image = shapely.transform(sheet, lambda x: x * (1 - 2 * np.eye(2)[axis]))
+    image = shapely.transform(sheet, lambda x: np.where(np.arange(2) == axis, 2 * at - x, x))
     apart = shapely.symmetric_difference(sheet, image)
     name, far = "xy"[axis], shapely.buffer(apart, -MIRROR_TOLERANCE * (high - low))
     if not far.is_empty:
         place = coordinates(far.representative_point().coords[0])
         raise InputError(
-            f"{source} is not its own mirror image in {name} = 0: {rounded(far.area, 3)} mm2 "
+            f"{source} is not its own mirror image in {name} = {at:g}: {rounded(far.area, 3)} mm2 "
             f"differ, as at {place} mm; allowed is a symmetric outline, or its half"
         )
     reach = 2 * np.abs(sheet.bounds).max()
-    start = [0.0 if k == axis else -reach for k in (0, 1)]
+    start = [at if k == axis else -reach for k in (0, 1)]
     half = shapely.intersection(sheet, shapely.box(*start, reach, reach))
     if half.geom_type != "Polygon":
         raise InputError(
             f"{source} is cut into {shapely.get_num_geometries(half)} parts by the plane of "
-            f"symmetry {name} = 0; allowed is an outline that stays in one piece"
+            f"symmetry {name} = {at:g}; allowed is an outline that stays in one piece"
         )
     return half

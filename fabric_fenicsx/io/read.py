@@ -131,22 +131,35 @@ def _obj(path):
     return points, blocks, {}
 
 
+def _with_included(path):
+    """The text of a Nastran file with those that it includes, of which gmsh knows nothing."""
+    include = re.compile(r"^ *INCLUDE +(['\"]?)([^'\"\n]+)\1.*$", re.MULTILINE | re.IGNORECASE)
+    return include.sub(
+        lambda m: _with_included(path.parent / m[2].strip()), path.read_text("latin-1")
+    )
+
+
 def _by_gmsh(path):
     import gmsh
 
     is_nastran = ending(path) in NASTRAN
-    for line in path.read_text("latin-1").expandtabs(8).splitlines() if is_nastran else ():
+    text = _with_included(path) if is_nastran else ""
+    for line in text.expandtabs(8).splitlines():
         # fields with commas between them, of 16 columns, of 8
         wide = 16 if "*" in line[:8] else 8
         card = line.split(",") if "," in line else [line[:8], *re.findall(f".{{{wide}}}", line[8:])]
-        if card[0].strip(" *").upper() == "GRID" and "".join(card[2:3]).strip(" 0"):
+        name = card[0].strip(" *").upper()
+        if name in ("GRID", "GRDSET") and "".join(card[2:3]).strip(" 0"):
             words = " ".join(line.split())
-            raise ValueError(f"it has a GRID in coordinate system {card[2].strip()}, {words}")
+            raise ValueError(f"it has a {name} in coordinate system {card[2].strip()}, {words}")
     gmsh.initialize(readConfigFiles=False)
     with TemporaryDirectory() as folder:
         # gmsh does not know OptiStruct's name, and few in capitals
         link = Path(folder) / f"mesh{'.bdf' if is_nastran else ending(path)}"
-        link.symlink_to(path)
+        if is_nastran:
+            link.write_text(text, "latin-1")
+        else:
+            link.symlink_to(path)
         gmsh.merge(str(link))
     numbers, x, _ = gmsh.model.mesh.getNodes()
     order = np.argsort(numbers)

@@ -65,7 +65,12 @@ def preset_or_file(
 def read_toml(path: str | os.PathLike[str], make: Callable[[Document], T]) -> T:
     """make(document) of the TOML file at `path`; InputErrors name the file."""
     try:
-        document = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
+        data = Path(path).read_bytes()
+        document = tomllib.loads(data.decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        wide = data.startswith((b"\xff\xfe", b"\xfe\xff"))
+        found = "UTF-16" if wide else f"Latin-1 or another encoding, by byte {error.start + 1}"
+        raise InputError(f"{path}: is in {found}; allowed is TOML in UTF-8") from None
     except (OSError, ValueError, RecursionError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{path}: cannot be read ({reason}); allowed is TOML in UTF-8") from None

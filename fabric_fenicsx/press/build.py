@@ -19,6 +19,7 @@ from ..energy.membrane import Membrane
 from ..energy.metal import SheetMetal
 from ..energy.term import Term
 from ..io.field import Field
+from ..results.measures import PLANE_OF_SYMMETRY
 from ..scene.scene import Scene
 from ..scene.supports import Support
 from .forming_scene import FormingScene
@@ -39,7 +40,7 @@ def build(press: PressData, comm: MPI.Comm | None = None) -> FormingScene:
     laid, warnings = lay_blank(press.sheets, press.planes, comm, interface.is_rigid)
     press = press.replace(sheets=laid.sheets)
     tools, schedule, doubts = place_tools(press, laid)
-    sheets, planes = laid.sheets, [on_plane(axis) for axis in press.planes]
+    sheets, planes = laid.sheets, [on_plane(*plane) for plane in press.planes.items()]
 
     fabrics = [sheet for sheet in sheets if sheet.fabric]
     terms = [laid.on(s, _membrane(s)) for s in fabrics]
@@ -89,8 +90,8 @@ def _supports(press: PressData, laid: Laid) -> list[Support]:
     """The planes of symmetry, and what keeps the blank from moving and turning in its plane: the
     nodes nearest to its centroid, and without planes to the end of the axis there."""
     supports = [
-        Support(f"plane of symmetry {'xy'[axis]} = 0", on_plane(axis), (axis,))
-        for axis in press.planes
+        Support(f"{PLANE_OF_SYMMETRY} {'xy'[axis]} = {place:g}", on_plane(axis, place), (axis,))
+        for axis, place in press.planes.items()
     ]
     if free := tuple(axis for axis in (0, 1) if axis not in press.planes):
         middle = laid.nearest_nodes(laid.centre)

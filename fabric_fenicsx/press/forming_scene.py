@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ..contact.contact_term import ToolContactTerm
 from ..contact.coulomb import MAX_SLIP
@@ -96,7 +97,7 @@ class FormingScene(Setup):
     def columns(self, scene: Scene) -> dict[str, float]:
         """{name: value} of each tool's travel since the start [mm] and its force on the modelled
         part [N], both along z; of each holder the force on the whole blank [N]: along z, or the sum
-        of its pulls."""
+        of its pulls or, of a bead, along the flange."""
         columns = {}
         for name, tool in self.tools.items():
             travel = tool.displacement[2] - np.asarray(tool.path(0.0))[2]
@@ -129,6 +130,19 @@ class FormingScene(Setup):
         if "sheet_pressure" in result.fields:  # means of cells on the next sheet
             pressure = np.nan_to_num(result.fields["sheet_pressure"])
             numbers["sheet_pressure_largest_MPa"] = measures.extremes(self.scene.comm, pressure)[1]
+        tools = {tool.name: tool.frame() for tool in (self.leader(), *self.tools.values())}
+        (leader, frame), *_ = tools.items()
+        for own in (numbers, *numbers.get("plies", {}).values()):
+            places = {key: at for key, at in own.items() if key.endswith("_formed_at_mm")}
+            for key, at in places.items():
+                own[key.replace("_formed_at", f"_in_{leader}_at")] = frame.inside(at).tolist()
+        numbers["tool_places"] = {
+            name: {
+                "placed_at_mm": frame.at.tolist(),
+                "turned_by_deg": Rotation.from_matrix(frame.axes).as_euler("xyz", True).tolist(),
+            }
+            for name, frame in tools.items()
+        }
         return numbers
 
     def field_ranges(self) -> dict[str, str]:
@@ -152,10 +166,8 @@ class FormingScene(Setup):
         force along z on the whole blank and the size of the contact force on the modelled part [N];
         forces that are not in balance, penetration, and what else checks the contact."""
         scene, interface, energies = self.scene, self.data.interface, energies_of(result.rows[-1])
-        part, loads = (
-            self.modelled_share,
-            [t for t in scene.terms if isinstance(t, Springs | Gravity)],
-        )
+        part = self.modelled_share
+        loads = [t for t in scene.terms if isinstance(t, Springs | Gravity)]
         tools = [(t.tool.name, float(output.tool_force(scene, t.tool)[2])) for t in self.pressing]
         acting = sum(float(term.applied_forces()[2::3].sum()) for term in loads)
         return {
@@ -244,7 +256,8 @@ class FormingScene(Setup):
         what symmetry hides shows there. Raises InputError for a part from a file."""
         press, name = self.data, self.leader().name
         if press.planes:
-            if files := [sheet.sheet_file for sheet in self.sheets if sheet.sheet_file]:
+            files = [sheet.sheet_file for sheet in self.sheets if sheet.sheet_file]
+            if files := files + ["the blank"] * any(press.planes.values()):
                 flaw = f"{files[0]} is modelled by a {press.modelled}, which can't be disturbed"
                 raise InputError(f"{flaw}; allowed is the whole blank")
             sheets = [sheet.mirrored(press.planes) for sheet in self.sheets]

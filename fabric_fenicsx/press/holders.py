@@ -22,6 +22,8 @@ from .site import HolderSite, Region, Where
 # edge of a rectangle around the blank -> axis, and which end of it
 EDGES = {"low x": (0, 0), "high x": (0, 1), "low y": (1, 0), "high y": (1, 1)}
 
+OFF_BLANK = 0.01  # of its size, up to which a point off the blank stands for one on its edge
+
 
 class Holder(Protocol):
     """What holds the rim of a blank: any object with this method.
@@ -228,7 +230,8 @@ class SpringHolder(Kind):
             raise InputError("a `SpringHolder` needs `edges` or points `at`")
 
     def terms(self, site: HolderSite) -> list[Term]:
-        planes, springs = list(site.planes), list[Term]()
+        planes, at = [*site.planes], [*site.planes.values()]
+        springs: list[Term] = []
 
         def add(name, where, share, outwards):
             stiffness, preload = share * self.stiffness, share * self.preload
@@ -239,13 +242,18 @@ class SpringHolder(Kind):
             add(name, edge, 0.5 ** sum(not outwards[axis] for axis in planes), outwards)
         for k, place in enumerate(np.array(self.at).reshape(-1, 2), 1):
             away = place - site.centre
-            if (place[planes] < 0).any() or not away.any():
+            if (place[planes] < at).any() or not away.any():
                 raise InputError(
                     f"holders.{site.name}.at has the point {coordinates(place)} mm; allowed are "
                     "points on the modelled part, but the blank's centroid, from which springs "
                     "pull away"
                 )
-            share, near = 0.5 ** int((place[planes] == 0).sum()), site.laid.nearest_nodes(place)
+            if (off := site.laid.distance(place)) > OFF_BLANK * max(site.laid.sides):
+                raise InputError(
+                    f"holders.{site.name}.at has the point {coordinates(place)} mm, {rounded(off)} "
+                    "mm off the blank; allowed are points on it"
+                )
+            share, near = 0.5 ** int((place[planes] == at).sum()), site.laid.nearest_nodes(place)
             add(f"point {k}", near, share, np.append(away, 0.0) / np.linalg.norm(away))
         return springs
 

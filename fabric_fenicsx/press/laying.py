@@ -1,10 +1,11 @@
 """The blank of a press: sheets of cells, one or a stack."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 
@@ -52,6 +53,12 @@ class Laid:
         owned = self.blank.V.dofmap.index_map.size_local
         return self.blank.coordinates()[:owned] * (1, 1, 0)
 
+    def distance(self, place: ArrayLike) -> float:
+        """Distance of a place (x, y) from the flat blank, 0 on it; on all ranks together [mm]."""
+        cells = shapely.polygons(self.blank.corners()[:, :, :2])
+        off = shapely.distance(cells, shapely.Point(np.asarray(place))).min(initial=np.inf)
+        return float(self.blank.mesh.comm.allreduce(off, MPI.MIN))
+
     def nearest_nodes(self, place: ArrayLike) -> Callable[[np.ndarray], np.ndarray]:
         """Function of points (3, n) to a mask (n,) of one node of each sheet: the nearest to
         `place` (x, y) [mm]; of equally near ones the one with the largest x, then y."""
@@ -65,17 +72,17 @@ class Laid:
         return lambda x: (np.linalg.norm(x.T[:, None] - places, axis=2) < 1e-6).any(1)
 
 
-def on_plane(axis: int) -> Callable[[np.ndarray], np.ndarray]:
-    """Function of points (3, n) to a mask (n,) of those on a plane of symmetry."""
-    return lambda x: x[axis] < PLANE_TOLERANCE
+def on_plane(axis: int, place: float) -> Callable[[np.ndarray], np.ndarray]:
+    """Function of points (3, n) to a mask (n,) of those on the plane of symmetry at a place."""
+    return lambda x: x[axis] < place + PLANE_TOLERANCE
 
 
 def lay_blank(
-    sheets: Sequence[Sheet], planes: Sequence[int], comm: MPI.Comm, rigid: bool = False
+    sheets: Sequence[Sheet], planes: Mapping[int, float], comm: MPI.Comm, rigid: bool = False
 ) -> tuple[Laid, list[str]]:
-    """The blank of a press, and doubts. planes: axes to which planes of symmetry are perpendicular;
-    rigid: fabric keeps its thickness under pressure. Raises InputError for sheets that can't be
-    meshed, and for own meshes that reach beyond planes of symmetry or not to them."""
+    """The blank of a press, and doubts. planes: as of `PressData`; rigid: fabric keeps its
+    thickness under pressure. Raises InputError for sheets that can't be meshed, and for own meshes
+    that reach beyond planes of symmetry or not to them."""
     sheets = [s.filled(name=s.name or f"ply {number}") for number, s in enumerate(sheets, 1)]
     made = [_mesh(sheet, 24, planes, comm, rigid) for sheet in sheets]
     # if cells do not follow the yarns all sheets are quadratic, by default twice as large, so that
@@ -97,7 +104,7 @@ def lay_blank(
     areas, places = whole.areas(), whole.midpoints()[:2]
     *sums, area = comm.allreduce(np.append(places @ areas, areas.sum()), MPI.SUM)
     centre = np.array(sums) / area
-    centre[list(planes)] = 0.0
+    centre[[*planes]] = [*planes.values()]
     mirrors = [*filter(None, (_mirror_doubt(*each, planes) for each in zip(final, blanks)))]
     laid = Laid(whole, final, final[first], whole_sides(blanks[first], planes), centre)
     return laid, mirrors + sum(doubts, [])
@@ -124,14 +131,15 @@ def _mesh(sheet, nx, planes, comm, rigid):
 
 def _check_symmetric(blank, source, planes):
     """Raise InputError for a sheet that a plane of symmetry would cut, or without an edge on it."""
-    for axis in planes:
+    for axis, place in planes.items():
         name, start, end = "xy"[axis], *(float(each[axis]) for each in blank.extent())
-        cut = start < -1e-3 * (end - start)
-        if cut or start > PLANE_TOLERANCE:
+        cut = start - place < -1e-3 * (end - start)
+        if cut or start - place > PLANE_TOLERANCE:
             raise InputError(
                 f"{source} reaches from {name} = {rounded(start, 4)} to {rounded(end, 4)} mm, "
-                f"{'beyond' if cut else 'but not to'} the plane of symmetry {name} = 0; allowed is "
-                f"the whole blank, or a mesh of its part {name} >= 0 with an edge on the plane"
+                f"{'beyond' if cut else 'but not to'} the plane of symmetry {name} = {place:g}; "
+                f"allowed is the whole blank, or a mesh of its part {name} >= {place:g} with an "
+                "edge on the plane"
             )
 
 
@@ -146,7 +154,7 @@ def _mirror_doubt(sheet, blank, planes):
     x, where = blank.centres(), "yarns by a function"
     if not is_field:
         x, where = np.zeros((1, 3)), f"yarns at {angle:g} and {angle + between:g} deg"
-    images = [x * (1 - 2 * np.eye(3)[axis]) for axis in planes]
+    images = [np.where(np.arange(3) == axis, 2 * place - x, x) for axis, place in planes.items()]
     both = on_all(comm, lambda: [sheet.fibre_angles(y) + sheet.fibre_angles(x) for y in images])
     one, two, sheared = np.array([[0.01, 0.02], [0.02, 0.01], [0.1, 0.1]])
     alike = math.isclose(*sheet.fabric.derivatives(one, two, sheared, False).parts.sum(1))

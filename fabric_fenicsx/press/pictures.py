@@ -25,7 +25,7 @@ from ..energy.term import Term
 from ..job.job import Result
 from ..results import pictures, space
 from ..results.measures import planes_of_symmetry
-from ..results.ply import SYMMETRIC, Grid, Surface, grid_of, ply_of
+from ..results.ply import Grid, Surface, grid_of, mark_planes, marked_planes, ply_of
 from ..results.quantities import middle_of
 from ..results.states import triangulated
 from ..results.wrinkles import HEIGHT
@@ -100,9 +100,9 @@ def _pulls(x, away, size):
     return lines.tube(radius=0.004 * size).triangulate()
 
 
-def flat_grids(blank: Blank | Stack, symmetric: Sequence[int] = ()) -> dict[str, Grid]:
+def flat_grids(blank: Blank | Stack, planes: Mapping[int, float]) -> dict[str, Grid]:
     """The plies of a blank as they lie before a run {name: grid}, on all ranks, which call it
-    together; symmetric: axes to which planes of symmetry are perpendicular."""
+    together; planes: of symmetry, {axis: place}."""
     grids = {}
     corners, comm = blank.corners(), blank.mesh.comm
     for part in blank.parts.values() or [blank.whole]:
@@ -110,7 +110,7 @@ def flat_grids(blank: Blank | Stack, symmetric: Sequence[int] = ()) -> dict[str,
         cells = np.arange(x[:, :, 0].size).reshape(x.shape[:2])
         points = np.pad(x.reshape(-1, x.shape[2]), ((0, 0), (0, 3 - x.shape[2])))
         grids[part.name] = grid = grid_of(points, cells, np.zeros_like(points))
-        grid.field_data[SYMMETRIC] = list(symmetric)
+        mark_planes(grid, planes)
     return grids
 
 
@@ -145,8 +145,9 @@ def _scene(plies, tools, motions):
     """The `_Scene` of whole plies, and of tools, mirrored as the plies were."""
     low, high = space.extent_of(plies)
     # of a tool's surface around the blank, over the blank's size
-    room, planes = 0.25 * (high - low).max(), plies[0].field_data["planes"]
-    start = np.where(np.isin(np.arange(3), planes), -room / 2, low - room)
+    room, planes = 0.25 * (high - low).max(), marked_planes(plies[0])
+    start = low - room
+    start[[*planes]] = np.array([*planes.values()]) - room / 2
     middle, bodies = np.mean([surface.points[:, 2].mean() for surface in plies]), {}
     for (name, tool), colour in zip(tools.items(), cycle(TOOLS)):
         if isinstance(tool, Tool):
@@ -167,22 +168,14 @@ def _draw_setup(plotter, scene):
         plotter.add_mesh(surface, color="#e6d8a8", opacity=opacity, ambient=0.4, diffuse=0.6)
         edges = surface.extract_feature_edges(feature_edges=False, **open_edges)
         plotter.add_mesh(edges, color="k", line_width=3)
-    low, high = np.reshape(scene.bounds, (3, 2)).T
-    size = (high - low).max()
-    for k, (surface, colour, above, motion) in enumerate(scene.tools.values()):
+    size = np.ptp(np.reshape(scene.bounds, (3, 2)), axis=1).max()
+    for surface, colour, above, _ in scene.tools.values():
         if not above:  # a little away, or what touches the blank would show through it
             surface = surface.translate(-0.003 * size * np.array(space.VIEW))
         plotter.add_mesh(surface, color=colour, opacity=0.22 if above else 1.0, **solid)
         edges = surface.extract_feature_edges(feature_angle=40, **open_edges)
         if edges.n_points:
             plotter.add_mesh(edges, color=colour, line_width=2)
-        if motion is not None:
-            start = np.array([high[0] + (0.05 + 0.07 * k) * size, low[1], surface.center[2]])
-            length = float(np.linalg.norm(motion))
-            wide = min(0.008 * size / length, 0.1)
-            tip = {"tip_radius": 2.5 * wide, "tip_length": min(0.4, 7 * wide)}
-            place = {"start": start, "direction": motion, "scale": length}
-            plotter.add_mesh(pyvista.Arrow(shaft_radius=wide, **place, **tip), color=colour)
 
 
 def _draw_section(ax, scene, axis):

@@ -3,6 +3,7 @@
 from itertools import product
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ..core.collective_errors import on_root
 from ..core.errors import InputError
@@ -12,8 +13,8 @@ from ..core.status import task
 from ..surfaces.checks import FLANGE, MIN_SHARE, MIRRORED, check_triangles, unit_doubt
 from ..surfaces.files import CAD
 from ..surfaces.surfaces import Offset, Reversed, Surface, Turned
-from ..surfaces.tool import Tool
-from ..surfaces.triangulated import TriangulatedSurface
+from ..surfaces.tool import Frame, Tool
+from ..surfaces.triangulated import CUT_TOLERANCE, TriangulatedSurface
 from .laying import Laid
 from .press_data import PressData
 from .stages import Schedule
@@ -23,6 +24,7 @@ CHECK_PRESSURE = 1.0  # MPa, under which the blank must fit between closed tools
 POINTS_ACROSS = 60  # points across the blank at which the distance of two tools is found
 TOUCH_TOLERANCE = 1e-9  # of the thickness: a tool so near touches the blank
 MAX_AWAY = 1e7  # mm from the blank, up to which a tool's face is looked for
+MAX_OFF_ORIGIN = 4.0  # of its size, up to which a surface of triangles keeps its coordinates
 
 
 @task("placing the tools")
@@ -34,20 +36,31 @@ def place_tools(press: PressData, laid: Laid) -> tuple[dict[str, Tool], Schedule
     clearances = {name: die.clearance or 1.2 * thickness for name, die in dies.items()}
     usual_off = {d.tool: max(0.0, clearances[n] - thickness) for n, d in dies.items()}
     surfaces, starts, doubts = dict[str, Surface](), dict[str, np.ndarray](), list[str]()
+    frames = dict[str, Frame]()
     for name in sorted(given, key=dies.__contains__):  # dies after their tools
         tool, surface = given[name], given[name].surface
+        turn = Rotation.from_euler("xyz", tool.turn, degrees=True).as_matrix()
         if isinstance(surface, DieOf):
-            face = _face_of(surfaces[surface.tool], given[surface.tool].towards)
-            _check_covered(surface.tool, face, extent, press.planes)
+            punch, (middle, axes), face = surface.tool, frames[surface.tool], surfaces[surface.tool]
+            inner, own = _triangles(face)
+            if inner:
+                if not len(inner.rim):  # of a closed body what looks towards the blank
+                    inner = inner.face(own.T @ given[punch].towards)
+                    face = Turned(inner, face.angles) if isinstance(face, Turned) else inner
+                rim = (inner.points @ own.T + starts[punch])[inner.rim].mean(1)
+                _check_covered(punch, rim, extent, press.planes)
             pressed = press.thickness(CHECK_PRESSURE)
             check_clearance(f"tools.{name}.clearance", clearances[name], pressed, face)
+            frames[name] = Frame(middle, turn @ axes)
             surface = Reversed(Offset(face, clearances[name]))
         else:
             surface, more = _surface_of(name, tool, laid, thickness)
             doubts += more
+            surface, middle = _about_middle(surface, tool.at, turn, press.planes)
+            frames[name] = Frame(middle, turn)
         surfaces[name] = Turned(surface, tool.turn) if any(tool.turn) else surface
-        usual = usual_off.get(name, 0.0)
-        starts[name] = _start(name, tool, surfaces[name], laid, thickness, usual)
+        origin, usual = frames[name].axes @ middle, usual_off.get(name, 0.0)
+        starts[name] = _start(name, tool, surfaces[name], origin, laid, thickness, usual)
     reach = dict[str, float]()
     for name, die in dies.items():
         apart = float((starts[name] - starts[die.tool]) @ given[die.tool].towards)
@@ -56,6 +69,7 @@ def place_tools(press: PressData, laid: Laid) -> tuple[dict[str, Tool], Schedule
     for name in given:
         path, force = schedule.path(name, starts[name]), schedule.force(name, press.share)
         tools[name] = Tool(surfaces[name], path, force=force, name=name)
+        tools[name].home = frames[name]
 
     def checked():
         doubts = _clearance_doubts(press, tools, schedule, extent)
@@ -77,52 +91,67 @@ def check_clearance(path: str, clearance: float, pressed: float, surface: Surfac
 def _surface_of(name, tool, laid, thickness):
     """The tool's surface, read, and doubts; of a CAD model whose facets are coarse one of a smaller
     `chord`."""
-    surface, comm = tool.surface, laid.blank.mesh.comm
-    size = float(np.ptp(np.array(laid.blank.extent())[:, :2], axis=0).max())
-
-    def doubts_of(words, read):
-        if not isinstance(read, TriangulatedSurface):
-            return []
-        if doubt := unit_doubt(float(np.ptp(read.points, axis=0).max()), size, MIN_SHARE):
-            raise InputError(f"{words} {doubt}; allowed is a surface in mm")
-        return check_triangles(read, words, thickness)
-
-    if isinstance(surface, Surface):
-        return surface, doubts_of(f"tools.{name}.surface", surface)
-    is_model, flaw = ending(surface) in CAD, ""
-    for finer in (1, 2, 5) if is_model else (1,):
-        read = TriangulatedSurface.read(surface, tool.chord / finer, comm=comm)
+    surface, is_own = tool.surface, isinstance(tool.surface, Surface)
+    words = f"tools.{name}.surface" if is_own else f"tools.{name}, {surface},"
+    finest, size = 1 if is_own or ending(surface) not in CAD else 5, laid.blank.sides()[:2].max()
+    for finer in (1, 2, 5):
+        if not is_own:
+            chord, comm = tool.chord / finer, laid.blank.mesh.comm
+            body = tool.body or ()
+            surface = TriangulatedSurface.read(tool.surface, chord, comm=comm, body=body)
+        if not isinstance(surface, TriangulatedSurface):
+            break
         try:
-            return read, doubts_of(f"tools.{name}, {surface},", read)
+            if doubt := unit_doubt(float(np.ptp(surface.points, axis=0).max()), size, MIN_SHARE):
+                raise InputError(f"{words} {doubt}; allowed is a surface in mm")
+            return surface, check_triangles(surface, words, thickness)
         except InputError as error:
-            flaw = str(error)
-    raise InputError(f"{flaw}{', or a smaller `chord`' if is_model else ''}")
+            if finer == finest:
+                smaller = ", or a smaller `chord`" if finer > 1 else ""
+                raise InputError(f"{error}{smaller}") from None
+    return surface, []
 
 
-def _check_covered(name, surface, extent, planes):
-    """Raise InputError for the surface of triangles of a tool with a die that has an opening
-    beneath the blank, or beneath its mirror images in `planes` of symmetry."""
-    triangles, turn = _triangles(surface)
-    if triangles is None:
-        return
+def _about_middle(surface, at, axes, planes):
+    """A surface of triangles about its own middle if that lies far from its origin, where rounding
+    would count, and whole if it is cut at planes of symmetry; the middle (3,). Others stay. at,
+    axes: of its coordinates (2 or 3,) and (3, 3), as columns."""
+    middle, cuts = np.zeros(3), []
+    if not isinstance(surface, TriangulatedSurface):
+        return surface, middle
+    low, high = surface.points.min(0), surface.points.max(0)
+    if max(abs(low).max(), abs(high).max()) > MAX_OFF_ORIGIN * (high - low).max():
+        middle = (low + high) / 2
+    for axis, place in planes.items():
+        cuts.append(np.append(axes[axis], place - at[axis] - axes[axis] @ middle))
+        off = (surface.points - middle) @ cuts[-1][:3] - cuts[-1][3]
+        if not min(abs(off.min()), abs(off.max())) < CUT_TOLERANCE < np.ptp(off):
+            cuts.pop()
+    return (surface.moved(-middle, cuts) if middle.any() or cuts else surface), middle
+
+
+def _check_covered(name, rim, extent, planes):
+    """Raise InputError for the surface of a tool with a die that has its `rim` (n, 3) beneath the
+    blank, or beneath its mirror images in `planes` of symmetry."""
     low, high = extent[:, :2]
-    low = np.where(np.isin([0, 1], planes), -high, low)
+    low = np.array([2 * planes[k] - high[k] if k in planes else low[k] for k in (0, 1)])
     whole = float((high - low).max())
-    margin, middle = 1e-6 * whole, (triangles.points @ turn.T)[triangles.rim].mean(1)
-    within = ((middle[:, :2] > low + margin) & (middle[:, :2] < high - margin)).all(1)
+    margin = 1e-6 * whole
+    within = ((rim[:, :2] > low + margin) & (rim[:, :2] < high - margin)).all(1)
     if within.any():
         raise InputError(
-            f"tools.{name} is open at {coordinates(middle[within.argmax()])} mm, beneath the blank;"
+            f"tools.{name} is open at {coordinates(rim[within.argmax()])} mm, beneath the blank;"
             f" allowed is a surface in mm that reaches beyond the blank of {rounded(whole, 4)} mm, "
             "without holes and cracks"
         )
 
 
-def _start(name, tool, surface, laid, thickness, usual):
-    """The place of a tool's origin at the start (3,) [mm]; usual: the default of its
-    `start_distance` [mm]. Raises InputError for one that would stand in the blank."""
-    (x, y, *z), up = tool.at, tool.towards[2]
-    touching = _touching(name, tool, surface, laid, thickness)
+def _start(name, tool, surface, origin, laid, thickness, usual):
+    """The place of the origin of a tool's surface, `origin` (3,) off `at`, at the start (3,) [mm];
+    usual: the default of its `start_distance` [mm]. Raises InputError for one that would stand in
+    the blank."""
+    (x, y, *z), up = np.add(tool.at, origin[: len(tool.at)]), tool.towards[2]
+    touching = _touching(name, up, (x, y), surface, laid, thickness)
     if isinstance(tool.surface, DieOf):
         touching += up * _to_flange(surface, (x, y, touching), laid.blank.extent(), thickness)
     away = usual if tool.start_distance is None else tool.start_distance
@@ -132,17 +161,16 @@ def _start(name, tool, surface, laid, thickness, usual):
         raise InputError(
             f"tools.{name} cuts into the blank by {rounded(deep, 4)} mm before anything moves; "
             f"allowed is z of `at` {'up to' if tool.side == 'below' else 'from'} "
-            f"{rounded(touching, 6)}, where it touches, or `at` without z"
+            f"{rounded(touching - origin[2], 6)}, where it touches, or `at` without z"
         )
     return np.array([x, y, height])
 
 
-def _touching(name, tool, surface, laid, thickness):
+def _touching(name, up, place, surface, laid, thickness):
     """The height (z) of the tool's origin at which it touches the flat blank. It moves by its least
     distance each time, so it never cuts in. Raises InputError, on all ranks, for a tool that does
     not meet the blank, or only with its back."""
-    place, up, x = np.array(tool.at)[:2], tool.towards[2], laid.flat_nodes()
-    low, high = np.array(laid.blank.extent())[:, :2]
+    x, (low, high) = laid.flat_nodes(), np.array(laid.blank.extent())[:, :2]
     first = size = float((high - low).max())
 
     def least(away):
@@ -176,9 +204,8 @@ def _touching(name, tool, surface, laid, thickness):
             x = np.vstack([x, [*top, 0.0]])  # the top is between nodes
         if away < -first:
             break
-    triangles, turn = _triangles(surface)
-    points = (np.zeros((1, 3)) if triangles is None else triangles.points) @ turn.T
-    reach = place + points[:, :2]
+    inner, own = _triangles(surface)
+    reach = place + ((inner.points if inner else np.zeros((1, 3))) @ own.T)[:, :2]
     beside = np.maximum(0, np.maximum(low - reach.max(0), reach.min(0) - high))
     raise InputError(
         f"tools.{name} does not meet the blank when it is moved along z, "
@@ -198,16 +225,6 @@ def _to_flange(surface, origin, extent, thickness):
     gap = nearest.gap - thickness / 2
     flat = (abs(nearest.normal[:, 2]) > 0.99) & (abs(gap) < FLANGE * thickness)
     return float(np.median(gap[flat])) if flat.any() else 0.0
-
-
-def _face_of(surface, towards):
-    """The face of a closed surface of triangles that looks `towards` the blank (3,), with the walls
-    within it; other surfaces as they are."""
-    inner, turn = _triangles(surface)
-    if inner is None or len(inner.rim):
-        return surface
-    face = inner.face(turn.T @ towards)
-    return Turned(face, surface.angles) if isinstance(surface, Turned) else face
 
 
 def _triangles(surface):
@@ -267,15 +284,16 @@ def _symmetry_doubts(press, tools, extent, thickness):
     `MIRRORED` thicknesses, in its places at the start and at the end."""
     doubts: dict[str, str] = {}
     alone = [tool for name, tool in tools.items() if name not in press.dies()]
-    for tool, load, axis in product(alone, (0.0, 1.0), press.planes):
-        x, mirror = _points(tool, extent, load), 1.0 - 2.0 * np.eye(3)[axis]
-        off = np.nan_to_num(abs(tool.surface.evaluate(x * mirror - tool.path(load)).gap))
+    for tool, load, (axis, place) in product(alone, (0.0, 1.0), press.planes.items()):
+        x = _points(tool, extent, load)
+        images = np.where(np.arange(3) == axis, 2 * place - x, x)
+        off = np.nan_to_num(abs(tool.surface.evaluate(images - tool.path(load)).gap))
         if tool.name not in doubts and off.max(initial=0.0) > MIRRORED * thickness:
             worst = int(off.argmax())
             doubts[tool.name] = (
-                f"tools.{tool.name} is not its own mirror image in {'xy'[axis]} = 0: it is at "
-                f"{coordinates(x[worst])}, but {rounded(off[worst])} mm off "
-                f"{coordinates(x[worst] * mirror)}; so the {press.modelled} stands for "
+                f"tools.{tool.name} is not its own mirror image in {'xy'[axis]} = {place:g}: it is "
+                f"at {coordinates(x[worst])}, but {rounded(off[worst])} mm off "
+                f"{coordinates(images[worst])}; so the {press.modelled} stands for "
                 f'{1 / press.share:g} mirrored ones; take the whole blank (`symmetry = "none"`)'
             )
     return list(doubts.values())

@@ -27,7 +27,7 @@ class Press(PressData):
         The lowest first; one alone needs no list.
     symmetry
         "x": x = 0 is a plane of symmetry, and x >= 0 is modelled; "y" likewise, "xy" for both: a
-        quarter. "none" for the whole blank.
+        quarter. "none" for the whole blank. {"y": -400.0} for a plane elsewhere [mm].
     interface
         How sheets and tools touch.
     tools

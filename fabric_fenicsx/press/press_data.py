@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 from ..core.errors import InputError
-from ..core.fields import KnowsItsFields, check_fields, choice, flag
-from ..core.rules import repr_short, unknown_key
+from ..core.fields import KnowsItsFields, check_fields, flag
+from ..core.rules import FINITE, repr_short, unknown_key
 from ..energy.load import Gravity
 from ..material.laws import Law
 from ..material.metal import Metal
@@ -23,7 +23,7 @@ class PressData(KnowsItsFields):
     """The fields of a `Press`. Raises InputError for parts that do not fit together."""
 
     sheets: Sequence[Sheet]
-    symmetry: str = choice("none", ("none", "x", "y", "xy"), "planes of symmetry")
+    symmetry: str | Mapping[str, float] = "none"
     interface: Interface = Interface()
     tools: Mapping[str, PressTool] = field(default_factory=dict)
     holders: Mapping[str, Holder | Sequence[Holder]] = field(default_factory=dict)
@@ -34,8 +34,13 @@ class PressData(KnowsItsFields):
     gravity: float | Sequence[float] = 0.0
 
     def __post_init__(self) -> None:
-        paths = {"symmetry": "blank.symmetry", "stop_when_invalid": "limits.stop_when_invalid"}
-        check_fields(self, paths.__getitem__)
+        check_fields(self, "limits.{}".format)
+        places = self.symmetry if isinstance(self.symmetry, Mapping) else {}
+        if not places.keys() <= {*"xy"} or self.symmetry not in ("none", "x", "y", "xy", places):
+            flaw = f"blank.symmetry is {repr_short(self.symmetry)}; allowed is one of none, x, y"
+            raise InputError(f"{flaw}, xy, or a table of places [mm], as {{y = -400}}")
+        for axis, place in places.items():
+            FINITE.check(f"blank.symmetry.{axis}", place)
         if Gravity(self.gravity).acceleration[list(self.planes)].any():
             flaw = f"`gravity` is {self.gravity}, across a plane of symmetry"
             raise InputError(f"{flaw}; allowed is one along it")
@@ -54,13 +59,18 @@ class PressData(KnowsItsFields):
             raise InputError(f"{flaw}; allowed is a tool on the other side, or a holder")
         surfaces = [name for name in self.tools if name not in self.dies()]
         for name, die in self.dies().items():
+            if die.tool in self.tools and die.tool not in surfaces:
+                flaw = f"tools.{name}.die_of {die.tool} leads to a tool that is itself a `die_of`"
+                raise InputError(f"{flaw}; allowed is one with a `shape` or `file`")
             if die.tool not in surfaces:
                 raise unknown_key(die.tool, surfaces, f"tools.{name}.die_of {die.tool}")
 
     @property
-    def planes(self) -> tuple[int, ...]:
-        """Axes to which the planes of symmetry are perpendicular: 0 for x, 1 for y."""
-        return tuple(axis for axis in (0, 1) if "xy"[axis] in self.symmetry)
+    def planes(self) -> dict[int, float]:
+        """Axes to which the planes of symmetry are perpendicular, 0 for x, 1 for y, and where these
+        cut the axes [mm]."""
+        places = self.symmetry if isinstance(self.symmetry, Mapping) else dict.fromkeys("xy", 0.0)
+        return {axis: float(places[n]) for axis, n in enumerate("xy") if n in self.symmetry}
 
     @property
     def share(self) -> float:

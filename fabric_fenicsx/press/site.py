@@ -155,7 +155,7 @@ class HolderSite:
     laid: Laid
     blank: Blank
     centre: np.ndarray
-    planes: tuple[int, ...]
+    planes: Mapping[int, float]
     share: float
     interface: Interface
     friction: Coulomb

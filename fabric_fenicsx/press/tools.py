@@ -11,9 +11,10 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.fields import KnowsItsFields, choice, documented, quantity
-from ..core.rules import FROM_ZERO, POSITIVE, check_complete, repr_short, unknown_key
+from ..core.rules import COUNT, FROM_ZERO, POSITIVE, check_complete, repr_short, unknown_key
 from ..core.tables import located, names_of
 from ..io.field import Field, of_place
+from ..material.files import Several
 from ..surfaces.double_dome import DoubleDome
 from ..surfaces.primitives import Block, Cylinder, Plane, Plate, Sphere, Torus
 from ..surfaces.surfaces import Surface, Turned, checked_vector
@@ -57,6 +58,8 @@ class PressTool(KnowsItsFields):
         back by `start_distance`.
     turn
         Angles (3,) about x, then y, then z [deg], by which it is turned about its origin.
+    body
+        Number, or numbers, of its solids in a CAD model of several, from 1.
 
     Examples
     --------
@@ -83,6 +86,7 @@ class PressTool(KnowsItsFields):
         None, of_place(FROM_ZERO, "xyz"), "coefficient to the blank (that of the `Interface`)"
     )
     chord: float = quantity(0.1, POSITIVE, "largest distance of triangles from a CAD model [mm]")
+    body: int | Sequence[int] | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -90,6 +94,10 @@ class PressTool(KnowsItsFields):
             if (value := getattr(self, name)) is not None:  # a tuple, so that tools compare
                 value = tuple(checked_vector(f"`{name}`", value, size=size).tolist())
                 object.__setattr__(self, name, value)
+        if self.body is not None:
+            if not isinstance(self.surface, (str, os.PathLike)):
+                raise InputError("`body` is allowed only for the `file` of a CAD model")
+            object.__setattr__(self, "body", Several(COUNT).check("`body`", self.body))
         if not isinstance(self.surface, (Surface, str, os.PathLike, DieOf)):
             flaw = f"`surface` is {repr_short(self.surface)}"
             raise InputError(f"{flaw}; allowed is a surface, a file's name, or `DieOf` a tool")

@@ -21,7 +21,7 @@ from ..scene import output
 from ..scene.scene import Scene
 from ..sheet.blank import Blank
 from .measures import planes_of_symmetry
-from .ply import SYMMETRIC, Grid
+from .ply import Grid, mark_planes
 from .states import save, triangulated, with_known_fields
 
 pyvista = lazy_loader.load("pyvista")
@@ -69,9 +69,9 @@ class FieldSeries:
     touch, `DIR/tools.pvd` has a block with the name and surface of each tool where that then is.
 
     Times are load factors. The name of each array ends with its unit, see `states.save`; the field
-    data `SYMMETRIC` are the axes to which planes of symmetry are perpendicular. states: those kept
-    of a run that is resumed. Each file is whole at any moment and listed after it is there. Raises
-    InputError, on all ranks, for a file that can't be written.
+    data have planes of symmetry. states: those kept of a run that is resumed. Each file is whole at
+    any moment and listed after it is there. Raises InputError, on all ranks, for a file that can't
+    be written.
     """
 
     def __init__(self, directory: Path, scene: Scene, states: Iterable[Sequence] = ()) -> None:
@@ -88,7 +88,7 @@ class FieldSeries:
         cells, types, points = compat.vtk_mesh(self.blank.V)
         self._ranks = [rank for rank, n in enumerate(self.comm.allgather(len(types))) if n]
         yarns = yarn_coordinates(self.blank)
-        self._symmetric = planes_of_symmetry(scene)
+        self._planes = planes_of_symmetry(scene)
         self._grid: Grid | None = None
         if len(types):
             self._grid = pyvista.UnstructuredGrid(cells, types, self._at_vtk_nodes(points))
@@ -161,7 +161,7 @@ class FieldSeries:
                 grid = self._grid
                 if not part.is_whole:
                     grid = with_known_fields(grid.extract_cells(part.cells))
-                grid.field_data[SYMMETRIC] = self._symmetric
+                mark_planes(grid, self._planes)
                 save(self.directory / self._file(number, self.comm.rank, k), grid, self._units)
         if not self._surfaces:
             return

@@ -12,6 +12,8 @@ from ..sheet.blank import Blank, Part
 from .ply import SAME
 from .verdict import Numbers
 
+PLANE_OF_SYMMETRY = "plane of symmetry"  # begins the names of supports of planes beside the origin
+
 
 def covers(blank: Blank, point: ArrayLike) -> bool:
     """True if a cell of any rank has the `point` (2,) [mm] of a plane blank in it."""
@@ -73,13 +75,18 @@ def largest_in(
     blank: Blank, parts: Sequence[Part], values: np.ndarray, also: np.ndarray
 ) -> tuple[float, Numbers, float]:
     """Largest of the `values` (n,) in all cells of the `parts`; the place `at_mm` where it
-    is, (x, y) of a flat sheet and (x, y, z) of another, and, of several parts, the name of the one
-    that it is `in`; and what `also` (n,) is there."""
+    is, (x, y) of a flat sheet and (x, y, z) of another, of one in space `formed_at_mm` (x, y, z)
+    now, and, of several parts, the name of the one that it is `in`; and what `also` (n,) is there.
+    """
     part_of = np.repeat(np.arange(len(parts)), [len(part.cells) for part in parts])
+    u = blank.nodal_displacement()[blank.cell_nodes[:, : len(blank.around)]].mean(1)
+    flat, dim = blank.places(), u.shape[1]
     # to few digits, so that of places that mirror each other the same is named on any ranks
-    rows = np.column_stack([part_of, blank.places()[cells_of(parts)].round(6), also])
+    places = np.column_stack([flat, blank.centres()[:, :dim] + u])[cells_of(parts)].round(6) + 0.0
+    rows = np.column_stack([part_of, places, also])
     largest, (k, *centre, there) = where_largest(blank.mesh.comm, values, rows)
-    place: Numbers = {"at_mm": [each + 0.0 for each in centre]}
+    place: Numbers = {"at_mm": centre[: flat.shape[1]]}
+    place |= {"formed_at_mm": centre[flat.shape[1] :]} if dim == 3 else {}
     return largest, place | ({"in": parts[int(k)].name} if len(parts) > 1 else {}), there
 
 
@@ -89,19 +96,22 @@ def near(comm: MPI.Comm, places: np.ndarray, point: ArrayLike, radius: float) ->
     return distance <= max(radius, extremes(comm, distance)[0])
 
 
-def planes_of_symmetry(scene: Scene) -> list[int]:
-    """Axes x (0) and y (1) perpendicular to which a plane of symmetry through the origin bounds the
-    scene's flat sheets: supports hold all nodes there, two at least, along the axis, and not all of
-    them along another one, as a clamp does."""
+def planes_of_symmetry(scene: Scene) -> dict[int, float]:
+    """Axes x (0) and y (1) perpendicular to which a plane of symmetry bounds the scene's flat
+    sheets, and where it cuts the axis [mm]: 0, or as a support is called `PLANE_OF_SYMMETRY`.
+    Supports hold all nodes there, two at least, along the axis, and not all of them along another
+    one, as a clamp does."""
     comm, held = scene.comm, scene.blank.whole.nodes
     x = scene.blank.coordinates()[: len(held)]
     fixed = np.zeros((len(held), scene.blank.mesh.geometry.dim), dtype=bool)
     fixed.flat[scene.fixed_dofs] = True
-    planes = []
+    planes, named = {}, [s.name for s in scene.supports if s.name.startswith(PLANE_OF_SYMMETRY)]
     for axis in (0, 1):
-        there = held & (x[:, axis] <= SAME)
+        low = extremes(comm, x[held, axis])[0]
+        there = held & (x[:, axis] <= low + SAME)
         moves = comm.allreduce((~fixed[there]).sum(0)) > 0
-        is_bound = abs(extremes(comm, x[held, axis])[0]) <= SAME and comm.allreduce(there.sum()) > 1
+        is_bound = abs(low) <= SAME or any(f" {'xy'[axis]} = " in name for name in named)
+        is_bound &= comm.allreduce(there.sum()) > 1
         if is_bound and not moves[axis] and np.delete(moves, axis).all():
-            planes.append(axis)
+            planes[axis] = 0.0 if abs(low) <= SAME else low
     return planes

@@ -19,7 +19,8 @@ from ..core.errors import InputError
 from ..core.files import replace_file
 from ..core.formatting import coordinates, rounded
 from ..io.outlines import joined, sheet_of
-from .ply import SAME, Grid, Ply, areas, edge_sides, grid_of, plan_area, ply_of, whole
+from ..surfaces.tool import Frame
+from .ply import SAME, Grid, Ply, areas, edge_sides, grid_of, in_frame, plan_area, ply_of, whole
 from .states import save
 
 MAX_BEYOND = 0.05  # of the distance that is allowed, by which a line may be beyond the ply's edge
@@ -45,6 +46,18 @@ class FlatPattern(NamedTuple):
     def formed_area(self) -> float:
         """Area of the formed part [mm2]."""
         return float(areas(self.part.formed[self.part.cells]).sum())
+
+
+def placed(trim: Plane | Sequence[np.ndarray], frame: Frame) -> Plane | Sequence[np.ndarray]:
+    """A plane or lines, as of `flat_pattern`, of these coordinates in those of the press. Raises
+    InputError for lines without z along another direction."""
+    if isinstance(trim, Plane):
+        return Plane(
+            frame.outside(np.array(trim.point)).tolist(), (frame.axes @ trim.normal).tolist()
+        )
+    if (plan := trim[0].shape[1]) == 2 and abs(frame.axes[2, 2]) < 1 - 1e-12:
+        raise InputError("the trim line has no z, but the tool is tilted; allowed is one with z")
+    return [frame.outside(np.pad(x, ((0, 0), (0, 3 - plan))))[:, :plan] for x in trim]
 
 
 def flat_pattern(grid: Grid, trim: Plane | Sequence[np.ndarray], reach: float) -> FlatPattern:
@@ -219,39 +232,68 @@ def _cleaned(x, u, triangles, fields):
 
 
 def write_pattern(
-    stem: Path | str, pattern: FlatPattern, units: dict[str, str] | None = None
+    stem: Path | str,
+    pattern: FlatPattern,
+    units: dict[str, str] | None = None,
+    name: str = "",
+    frame: Frame | None = None,
 ) -> list[Path]:
-    """Write STEM.dxf with layers OUTLINE and HOLES, STEM.csv of x, y and `ring`, and STEM.vtu, the
-    formed part with fields, `u` and places `flat` on the flat ply; returns their paths."""
+    """Write STEM.dxf with layers OUTLINE and HOLES, and beside these the ply's `name` as TEXT, an
+    arrow along YARNS a, and DIMENSIONS; STEM.csv of x, y and `ring`; and STEM.vtu, the formed part
+    in coordinates `frame` with fields, `u` and places `flat` on the flat ply; returns their paths.
+    """
     stem = Path(stem)
     files = [stem.with_name(stem.name + ending) for ending in (".dxf", ".csv", ".vtu")]
-    parts = shapely.get_parts(pattern.net)
-    rings = [
-        (layer, shapely.get_coordinates(ring)[:-1])  # without the first point again
-        for part in parts
-        for layer, own in (("OUTLINE", [part.exterior]), ("HOLES", part.interiors))
-        for ring in own
-    ]
-    replace_file(files[0], _drawing(rings))
+    rings = []
+    for part in shapely.get_parts(pattern.net):
+        # without the first point again
+        outline, *holes = (shapely.get_coordinates(x)[:-1] for x in shapely.get_rings(part))
+        rings += [("OUTLINE", outline), *(("HOLES", hole) for hole in holes)]
+    replace_file(files[0], _drawing(rings, name or "ply", _yarn(pattern)))
     rows = [f"{x:.6f},{y:.6f},{k}\n" for k, (_, ring) in enumerate(rings) for x, y in ring]
     replace_file(files[1], "".join(["x [mm],y [mm],ring\n", *rows]))
-    ply = pattern.part
+    ply = in_frame(pattern.part, frame)
     part = grid_of(ply.formed, ply.cells, ply.u)
     part.cell_data.update(ply.fields)
-    part.point_data["flat"] = ply.x
+    part.point_data["flat"] = pattern.part.x
     save(files[2], part, {"u": "mm", "flat": "mm"} | (units or {}))
     return files
 
 
-def _drawing(rings):
+def _yarn(pattern):
+    """A place (2,) of a pattern, and the direction (2,) of yarns a there on the flat ply; None of
+    metal."""
+    if "a" not in pattern.part.fields:
+        return None
+    ply, middle = pattern.part, pattern.net.representative_point().coords[0]
+    k = np.linalg.norm(ply.x[ply.cells, :2].mean(1) - middle, axis=1).argmin()
+    flat, formed = (np.diff(x[ply.cells[k]], axis=0) for x in (ply.x[:, :2], ply.formed))
+    along = np.linalg.lstsq(formed.T, ply.fields["a"][k], rcond=None)[0] @ flat
+    return np.array(middle), along / np.linalg.norm(along)
+
+
+def _drawing(rings, name, yarn):
     import ezdxf
 
-    drawing = ezdxf.new()
-    drawing.units = ezdxf.units.MM
-    drawing.layers.add("OUTLINE")
-    drawing.layers.add("HOLES", color=1)
+    drawing = ezdxf.new(units=ezdxf.units.MM)
+    for colour, layer in enumerate(("HOLES", "YARNS", "TEXT", "DIMENSIONS", "OUTLINE"), 1):
+        drawing.layers.add(layer, color=colour)
+    space = drawing.modelspace()
     for layer, points in rings:
-        drawing.modelspace().add_lwpolyline(points, close=True, dxfattribs={"layer": layer})
-    text = io.StringIO()
-    drawing.write(text)
-    return text.getvalue()
+        space.add_lwpolyline(points, close=True, dxfattribs={"layer": layer})
+    points = np.vstack([points for _, points in rings])
+    low, high = points.min(0), points.max(0)
+    h = 0.02 * float((high - low).max())  # of letters
+    sizes = {"dimtxt": h, "dimasz": h, "dimexe": h / 2, "dimexo": h / 2}
+    for end, angle in (((high[0], low[1]), 0), ((low[0], high[1]), 90)):
+        size = space.add_linear_dim(low - 4 * h, low, end, angle=angle, override=sizes)
+        size.dimension.dxf.layer = "DIMENSIONS"
+        size.render()
+    text = space.add_text(name, height=h, dxfattribs={"layer": "TEXT"})
+    text.set_placement((low[0], high[1] + h))
+    if yarn:  # its tip first
+        ends = [yarn[0] + 5 * h * yarn[1], yarn[0] - 5 * h * yarn[1]]
+        space.add_leader(ends, override=sizes, dxfattribs={"layer": "YARNS"})
+    written = io.StringIO()
+    drawing.write(written)
+    return written.getvalue()

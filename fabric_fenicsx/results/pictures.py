@@ -23,25 +23,9 @@ from ..surfaces.tool import Tool
 from .ply import Grid, plan_area, ply_of
 from .shape import File, Outline, along_paths, outline, write_paths
 from .shape import Path as PlyPath
-from .space import formed_picture
+from .space import SHOWN, formed_picture, shown
 from .states import of_fabric, set_labels, states
 
-# field -> label, factor to the unit shown, colour map; no label has an index 1 or 2, which beside
-# axes x and y looks like theirs
-SHOWN = {
-    "log_eps_11": ("log strain\nalong yarns a / %", 100.0, "viridis"),
-    "log_eps_22": ("log strain\nalong yarns b / %", 100.0, "viridis"),
-    "shear_angle": ("shear angle / deg", 180 / np.pi, "coolwarm"),
-    "shortening_a": ("shortening\nof yarns a / %", 100.0, "magma_r"),
-    "shortening_b": ("shortening\nof yarns b / %", 100.0, "magma_r"),
-    "wrinkle_height": ("height of wrinkles / mm", 1.0, "coolwarm"),
-    "thickness_under_pressure": ("thickness\nunder pressure / mm", 1.0, "viridis"),
-    "error_log_eps_11": ("error of log strain\nalong yarns a / %", 100.0, "magma_r"),
-    "error_log_eps_22": ("error of log strain\nalong yarns b / %", 100.0, "magma_r"),
-    "error_shear_angle": ("error of\nshear angle / deg", 180 / np.pi, "magma_r"),
-    "ellipticity_lost": ("ellipticity lost (1) or not", 1.0, "Greys"),
-    "strain_state": ("strain state", 1.0, "Set2"),
-}
 MAPS = "log_eps_11", "log_eps_22", "shear_angle"  # what one looks at first
 OUTLIERS = 0.005  # of the cells, as at corners, that are left out of a map's scale
 STATES = {  # strain_state -> what it is, colour
@@ -63,12 +47,6 @@ def figure(
     drawn = Figure(figsize=size, layout="constrained")
     yield drawn, drawn.subplots(rows, columns, squeeze=False, **options)
     drawn.savefig(path, **file)
-
-
-def shown(name: str, unit: str = "") -> tuple[str, float, str]:
-    """Label, factor to the unit shown and colour map of a field; unit: of one not in `SHOWN`."""
-    plain = " / ".join(filter(None, (name.replace("_", " "), unit)))
-    return SHOWN.get(name, (plain, 1.0, "viridis"))
 
 
 def colour_scale(colours: str, low: float, high: float) -> tuple[str, float, float]:

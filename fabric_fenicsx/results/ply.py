@@ -7,6 +7,7 @@ import lazy_loader
 import numpy as np
 
 from ..core.rules import unknown_key
+from ..surfaces.tool import Frame
 
 if TYPE_CHECKING:
     import pyvista
@@ -18,19 +19,20 @@ else:  # takes half a second
     pyvista = lazy_loader.load("pyvista")
 
 SAME = 1e-6  # mm within which places are the same
-SYMMETRIC = "planes_of_symmetry"  # field data: axes to which the scene's planes are perpendicular
+# field data: axes to which planes of symmetry are perpendicular, and where these cut them [mm]
+SYMMETRIC, PLACES = "planes_of_symmetry", "places_of_planes"
 
 
 class Ply(NamedTuple):
     """x, u (n, 3) [mm]: undeformed places of nodes and displacements; cells (m, 3), triangles that
     are anticlockwise on the flat ply, or as exported (m, 3 or 4); fields {name: (m,) or (m, 3)} on
-    these; planes: axes to which a plane of symmetry is perpendicular."""
+    these; planes: {axis to which a plane of symmetry is perpendicular: its place [mm]}."""
 
     x: np.ndarray
     u: np.ndarray
     cells: np.ndarray
     fields: dict
-    planes: list
+    planes: Mapping[int, float]
 
     @property
     def formed(self) -> np.ndarray:
@@ -56,17 +58,26 @@ def whole(ply: Ply) -> Ply:
     """The ply with its mirror images, whose cells and nodes follow its own; nodes on a plane of
     symmetry have none."""
     x, u, cells, fields = ply.x, ply.u, ply.cells, ply.fields
-    for axis in ply.planes:
+    for axis, place in ply.planes.items():
         mirror = np.where(np.arange(3) == axis, -1.0, 1.0)
-        off, image = np.flatnonzero(abs(x[:, axis]) > SAME), np.arange(len(x))
+        off, image = np.flatnonzero(abs(x[:, axis] - place) > SAME), np.arange(len(x))
         image[off] = len(x) + np.arange(len(off))
         x, u = (np.vstack([p, p[off] * mirror]) for p in (x, u))
+        x[len(x) - len(off) :, axis] += 2 * place
         cells = np.vstack([cells, image[cells][:, ::-1]])  # turned round
         fields = {
             name: np.concatenate([v, v * mirror if v.shape[1:] == (3,) else v])
             for name, v in fields.items()
         }
-    return Ply(x, u, cells, fields, [])
+    return Ply(x, u, cells, fields, {})
+
+
+def in_frame(ply: Ply, frame: Frame | None) -> Ply:
+    """The ply in other coordinates, if any, with vectors along their axes."""
+    if frame is None:
+        return ply
+    fields = {n: v @ frame.axes if v.shape[1:] == (3,) else v for n, v in ply.fields.items()}
+    return ply._replace(x=frame.inside(ply.x), u=ply.u @ frame.axes, fields=fields)
 
 
 def check_field(name: str, *fields: Mapping) -> None:
@@ -97,10 +108,21 @@ def edge_sides(triangles: np.ndarray) -> np.ndarray:
     return sides[first[count == 1]]
 
 
-def planes_of(grid: Grid) -> list[int]:
-    """Axes to which the planes of symmetry at the ply in a grid are perpendicular."""
-    marked = map(int, grid.field_data.get(SYMMETRIC, ()))
-    return [axis for axis in marked if abs(grid.points[:, axis].min()) < SAME]
+def marked_planes(grid: Grid | Surface) -> dict[int, float]:
+    """The planes of symmetry, as of a `Ply`, of the scene that a grid is of."""
+    axes = [int(axis) for axis in grid.field_data.get(SYMMETRIC, ())]
+    return dict(zip(axes, map(float, grid.field_data.get(PLACES, [0.0] * len(axes)))))
+
+
+def mark_planes(grid: Grid | Surface, planes: Mapping[int, float]) -> None:
+    """Note planes of symmetry, as of a `Ply`, in a grid."""
+    grid.field_data.update({SYMMETRIC: [*planes], PLACES: [*planes.values()]})
+
+
+def planes_of(grid: Grid) -> dict[int, float]:
+    """The planes of symmetry, as of a `Ply`, that the ply in a grid reaches."""
+    low = grid.points.min(0)
+    return {k: at for k, at in marked_planes(grid).items() if abs(low[k] - at) < SAME}
 
 
 def _halved(grid):
@@ -131,6 +153,8 @@ def ply_of(grid: Grid) -> Ply:
     triangles = grid.cells_dict[pyvista.CellType.TRIANGLE].astype(np.int64)
     x = np.array(grid.points, dtype=float)
     x[abs(x) < SAME] = 0  # a path on a plane of symmetry must not miss the ply by rounding
+    for axis, at in planes.items():
+        x[abs(x[:, axis] - at) < SAME, axis] = at
     clockwise = plan_area(x, triangles) < 0
     triangles[clockwise] = triangles[clockwise, ::-1]
     fields = {name: np.asarray(values) for name, values in grid.cell_data.items()}

@@ -43,7 +43,7 @@ def along_paths(
     ply, fine = ply_of(grid), 20  # points of the line on the formed ply for each point of the path
     middles, paths = ply.x[ply.cells, :2].mean(1), {}
     centre = np.average(middles, axis=0, weights=plan_area(ply.x, ply.cells))
-    centre[ply.planes] = 0.0
+    centre[[*ply.planes]] = [*ply.planes.values()]
     centre = centre.round(9)
     plan, cell_at, _ = _found(ply, centre, "the centroid")
     factors = {"log_eps_11": 1.0, "log_eps_22": 1.0, "shear_angle": 180 / np.pi}
@@ -114,8 +114,8 @@ def outline(grid: Grid) -> list[Outline]:
     """The free edges of the ply [list of `Outline`], without those on planes of symmetry."""
     ply = ply_of(grid)
     sides = edge_sides(ply.cells)
-    for axis in ply.planes:
-        sides = sides[ply.x[sides, axis].any(1)]
+    for axis, at in ply.planes.items():
+        sides = sides[(ply.x[sides, axis] != at).any(1)]
     after = dict(sides.tolist())
     starts = sorted(after.keys() - after.values())
     edges = []
@@ -144,7 +144,7 @@ def draw_in(grid: Grid) -> dict[str, float | list[float]]:
     place = np.concatenate([edge.undeformed[:end, :2] for edge, end in zip(edges, ends)])
     inwards = np.concatenate([edge.inwards[:end] for edge, end in zip(edges, ends)])
     centre = (place.min(0) + place.max(0)) / 2
-    centre[cut] = 0
+    centre[[*cut]] = [*cut.values()]
     sides = place - centre
     half = abs(sides).max(0)
     # of a square sheet x is the long side, whatever rounding says

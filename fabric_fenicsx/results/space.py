@@ -6,7 +6,7 @@ import json
 import os
 import re
 import zipfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from html import escape
 from pathlib import Path
@@ -21,10 +21,25 @@ from vtkmodules.vtkCommonCore import vtkLogger
 
 from ..core.errors import InputError
 from ..surfaces.facets import unit
-from .pictures import shown
-from .ply import SAME, Grid, check_field, ply_of, whole
+from .ply import SAME, Grid, check_field, mark_planes, marked_planes, ply_of, whole
 from .states import states, units
 
+# field -> label, factor to the unit shown, colour map; no label has an index 1 or 2, which beside
+# axes x and y looks like theirs
+SHOWN = {
+    "log_eps_11": ("log strain\nalong yarns a / %", 100.0, "viridis"),
+    "log_eps_22": ("log strain\nalong yarns b / %", 100.0, "viridis"),
+    "shear_angle": ("shear angle / deg", 180 / np.pi, "coolwarm"),
+    "shortening_a": ("shortening\nof yarns a / %", 100.0, "magma_r"),
+    "shortening_b": ("shortening\nof yarns b / %", 100.0, "magma_r"),
+    "wrinkle_height": ("height of wrinkles / mm", 1.0, "coolwarm"),
+    "thickness_under_pressure": ("thickness\nunder pressure / mm", 1.0, "viridis"),
+    "error_log_eps_11": ("error of log strain\nalong yarns a / %", 100.0, "magma_r"),
+    "error_log_eps_22": ("error of log strain\nalong yarns b / %", 100.0, "magma_r"),
+    "error_shear_angle": ("error of\nshear angle / deg", 180 / np.pi, "magma_r"),
+    "ellipticity_lost": ("ellipticity lost (1) or not", 1.0, "Greys"),
+    "strain_state": ("strain state", 1.0, "Set2"),
+}
 COLOURS = "YlOrRd"  # light, so that the shading shows the shape
 STEEL, YARNS = "#8f9aa8", "#30343b"
 VIEW = 0.45, -1.0, 0.55  # from the blank to the camera
@@ -80,16 +95,18 @@ def surface_of(grid: Grid, full: bool = True, formed: bool = True) -> pyvista.Po
     `shear_angle` [deg] and, if known, the distance across yarns, `yarn_a` and `yarn_b` [mm]; full:
     with images in the planes of symmetry."""
     ply = ply_of(grid)
-    planes = ply.planes if full else []
+    planes = ply.planes if full else {}
     ply = whole(ply) if full else ply
     shear = abs(np.degrees(ply.fields.get("shear_angle", np.zeros(len(ply.cells)))))
     points = ply.formed if formed else ply.x
     surface = pyvista.PolyData.from_regular_faces(points, ply.cells)
     surface.point_data["place"] = ply.x
     surface.point_data["shear_angle"] = ply.at_nodes(shear)
-    surface.field_data["planes"] = np.array(planes, dtype=int)
+    mark_planes(surface, planes)
     if "yarn_coordinate_a" in grid.point_data and "shear_angle" in grid.cell_data:
-        place = np.where(np.isin(np.arange(3), planes), abs(ply.x), ply.x)
+        place = ply.x.copy()
+        for axis, at in planes.items():
+            place[:, axis] = at + abs(place[:, axis] - at)
         nearest = cKDTree(grid.points).query(place)[1]
         for family in "ab":
             across = grid.point_data[f"yarn_coordinate_{family}"]
@@ -97,14 +114,14 @@ def surface_of(grid: Grid, full: bool = True, formed: bool = True) -> pyvista.Po
     return surface
 
 
-def mirrored(surface: pyvista.PolyData, planes: Iterable[int]) -> pyvista.PolyData:
-    """The part of a surface in x >= 0 or y >= 0, its `planes` of symmetry, and its images."""
-    for axis in planes:
-        normal = np.eye(3)[int(axis)]
-        half = surface.clip(normal=normal, origin=(0, 0, 0), invert=False).triangulate()
+def mirrored(surface: pyvista.PolyData, planes: Mapping[int, float]) -> pyvista.PolyData:
+    """The part of a surface beyond planes of symmetry {axis: place}, and its images."""
+    for axis, at in planes.items():
+        normal = np.eye(3)[axis]
+        half = surface.clip(normal=normal, origin=at * normal, invert=False).triangulate()
         points, faces = np.array(half.points), half.faces.reshape(-1, 4)[:, 1:]
-        points[abs(points[:, axis]) < SAME, axis] = 0.0
-        points = np.vstack([points, points * (1 - 2 * normal)])
+        points[abs(points[:, axis] - at) < SAME, axis] = at
+        points = np.vstack([points, points * (1 - 2 * normal) + 2 * at * normal])
         faces = np.vstack([faces, faces[:, ::-1] + half.n_points])
         surface = pyvista.PolyData.from_regular_faces(points, faces).clean()
     return surface
@@ -194,7 +211,7 @@ def formed_picture(
         draw_plies(plotter, surfaces, limit, spacing)
         draw_axes(plotter, surfaces)
         if tool is not None:
-            whole = mirrored(tool, surfaces[0].field_data["planes"])
+            whole = mirrored(tool, marked_planes(surfaces[0]))
             # away from the camera, so that it looks the same but does not show through the ply
             behind = whole.translate(-3 * unit(np.array(view)))
             look = {"color": "#d3d8e0", "ambient": 0.35, "diffuse": 0.75}
@@ -212,6 +229,12 @@ def formed_picture(
     bar.set_label(words, fontsize=18)
     bar.ax.tick_params(labelsize=16)
     page.savefig(path, dpi=100)
+
+
+def shown(name: str, unit: str = "") -> tuple[str, float, str]:
+    """Label, factor to the unit shown and colour map of a field; unit: of one not in `SHOWN`."""
+    plain = " / ".join(filter(None, (name.replace("_", " "), unit)))
+    return SHOWN.get(name, (plain, 1.0, "viridis"))
 
 
 def page(folder: Path | str, field: str | None = None) -> str:
@@ -278,10 +301,10 @@ def _draw(plotter, folder, state, field):
 
 def _surfaces(state, field, factor):
     """Plies {name: surface}, with the field as `shown` if they have it, and tools."""
-    plies, planes = {}, list[int]()
+    plies, planes = {}, dict[int, float]()
     for name, grid in state.plies().items():
         ply = ply_of(grid)
-        planes = ply.planes
+        planes = dict(ply.planes)
         ply = whole(ply)
         plies[name] = pyvista.PolyData.from_regular_faces(ply.formed, ply.cells)
         if field in ply.fields:

@@ -1,5 +1,6 @@
 """Written states of a run as PyVista grids: whole or a sheet at a time, with units."""
 
+import json
 import re
 import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
@@ -10,11 +11,13 @@ from xml.etree import ElementTree
 
 import lazy_loader
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ..core.errors import InputError
 from ..core.files import replace_file
-from ..surfaces.tool import Tool
-from .ply import SYMMETRIC, Grid, Surface
+from ..core.rules import unknown_key
+from ..surfaces.tool import Frame, Tool
+from .ply import Grid, Surface, mark_planes, marked_planes
 
 pyvista = lazy_loader.load("pyvista")
 
@@ -54,12 +57,26 @@ def read_grids(folder: Path | str) -> dict[str, Grid]:
     return states(folder)[-1].plies()
 
 
+def frame_of(folder: Path | str, tool: str) -> Frame:
+    """The coordinates of a tool's file at the end of the run in the results `folder`, or above it,
+    of one that is unloaded; tool: its name, "tool" for the leading one. Raises InputError."""
+    places: dict[str, dict] = {}
+    for summary in (Path(folder) / "summary.json", Path(folder).resolve().parent / "summary.json"):
+        if not places and summary.is_file():
+            places = json.loads(summary.read_text()).get("quantities", {}).get("tool_places", {})
+    place = places.get([*places, tool][0] if tool == "tool" else tool)
+    if not place:
+        raise unknown_key(tool, places, f"tool {tool} of {folder}")
+    axes = Rotation.from_euler("xyz", place["turned_by_deg"], degrees=True).as_matrix()
+    return Frame(np.array(place["placed_at_mm"]), axes)
+
+
 def read_state(folder: Path, load: float | None = None) -> Grid:
     """The state at `load`, by default the last, in `folder`/fields.pvd: one grid of all ranks'
     parts. A cell field that only some sheets have is NaN on the others."""
     blocks = [block for block in _read(folder / "fields.pvd", load) if block.n_cells]
     grid = combined(blocks)
-    grid.field_data.update(_symmetric(blocks[0]))
+    mark_planes(grid, marked_planes(blocks[0]))
     return grid
 
 
@@ -70,10 +87,6 @@ def combined(grids: Sequence[Grid]) -> Grid:
         for name in shapes.keys() - set(grid.cell_data):
             grid.cell_data[name] = np.full((grid.n_cells, *shapes[name]), np.nan)
     return pyvista.MultiBlock(grids).combine()
-
-
-def _symmetric(grid):
-    return {name: grid.field_data[name] for name in {SYMMETRIC} & set(grid.field_data)}
 
 
 def _read(listed, load):
@@ -122,7 +135,7 @@ def sheets_of(grid: Grid, names: Sequence[str]) -> dict[str, Grid]:
     sheets = {}
     for k, name in enumerate(names):
         sheets[name] = with_known_fields(grid.extract_cells(number == k))
-        sheets[name].field_data.update(_symmetric(grid))
+        mark_planes(sheets[name], marked_planes(grid))
     return sheets
 
 

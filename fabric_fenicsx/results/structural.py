@@ -9,7 +9,8 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.files import ending, replace_file
 from ..surfaces.facets import unit
-from .ply import SAME, Grid, Ply, areas, grid_of, planes_of, whole
+from ..surfaces.tool import Frame
+from .ply import SAME, Grid, Ply, areas, grid_of, in_frame, planes_of, whole
 from .states import combined, save, set_labels
 
 
@@ -38,9 +39,9 @@ def formed_ply(grid: Grid, modelled: bool = False) -> Ply:
     for name in ("thickness_under_pressure", "metal_thickness"):
         if name in grid.cell_data:
             fields["thickness"] = np.asarray(grid.cell_data[name])
-    ply = Ply(x, u, cells, fields | {"area_ratio": ratio}, [])
-    for axis in () if modelled else planes_of(grid):
-        half, ply = ply, whole(ply._replace(planes=[axis]))
+    ply = Ply(x, u, cells, fields | {"area_ratio": ratio}, {})
+    for axis, at in () if modelled else planes_of(grid).items():
+        half, ply = ply, whole(ply._replace(planes={axis: at}))
         for name, values in _yarns_of_image(half, axis).items() if "yarn_a" in fields else ():
             ply.fields[name] = np.concatenate([half.fields[name], values])
     return ply
@@ -68,16 +69,19 @@ def _yarns_of_image(ply, axis):
     return {"yarn_a": a, "yarn_b": b, "shear_angle": shear}
 
 
-def export(grids: Mapping[str, Grid], path: Path | str, modelled: bool = False) -> dict[str, Ply]:
+def export(
+    grids: Mapping[str, Grid], path: Path | str, modelled: bool = False, frame: Frame | None = None
+) -> dict[str, Ply]:
     """Write the formed plies {name: grid} with their yarn directions, mirrored in the planes of
-    symmetry unless `modelled`, to `path`, in the format that its ending says; returns them. Raises
-    InputError for another ending, and for plies of unknown thickness, but in .vtu and .inp."""
+    symmetry unless `modelled`, to `path`, in the format that its ending says, in coordinates
+    `frame`; returns them. Raises InputError for another ending, and for plies of unknown thickness,
+    but in .vtu and .inp."""
     path, writers = Path(path), {".inp": _abaqus, ".k": _dyna, ".key": _dyna}
     writers |= {".bdf": _nastran, ".nas": _nastran}
     if ending(path) not in (".vtu", *writers):
         allowed = f".vtu, {', '.join(writers)} (VTK, Abaqus, LS-DYNA, Nastran)"
         raise InputError(f"the ending of {path} is unknown; allowed are {allowed}")
-    plies = {name: formed_ply(grid, modelled) for name, grid in grids.items()}
+    plies = {name: in_frame(formed_ply(g, modelled), frame) for name, g in grids.items()}
     if ending(path) == ".vtu":
         units = dict.fromkeys(("yarn_a", "yarn_b", "normal", "area_ratio", "part"), "-")
         units |= {"shear_angle": "rad", "thickness": "mm"}

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.linalg import toeplitz
 
-from .ply import SYMMETRIC, Grid, grid_of, plan_area, ply_of, whole
+from .ply import Grid, grid_of, mark_planes, plan_area, ply_of, whole
 from .shape import outline
 
 pyvista = lazy_loader.load("pyvista")
@@ -45,8 +45,7 @@ def height_map(grid: Grid, over_tools: Heights, shortest: float = 0.0) -> Grid:
         heights.point_data[name] = np.clip(of_kind[best], -free, free)
     heights.point_data[LENGTH] = lengths[best]
     heights.field_data[SEEN] = [shortest, longest]
-    if ply.planes:
-        heights.field_data[SYMMETRIC] = ply.planes
+    mark_planes(heights, ply.planes)
     return heights
 
 

@@ -18,7 +18,7 @@ from ..core.collective_errors import on_root
 from ..core.errors import InputError
 from ..core.rules import FINITE, POSITIVE
 from . import sources
-from .mesh_checks import CELLS, MeshArrays, checked_mesh
+from .mesh_checks import CELLS, MeshArrays, checked_mesh, cut_open
 from .part import Part
 from .sheet import Layout, Values
 from .sheet_mesh import Direction, SheetMesh
@@ -154,12 +154,14 @@ class Blank(SheetMesh):
     ) -> Self:
         """Blank of what `make` returns on rank 0, checked; centred, height: as in `read`;
         from_file: if its cells are a user's; others as in `from_arrays`."""
+        slits = options.pop("slits", ())
 
         def checked():
             points, cells, kind, notes = make()
             mesh = checked_mesh(points, cells, kind, source, spatial)
             points, moved = sources.moved_sheet(mesh.points, source, centred, height)
-            return MeshArrays(points, mesh.cells, kind, [*notes, *mesh.warnings, *moved])
+            points, cells = cut_open(points, mesh.cells, kind, slits, source)
+            return MeshArrays(points, cells, kind, [*notes, *mesh.warnings, *moved])
 
         points, nodes, kind, warnings = on_root(comm, checked)
         if comm.rank:  # rank 0 gives all of the mesh
@@ -191,17 +193,18 @@ class Blank(SheetMesh):
         - spatial: True: free to leave its plane
         - turned: angle from x to the length [rad]; the frame is then along length and width
         - centred: True: the middle is the origin, otherwise a corner; one for each side if two are
-          given
+          given; planes: {axis, 0 or 1: place [mm]} by which it is moved
         - fibre_angle, yarn_angle: from the length to yarns a (0), a `Field`, too, and from there to
           yarns b (90) [deg]. Cells along the yarns follow those in the middle.
+        - slits: lines (n, 2) [mm] along which the sheet is cut, as in `Sheet`
 
         Raises InputError for values that are not allowed or do not fit together.
         """
         sides = POSITIVE.check("`length`", length), POSITIVE.check("`width`", width)
         turned = FINITE.check("`turned`", layout.pop("turned", 0.0))
-        centred = layout.pop("centred", False)
+        centred, planes = layout.pop("centred", False), layout.pop("planes", {})
         sheet = Layout(nx=nx, ny=ny, pattern=pattern, **layout)
-        make = partial(sources.rectangle, sheet, sides, turned, centred)
+        make = partial(sources.rectangle, sheet, sides, turned, centred, planes)
         options = sheet.options(turned)
         return cls.made(comm, make, "the specimen", spatial, options, from_file=False)
 
@@ -226,9 +229,9 @@ class Blank(SheetMesh):
         - pattern: "along", cells along both yarns but for a rim of others, the default where it is
           `spatial`; or "unstructured"
         - centred: True: the middle of its extent is the origin; otherwise it lies as in the file
-        - planes: axes, 0 or 1, to which planes of symmetry through the origin are perpendicular: of
-          an outline on both sides of one the positive side is meshed
-        - spatial, turned, element, fibre_angle, yarn_angle: as in `rectangle`
+        - planes: axes, 0 or 1, to which planes of symmetry are perpendicular, or {axis: place} of
+          those not through the origin: of an outline on both sides the positive one is meshed
+        - spatial, turned, element, fibre_angle, yarn_angle, slits: as in `rectangle`
 
         What was left out stands in `warnings`. Raises InputError for a file that cannot be read,
         rings that bound no sheet, quadrilaterals, an outline that a plane of symmetry does not

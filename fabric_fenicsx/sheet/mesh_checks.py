@@ -1,13 +1,17 @@
 """Kinds of cells, and checks of a mesh, without which its results mean nothing, of plain arrays."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import basix
 import numpy as np
+import shapely
+from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from .. import dolfinx_compat as compat
 from ..core.errors import InputError
+from ..core.formatting import rounded
 from ..core.graph import connected
 
 
@@ -42,6 +46,7 @@ CELLS = {
     "quad": CellKind("quadrilateral", 1, _QUAD[:4]),
     "quad9": CellKind("quadrilateral", 2, _QUAD),
 }
+SLIT_TOLERANCE = 0.1  # of an edge's length, up to which it lies on a slit
 AREA_TOLERANCE = 1e-16  # squared area over the longest edge's fourth power: no area below it
 
 
@@ -214,3 +219,36 @@ def _bad_shape(x, cells, how):
                 f"{place}; allowed is area everywhere"
             )
     return ""
+
+
+def cut_open(
+    points: np.ndarray, cells: np.ndarray, kind: str, slits: Sequence[ArrayLike], source: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points and cells of a mesh with other nodes on both sides of lines (n, 2) [mm], but at their
+    ends inside. Raises InputError for lines that do not run along edges of its cells."""
+    if not len(slits):
+        return points, cells
+    lines, sides = shapely.MultiLineString(list(slits)), np.arange(cells.size).reshape(cells.shape)
+    nodes, after = cells.ravel(), np.roll(sides, -1, 1).ravel()
+    ends = np.stack([nodes, nodes[after]], 1)
+    x = points[ends, :2]
+    length = np.linalg.norm(x[:, 1] - x[:, 0], axis=1)
+    places = shapely.points(np.stack([*x.swapaxes(0, 1), x.mean(1)]))
+    is_cut = shapely.distance(lines, places).max(0) < SLIT_TOLERANCE * length
+    _, edge, count = np.unique(np.sort(ends, 1), axis=0, return_inverse=True, return_counts=True)
+    edge = edge.ravel()
+    follows = length[is_cut & (count[edge] == 2)].sum() / 2
+    if CELLS[kind].degree > 1 or abs(follows - lines.length) > 0.01 * lines.length:
+        raise InputError(
+            f"{source} has edges of straight cells along {rounded(follows)} of the "
+            f"{rounded(lines.length)} mm of `slits`; allowed are lines within the sheet along "
+            "edges, or an `outline`, whose cells follow them"
+        )
+    # corners of cells at one node are one as far as they meet in edges that are not cut
+    corners, whole = np.append(sides, after), np.tile(~is_cut, 2)
+    meets = np.stack([np.tile(edge, 2), nodes[corners]], 1)
+    meets = cells.size + np.unique(meets, axis=0, return_inverse=True)[1].ravel()
+    _, fan = connected(3 * cells.size, [corners[whole], meets[whole]])
+    named = np.stack([nodes, fan[: cells.size] * np.isin(nodes, ends[is_cut])], 1)
+    _, first, number = np.unique(named, axis=0, return_index=True, return_inverse=True)
+    return points[nodes[first]], number.reshape(cells.shape)

@@ -1,6 +1,6 @@
 """A sheet's fields made into a blank: a rectangle, an own mesh or an outline."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import fields
 from typing import TypeVar
 
@@ -14,6 +14,7 @@ from ..core.status import task
 from .blank import Blank
 from .sheet import Layout, SheetFields, Values
 
+MAX_SIDE = 1e6  # mm, beyond which fine grids over a sheet fill any memory
 SIZE_TOLERANCE = 1e-3  # of a length, by which an own mesh may differ from what is asked for
 Kind = TypeVar("Kind", bound=SheetFields)
 
@@ -25,7 +26,7 @@ def mesh_sheet(
     spatial: bool = False,
     turned: float = 0.0,
     centred: bool | Sequence[bool] = False,
-    planes: Sequence[int] = (),
+    planes: Mapping[int, float] | None = None,
     height: float | None = None,
 ) -> tuple[Kind, Blank, list[str]]:
     """The sheet with the values that its mesh has, its blank, and doubts.
@@ -34,16 +35,16 @@ def mesh_sheet(
     `Blank.outline`; height: as in `Blank.read`. Raises InputError as `Blank` does, and for fields
     that do not fit the mesh.
     """
-    names, source = [*sheet.SIDES], sheet.sheet_file or "the specimen"
+    names, source, planes = [*sheet.SIDES], sheet.sheet_file or "the specimen", planes or {}
     sides = names[0], names[-1]
     with timing.phase("setup"), task("meshing the sheet"):
         how: Values = {"spatial": spatial, "comm": comm, "centred": centred}
         cells: Values = {each.name: getattr(sheet, each.name) for each in fields(Layout)}
-        cells["turned"] = turned
+        cells |= {"turned": turned, "planes": planes}
         if sheet.mesh:
             blank = Blank.read(sheet.mesh, height=height, **how, **sheet.options(turned))
         elif sheet.outline:
-            cells |= {"size": sheet.size, "layer": sheet.layer, "planes": planes}
+            cells |= {"size": sheet.size, "layer": sheet.layer}
             blank = Blank.outline(sheet.outline, **how, **cells)
         else:
             modelled = modelled_share(planes) * [getattr(sheet, name) for name in sides]
@@ -54,6 +55,8 @@ def mesh_sheet(
     if sheet.element and sheet.element[0] != kind:
         flaw = f"`element` {sheet.element} does not fit the cells of {source}"
         raise InputError(f"{flaw}; allowed is P on triangles, Q on quadrilaterals")
+    if (side := blank.sides().max()) > MAX_SIDE:
+        raise InputError(f"{source} is {rounded(side)} mm large; allowed is up to 1e6 mm")
     doubts = [*blank.warnings, size_warning(blank, source)]
     integration = sheet.integration or "full"
     if not sheet.integration and blank.degree == 2 and blank.triangulated:
@@ -70,12 +73,12 @@ def mesh_sheet(
     return sheet.filled(**values), blank, [*filter(None, doubts)]
 
 
-def modelled_share(planes: Sequence[int]) -> np.ndarray:
+def modelled_share(planes: Collection[int]) -> np.ndarray:
     """Shares (2,) of length and width that planes of symmetry perpendicular to these axes leave."""
-    return np.where(np.isin([0, 1], planes), 0.5, 1.0)
+    return np.where(np.isin([0, 1], [*planes]), 0.5, 1.0)
 
 
-def whole_sides(blank: Blank, planes: Sequence[int]) -> list[float]:
+def whole_sides(blank: Blank, planes: Collection[int]) -> list[float]:
     """Length and width of the whole sheet [mm], rounded, to be the same on any number of ranks."""
     return [float(f"{size:.9g}") for size in blank.sides()[:2] / modelled_share(planes)]
 

@@ -1,16 +1,17 @@
 """A sheet as data: its cells, yarns and material, declared once for coupons and presses."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..core.errors import InputError
 from ..core.fields import KnowsItsFields, choice, documented, flag, path, quantity
-from ..core.rules import BELOW_180, COUNT, FINITE, FROM_ZERO, POSITIVE, Rule
+from ..core.rules import BELOW_180, COUNT, FINITE, FROM_ZERO, POSITIVE, Rule, repr_short
 from ..io.field import Field, of_place
 from ..material.laws import Law
 from ..material.laws.base import Material
@@ -53,6 +54,19 @@ class Layout(KnowsItsFields):
         0.0, of_place(FULL_TURN), "from the length to yarns a [deg]", "mesh"
     )
     yarn_angle: float = quantity(90.0, BELOW_180, "from yarns a to b as they lie [deg]", "weave")
+    slits: Sequence[ArrayLike] = ()  # lines (n, 2) of the flat sheet as it is laid [mm]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        try:
+            lines = [np.array(line, float).reshape(-1, 2) for line in self.slits]
+        except (TypeError, ValueError):
+            lines = [np.empty((0, 2))]
+        if not all(len(x) > 1 and 0 < np.ptp(x, axis=0).max() < np.inf for x in lines):
+            flaw = f"`slits` are {repr_short(self.slits)}"
+            raise InputError(f"{flaw}; allowed are lines [[x, y], [x, y], ...] in mm")
+        # tuples, so that sheets compare
+        vars(self)["slits"] = tuple(tuple(map(tuple, x.tolist())) for x in lines)
 
     def fibre_angles(self, places: np.ndarray) -> np.ndarray:
         """`fibre_angle` (n,) [deg] at places (n, 3) [mm]."""
@@ -60,8 +74,8 @@ class Layout(KnowsItsFields):
         return angle.at(places) if isinstance(angle, Field) else np.full(len(places), angle)
 
     def options(self, turned: float = 0.0) -> Values:
-        """Directions of yarns, degree and frame of a `Blank` whose length is `turned` from x
-        [rad]."""
+        """Directions of yarns, degree, frame and slits of a `Blank` whose length is `turned` from
+        x [rad]."""
 
         def direction(more):
             if isinstance(self.fibre_angle, Field):
@@ -70,7 +84,8 @@ class Layout(KnowsItsFields):
 
         b = None if self.yarn_angle == 90 else direction(turned + math.radians(self.yarn_angle))
         degree, frame = self.element and int(self.element[1]), axes_of(turned) if turned else None
-        return {"a": direction(turned), "b": b, "degree": degree, "frame": frame}
+        how = {"a": direction(turned), "b": b, "degree": degree, "frame": frame}
+        return how | {"slits": self.slits}
 
     def filled(self, **values: Any) -> Self:
         """The same with values that the program made, which are not checked again."""
@@ -159,6 +174,7 @@ class SheetFields(Layout):
         sides (2,): of the modelled part [mm]."""
         size = self.size or (sides[0] / self.nx if self.nx else math.inf)
         few = 2 * times * size > min(sides) * (1 + 1e-9) if self.outline else self.nx in (None, 1)
+        few = few or bool(self.slits and not self.outline)  # edges may not follow them
         return None if few else self._with_cells(1 / times, lambda n: max(1, round(n)))
 
     def _with_cells(self, share, whole):
@@ -187,7 +203,9 @@ class Sheet(SheetFields, YarnBending):
     It is a rectangle of `length` and `width`, or has a `mesh` or an `outline`, which is flat, in a
     plane z = const, and lies as in its file unless it is `centred`. A thickness, fibre angle,
     friction and temperature, which is given, as no heat is conducted, may be a `Field` of x and y
-    of the flat sheet as it is laid. Stiffnesses in bending are those of `Bending`.
+    of the flat sheet as it is laid. Stiffnesses in bending are those of `Bending`. It is cut along
+    `slits`, lines [[x, y], ...] of the flat sheet as it is laid [mm]: cells of an outline follow
+    them, those of a rectangle or a mesh must have edges along them.
 
     Parameters
     ----------
@@ -272,7 +290,7 @@ class Sheet(SheetFields, YarnBending):
             raise InputError(f"cells of {self.mesh} can't be made finer; {allowed}")
         return self._with_cells(times, lambda n: 2 * math.ceil(n / 2))
 
-    def mirrored(self, planes: tuple[int, ...]) -> Self:
+    def mirrored(self, planes: Iterable[int]) -> Self:
         """The sheet, a rectangle, with the cells of its images in the planes of symmetry."""
         names = [("nx", "ny")[axis] for axis in planes]
         return replace(self, **{name: 2 * n for name in names if (n := getattr(self, name))})

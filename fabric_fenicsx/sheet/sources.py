@@ -3,7 +3,7 @@ files."""
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -27,22 +27,36 @@ PATTERNS = "along", "unstructured"
 MIN_DETAIL = 0.1  # of the cells' size: length of an edge or a hole below which it is left out
 MIN_CLEARANCE = 1e-3  # of the cells' size: least distance of parts of the outline
 MAX_CELLS = 1_000_000  # cells
+CELL_MEMORY = 12e-6  # GB, of P2 in a plane
 
 
 def rectangle(
-    layout: Layout, sides: Sequence[float], turned: float, centred: bool | Sequence[bool]
+    layout: Layout,
+    sides: Sequence[float],
+    turned: float,
+    centred: bool | Sequence[bool],
+    planes: Mapping[int, float],
 ) -> MeshArrays:
     """A rectangle of these sides [mm], `turned` from x [rad], with a corner or, `centred`, its
-    middle at the origin. Cells along the yarns follow those in the middle."""
+    middle at the origin, moved to `planes` {axis: place}. Cells along the yarns follow those in the
+    middle."""
     if layout.pattern == "along":
         _check_triangles(layout, "cells along the yarns")
     (length, width), middle = sides, np.array(sides) / 2
     ny = layout.ny or max(1, round(layout.nx * width / length))
     cell = "quadrilateral" if (layout.element or "P")[0] == "Q" else "triangle"
+    count = (
+        layout.nx * ny * (1 if cell[0] == "q" else {"left": 2, "right": 2}.get(layout.pattern, 4))
+    )
+    if count > MAX_CELLS:
+        raise InputError(
+            f"`nx` is {layout.nx}, `ny` {ny}: {_cost(count)}; allowed are {MAX_CELLS:,}"
+        )
     axes, shift = axes_of(turned), middle * np.asarray(centred)
-    yarns = _yarns(layout, (middle - shift) @ axes)
+    start = np.array([planes.get(axis, 0.0) for axis in (0, 1)])
+    yarns = _yarns(layout, (middle - shift) @ axes + start)
     points, cells, kind = specimen(length, width, layout.nx, ny, layout.pattern, cell, *yarns)
-    points[:, :2] = (points[:, :2] - shift) @ axes
+    points[:, :2] = (points[:, :2] - shift) @ axes + start
     return MeshArrays(points, cells, kind, [])
 
 
@@ -54,7 +68,7 @@ def outline(
     layer: str | None,
     turned: float,
     centred: bool,
-    planes: Sequence[int],
+    planes: Collection[int] | Mapping[int, float],
 ) -> MeshArrays:
     """The inside of a `rim`, as in `Blank.outline`, that messages call `source`. Warnings say what
     was left out."""
@@ -65,17 +79,23 @@ def outline(
     else:
         sheet = sheet_of([np.asarray(ring, float) for ring in rim], source)
     sheet = centred_outline(sheet) if centred else sheet
-    for axis in planes:
-        sheet = mirrored_half(sheet, axis, source)
+    places = planes if isinstance(planes, Mapping) else dict.fromkeys(planes, 0.0)
+    for axis, place in places.items():
+        sheet = mirrored_half(sheet, axis, source, place)
     low, high = np.reshape(sheet.bounds, (2, 2))
     a, between = _yarns(layout, sheet.centroid.coords[0])
     size = (high - low)[0] / layout.nx if size is None else size
     yarns = a + turned, a + turned + between
     try:
-        points, triangles, kind, left_out = outline_mesh(sheet, size, layout.pattern, yarns)
+        made = outline_mesh(sheet, size, layout.pattern, yarns, layout.slits)
+        points, triangles, kind, left_out = made
     except InputError as error:
         raise InputError("; ".join([str(error), *notes])) from None
     return MeshArrays(points, triangles, kind, notes + left_out)
+
+
+def _cost(cells):
+    return f"{rounded(cells)} cells, which take some {rounded(CELL_MEMORY * cells)} GB of memory"
 
 
 def _check_triangles(layout, what):
@@ -145,12 +165,14 @@ def outline_mesh(
     size: float,
     pattern: str = "unstructured",
     yarns: Sequence[float] = (0.0, math.pi / 2),
+    slits: Sequence[ArrayLike] = (),
 ) -> tuple[np.ndarray, np.ndarray, str, list[str]]:
     """Points (n, 3) [mm], triangles (m, 3), their kind, and what was left out, in words.
 
     size: of the cells' edges [mm], smaller where the outline is curved or narrow; its corners stay.
     pattern: `unstructured`, or `along`: squares along both yarns, each of four triangles, and other
-    triangles between them and the outline. yarns: angles from x to yarns a and b [rad].
+    triangles between them and the outline. yarns: angles from x to yarns a and b [rad]; slits:
+    lines (n, 2) [mm] along which edges run.
     """
     size = POSITIVE.check("`size`", size)
     if pattern not in PATTERNS:
@@ -160,13 +182,14 @@ def outline_mesh(
     if size > (high - low).min() / 2 or cells > MAX_CELLS:
         sides = " x ".join(rounded(side, 4) for side in high - low)
         raise InputError(
-            f"`size` is {size:g}, but the outline is {sides} mm, about {rounded(cells)} cells; "
-            f"allowed is up to half of it, and {MAX_CELLS:,} cells"
+            f"`size` is {size:g}, but the outline is {sides} mm, about {_cost(cells)}; allowed is "
+            f"up to half of it, and {MAX_CELLS:,} cells"
         )
     # about its centre and without the last digits, as cells are not to depend on where it lies
     centre = ((low + high) / 2).round(6)
     sheet = shapely.transform(sheet, lambda x: (x - centre).round(9))
     sheet, notes = _simplified(sheet, size, centre)
+    sheet, lines = _with_slits(sheet, [np.array(line) - centre for line in slits], size)
     places, sizes = _fine_places(sheet, size, notes, centre)
     if sheet.minimum_clearance < MIN_CLEARANCE * size:
         raise InputError(
@@ -181,11 +204,23 @@ def outline_mesh(
 
     sheet = _divided(sheet, size, size_at)
     if pattern == "along":
-        points, triangles = _along(sheet, size, size_at, yarns)
+        points, triangles = _along(sheet, size, size_at, yarns, lines)
     else:
-        points, triangles = _filled([sheet], size_at)
+        points, triangles = _filled([sheet], size_at, lines)
     points = np.pad(points + centre, ((0, 0), (0, 1)))
     return points, triangles, "triangle", notes
+
+
+def _with_slits(sheet, slits, size):
+    """The sheet with corners where slits (n, 2) end near its edge, and these as lines that end on
+    it, cut where they meet."""
+    for x in slits:
+        for k in (0, -1):
+            line = shapely.shortest_line(sheet.boundary, shapely.Point(x[k]))
+            if line.length < MIN_DETAIL * size:
+                x[k] = shapely.get_coordinates(line)[0].round(9)
+                sheet = shapely.snap(sheet, shapely.Point(x[k]), 1e-6 * size)
+    return sheet, shapely.get_parts(shapely.node(shapely.MultiLineString(slits)))
 
 
 def _simplified(sheet, size, centre):
@@ -253,8 +288,9 @@ def _divided(sheet, size, size_at):
     return shapely.Polygon(rings[0], rings[1:])
 
 
-def _filled(faces, size_at):
-    """Points (n, 2) and triangles (m, 3) in polygons, whose edges stay, of sizes size_at(x, y)."""
+def _filled(faces, size_at, slits):
+    """Points (n, 2) and triangles (m, 3) of sizes size_at(x, y) in polygons, whose edges stay, and
+    along slits, lines in them."""
     import gmsh
 
     options = {"MeshSizeMin": 0.0, "MeshSizeMax": 1e22, "Algorithm": 6.0}
@@ -264,18 +300,23 @@ def _filled(faces, size_at):
         geo = gmsh.model.geo
         numbers: dict[tuple[float, ...], int] = {}
 
-        def loop(ring):
-            ends = [*ring.coords]
-            for end in ends[1:]:
+        def curves(line):
+            ends = [*map(tuple, shapely.get_coordinates(line))]
+            for end in ends:
                 numbers[end] = numbers.get(end) or geo.addPoint(*end, 0)
-            lines = [geo.addLine(numbers[p], numbers[q]) for p, q in zip(ends, ends[1:])]
-            for line in lines:
-                geo.mesh.setTransfiniteCurve(line, 2)
-            return geo.addCurveLoop(lines)
+            return [geo.addLine(numbers[p], numbers[q]) for p, q in zip(ends, ends[1:])]
 
+        surfaces = []
         for face in map(shapely.geometry.polygon.orient, faces):
-            geo.addPlaneSurface([*map(loop, (face.exterior, *face.interiors))])
+            rings = [curves(ring) for ring in (face.exterior, *face.interiors)]
+            for edge in sum(rings, []):
+                geo.mesh.setTransfiniteCurve(edge, 2)
+            surfaces.append(geo.addPlaneSurface([*map(geo.addCurveLoop, rings)]))
+        shares = [shapely.length(shapely.intersection(faces, line)) for line in slits]
+        cuts = [(curves(line), share.argmax()) for line, share in zip(slits, shares)]
         geo.synchronize()
+        for lines, face in cuts:
+            gmsh.model.mesh.embed(1, lines, 2, surfaces[face])
         try:
             points, triangles = meshed(gmsh, size_at=size_at)
         except Exception as error:  # it raises no other kind
@@ -285,7 +326,7 @@ def _filled(faces, size_at):
     return points[:, :2], triangles
 
 
-def _along(sheet, size, size_at, yarns):
+def _along(sheet, size, size_at, yarns, slits):
     """Points (n, 2) and triangles (m, 3): parallelograms along both yarns inside, each of four
     triangles, and others around them."""
     axes = size * np.array([[math.cos(yarn), math.sin(yarn)] for yarn in yarns])
@@ -296,7 +337,7 @@ def _along(sheet, size, size_at, yarns):
     grid = np.stack([i + low[0], j + low[1]], -1) @ axes
     square = np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]], 2)
     # least distance of squares along yarns from the outline, over their size
-    inner = sheet.buffer(-0.5 * size)
+    inner = sheet.buffer(-0.5 * size).difference(shapely.union_all(slits).buffer(0.5 * size))
     shapely.prepare(inner)
     inside = shapely.contains(inner, shapely.polygons(square))
     # where two squares touch in a corner alone, both go
@@ -309,9 +350,9 @@ def _along(sheet, size, size_at, yarns):
             part &= ~pinched
     square = square[inside]
     if not len(square):
-        return _filled([sheet], size_at)
+        return _filled([sheet], size_at, slits)
     rim = shapely.get_parts(sheet.difference(shapely.union_all(shapely.polygons(square))))
-    points, cells = _filled(rim, size_at)
+    points, cells = _filled(rim, size_at, slits)
     number = len(points) + np.arange(5 * len(square)).reshape(-1, 5)
     points = np.concatenate([points, *np.concatenate([square, square.mean(1)[:, None]], 1)])
     cells = [cells, *(number[:, [k, (k + 1) % 4, 4]] for k in range(4))]

@@ -15,6 +15,7 @@ from .triangulated import TriangulatedSurface
 
 MIN_SHARE = 0.02  # of a sheet's size, below which a tool is refused as in another unit
 FLANGE = 0.05  # share of the thickness by which a tool may be in the sheet at the start
+MAX_ROUNDING = 1e-4  # of a surface's size: distance of its neighbouring numbers
 MIRRORED = 0.25  # share of the thickness by which a tool and its mirror image may differ
 
 
@@ -47,6 +48,14 @@ def check_triangles(surface: TriangulatedSurface, name: str, thickness: float) -
             f"{name} has facets that are {rounded(off[worst])} mm off the curved surface through "
             f"their corners, at {middle(surface.triangles[worst])}; allowed is up to the ply's "
             f"thickness {thickness:g} mm"
+        )
+    x = surface.points
+    rounding = float(np.spacing(np.abs(x).max().astype("f4"))) / np.ptp(x, axis=0).max()
+    if rounding > MAX_ROUNDING and (x == x.astype("f4")).mean() > 0.9:
+        raise InputError(
+            f"{name} has numbers of single precision, which are {rounding:.2g} of its size apart "
+            f"at {coordinates(x[0])} mm; allowed is a surface near the origin of its coordinates, "
+            "or a format with more digits"
         )
     edges, turn = surface.curved.turns()
     if not len(turn) or (sharpest := np.degrees(turn.max())) <= 20.0:
@@ -104,7 +113,7 @@ def triangle_warnings(tool: Tool, sheet: float) -> list[str]:
     warnings = [f"{what} {doubt}; lengths are in mm"] if doubt else []
     small = ((width, ring) for ring in around if (width := np.ptp(ring, axis=0).max()) < 0.1 * size)
     return warnings + [
-        f"{what} has a hole {rounded(width)} mm wide at {coordinates(ring.mean(0))} mm in its own "
-        "coordinates, where nothing stops the sheet"
+        f"{what} has a hole {rounded(width)} mm wide at {coordinates(ring.mean(0) + tool.home.at)} "
+        "mm in its own coordinates, where nothing stops the sheet"
         for width, ring in islice(small, 1)
     ]

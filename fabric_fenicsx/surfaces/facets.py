@@ -235,7 +235,10 @@ def repaired(
     x, number = np.unique(x, axis=0, return_inverse=True)
     cells = number.ravel()[cells]
     # distance of points that are one, over the largest coordinate: files have singles
-    same = cKDTree(x).query_pairs(2e-7 * abs(x).max(initial=0), output_type="ndarray")
+    scale = abs(x).max(initial=0)
+    if not np.array_equal(x, x.astype(np.float32)):
+        scale = min(scale, np.ptp(x, axis=0).max(initial=0))
+    same = cKDTree(x).query_pairs(2e-7 * scale, output_type="ndarray")
     x, cells = _joined(x, cells, same)
     x, cells = _joined(x, cells, _cracks(x, cells))
     corners = x[cells]

@@ -1,5 +1,6 @@
 """Triangles in files."""
 
+from collections.abc import Sequence
 from functools import cache, partial
 from pathlib import Path
 
@@ -18,26 +19,30 @@ CAD = {".step": "step", ".stp": "step", ".iges": "iges", ".igs": "iges", ".brep"
 MAX_TURN = 0.35  # rad, by which the faces of CAD models turn along an edge
 
 
-def read_triangles(path: Path, chord: float) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Points (n, 3) [mm] and triangles (m, 3) in a file, and of CAD models the normals at the
-    triangles' corners (m, 3, 3)."""
+def read_triangles(
+    path: Path, chord: float, body: Sequence[int] = ()
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Points (n, 3) [mm] and triangles (m, 3) in a file, and of CAD models, of their solids with
+    the numbers `body`, the normals at the triangles' corners (m, 3, 3)."""
     allowed = f"STEP, IGES, BREP, or {READ}, as STL, MSH, VTP"
     if ending(path) not in CAD:
+        if body:
+            raise InputError(f"`body` is allowed only for STEP, IGES and BREP, not for {path}")
         mesh = read_surface_mesh(path, "surface file", allowed)
         return mesh.points, _triangles(mesh), None
     check_file(path, "surface file", allowed)
     check_end(path, "surface file")
     import gmsh
 
-    how = ending(path), chord, gmsh.__version__, Path(__file__).read_text()
+    how = ending(path), chord, body, gmsh.__version__, Path(__file__).read_text()
     try:
         with task(f"meshing {path.name}"):
-            made = partial(in_child, _mesh_of_model, path.absolute(), chord)
+            made = partial(in_child, _mesh_of_model, path.absolute(), chord, body)
             return kept_arrays(path, how, made)
     except RuntimeError as error:
         raise InputError(
-            f"surface file {path} cannot be read as {path.suffix} ({error}): the model may be "
-            f"broken; allowed is {allowed}"
+            f"surface file {path} cannot be read as {path.suffix} ({error}); allowed is a model in "
+            f"one piece without gaps: {allowed}"
         ) from None
 
 
@@ -55,7 +60,7 @@ def _triangles(mesh):
     return np.concatenate(triangles)
 
 
-def _mesh_of_model(path, chord):
+def _mesh_of_model(path, chord, body):
     """Triangles on the faces of a CAD model, whose edges lie up to `chord` off the faces, and the
     faces' normals at their corners. A first mesh finds the curvature, from which the sizes of the
     second follow."""
@@ -64,9 +69,19 @@ def _mesh_of_model(path, chord):
     gmsh.initialize(readConfigFiles=False)
     if ending(path) in (".step", ".stp"):  # IGES files are read in mm anyhow
         gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
-    gmsh.model.occ.importShapes(str(path), format=CAD[ending(path)])
-    if ending(path) in (".iges", ".igs"):
-        gmsh.model.occ.removeAllDuplicates()  # faces there do not share their edges
+    shapes = gmsh.model.occ.importShapes(str(path), format=CAD[ending(path)])
+    solids = [(dim, tag) for dim, tag in shapes if dim == 3]
+    if ending(path) in (".iges", ".igs") and not solids:
+        gmsh.model.occ.removeAllDuplicates()  # faces alone do not share their edges there
+    if max(body, default=0) > len(solids) or len(solids) > 1 > len(body):
+        boxes = np.reshape([gmsh.model.occ.getBoundingBox(*s) for s in solids], (-1, 2, 3))
+        words = [" to ".join(map(coordinates, box)) for box in boxes.round(3)]
+        words = [f"{k} from {ends}" for k, ends in enumerate(words, 1)]
+        found = f"{len(solids)} bodies: {', '.join(words)} mm"
+        raise ValueError(f"it holds {found}; `body` names one or more of them, as body = 1")
+    if body:
+        others = [each for k, each in enumerate(solids, 1) if k not in body]
+        gmsh.model.occ.remove(others, recursive=True)
     gmsh.model.occ.synchronize()
     faces = [tag for _, tag in gmsh.model.getEntities(2)]
     if not faces:
@@ -84,7 +99,8 @@ def _mesh_of_model(path, chord):
     gmsh.model.mesh.setSizeCallback(size_at)
     gmsh.model.mesh.generate(2)
     text = path.read_bytes() if ending(path) in (".step", ".stp") else b""
-    if b"CLOSED_SHELL" in text and b"OPEN_SHELL" not in text:  # solids alone
+    is_closed = b"CLOSED_SHELL" in text and b"OPEN_SHELL" not in text  # solids alone
+    if is_closed or (solids and not text):
         nodes = gmsh.model.mesh.getElementsByType(2)[1].reshape(-1, 3)
         sides = np.sort(np.stack([nodes, np.roll(nodes, -1, 1)], 2).reshape(-1, 2), 1)
         ends, count = np.unique(sides, axis=0, return_counts=True)

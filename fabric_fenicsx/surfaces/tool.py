@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +13,21 @@ from ..core.errors import InputError
 from .surfaces import Nearest, Surface, checked_points, checked_vector
 
 OfLoad = Callable[[float], ArrayLike]  # from the load factor to (3,)
+
+
+class Frame(NamedTuple):
+    """Coordinates in a scene: their origin `at` (3,) [mm], their axes as columns (3, 3)."""
+
+    at: np.ndarray
+    axes: np.ndarray
+
+    def inside(self, points: ArrayLike) -> np.ndarray:
+        """Points (n, 3) of the scene in these coordinates [mm]."""
+        return np.subtract(points, self.at) @ self.axes
+
+    def outside(self, points: ArrayLike) -> np.ndarray:
+        """Points (n, 3) in these coordinates in those of the scene [mm]."""
+        return points @ self.axes.T + self.at
 
 
 class Tool:
@@ -55,6 +71,8 @@ class Tool:
         self.force = None if force is None else _growing(f"force of {name}", force)
         self.travel, self.push = 0.0, 0.0
         self.direction = np.zeros(3)
+        # where its surface's origin is in the coordinates of its file, and axes of these
+        self.home = Frame(np.zeros(3), np.eye(3))
         if self.force:
             full = f"force of {name} at full load"
             self.direction = checked_vector(full, self.force(1.0), unit=True)
@@ -77,6 +95,10 @@ class Tool:
     def displacement(self) -> np.ndarray:
         """Distance moved from the place of its surface, (3,) [mm]."""
         return self._place + self.travel * self.direction
+
+    def frame(self) -> Frame:
+        """The coordinates in which its file has it, where it is now."""
+        return Frame(self.displacement - self.home.axes @ self.home.at, self.home.axes)
 
     def evaluate(self, points: ArrayLike, reach: float = math.inf) -> Nearest:
         """As `Surface.evaluate`, where the tool is now."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from copy import copy
 from pathlib import Path
 from typing import NamedTuple, Self
@@ -22,6 +23,7 @@ from .projection import least_radii, nearest, net_of
 from .surfaces import Drawn, Nearest, Surface
 
 CREASE = 35.0  # deg
+CUT_TOLERANCE = 1e-3  # mm off a plane of symmetry, up to which a tool is cut there
 
 
 class SearchCache(NamedTuple):
@@ -78,6 +80,8 @@ class TriangulatedSurface(Surface):
     array([1.])
     """
 
+    _rim_side = 1.0  # sign of the gap beyond the rim
+
     def __init__(
         self,
         points: ArrayLike,
@@ -86,8 +90,8 @@ class TriangulatedSurface(Surface):
         crease: float = CREASE,
     ) -> None:
         self.crease = BELOW_180.check("crease", crease)
-        x, cells, given = repaired(points, triangles, normals)
-        self.curved = curved = CurvedTriangles(x, cells, math.radians(self.crease), given)
+        x, cells, self._given = repaired(points, triangles, normals)
+        self.curved = curved = CurvedTriangles(x, cells, math.radians(self.crease), self._given)
         self.points: np.ndarray = curved.points
         self.triangles: np.ndarray = curved.triangles
         self.facets, self.areas, self.normals = curved.facets, curved.areas, curved.normals
@@ -96,7 +100,6 @@ class TriangulatedSurface(Surface):
         self.sharp = curved.ends(sharp & (across.triangle >= 0))
         self.radii = least_radii(curved)
         self._boxes, self._net = boxes_around(curved), net_of(curved)
-        self._rim_side = 1.0
         self._caches: dict[int, SearchCache] = {}
 
     @classmethod
@@ -106,14 +109,16 @@ class TriangulatedSurface(Surface):
         chord: float = 0.1,
         crease: float = CREASE,
         comm: MPI.Comm = MPI.COMM_SELF,
+        body: Sequence[int] = (),
     ) -> Self:
         """The surface in a file, in mm: STL, VTP, MSH, or any other that gmsh, PyVista or meshio
         reads, where larger cells are cut; or STEP, IGES or BREP, whose faces gmsh meshes. chord:
         distance of that mesh from the faces [mm]; crease: as for the surface [deg]; comm: its rank
-        0 reads, as gmsh meshes the same faces a little differently each time. Raises InputError if
+        0 reads, as gmsh meshes the same faces a little differently each time; body: numbers of the
+        model's solids, from 1, needed of several. Raises InputError if
         the file cannot be read or has no triangle, or for a chord not above 0."""
         path, chord = Path(path), POSITIVE.check("chord", chord)
-        points, triangles, normals = on_root(comm, lambda: read_triangles(path, chord))
+        points, triangles, normals = on_root(comm, lambda: read_triangles(path, chord, body))
         try:
             return cls(points, triangles, normals, crease)
         except InputError as error:
@@ -132,6 +137,20 @@ class TriangulatedSurface(Surface):
         vertices = self.curved.vertices
         own = vertices.normals[vertices.name]
         return TriangulatedSurface(self.points, self.triangles[keep], own[keep], self.crease)
+
+    def moved(self, way: np.ndarray, planes: Iterable[np.ndarray] = ()) -> TriangulatedSurface:
+        """The surface moved by `way` (3,) [mm], with its images in planes that cut it then, by unit
+        normals and distances from the origin (4,) [mm], and without triangles in them."""
+        x, cells, given = self.points + way, self.triangles, self._given
+        for plane in planes:
+            off = x @ plane[:3] - plane[3]
+            off[abs(off) < CUT_TOLERANCE] = 0.0
+            kept, image = off[cells].any(1), np.eye(3) - 2 * np.outer(plane[:3], plane[:3])
+            if given is not None:
+                given = np.concatenate([given[kept], given[kept][:, ::-1] @ image])
+            cells = np.vstack([cells[kept], cells[kept][:, ::-1] + len(x)])
+            x = np.vstack([x, x - 2 * np.outer(off, plane[:3])])
+        return TriangulatedSurface(x, cells, given, self.crease)
 
     def mesh(self, low: ArrayLike, high: ArrayLike, size: float) -> Drawn:
         # a point for each smooth vertex, so that sharp edges look sharp

@@ -147,6 +147,11 @@ def test_a_deck_is_read_and_nodes_in_a_coordinate_system_are_refused(tmp_path):
         text = f"BEGIN BULK\n{three}\n{card}\nCQUAD4,1,1,1,2,3,4\nENDDATA\n"
         with pytest.raises(InputError, match="has a GRID in coordinate system 5, .*; allowed is"):
             read(tmp_path / "square.bdf", text)
+    (tmp_path / "nodes.inc").write_text(GRIDS)
+    text = "BEGIN BULK\ninclude 'nodes.inc'\n{}CQUAD4,1,1,1,2,3,4\nENDDATA\n"
+    assert area(read(tmp_path / "square.bdf", text.format(""))) == 100
+    with pytest.raises(InputError, match="has a GRDSET in coordinate system 5"):
+        read(tmp_path / "square.bdf", text.format("GRDSET,,5\n"))
 
 
 @pytest.mark.parametrize(

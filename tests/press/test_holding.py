@@ -101,6 +101,8 @@ def test_springs_pull_at_a_quarter_as_at_the_whole_blank():
     made = press.replace(holders={"springs": springs}).build()
     forces = [term.force() for term in made.holders["springs"]]
     assert np.array(forces) == pytest.approx(np.array([[4, 0, 0], [4, 0, 0], [4.8, 6.4, 0]]))
+    with pytest.raises(ff.InputError, match=r"point \(130, 140\) mm, 50 mm off the blank"):
+        press.replace(holders={"springs": ff.SpringHolder(0.5, at=[(130, 140)])}).build()
     made.scene.blank.u.x.array[::3] = -2.0  # by which those along x are longer
     pulls = [term.pull() for term in made.holders["springs"]]
     assert pulls[:2] == pytest.approx([4.5, 4.5]) and pulls[2] == pytest.approx(8.6, abs=0.01)

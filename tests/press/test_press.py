@@ -6,13 +6,17 @@ import meshio
 import numpy as np
 import pytest
 import pyvista
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
+from fabric_fenicsx.cli import main
 from fabric_fenicsx.energy.fingerprint import entries
 from fabric_fenicsx.press import pictures
 from fabric_fenicsx.press.press import EXAMPLES
 from fabric_fenicsx.results import pictures as result_pictures
+from fabric_fenicsx.results import space
 from fabric_fenicsx.sheet.specimen import own_model
 from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.progress import Progress
@@ -112,12 +116,21 @@ def test_tools_that_cannot_stand_or_move_as_given(changes, words):
         (["holder={pressure=1, force=3}"], "has pressure and force; allowed is one of pressure, f"),
         (["ply=[{metal='dc04', fabric='komeili'}]"], "1.fabric is given beside ply.1.metal"),
         (["holders={}", "tools.ring.side=below"], "stand below the blank, and nothing resists"),
+        (["tools.ring={die_of='ring'}"], "tools.ring.die_of ring leads to a tool that is itself a"),
+        (["blank.slits=[[0, 1], [2]]"], r"blank.slits are .*; allowed are lines \[\[x, y\]"),
     ],
 )
 def test_what_is_wrong_is_said_with_its_file_and_key(changes, words):
     with pytest.raises(ff.InputError, match=words) as error:
         ff.Press.read(HEMISPHERE, changes)
     assert "hemisphere.toml: " in str(error.value)
+
+
+def test_the_encoding_of_a_file_is_named(tmp_path):
+    for encoding in ("Latin-1", "UTF-16"):
+        (tmp_path / "press.toml").write_text(f"# Übung\n{HEMISPHERE.read_text()}", encoding)
+        with pytest.raises(ff.InputError, match=f"is in {encoding}.*; allowed is TOML in UTF-8"):
+            ff.Press.read(tmp_path / "press.toml")
 
 
 @pytest.mark.parametrize(
@@ -146,16 +159,69 @@ def test_a_plate_has_the_opening_of_its_die(tmp_path):
     assert 4 * result.number("reaction_N") == pytest.approx(-forces["punch"])
 
 
+def ball(folder, change=lambda x: x, kept=lambda x: x[:, 0] < np.inf):
+    """A press whose punch is a ball in a file: triangles of it whose middles (n, 3) are kept, at
+    changed places."""
+    sphere = pyvista.Sphere(radius=50, theta_resolution=40, phi_resolution=40)
+    x, cells = sphere.points.astype(float).round(9), sphere.regular_faces
+    half = cells[x[cells].mean(1)[:, 1] > 0]  # so that the other is its image
+    x, cells = np.vstack([x, x * [1, -1, 1]]), np.vstack([half, half[:, ::-1] + len(x)])
+    cells = cells[kept(x[cells].mean(1))]
+    grid = pyvista.UnstructuredGrid({pyvista.CellType.TRIANGLE: cells}, change(x))
+    grid.save(folder / "ball.vtu")
+    return changed(folder, ('shape = "sphere"\nradius = 50', 'file = "ball.vtu"'))
+
+
 def test_a_surface_that_faces_away_is_refused(tmp_path):
     """A ball stands as it is; with normals into the body it does not."""
-    ball = pyvista.Sphere(radius=50, theta_resolution=90, phi_resolution=90)
-    path = changed(tmp_path, ('shape = "sphere"\nradius = 50', 'file = "ball.stl"'))
-    ball.save(tmp_path / "ball.stl")
-    press = hemisphere("blank.nx=4", file=path)
+    press = hemisphere("blank.nx=4", file=ball(tmp_path))
     assert press.tools["punch"].path(0)[2] == pytest.approx(-50 - press.thickness / 2, abs=0.05)
-    ball.flip_faces().save(tmp_path / "ball.stl")
     with pytest.raises(ff.InputError, match="tools.punch has its body between .* normals point"):
-        hemisphere("blank.nx=4", file=path)
+        hemisphere("blank.nx=4", file=ball(tmp_path, lambda x: x * [1, 1, -1]))
+
+
+SHORT = "blank.nx=4", "stage.1.moves.punch=8", "stage.1.steps=2"
+
+
+def test_a_tool_may_have_any_coordinates_and_results_are_told_in_them(tmp_path):
+    """The same ball, turned, and 1000 km from its origin."""
+    place, turn = np.array([1e6, -5e5, 2e5]), [180, 0, 30]
+    turned = Rotation.from_euler("xyz", turn, degrees=True)
+    press = hemisphere(*SHORT, file=ball(tmp_path))
+    here, centre = press.job(balance=None).run(), press.tools["punch"].path(1.0)
+    file = ball(tmp_path, lambda x: turned.apply(x, inverse=True) + place)
+    at = f"tools.punch.at={(-turned.apply(place))[:2].tolist()}"
+    press = hemisphere(*SHORT, at, f"tools.punch.turn={turn}", file=file)
+    there = press.job(balance=None).run(tmp_path / "out", pictures=False)
+    assert there.number("reaction_N") == pytest.approx(here.number("reaction_N"), rel=1e-8)
+    expected = turned.apply(here.grid.points + here.grid["u"] - centre, inverse=True) + place
+    export = ["export", str(tmp_path / "out"), str(tmp_path / "a.vtu"), "--modelled", "--frame"]
+    assert main.main([*export, "tool"]) == 0 and main.main([*export, "no"]) == 2
+    found = pyvista.read(tmp_path / "a.vtu").points
+    assert cKDTree(found).query(expected)[0].max() < 1e-6
+    numbers = there.summary["quantities"]
+    own = numbers["shear_angle_max_in_punch_at_mm"] - place
+    formed = here.summary["quantities"]["shear_angle_max_formed_at_mm"]
+    assert turned.apply(own) + centre == pytest.approx(np.array(formed), abs=1e-5)
+
+
+@pytest.mark.parametrize("lid", [0, 1])
+def test_half_a_tool_beside_the_origin_is_that_of_its_plane_of_symmetry(tmp_path, lid):
+    """A ball cut at y = -400, open there, or closed by triangles in the plane."""
+    whole = hemisphere(*SHORT, file=ball(tmp_path)).job(balance=None).run()
+    away = [0, -400.0, 0]
+    file = ball(tmp_path, lambda x: x + away, lambda x: x[:, 1] > 0)
+    if lid:
+        grid = pyvista.read(tmp_path / "ball.vtu")
+        hole = pyvista.PolyData.from_regular_faces(grid.points, *grid.cells_dict.values())
+        hole.fill_holes(1e3).cast_to_unstructured_grid().save(tmp_path / "ball.vtu")
+    changes = "blank.symmetry={x = 0, y = -400}", "tools.ring.at=[0, -400]"
+    half = hemisphere(*SHORT, *changes, file=file)
+    assert not half.warnings
+    result = half.job(balance=None).run()
+    assert result.number("reaction_N") == pytest.approx(whole.number("reaction_N"), rel=1e-8)
+    ends = [space.surface_of(each.grid).bounds for each in (result, whole)]
+    assert np.subtract(*ends) == pytest.approx(np.repeat(away, 2), abs=1e-6)
 
 
 @pytest.mark.parametrize("turn", [0, 180])

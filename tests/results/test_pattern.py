@@ -126,13 +126,25 @@ def test_other_lines_are_not_allowed(form, trim, words):
 
 @pytest.mark.versions
 def test_files_are_blanks_again(tmp_path):
-    pattern = flat_pattern(ply(rolled), [rolled(dense(SQUARE)), rolled(dense(SQUARE / 2))], 0.5)
-    drawing, table, part = write_pattern(tmp_path / "net", pattern, {"number": "-"})
+    """The drawing has, beside the lines, the ply's name, its sizes, and an arrow along yarns a,
+    here at 30 deg."""
+    grid, c, s = ply(rolled), np.cos(np.pi / 6), 0.5
+    turn = grid.cell_centers().points[:, 0] / RADIUS
+    grid.cell_data["a"] = np.column_stack([c * np.cos(turn), s + 0 * turn, -c * np.sin(turn)])
+    pattern = flat_pattern(grid, [rolled(dense(SQUARE)), rolled(dense(SQUARE / 2))], 0.5)
+    drawing, table, part = write_pattern(tmp_path / "net", pattern, {"number": "-"}, "ply 2")
     for file in (drawing, table):
         sheet, told = read_outline(file)
         assert sheet.equals_exact(pattern.net, 1e-5, normalize=True) and not told
-    layers = {each.dxf.layer: each.closed for each in ezdxf.readfile(drawing).modelspace()}
-    assert layers == {"OUTLINE": True, "HOLES": True}
+    drawn = [*ezdxf.readfile(drawing).modelspace()]
+    lines = {e.dxf.layer: e.closed for e in drawn if e.dxftype() == "LWPOLYLINE"}
+    assert lines == {"OUTLINE": True, "HOLES": True}
+    others = {(e.dxf.layer, e.dxftype()): e for e in drawn if e.dxftype() != "LWPOLYLINE"}
+    assert others["TEXT", "TEXT"].dxf.text == "ply 2"
+    tip, end, *_ = (np.array([*x]) for x in others["YARNS", "LEADER"].vertices)
+    assert (tip - end) / np.linalg.norm(tip - end) == pytest.approx([c, s, 0], abs=1e-3)
+    sizes = [e.get_measurement() for e in drawn if e.dxf.layer == "DIMENSIONS"]
+    assert sizes == pytest.approx([40, 20], abs=0.01)
     formed = pyvista.read(part)
     assert formed.points - formed["u_mm"] == pytest.approx(formed["flat_mm"])
     assert formed.area == pytest.approx(pattern.formed_area) and "number" in formed.cell_data

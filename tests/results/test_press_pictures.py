@@ -76,7 +76,7 @@ def test_tools_of_a_quarter_are_mirrored(run):
 
 @pytest.mark.mpi
 def test_all_ranks_know_the_whole_blank():
-    (grid,) = press_pictures.flat_grids(builders.sheet(60, 40, 6, 4, spatial=True)).values()
+    (grid,) = press_pictures.flat_grids(builders.sheet(60, 40, 6, 4, spatial=True), {}).values()
     assert grid.area == pytest.approx(2400) and not grid["u"].any()
 
 

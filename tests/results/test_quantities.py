@@ -33,6 +33,7 @@ def test_numbers_of_fabric_are_those_of_its_area():
         thickness_under_pressure=(np.nan, 0.4, 0.3, 0.5, 0.6, np.nan),
         fibre_volume_fraction=(np.nan, 0.4, 0.3, 0.5, 0.45, np.nan),
     )
+    result.scene.blank.u.x.array.reshape(-1, 3)[:] = 1.0, 2.0, 3.0
     found = quantities.fabric_quantities(result, [result.scene.blank.whole])
     states = found.pop("share_of_state_1_to_4")
     assert states == pytest.approx([17 / 63, 34 / 63, 4 / 63, 8 / 63])
@@ -41,10 +42,12 @@ def test_numbers_of_fabric_are_those_of_its_area():
         "shear_angle_deg": pytest.approx((-51.566202, 34.377468)),
         "shear_angle_max_deg": pytest.approx(51.566202),
         "shear_angle_max_at_mm": [0.5, 5.0],
+        "shear_angle_max_formed_at_mm": [1.5, 7.0, 3.0],
         "shear_angle_99_percent_deg": pytest.approx(34.377468 + 17.188734 * 16.37 / 16.5),
         "shortening_at_shear_angle_max": 0.0099,
         "shortening_max": 0.0501,
         "shortening_max_at_mm": [47.0, 5.0],
+        "shortening_max_formed_at_mm": [48.0, 7.0, 3.0],
         "shortened_by_1_percent_share": pytest.approx(62 / 63),
         "shortened_by_2_percent_share": pytest.approx(56 / 63),
         "shortened_by_5_percent_share": pytest.approx(32 / 63),

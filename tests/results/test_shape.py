@@ -73,7 +73,7 @@ def test_paths_begin_at_the_centroid_of_the_area():
 def test_the_image_of_a_ply():
     """Vectors lose their sign across the plane, cells stay anticlockwise, nodes on it are one."""
     ply = ply_of(halves([0.1, 0.2, 0.3], vector=[[1, 2, 3], [4, 5, 6.0]], number=[7, 8.0]))
-    full = whole(ply._replace(planes=[0]))
+    full = whole(ply._replace(planes={0: 0.0}))
     assert len(full.x) == 6 and full.x[4:, 0] == pytest.approx([-4, -4])
     assert full.u[4:] == pytest.approx(np.tile([-0.1, 0.2, 0.3], (2, 1)))
     assert full.fields["vector"].tolist()[2:] == [[-1, 2, 3], [-4, 5, 6]]

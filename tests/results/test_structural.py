@@ -203,11 +203,11 @@ def test_a_quarter_is_mirrored_with_its_yarns(angle, image):
 def test_sheets_of_a_stack_have_what_is_their_own():
     """And no field that is unknown all over them."""
     grid = formed_plies.halves(part=[1, 0], number=[7.0, 8.0], own=[np.nan, 2.0])
-    grid.field_data[states.SYMMETRIC] = [1]
+    grid.field_data[formed_plies.SYMMETRIC] = [1]
     sheets = states.sheets_of(grid, ["low", "high"])
     assert {k: each["number"].tolist() for k, each in sheets.items()} == {"low": [8], "high": [7]}
     assert [("own" in each.cell_data) for each in sheets.values()] == [True, False]
-    assert all(list(each.field_data[states.SYMMETRIC]) == [1] for each in sheets.values())
+    assert all(list(each.field_data[formed_plies.SYMMETRIC]) == [1] for each in sheets.values())
 
 
 @pytest.mark.mpi
@@ -227,7 +227,7 @@ def test_the_command_exports_the_whole_part(tmp_path, capsys, plies):
     believed is exported with a warning."""
     planes = [ff.Support(f"{x} = 0", builders.near(k, 0.0), (k,)) for k, x in enumerate("xy")]
     folder = formed(tmp_path / "quarter", plies=plies, supports=planes)
-    file, whole = tmp_path / "ply.inp", ", 96 cells, mirrored in x and y = 0"
+    file, whole = tmp_path / "ply.inp", ", 96 cells, mirrored in x = 0 and y = 0"
     name = plies[0] if plies else "the ply"
     for words, status, told, count in (
         ((folder, file), 0, whole, max(1, len(plies))),

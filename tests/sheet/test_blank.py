@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import shapely
 import ufl
 from builders import COMM, near, rotation
 from builders import sheet as rectangle
@@ -276,10 +277,39 @@ def test_directions_just_allowed_and_just_refused(options):
     kite(**options[0])
     with pytest.raises(ff.InputError, match="fibre direction"):
         kite(**options[1])
+    with pytest.raises(ff.InputError, match="`ny` 4500: 1.62e8 cells, .* some 1940 GB"):
+        ff.Blank.rectangle(2, 1, nx=9000)
     for angle in (-360, 360):
         ff.Blank.rectangle(2, 1, nx=1, fibre_angle=angle)
     with pytest.raises(ff.InputError, match="from -360 to 360"):
         ff.Blank.rectangle(2, 1, nx=1, fibre_angle=361)
+
+
+def test_a_strip_that_is_slit_from_end_to_end_is_two_strips():
+    strip = {"length": 100, "nx": 20, "pattern": "crossed", "element": "P1", "fibre_angle": 30}
+    slit = {"width": 40, "slits": [[[0, 20], [100, 20]]]}
+    two, one = (
+        ff.BiasExtension(**strip, **how, strain=0.02).job(steps=2).run(pictures=False).rows[-1]
+        for how in (slit, {"width": 20})
+    )
+    assert two["reaction_N"] == pytest.approx(2 * one["reaction_N"], rel=1e-9)
+    with pytest.raises(ff.InputError, match="along 0 of the 40 mm of `slits`; allowed are lines"):
+        ff.Blank.rectangle(100, 40, nx=10, slits=[[[20, 17], [60, 17]]])
+
+
+@pytest.mark.parametrize("pattern", ["unstructured", "along"])
+def test_cells_of_an_outline_follow_its_slits(pattern):
+    """Which open it: all places on them have two nodes, but the ends inside."""
+    rim, angle = [[(0, 0), (100, 0), (100, 60), (0, 60)]], 20
+    slits = [[(50, 60), (50, 20), (80, 20)], [(10, 30), (30, 40)]]
+    blank = ff.Blank.outline(rim, size=6, pattern=pattern, fibre_angle=angle, slits=slits)
+    x, count = np.unique(blank.mesh.geometry.x.round(6), axis=0, return_counts=True)
+    off = shapely.distance(shapely.MultiLineString(slits), shapely.points(x))
+    tips = np.min([np.hypot(*(x[:, :2] - tip).T) for tip in ((80, 20), *slits[1])], axis=0)
+    assert ((count == 2) == ((off < 1e-6) & (tips > 1e-6))).all() and count.max() == 2
+    assert blank.areas().sum() == pytest.approx(6000) and (count == 2).sum() > 12
+    lips = np.unique(x[(count == 2) & (x[:, 0] == 50), 1])
+    assert lips[-1] == 60 and np.diff(lips).max() < 8
 
 
 def test_a_sheet_is_moved_by_the_middle_of_its_extent():

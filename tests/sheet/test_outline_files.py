@@ -82,6 +82,15 @@ def test_layers_of_a_drawing(drawing):
     assert drawing(draw, layer="cut")[0].area == pytest.approx(8000)
     assert len(drawing(draw, layer="CUT, HOLE")[0].interiors) == 1
 
+    def framed(space):
+        rectangle(space, layer="PART")
+        edges = [(-50, -50), (250, -50), (250, 150), (-50, 150)]
+        space.add_lwpolyline(edges, close=True, dxfattribs={"layer": "FRAME"})
+
+    with pytest.raises(InputError, match="lines of PART inside those of FRAME: holes, or a part"):
+        drawing(framed)
+    assert drawing(framed, layer="PART")[0].area == pytest.approx(8000)
+
 
 def in_block(space, layer="0", inside="0", **how):
     """A hole in a block on a layer."""

@@ -63,6 +63,17 @@ def test_edges_with_three_triangles_are_refused():
         checked(points, cells)
 
 
+def test_numbers_of_single_precision_far_from_the_origin_are_refused():
+    """At 4.5e6 mm they are 0.5 mm apart, of a surface of 10 mm; at 100 mm all is well."""
+    points, cells = arc(10.0)
+    for far, more in ((4.5e6, "single precision, which are 0.0"), (100.0, "")):
+        x = (points + [far, 0, 0]).astype("f4").astype(float)
+        if more:
+            with pytest.raises(InputError, match=f"punch.stl has numbers of {more}"):
+                checked(x, cells, thickness=9.0)
+        assert more or not checked(x, cells)
+
+
 def grid(angle, n=8):
     """Two planes of squares at an angle [deg]."""
     x, y = (each.ravel() for each in np.meshgrid(np.arange(-n, n + 1.0), np.arange(n + 1.0)))
