@@ -99,8 +99,7 @@ def _mesh_of_model(path, chord, body):
     gmsh.model.mesh.setSizeCallback(size_at)
     gmsh.model.mesh.generate(2)
     text = path.read_bytes() if ending(path) in (".step", ".stp") else b""
-    is_closed = b"CLOSED_SHELL" in text and b"OPEN_SHELL" not in text  # solids alone
-    if is_closed or (solids and not text):
+    if (solids or b"CLOSED_SHELL" in text) and b"OPEN_SHELL" not in text:  # solids alone
         nodes = gmsh.model.mesh.getElementsByType(2)[1].reshape(-1, 3)
         sides = np.sort(np.stack([nodes, np.roll(nodes, -1, 1)], 2).reshape(-1, 2), 1)
         ends, count = np.unique(sides, axis=0, return_counts=True)
