@@ -274,10 +274,8 @@ class SpringHolder(Kind):
                     "the modelled part, but the blank's centroid, from which springs pull away"
                 )
             if (off := site.laid.distance(place)) > OFF_BLANK * max(site.laid.sides):
-                raise InputError(
-                    f"{site.path}.at has the point {coordinates(place)} mm, {rounded(off)} mm off "
-                    "the blank; allowed are points on it"
-                )
+                where = f"{coordinates(place)} mm, {rounded(off)} mm off the blank"
+                raise InputError(f"{site.path}.at has the point {where}; allowed are points on it")
             share, near = 0.5 ** int((place[planes] == 0).sum()), site.laid.nearest_nodes(place)
             outwards = np.append(away, 0.0) / np.linalg.norm(away)
             springs.append(self._spring(site, f"point {k}", near, share, outwards))

@@ -102,10 +102,9 @@ def _flaw(points, cells, kind):
         return "is empty: it holds 0 cells; allowed is 1 or more"
     if cells.shape[1:] != (nodes := len(CELLS[kind].nodes),):
         return f"has cells of {cells.shape[1:]} nodes; allowed are {nodes} for a {kind}"
-    outside = np.flatnonzero((cells < 0).any(1) | (cells >= len(points)).any(1))
-    if outside.size:
-        cell, last = f"a cell, number {outside[0]},", len(points) - 1
-        return f"has {cell} with nodes {cells[outside[0]].tolist()}; allowed are 0 to {last}"
+    last = len(points) - 1
+    for k in np.flatnonzero((cells < 0).any(1) | (cells > last).any(1))[:1]:
+        return f"has a cell, number {k}, with nodes {cells[k].tolist()}; allowed are 0 to {last}"
     if (bad := cells[~np.isfinite(points[cells]).all(2)]).size:
         return f"has a coordinate that is not a number at node {bad.min()}; allowed are lengths"
     return ""

@@ -269,14 +269,9 @@ def test_bodies_of_cad_models(tmp_path):
         gmsh.model.occ.addSphere(50, 0, 0, 10)
         gmsh.model.occ.synchronize()
         gmsh.write(str(tmp_path / "two.step"))
-    two, ball = tmp_path / "two.step", 4 * np.pi * 10**2
-    cases = [(Path(__file__).with_name("ball.igs"), (), 9 * ball)]
-    for file, body, area in [
-        *cases,
-        (two, (1,), 2200),
-        (two, (2,), ball),
-        (two, (1, 2), 2200 + ball),
-    ]:
+    two, ball, iges = tmp_path / "two.step", 400 * np.pi, Path(__file__).with_name("ball.igs")
+    cases = [(iges, (), 9 * ball), (two, (1,), 2200), (two, (2,), ball), (two, (1, 2), 2200 + ball)]
+    for file, body, area in cases:
         surface = TriangulatedSurface.read(file, chord=0.02, body=body)
         assert surface.areas.sum() == pytest.approx(area, rel=5e-3) and not len(surface.rim)
     words = r"2 bodies: 1 from \(0, 0, 0\) to \(10, 20, 30\), 2 from \(40, -10, -10\) to"
