@@ -78,11 +78,6 @@ class BiasExtension(Strip, YarnBending):
             )
         return super().doubts()
 
-    def defaults(self, nx: int) -> Values:
-        """As in `Strip`: also linear cells where yarns at +-45 deg bend."""
-        bends = self.in_plane_bending and not self.element and self.at_45
-        return super().defaults(nx) | ({"element": "P1"} if bends else {})
-
     def terms(self) -> Sequence[Bending]:
         """In-plane bending of yarns that the grips hold straight, if asked for."""
         along, modulus, in_plane = self.blank.along, self.bending_modulus, self.in_plane_bending

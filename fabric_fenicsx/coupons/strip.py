@@ -41,13 +41,15 @@ class Strip(Coupon):
     )
 
     def defaults(self, nx: int) -> Values:
-        """As in `Coupon`: also the pattern, by the yarns."""
+        """As in `Coupon`: also pattern and element, by the yarns."""
         values = super().defaults(nx)
         length, width = (values.get(name, getattr(self, name)) for name in self.SIDES)
         if self.pattern is None and not self.sheet_file:
             values["pattern"] = "crossed" if self.at_45 or self._has_yarns_along() else "yarns"
             if self.at_45 and self.strain <= self.MAX_GRADED and can_be_graded(length, width):
                 values["pattern"] = "graded"
+        if self.at_45 and not self.element and getattr(self, "in_plane_bending", None):
+            values["element"] = "P1"
         return values
 
     @property

@@ -59,11 +59,9 @@ def read_outline(path: Path | str, layer: str | None = None) -> tuple[shapely.Po
         rim = {name for name, is_on in zip(names, is_rim) if is_on}
         inside = sorted({name for name in names if not re.search("hole", name, re.I)} - rim)
         if inside:
-            raise InputError(
-                f"{source} has lines of {', '.join(inside)} inside those of {', '.join(rim)}: "
-                "holes, or a part in its drawing frame; allowed is `layer` with the layers that "
-                "count"
-            )
+            flaw = f"has lines of {', '.join(inside)} inside those of {', '.join(rim)}: holes, or a"
+            flaw += " part in its drawing frame; allowed is `layer` with the layers that count"
+            raise InputError(f"{source} {flaw}")
     return sheet, notes
 
 

@@ -101,16 +101,13 @@ def _stl(path):
     else:
         facets = len(re.findall(rb"(?<!\S)facet\s+normal(?!\S)", data, re.IGNORECASE))
         if b"\0" in data and not facets:
-            size = len(data) - header
-            raise ValueError(
-                f"it tells of {count} triangles and holds {size} bytes of them: cut off"
-            )
+            held = f"holds {len(data) - header} bytes of them: cut off"
+            raise ValueError(f"it tells of {count} triangles and {held}")
         vertices = re.findall(rb"(?<!\S)vertex\s+(\S+)\s+(\S+)\s+(\S+)", data, re.IGNORECASE)
         # letters in which a text ends
         if not facets or len(vertices) != 3 * facets or b"endsolid" not in data[-1000:].lower():
-            raise ValueError(
-                f"it has {len(vertices)} vertices in {facets} facets, or no `endsolid`"
-            )
+            found = f"{len(vertices)} vertices in {facets} facets"
+            raise ValueError(f"it has {found}, or no `endsolid`")
         spelled = bytes.maketrans(b",dD", b".ee")  # decimal commas, exponents of Fortran
         corners = np.array([[word.translate(spelled) for word in x] for x in vertices], float)
     points, number = np.unique(corners, axis=0, return_inverse=True)
@@ -133,10 +130,8 @@ def _obj(path):
 
 def _with_included(path):
     """The text of a Nastran file with those that it includes, of which gmsh knows nothing."""
-    include = re.compile(r"^ *INCLUDE +(['\"]?)([^'\"\n]+)\1.*$", re.MULTILINE | re.IGNORECASE)
-    return include.sub(
-        lambda m: _with_included(path.parent / m[2].strip()), path.read_text("latin-1")
-    )
+    include, text = r"(?im)^ *INCLUDE +(['\"]?)([^'\"\n]+)\1.*$", path.read_text("latin-1")
+    return re.sub(include, lambda m: _with_included(path.parent / m[2].strip()), text)
 
 
 def _by_gmsh(path):

@@ -65,14 +65,12 @@ def preset_or_file(
 def read_toml(path: str | os.PathLike[str], make: Callable[[Document], T]) -> T:
     """make(document) of the TOML file at `path`; InputErrors name the file."""
     try:
-        data = Path(path).read_bytes()
-        document = tomllib.loads(data.decode("utf-8-sig"))
-    except UnicodeDecodeError as error:
-        wide = data.startswith((b"\xff\xfe", b"\xfe\xff"))
-        found = "UTF-16" if wide else f"Latin-1 or another encoding, by byte {error.start + 1}"
-        raise InputError(f"{path}: is in {found}; allowed is TOML in UTF-8") from None
+        document = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
     except (OSError, ValueError, RecursionError) as error:
         reason = getattr(error, "strerror", None) or error
+        if isinstance(error, UnicodeDecodeError):
+            is_wide = error.object.startswith((b"\xff\xfe", b"\xfe\xff"))
+            reason = f"it is in {'UTF-16' if is_wide else 'Latin-1 or another encoding'}"
         raise InputError(f"{path}: cannot be read ({reason}); allowed is TOML in UTF-8") from None
     try:
         return make(document)

@@ -249,10 +249,9 @@ class SpringHolder(Kind):
                     "pull away"
                 )
             if (off := site.laid.distance(place)) > OFF_BLANK * max(site.laid.sides):
-                raise InputError(
-                    f"holders.{site.name}.at has the point {coordinates(place)} mm, {rounded(off)} "
-                    "mm off the blank; allowed are points on it"
-                )
+                where = f"{coordinates(place)} mm, {rounded(off)} mm off the blank"
+                flaw = f"holders.{site.name}.at has the point {where}"
+                raise InputError(f"{flaw}; allowed are points on it")
             share, near = 0.5 ** int((place[planes] == at).sum()), site.laid.nearest_nodes(place)
             add(f"point {k}", near, share, np.append(away, 0.0) / np.linalg.norm(away))
         return springs
@@ -285,7 +284,7 @@ class BeadHolder(Kind):
     def terms(self, site: HolderSite) -> list[Term]:
         bead = LineBead(**self.bead, name=site.name, law=site.interface.coulomb(1.0))
         x = np.pad(bead.points(), ((0, 0), (0, 1)))
-        x = x[(x[:, list(site.planes)] >= 0).all(1)]
+        x = x[(x[:, [*site.planes]] >= [*site.planes.values()]).all(1)]
         if len(off := x[site.on_flange()(x.T) == 0]):
             raise InputError(
                 f"holders.{site.name}.bead leaves the flange of {site.die.name} at "

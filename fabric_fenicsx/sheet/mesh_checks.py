@@ -25,26 +25,22 @@ class MeshArrays(NamedTuple):
 
 
 class CellKind(NamedTuple):
-    """A kind of cell: what DOLFINx calls it, its geometric degree, and places (k, 2) of its nodes
-    in the reference cell, in gmsh's order with the corners first."""
+    """A kind of cell: what DOLFINx calls it, numbers of its corners, its geometric degree, and
+    places (k, 2) of its nodes in the reference cell, in gmsh's order with the corners first."""
 
     cell: str
+    corners: int
     degree: int
     nodes: np.ndarray
-
-    @property
-    def corners(self) -> int:
-        """Number of its corners."""
-        return 3 if self.cell == "triangle" else 4
 
 
 _TRIANGLE = np.array([(0, 0), (2, 0), (0, 2), (1, 0), (1, 1), (0, 1)]) / 2
 _QUAD = np.array([(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)]) / 2
 CELLS = {
-    "triangle": CellKind("triangle", 1, _TRIANGLE[:3]),
-    "triangle6": CellKind("triangle", 2, _TRIANGLE),
-    "quad": CellKind("quadrilateral", 1, _QUAD[:4]),
-    "quad9": CellKind("quadrilateral", 2, _QUAD),
+    "triangle": CellKind("triangle", 3, 1, _TRIANGLE[:3]),
+    "triangle6": CellKind("triangle", 3, 2, _TRIANGLE),
+    "quad": CellKind("quadrilateral", 4, 1, _QUAD[:4]),
+    "quad9": CellKind("quadrilateral", 4, 2, _QUAD),
 }
 SLIT_TOLERANCE = 0.1  # of an edge's length, up to which it lies on a slit
 AREA_TOLERANCE = 1e-16  # squared area over the longest edge's fourth power: no area below it
@@ -106,10 +102,9 @@ def _flaw(points, cells, kind):
         return "is empty: it holds 0 cells; allowed is 1 or more"
     if cells.shape[1:] != (nodes := len(CELLS[kind].nodes),):
         return f"has cells of {cells.shape[1:]} nodes; allowed are {nodes} for a {kind}"
-    outside = np.flatnonzero((cells < 0).any(1) | (cells >= len(points)).any(1))
-    if outside.size:
-        cell, last = f"a cell, number {outside[0]},", len(points) - 1
-        return f"has {cell} with nodes {cells[outside[0]].tolist()}; allowed are 0 to {last}"
+    last = len(points) - 1
+    for k in np.flatnonzero((cells < 0).any(1) | (cells > last).any(1))[:1]:
+        return f"has a cell, number {k}, with nodes {cells[k].tolist()}; allowed are 0 to {last}"
     if (bad := cells[~np.isfinite(points[cells]).all(2)]).size:
         return f"has a coordinate that is not a number at node {bad.min()}; allowed are lengths"
     return ""

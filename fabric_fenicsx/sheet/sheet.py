@@ -291,6 +291,10 @@ class Sheet(SheetFields, YarnBending):
         return self._with_cells(times, lambda n: 2 * math.ceil(n / 2))
 
     def mirrored(self, planes: Iterable[int]) -> Self:
-        """The sheet, a rectangle, with the cells of its images in the planes of symmetry."""
+        """The sheet, a rectangle, with its images in planes through the origin."""
+        slits = [np.array(line) for line in self.slits]
+        for axis in planes:
+            slits += [line * (1 - 2 * np.eye(2)[axis]) for line in slits]
         names = [("nx", "ny")[axis] for axis in planes]
-        return replace(self, **{name: 2 * n for name in names if (n := getattr(self, name))})
+        cells: Values = {name: 2 * n for name in names if (n := getattr(self, name))}
+        return replace(self, **cells, slits=slits)

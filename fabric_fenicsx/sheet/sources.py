@@ -157,9 +157,6 @@ def moved_sheet(
     return points, [doubt] if abs(low[2] - height) > near else []
 
 
-# -- triangles in an outline
-
-
 def outline_mesh(
     sheet: shapely.Polygon,
     size: float,

@@ -52,11 +52,9 @@ def check_triangles(surface: TriangulatedSurface, name: str, thickness: float) -
     x = surface.points
     rounding = float(np.spacing(np.abs(x).max().astype("f4"))) / np.ptp(x, axis=0).max()
     if rounding > MAX_ROUNDING and (x == x.astype("f4")).mean() > 0.9:
-        raise InputError(
-            f"{name} has numbers of single precision, which are {rounding:.2g} of its size apart "
-            f"at {coordinates(x[0])} mm; allowed is a surface near the origin of its coordinates, "
-            "or a format with more digits"
-        )
+        flaw = f"numbers of single precision, which are {rounding:.2g} of its size apart"
+        flaw += f" at {coordinates(x[0])} mm; allowed is a surface near the origin, or more digits"
+        raise InputError(f"{name} has {flaw}")
     edges, turn = surface.curved.turns()
     if not len(turn) or (sharpest := np.degrees(turn.max())) <= 20.0:
         return []

@@ -75,9 +75,9 @@ def _mesh_of_model(path, chord, body):
         gmsh.model.occ.removeAllDuplicates()  # faces alone do not share their edges there
     if max(body, default=0) > len(solids) or len(solids) > 1 > len(body):
         boxes = np.reshape([gmsh.model.occ.getBoundingBox(*s) for s in solids], (-1, 2, 3))
-        words = [" to ".join(map(coordinates, box)) for box in boxes.round(3)]
-        words = [f"{k} from {ends}" for k, ends in enumerate(words, 1)]
-        found = f"{len(solids)} bodies: {', '.join(words)} mm"
+        ends = (" to ".join(map(coordinates, box)) for box in boxes.round(3))
+        words = ", ".join(f"{k} from {each}" for k, each in enumerate(ends, 1))
+        found = f"{len(solids)} bodies: {words} mm"
         raise ValueError(f"it holds {found}; `body` names one or more of them, as body = 1")
     if body:
         others = [each for k, each in enumerate(solids, 1) if k not in body]
@@ -99,8 +99,7 @@ def _mesh_of_model(path, chord, body):
     gmsh.model.mesh.setSizeCallback(size_at)
     gmsh.model.mesh.generate(2)
     text = path.read_bytes() if ending(path) in (".step", ".stp") else b""
-    is_closed = b"CLOSED_SHELL" in text and b"OPEN_SHELL" not in text  # solids alone
-    if is_closed or (solids and not text):
+    if (solids or b"CLOSED_SHELL" in text) and b"OPEN_SHELL" not in text:  # solids alone
         nodes = gmsh.model.mesh.getElementsByType(2)[1].reshape(-1, 3)
         sides = np.sort(np.stack([nodes, np.roll(nodes, -1, 1)], 2).reshape(-1, 2), 1)
         ends, count = np.unique(sides, axis=0, return_counts=True)

@@ -62,7 +62,6 @@ def by_gmsh(path, order=1, curves=False, **options):
 GMSH = {
     "version 2.2, binary": ("strip.msh", {"MshFileVersion": 2.2, "Binary": 1}),
     "curves in groups and all saved": ("strip.msh", {"curves": True, "SaveAll": 1}),
-    "third order": ("strip.msh", {"order": 3}),
     "8 nodes": ("strip.msh", {"order": 2, "RecombineAll": 1, "SecondOrderIncomplete": 1}),
     "UNV of order 2": ("strip.unv", {"order": 2}),
 }

@@ -16,10 +16,6 @@ from fabric_fenicsx.sheet.sources import moved_sheet
 from fabric_fenicsx.sheet.specimen import own_model, specimen, yarns_through_corners
 
 
-def area(blank):
-    return COMM.allreduce(fem.assemble_scalar(compat.form(1.0 * ufl.dx(blank.mesh))))
-
-
 @pytest.mark.parametrize("angle, lines", [(0, 0), (45, 4), (100, 4)])
 def test_edges_follow_the_yarns_through_the_corners(angle, lines):
     yarns = math.radians(angle)
@@ -84,7 +80,7 @@ def test_curved_cells(tmp_path, kind):
         gmsh.write(str(tmp_path / "disk.msh"))
     blank = ff.Blank.read(tmp_path / "disk.msh")
     assert blank.mesh.geometry.dim == 2 and not blank.warnings
-    assert area(blank) == pytest.approx(100 * math.pi, rel=1e-3)
+    assert total(1.0 * ufl.dx(blank.mesh)) == pytest.approx(100 * math.pi, rel=1e-3)
 
 
 def cylinder(cell="triangle"):
@@ -300,16 +296,14 @@ def test_a_strip_that_is_slit_from_end_to_end_is_two_strips():
 @pytest.mark.parametrize("pattern", ["unstructured", "along"])
 def test_cells_of_an_outline_follow_its_slits(pattern):
     """Which open it: all places on them have two nodes, but the ends inside."""
-    rim, angle = [[(0, 0), (100, 0), (100, 60), (0, 60)]], 20
+    rim = [[(0, 0), (100, 0), (100, 60), (0, 60)]]
     slits = [[(50, 60), (50, 20), (80, 20)], [(10, 30), (30, 40)]]
-    blank = ff.Blank.outline(rim, size=6, pattern=pattern, fibre_angle=angle, slits=slits)
+    blank = ff.Blank.outline(rim, size=6, pattern=pattern, fibre_angle=20, slits=slits)
     x, count = np.unique(blank.mesh.geometry.x.round(6), axis=0, return_counts=True)
     off = shapely.distance(shapely.MultiLineString(slits), shapely.points(x))
     tips = np.min([np.hypot(*(x[:, :2] - tip).T) for tip in ((80, 20), *slits[1])], axis=0)
-    assert ((count == 2) == ((off < 1e-6) & (tips > 1e-6))).all() and count.max() == 2
-    assert blank.areas().sum() == pytest.approx(6000) and (count == 2).sum() > 12
-    lips = np.unique(x[(count == 2) & (x[:, 0] == 50), 1])
-    assert lips[-1] == 60 and np.diff(lips).max() < 8
+    assert (count == 1 + ((off < 1e-6) & (tips > 1e-6))).all() and count.sum() > len(x) + 12
+    assert blank.areas().sum() == pytest.approx(6000)
 
 
 def test_a_sheet_is_moved_by_the_middle_of_its_extent():

@@ -84,8 +84,7 @@ def test_layers_of_a_drawing(drawing):
 
     def framed(space):
         rectangle(space, layer="PART")
-        edges = [(-50, -50), (250, -50), (250, 150), (-50, 150)]
-        space.add_lwpolyline(edges, close=True, dxfattribs={"layer": "FRAME"})
+        space.add_circle((50, 40), 90, dxfattribs={"layer": "FRAME"})
 
     with pytest.raises(InputError, match="lines of PART inside those of FRAME: holes, or a part"):
         drawing(framed)
