@@ -7,14 +7,19 @@ from typing import Any
 
 import numpy as np
 
+from ..core.collective_errors import on_root
 from ..core.errors import InputError
-from ..core.formatting import rounded
+from ..core.formatting import of_sheet, rounded
 from ..energy.fingerprint import plain
 from ..job.job import Job, Result
-from ..results.verdict import Numbers
+from ..results.shape import asymmetry
+from ..results.verdict import Numbers, Reason
 from ..results.wrinkles import HEIGHT, MIN_HEIGHT
 from ..solve.checkpoint import STAGES
 from .built import BuiltPress
+from .holders import segments
+from .laying import mirrored_yarns
+from .placement import mirrored_tools
 from .press_data import PressData
 from .schema import document_of
 
@@ -62,6 +67,35 @@ class FormingScene(BuiltPress):
         at = x + aside * math.cos(math.pi / 6), y + aside * math.sin(math.pi / 6), *z
         moved = dataclasses.replace(press.tools[name], at=at)
         return press.replace(tools={**press.tools, name: moved})
+
+    def doubts(self, result: Result) -> list[Reason]:
+        """A doubt about each plane in which the press is its own mirror image and the formed blank
+        is not: its steps were too large, or it buckled."""
+        found = list[Reason]()
+        for axis in {0, 1}.difference(self.data.planes):
+            apart = on_root(self.scene.comm, lambda axis=axis: asymmetry(result.grid, axis))
+            if apart and self._is_symmetric(axis):
+                off, moved, place = apart
+                found.append(
+                    Reason(
+                        f"the press is its own mirror image in {'xy'[axis]} = 0, but the blank, "
+                        f"which moves by up to {rounded(moved)} mm in plan, is {rounded(off)} mm "
+                        f"off its image at {of_sheet(place)}; take more steps"
+                    )
+                )
+        return found
+
+    def _is_symmetric(self, axis):
+        """Whether tools, yarns and holders are their own mirror images in the plane across an axis,
+        as far as that is known."""
+        data, extent = self.data, np.array(self.laid.blank.extent())
+        held = [each for name, holder in data.holders.items() for each in segments(name, holder)]
+        known = not self.field_ranges() and all(
+            getattr(each, "presses", False) and each.where is None for each in held
+        )
+        yarns = [mirrored_yarns(*both, [axis]) for both in zip(self.sheets, self.laid.blanks)]
+        tools = on_root(self.scene.comm, lambda: mirrored_tools(data, self.tools, extent, [axis]))
+        return known and not any(yarns) and not tools
 
     def of_whole(self, numbers: Numbers) -> str:
         """Text that follows the force on a part of the blank, "" for a whole one."""

@@ -1,5 +1,6 @@
 """The places of the tools of a press before anything moves, and whether they leave room for it."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -60,7 +61,7 @@ def place_tools(press: PressData, laid: Laid) -> tuple[dict[str, Tool], Schedule
 
     def checked():
         doubts = _clearance_doubts(press, tools, schedule, extent)
-        return doubts + _symmetry_doubts(press, tools, extent, thickness)
+        return doubts + mirrored_tools(press, tools, extent, press.planes)
 
     return tools, schedule, doubts + on_root(comm, checked)
 
@@ -289,12 +290,15 @@ def _points(tool, extent, load):
     return x[((x >= low - 1e-6) & (x <= high + 1e-6))[:, :2].all(1)]
 
 
-def _symmetry_doubts(press, tools, extent, thickness):
-    """A sentence on each tool that is not its own mirror image in the planes of symmetry, within
-    `MIRRORED` thicknesses, in its places at the start and at the end."""
-    doubts: dict[str, str] = {}
+def mirrored_tools(
+    press: PressData, tools: Mapping[str, Tool], extent: np.ndarray, planes: Sequence[int]
+) -> list[str]:
+    """A sentence on each tool that is not its own mirror image in the planes across these axes,
+    within `MIRRORED` thicknesses, in its places at the start and at the end. extent (2, 3): corners
+    of the blank [mm]."""
+    doubts, thickness = dict[str, str](), press.thickness()
     alone = [tool for name, tool in tools.items() if name not in press.dies()]
-    for tool, load, axis in product(alone, (0.0, 1.0), press.planes):
+    for tool, load, axis in product(alone, (0.0, 1.0), planes):
         x, mirror = _points(tool, extent, load), 1.0 - 2.0 * np.eye(3)[axis]
         off = np.nan_to_num(abs(tool.surface.evaluate(x * mirror - tool.path(load)).gap))
         if tool.name not in doubts and off.max(initial=0.0) > MIRRORED * thickness:

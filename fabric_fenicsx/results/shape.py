@@ -16,6 +16,7 @@ from ..core.formatting import coordinates
 from .ply import SAME, Grid, check_field, edge_sides, plan_area, ply_of
 
 File: TypeAlias = pathlib.Path | str
+MAX_ASYMMETRY = 0.1  # of the largest displacement in plan, by which mirrored places may differ
 
 
 class Path(NamedTuple):
@@ -165,6 +166,22 @@ def draw_in(grid: Grid) -> dict[str, float | list[float]]:
     largest = float(inwards.max())
     there = (place.round(6) + 0.0)[inwards >= largest - 1e-6 * abs(largest)].tolist()
     return ways | {"largest_mm": largest, "largest_at_mm": min(there)}
+
+
+def asymmetry(grid: Grid, axis: int) -> tuple[float, float, np.ndarray] | None:
+    """How far the formed sheet is at most off its mirror image across an axis (0: in x = 0), the
+    largest displacement, both in plan [mm], and the place (2,) where it is. None below
+    `MAX_ASYMMETRY`, and for a mesh that is not its own image."""
+    from scipy.spatial import KDTree  # takes long to import
+
+    x, mirror = np.asarray(grid.points), 1.0 - 2.0 * np.eye(3)[axis]
+    away, image = KDTree(x).query(x * mirror)
+    u = np.asarray(grid.point_data["u"])
+    off, moved = (np.linalg.norm(v[:, :2], axis=1) for v in (u - u[image] * mirror, u))
+    worst = int(off.argmax())
+    if away.max() > SAME or off[worst] <= MAX_ASYMMETRY * moved.max():
+        return None
+    return off[worst], moved.max(), x[worst, :2]
 
 
 def contrast(grid: Grid, name: str) -> float:
