@@ -73,7 +73,7 @@ def add_solver(p: Parser, test: Any) -> None:
     """Add the options of solver, errors and limits, with the defaults of the class `test`."""
     add_fields(p, Settings, test, free=True)
     p.group("solver")
-    unasked = f" (yes from {test.CHEAP_FROM} cells on)" if test.CHEAP_FROM else ""
+    unasked = {0: "", 1: " (yes)"}.get(test.CHEAP_FROM, f" (yes from {test.CHEAP_FROM} cells on)")
     words = f"estimate all errors, from the same run on a mesh twice as coarse{unasked}"
     p.option("--error", action=BooleanOptionalAction, help=words, free=True)
     if test is not Coupon:

@@ -134,7 +134,7 @@ def estimate(
     coarser mesh, of cells `of_other_kind` or of the same: of the reaction, strain energy, `names`
     of quantities, the curve (at most) and the FIELDS (root mean square over the area). The result's
     rows get the curve's as `error_N`, its fields those of the FIELDS as `error_...`. forces_only:
-    tell those of forces and energies alone."""
+    tell those of forces, energies and the angle of 99 % of the area alone."""
     lag = lag_of(result.scene)
     by = rule(result.rows, other.rows, of_other_kind=of_other_kind, lag=lag)
     errors = dict[str, float | None]()
@@ -155,8 +155,8 @@ def estimate(
         quantity, unit = ("shear_angle_rms_deg", np.degrees) if is_angle else (f"{name}_rms", float)
         errors[quantity] = by.error(unit(size), unit(apart))
     if forces_only:
-        forces = tuple(name for name in errors if name.endswith(("_N", "_Nmm")))
-        errors |= dict.fromkeys(errors.keys() - forces)
+        ends = "_N", "_Nmm", "_99_percent_deg"
+        errors |= {name: None for name in errors if not name.endswith(ends)}
     return errors
 
 

@@ -25,7 +25,7 @@ from ..core.files import csv_text, lock_folder, plain, replace_file
 from ..core.logs import MARKED, LogFile, log
 from ..core.version import __version__
 from . import report
-from .verdict import INVALID, OK, Numbers, Reason
+from .verdict import DOUBTFUL, OK, VERDICTS, Numbers, Reason
 
 
 def finite(value: Any) -> Any:
@@ -100,8 +100,8 @@ class Output:
             self.warnings.append(text)
 
     def doubt(self, reason: Reason) -> None:
-        """As `warn`, a reason of the verdict; one why it is invalid is not printed."""
-        said = self.translated if reason.verdict == INVALID else self.tell
+        """As `warn`, a reason of the verdict; only one why it is doubtful is printed."""
+        said = self.tell if reason.verdict == DOUBTFUL else self.translated
         reason = reason._replace(text=said(reason.text))
         if reason.text and reason not in self.reasons:
             self.reasons.append(reason)
@@ -187,7 +187,7 @@ class Output:
     def _judged(self, reasons, warnings):
         """Entries of the summary with the verdict, after these reasons and warnings."""
         reasons = [*reasons, *(each._asdict() for each in self.reasons)]
-        reasons.sort(key=lambda each: each["verdict"] != INVALID)
+        reasons.sort(key=lambda each: -VERDICTS.index(each["verdict"]))
         verdict = reasons[0]["verdict"] if reasons else OK
         return {"verdict": verdict, "reasons": reasons, "warnings": [*warnings, *self.warnings]}
 

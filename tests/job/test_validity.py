@@ -235,8 +235,24 @@ def test_a_coarser_run_that_fails_costs_the_errors_alone():
 
     job = ff.Tensile(**COARSE).job(steps=2, coarser=refused, error=True)
     summary = job.run().summary
-    assert summary["converged"] and "error" not in summary
+    assert summary["converged"] and "error" not in summary and summary["verdict"] == "doubtful"
     assert any("no error is known" in text and "no such mesh" in text for text in said(summary))
+
+
+@pytest.mark.parametrize(
+    "force, angle, doubted",
+    [(20.0, 3.0, []), (20.1, 2.9, ["_N"]), (0.0, 3.1, ["shear_angle"])]
+    + [(None, None, ["_N", "shear_angle"])],
+)
+def test_ok_needs_a_force_to_10_percent_and_an_angle_to_3_degrees(force, angle, doubted):
+    name = "shear_angle_99_percent_deg"
+    summary = {"reaction_N": -200.0, "quantities": {name: 40.0}}
+    summary["error"] = {"reaction_N": force, name: angle}
+    result = ff.Result(summary, [], {}, None, None)
+    doubts = validity.error_doubts(result, "force of punch")
+    assert [doubt.of for doubt in doubts] == doubted
+    words = f"force of punch -200 +- {'unknown' if force is None else 20} N"
+    assert all(words in doubt.text for doubt in doubts if doubt.of == "_N")
 
 
 def test_only_errors_of_forces_are_told_where_cells_crumple(monkeypatch):

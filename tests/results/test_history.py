@@ -229,8 +229,9 @@ def test_errors_of_all_that_is_told():
     run.rows, other.rows = rows((0, 0.5, 1), (0, 2.0, 10)), rows((0, 0.5, 1), (0, 1.8, 9.0))
     for result, force, strain, own in ((run, 10.0, 4.0, 1.0), (other, 9.0, 3.0, 0.9)):
         result.summary |= {"reaction_N": force, "energy": {"strain": strain}}
-        result.summary["quantities"] = {"own": {"force_N": own}, "text": "a"}
-    names = "own.force_N", "text"
+        most = {"shear_angle_99_percent_deg": 2 * own}
+        result.summary["quantities"] = {"own": {"force_N": own}, "text": "a", **most}
+    names = "own.force_N", "text", "shear_angle_99_percent_deg"
     errors = estimate(run, other, names, of_other_kind=False, forces_only=False)
     eps = abs(np.array([0.1, 0.3]) - [0.12, 0.12 + 0.75 * 0.16])
     by_area = [1 / 4, 3 / 4]
@@ -238,6 +239,7 @@ def test_errors_of_all_that_is_told():
         "reaction_N": pytest.approx(1.0),
         "strain_energy_Nmm": pytest.approx(0.5),
         "own.force_N": pytest.approx(0.1),
+        "shear_angle_99_percent_deg": pytest.approx(0.2),
         "curve_N": pytest.approx(1.75),
         "curve_steps_N": pytest.approx(0.75),  # slopes of 4 and 16 N, h^2 / 8 of their 24
         "log_eps_11_rms": pytest.approx(
@@ -250,6 +252,6 @@ def test_errors_of_all_that_is_told():
         errors["log_eps_11_rms"] / np.sqrt(by_area @ eps**2)
     )
     forces = estimate(run, other, names, of_other_kind=True, forces_only=True)
-    kept = "reaction_N", "strain_energy_Nmm", "own.force_N", "curve_N", "curve_steps_N"
+    kept = "reaction_N", "strain_energy_Nmm", names[0], names[2], "curve_N", "curve_steps_N"
     assert [name for name, error in forces.items() if error is not None] == [*kept]
     assert forces["strain_energy_Nmm"] == pytest.approx(1.75)
