@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 
 from mpi4py import MPI
@@ -20,6 +21,7 @@ from ..energy.term import Term
 from ..io.field import Field
 from ..scene.scene import Scene
 from ..scene.supports import Support
+from ..scene.tool_warnings import cells_on_tools
 from . import stack
 from .forming_scene import FormingScene
 from .holders import PressureHolder, segments
@@ -28,6 +30,10 @@ from .placement import place_tools
 from .press_data import PressData
 from .site import Flange, HolderSite, Where
 
+# default cells, or halves of quadratic ones: at most so long beside the least radius of the tools,
+# and so many times as fine as `laying.CELLS`
+CELLS_OVER_RADIUS, MAX_FINER = 0.6, 2.0
+
 
 @phase("setup")
 @task("building the press")
@@ -35,9 +41,14 @@ def build(press: PressData, comm: MPI.Comm | None = None) -> FormingScene:
     """The `FormingScene` of a press. Raises InputError, on all ranks, for a blank that can't be
     meshed and for tools that can't stand or move as given."""
     comm, interface = comm or MPI.COMM_WORLD, press.interface
-    laid, warnings = lay_blank(press.sheets, press.planes, comm, interface.is_rigid)
+    lay = partial(lay_blank, press.sheets, press.planes, comm, interface.is_rigid)
+    laid, warnings = lay()
+    tools, schedule, doubts = place_tools(press.replace(sheets=laid.sheets), laid)
+    finer = cells_on_tools(laid.blank, tools.values())[0] / CELLS_OVER_RADIUS
+    if finer > 1 and not all(sheet.has_cells for sheet in press.sheets):
+        laid, warnings = lay(min(finer, MAX_FINER))
+        tools, schedule, doubts = place_tools(press.replace(sheets=laid.sheets), laid)
     press = press.replace(sheets=laid.sheets)
-    tools, schedule, doubts = place_tools(press, laid)
     sheets, planes = laid.sheets, [on_plane(axis) for axis in press.planes]
 
     fabrics = [sheet for sheet in sheets if sheet.fabric]

@@ -19,6 +19,7 @@ from ..sheet.sheet import Sheet
 from ..sheet.stack import Stack
 
 PLANE_TOLERANCE = 1e-6  # mm off a plane of symmetry up to which nodes lie on it
+CELLS = 48  # default along the whole length, of linear cells or halves of quadratic ones
 
 
 @dataclass(frozen=True)
@@ -71,12 +72,18 @@ def on_plane(axis: int) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def lay_blank(
-    sheets: Sequence[Sheet], planes: Sequence[int], comm: MPI.Comm, rigid: bool = False
+    sheets: Sequence[Sheet],
+    planes: Sequence[int],
+    comm: MPI.Comm,
+    rigid: bool = False,
+    finer: float = 1.0,
 ) -> tuple[Laid, list[str]]:
     """The blank of a press, and doubts. planes: axes to which planes of symmetry are perpendicular;
-    rigid: fabric keeps its thickness under pressure. Raises InputError for sheets that can't be
-    meshed, and for own meshes that reach beyond planes of symmetry or not to them."""
-    final, blanks, doubts = _meshed(sheets, planes, comm, rigid)
+    rigid: fabric keeps its thickness under pressure; finer: times as many cells as `CELLS` are the
+    default. Raises InputError for sheets that can't be meshed, and for own meshes that reach beyond
+    planes of symmetry or not to them."""
+    cells = math.ceil(finer * CELLS * modelled_share(planes)[0])
+    final, blanks, doubts = _meshed(sheets, cells, planes, comm, rigid)
     for sheet, blank in zip(final, blanks):
         path = f"ply {sheet.name}" if final[1:] else sheet.sheet_file or "the blank"
         _check_symmetric(blank, path, planes)
@@ -93,19 +100,20 @@ def lay_blank(
     return Laid(whole, final, final[first], whole_sides(blanks[first], planes), centre), doubts
 
 
-def _meshed(sheets, planes, comm, rigid):
+def _meshed(sheets, cells, planes, comm, rigid):
     """The sheets as they are meshed, their blanks, and doubts. If cells do not follow the yarns,
     all sheets are quadratic; by default these are twice as large, so that there are as many
     nodes."""
     sheets = [s.filled(name=s.name or f"ply {number}") for number, s in enumerate(sheets, 1)]
-    made = [_mesh(sheet, 24, planes, comm, rigid) for sheet in sheets]
+    made = [_mesh(sheet, cells, planes, comm, rigid) for sheet in sheets]
     quadratic = any(blank.degree == 2 for _, blank, _ in made)
     if quadratic and not any(sheet.element for sheet in sheets):
         for k, sheet in enumerate(sheets):
-            if not (sheet.nx or sheet.size or sheet.mesh):
-                made[k] = _mesh(sheet.filled(element="P2"), 12, planes, comm, rigid)
+            if not sheet.has_cells:
+                half = math.ceil(cells / 2)
+                made[k] = _mesh(sheet.filled(element="P2"), half, planes, comm, rigid)
     final, blanks, doubts = zip(*made)
-    mirrors = [_mirror_doubt(*each, planes) for each in zip(final, blanks)]
+    mirrors = [mirrored_yarns(*each, planes) for each in zip(final, blanks)]
     return final, blanks, [*filter(None, mirrors), *sum(doubts, [])]
 
 
@@ -141,8 +149,8 @@ def _check_symmetric(blank, source, planes):
             )
 
 
-def _mirror_doubt(sheet, blank, planes):
-    """A warning, on all ranks, if the planes of symmetry don't mirror the yarns into yarns of the
+def mirrored_yarns(sheet: Sheet, blank: Blank, planes: Sequence[int]) -> str:
+    """A warning, on all ranks, if planes across these axes don't mirror the yarns into yarns of the
     same kind, otherwise "". A file of points may know of the modelled part alone, and is
     believed."""
     angle, between, comm = sheet.fibre_angle, sheet.yarn_angle, blank.mesh.comm

@@ -70,8 +70,9 @@ def _cell_length(blank):
     return total / cells
 
 
-def _cells_over_radius(blank: Blank, tools: Iterable[Tool]) -> tuple[float, float, str]:
-    """Length of cells, or their halves, over the least radius, length [mm], and tool's name."""
+def cells_on_tools(blank: Blank, tools: Iterable[Tool]) -> tuple[float, float, str]:
+    """Length of cells, or their halves, over the least radius of tools, length [mm], and the name
+    of the tool with that radius."""
     length = _cell_length(blank)
     # over a quarter of a cell its tool's curvature counts
     radii = [(radius_over(tool, 0.25 * length), tool.name) for tool in tools]
@@ -81,11 +82,11 @@ def _cells_over_radius(blank: Blank, tools: Iterable[Tool]) -> tuple[float, floa
 
 def cells_over_radius(scene: Scene) -> float:
     """Length of cells over the least radius of the tools that a sheet has touched."""
-    return _cells_over_radius(scene.blank, _touched(scene))[0]
+    return cells_on_tools(scene.blank, _touched(scene))[0]
 
 
 def _cell_size_warning(blank, tools):
-    angle, length, name = _cells_over_radius(blank, tools)
+    angle, length, name = cells_on_tools(blank, tools)
     if math.degrees(angle) <= MAX_TURN:
         return ""
     named = "cells" if blank.degree == 1 else "halves of quadratic cells"
