@@ -307,8 +307,8 @@ class Job(Settings):
         """Add errors, as a run on a coarser mesh tells them, to result, history.csv, fields and
         summary.json, and doubts if they are large or that run fails."""
         began, folder, comm = time.perf_counter(), result.folder, self.scene.comm
-        before = [each for each in result.summary["reasons"] if each["verdict"] != OK]
-        result.summary["reasons"] = before
+        reasons = result.summary["reasons"]
+        result.summary["reasons"] = [each for each in reasons if each["verdict"] != OK]
         try:
             other = self._run_coarser(output, result, problem)
         except (InputError, SolverFailure) as failure:
@@ -326,7 +326,7 @@ class Job(Settings):
         if comm.rank == 0:
             part.replace(folder / "history.csv")
         facts = {"cells": other.summary["cells"], "steps": other.summary["steps_accepted"]}
-        facts["wall_s"] = round(time.perf_counter() - began, 4)
+        facts |= {"wall_s": round(time.perf_counter() - began, 4)}
         result.summary["error"] = errors
         for doubt in validity.error_doubts(result, self.setup.force_name):
             output.doubt(doubt)

@@ -19,7 +19,7 @@ from ..solve.step_criteria import UNBALANCED
 
 MIN_CELLS = 7.0  # cells of a wave, from which on its height is within some per cent
 AIM = 7.5  # cells to be taken, as waves on finer ones may be shorter
-MAX_FORCE_ERROR, MAX_ANGLE_ERROR = 0.1, 3.0  # [-], [deg]: estimates of a result that is ok
+NO_ESTIMATE = Reason("the error of the mesh was not estimated", verdict=OK)
 KERNEL_TOLERANCE = 1e-6  # of stresses of elements and kernel; usual is 1e-12
 
 
@@ -126,24 +126,17 @@ def doubts(result: Result, energy: Mapping[str, float], quantities: Numbers) -> 
     return [each if isinstance(each, Reason) else Reason(each) for each in found if each]
 
 
-NO_ESTIMATE = Reason("the error of the mesh was not estimated", verdict=OK)
-
-
 def error_doubts(result: Result, force_name: str) -> list[Reason]:
-    """Doubts about the force and the shear angle of 99 % of the area of a `result` with errors,
-    where these are unknown or large."""
-    force, angle = "reaction_N", "shear_angle_99_percent_deg"
-    rows = (  # number, largest error, both in words, what is doubted
-        (force, MAX_FORCE_ERROR * abs(result.number(force) or 0.0), "10 %", force_name, "N", "_N"),
-        (angle, MAX_ANGLE_ERROR, "3 deg", "shear angle of 99 % of the area", "deg", "shear_angle"),
+    """Doubts about force and shear angle whose estimated errors are unknown or large."""
+    force = abs(result.summary["reaction_N"])
+    rows = (  # number, its largest error, how that is named, what is doubted
+        ("reaction_N", 0.1 * force, f"10 %: {force_name} {{}} N", "_N"),
+        ("shear_angle_99_percent_deg", 3.0, "3 deg: of 99 % of the area {} deg", "shear_angle"),
     )
+    words, cure = "an estimated error is above ", "; take smaller cells"
     return [
-        Reason(
-            f"an estimated error is above {bound}: {words} {result.formatted(name, '.5g')} {unit}; "
-            "take smaller cells",
-            of,
-        )
-        for name, most, bound, words, unit, of in rows
+        Reason(words + text.format(result.formatted(name, ".5g")) + cure, of)
+        for name, most, text, of in rows
         if (error := result.summary["error"].get(name, 0.0)) is None or error > most
     ]
 

@@ -42,10 +42,10 @@ def build(press: PressData, comm: MPI.Comm | None = None) -> FormingScene:
     meshed and for tools that can't stand or move as given."""
     comm, interface = comm or MPI.COMM_WORLD, press.interface
     lay = partial(lay_blank, press.sheets, press.planes, comm, interface.is_rigid)
-    laid, warnings = lay()
+    laid, warnings = lay(1.0)
     tools, schedule, doubts = place_tools(press.replace(sheets=laid.sheets), laid)
     finer = cells_on_tools(laid.blank, tools.values())[0] / CELLS_OVER_RADIUS
-    if finer > 1 and not all(sheet.has_cells for sheet in press.sheets):
+    if finer > 1 and not all(s.nx or s.size or s.mesh for s in press.sheets):
         laid, warnings = lay(min(finer, MAX_FINER))
         tools, schedule, doubts = place_tools(press.replace(sheets=laid.sheets), laid)
     press = press.replace(sheets=laid.sheets)

@@ -69,33 +69,26 @@ class FormingScene(BuiltPress):
         return press.replace(tools={**press.tools, name: moved})
 
     def doubts(self, result: Result) -> list[Reason]:
-        """A doubt about each plane in which the press is its own mirror image and the formed blank
-        is not: its steps were too large, or it buckled."""
+        """A doubt for each plane in which the press is its own mirror image, but not the answer."""
         found = list[Reason]()
         for axis in {0, 1}.difference(self.data.planes):
             apart = on_root(self.scene.comm, lambda axis=axis: asymmetry(result.grid, axis))
             if apart and self._is_symmetric(axis):
-                off, moved, place = apart
-                found.append(
-                    Reason(
-                        f"the press is its own mirror image in {'xy'[axis]} = 0, but the blank, "
-                        f"which moves by up to {rounded(moved)} mm in plan, is {rounded(off)} mm "
-                        f"off its image at {of_sheet(place)}; take more steps"
-                    )
+                words = (
+                    f"the press is its own mirror image in {'xy'[axis]} = 0, but the blank, which "
+                    "moves by up to {} mm in plan, is {} mm off its image at {}; take more steps"
                 )
+                found.append(Reason(words.format(*map(rounded, apart[:2]), of_sheet(apart[2]))))
         return found
 
     def _is_symmetric(self, axis):
-        """Whether tools, yarns and holders are their own mirror images in the plane across an axis,
-        as far as that is known."""
+        """True if tools, yarns and holders are known to be mirrored by the plane across an axis."""
         data, extent = self.data, np.array(self.laid.blank.extent())
-        held = [each for name, holder in data.holders.items() for each in segments(name, holder)]
-        known = not self.field_ranges() and all(
-            getattr(each, "presses", False) and each.where is None for each in held
-        )
-        yarns = [mirrored_yarns(*both, [axis]) for both in zip(self.sheets, self.laid.blanks)]
+        yarns = [mirrored_yarns(*each, [axis]) for each in zip(self.sheets, self.laid.blanks)]
         tools = on_root(self.scene.comm, lambda: mirrored_tools(data, self.tools, extent, [axis]))
-        return known and not any(yarns) and not tools
+        held = [each for name, holder in data.holders.items() for each in segments(name, holder)]
+        regions = [getattr(each, "presses", False) and each.where is None for each in held]
+        return all(regions) and not (any(yarns) or tools or self.field_ranges())
 
     def of_whole(self, numbers: Numbers) -> str:
         """Text that follows the force on a part of the blank, "" for a whole one."""

@@ -72,14 +72,10 @@ def on_plane(axis: int) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def lay_blank(
-    sheets: Sequence[Sheet],
-    planes: Sequence[int],
-    comm: MPI.Comm,
-    rigid: bool = False,
-    finer: float = 1.0,
+    sheets: Sequence[Sheet], planes: Sequence[int], comm: MPI.Comm, rigid: bool, finer: float
 ) -> tuple[Laid, list[str]]:
     """The blank of a press, and doubts. planes: axes to which planes of symmetry are perpendicular;
-    rigid: fabric keeps its thickness under pressure; finer: times as many cells as `CELLS` are the
+    rigid: fabric keeps its thickness under pressure; finer: times as many cells as `CELLS` by
     default. Raises InputError for sheets that can't be meshed, and for own meshes that reach beyond
     planes of symmetry or not to them."""
     cells = math.ceil(finer * CELLS * modelled_share(planes)[0])
@@ -109,9 +105,8 @@ def _meshed(sheets, cells, planes, comm, rigid):
     quadratic = any(blank.degree == 2 for _, blank, _ in made)
     if quadratic and not any(sheet.element for sheet in sheets):
         for k, sheet in enumerate(sheets):
-            if not sheet.has_cells:
-                half = math.ceil(cells / 2)
-                made[k] = _mesh(sheet.filled(element="P2"), half, planes, comm, rigid)
+            if not (sheet.nx or sheet.size or sheet.mesh):
+                made[k] = _mesh(sheet.filled(element="P2"), -(-cells // 2), planes, comm, rigid)
     final, blanks, doubts = zip(*made)
     mirrors = [mirrored_yarns(*each, planes) for each in zip(final, blanks)]
     return final, blanks, [*filter(None, mirrors), *sum(doubts, [])]

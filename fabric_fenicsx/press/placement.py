@@ -293,9 +293,8 @@ def _points(tool, extent, load):
 def mirrored_tools(
     press: PressData, tools: Mapping[str, Tool], extent: np.ndarray, planes: Sequence[int]
 ) -> list[str]:
-    """A sentence on each tool that is not its own mirror image in the planes across these axes,
-    within `MIRRORED` thicknesses, in its places at the start and at the end. extent (2, 3): corners
-    of the blank [mm]."""
+    """A sentence on each tool that is not its own mirror image in the `planes`, within `MIRRORED`
+    thicknesses, in its places at start and end. extent (2, 3): corners of the blank [mm]."""
     doubts, thickness = dict[str, str](), press.thickness()
     alone = [tool for name, tool in tools.items() if name not in press.dies()]
     for tool, load, axis in product(alone, (0.0, 1.0), planes):

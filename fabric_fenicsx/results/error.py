@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike
 
 from ..scene import output
 from ..scene.scene import Scene
-from ..sheet.blank import Part
 from . import measures
 from .quantities import crumples
 from .result import Result
@@ -93,30 +92,21 @@ def field_differences(result: Result, other: Result) -> dict[str, np.ndarray]:
     from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator  # take long to import
 
     blank, comm = result.scene.blank, result.scene.comm
-    known = other.scene.blank
     names = [name for name in FIELDS if name in result.fields and name in other.fields]
     found = {name: np.full(len(blank.areas()), np.nan) for name in names}
-    if not names:
-        return found
-    for part in blank.parts.values() or [blank.whole]:
-        theirs = known.part(part.name)
-        at = np.concatenate(comm.allgather(_centres(theirs)))
-        order = np.lexsort(at.T)  # the same on any number of ranks
-        fields = np.column_stack([other.fields[name][theirs.cells] for name in names])
-        values = np.concatenate(comm.allgather(fields))
-        known_at, places = (at[order], values[order]), _centres(part)
-        if not len(places):
-            continue
-        columns = LinearNDInterpolator(*known_at)(places)
-        columns = np.where(np.isnan(columns), NearestNDInterpolator(*known_at)(places), columns)
-        for name, column in zip(names, columns.T):
-            found[name][part.cells] = np.abs(result.fields[name][part.cells] - column)
+    for part in (blank.parts.values() or [blank.whole]) if names else ():
+        theirs = other.scene.blank.part(part.name)
+        at, places = (p.blank.midpoints()[:2, p.cells].T.round(9) for p in (theirs, part))
+        fields = [other.fields[name][theirs.cells] for name in names]
+        rows = np.concatenate(comm.allgather(np.column_stack([at, *fields])))
+        rows = rows[np.lexsort(rows[:, :2].T)]  # the same on any number of ranks
+        if len(places):
+            columns = LinearNDInterpolator(rows[:, :2], rows[:, 2:])(places)
+            nearest = NearestNDInterpolator(rows[:, :2], rows[:, 2:])(places)
+            columns = np.where(np.isnan(columns), nearest, columns)
+            for name, column in zip(names, columns.T):
+                found[name][part.cells] = np.abs(result.fields[name][part.cells] - column)
     return found
-
-
-def _centres(part: Part) -> np.ndarray:
-    """Undeformed centres of this rank's cells of a part, (cells, 2) [mm]."""
-    return part.blank.midpoints()[:2, part.cells].T.round(9)
 
 
 def mesh_decides(result: Result) -> str:

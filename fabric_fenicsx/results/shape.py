@@ -169,19 +169,17 @@ def draw_in(grid: Grid) -> dict[str, float | list[float]]:
 
 
 def asymmetry(grid: Grid, axis: int) -> tuple[float, float, np.ndarray] | None:
-    """How far the formed sheet is at most off its mirror image across an axis (0: in x = 0), the
-    largest displacement, both in plan [mm], and the place (2,) where it is. None below
+    """The largest displacement in plan, by how much the formed sheet is at most off its mirror
+    image across an axis (0: in x = 0) [mm], and the place (2,) of that. None if this is less than
     `MAX_ASYMMETRY`, and for a mesh that is not its own image."""
     from scipy.spatial import KDTree  # takes long to import
 
     x, mirror = np.asarray(grid.points), 1.0 - 2.0 * np.eye(3)[axis]
     away, image = KDTree(x).query(x * mirror)
     u = np.asarray(grid.point_data["u"])
-    off, moved = (np.linalg.norm(v[:, :2], axis=1) for v in (u - u[image] * mirror, u))
-    worst = int(off.argmax())
-    if away.max() > SAME or off[worst] <= MAX_ASYMMETRY * moved.max():
-        return None
-    return off[worst], moved.max(), x[worst, :2]
+    moved, off = (np.linalg.norm(v[:, :2], axis=1) for v in (u, u - u[image] * mirror))
+    is_alike = away.max() > SAME or off.max() <= MAX_ASYMMETRY * moved.max()
+    return None if is_alike else (moved.max(), off.max(), x[off.argmax(), :2])
 
 
 def contrast(grid: Grid, name: str) -> float:

@@ -140,17 +140,12 @@ class SheetFields(Layout):
         given = next((k for k in ("mesh", "outline") if getattr(self, k)), "")
         return given and f"`{given}` {getattr(self, given)}"
 
-    @property
-    def has_cells(self) -> bool:
-        """True if it says how large its cells are, or has them."""
-        return bool(self.nx or self.size or self.mesh)
-
     def defaults(self, nx: int) -> Values:
         """Values of fields that depend on others, of `nx` where it has no cells of its own."""
         values: Values = {}
         if self.outline and self.pattern in (None, type(self).pattern):
             values["pattern"] = self.OF_OUTLINE
-        if not self.has_cells:
+        if not (self.nx or self.mesh or self.size):
             values["nx"] = nx
         sides = {} if self.sheet_file else self.SIDES
         return values | {k: side for k, side in sides.items() if getattr(self, k) is None}

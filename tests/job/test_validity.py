@@ -245,10 +245,9 @@ def test_a_coarser_run_that_fails_costs_the_errors_alone():
     + [(None, None, ["_N", "shear_angle"])],
 )
 def test_ok_needs_a_force_to_10_percent_and_an_angle_to_3_degrees(force, angle, doubted):
-    name = "shear_angle_99_percent_deg"
-    summary = {"reaction_N": -200.0, "quantities": {name: 40.0}}
-    summary["error"] = {"reaction_N": force, name: angle}
-    result = ff.Result(summary, [], {}, None, None)
+    errors = {"reaction_N": force, "shear_angle_99_percent_deg": angle}
+    numbers = {"reaction_N": -200.0, "shear_angle_99_percent_deg": 40.0}
+    result = ff.Result(numbers | {"error": errors}, [], {}, None, None)
     doubts = validity.error_doubts(result, "force of punch")
     assert [doubt.of for doubt in doubts] == doubted
     words = f"force of punch -200 +- {'unknown' if force is None else 20} N"

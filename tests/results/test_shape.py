@@ -107,7 +107,7 @@ def test_how_far_a_ply_is_off_its_mirror_image():
     grid = formed(plane((0.98, 0), (0, 0.99)), full=True)
     assert shape.asymmetry(grid, 0) is None
     grid.point_data["u"][:, 0] += 1
-    off, moved, _ = shape.asymmetry(grid, 0)
+    moved, off, _ = shape.asymmetry(grid, 0)
     assert off == pytest.approx(2.0) and moved == pytest.approx(np.hypot(0.02 * 117.5 + 1, 0.675))
     assert shape.asymmetry(grid, 1) is None
     aside = grid.translate((0.1, 0, 0))  # its mesh is not its own image
