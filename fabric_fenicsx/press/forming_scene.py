@@ -70,9 +70,9 @@ class FormingScene(BuiltPress):
 
     def doubts(self, result: Result) -> list[Reason]:
         """A doubt for each plane in which the press is its own mirror image, but not the answer."""
-        found = list[Reason]()
-        for axis in {0, 1}.difference(self.data.planes):
-            apart = on_root(self.scene.comm, lambda axis=axis: asymmetry(result.grid, axis))
+        found, axes = list[Reason](), [axis for axis in (0, 1) if axis not in self.data.planes]
+        answer = on_root(self.scene.comm, lambda: [asymmetry(result.grid, axis) for axis in axes])
+        for axis, apart in zip(axes, answer):
             if apart and self._is_symmetric(axis):
                 words = (
                     f"the press is its own mirror image in {'xy'[axis]} = 0, but the blank, which "
@@ -87,8 +87,8 @@ class FormingScene(BuiltPress):
         yarns = [mirrored_yarns(*each, [axis]) for each in zip(self.sheets, self.laid.blanks)]
         tools = on_root(self.scene.comm, lambda: mirrored_tools(data, self.tools, extent, [axis]))
         held = [each for name, holder in data.holders.items() for each in segments(name, holder)]
-        regions = [getattr(each, "presses", False) and each.where is None for each in held]
-        return all(regions) and not (any(yarns) or tools or self.field_ranges())
+        whole = all(getattr(h, "presses", False) and getattr(h, "where", h) is None for h in held)
+        return whole and not (any(yarns) or tools or self.field_ranges())
 
     def of_whole(self, numbers: Numbers) -> str:
         """Text that follows the force on a part of the blank, "" for a whole one."""

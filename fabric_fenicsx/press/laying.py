@@ -149,11 +149,10 @@ def mirrored_yarns(sheet: Sheet, blank: Blank, planes: Sequence[int]) -> str:
     same kind, otherwise "". A file of points may know of the modelled part alone, and is
     believed."""
     angle, between, comm = sheet.fibre_angle, sheet.yarn_angle, blank.mesh.comm
-    is_field = isinstance(angle, Field)
-    if not sheet.fabric or (is_field and not callable(angle.source)):
+    if not sheet.fabric or (isinstance(angle, Field) and not callable(angle.source)):
         return ""
     x, where = blank.centres(), "yarns by a function"
-    if not is_field:
+    if not isinstance(angle, Field):
         x, where = np.zeros((1, 3)), f"yarns at {angle:g} and {angle + between:g} deg"
     images = [x * (1 - 2 * np.eye(3)[axis]) for axis in planes]
     both = on_all(comm, lambda: [sheet.fibre_angles(y) + sheet.fibre_angles(x) for y in images])

@@ -239,19 +239,17 @@ def test_a_coarser_run_that_fails_costs_the_errors_alone():
     assert any("no error is known" in text and "no such mesh" in text for text in said(summary))
 
 
-@pytest.mark.parametrize(
-    "force, angle, doubted",
-    [(20.0, 3.0, []), (20.1, 2.9, ["_N"]), (0.0, 3.1, ["shear_angle"])]
-    + [(None, None, ["_N", "shear_angle"])],
-)
-def test_ok_needs_a_force_to_10_percent_and_an_angle_to_3_degrees(force, angle, doubted):
-    errors = {"reaction_N": force, "shear_angle_99_percent_deg": angle}
-    numbers = {"reaction_N": -200.0, "shear_angle_99_percent_deg": 40.0}
-    result = ff.Result(numbers | {"error": errors}, [], {}, None, None)
-    doubts = validity.error_doubts(result, "force of punch")
-    assert [doubt.of for doubt in doubts] == doubted
-    words = f"force of punch -200 +- {'unknown' if force is None else 20} N"
-    assert all(words in doubt.text for doubt in doubts if doubt.of == "_N")
+def test_ok_needs_a_force_to_10_percent_and_an_angle_to_3_degrees():
+    def doubted(*errors):
+        names = "reaction_N", "shear_angle_99_percent_deg"
+        summary = dict(zip(names, (-200.0, 40.0))) | {"error": dict(zip(names, errors))}
+        return validity.error_doubts(ff.Result(summary, [], {}, None, None), "force of punch")
+
+    assert not doubted(20.0, 3.0)
+    (force,), (angle,) = doubted(20.1, 2.9), doubted(0.0, 3.1)
+    assert force.of == "_N" and "10 %: force of punch -200 +- 20 N" in force.text
+    assert angle.of == "shear_angle" and "3 deg: of 99 % of the area 40 +- 3.1 deg" in angle.text
+    assert [each.of for each in doubted(None, None)] == ["_N", "shear_angle"]
 
 
 def test_only_errors_of_forces_are_told_where_cells_crumple(monkeypatch):

@@ -144,21 +144,6 @@ def both(first, second, loads=(0, 0.5, 1), **options):
     return [rule(*runs, of_other_kind=kind, **options) for kind in (True, False)]
 
 
-@pytest.mark.parametrize("order", [1.0, 3.0])
-def test_the_errors_of_a_curve_are_covered(order):
-    """A parabola that a mesh of size h puts off by h^order, and the lines that join its points."""
-    loads = [np.linspace(0, 1, n) for n in (11, 6)]
-    run, other = (rows(load, 5 * load**2 + load * h**order) for load, h in zip(loads, (0.1, 0.2)))
-    of_mesh, of_lines = curve_errors(run, other, Rule(1.0, 1.0, 0.0))
-    errors = of_mesh + of_lines
-    fine = np.linspace(0, 1, 201)
-    joined = np.interp(fine, loads[0], [row["reaction_N"] for row in run])
-    off = np.abs(joined - 5 * fine**2)
-    assert (np.interp(fine, loads[0], errors) >= off - 1e-12).all()
-    assert errors.max() < 3 * off.max()
-    assert of_lines == pytest.approx(np.full(11, 5 * 0.1**2 / 4))
-
-
 def test_lines_of_unequal_steps_err_by_the_longer_one():
     """h^2 / 8 of the second derivative of 5 x^2, of steps of 0.2 and 0.8; of two points nothing."""
     run = rows((0, 0.2, 1), (0, 0.2, 5))

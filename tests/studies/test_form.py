@@ -82,9 +82,6 @@ def test_short_forms_are_of_all_plies(tmp_path):
     sheets = PressStudy("form", press_parser(""), words).read().sheets
     assert [(s.nx, s.yarn_angle, s.element) for s in sheets] == [(4, 80, "P2"), (3, 80, "P2")]
     assert all(s.fabric == ff.load("komeili").without("biaxial") for s in sheets)
-
-
-def test_a_press_of_metal_alone_is_read(tmp_path):
     words = ["hemisphere", "--set", "blank.metal=dc04", "--out", str(tmp_path)]
     (sheet,) = PressStudy("form", press_parser(""), words).read().sheets
     assert sheet.metal == ff.load_metal("dc04") and not sheet.fabric
