@@ -317,7 +317,8 @@ class Job(Settings):
             result.summary = output.amend(folder, result.summary)
             return
         if reason := error.mesh_decides(result):
-            output.warn(f"no errors of strains and shapes can be told, as {reason}")
+            words = "no error of strains and shapes is known but that of 99 % of the area, as "
+            output.warn(words + reason)
         how = {"of_other_kind": not self.coarser and self.setup.coarser_is_other_kind}
         how["forces_only"] = bool(reason)
         errors = error.estimate(result, other, self.setup.headlines, **how)
