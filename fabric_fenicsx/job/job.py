@@ -317,8 +317,7 @@ class Job(Settings):
             result.summary = output.amend(folder, result.summary)
             return
         if reason := error.mesh_decides(result):
-            words = "no error of strains and shapes is known but that of 99 % of the area, as "
-            output.warn(words + reason)
+            output.warn(f"no error of strains is known but that of 99 % of the area, as {reason}")
         how = {"of_other_kind": not self.coarser and self.setup.coarser_is_other_kind}
         how["forces_only"] = bool(reason)
         errors = error.estimate(result, other, self.setup.headlines, **how)

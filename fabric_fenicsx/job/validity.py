@@ -114,8 +114,7 @@ def doubts(result: Result, energy: Mapping[str, float], quantities: Numbers) -> 
     found = [
         *warnings_at_start(scene, formed=True),
         *fabric_doubts(result),
-        Reason(coarse_waves(quantities), of="wrinkles"),
-        Reason(ripples(quantities), of="wrinkles"),
+        *(Reason(each, of="wrinkles") for each in _of_waves(quantities)),
         untouched,
         in_space.plies_crossed(scene) if in_space else "",
         _mismatch(scene),
@@ -171,26 +170,19 @@ def coarsest_waves(quantities: Numbers) -> dict[str, float]:
     return min(coarse, key=lambda each: each["cells_a_wave"], default={})
 
 
-def coarse_waves(quantities: Numbers) -> str:
-    """A sentence if a ply's wrinkles have few cells. quantities: of the summary."""
-    if not (least := coarsest_waves(quantities)):
-        return ""
-    return (
-        f"heights of wrinkles, up to {rounded(least['height_mm'])} mm, are rough, as "
-        f"{rounded(least['wavelength_mm'])} mm of a wave are {rounded(least['cells_a_wave'])} "
-        f"cells; take {AIM:g}: `nx` {rounded(AIM / least['cells_a_wave'])} times as large"
-    )
-
-
-def ripples(quantities: Numbers) -> str:
-    """A sentence if a ply has waves that are no wrinkles. quantities: of the summary."""
+def _of_waves(quantities):
+    if least := coarsest_waves(quantities):
+        yield (
+            f"heights of wrinkles, up to {rounded(least['height_mm'])} mm, are rough, as "
+            f"{rounded(least['wavelength_mm'])} mm of a wave are {rounded(least['cells_a_wave'])} "
+            f"cells; take {AIM:g}: `nx` {rounded(AIM / least['cells_a_wave'])} times as large"
+        )
     most: Numbers = max(_wrinkles(quantities), key=lambda each: each["ripples_mm"], default={})
-    if most.get("ripples_mm", 0.0) < MIN_HEIGHT:
-        return ""
-    return (
-        f"ripples of the mesh, up to {rounded(most['ripples_mm'])} mm high, are no wrinkles: cells "
-        f"or fabric make no waves shorter than {rounded(most['seen_mm'][0])} mm"
-    )
+    if most.get("ripples_mm", 0.0) >= MIN_HEIGHT:
+        yield (
+            f"ripples of the mesh, up to {rounded(most['ripples_mm'])} mm high, are no wrinkles: "
+            f"cells or fabric make no waves shorter than {rounded(most['seen_mm'][0])} mm"
+        )
 
 
 def _mismatch(scene):

@@ -3,9 +3,7 @@
 On cells of another kind errors have other causes, so the difference of the two runs is about the
 sum of both. On cells of the same kind, twice as large, the other run's error is 2^p times the run's
 own, so their difference is at least that for p >= 1; energies of a minimum have p = 2 or near it.
-Two numbers may agree by chance; forces along the whole second half of the load do not: their
-largest relative difference, on larger cells of the same kind its root mean square, is the least
-error.
+Two numbers may agree by chance, forces along the whole second half of the load do not.
 """
 
 from collections.abc import Iterable, Sequence
@@ -41,8 +39,7 @@ class Rule(NamedTuple):
 
     def errors(self, values: ArrayLike, differences: ArrayLike) -> np.ndarray:
         """Errors of values that differ by `differences` from those of the other run."""
-        least = self.share * np.abs(values)
-        return np.maximum(self.factor * np.abs(differences), least)
+        return np.maximum(self.factor * np.abs(differences), self.share * np.abs(values))
 
     def error(self, value: float, difference: float, *, is_energy: bool = False) -> float | None:
         """The error of a number, None if it can't be told."""

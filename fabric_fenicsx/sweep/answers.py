@@ -85,8 +85,7 @@ def spread(runs: Sequence[Run], ranges: Sequence[Range], quantity: str) -> dict:
     first, and the share of the variance that these leave.
 
     An effect is the change from the low to the high end of a number's interval, with its standard
-    error and the number's share of the variance. Few runs determine nothing more: ranks, or Sobol'
-    indices of a fitted surface, would hide where straight lines do not do.
+    error and the number's share of the variance.
     """
     y = np.array([run.number(quantity) for run in runs])
     X = np.array([[r.share(float(run.values[r.key])) for r in ranges] for run in runs]) - 0.5
