@@ -126,17 +126,19 @@ def doubts(result: Result, energy: Mapping[str, float], quantities: Numbers) -> 
 
 
 def error_doubts(result: Result, force_name: str) -> list[Reason]:
-    """Doubts about force and shear angle whose estimated errors are unknown or large."""
-    force = abs(result.summary["reaction_N"])
+    """Doubts about force and shear angle whose estimated errors are large; of unknown ones, which
+    are above half of the number, all of it is taken."""
+    force, errors = abs(result.summary["reaction_N"]), result.summary["error"]
+    sizes = {n: abs(result.number(n) or 0.0) if e is None else e for n, e in errors.items()}
     rows = (  # number, its largest error, how that is named, what is doubted
         ("reaction_N", 0.1 * force, f"10 %: {force_name} {{}} N", "_N"),
         ("shear_angle_99_percent_deg", 3.0, "3 deg: of 99 % of the area {} deg", "shear_angle"),
     )
-    words, cure = "an estimated error is above ", "; take smaller cells"
+    words = "an estimated error may be above {}; take smaller cells"
     return [
-        Reason(words + text.format(result.formatted(name, ".5g")) + cure, of)
+        Reason(words.format(text.format(result.formatted(name, ".5g"))), of)
         for name, most, text, of in rows
-        if (error := result.summary["error"].get(name, 0.0)) is None or error > most
+        if sizes.get(name, 0.0) > most
     ]
 
 
