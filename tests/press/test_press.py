@@ -146,11 +146,11 @@ def test_an_answer_less_symmetric_than_its_press_is_doubted():
 @pytest.mark.parametrize(
     "changes, nx",
     [("", 24), ("blank.symmetry=none", 48), ("tools.ring.entry=1", 48)]
-    + [("tools.ring.entry=5", 29), ("tools.ring.entry=5 blank.fibre_angle=30", 15)]
+    + [("tools.ring.entry=5", 34), ("tools.ring.entry=5 blank.fibre_angle=30", 17)]
     + [("blank.element=P2", 24), ("blank.fibre_angle=30 blank.nx=8", 8)],
 )
 def test_default_cells_follow_the_least_radius_of_the_tools(tmp_path, changes, nx):
-    """A quarter of 100 mm: cells of 1/48 of the whole, or 0.7 of a radius, down to 1/96. Quadratic
+    """A quarter of 100 mm: cells of 1/48 of the whole, or 0.6 of a radius, down to 1/96. Quadratic
     ones are twice as large where they are the default, too."""
     file = changed(tmp_path, ("nx = 16", "#"))
     assert hemisphere(*changes.split(), file=file).sheets[0].nx == nx
