@@ -111,8 +111,7 @@ def _shown(name, summary, pictures):
     order = [*CAPTIONS]
     files = sorted(pictures, key=lambda f: ([*order, f.stem].index(f.stem), f.stem))
     captions = {file: CAPTIONS.get(file.stem, file.stem.replace("_", " ")) for file in files}
-    errors = facts.get("error") or {}
-    quantities = _with_errors(facts.get("quantities", {}), errors)
+    quantities = _with_errors(facts.get("quantities", {}), errors := facts.get("error") or {})
     sheets = {"": quantities} | quantities.get("plies", {})
     headlines = {text: [_headline(q, n) for q in sheets.values()] for n, text in HEADLINES.items()}
     # of a summary, what stands outside its list of numbers
