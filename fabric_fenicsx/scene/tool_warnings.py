@@ -71,7 +71,7 @@ def _cell_length(blank):
 
 
 def cells_on_tools(blank: Blank, tools: Iterable[Tool]) -> tuple[float, float, str]:
-    """Length of cells, or their halves, over the least radius of tools, length [mm], tool's name."""
+    """Length of cells, or their halves, over tools' least radius, length [mm], that tool's name."""
     length = _cell_length(blank)
     # over a quarter of a cell its tool's curvature counts
     radii = [(radius_over(tool, 0.25 * length), tool.name) for tool in tools]
