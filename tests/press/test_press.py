@@ -150,8 +150,7 @@ def test_an_answer_less_symmetric_than_its_press_is_doubted():
     + [("blank.element=P2", 24), ("blank.fibre_angle=30 blank.nx=8", 8)],
 )
 def test_default_cells_follow_the_least_radius_of_the_tools(tmp_path, changes, nx):
-    """A quarter of 100 mm: cells of 1/48 of the whole, or 0.6 of a radius, down to 1/96. Quadratic
-    ones are twice as large where they are the default, too."""
+    """A quarter of 100 mm: 1/48 of the whole or 0.6 of a radius, down to 1/96; P2 twice that."""
     file = changed(tmp_path, ("nx = 16", "#"))
     assert hemisphere(*changes.split(), file=file).sheets[0].nx == nx
 

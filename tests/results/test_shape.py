@@ -110,8 +110,7 @@ def test_how_far_a_ply_is_off_its_mirror_image():
     moved, off, _ = shape.asymmetry(grid, 0)
     assert off == pytest.approx(2.0) and moved == pytest.approx(np.hypot(0.02 * 117.5 + 1, 0.675))
     assert shape.asymmetry(grid, 1) is None
-    aside = grid.translate((0.1, 0, 0))  # its mesh is not its own image
-    assert shape.asymmetry(aside, 0) is None
+    assert shape.asymmetry(grid.translate((0.1, 0, 0)), 0) is None  # its mesh is not its image
 
 
 def test_a_ply_that_moves_aside_keeps_its_mean_draw_in():

@@ -121,9 +121,6 @@ def test_the_error_of_the_cells_is_told(line):
     assert below(runs, "q", 3.5).endswith(said)
     runs += line((4,), (1,), error={"q": None}) + line((5,), (0,))
     assert below(runs, "q", 3.5).endswith(said + ", not known in 2 of 5 runs")
-    doubted = [{"text": "q 9 +- 4", "of": "q"}]
-    words = below(line((1, 2), (4, 3), reasons=doubted, error={"q": 4.0}), "q", 3.5)
-    assert "no run is believed and has a value; left out, as doubted" in words
 
 
 def test_numbers_and_verdict_of_a_run(made):
