@@ -32,4 +32,6 @@ def main(study: PressStudy):
 
 
 if __name__ == "__main__":
-    run("openradioss", press_parser(__doc__, "openradioss", "double_dome"), main, PressStudy)
+    options = press_parser(__doc__, "openradioss", "double_dome")
+    options.set_defaults(error=False)  # as it has the mesh of the other code
+    run("openradioss", options, main, PressStudy)

@@ -10,6 +10,7 @@ from fabric_fenicsx.studies.lib import compression_parameters as parameters
 
 def options():
     p = press_parser(__doc__, "compression_parameters", "double_dome")
+    p.set_defaults(error=False)  # all plies have the same cells
     names = tuple(parameters.VARIED)
     p.group("test")
     p.option("--vary", nargs="+", choices=names, default=[*names])

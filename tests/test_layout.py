@@ -95,7 +95,7 @@ def attributes(node):
 
 
 BOUNDS = {
-    "lines of the package": (31_500, lambda: lines(FILES.values())),
+    "lines of the package": (32_000, lambda: lines(FILES.values())),
     "lines of tests": (19_000, lambda: lines(tracked("tests/*.py"))),
     "lines of benchmarks": (1_400, lambda: lines(tracked("benchmarks/*.py"))),
     "words of pages": (

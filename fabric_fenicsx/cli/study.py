@@ -59,7 +59,7 @@ def add_shared(p: Parser, test: Any, name: str, **defaults: Any) -> None:
     p.option("--without", **several, help=f"turn off one of {', '.join(COUPLINGS)}", free=True)
     add_fields(p, Settings, test, free=True)
     p.group("solver")
-    unasked = f" (yes from {test.CHEAP_FROM} cells on)" if test.CHEAP_FROM else ""
+    unasked = {0: "", 1: " (yes)"}.get(test.CHEAP_FROM, f" (yes from {test.CHEAP_FROM} cells on)")
     text = f"estimate all errors, from the same run on a mesh twice as coarse{unasked}"
     p.option("--error", action=BooleanOptionalAction, help=text, free=True)
     if test is not Coupon:

@@ -68,7 +68,7 @@ class BiasExtension(Strip, YarnBending):
         whole = abs(self.area / np.prod(self.high - self.low) - 1) < 1e-6
         return self.strip.locked if whole else "the sheet is not the whole rectangle"
 
-    def doubts(self) -> list[str]:
+    def sheet_warnings(self) -> list[str]:
         """As of a strip; InputError for one that is too short."""
         length, width = self.high - self.low
         if length < 2 * width * (1 - 1e-9):
@@ -76,7 +76,7 @@ class BiasExtension(Strip, YarnBending):
                 f"the strip is {rounded(length, 6)} mm long and {rounded(width, 6)} mm wide; "
                 "allowed is a length of 2 widths or more, for a zone of full shear"
             )
-        return super().doubts()
+        return super().sheet_warnings()
 
     def terms(self) -> Sequence[Bending]:
         """In-plane bending of yarns that the grips hold straight, if asked for."""

@@ -71,7 +71,7 @@ class Coupon(SheetFields, OnMesh):
         membrane = Membrane(built.fabric, integration=built.integration, weave_angle=weave)
         (low, high), area = blank.extent(), float(comm.allreduce(blank.areas().sum()))
         vars(built).update(comm=comm, blank=blank, membrane=membrane, low=low, high=high, area=area)
-        warnings += built.doubts()
+        warnings += built.sheet_warnings()
         scene = Scene(blank, [membrane, *built.terms()], built.supports())
         vars(built).update(vars(Setup(scene, built, warnings)))
         names = "nx", "ny", "size", "pattern", "element", "integration", *self.SIDES
@@ -80,7 +80,7 @@ class Coupon(SheetFields, OnMesh):
         vars(built)["coarser_is_other_kind"] = bool(coarse) and coarse.pattern != built.pattern
         return built
 
-    def doubts(self) -> list[str]:
+    def sheet_warnings(self) -> list[str]:
         """Check what belongs together, once blank and membrane are there; sentences on the rest."""
         return []
 

@@ -95,7 +95,7 @@ class Strip(Coupon):
         """True if a cell lies at the centre; on all ranks together."""
         return measures.covers(self.blank, (self.low + self.high) / 2)
 
-    def doubts(self) -> list[str]:
+    def sheet_warnings(self) -> list[str]:
         """On a strip along y, and a hole at the centre."""
         length, width = self.high - self.low
         sizes = f"{length:.4g} mm along x, in which it is pulled, and {width:.4g} mm along y"

@@ -25,7 +25,7 @@ from ..results.history import ENERGIES, energy_balance
 from ..results.output import Output
 from ..results.quantities import waves_that_do_not_form
 from ..results.result import Result
-from ..results.verdict import INVALID, Numbers, Reason
+from ..results.verdict import INVALID, OK, Numbers, Reason
 from ..scene import output as scene_output
 from ..scene.scene import Scene
 from ..solve.checkpoint import Checkpoint
@@ -255,7 +255,8 @@ class Job(Settings):
             wrong.append(outcome.reason)
             reason = outcome.reason if stopped else "; ".join(wrong[::-1])
         invalid = [Reason(each, verdict=INVALID) for each in wrong]
-        for each in (*invalid, *validity.doubts(result, energy, quantities)):
+        found = *validity.doubts(result, energy, quantities), *self.setup.doubts(result)
+        for each in (*invalid, *found, *([] if self.error else [validity.NO_ESTIMATE])):
             output.doubt(each)
         result.summary = output.summarise(
             folder,
@@ -295,22 +296,28 @@ class Job(Settings):
     @task("estimating errors")
     def _estimate(self, output, result, problem, series):
         """Add errors, as a run on a coarser mesh tells them, to result, history.csv, fields and
-        summary.json; warn if that run fails."""
+        summary.json, and doubts if they are large or that run fails."""
         began, folder = time.perf_counter(), result.folder
+        reasons = result.summary["reasons"]
+        result.summary["reasons"] = [each for each in reasons if each["verdict"] != OK]
         try:
             other = self._run_coarser(output, result, problem)
         except (InputError, SolverFailure) as failure:
-            output.warn(f"no error is known, as the run on the coarser mesh failed: {failure}")
+            words = f"no error is known, as the run on the coarser mesh failed: {failure}"
+            output.doubt(Reason(words))
             result.summary = output.amend(folder, result.summary)
             return
         if reason := error.mesh_decides(result):
-            output.warn(f"no errors but those of forces and energies can be told, as {reason}")
+            output.warn(f"no error of strains is known but that of 99 % of the area, as {reason}")
         how = {"of_other_kind": not self.coarser and self.setup.coarser_is_other_kind}
         how["forces_only"] = bool(reason)
         errors = error.estimate(result, other, self.setup.headlines, **how)
         output.write_table(folder / "history.csv", result.rows)
         facts = {"cells": other.summary["cells"], "steps": other.summary["steps_accepted"]}
-        facts["wall_s"] = round(time.perf_counter() - began, 4)
+        facts |= {"wall_s": round(time.perf_counter() - began, 4)}
+        result.summary["error"] = errors
+        for doubt in validity.error_doubts(result, self.setup.force_name):
+            output.doubt(doubt)
         result.summary = output.amend(folder, result.summary, error=errors, error_run=facts)
         series.write(1.0, result.fields)
         vars(result).pop("grid", None)  # of the file before

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..core.formatting import TINY
 from ..results.result import Result
-from ..results.verdict import Numbers
+from ..results.verdict import Numbers, Reason
 from ..scene import output
 from ..scene.scene import Scene
 from ..solve.progress import Accepted, Report
@@ -35,7 +35,7 @@ class Observer:
 
 class Setup(Observer):
     """A `scene`, and what is measured and drawn of it: a subclass overrides what it has of
-    `measure`, `quantities`, `pictures`, `coarser` and the methods of an `Observer`.
+    `measure`, `quantities`, `doubts`, `pictures`, `coarser` and the methods of an `Observer`.
 
     Parameters
     ----------
@@ -111,6 +111,10 @@ class Setup(Observer):
         """Its own numbers for the summary; their names end with their units."""
         return {}
 
+    def doubts(self, result: Result) -> list[Reason]:
+        """Its own doubts about a result, on all ranks."""
+        return []
+
     def pictures(self, result: Result, folder: Path) -> None:
         """Draw its own pictures into `folder`; called on rank 0."""
 
@@ -119,7 +123,7 @@ class Setup(Observer):
         return None
 
     def has_cheap_error(self) -> bool:
-        """True if a study estimates errors unasked, for a tenth to a third of the cost."""
+        """True if a study estimates errors unasked, for a tenth to half of the cost."""
         cells = self.scene.blank.mesh.topology.index_map(2).size_global
         return 0 < self.data.CHEAP_FROM <= cells and self.coarser() is not None
 

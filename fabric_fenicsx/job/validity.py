@@ -10,7 +10,7 @@ from ..energy.membrane import Membrane
 from ..results.history import energy_balance, stretching
 from ..results.quantities import fabric_doubts, limited
 from ..results.result import Result
-from ..results.verdict import Numbers, Reason
+from ..results.verdict import OK, Numbers, Reason
 from ..results.wrinkles import MIN_HEIGHT
 from ..scene import output as scene_output
 from ..scene.scene import Scene
@@ -23,6 +23,7 @@ STILL = (
     "nothing moves or loads the sheet: it stays as it was; a tool, a load or a support that moves "
     "would, as `clamped_ends(stroke)`"
 )
+NO_ESTIMATE = Reason("the error of the mesh was not estimated", verdict=OK)
 KERNEL_TOLERANCE = 1e-6  # of stresses of elements and kernel; usual is 1e-12
 
 
@@ -121,6 +122,23 @@ def doubts(result: Result, energy: Mapping[str, float], quantities: Numbers) -> 
         *scene_output.warnings(scene),
     ]
     return [each if isinstance(each, Reason) else Reason(each) for each in found if each]
+
+
+def error_doubts(result: Result, force_name: str) -> list[Reason]:
+    """Doubts about force and shear angle whose estimated errors are large; of unknown ones, which
+    are above half of the number, all of it is taken."""
+    force, errors = abs(result.summary["reaction_N"]), result.summary["error"]
+    sizes = {n: abs(result.number(n) or 0.0) if e is None else e for n, e in errors.items()}
+    rows = (  # number, its largest error, how that is named, what is doubted
+        ("reaction_N", 0.1 * force, f"10 %: {force_name} {{}} N", "_N"),
+        ("shear_angle_99_percent_deg", 3.0, "3 deg: of 99 % of the area {} deg", "shear_angle"),
+    )
+    words = "an estimated error may be above {}; take smaller cells"
+    return [
+        Reason(words.format(text.format(result.formatted(name, ".5g"))), of)
+        for name, most, text, of in rows
+        if sizes.get(name, 0.0) > most
+    ]
 
 
 def _of_path(rows, energy):

@@ -16,7 +16,7 @@ from ..contact.holder_pressure import LineBead
 from ..contact.tool_contact import Contact
 from ..core.collective_errors import on_root
 from ..core.errors import InputError
-from ..core.formatting import rounded, share
+from ..core.formatting import of_sheet, rounded, share
 from ..energy.fingerprint import plain
 from ..energy.load import EdgeTension, Gravity
 from ..energy.springs import Springs
@@ -28,14 +28,17 @@ from ..results import measures, quantities
 from ..results.history import energies_of, stretching
 from ..results.ply import Grid
 from ..results.result import Result
-from ..results.verdict import Numbers
+from ..results.shape import asymmetry
+from ..results.verdict import Numbers, Reason
 from ..results.wrinkles import HEIGHT, MIN_HEIGHT, height_map, wrinkles
 from ..scene import output
 from ..scene.scene import Scene
 from ..sheet.part import Part
 from ..solve.checkpoint import STAGES
 from ..surfaces.tool import Tool
-from .laying import Laid
+from .holders import segments
+from .laying import Laid, mirrored_yarns
+from .placement import mirrored_tools
 from .press_data import PressData
 from .schema import document_of
 from .stages import Schedule
@@ -266,6 +269,30 @@ class FormingScene(Setup):
         at = x + aside * math.cos(math.pi / 6), y + aside * math.sin(math.pi / 6), *z
         moved = dataclasses.replace(press.tools[name], at=at)
         return press.replace(tools={**press.tools, name: moved})
+
+    def doubts(self, result: Result) -> list[Reason]:
+        """A doubt for each plane in which the press is its own mirror image, but not the answer."""
+        found, axes = list[Reason](), [axis for axis in (0, 1) if axis not in self.data.planes]
+        answer = on_root(self.scene.comm, lambda: [asymmetry(result.grid, axis) for axis in axes])
+        for axis, apart in zip(axes, answer):
+            if apart and self._is_symmetric(axis):
+                words = (
+                    f"the press is its own mirror image in {'xy'[axis]} = 0, but the blank, which "
+                    "moves by up to {} mm in plan, is {} mm off its image at {}; take more steps"
+                )
+                found.append(Reason(words.format(*map(rounded, apart[:2]), of_sheet(apart[2]))))
+        return found
+
+    def _is_symmetric(self, axis):
+        """True if tools, yarns and holders are known to be mirrored by the plane across an axis."""
+        data, extent = self.data, np.array(self.laid.blank.extent())
+        plane, loads = {axis: 0.0}, [t for t in self.scene.terms if isinstance(t, Gravity)]
+        across = any(term.acceleration[axis] for term in loads)
+        yarns = [mirrored_yarns(*each, plane) for each in zip(self.sheets, self.laid.blanks)]
+        tools = on_root(self.scene.comm, lambda: mirrored_tools(data, self.tools, extent, plane))
+        held = [each for name, holder in data.holders.items() for each in segments(name, holder)]
+        whole = all(getattr(h, "presses", False) and getattr(h, "where", h) is None for h in held)
+        return whole and not (across or any(yarns) or tools or self.field_ranges())
 
     def of_whole(self, numbers: Numbers) -> str:
         """Text that follows the force on a part of the blank, "" for a whole one."""

@@ -20,6 +20,7 @@ from ..sheet.sheet import Sheet
 from ..sheet.stack import Stack
 
 PLANE_TOLERANCE = 1e-6  # mm off a plane of symmetry up to which nodes lie on it
+CELLS = 48  # default along the whole length, of linear cells or halves of quadratic ones
 
 
 @dataclass(frozen=True)
@@ -78,19 +79,21 @@ def on_plane(axis: int, place: float) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def lay_blank(
-    sheets: Sequence[Sheet], planes: Mapping[int, float], comm: MPI.Comm, rigid: bool = False
+    sheets: Sequence[Sheet], planes: Mapping[int, float], comm: MPI.Comm, rigid: bool, finer: float
 ) -> tuple[Laid, list[str]]:
     """The blank of a press, and doubts. planes: as of `PressData`; rigid: fabric keeps its
-    thickness under pressure. Raises InputError for sheets that can't be meshed, and for own meshes
-    that reach beyond planes of symmetry or not to them."""
+    thickness under pressure; finer: times as many cells as `CELLS` by default. Raises InputError
+    for sheets that can't be meshed, and for own meshes that reach beyond planes of symmetry or not
+    to them."""
     sheets = [s.filled(name=s.name or f"ply {number}") for number, s in enumerate(sheets, 1)]
-    made = [_mesh(sheet, 24, planes, comm, rigid) for sheet in sheets]
+    cells = math.ceil(finer * CELLS * modelled_share(planes)[0])
+    made = [_mesh(sheet, cells, planes, comm, rigid) for sheet in sheets]
     # if cells do not follow the yarns all sheets are quadratic, by default twice as large, so that
     # there are as many nodes
     if any(blank.degree == 2 for _, blank, _ in made) and not any(s.element for s in sheets):
         for k, sheet in enumerate(sheets):
             if not (sheet.nx or sheet.size or sheet.mesh):
-                made[k] = _mesh(sheet.filled(element="P2"), 12, planes, comm, rigid)
+                made[k] = _mesh(sheet.filled(element="P2"), -(-cells // 2), planes, comm, rigid)
     final, blanks, doubts = zip(*made)
     for sheet, blank in zip(final, blanks):
         path = f"ply {sheet.name}" if final[1:] else sheet.sheet_file or "the blank"
@@ -105,7 +108,7 @@ def lay_blank(
     *sums, area = comm.allreduce(np.append(places @ areas, areas.sum()), MPI.SUM)
     centre = np.array(sums) / area
     centre[[*planes]] = [*planes.values()]
-    mirrors = [*filter(None, (_mirror_doubt(*each, planes) for each in zip(final, blanks)))]
+    mirrors = [*filter(None, (mirrored_yarns(*each, planes) for each in zip(final, blanks)))]
     laid = Laid(whole, final, final[first], whole_sides(blanks[first], planes), centre)
     return laid, mirrors + sum(doubts, [])
 
@@ -143,16 +146,15 @@ def _check_symmetric(blank, source, planes):
             )
 
 
-def _mirror_doubt(sheet, blank, planes):
-    """A warning, on all ranks, if the planes of symmetry don't mirror the yarns into yarns of the
+def mirrored_yarns(sheet: Sheet, blank: Blank, planes: Mapping[int, float]) -> str:
+    """A warning, on all ranks, if planes across these axes don't mirror the yarns into yarns of the
     same kind, otherwise "". A file of points may know of the modelled part alone, and is
     believed."""
     angle, between, comm = sheet.fibre_angle, sheet.yarn_angle, blank.mesh.comm
-    is_field = isinstance(angle, Field)
-    if not sheet.fabric or (is_field and not callable(angle.source)):
+    if not sheet.fabric or (isinstance(angle, Field) and not callable(angle.source)):
         return ""
     x, where = blank.centres(), "yarns by a function"
-    if not is_field:
+    if not isinstance(angle, Field):
         x, where = np.zeros((1, 3)), f"yarns at {angle:g} and {angle + between:g} deg"
     images = [np.where(np.arange(3) == axis, 2 * place - x, x) for axis, place in planes.items()]
     both = on_all(comm, lambda: [sheet.fibre_angles(y) + sheet.fibre_angles(x) for y in images])

@@ -1,5 +1,6 @@
 """The places of the tools of a press before anything moves, and whether they leave room for it."""
 
+from collections.abc import Mapping
 from itertools import product
 
 import numpy as np
@@ -73,7 +74,7 @@ def place_tools(press: PressData, laid: Laid) -> tuple[dict[str, Tool], Schedule
 
     def checked():
         doubts = _clearance_doubts(press, tools, schedule, extent)
-        return doubts + _symmetry_doubts(press, tools, extent, thickness)
+        return doubts + mirrored_tools(press, tools, extent, press.planes)
 
     return tools, schedule, doubts + on_root(laid.blank.mesh.comm, checked)
 
@@ -279,12 +280,14 @@ def _points(tool, extent, load):
     return x[((x >= low - 1e-6) & (x <= high + 1e-6))[:, :2].all(1)]
 
 
-def _symmetry_doubts(press, tools, extent, thickness):
-    """A sentence on each tool that is not its own mirror image in the planes of symmetry, within
-    `MIRRORED` thicknesses, in its places at the start and at the end."""
-    doubts: dict[str, str] = {}
+def mirrored_tools(
+    press: PressData, tools: Mapping[str, Tool], extent: np.ndarray, planes: Mapping[int, float]
+) -> list[str]:
+    """A sentence on each tool that is not its own mirror image in the `planes`, within `MIRRORED`
+    thicknesses, in its places at start and end. extent (2, 3): corners of the blank [mm]."""
+    doubts, thickness = dict[str, str](), press.thickness()
     alone = [tool for name, tool in tools.items() if name not in press.dies()]
-    for tool, load, (axis, place) in product(alone, (0.0, 1.0), press.planes.items()):
+    for tool, load, (axis, place) in product(alone, (0.0, 1.0), planes.items()):
         x = _points(tool, extent, load)
         images = np.where(np.arange(3) == axis, 2 * place - x, x)
         off = np.nan_to_num(abs(tool.surface.evaluate(images - tool.path(load)).gap))

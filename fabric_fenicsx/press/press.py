@@ -68,7 +68,7 @@ class Press(PressData):
     )
     FULL, QUICK = {"balance": 0.02}, {"balance": None}
     SOLVER = {"path_tolerance": 1e-5, "every": 5}
-    CHEAP_FROM = 0  # errors are estimated when asked for
+    CHEAP_FROM = 1  # cells: errors are always estimated
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], changes: Sequence[str] = ()) -> Self:

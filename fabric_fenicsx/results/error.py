@@ -3,9 +3,7 @@
 On cells of another kind errors have other causes, so the difference of the two runs is about the
 sum of both. On cells of the same kind, twice as large, the other run's error is 2^p times the run's
 own, so their difference is at least that for p >= 1; energies of a minimum have p = 2 or near it.
-Two numbers may agree by chance; forces along the whole second half of the load do not: their
-largest relative difference, on larger cells of the same kind its root mean square, is the least
-error.
+Two numbers may agree by chance, forces along the whole second half of the load do not.
 """
 
 from collections.abc import Iterable, Sequence
@@ -16,7 +14,6 @@ from numpy.typing import ArrayLike
 
 from ..scene import output
 from ..scene.scene import Scene
-from ..sheet.blank import Part
 from . import measures
 from .quantities import crumples
 from .result import Result
@@ -42,8 +39,7 @@ class Rule(NamedTuple):
 
     def errors(self, values: ArrayLike, differences: ArrayLike) -> np.ndarray:
         """Errors of values that differ by `differences` from those of the other run."""
-        least = self.share * np.abs(values)
-        return np.maximum(self.factor * np.abs(differences), least)
+        return np.maximum(self.factor * np.abs(differences), self.share * np.abs(values))
 
     def error(self, value: float, difference: float, *, is_energy: bool = False) -> float | None:
         """The error of a number, None if it can't be told."""
@@ -93,30 +89,21 @@ def field_differences(result: Result, other: Result) -> dict[str, np.ndarray]:
     from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator  # take long to import
 
     blank, comm = result.scene.blank, result.scene.comm
-    known = other.scene.blank
     names = [name for name in FIELDS if name in result.fields and name in other.fields]
     found = {name: np.full(len(blank.areas()), np.nan) for name in names}
-    if not names:
-        return found
-    for part in blank.parts.values() or [blank.whole]:
-        theirs = known.part(part.name)
-        at = np.concatenate(comm.allgather(_centres(theirs)))
-        order = np.lexsort(at.T)  # the same on any number of ranks
-        fields = np.column_stack([other.fields[name][theirs.cells] for name in names])
-        values = np.concatenate(comm.allgather(fields))
-        known_at, places = (at[order], values[order]), _centres(part)
-        if not len(places):
-            continue
-        columns = LinearNDInterpolator(*known_at)(places)
-        columns = np.where(np.isnan(columns), NearestNDInterpolator(*known_at)(places), columns)
-        for name, column in zip(names, columns.T):
-            found[name][part.cells] = np.abs(result.fields[name][part.cells] - column)
+    for part in (blank.parts.values() or [blank.whole]) if names else ():
+        theirs = other.scene.blank.part(part.name)
+        at, places = (p.blank.midpoints()[:2, p.cells].T.round(9) for p in (theirs, part))
+        fields = [other.fields[name][theirs.cells] for name in names]
+        rows = np.concatenate(comm.allgather(np.column_stack([at, *fields])))
+        rows = rows[np.lexsort(rows[:, :2].T)]  # the same on any number of ranks
+        if len(places):
+            columns = LinearNDInterpolator(rows[:, :2], rows[:, 2:])(places)
+            nearest = NearestNDInterpolator(rows[:, :2], rows[:, 2:])(places)
+            columns = np.where(np.isnan(columns), nearest, columns)
+            for name, column in zip(names, columns.T):
+                found[name][part.cells] = np.abs(result.fields[name][part.cells] - column)
     return found
-
-
-def _centres(part: Part) -> np.ndarray:
-    """Undeformed centres of this rank's cells of a part, (cells, 2) [mm]."""
-    return part.blank.midpoints()[:2, part.cells].T.round(9)
 
 
 def mesh_decides(result: Result) -> str:
@@ -134,7 +121,7 @@ def estimate(
     coarser mesh, of cells `of_other_kind` or of the same: of the reaction, strain energy, `names`
     of quantities, the curve (at most) and the FIELDS (root mean square over the area). The result's
     rows get the curve's as `error_N`, its fields those of the FIELDS as `error_...`. forces_only:
-    tell those of forces and energies alone."""
+    tell those of forces, energies and the angle of 99 % of the area alone."""
     lag = lag_of(result.scene)
     by = rule(result.rows, other.rows, of_other_kind=of_other_kind, lag=lag)
     errors = dict[str, float | None]()
@@ -155,8 +142,8 @@ def estimate(
         quantity, unit = ("shear_angle_rms_deg", np.degrees) if is_angle else (f"{name}_rms", float)
         errors[quantity] = by.error(unit(size), unit(apart))
     if forces_only:
-        forces = tuple(name for name in errors if name.endswith(("_N", "_Nmm")))
-        errors |= dict.fromkeys(errors.keys() - forces)
+        ends = "_N", "_Nmm", "_99_percent_deg"
+        errors |= {name: None for name in errors if not name.endswith(ends)}
     return errors
 
 

@@ -23,7 +23,7 @@ from ..core.files import csv_text, lock_folder, plain, read_json, replace_file, 
 from ..core.status import MARKED, LogFile, log
 from ..core.version import __version__
 from . import report
-from .verdict import INVALID, OK, Numbers, Reason
+from .verdict import DOUBTFUL, OK, VERDICTS, Numbers, Reason
 
 LIST = ".files.json"
 # of what runs write into their folder and those of their parts
@@ -144,8 +144,8 @@ class Output:
             self.warnings.append(text)
 
     def doubt(self, reason: Reason) -> None:
-        """As `warn`, a reason of the verdict; one why it is invalid is not printed."""
-        said = self.translated if reason.verdict == INVALID else self.tell
+        """As `warn`, a reason of the verdict; only one why it is doubtful is printed."""
+        said = self.tell if reason.verdict == DOUBTFUL else self.translated
         reason = reason._replace(text=said(reason.text))
         if reason.text and reason not in self.reasons:
             self.reasons.append(reason)
@@ -227,7 +227,7 @@ class Output:
         """`summary` with `facts`, and with verdict and warnings of what was said since it was
         written, written anew; what is said and taken from now on is of the next one."""
         reasons = [*summary.get("reasons", []), *(each._asdict() for each in self.reasons)]
-        reasons.sort(key=lambda each: each["verdict"] != INVALID)
+        reasons.sort(key=lambda each: -VERDICTS.index(each["verdict"]))
         verdict = reasons[0]["verdict"] if reasons else OK
         warnings = [*summary.get("warnings", []), *self.warnings]
         judged = {"verdict": verdict, "reasons": reasons, "warnings": warnings}

@@ -111,7 +111,7 @@ def _shown(name, summary, pictures):
     order = [*CAPTIONS]
     files = sorted(pictures, key=lambda f: ([*order, f.stem].index(f.stem), f.stem))
     captions = {file: CAPTIONS.get(file.stem, file.stem.replace("_", " ")) for file in files}
-    quantities = _with_errors(facts.get("quantities", {}), facts.get("error") or {})
+    quantities = _with_errors(facts.get("quantities", {}), errors := facts.get("error") or {})
     sheets = {"": quantities} | quantities.get("plies", {})
     headlines = {text: [_headline(q, n) for q in sheets.values()] for n, text in HEADLINES.items()}
     # of a summary, what stands outside its list of numbers
@@ -121,6 +121,7 @@ def _shown(name, summary, pictures):
     return {
         "name": name,
         "summary": facts,
+        "force": _with_errors({"reaction_N": facts.get("reaction_N")}, errors)["reaction_N"],
         "sheets": list(sheets),
         "headlines": {text: values for text, values in headlines.items() if any(values)},
         "quantities": quantities,

@@ -16,6 +16,7 @@ from ..core.formatting import coordinates
 from .ply import SAME, Grid, check_field, edge_sides, plan_area, ply_of
 
 File: TypeAlias = pathlib.Path | str
+MAX_ASYMMETRY = 0.1  # of the largest displacement in plan, by which mirrored places may differ
 
 
 class Path(NamedTuple):
@@ -165,6 +166,20 @@ def draw_in(grid: Grid) -> dict[str, float | list[float]]:
     largest = float(inwards.max())
     there = (place.round(6) + 0.0)[inwards >= largest - 1e-6 * abs(largest)].tolist()
     return ways | {"largest_mm": largest, "largest_at_mm": min(there)}
+
+
+def asymmetry(grid: Grid, axis: int) -> tuple[float, float, np.ndarray] | None:
+    """The largest displacement in plan, by how much the formed sheet is at most off its mirror
+    image across an axis (0: in x = 0) [mm], and the place (2,) of that. None if this is less than
+    `MAX_ASYMMETRY`, and for a mesh that is not its own image."""
+    from scipy.spatial import KDTree  # takes long to import
+
+    x, mirror = np.asarray(grid.points), 1.0 - 2.0 * np.eye(3)[axis]
+    away, image = KDTree(x).query(x * mirror)
+    u = np.asarray(grid.point_data["u"])
+    moved, off = (np.linalg.norm(v[:, :2], axis=1) for v in (u, u - u[image] * mirror))
+    is_alike = away.max() > SAME or off.max() <= MAX_ASYMMETRY * moved.max()
+    return None if is_alike else (moved.max(), off.max(), x[off.argmax(), :2])
 
 
 def contrast(grid: Grid, name: str) -> float:

@@ -3,12 +3,12 @@
 from typing import Any, NamedTuple, TypeAlias
 
 Numbers: TypeAlias = dict[str, Any]  # as summary.json nests them
-OK, DOUBTFUL, INVALID = "ok", "doubtful", "invalid"
+VERDICTS = OK, DOUBTFUL, INVALID = "ok", "doubtful", "invalid"  # from the best to the worst
 
 
 class Reason(NamedTuple):
-    """Why a result is doubtful or invalid. of: of a doubt, which quantities it is about: a part of
-    their names; "" if it is about all."""
+    """Why a result is doubtful or invalid, or what an ok one does not say. of: of a doubt, which
+    quantities it is about: a part of their names; "" if it is about all."""
 
     text: str
     of: str = ""

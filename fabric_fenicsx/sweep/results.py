@@ -33,8 +33,8 @@ def limit_of(word: str) -> tuple[str, float]:
 
 def below(runs: Sequence[Run], quantity: str, limit: float) -> str:
     """Sentence on where `quantity` is below `limit`, over the one number that the runs vary, and
-    how far the cells may be off. Between believed runs with a value it is linear, over the
-    logarithm where numbers are far apart."""
+    what is known of the error of their cells. Between believed runs with a value it is linear, over
+    the logarithm where numbers are far apart."""
     (key,) = runs[0].values
     name, points, others = short_names([key])[key], [], defaultdict(list)
     for run in sorted(runs, key=lambda run: float(run.values[key])):
@@ -51,11 +51,13 @@ def below(runs: Sequence[Run], quantity: str, limit: float) -> str:
     slopes = np.sign(np.diff(y))
     if (slopes > 0).any() and (slopes < 0).any():
         notes.append("it neither falls nor rises throughout: look at trends.png")
-    errors = [run.summary().get("error", {}).get(quantity) for run in runs if run.is_believed()]
-    off = "all on these cells: `-- --error` tells how far they may be off, finer ones show it"
-    if sizes := [abs(error) for error in errors if error is not None]:
-        off = f"the cells' estimated error is up to {rounded(max(sizes), 2)}"
-    return "; ".join([f"{asked}: {_where(x, y, limit, name)}", *notes, off])
+    used = [run for run in runs if math.isfinite(run.value(quantity))]
+    errors = [run.summary().get("error", {}).get(quantity) for run in used]
+    sizes = [abs(error) for error in errors if error is not None]
+    off = [f"estimated as up to {rounded(max(sizes), 2)}"] if sizes else []
+    off += [f"not known in {n} of {len(used)} runs"] if (n := len(used) - len(sizes)) else []
+    notes.append(f"only {name} was varied; the error of the cells is {', '.join(off)}")
+    return "; ".join([f"{asked}: {_where(x, y, limit, name)}", *notes])
 
 
 def _where(x, y, limit, name):
@@ -139,6 +141,8 @@ def told(
     names = [n for n in labels if n in known and all(math.isfinite(r.value(n)) for r in sound)]
     spreads = {name: spread(sound, ranges, name) for name in names}
     sentences = [_words(labels[name], each) for name, each in spreads.items()]
+    if left := ", ".join(labels[name] for name in labels if name in known.difference(names)):
+        sentences.append(f"left out, as doubted or without a value in some runs: {left}")
     for name, limit in limits:
         values = [y for run in sound if math.isfinite(y := run.value(name))]
         count = f"{sum(y < limit for y in values)} of {len(values)}"

@@ -235,8 +235,22 @@ def test_a_coarser_run_that_fails_costs_the_errors_alone():
 
     job = ff.Tensile(**COARSE).job(steps=2, coarser=refused, error=True)
     summary = job.run().summary
-    assert summary["converged"] and "error" not in summary
+    assert summary["converged"] and "error" not in summary and summary["verdict"] == "doubtful"
     assert any("no error is known" in text and "no such mesh" in text for text in said(summary))
+
+
+def test_ok_needs_a_force_to_10_percent_and_an_angle_to_3_degrees():
+    def doubted(*errors, angle=40.0):
+        names = "reaction_N", "shear_angle_99_percent_deg"
+        summary = dict(zip(names, (-200.0, angle))) | {"error": dict(zip(names, errors))}
+        return validity.error_doubts(ff.Result(summary, [], {}, None, None), "force of punch")
+
+    assert not doubted(20.0, 3.0)
+    (force,), (angle,) = doubted(20.1, 2.9), doubted(0.0, 3.1)
+    assert force.of == "_N" and "10 %: force of punch -200 +- 20 N" in force.text
+    assert angle.of == "shear_angle" and "3 deg: of 99 % of the area 40 +- 3.1 deg" in angle.text
+    assert [each.of for each in doubted(None, None)] == ["_N", "shear_angle"]
+    assert not doubted(0.0, None, angle=2.9)  # it may be off by all of it
 
 
 def test_only_errors_of_forces_are_told_where_cells_crumple(monkeypatch):

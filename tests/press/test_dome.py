@@ -1,6 +1,5 @@
 """The press of the double dome: own punches, a quarter, a whole ply, a stack."""
 
-import dataclasses
 from xml.etree import ElementTree
 
 import numpy as np
@@ -84,16 +83,6 @@ def test_a_whole_ply_is_fixed_in_the_nodes_nearest_to_centre_and_end(cells):
 def test_a_quarter_whose_yarns_no_plane_mirrors_is_warned_of(angle, said):
     made = dome(nx=4, fibre_angle=angle)
     assert any("mirror images" in text for text in made.warnings) == said
-
-
-def test_quadratic_cells_of_a_ply_are_twice_as_large_by_default():
-    """So nodes are as many; who gives a number of rectangles gets it."""
-    made = []
-    for given in ({}, {"nx": 8}, {"element": "P2"}):
-        press = dome_press(fibre_angle=30, **given)
-        sheet = press.sheets[0] if "nx" in given else dataclasses.replace(press.sheets[0], nx=None)
-        made.append(press.replace(sheets=sheet).build().sheets[0])
-    assert [(sheet.nx, sheet.element) for sheet in made] == [(12, "P2"), (8, "P2"), (24, "P2")]
 
 
 PLIES = "inner", "outer"

@@ -147,6 +147,33 @@ def test_what_is_doubted_of_a_press(change, words):
     assert any(words in each for each in warnings) if words else not warnings
 
 
+def test_an_answer_less_symmetric_than_its_press_is_doubted():
+    """Half of the whole ply slips by 1 mm along x."""
+    whole = "blank.nx=4", "blank.symmetry=none", "stage.1.moves.punch=3"
+    press, aside = hemisphere(*whole), hemisphere(*whole, "tools.punch.at=[1, 0]")
+    result = press.job(steps=1, balance=None).run()
+    assert not press.doubts(result)
+    result.grid.point_data["u"][result.grid.points[:, 0] > 1, 0] += 1
+    (doubt,) = press.doubts(result)
+    assert "its own mirror image in x = 0, but the blank, which" in doubt.text
+    assert " mm in plan, is 1 mm off its image at (" in doubt.text
+    held = {"left": ff.PressureHolder(0.1, where=lambda x: x[0] < 0)}
+    turned, segment = hemisphere(*whole, "blank.fibre_angle=30"), hemisphere(*whole, holders=held)
+    assert not [each for press in (aside, turned, segment) for each in press.doubts(result)]
+
+
+@pytest.mark.parametrize(
+    "changes, nx",
+    [("", 24), ("blank.symmetry=none", 48), ("tools.ring.entry=1", 48)]
+    + [("tools.ring.entry=5", 34), ("tools.ring.entry=5 blank.fibre_angle=30", 17)]
+    + [("blank.element=P2", 24), ("blank.fibre_angle=30 blank.nx=8", 8)],
+)
+def test_default_cells_follow_the_least_radius_of_the_tools(tmp_path, changes, nx):
+    """A quarter of 100 mm: 1/48 of the whole or 0.6 of a radius, down to 1/96; P2 twice that."""
+    file = changed(tmp_path, ("nx = 16", "#"))
+    assert hemisphere(*changes.split(), file=file).sheets[0].nx == nx
+
+
 def test_a_plate_has_the_opening_of_its_die(tmp_path):
     """A ball that comes down through the ring meets no plate beneath it."""
     by_force = "pressure = 0.02       # on what lies on the ring [MPa]", "force = 400"

@@ -142,21 +142,6 @@ def both(first, second, loads=(0, 0.5, 1), **options):
     return [rule(*runs, of_other_kind=kind, **options) for kind in (True, False)]
 
 
-@pytest.mark.parametrize("order", [1.0, 3.0])
-def test_the_errors_of_a_curve_are_covered(order):
-    """A parabola that a mesh of size h puts off by h^order, and the lines that join its points."""
-    loads = [np.linspace(0, 1, n) for n in (11, 6)]
-    run, other = (rows(load, 5 * load**2 + load * h**order) for load, h in zip(loads, (0.1, 0.2)))
-    of_mesh, of_lines = curve_errors(run, other, Rule(1.0, 1.0, 0.0))
-    errors = of_mesh + of_lines
-    fine = np.linspace(0, 1, 201)
-    joined = np.interp(fine, loads[0], [row["reaction_N"] for row in run])
-    off = np.abs(joined - 5 * fine**2)
-    assert (np.interp(fine, loads[0], errors) >= off - 1e-12).all()
-    assert errors.max() < 3 * off.max()
-    assert of_lines == pytest.approx(np.full(11, 5 * 0.1**2 / 4))
-
-
 def test_lines_of_unequal_steps_err_by_the_longer_one():
     """h^2 / 8 of the second derivative of 5 x^2, of steps of 0.2 and 0.8; of two points nothing."""
     run = rows((0, 0.2, 1), (0, 0.2, 5))
@@ -227,8 +212,9 @@ def test_errors_of_all_that_is_told():
     run.rows, other.rows = rows((0, 0.5, 1), (0, 2.0, 10)), rows((0, 0.5, 1), (0, 1.8, 9.0))
     for result, force, strain, own in ((run, 10.0, 4.0, 1.0), (other, 9.0, 3.0, 0.9)):
         result.summary |= {"reaction_N": force, "energy": {"strain": strain}}
-        result.summary["quantities"] = {"own": {"force_N": own}, "text": "a"}
-    names = "own.force_N", "text"
+        most = {"shear_angle_99_percent_deg": 2 * own}
+        result.summary["quantities"] = {"own": {"force_N": own}, "text": "a", **most}
+    names = "own.force_N", "text", "shear_angle_99_percent_deg"
     errors = estimate(run, other, names, of_other_kind=False, forces_only=False)
     eps = abs(np.array([0.1, 0.3]) - [0.12, 0.12 + 0.75 * 0.16])
     by_area = [1 / 4, 3 / 4]
@@ -236,6 +222,7 @@ def test_errors_of_all_that_is_told():
         "reaction_N": pytest.approx(1.0),
         "strain_energy_Nmm": pytest.approx(0.5),
         "own.force_N": pytest.approx(0.1),
+        "shear_angle_99_percent_deg": pytest.approx(0.2),
         "curve_N": pytest.approx(1.75),
         "curve_steps_N": pytest.approx(0.75),  # slopes of 4 and 16 N, h^2 / 8 of their 24
         "log_eps_11_rms": pytest.approx(
@@ -248,6 +235,6 @@ def test_errors_of_all_that_is_told():
         errors["log_eps_11_rms"] / np.sqrt(by_area @ eps**2)
     )
     forces = estimate(run, other, names, of_other_kind=True, forces_only=True)
-    kept = "reaction_N", "strain_energy_Nmm", "own.force_N", "curve_N", "curve_steps_N"
+    kept = "reaction_N", "strain_energy_Nmm", names[0], names[2], "curve_N", "curve_steps_N"
     assert [name for name, error in forces.items() if error is not None] == [*kept]
     assert forces["strain_energy_Nmm"] == pytest.approx(1.75)

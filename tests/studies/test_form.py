@@ -16,7 +16,8 @@ from fabric_fenicsx.results.states import read_state
 
 ROOT = EXAMPLES.parents[1]
 PRESS = EXAMPLES / "hemisphere.toml"
-SMALL = PRESS, "--set", "blank.nx=4", "--steps", 2, "--balance", 9, "--no-pictures"
+COARSE = "--steps", 2, "--balance", 9, "--no-pictures", "--set", "stage.1.moves.punch=3"
+SMALL = PRESS, "--set", "blank.nx=4", *COARSE, "--no-error"
 
 
 def test_the_press_as_it_was_run_is_beside_its_results(launch, run_script, tmp_path):
@@ -38,12 +39,26 @@ def test_the_press_as_it_was_run_is_beside_its_results(launch, run_script, tmp_p
 
 
 def test_a_disturbed_run_is_of_the_whole_ply(launch):
-    run = launch("form", *SMALL, "--set", "stage.1.moves.punch=3", "--disturb", 2)
+    run = launch("form", *SMALL, "--disturb", 2)
     assert run.status == 0, run.err
     disturbed = json.loads((run.folder / "disturbed" / "summary.json").read_text())
     assert disturbed["cells"] == 4 * run.summary["cells"]
     number = disturbed["quantities"]["force_of_whole_blank_N"]
     assert run.summary["disturbed"]["force_of_whole_blank_N"] == pytest.approx(number)
+
+
+def test_a_press_tells_its_error_unasked(launch):
+    """By the same press on cells twice as large, in half the steps; in report and verdict."""
+    press = PRESS, *COARSE, "--set", "stage.1.moves.punch=10"
+    run = launch("form", *press, "--set", "blank.nx=6", "--steps", 4)
+    assert run.status == 0, run.err
+    page, force = (run.folder / "report.html").read_text(), run.summary["reaction_N"]
+    other = launch("form", *press, "--set", "blank.nx=3", "--no-error")
+    apart = abs(force - other.summary["reaction_N"])
+    assert run.summary["error"]["reaction_N"] == pytest.approx(apart, rel=1e-3)
+    assert f"{force:.5g} +- {apart:.2g}" in page
+    (doubt,) = [reason for reason in run.summary["reasons"] if reason["of"] == "_N"]
+    assert f"10 %: force of punch on a quarter of the blank {force:.5g} +- " in doubt["text"]
 
 
 def test_the_disturbed_press_is_whole_and_its_punch_aside():
@@ -75,9 +90,6 @@ def test_short_forms_are_of_all_plies(tmp_path):
     sheets = PressStudy("form", press_parser(""), words).read().sheets
     assert [(s.nx, s.yarn_angle, s.element) for s in sheets] == [(4, 80, "P2"), (3, 80, "P2")]
     assert all(s.fabric == ff.load("komeili").without("biaxial") for s in sheets)
-
-
-def test_a_press_of_metal_alone_is_read(tmp_path):
     words = ["hemisphere", "--set", "blank.metal=dc04", "--out", str(tmp_path)]
     (sheet,) = PressStudy("form", press_parser(""), words).read().sheets
     assert sheet.metal == ff.load_metal("dc04") and not sheet.fabric
@@ -107,7 +119,7 @@ def test_a_laminate_is_formed(launch, monkeypatch):
     monkeypatch.setattr(pictures, "draw_compared", lambda *_: None)  # as of a single ply
     # a step of hardly any work: what is missing of it differs from machine to machine
     short = "--set", "stage.1.moves.punch=1.5", "--steps", 1, "--max-imbalance", 0.5
-    done = launch("laminate", "--nx", 3, *short, "--balance", 9)
+    done = launch("laminate", "--nx", 3, *short, "--balance", 9, "--no-error")
     assert done.status == 0, done.err
     s = done.summary
     q, energy = s["quantities"], s["energy"]
@@ -146,6 +158,6 @@ def test_a_dry_run_tells_the_size_and_leaves_the_folder_free(launch):
     assert "MiB" in checked.out
     assert (checked.folder / "setup.png").stat().st_size > 10_000
     assert not (checked.folder / "history.csv").exists()
-    run = launch("form", *press, "--no-pictures", overwrite=False)
+    run = launch("form", *press, "--no-pictures", "--no-error", overwrite=False)
     assert run.status == 0 and run.summary["dofs"] == 123
     assert f" {run.summary['newton_iterations']} iterations at the first" in checked.out

@@ -116,8 +116,10 @@ def test_runs_without_a_value_are_left_out_with_the_reason(line):
 
 def test_the_error_of_the_cells_is_told(line):
     runs = line((1,), (4,), error={"q": 0.01}) + line((2, 3), (3, 2), error={"q": -0.3})
-    assert below(runs, "q", 3.5).endswith("the cells' estimated error is up to 0.3")
-    assert "`-- --error` tells how far" in below(line((1, 2), (4, 3)), "q", 3.5)
+    said = "only p was varied; the error of the cells is estimated as up to 0.3"
+    assert below(runs, "q", 3.5).endswith(said)
+    runs += line((4,), (1,), error={"q": None}) + line((5,), (0,))
+    assert below(runs, "q", 3.5).endswith(said + ", not known in 2 of 5 runs")
 
 
 def test_numbers_and_verdict_of_a_run(made):
