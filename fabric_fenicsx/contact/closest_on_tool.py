@@ -8,10 +8,8 @@ from ..surfaces.curved_triangles import row_dots
 from ..surfaces.surfaces import Nearest
 from ..surfaces.tool import Tool
 
-# cosine of the angle between the normals where a way enters a body and where it leaves it, below
-# which it goes through a wall; above, over an edge
+# cosine between normals where a way enters and leaves a body: below, a wall; above, an edge
 THROUGH_A_WALL = -0.5
-MAX_PLACES = 100  # on a way at which the gap is looked at
 
 
 class ClosestOnTool:
@@ -41,7 +39,6 @@ class ClosestOnTool:
 
     @property
     def _x(self):
-        """Places of the nodes relative to the tool's."""
         return self.nodes.places + self.nodes.view() - self.tool.displacement
 
     def now(self) -> Nearest:
@@ -103,7 +100,7 @@ class ClosestOnTool:
         foot, across = np.zeros((2, *start.shape))
         inside, through = np.zeros((2, len(start)), bool)
         left, farthest = np.arange(len(start)), max(self.reach, last.max(initial=0.0))
-        for _ in range(MAX_PLACES):
+        for _ in range(100):  # places on a way, at most
             if not len(left):
                 break
             y = start[left] + gone[left, None] * along[left]

@@ -286,8 +286,8 @@ class FormingScene(Setup):
     def _is_symmetric(self, axis):
         """True if tools, yarns and holders are known to be mirrored by the plane across an axis."""
         data, extent = self.data, np.array(self.laid.blank.extent())
-        plane, loads = {axis: 0.0}, [t for t in self.scene.terms if isinstance(t, Gravity)]
-        across = any(term.acceleration[axis] for term in loads)
+        plane, terms = {axis: 0.0}, self.scene.terms
+        across = any(term.acceleration[axis] for term in terms if isinstance(term, Gravity))
         yarns = [mirrored_yarns(*each, plane) for each in zip(self.sheets, self.laid.blanks)]
         tools = on_root(self.scene.comm, lambda: mirrored_tools(data, self.tools, extent, plane))
         held = [each for name, holder in data.holders.items() for each in segments(name, holder)]

@@ -24,7 +24,6 @@ from .tools import DieOf
 CHECK_PRESSURE = 1.0  # MPa, under which the blank must fit between closed tools
 POINTS_ACROSS = 60  # points across the blank at which the distance of two tools is found
 TOUCH_TOLERANCE = 1e-9  # of the thickness: a tool so near touches the blank
-MAX_AWAY = 1e7  # mm from the blank, up to which a tool's face is looked for
 MAX_OFF_ORIGIN = 4.0  # of its size, up to which a surface of triangles keeps its coordinates
 
 
@@ -189,7 +188,7 @@ def _touching(name, up, place, surface, laid, thickness):
 
     while (sides := least(first))[0] <= 0 or sides[1] < 0:  # in the body, or beyond it
         first *= 2
-        if first > MAX_AWAY:
+        if first > 1e7:  # mm
             raise InputError(
                 f"tools.{name} has its body between its face and the blank; allowed is the other "
                 "side, turn = [180, 0, 0] on top of its own turn, triangles whose normals point "

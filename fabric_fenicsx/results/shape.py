@@ -10,13 +10,13 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy import spatial
 
 from ..core.errors import InputError
 from ..core.formatting import coordinates
 from .ply import SAME, Grid, check_field, edge_sides, plan_area, ply_of
 
 File: TypeAlias = pathlib.Path | str
-MAX_ASYMMETRY = 0.1  # of the largest displacement in plan, by which mirrored places may differ
 
 
 class Path(NamedTuple):
@@ -171,14 +171,12 @@ def draw_in(grid: Grid) -> dict[str, float | list[float]]:
 def asymmetry(grid: Grid, axis: int) -> tuple[float, float, np.ndarray] | None:
     """The largest displacement in plan, by how much the formed sheet is at most off its mirror
     image across an axis (0: in x = 0) [mm], and the place (2,) of that. None if this is less than
-    `MAX_ASYMMETRY`, and for a mesh that is not its own image."""
-    from scipy.spatial import KDTree  # takes long to import
-
+    a tenth of it, and for a mesh that is not its own image."""
     x, mirror = np.asarray(grid.points), 1.0 - 2.0 * np.eye(3)[axis]
-    away, image = KDTree(x).query(x * mirror)
+    away, image = spatial.KDTree(x).query(x * mirror)
     u = np.asarray(grid.point_data["u"])
     moved, off = (np.linalg.norm(v[:, :2], axis=1) for v in (u, u - u[image] * mirror))
-    is_alike = away.max() > SAME or off.max() <= MAX_ASYMMETRY * moved.max()
+    is_alike = away.max() > SAME or off.max() <= 0.1 * moved.max()
     return None if is_alike else (moved.max(), off.max(), x[off.argmax(), :2])
 
 

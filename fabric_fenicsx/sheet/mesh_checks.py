@@ -42,7 +42,6 @@ CELLS = {
     "quad": CellKind("quadrilateral", 4, 1, _QUAD[:4]),
     "quad9": CellKind("quadrilateral", 4, 2, _QUAD),
 }
-SLIT_TOLERANCE = 0.1  # of an edge's length, up to which it lies on a slit
 AREA_TOLERANCE = 1e-16  # squared area over the longest edge's fourth power: no area below it
 
 
@@ -229,7 +228,7 @@ def cut_open(
     x = points[ends, :2]
     length = np.linalg.norm(x[:, 1] - x[:, 0], axis=1)
     places = shapely.points(np.stack([*x.swapaxes(0, 1), x.mean(1)]))
-    is_cut = shapely.distance(lines, places).max(0) < SLIT_TOLERANCE * length
+    is_cut = shapely.distance(lines, places).max(0) < 0.1 * length  # edges that lie on slits
     _, edge, count = np.unique(np.sort(ends, 1), axis=0, return_inverse=True, return_counts=True)
     edge = edge.ravel()
     follows = length[is_cut & (count[edge] == 2)].sum() / 2

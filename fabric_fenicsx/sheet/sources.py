@@ -27,7 +27,6 @@ PATTERNS = "along", "unstructured"
 MIN_DETAIL = 0.1  # of the cells' size: length of an edge or a hole below which it is left out
 MIN_CLEARANCE = 1e-3  # of the cells' size: least distance of parts of the outline
 MAX_CELLS = 1_000_000  # cells
-CELL_MEMORY = 12e-6  # GB, of P2 in a plane
 
 
 def rectangle(
@@ -95,7 +94,8 @@ def outline(
 
 
 def _cost(cells):
-    return f"{rounded(cells)} cells, which take some {rounded(CELL_MEMORY * cells)} GB of memory"
+    memory = rounded(12e-6 * cells)  # of P2 in a plane
+    return f"{rounded(cells)} cells, which take some {memory} GB of memory"
 
 
 def _check_triangles(layout, what):
