@@ -17,7 +17,7 @@ trim = [80 * np.column_stack([np.cos(angle), np.sin(angle)])]  # on the flange, 
 formed = press.job(steps=4).run()
 write_pattern("net", flat_pattern(formed.grid, trim, reach=2.0))
 
-own = {"outline": "net.csv", "size": 12, "length": None, "width": None, "nx": None}
-net = press.replace(sheets=[dataclasses.replace(press.sheets[0], **own)])
+sheet = dataclasses.replace(press.sheets[0], length=None, width=None, nx=None)
+net = press.replace(sheets=[dataclasses.replace(sheet, outline="net.csv", size=12)])
 largest, mean = edge_distance(net.job(steps=4).run().grid, trim)
 print(f"{largest:.2f} {mean:.2f}")

@@ -257,10 +257,6 @@ class Sheet(SheetFields, YarnBending):
 
     def _flaws(self):
         flaws = super()._flaws()
-        if not (self.metal or self.fabric):
-            flaws.append("a sheet needs `fabric` or `metal`")
-        if not (self.sheet_file or (self.length and self.width)):
-            flaws.append("a sheet needs `length` and `width`, `outline` or `mesh`")
         if self.metal and isinstance(self.thickness, Field):
             flaws.append("`thickness` of metal is a field; allowed is a number above 0")
         return flaws
