@@ -19,12 +19,6 @@ def linear(x, y):
     return 3.0 + 0.1 * x - 0.2 * y
 
 
-def table(path, header="x,y,v", values=None):
-    values = linear(*GRID.T) if values is None else values
-    np.savetxt(path, np.column_stack([GRID, values]), delimiter=",", header=header, comments="")
-    return path
-
-
 def mesh(path, **data):
     cells = {"vertex": np.arange(len(GRID))[:, None]}
     points = np.column_stack([GRID, 0 * GRID[:, 0]])
@@ -33,7 +27,9 @@ def mesh(path, **data):
 
 
 def test_a_file_is_its_function_between_the_points_and_its_nearest_point_beyond(tmp_path):
-    files = table(tmp_path / "f.csv", "x [mm],y [mm],T [deg C]"), mesh(tmp_path / "f.vtu")
+    files, rows = (tmp_path / "f.csv", mesh(tmp_path / "f.vtu")), [*GRID.T, linear(*GRID.T)]
+    how = {"delimiter": ",", "header": "x [mm],y [mm],T [deg C]", "comments": ""}
+    np.savetxt(files[0], np.transpose(rows), **how)
     for field in map(ff.Field, files):
         assert field.at(INSIDE) == pytest.approx(ff.Field(linear).at(INSIDE), rel=1e-12)
         beyond = field.at(np.array([[35.0, 14.0, 0.0], [-3.0, -9.0, 0.0]]))

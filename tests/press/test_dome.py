@@ -13,13 +13,15 @@ import fabric_fenicsx as ff
 
 
 def test_tools_close_to_the_clearance_that_is_asked():
-    """Where the punch goes further, they are refused."""
+    """Also after another stage; where the punch goes further, they are refused."""
     thickness = KOMEILI.thickness_under(0.0)
-    for clearance in (1.2 * thickness, 1.5):
-        to_it = f"tools.die.clearance={clearance}", f"stage.1.close={clearance / thickness}"
-        made = dome(nx=4, changes=to_it)
-        way = made.tools["punch"].path(1.0) - made.tools["punch"].path(0.0)
-        assert way[2] == pytest.approx(60.0, abs=1e-6)
+    first = ff.Stage("first", moves={"punch": 20}, steps=1)
+    for clearance, stages in ((1.2 * thickness, []), (1.5, [first])):
+        press = dome_press(nx=4, changes=[f"tools.die.clearance={clearance}"])
+        stages = [*stages, ff.Stage("rest", close=clearance / thickness, steps=1)]
+        made = press.replace(stages=stages).build()
+        heights = [made.tools["punch"].path(load)[2] for load in np.linspace(0, 1, len(stages) + 1)]
+        assert np.diff(heights) == pytest.approx([20, 40] if len(stages) > 1 else [60], abs=1e-6)
         assert made.schedule.distance("punch", 1.0) == pytest.approx(clearance)
     words = "tools punch and die go .* through one another at the end of forming"
     with pytest.raises(ff.InputError, match=words):
@@ -44,15 +46,6 @@ def test_tools_that_close_to_less_than_the_pressed_thickness_are_told_of(apart, 
     t = KOMEILI.thickness_under(0.0)
     made = dome(nx=4, changes=[f"stage.1.close={apart / t}"])
     assert any("they crush it there" in words for words in made.warnings) == crushed
-
-
-def test_a_stage_may_close_a_die_that_comes_later():
-    """After another stage has moved the punch by part of the way."""
-    press = dome_press(nx=4)
-    stages = [ff.Stage("first", moves={"punch": 20}, steps=1), ff.Stage("rest", close=1.2, steps=1)]
-    two = press.replace(stages=stages).build()
-    heights = [two.tools["punch"].path(load)[2] for load in (0, 0.5, 1)]
-    assert np.diff(heights) == pytest.approx([20, 40])
 
 
 def test_a_punch_with_a_crack_beneath_the_ply_or_in_inches_is_refused():

@@ -11,32 +11,21 @@ from fabric_fenicsx.press import forming_scene
 from fabric_fenicsx.press.press import EXAMPLES
 
 COARSE = {"nx": 4, "stroke": 5}
-OWN = ff.load("komeili").replace(name="own")
 
 
-@pytest.fixture
-def plies_of(tmp_path):
-    """Function of tables of plies to the sheets of a press file that has them, with a fabric and a
-    metal beside it."""
-    for name, material in (("own", OWN), ("own_metal", ff.load_metal("dc04"))):
+def test_plies_of_a_file_take_what_they_lack_from_the_blank(tmp_path):
+    for name, material in (("own", KOMEILI), ("own_metal", ff.load_metal("dc04"))):
         (tmp_path / f"{name}.toml").write_text(material.replace(name=name).dumps())
-
-    def read(text):
-        rest = (EXAMPLES / "double_dome.toml").read_text()
-        (tmp_path / "press.toml").write_text(f"ply = [{text}]\n{rest}")
-        return ff.Press.read(tmp_path / "press.toml", ["blank.nx=4"]).sheets
-
-    return read
-
-
-def test_plies_of_a_file_take_what_they_lack_from_the_blank(plies_of):
-    plies = plies_of("""
+    text = """ply = [
   {name = "inner", fibre_angle = 45, nx = 5, friction = 0.2},
   {fabric = "own.toml", length = 400, width = 200.5, thickness = 0.3},
   {metal = "dc04"},
   {},
   {metal = "own_metal.toml"}
-""")
+]
+"""
+    (tmp_path / "press.toml").write_text(text + (EXAMPLES / "double_dome.toml").read_text())
+    plies = ff.Press.read(tmp_path / "press.toml", ["blank.nx=4"]).sheets
     inner, outer, *_ = plies
     assert (inner.name, inner.fibre_angle, inner.nx, inner.friction) == ("inner", 45.0, 5, 0.2)
     assert (inner.fabric, inner.length, inner.width, outer.nx) == (KOMEILI, 470, 270, 4)

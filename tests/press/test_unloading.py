@@ -99,9 +99,7 @@ def test_fabric_gives_back_what_it_stored(full):
     "strength, low, high",
     [pytest.param(0.02, 24.43, 24.45, marks=pytest.mark.mpi), (5e-4, 0.0, 0.1)],
 )
-def test_fabric_whose_yarns_rub_keeps_its_height_if_that_is_stronger_than_the_law(
-    strength, low, high
-):
+def test_fabric_whose_yarns_rub_more_than_the_law_keeps_its_height(strength, low, high):
     """Without friction it goes flat, see above; the law takes some 1e-3 MPa at these angles."""
     fabric = builders.KOMEILI.replace(shear_friction=ff.ShearFriction(0.5, strength))
     formed = dome(fabric, nx=6, stroke=25.0).job(steps=4, balance=None).run()

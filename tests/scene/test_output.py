@@ -2,34 +2,14 @@
 
 from types import SimpleNamespace
 
-import builders
 import numpy as np
 import pytest
-from builders import Elastic, sheet
+from builders import KOMEILI, Elastic, near, sheet
 
 import fabric_fenicsx as ff
-from fabric_fenicsx import (
-    Bending,
-    Contact,
-    InputError,
-    Membrane,
-    Plane,
-    Scene,
-    Sphere,
-    Support,
-    Tool,
-    clamped_ends,
-    load,
-)
 from fabric_fenicsx.energy import output as values
-from fabric_fenicsx.scene import output
+from fabric_fenicsx.scene import output, tool_warnings
 from fabric_fenicsx.scene.scene import rescale_loads
-from fabric_fenicsx.scene.tool_warnings import (
-    cells_over_radius,
-    few_cells_warning,
-    tool_warnings,
-    untouched_warning,
-)
 
 
 def test_what_is_merged_of_several_terms():
@@ -63,7 +43,7 @@ def test_the_worst_of_several_sheets(first):
     """Of two fabrics and two metals, one of each stretched or shorter, whichever comes first."""
     names = "abcd"
     stack = ff.Stack([(sheet(20, 10, 2, 2, "left", spatial=True), 1.0, name) for name in names])
-    fabrics = [ff.Membrane(ff.load("komeili")).on(name) for name in names[:2]]
+    fabrics = [ff.Membrane(KOMEILI).on(name) for name in names[:2]]
     metals = [ff.SheetMetal(ff.load_metal("dc04")).on(name) for name in names[2:]]
     made = ff.Scene(stack, [*fabrics, *metals])
     x = stack.coordinates()
@@ -99,99 +79,96 @@ def test_numbers_that_a_checkpoint_compares():
     assert facts["largest displacement of supports [mm]"] == 0.1
 
 
-D = 8.33  # [N mm]
-
-
-BALLS = [Tool(Sphere(8.0, (10, 5, side * 9.0)), name="ball") for side in (-1, 1)]
-ASIDE = Tool(Sphere(8.0, (4, 5, 9.0)), name="ball aside")
-PLATES = [Tool(Plane((0, 0, -side), (0, 0, side)), name="plate") for side in (-1, 1)]
-WEDGE = Tool(Plane((0, 0, 9), (-0.6, 0, -0.8)), [0, 0, -3], name="wedge")
+BALLS = [ff.Tool(ff.Sphere(8.0, (10, 5, side * 9.0)), name="ball") for side in (-1, 1)]
+ASIDE = ff.Tool(ff.Sphere(8.0, (4, 5, 9.0)), name="ball aside")
+PLATES = [ff.Tool(ff.Plane((0, 0, -side), (0, 0, side)), name="plate") for side in (-1, 1)]
+WEDGE = ff.Tool(ff.Plane((0, 0, 9), (-0.6, 0, -0.8)), [0, 0, -3], name="wedge")
 LEFT = "left", lambda x: x[0] < 1e-6
 
 
 @pytest.mark.mpi
 @pytest.mark.parametrize(
-    "terms, supports, height, words",
+    "more, supports, height, words",
     [
-        (lambda: [], [Support(*LEFT, (0,))], 0, "free to move along its width, which contact w"),
-        (lambda: [], [Support(*LEFT, (1,))], 0.98, r"\(left\) leave blank free to (move|turn)"),
-        (lambda: [], [Support(*LEFT, (0, 1))], 0, ""),
-        (lambda: [Contact(PLATES[0], friction=0.2)], [], 0, ""),
-        (lambda: [], [], 3, "free to turn about its normal, which contact"),
-        (lambda: [], [Support(*LEFT, (1,))], 1.02, ""),
-        (lambda: [Contact(ASIDE)], [], 3, ""),
+        ([], [ff.Support(*LEFT, (0,))], 0, "free to move along its width, which contact w"),
+        ([], [ff.Support(*LEFT, (1,))], 0.98, r"\(left\) leave blank free to (move|turn)"),
+        ([], [ff.Support(*LEFT, (0, 1))], 0, ""),
+        ([(PLATES[0], 0.2)], [], 0, ""),
+        ([], [], 3, "free to turn about its normal, which contact"),
+        ([], [ff.Support(*LEFT, (1,))], 1.02, ""),
+        ([(ASIDE, 0.0)], [], 3, ""),
     ],
 )
-def test_a_smooth_tool_holds_no_flat_sheet_within_its_plane(terms, supports, height, words):
+def test_a_smooth_tool_holds_no_flat_sheet_within_its_plane(more, supports, height, words):
     """While friction, a second tool or the sheet's shape may, but for turning about a ball."""
 
     def shape(x):
         return x + x[:, :1] ** 2 * [0, 0, height / 400]
 
     blank = sheet(20, 10, 4, 2, shape=shape, spatial=True)
-    terms = [Membrane(load("komeili")), Bending(D), Contact(BALLS[0]), *terms()]
-    scene = Scene(blank, terms, supports)
+    terms = [ff.Membrane(KOMEILI), ff.Bending(8.33), ff.Contact(BALLS[0])]
+    terms += [ff.Contact(tool, friction=mu) for tool, mu in more]
+    scene = ff.Scene(blank, terms, supports)
     if not words:
         return scene.check_start()
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(ff.InputError, match=words):
         scene.check_start()
 
 
 @pytest.mark.parametrize(
-    "terms, words",
+    "tools, words",
     [
-        (lambda: [*map(Contact, PLATES)], r"leave blank free to move along its \w+, which contact"),
-        (lambda: [Contact(PLATES[0]), Contact(WEDGE)], "free to move along its width, which cont"),
-        (lambda: [*map(Contact, [*PLATES, BALLS[0]])], "free to turn about its normal, which"),
-        (lambda: [*map(Contact, [PLATES[0], BALLS[0], ASIDE])], ""),
+        (PLATES, r"leave blank free to move along its \w+, which contact"),
+        ([PLATES[0], WEDGE], "free to move along its width, which cont"),
+        ([*PLATES, BALLS[0]], "free to turn about its normal, which"),
+        ([PLATES[0], BALLS[0], ASIDE], ""),
     ],
 )
-def test_smooth_tools_hold_a_flat_sheet_by_their_shapes_or_not_at_all(terms, words):
+def test_smooth_tools_hold_a_flat_sheet_by_their_shapes_or_not_at_all(tools, words):
     """Planes and what turns about one axis never do; where others may, that is said."""
-    contacts = terms()
-    rubbing = [Contact(term.tool, friction=0.2) for term in contacts]
     made, other = (
-        Scene(sheet(20, 10, 4, 2, spatial=True), [Membrane(load("komeili")), Bending(D), *given])
-        for given in (contacts, rubbing)
+        ff.Scene(
+            sheet(20, 10, 4, 2, spatial=True),
+            [ff.Membrane(KOMEILI), ff.Bending(8.33), *(ff.Contact(t, friction=mu) for t in tools)],
+        )
+        for mu in (0.0, 0.2)
     )
     if words:
-        with pytest.raises(InputError, match=words):
+        with pytest.raises(ff.InputError, match=words):
             made.check_start()
     else:
         assert "holds blank, which may move along" in made.check_held()
     assert other.check_held() == ""
 
 
-KOMEILI = load("komeili")
-
-
 @pytest.mark.mpi
 @pytest.mark.parametrize(
-    "surface, mu, words",
+    "radius, mu, words",
     [
-        (Sphere(30, (10, 10, -30.5)), 1.99, []),
-        (Sphere(30, (10, 10, -30.5)), 2.01, ["friction on tip has a coefficient of 2.01, which"]),
-        (Sphere(0.81, (10, 10, -1.3)), 0.25, []),  # cells of 1.25 mm span 88 deg of it, or 92 deg
-        (Sphere(0.78, (10, 10, -1.3)), 0.25, ["cells are 1.25 mm long where the tip has a radius"]),
+        (30, 1.99, []),
+        (30, 2.01, ["friction on tip has a coefficient of 2.01, which"]),
+        (0.81, 0.25, []),  # cells of 1.25 mm span 88 deg of it, or 92 deg
+        (0.78, 0.25, ["cells are 1.25 mm long where the tip has a radius"]),
     ],
 )
-def test_what_is_doubted_of_tools(surface, mu, words):
-    blank = builders.sheet(20, 20, 16, 16, "crossed", spatial=True)
-    tool = Tool(surface, lambda load: (0, 0, -1), name="tip")
-    terms = [Membrane(KOMEILI), Contact(tool, friction=mu)]
-    told = tool_warnings(Scene(blank, terms, clamped_ends()))
+def test_what_is_doubted_of_tools(radius, mu, words):
+    surface = ff.Sphere(radius, (10, 10, -radius - 0.5))
+    blank = sheet(20, 20, 16, 16, "crossed", spatial=True)
+    tool = ff.Tool(surface, lambda load: (0, 0, -1), name="tip")
+    terms = [ff.Membrane(KOMEILI), ff.Contact(tool, friction=mu)]
+    told = tool_warnings.tool_warnings(ff.Scene(blank, terms, ff.clamped_ends()))
     assert len(told) == len(words) and all(map(str.startswith, told, words))
 
 
 def over_balls(n, degree=1, held=()):
     """A sheet of n columns of crossed cells over 20 mm, and contacts of two balls at rest."""
-    blank = builders.sheet(20, 20, n, n, "crossed", spatial=True, degree=degree)
-    balls = [Tool(Sphere(r, (10, 10, -r - 0.5)), name=f"ball {r}") for r in (30, 4)]
-    contacts = [Contact(ball, 1.0, penalty=9.0) for ball in balls]
-    return Scene(blank, [Membrane(KOMEILI), *contacts], held)
+    blank = sheet(20, 20, n, n, "crossed", spatial=True, degree=degree)
+    balls = [ff.Tool(ff.Sphere(r, (10, 10, -r - 0.5)), name=f"ball {r}") for r in (30, 4)]
+    contacts = [ff.Contact(ball, 1.0, penalty=9.0) for ball in balls]
+    return ff.Scene(blank, [ff.Membrane(KOMEILI), *contacts], held)
 
 
-QUARTER = [Support("x", lambda x: x[0] < 1e-6, (0,)), Support("y", lambda x: x[1] < 1e-6, (1,))]
+QUARTER = [ff.Support(name, near(axis, 0.0), (axis,)) for axis, name in enumerate("xy")]
 
 
 @pytest.mark.parametrize(
@@ -201,7 +178,7 @@ QUARTER = [Support("x", lambda x: x[0] < 1e-6, (0,)), Support("y", lambda x: x[1
 )
 def test_few_cells_along_a_sheet_on_tools(n, degree, held, cells):
     """Halves of quadratic ones, and of a quarter twice as many, count."""
-    told = few_cells_warning(over_balls(n, degree, held))
+    told = tool_warnings.few_cells_warning(over_balls(n, degree, held))
     assert told.startswith(cells) and bool(told) == bool(cells)
 
 
@@ -210,10 +187,10 @@ def test_radii_and_gaps_of_tools_that_touch_and_that_do_not():
     scene = over_balls(5)
     scene.blank.u.x.array[2::3] = -0.2
     scene.accept()
-    assert cells_over_radius(scene) == pytest.approx(4 / 4)
-    aside = Tool(Sphere(4, (10, 10, -9)), lambda load: (0, 0, 3.0 * load - 1), name="ball")
-    scene = Scene(scene.blank, [Membrane(KOMEILI), Contact(aside, 1.0, penalty=9.0)])
+    assert tool_warnings.cells_over_radius(scene) == pytest.approx(4 / 4)
+    aside = ff.Tool(ff.Sphere(4, (10, 10, -9)), lambda load: (0, 0, 3.0 * load - 1), name="ball")
+    scene = ff.Scene(scene.blank, [ff.Membrane(KOMEILI), ff.Contact(aside, 1.0, penalty=9.0)])
     scene.set_load(1.0)
     scene.accept()
     words = "a tool never touched the sheet: ball moved by 3 mm, and is still 2.3 mm off;"
-    assert untouched_warning(scene).startswith(words)
+    assert tool_warnings.untouched_warning(scene).startswith(words)

@@ -7,13 +7,7 @@ import pytest
 from mpi4py import MPI
 
 from fabric_fenicsx.core.errors import InputError
-from fabric_fenicsx.surfaces import projection
-from fabric_fenicsx.surfaces.checks import (
-    check_start,
-    check_triangles,
-    triangle_warnings,
-    unit_doubt,
-)
+from fabric_fenicsx.surfaces import checks, projection
 from fabric_fenicsx.surfaces.primitives import Plane, Sphere
 from fabric_fenicsx.surfaces.tool import Tool
 from fabric_fenicsx.surfaces.triangulated import TriangulatedSurface
@@ -21,7 +15,7 @@ from fabric_fenicsx.surfaces.triangulated import TriangulatedSurface
 
 def checked(points, cells, thickness=1.0):
     """The warnings about a punch."""
-    return check_triangles(TriangulatedSurface(points, cells), "punch.stl", thickness)
+    return checks.check_triangles(TriangulatedSurface(points, cells), "punch.stl", thickness)
 
 
 def arc(turn, count=4, radius=10.0):
@@ -78,29 +72,30 @@ def grid(angle, n=8):
     return TriangulatedSurface(np.column_stack([x, y, z]), np.vstack(cells))
 
 
-def flat(size, hole=0.0):
-    """A square plate of triangles, of this size, with a square hole."""
+def told_of(size, hole=0.0):
+    """The warnings about a square plate of this size, with a square hole, under 100 mm of sheet."""
     out, inner = (
         np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * each / 2 for each in (size, hole)
     )
     k, n = np.arange(4), (np.arange(4) + 1) % 4
     points = np.column_stack([np.vstack([out, inner]), np.zeros(8)])
     cells = np.vstack([np.column_stack([k, n, n + 4]), np.column_stack([k, n + 4, k + 4])])
-    return Tool(TriangulatedSurface(points, cells), name="plate")
+    plate = Tool(TriangulatedSurface(points, cells), name="plate")
+    return checks.triangle_warnings(plate, 100.0)
 
 
 def test_a_tool_in_another_unit_is_doubted():
     """Below a fifth of the sheet, if it would be from a tenth to ten times as large in a unit."""
-    assert not triangle_warnings(flat(21.0), 100.0)
-    assert "as if it were in inches or cm;" in triangle_warnings(flat(19.0), 100.0)[0]
-    assert "as if it were in metres or inches;" in triangle_warnings(flat(0.5), 100.0)[0]
-    assert "as if it were in metres;" in triangle_warnings(flat(0.3), 100.0)[0]
-    assert not unit_doubt(2.1, 100.0, 0.02) and unit_doubt(1.9, 100.0, 0.02)
+    assert not told_of(21.0)
+    assert "as if it were in inches or cm;" in told_of(19.0)[0]
+    assert "as if it were in metres or inches;" in told_of(0.5)[0]
+    assert "as if it were in metres;" in told_of(0.3)[0]
+    assert not checks.unit_doubt(2.1, 100.0, 0.02) and checks.unit_doubt(1.9, 100.0, 0.02)
 
 
 def test_a_hole_below_a_tenth_of_the_tool_is_told_of():
-    assert "has a hole 9 mm wide at (0, 0, 0) mm" in triangle_warnings(flat(100.0, 9.0), 100.0)[0]
-    assert not triangle_warnings(flat(100.0, 11.0), 100.0)
+    assert "has a hole 9 mm wide at (0, 0, 0) mm" in told_of(100.0, 9.0)[0]
+    assert not told_of(100.0, 11.0)
 
 
 def test_the_least_radius_takes_more_than_a_hundredth_of_the_turning(monkeypatch):
@@ -125,6 +120,6 @@ def test_a_tool_that_the_sheet_is_in_at_the_start(surface, deep, place):
     places = np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel() - 1e-16])
     words = f"ball is {deep} mm deep in the sheet's face at {place} before anything moves; allowed "
     with pytest.raises(InputError, match=re.escape(words) + "is up to 0.2 mm, .*: begin its path"):
-        check_start(Tool(surface, name="ball"), places, 0.4, MPI.COMM_SELF)
+        checks.check_start(Tool(surface, name="ball"), places, 0.4, MPI.COMM_SELF)
     lowered = Tool(surface, lambda load: (0, 0, 0.2 - deep), name="ball")  # up to its middle
-    check_start(lowered, places, 0.4, MPI.COMM_SELF)
+    checks.check_start(lowered, places, 0.4, MPI.COMM_SELF)
