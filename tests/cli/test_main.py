@@ -46,16 +46,12 @@ def test_example_data_are_found_from_any_folder(fabric):
     assert done.returncode == 0, done.stderr
 
 
-def test_a_terminal_of_few_letters(fabric, monkeypatch):
+@pytest.mark.versions
+def test_studies_and_data_are_listed_on_a_terminal_of_few_letters(fabric, monkeypatch):
     monkeypatch.setenv("PYTHONIOENCODING", "ascii")
     done = fabric("list")
     assert done.returncode == 0 and "Sch\\xe4fer" in done.stdout and not done.stderr
-
-
-@pytest.mark.versions
-def test_studies_and_data_are_listed(capsys):
-    assert main.main(["list"]) == 0
-    words = capsys.readouterr().out.split()
+    words = done.stdout.split()
     assert {path.stem for path in (ROOT / "studies").glob("*.py")} <= set(words)
     data = [word for word in words if word.startswith("studies/") and word != "studies/reference,"]
     assert len(data) > 3 and all((STUDIES.parent / word).exists() for word in data)

@@ -127,9 +127,6 @@ def test_a_quarter_is_half_as_long_as_its_ply(tmp_path):
     assert (found["length"], found["width"], found["nx"]) == (400, 240, None)
 
 
-FABRIC = ff.load("komeili")
-
-
 @pytest.fixture
 def table(tmp_path):
     """Function of length and width to a file of a rectangle with its low x at `start`."""
@@ -154,15 +151,15 @@ def test_a_strip_has_cells_of_the_size(table, tmp_path):
 
 
 def test_errors_are_estimated_from_coarser_cells(table):
-    result = Tensile(FABRIC, outline=table(120, 30), size=5).job(steps=2, error=True).run()
+    result = Tensile(outline=table(120, 30), size=5).job(steps=2, error=True).run()
     assert 0 < result.summary["error"]["reaction_N"] < 0.2 * result.summary["reaction_N"]
 
 
 def test_planes_of_symmetry_cut_a_whole_outline(table):
     made = {"outline": table(500, 300), "size": 40, "fibre_angle": 30, "centred": True}
-    ply = dome(FABRIC, **made, full=True)
+    ply = dome(**made, full=True)
     assert np.ravel(ply.scene.blank.extent()) == pytest.approx([-250, -150, 0, 250, 150, 0])
-    ply = dome(FABRIC, **made, full=False)
+    ply = dome(**made, full=False)
     assert np.ravel(ply.scene.blank.extent()) == pytest.approx([0, 0, 0, 250, 150, 0])
     with pytest.raises(ff.InputError, match="not its own mirror image in x = 0"):
-        dome(FABRIC, **made | {"centred": False, "outline": table(500, 300, -100)}, full=False)
+        dome(**made | {"centred": False, "outline": table(500, 300, -100)}, full=False)
