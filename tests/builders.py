@@ -151,9 +151,13 @@ def compiled_as_it_stands():
         yield
 
 
+class Alone(SimpleNamespace):
+    """What a scene tells its terms, which refer to it weakly, without one."""
+
+
 def alone(blank, *terms):
     """Bind terms to a sheet without a scene, to test them by themselves; the first of them."""
-    scene = SimpleNamespace(blank=blank, terms=terms)
+    scene = Alone(blank=blank, terms=terms)
     for term in terms:
         bind(term, scene)
     return terms[0]
