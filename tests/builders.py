@@ -3,6 +3,7 @@
 import json
 from contextlib import contextmanager
 from dataclasses import fields, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -150,16 +151,13 @@ def compiled_as_it_stands():
         yield
 
 
-class Alone:
-    """What a scene tells its terms, without one."""
-
-    def __init__(self, blank, terms):
-        self.blank, self.terms = blank, terms
+class Alone(SimpleNamespace):
+    """What a scene tells its terms, which refer to it weakly, without one."""
 
 
 def alone(blank, *terms):
     """Bind terms to a sheet without a scene, to test them by themselves; the first of them."""
-    scene = Alone(blank, terms)
+    scene = Alone(blank=blank, terms=terms)
     for term in terms:
         bind(term, scene)
     return terms[0]

@@ -57,8 +57,7 @@ def pytest_collection_modifyitems(items):
 
 
 def pytest_collection_finish():
-    """What is there before tests begin stays. So garbage is looked for among the rest alone, which
-    takes a millisecond in place of 0.3 s, and each run of a study ends with that."""
+    """Garbage is looked for among what tests make, in 1 ms in place of 0.3 s after each study."""
     gc.collect()
     gc.freeze()
 
@@ -136,8 +135,7 @@ def messages_as_before():
 
 @pytest.fixture(scope="session")
 def hang():
-    """Time limit [s] for whatever a test starts; for hangs alone, so no test sets one of its
-    own."""
+    """Time limit [s] for whatever a test starts, for hangs alone."""
     return HANG
 
 
@@ -220,10 +218,7 @@ def run_script():
 def launch(shared_path, run_script):
     """Function that runs a study as a user would: launch(name, *options, ranks=1) to its status,
     output without `progress`, that, results. By default it runs in this process, on the ranks of
-    the test, which saves the start of another.
-
-    overwrite: what an earlier one left.
-    """
+    the test, which saves the start of another, and overwrites what an earlier one left."""
 
     def run(name, *options, ranks=1, out=True, overwrite=True):
         script, folder = ROOT / "studies" / f"{name}.py", shared_path / "out"

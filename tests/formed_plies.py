@@ -5,7 +5,6 @@ import pyvista
 
 from fabric_fenicsx.results.ply import SYMMETRIC
 from fabric_fenicsx.sheet.specimen import specimen
-from fabric_fenicsx.surfaces.double_dome import DoubleDome
 
 
 def formed(
@@ -42,11 +41,6 @@ def formed(
 def plane(*rows):
     """place(x, y) of a homogeneous deformation in the plane, with gradient `rows`."""
     return lambda x, y: np.column_stack([np.column_stack([x, y]) @ np.array(rows).T, 0 * x])
-
-
-def on_dome(x, y):
-    """Draped over the double dome, as in its developed plan, and 0.5 mm above it."""
-    return DoubleDome().lift(x, y) + [0, 0, 0.5]
 
 
 SHEARED = plane((1.02, 0.3), (0, 0.9))

@@ -149,21 +149,13 @@ def links(page):
             yield page.parent / target.split("#")[0]
 
 
-def test_links_lead_somewhere():
-    assert not [(name(page), to) for page in PAGES for to in links(page) if not to.exists()]
-
-
-def test_the_data_set(tmp_path):
-    found = identify(*curves.read(write_files(tmp_path, OWN_DATA)))
+def test_the_data_set_and_its_compaction_test(tmp_path):
+    page = DOCS / "howto/compaction_test.md"
+    found = identify(*curves.read(write_files(tmp_path, OWN_DATA, page)))
     assert sorted(found.assumed) == ["s_C", "s_T"]
     assert "In the example s_T and s_C are assumed" in OWN_DATA.read_text()
     for curve in found.report()["curves"]:  # of eps_b with its 2 % of noise
         assert curve["rms_error_of_peak"] < (0.02 if curve["column"] == "eps_b" else 0.01)
-
-
-def test_the_compaction_test(tmp_path):
-    page = DOCS / "howto/compaction_test.md"
-    found = identify(*curves.read(write_files(tmp_path, OWN_DATA, page)))
     told = re.findall(r"^compaction\.\w+ .*", page.read_text(), re.M)
     assert len(told) == 3 and set(told) <= set(result_lines(found))
 
@@ -320,18 +312,13 @@ def test_columns_and_quantities_are_those_that_the_page_on_python_lists():
             assert f"`{column}`" in columns or f"`{short}`" in columns, column
 
 
-def test_every_study_is_told_and_only_those():
+def test_pages_name_every_study_and_public_name_and_files_that_exist():
     told = re.findall(r"python (\w+/\w+\.py)", (DOCS / "studies.md").read_text())
     scripts = [*ROOT.glob("studies/*.py"), *ROOT.glob("benchmarks/*.py")]
     assert set(told) == {name(path) for path in scripts}
-
-
-def test_every_public_name_is_in_the_reference():
     told = re.findall(r"^   (\w+)$", (DOCS / "api/index.md").read_text(), re.M)
     assert sorted(told) == ff.__all__
-
-
-def test_every_file_that_the_verification_names_is_there():
+    assert not [(name(page), to) for page in PAGES for to in links(page) if not to.exists()]
     named = re.findall(r"`(\w+/[\w/]+\.py)`", (DOCS / "verification.md").read_text())
     assert not [file for file in named if not (ROOT / "tests" / file).exists()]
 

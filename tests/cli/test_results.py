@@ -1,6 +1,5 @@
 """Commands on the results of a run: what they ask of them and print, of made ones."""
 
-from argparse import Namespace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +9,6 @@ import shapely
 import fabric_fenicsx as ff
 from fabric_fenicsx.cli import results
 from fabric_fenicsx.cli.press_study import PressStudy, press_parser
-from fabric_fenicsx.cli.study import Study
 from fabric_fenicsx.results import pattern, states
 
 TWO = {"lower": (0.5, 0.9), "upper": (1.2, 0.3)}  # plies and their thickness in cells [mm]
@@ -75,16 +73,3 @@ def test_a_quick_press_has_a_third_of_the_steps_and_cells_twice_as_large(tmp_pat
         assert (study.read().sheets[0].nx, study.args.steps) == (cells, steps)
         assert (study.args.max_shortening, study.args.max_strain) == (0.3, 0.1)
         study.output.close()
-
-
-def test_the_model_fabric_has_no_coupling():
-    def fabric(model, *without):
-        study = Namespace(args=Namespace(model=model, without=without))
-        return Study.coupled(study, ff.load("komeili"))
-
-    tau = 0.02506 * 0.3 - 0.18679 * 0.3**2 + 0.56239 * 0.3**3
-    added = 1467.6 * 0.3**2 * 2 * (1.02**2 - 1) ** 2
-    found = [
-        fabric(model).derivatives(0.02, 0.02, 0.3).first[2] for model in ("fabric", "hyperelastic")
-    ]
-    assert found == pytest.approx([tau, tau + added], rel=1e-12)

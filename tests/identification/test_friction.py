@@ -177,13 +177,9 @@ def test_specimens_give_their_fabric_back():
     for force, rel in ((specimen(FABRIC, None)[0], 1e-3), (noisy, 0.2)):
         found = identify_simulated(GLASS, [raw(force)], specimen)
         start, fit = identify(GLASS, [raw(force)]), found.simulated
-        values = [getattr(found.fabric, name) for name in ("s1", "s2", "s3")]
+        values, first = ([f.s1, f.s2, f.s3] for f in (found.fabric, start.fabric))
         assert values == pytest.approx(TRUE, rel=rel)
-        assert list(fit["homogeneous"].values()) == [
-            start.fabric.s1,
-            start.fabric.s2,
-            start.fabric.s3,
-        ]
+        assert [*fit["homogeneous"].values()] == first
         for told, fabric in ((fit["off_homogeneous"], start.fabric), (fit["off"], found.fabric)):
             off = np.sqrt(np.mean((specimen(fabric, None)[0] - force) ** 2)) / force.max()
             assert told == {"bias.csv": pytest.approx(off, rel=1e-6)}

@@ -153,11 +153,14 @@ def test_lines_of_unequal_steps_err_by_the_longer_one():
 
 
 def test_a_chance_agreement_tells_nothing():
-    """Curves that cross at full load are 20 and 30 % apart before, from half of the load on."""
+    """Curves that cross at full load are 20 and 30 % apart before, from half of the load on; forces
+    of a tool that has gone back are compared with at least 5 % of the largest."""
     other_kind, same_kind = both((0, 3, 5, 7, 10), (9, 1, 6, 4.9, 10), (0, 0.25, 0.5, 0.75, 1))
     assert other_kind == pytest.approx((1.75, 1.75, 0.3))
     # root mean square with the end's 0
     assert same_kind == pytest.approx((1.0, 0.5, np.sqrt((0.2**2 + 0.3**2) / 3)))
+    share = np.hypot(0.1, 0.01 / 0.5) / np.sqrt(2)
+    assert both((0, 10.0, 0.0), (0, 9.0, 0.01))[1].share == pytest.approx(share)
 
 
 def test_the_error_of_a_number_is_by_its_difference_or_its_share():
@@ -175,12 +178,6 @@ def test_two_runs_know_no_error_below_a_thousandth_and_twice_the_lag(apart, lag,
     """Unless they agree to rounding."""
     force = np.array([0, 5, 10.0])
     assert both(force, force * (1 + apart), lag=lag)[0].share == pytest.approx(share)
-
-
-def test_a_tool_that_has_gone_back_tells_no_share():
-    """Forces are compared with at least 5 % of the largest."""
-    share = np.hypot(0.1, 0.01 / 0.5) / np.sqrt(2)
-    assert both((0, 10.0, 0.0), (0, 9.0, 0.01))[1].share == pytest.approx(share)
 
 
 def test_lag_is_the_largest_of_the_terms_and_their_friction():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import pyvista
 from dome_triangles import double_dome
-from formed_plies import formed, halves, on_dome
+from formed_plies import formed, halves
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from mpi4py import MPI
@@ -20,6 +20,7 @@ from fabric_fenicsx.results.fields import FieldSeries
 from fabric_fenicsx.results.shape import Path
 from fabric_fenicsx.results.states import read_state, states
 from fabric_fenicsx.sheet.specimen import specimen
+from fabric_fenicsx.surfaces.double_dome import DoubleDome
 
 QUARTER = [ff.Support(f"x{i} = 0", lambda x, i=i: x[i] < 1e-6, (i,)) for i in (0, 1)]
 
@@ -87,7 +88,8 @@ def test_a_run_draws_what_the_report_names(run):
 
 
 def test_pictures_of_a_formed_ply(tmp_path, capfd, monkeypatch):
-    grid = formed(on_dome, angle=np.radians(45), ranks=2)
+    draped = lambda x, y: DoubleDome().lift(x, y) + [0, 0, 0.5]  # noqa: E731
+    grid = formed(draped, angle=np.radians(45), ranks=2)
     grid["shear_angle"][7] = -0.9
     files = [tmp_path / f"{name}.png" for name in ("states", "formed")]
     drawn, save = [], Figure.savefig
@@ -102,18 +104,24 @@ def test_pictures_of_a_formed_ply(tmp_path, capfd, monkeypatch):
     assert capfd.readouterr().err == ""
 
 
-def test_paths_are_drawn_in_per_cent_and_degrees_with_marks_that_lie_on_them(tmp_path, monkeypatch):
+@pytest.fixture
+def drawn(monkeypatch):
+    """Axes of each picture, in the order in which they are written."""
     figures = []
     monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: figures.append(figure.axes))
+    return figures
+
+
+def test_paths_are_drawn_in_per_cent_and_degrees_with_marks_that_lie_on_them(tmp_path, drawn):
     distance = np.array([0.0, 10, 20])
     path = Path(distance, 2 * distance, 0.01 * distance, -0.001 * distance, distance / 2, None)
     marks = {"edge": [15.0, 25.0], "none": [np.nan, np.nan]}
     pictures.paths_picture(tmp_path / "p.png", {"run": {0: path, 90: path}}, marks)
-    for axes, mark in ((figures[0][:3], [15.0]), (figures[0][3:], [])):
+    for axes, mark in ((drawn[0][:3], [15.0]), (drawn[0][3:], [])):
         for ax, values in zip(axes, ([0, 10, 20], [0, -1, -2], [0, 5, 10])):
-            drawn, *vertical, zero = ax.lines
-            assert list(drawn.get_xdata()) == [0, 10, 20]
-            assert list(drawn.get_ydata()) == pytest.approx(values)
+            curve, *vertical, zero = ax.lines
+            assert list(curve.get_xdata()) == [0, 10, 20]
+            assert list(curve.get_ydata()) == pytest.approx(values)
             assert [line.get_xdata()[0] for line in vertical] == mark
 
 
@@ -131,14 +139,6 @@ def test_polygons_cover_the_deformed_sheet(tmp_path, element):
     assert len(areas) == blank.mesh.topology.index_map(2).size_local
     share = np.linalg.det(np.eye(2) + stretch) / len(areas)
     assert abs(areas) == pytest.approx(2400 * share, rel=1e-9)
-
-
-@pytest.fixture
-def drawn(monkeypatch):
-    """Axes of each picture, in the order in which they are written."""
-    figures = []
-    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: figures.append(figure.axes))
-    return figures
 
 
 @pytest.mark.versions

@@ -102,25 +102,19 @@ def test_outlines_are_free_edges():
     assert np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]) / 2 == pytest.approx(1.02 * 0.9 * 235 * 135)
 
 
-def test_how_far_a_ply_is_off_its_mirror_image():
-    """By twice the 1 mm that all of it moves along x, at most 3.35 mm of its ends."""
+def test_a_ply_that_moves_aside_is_off_its_mirror_image_and_keeps_its_mean_draw_in():
+    """By twice the 1 mm that all of it moves along x, at most 3.35 mm of its ends, which differ."""
     grid = formed(plane((0.98, 0), (0, 0.99)), full=True)
     assert shape.asymmetry(grid, 0) is None
     grid.point_data["u"][:, 0] += 1
     moved, off, _ = shape.asymmetry(grid, 0)
     assert off == pytest.approx(2.0) and moved == pytest.approx(np.hypot(0.02 * 117.5 + 1, 0.675))
     assert shape.asymmetry(grid, 1) is None
-    assert shape.asymmetry(grid.translate((0.1, 0, 0)), 0) is None  # its mesh is not its image
-
-
-def test_a_ply_that_moves_aside_keeps_its_mean_draw_in():
-    """By 1 mm along x: the two ends differ."""
-    grid = formed(plane((0.98, 0), (0, 0.9)), full=True)
-    grid.point_data["u"][:, 0] += 1
     found, short = shape.draw_in(grid), 0.02 * 235 / 2
     ends = found["middle_at_low_x_mm"], found["middle_at_high_x_mm"]
     assert ends == pytest.approx((short + 1, short - 1))
     assert found["middle_of_short_side_mm"] == pytest.approx(short)
+    assert shape.asymmetry(grid.translate((0.1, 0, 0)), 0) is None  # its mesh is not its image
 
 
 def test_what_goes_outwards_is_no_draw_in():

@@ -56,27 +56,17 @@ CASES = {
 
 # On ranks: a word, a value and a mesh in a file, and files that one rank looks for.
 ON_RANKS = "count below one", "negative thickness", "mesh not there", "nothing to resume"
+RUNS = [pytest.param(case, 1, marks=[pytest.mark.mpi] * (case in ON_RANKS)) for case in CASES]
 
 
-@pytest.mark.parametrize(
-    "case",
-    [pytest.param(case, marks=pytest.mark.mpi) if case in ON_RANKS else case for case in CASES],
-)
-def test_bad_input(launch, shared_path, case):
-    is_refused(launch, shared_path, case)
-
-
-def test_bad_input_ends_all_processes(launch, shared_path):
-    """Under mpirun; that all ranks refuse each case the test above asks when it runs on ranks."""
-    is_refused(launch, shared_path, "mesh of lines", ranks=2)
-
-
-def is_refused(launch, folder, case, ranks=1):
+@pytest.mark.parametrize("case, ranks", [*RUNS, ("mesh of lines", 2)])
+def test_bad_input(launch, shared_path, case, ranks):
+    """Under mpirun all processes end; on the ranks of the test all refuse."""
     options, prepare, words = CASES[case]
-    earlier = folder / "out" / "summary.json"
+    earlier = shared_path / "out" / "summary.json"
     if COMM.rank == 0:
         if prepare:
-            prepare(folder)
+            prepare(shared_path)
         earlier.parent.mkdir()
         earlier.write_text("{}")
     COMM.barrier()
@@ -89,8 +79,8 @@ def is_refused(launch, folder, case, ranks=1):
         assert word in spoken[0]
     assert earlier.read_text() == "{}"
     assert [p.name for p in earlier.parent.iterdir()] == ["summary.json"]
-    if (folder / "taken").is_file():
-        assert (folder / "taken").read_text() == "mine"
+    if (shared_path / "taken").is_file():
+        assert (shared_path / "taken").read_text() == "mine"
 
 
 @pytest.fixture
@@ -130,19 +120,11 @@ def test_a_length_that_is_not_the_meshs_is_refused(study, name, value):
         mine.build(mine.describe(Tensile))
 
 
-def quarter(tmp_path, shift=(0, 0, 0)):
-    """The built press of the double dome on a mesh."""
-    points, cells, kind = specimen(200, 120, 10, 6, "left")
-    meshio.write_points_cells(tmp_path / "s.vtk", points + shift, [(kind, cells)])
-    return ff.Press.read("double_dome", [f"blank.mesh={tmp_path / 's.vtk'}"]).build()
-
-
 def test_a_quarter_is_half_as_long_as_its_ply(tmp_path):
-    found = quarter(tmp_path).resolved
+    points, cells, kind = specimen(200, 120, 10, 6, "left")
+    meshio.write_points_cells(tmp_path / "s.vtk", points, [(kind, cells)])
+    found = ff.Press.read("double_dome", [f"blank.mesh={tmp_path / 's.vtk'}"]).build().resolved
     assert (found["length"], found["width"], found["nx"]) == (400, 240, None)
-
-
-FABRIC = ff.load("komeili")
 
 
 @pytest.fixture
@@ -169,15 +151,15 @@ def test_a_strip_has_cells_of_the_size(table, tmp_path):
 
 
 def test_errors_are_estimated_from_coarser_cells(table):
-    result = Tensile(FABRIC, outline=table(120, 30), size=5).job(steps=2, error=True).run()
+    result = Tensile(outline=table(120, 30), size=5).job(steps=2, error=True).run()
     assert 0 < result.summary["error"]["reaction_N"] < 0.2 * result.summary["reaction_N"]
 
 
 def test_planes_of_symmetry_cut_a_whole_outline(table):
     made = {"outline": table(500, 300), "size": 40, "fibre_angle": 30, "centred": True}
-    ply = dome(FABRIC, **made, full=True)
+    ply = dome(**made, full=True)
     assert np.ravel(ply.scene.blank.extent()) == pytest.approx([-250, -150, 0, 250, 150, 0])
-    ply = dome(FABRIC, **made, full=False)
+    ply = dome(**made, full=False)
     assert np.ravel(ply.scene.blank.extent()) == pytest.approx([0, 0, 0, 250, 150, 0])
     with pytest.raises(ff.InputError, match="not its own mirror image in x = 0"):
-        dome(FABRIC, **made | {"centred": False, "outline": table(500, 300, -100)}, full=False)
+        dome(**made | {"centred": False, "outline": table(500, 300, -100)}, full=False)

@@ -78,11 +78,9 @@ def test_a_mesh_from_a_file_gets_no_finer_cells(tmp_path):
     assert outline.finer(3.0).size == 3.0
 
 
-TWO = ("two_plies", ["nx=6", "fibre_angle=30"]), ("laminate", ["blank.nx=12", "nx=6"])
-
-
 def test_short_forms_are_of_all_plies(tmp_path):
-    two, laminate = (ff.Press.read(*each).sheets for each in TWO)
+    two = ff.Press.read("two_plies", ["nx=6", "fibre_angle=30"]).sheets
+    laminate = ff.Press.read("laminate", ["blank.nx=12", "nx=6"]).sheets
     assert [(ply.nx, ply.fibre_angle) for ply in two] == [(6, 30), (6, 30)]
     assert [ply.nx for ply in laminate] == [10, 6, 6, 6, 10]  # metal keeps its share of cells
     out = "--out", str(tmp_path), "--yarn-angle", "80", "--element", "P2", "--without", "biaxial"
@@ -111,9 +109,6 @@ def test_a_change_replaces_what_it_excludes(tmp_path):
     assert plies.tools["punch"].surface == ff.Sphere(40) and plies.sheets[1].fabric is None
 
 
-SHEETS = ["lower metal", "lower", "middle", "upper", "upper metal"]
-
-
 @pytest.mark.versions
 def test_a_laminate_is_formed(launch, monkeypatch):
     monkeypatch.setattr(pictures, "draw_compared", lambda *_: None)  # as of a single ply
@@ -123,7 +118,8 @@ def test_a_laminate_is_formed(launch, monkeypatch):
     assert done.status == 0, done.err
     s = done.summary
     q, energy = s["quantities"], s["energy"]
-    assert s["converged"] and list(q["plies"]) == SHEETS
+    names = ["lower metal", "lower", "middle", "upper", "upper metal"]
+    assert s["converged"] and list(q["plies"]) == names
     # of the fabric, not of the smaller metal below it
     assert [s["options"][name] for name in ("nx", "length", "width")] == [3, 760, 460]
     assert energy["viscous"] <= 0.01 * energy["metal"]

@@ -146,17 +146,12 @@ def test_ranks_end_together_if_asked_and_one_goes_on(launch, tmp_path, whole, ha
     assert times == pyvista.PVDReader(whole / "fields.pvd").time_values
 
 
-def test_a_finished_run_is_left_as_it_is(launch):
-    done = launch("tensile", *OPTIONS, "--steps", 3)
-    again = launch("tensile", *OPTIONS, "--steps", 3, "--resume")
-    assert again.status == 0 and "nothing is left to do" in again.err
-    assert again.summary == done.summary and again.out == done.out
-
-
-def test_pictures_that_a_finished_run_lacks_are_drawn(launch):
+def test_a_finished_run_stays_and_gets_the_pictures_that_it_lacks(launch):
     done = launch("bias_extension", "--quick", "--no-pictures")
-    again = launch("bias_extension", "--quick", "--resume")
-    assert again.status == 0 and again.summary == done.summary
+    for pictures in (("--no-pictures",), ()):
+        again = launch("bias_extension", "--quick", "--resume", *pictures)
+        assert again.status == 0 and "nothing is left to do" in again.err
+        assert again.summary == done.summary and again.out == done.out
     drawn = {file.name for file in done.folder.glob("*.png")}
     assert {"maps.png", "curve.png", "axis.png"} <= drawn
 

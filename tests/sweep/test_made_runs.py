@@ -131,14 +131,13 @@ def test_numbers_and_verdict_of_a_run(made):
     assert run.memory() == 3000 and results.headlines([run], ["c"]) == {
         "c": "c", "reaction_N": "punch force [N]"
     }  # fmt: skip
-    states_of = {
-        (status, verdict, load): (run.verdict(), run.is_believed(), run.is_at_full_load())
-        for status, verdict, load in ((0, "ok", 1.0), (3, "ok", 1.0), (0, "doubtful", 0.99))
-        for run in [made({}, status, verdict=verdict, stroke_reached=load)]
-    }
-    assert [*states_of.values()] == [
-        ("ok", True, True), ("invalid", False, True), ("doubtful", True, False)
-    ]  # fmt: skip
+    for status, verdict, load, *told in (
+        (0, "ok", 1.0, "ok", True, True),
+        (3, "ok", 1.0, "invalid", False, True),
+        (0, "doubtful", 0.99, "doubtful", True, False),
+    ):
+        run = made({}, status, verdict=verdict, stroke_reached=load)
+        assert [run.verdict(), run.is_believed(), run.is_at_full_load()] == told
     other = made({}, 3, options=["--nx=4"], stroke_reached=0.99)  # is tried again with others
     assert other.is_done(["--nx=4"]) and not other.is_done([]) and made({}, 3).is_done(["--nx=4"])
     assert not made({}, None).is_done([])

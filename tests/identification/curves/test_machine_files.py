@@ -200,7 +200,6 @@ def test_slack_and_zero_that_nobody_stated_are_named(tmp_path, power, slack, zer
     x = np.linspace(0, 40, 81)
     force = 100 * np.maximum(x - slack, 0) ** power / 40 ** (power - 1) + zero
     remarks = read(tmp_path, strip(x, force).encode()).remarks
-    expected = ["state `# zero: -90 N`"] * (zero != 0) + [
-        "state it as `# slack: 3.1 mm` or less"
-    ] * (slack > 0)
+    expected = ["state `# zero: -90 N`"] * (zero != 0)
+    expected += ["state it as `# slack: 3.1 mm` or less"] * (slack > 0)
     assert [text[text.index("state") :] for text in remarks] == expected

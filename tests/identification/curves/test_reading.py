@@ -124,24 +124,25 @@ def test_an_angle_that_does_not_fit_the_displacement_is_told(tmp_path, share, to
 KOMEILI = PRESETS["komeili"]
 
 
+def tau(g):
+    """Shear stress [MPa] by the angle [rad], of Table 1."""
+    return (0.02506 - 0.18679 * g + 0.56239 * g**2) * g
+
+
 def test_shear_force_is_the_part_of_the_traction_along_the_yarn():
     """F_sh / t = S12 of the kernel at unstrained yarns, so tau t = F_sh cos(gamma)."""
     g = np.linspace(0.1, 1.2, 12)
     C = np.stack([np.ones(12), np.sin(g), np.sin(g), np.ones(12)], -1).reshape(-1, 2, 2)
-    tau = nominal(KOMEILI, np.outer(g, [0, 0, 1]))[:, 2]
-    found = response("F_sh", tau, g, "shear", {}, 1.2)
+    found = response("F_sh", tau(g), g, "shear", {}, 1.2)
     S = evaluate(KOMEILI, cauchy_green=C).S
-    assert found.gain * tau / 1.2 == pytest.approx(S[:, 0, 1], rel=1e-12)
-    assert tau == pytest.approx((0.02506 - 0.18679 * g + 0.56239 * g**2) * g, rel=1e-12)
+    assert found.gain * tau(g) / 1.2 == pytest.approx(S[:, 0, 1], rel=1e-12)
+    assert nominal(KOMEILI, np.outer(g, [0, 0, 1]))[:, 2] == pytest.approx(tau(g), rel=1e-12)
 
 
 def test_forces_do_the_work_that_the_fabric_stores():
     """The integral of the crosshead force over its way is the energy of all zones."""
     g = np.linspace(0, math.radians(50), 20001)
     t, W, H, frame, fabric = 1.2, 115.0, 230.0, 200.0, 140.0
-
-    def tau(g):
-        return (0.02506 - 0.18679 * g + 0.56239 * g**2) * g
 
     def energy(g):
         return 0.02506 * g**2 / 2 - 0.18679 * g**3 / 3 + 0.56239 * g**4 / 4
@@ -160,7 +161,6 @@ def test_forces_do_the_work_that_the_fabric_stores():
 def test_normalisation_of_a_bias_test():
     """The formula of Cao et al. gives F_sh = tau t / cos(gamma) of the force of the law."""
     g = np.linspace(0.01, math.radians(50), 400)
-    tau = lambda g: (0.02506 - 0.18679 * g + 0.56239 * g**2) * g  # noqa: E731
     for H, W in ((230.0, 115.0), (450.0, 150.0)):
         bias = response("F", g, g, "bias_extension", {"height": H, "width": W}, 1.2)
         force = bias.gain * tau(g) + bias.half * tau(g / 2)
