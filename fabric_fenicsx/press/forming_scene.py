@@ -285,12 +285,11 @@ class FormingScene(Setup):
 
     def _is_symmetric(self, axis):
         """True if tools, yarns and holders are known to be mirrored by the plane across an axis."""
-        data, extent = self.data, np.array(self.laid.blank.extent())
-        plane, terms = {axis: 0.0}, self.scene.terms
-        across = any(term.acceleration[axis] for term in terms if isinstance(term, Gravity))
+        press, extent, plane = self.data, np.array(self.laid.blank.extent()), {axis: 0.0}
+        across = any(t.acceleration[axis] for t in self.scene.terms if isinstance(t, Gravity))
         yarns = [mirrored_yarns(*each, plane) for each in zip(self.sheets, self.laid.blanks)]
-        tools = on_root(self.scene.comm, lambda: mirrored_tools(data, self.tools, extent, plane))
-        held = [each for name, holder in data.holders.items() for each in segments(name, holder)]
+        tools = on_root(self.scene.comm, lambda: mirrored_tools(press, self.tools, extent, plane))
+        held = [each for name, holder in press.holders.items() for each in segments(name, holder)]
         whole = all(getattr(h, "presses", False) and getattr(h, "where", h) is None for h in held)
         return whole and not (across or any(yarns) or tools or self.field_ranges())
 

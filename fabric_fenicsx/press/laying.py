@@ -115,10 +115,11 @@ def lay_blank(
 
 def _mesh(sheet, nx, planes, comm, rigid):
     """As `mesh_sheet`: with this `nx` unless it says another, and a node at its middle."""
-    if not (sheet.metal or sheet.fabric):
-        raise InputError("a sheet needs `fabric` or `metal`")
-    if not (sheet.sheet_file or (sheet.length and sheet.width)):
-        raise InputError("a sheet needs `length` and `width`, `outline` or `mesh`")
+    wanted = {"`fabric` or `metal`": sheet.metal or sheet.fabric}
+    size = sheet.sheet_file or (sheet.length and sheet.width)
+    wanted["`length` and `width`, `outline` or `mesh`"] = size
+    if missing := [what for what, value in wanted.items() if not value]:
+        raise InputError(f"a sheet needs {missing[0]}")
     values = sheet.defaults(nx)
     if not (1 in planes or sheet.sheet_file or sheet.ny):
         nx, length = sheet.nx or nx, modelled_share(planes)[0] * sheet.length
