@@ -31,7 +31,7 @@ def pressed(law, z):
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_forces_and_blocks_are_derivatives_of_the_energy(law):
+def test_forces_blocks_and_depths_belong_to_the_energy(law):
     z, h = np.array([1e-2, -5e-4, -3e-3, -0.12]), 1e-7
     now, up, down = (pressed(law, z + d) for d in (0, h, -h))
     force = -(up.energy - down.energy) / (2 * h)
@@ -39,10 +39,6 @@ def test_forces_and_blocks_are_derivatives_of_the_energy(law):
     assert now.forces[:, 2] == pytest.approx(AREAS * now.pressure)
     stiffness = -(up.forces - down.forces)[:, 2] / (2 * h)
     assert now.blocks[:, 2, 2] == pytest.approx(stiffness, rel=1e-5, abs=1e-6)
-
-
-@pytest.mark.parametrize("law", LAWS)
-def test_depths_are_those_of_the_pressures(law):
     for e in (0.0, 1e-5, 1e-3, 0.08):
         assert law.depth(law(np.full(4, e))[1]) == pytest.approx(np.full(4, e), rel=1e-9)
 

@@ -168,18 +168,6 @@ def test_fields_of_two_cells():
     assert states == {(2, True, False), (3, False, True)}
 
 
-def test_a_kernel_that_differs_from_the_energy_is_told(monkeypatch):
-    """By 2 % of the stress."""
-    right = ff.WovenFabric.derivatives
-
-    def wrong(self, *states):
-        found = right(self, *states)
-        return found._replace(first=found.first / 1.02)
-
-    monkeypatch.setattr(ff.WovenFabric, "derivatives", wrong)
-    assert two_cells()[0].summary()["kernel_mismatch"].value == pytest.approx(0.02, rel=1e-6)
-
-
 def test_shares_of_the_area_and_the_largest_of_two_cells():
     """Yarns b are 1.828 % shorter in 6 of 24 mm^2, a 2.545 % in the others; there b is stretched by
     2.215 %, and a by 1.629 % here."""

@@ -98,18 +98,13 @@ def test_forces_and_tangent_are_derivatives(options):
         assert off_differences(springs, 2.0) < 1e-6  # some are slack
 
 
-LONG, WIDE, TENSION = 40.0, 10.0, 8.0
-FLAT = np.eye(3)
+TENSION, FLAT = 8.0, np.eye(3)
 
 
-def strip(spatial, turn=FLAT, cell="triangle", **options):
+def strip(spatial, turn=FLAT, **options):
     """In its plane, in space along x and y, or turned in space with its frame."""
     options |= {"turn": turn, "a": turn[:, 0]} if spatial else {}
-    return sheet(LONG, WIDE, 8, 2, "left", cell=cell, spatial=spatial, **options)
-
-
-def end(blank, position):
-    return lambda x: np.abs(blank.along(x)[0] - position) < 1e-6
+    return sheet(LENGTH, WIDTH, 8, 2, "left", spatial=spatial, **options)
 
 
 @pytest.mark.mpi
@@ -119,16 +114,15 @@ def test_edge_tension_is_the_stress_of_a_strip(kind):
     work is its energy."""
     spatial = kind == "turned"
     turn, cell = rotation() if spatial else FLAT, "quadrilateral" if kind == "Q1" else "triangle"
-    blank = strip(spatial, turn, cell, degree=2 if kind == "P2" else 1)
+    blank = strip(spatial, turn, cell=cell, degree=2 if kind == "P2" else 1)
     fabric = ff.load("komeili").without("biaxial")
-    membrane = ff.Membrane(fabric)
-    gdim = blank.mesh.geometry.dim
-    pulls = [
-        ff.EdgeTension(lambda load: load * TENSION, s * turn[:gdim, 0], end(blank, p))
-        for s, p in ((-1, 0.0), (1, LONG))
-    ]
+    membrane, gdim = ff.Membrane(fabric), blank.mesh.geometry.dim
     held = [ff.Support("corner", lambda x: np.abs(blank.along(x)[:2]).max(0) < 1e-6, (0,))]
     held += [ff.Support("side", lambda x: np.abs(blank.along(x)[1]) < 1e-6, (1,))]
+    pulls = []
+    for s, p in ((-1, 0.0), (1, LENGTH)):
+        end = lambda x, p=p: np.abs(blank.along(x)[0] - p) < 1e-6  # noqa: E731
+        pulls.append(ff.EdgeTension(lambda load: load * TENSION, s * turn[:gdim, 0], end))
     if spatial:
         held.append(ff.Support("plane", everywhere, (2,)))
     scene, states = ff.Scene(blank, [membrane, *pulls], held), []
@@ -151,7 +145,7 @@ def test_dead_pressure_on_a_tilted_patch():
     scene = ff.Scene(strip(True, Q), [ff.Membrane(ff.load("komeili")), load_], [held])
     scene.set_load(0.5)
     scene.residual(scene.u.duplicate())
-    total = 0.05 * LONG * WIDE
+    total = 0.05 * LENGTH * WIDTH
     assert scene.reaction("all") == pytest.approx([0, 0, -total], abs=1e-9)
     assert scene.energies() == pytest.approx({"strain": 0.0}, abs=1e-12)
     # beside which a support that only locates the sheet and a residual are judged
@@ -166,16 +160,16 @@ def test_dead_pressure_on_a_tilted_patch():
 def test_a_strip_hangs_by_its_weight(thin):
     """w L b at the clamp, and w (L x - x^2 / 2) / (E h) down from it: w = rho t g, 2.5 kg/m^2 at
     1e3 m/s^2, or half of it in the far half."""
-    half = Field(lambda x, y: np.where(x < LONG / 2, 2.0, 1.0)) if thin else None
+    half = Field(lambda x, y: np.where(x < LENGTH / 2, 2.0, 1.0)) if thin else None
     fabric = ff.load("komeili").replace(thickness=2.0, density=1.25)
     strong = type("OfFabric", (Elastic,), {"material": fabric, "thickness_field": half})(500.0)
-    blank, clamp = sheet(LONG, WIDE, 8, 2, "crossed"), ff.Support("clamp", near(0, 0.0), (0, 1))
+    blank, clamp = sheet(LENGTH, WIDTH, 8, 2, "crossed"), ff.Support("clamp", near(0, 0.0), (0, 1))
     scene = ff.Scene(blank, [strong, ff.Gravity((1e3, 0))], [clamp])
     run(scene, 1)
-    weight = 2.5e-3 * LONG * WIDE * (0.75 if thin else 1.0)
+    weight = 2.5e-3 * LENGTH * WIDTH * (0.75 if thin else 1.0)
     assert scene.reaction("clamp") == pytest.approx([-weight, 0], abs=1e-9)
     x, u = blank.coordinates()[:, 0], blank.nodal_displacement()[:, 0]
-    assert thin or u == pytest.approx(2.5e-3 / 500 * (LONG * x - x**2 / 2), abs=4e-6)  # of 4e-3
+    assert thin or u == pytest.approx(2.5e-3 / 500 * (LENGTH * x - x**2 / 2), abs=4e-6)  # of 4e-3
 
 
 @pytest.mark.mpi
@@ -184,7 +178,7 @@ def test_loads_on_one_sheet_of_a_stack():
     stack = ff.Stack([(strip(True), 1.0, each) for each in ("lower", "upper")])
     low = near(0, 0.0)
     terms = ff.DeadPressure(TENSION, (1, 0, 0)), ff.EdgeTension(5.0, (1, 0, 0), low)
-    springs, total = ff.Springs(low, 3.0, 2.0, arm=(5, 0, 0)), TENSION * WIDE * LONG + 52.0
+    springs, total = ff.Springs(low, 3.0, 2.0, arm=(5, 0, 0)), TENSION * WIDTH * LENGTH + 52.0
     held = [
         ff.Support("lower", lambda x: x[2] < 0.5, (0, 1, 2)),
         ff.Support("upper", lambda x: x[2] > 0.5, (0, 1, 2)),

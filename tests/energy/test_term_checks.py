@@ -153,8 +153,8 @@ def square(**options):
     return sheet(10, 10, 2, 2, "left", **{"spatial": True} | options)
 
 
-def stack(play=0.0):
-    return ff.Stack([(square(), T, name) for name in "ab"], 0, play)
+def stack():
+    return ff.Stack([(square(), T, name) for name in "ab"], 0)
 
 
 def contact(**options):
@@ -174,7 +174,6 @@ REFUSED = [
     (lambda: alone(square(), contact(where=near(0, 77.0))), "where no node is"),
     (lambda: alone(square(**TURNED), contact()), "along turned axes; allowed are x, y and z"),
     (lambda: ff.Tool(PLANE, force=lambda s: (1 - s, 0, s)), "0 is .* along that at full load"),
-    (lambda: between(stack(-0.5 * T), pair()), "sheets that overlap by 0.537 mm; allowed"),
     (lambda: between(stack(), pair(None), Elastic()), "a penalty, a number above 0, as no term"),
     (lambda: between(stack(), ff.SelfContact(T, penalty=1.0)), "asked of a stack; allowed is one"),
     (lambda: alone(square(), ff.Springs(END, 1.0, anchor=(10, 0, 0))), "an anchor at a node that"),

@@ -1,9 +1,11 @@
-"""Materials in files: what is written reads back equal, units, and what a wrong file is told."""
+"""Materials in files: what is written reads back equal, units, intervals, and what a wrong file is
+told."""
 
 import math
 import os
 import tomllib
 
+import numpy as np
 import pytest
 from fabrics import LAW58, TABLE
 
@@ -60,6 +62,7 @@ s2 = -186.79
 s3 = 562.39
 """
 CURVE = '[hardening]\nlaw = "swift"\nK_MPa = 520\neps0 = 0.002\nn = 0.2\n'
+CURVE_OF = '[hardening]\nlaw = "table"\neps = '
 METAL = f'law = "metal"\nE_GPa = 186.6\nnu = 0.3\nthickness_mm = 1\n{CURVE}'
 
 
@@ -80,6 +83,7 @@ def read(tmp_path):
         UNBALANCED.without("biaxial").replace(assumed=["s1", "d"], compaction=None),
         KOMEILI.replace(bending=FALLING, shear_friction=ff.ShearFriction(0.2, 0.01)),
         LAW58,
+        KOMEILI.replace(at_temperatures={200: {"s1": 0.01}, 20: {"s1": 0.08}}),
         TABLE.replace(compaction=ff.Compaction(12.5, onset=2e-3, pressure=5e-4)),
         LAW58.replace(
             compaction=ff.Compaction(12.5, onset=2e-3, pressure=5e-4, thickening=1.0),
@@ -121,22 +125,52 @@ def test_units_of_more_tables(read):
         "[shear_friction]\nstiffness_kPa = 200\nstrength_kPa = [10]\n"
         # non-crimp fabric of Broberg et al. (2024), Composites B 274:111268
         "[bending]\ncurvature_1_per_m = [0, 1]\nmoment_a_Nmm_per_mm = [0, 0.119]\n"
+        "[[at]]\ntemperature = 200\ns1_kPa = 10\n[[at]]\ntemperature = 20\ns1 = 0.08\n"
     )
+    assert fabric.at(65.0).s1 == pytest.approx(0.0625)
     assert fabric.fibre_density == 2.54
     assert fabric.compaction == ff.Compaction(12.5, onset=2e-3, pressure=5e-4)
     assert fabric.shear_friction == ff.ShearFriction(0.2, 0.01)
     assert fabric.bending.stiffnesses(0.75) == pytest.approx([119.0, 119.0])
-    text = METAL.replace(CURVE, f"{TABLE}[0, 0.1]\nsigma_kPa = [159e3, 330e3]")
+    text = METAL.replace(CURVE, f"{CURVE_OF}[0, 0.1]\nsigma_kPa = [159e3, 330e3]\n")
+    text += "[scatter]\nyield_factor = [0.9, 1.1]\nE_GPa = [180, 210]\n"
     metal = read(text, ff.load_metal)
     assert (metal.E, metal.thickness, metal.density) == (186600.0, 1.0, 7.85)
     assert metal.hardening == ff.HardeningTable((0.0, 0.1), (159.0, 330.0))
+    assert metal.scatter == {"yield_factor": (0.9, 1.1), "E": (1.8e5, 2.1e5)}
+    harder = metal.changed({"yield_factor": 1.1}).hardening
+    assert harder.stress(np.array([0.0, 0.1])) == pytest.approx([174.9, 363.0])
     size = "thickness = 1.0\ndensity = 0.75"
     by_area = FABRIC.replace(size, "thickness = 0.4\nareal_weight_g_per_m2 = 300")
     assert read(by_area).density == 0.75
 
 
+def test_intervals_are_read_in_their_units_and_written(read):
+    """A number that was changed has none, nor has one of both yarns that differ."""
+    fabric = read(
+        f"{FABRIC}[scatter]\ns1_kPa = [18, 35]\nthickness = [0.4, 2]\nshear_factor = [0.5, 2]"
+    )
+    told = {"s1": (0.018, 0.035), "thickness": (0.4, 2.0), "shear_factor": (0.5, 2.0)}
+    assert fabric.scatter == told and fabric == KOMEILI.replace(name="")
+    assert read(fabric.dumps()).scatter == told
+    assert set(fabric.replace(s1=1.0).changed({"thickness": 1.1}).scatter) == {"shear_factor"}
+    with pytest.raises(ff.InputError, match="and b is 667.5 and 300; allowed is an interval"):
+        read(f"{FABRIC}[weft]\nb = 300\n[scatter]\nb = [200, 700]")
+
+
+@pytest.mark.parametrize("fabric", [KOMEILI, LAW58, TABLE], ids=lambda fabric: fabric.law)
+def test_a_factor_multiplies_the_stresses_of_one_kind(fabric):
+    """A factor is of numbers that are changed with it."""
+    komeili = KOMEILI.changed({"shear_factor": 2.0, "s1": 0.03})
+    assert (komeili.s1, komeili.s3) == (0.06, 2 * 562.39e-3)
+    states = np.array([[0.01, 0.0, -0.01, 0.0], [0.0, 0.02, -0.01, 0.0], [0.0, 0.0, 0.0, 0.35]])
+    before = fabric.derivatives(*states).first
+    for name, times in (("shear_factor", (1, 1, 3)), ("yarn_factor", (3, 3, 1))):
+        after = fabric.changed({name: 3.0}).derivatives(*states).first
+        assert after == pytest.approx(before * np.array(times)[:, None], rel=1e-12)
+
+
 END = "s3 = 562.39e-3\n"
-TABLE = '[hardening]\nlaw = "table"\neps = '
 REFUSED = [  # of a file, or behind a line of it
     ("a = 4130", "a_psi = 1", "yarns.a_psi is unknown (did you mean a_Pa?); allowed are a_MPa"),
     ("a = 4130", "", "missing yarns.a; allowed is to give all, in [yarns] or [warp]"),
@@ -146,8 +180,8 @@ REFUSED = [  # of a file, or behind a line of it
     (END, "[bending]\ncantilever_a_mm = 200", "bending is incomplete, or told twice"),
     (END, "[bending]\ncurvature_1_per_m = [0, 1]\nmoment_a_N = [1, 1]", "one that rises "),
     (END, "[scatter]\ns1 = [0.02, 0.025]", "scatter.s1 is from 0.02 to 0.025, and s1 is 0.02506"),
-    (CURVE, f"{TABLE}[0]\nsigma_MPa = [1]", "two lists of 2 or more"),
-    (CURVE, f"{TABLE}[0, 1]\nsigma_MPa = [2, 1]", "point 2 is (1.0, 1.0"),
+    (CURVE, f"{CURVE_OF}[0]\nsigma_MPa = [1]", "two lists of 2 or more"),
+    (CURVE, f"{CURVE_OF}[0, 1]\nsigma_MPa = [2, 1]", "point 2 is (1.0, 1.0"),
 ]
 
 

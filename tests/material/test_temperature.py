@@ -38,18 +38,6 @@ def test_numbers_are_linear_between_temperatures(name):
         assert found.second[:, k] == pytest.approx(alone.second[:, 0], rel=1e-12, abs=1e-15)
 
 
-AT = "[[at]]\ntemperature = 200\ns1_kPa = 10\n[[at]]\ntemperature = 20\ns1 = 0.08\n"
-FILE = f"{KOMEILI.dumps()}\n{AT}"
-
-
-def test_a_file_has_tables_at_temperatures(tmp_path):
-    (tmp_path / "f.toml").write_text(FILE)
-    fabric = ff.load(tmp_path / "f.toml")
-    assert fabric.at(65.0).s1 == pytest.approx(0.0625)
-    fabric.to_toml(tmp_path / "again.toml")
-    assert ff.load(tmp_path / "again.toml") == fabric
-
-
 def test_a_temperature_is_given_where_it_is_of_use_and_nowhere_else():
     fabric = KOMEILI.replace(at_temperatures={20: {"s1": 0.1}, 200: {"s1": 0.01}})
     with pytest.raises(ff.InputError, match="`temperature` is missing; allowed is from 20 to 200"):

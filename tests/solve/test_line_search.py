@@ -103,12 +103,6 @@ def test_work_that_is_missing_is_compared_with_the_largest(work, rise, stored, c
     assert missing_work(work, rise, stored, contact) == pytest.approx(share)
 
 
-def test_work_must_be_in_the_energies_if_asked_for():
-    told = "3 % of the step's work is not in the energies; allowed is 2 %"
-    assert imbalance(0.03, 0.02) == told
-    assert not imbalance(0.03, None) and not imbalance(0.02, 0.02)
-
-
 @pytest.mark.parametrize(
     "work, energy, load, told",
     [(10, 9.01, 1, ""), (10, 8.99, 1, "10.1 %"), (8.99, 10, 1, "10.1 %"), (10, 8.1, 0.5, "")],
@@ -118,14 +112,15 @@ def test_all_work_may_miss_a_tenth_at_full_load(work, energy, load, told):
     assert found == (told and f"{told} of all work is not in the energies")
 
 
-def test_a_state_may_leave_the_path_by_twice_the_accuracy():
+def test_limits_of_a_step():
+    """Of work that is missing and of the straight path, twice the accuracy, if asked for; bending
+    has no energy below 0, but for rounding, 1e-9 of all."""
+    told = "3 % of the step's work is not in the energies; allowed is 2 %"
+    assert imbalance(0.03, 0.02) == told
+    assert not imbalance(0.03, None) and not imbalance(0.02, 0.02)
     assert "by more than the accuracy of 0.01 allows" in off_path(0.0201, 0.01)
     assert not off_path(0.0199, 0.01) and not off_path(9.0, None)
-
-
-@pytest.mark.parametrize("bending, refused", [(-7.49, 1), (-2e-7, 1), (-5e-8, 0), (0.1, 0)])
-def test_bending_has_no_energy_below_0(bending, refused):
-    """But for rounding, 1e-9 of all."""
-    reason = negative_bending({"strain": 100.0, "bending": bending, "friction": 3.0})
-    assert reason == f"bending has an energy of {bending:.3g} N mm, below 0" * refused
+    for bending, refused in ((-7.49, 1), (-2e-7, 1), (-5e-8, 0), (0.1, 0)):
+        reason = negative_bending({"strain": 100.0, "bending": bending, "friction": 3.0})
+        assert reason == f"bending has an energy of {bending:.3g} N mm, below 0" * refused
     assert not negative_bending({"strain": 100.0})

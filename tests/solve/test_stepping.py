@@ -6,7 +6,6 @@ import ufl
 from builders import march
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.solve import staggered
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.progress import Viscosity
 from fabric_fenicsx.solve.settings import Settings
@@ -144,48 +143,16 @@ def test_the_first_step_is_believed_where_forces_grow_as_a_power():
     assert found[1].external_work == pytest.approx(250.0 * 0.05**4 * 200)
 
 
-class Holding(ff.Term):
-    """Takes something anew twice in each step."""
+@pytest.mark.mpi
+def test_only_states_on_the_way_are_looser(monkeypatch):
+    """Not that at rest before load, here under a pull that is there from the start."""
+    asked, solve = [], Newton.solve
 
-    name = "holding"
-
-    def set_load(self, load):
-        self.left = 2
-
-    def add_forces(self, f):
-        pass
-
-    def update_lagged(self):
-        self.left -= 1
-        return self.left >= 0
-
-
-@pytest.fixture
-def asked(monkeypatch):
-    """Tolerances of all solves, negative where a saddle will do."""
-    tolerances, solve = [], Newton.solve
-
-    def noted(self, x, tolerance=0.0, *given, minimum=True, **more):
-        tolerances.append(tolerance if minimum else -tolerance)
-        return solve(self, x, tolerance, *given, minimum=minimum, **more)
+    def noted(self, x, tolerance=0.0, *given, **more):
+        asked.append(tolerance)
+        return solve(self, x, tolerance, *given, **more)
 
     monkeypatch.setattr(Newton, "solve", noted)
-    return tolerances
-
-
-def test_solves_are_rough_until_nothing_is_updated(asked, monkeypatch):
-    march(Newton(scene_of(Holding()), 1e-8), steps=1)
-    assert asked == [-3e-2, -1e-3, -1e-3, 1e-8]
-    # a long one is exact before something is updated, as rounding, by which ranks differ, grows
-    monkeypatch.setattr(staggered, "MAX_ROUGH_ITERATIONS", -1)
-    asked.clear()
-    march(Newton(scene_of(Holding()), 1e-8), steps=1)
-    assert asked == [-3e-2, -1e-8] + 2 * [-1e-3, -1e-8] + [1e-8]
-
-
-@pytest.mark.mpi
-def test_only_states_on_the_way_are_looser(asked):
-    """Not that at rest before load, here under a pull that is there from the start."""
     pull = ff.EdgeTension(5.0, (0.0, 1.0), builders.near(1, 10.0))
     march(Newton(scene_of(pull), 1e-8), steps=3, path_tolerance=1e-4)
     assert asked == [1e-8, 1e-4, 1e-4, 1e-8]

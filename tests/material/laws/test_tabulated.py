@@ -30,7 +30,7 @@ def test_curve_keeps_points_monotony_and_a_twice_continuous_energy():
 
 
 def test_tables_of_tension_alone_and_of_stresses_that_fall():
-    """Give no compression, and never turn over."""
+    """Give no compression, and never turn over, of which a run is told."""
     for extrapolation in ("constant", "linear"):
         curve = Curve((0.0, 0.01, 0.03), (0.0, 35.0, 135.0), extrapolation)
         energy, stress, tangent = curve.derivatives([-0.1, -1e-12])
@@ -38,10 +38,6 @@ def test_tables_of_tension_alone_and_of_stresses_that_fall():
         assert curve.derivatives(0.0)[2] == pytest.approx(2500, rel=0.5)
     falling = Curve((0.0, 0.5, 1.0), (0.0, 0.022, 0.004), "linear")
     assert falling(np.array([1.0, 1.2, 3.0])) == pytest.approx(0.004)
-
-
-def test_what_tables_lack_is_told_before_a_run():
-    falling = Curve((0.0, 0.5, 1.0), (0.0, 0.022, 0.004))
     pulled = Curve(TABLE.weft.x[1:], TABLE.weft.y[1:])
     lacks, falls = TABLE.replace(shear=falling, weft=pulled).plausibility_warnings()
     assert "the table of weft of material table begins at 0: yarns have no stiffness" in lacks
