@@ -285,9 +285,9 @@ def mirrored_tools(
     """A sentence on each tool that is not its own mirror image in the `planes`, within `MIRRORED`
     thicknesses, in its places at start and end. extent (2, 3): corners of the blank [mm]."""
     doubts, thickness = dict[str, str](), press.thickness()
-    alone = [tool for name, tool in tools.items() if name not in press.dies()]
-    for tool, load, (axis, place) in product(alone, (0.0, 1.0), planes.items()):
-        x = _points(tool, extent, load)
+    alone = [tool for name, tool in tools.items() if name not in press.dies() and planes]
+    known = [(tool, load, _points(tool, extent, load)) for tool in alone for load in (0.0, 1.0)]
+    for (tool, load, x), (axis, place) in product(known, planes.items()):
         images = np.where(np.arange(3) == axis, 2 * place - x, x)
         off = np.nan_to_num(abs(tool.surface.evaluate(images - tool.path(load)).gap))
         if tool.name not in doubts and off.max(initial=0.0) > MIRRORED * thickness:
