@@ -45,9 +45,8 @@ def checked_vector(
         vector = np.empty(0)
     if {2: "two", 3: "three"}.get(len(vector), "none") not in size or (unit and not vector.any()):
         besides = ", not all 0" if unit else ""
-        raise InputError(
-            f"{name} is {repr_short(value)}; allowed are {size} finite numbers{besides}"
-        )
+        shown = repr_short(value.tolist() if isinstance(value, np.ndarray) else value)
+        raise InputError(f"{name} is {shown}; allowed are {size} finite numbers{besides}")
     if not unit:
         return vector
     vector /= abs(vector).max()  # so that its square neither overflows nor vanishes
