@@ -103,6 +103,8 @@ class Assembly:
         self._residuals, self._tangents = ([compat.form(pair[i]) for pair in sums] for i in (0, 1))
         # where any of the parts and edges has entries
         whole = ufl.inner(v, w) * ufl.dx
+        if any(t.energy.integrals_by_type("interior_facet") for t in terms if t.energy):
+            whole += ufl.inner(ufl.avg(v), ufl.avg(w)) * ufl.dS
         self._places = self._tangents[0] if list(on) == [("",)] else compat.form(whole)
         self._narrowing = [term for term in terms if overrides(term, "preconditioner")]
         # of the matrix and the narrow one: patterns, and places of the terms that are no forms

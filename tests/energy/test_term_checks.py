@@ -142,6 +142,23 @@ def test_energies_on_two_edges():
         blank.part("left").ds(near(0, 20.0))
 
 
+@pytest.mark.mpi
+@pytest.mark.parametrize("edge", [near(0, 0.0), None])
+def test_energy_of_jumps_between_cells(edge):
+    """|[grad u n]|^2 / 2 over edges, beside an energy on a marked edge and by itself."""
+
+    class Jumps(OnAnEdge):
+        def set_up(self, scene):
+            jump = ufl.jump(ufl.grad(scene.blank.u), ufl.FacetNormal(scene.blank.mesh))
+            if edge:
+                super().set_up(scene)
+            jumps = 0.5 * ufl.inner(jump, jump) * ufl.dS
+            self.energy = self.energy + jumps if edge else jumps
+
+    term = Jumps("jumps", 0.5, edge)
+    assert "agree" in ff.check_derivatives(term, scene_with(term))
+
+
 FABRIC, END = ff.load("komeili"), near(0, 10.0)
 PLANE = ff.Plane((0, 0, 0), (0, 0, 1))
 T = FABRIC.thickness_under(0.0)
