@@ -7,7 +7,7 @@ import numpy as np
 
 from ..core.compiled import compiled
 from ..core.graph import connected
-from .facets import LAST, NEXT, corner_normals, facet_normals, topology, unit
+from .facets import LAST, NEXT, corner_normals, divided_at_planes, facet_normals, topology, unit
 from .patches import curved
 
 LEAF = 4  # triangles in a box that is not split
@@ -32,13 +32,16 @@ class CurvedTriangles:
         crease: float,
         given: np.ndarray | None = None,
     ) -> None:
-        self.points, self.triangles = points, triangles
-        scale = abs(points - points.mean(0)).max()
-        self.across = across = topology(triangles)
         # distance from a plane of what lies in it, over the largest coordinate
-        self.vertices = vertices = corner_normals(
-            points, triangles, across, crease, 1e-6 * scale, given
-        )
+        tolerance = 1e-6 * abs(points - points.mean(0)).max()
+        across = topology(triangles)
+        vertices = corner_normals(points, triangles, across, crease, tolerance, given)
+        if vertices.planar.any():
+            points, triangles = divided_at_planes(points, triangles, across, vertices)
+            across = topology(triangles)
+            vertices = corner_normals(points, triangles, across, crease, tolerance)
+        self.points, self.triangles = points, triangles
+        self.across, self.vertices = across, vertices
         self.patches = curved(points, triangles, across, vertices)
         self.facets, self.areas = facet_normals(points, triangles)
         total = np.zeros_like(points)

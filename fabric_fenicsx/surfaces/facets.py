@@ -16,6 +16,8 @@ from .surfaces import checked_points
 # the corners after and before corner k; edge k lies opposite it, from NEXT[k] to LAST[k]
 NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 
+MIN_PIECE = 0.05  # of an edge that is divided
+
 
 def unit(v: np.ndarray) -> np.ndarray:
     """Vectors (n, 3) with the length 1, or 0 as they are."""
@@ -104,11 +106,14 @@ def flat_regions(
 
 
 class SmoothVertices(NamedTuple):
-    """Corners of m triangles: smooth vertex `name` of each (m, 3), normals of these (s, 3), and
-    which edges are sharp (m, 3)."""
+    """Corners of m triangles: smooth vertex `name` of each (m, 3), normals of these (s, 3), those
+    averaged over their facets (s, 3), which ones are in true planes (s,), and which edges are sharp
+    (m, 3)."""
 
     name: np.ndarray
     normals: np.ndarray
+    averaged: np.ndarray
+    planar: np.ndarray
     sharp: np.ndarray
 
 
@@ -149,10 +154,66 @@ def corner_normals(
     normals = gathered((plane * area[:, None])[:, None])
     if given is not None:
         own = gathered(given)
-        return SmoothVertices(name, np.where(own.any(1)[:, None], own, normals), sharp)
+        normals = np.where(own.any(1)[:, None], own, normals)
+        return SmoothVertices(name, normals, normals, np.zeros(count, bool), sharp)
     best, fixed = _planes_at_vertices(name, count, region, region_area, sure)
     normals[fixed] = plane[best[fixed]]
-    return SmoothVertices(name, _arcs(points, triangles, name, normals, fixed), sharp)
+    arcs = _arcs(points, triangles, name, normals, fixed)
+    return SmoothVertices(name, arcs, normals, sure[best], sharp)
+
+
+def divided_at_planes(
+    points: np.ndarray, triangles: np.ndarray, across: Topology, corners: SmoothVertices
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points and triangles, divided where true planes end within them, as patches would bend from
+    the plane's last vertices on. An arc tangent to the plane begins z / tan(t / 2) before a vertex
+    at height z whose normal is tilted by t; the tilt is that of arcs between vertices off the
+    planes."""
+    name, planar = corners.name, corners.planar
+    off = ~planar[name].any(1)
+    normals = _arcs(points, triangles[off], name[off], corners.averaged, planar)
+    t, k = np.nonzero(~corners.sharp | (across.sharing == 1))
+    i, j = np.where(planar[name[t, NEXT[k]]], [NEXT[k], LAST[k]], [LAST[k], NEXT[k]])
+    ends = planar[name[t, i]] & ~planar[name[t, j]]
+    t, k, i, j = (each[ends] for each in (t, k, i, j))
+    a, b = triangles[t, i], triangles[t, j]
+    arm, plane, normal = points[b] - points[a], normals[name[t, i]], normals[name[t, j]]
+    z, cosine = (arm * plane).sum(1), (normal * plane).sum(1)
+    aside = normal - cosine[:, None] * plane
+    # |sin| of the tilt over 1 - cos is 1 / tan(t / 2)
+    sine = np.linalg.norm(aside, axis=1)
+    along = -np.sign(z) * (arm * aside).sum(1) / np.maximum(sine, 1e-300)
+    curved = abs(z) * sine / np.maximum(1 - cosine, 1e-300)
+    # what ends close to a vertex ends there, so that no slivers are made
+    least = MIN_PIECE * np.linalg.norm(arm, axis=1)
+    points, ended, beyond = points.copy(), np.zeros(len(points), dtype=bool), along > 0
+    ends, begins = beyond & (along - curved < least), beyond & (curved < least)
+    ended[a[ends]] = ended[b[begins]] = True
+    foot = points[b] - z[:, None] * plane
+    points[b[begins]] = foot[begins]
+    new = points[a] + (1 - curved / np.where(beyond, along, 1.0))[:, None] * (foot - points[a])
+    key, within = np.sort([a, b], 0).T @ [len(points), 1], beyond & ~ended[a] & ~ended[b]
+    t, k, new, key = (each[within] for each in (t, k, new, key))
+    _, first, number = np.unique(key, return_index=True, return_inverse=True)
+    split = np.full(triangles.shape, -1)
+    split[t, k] = len(points) + number.ravel()
+    points = np.concatenate([points, new[first]])
+    return points, _divided(points, triangles, split)
+
+
+def _divided(points, triangles, split):
+    """Triangles with points on one or two of their edges, `split` (m, 3), -1 for none."""
+    many = (split >= 0).sum(1)
+    # first the corner opposite to the one edge that is unlike the other two
+    first = np.where(many == 2, split.argmin(1), split.argmax(1))[:, None]
+    turned = (first + np.arange(3)) % 3
+    a, b, c = np.take_along_axis(triangles, turned, 1).T
+    p, q, r = np.take_along_axis(split, turned, 1).T  # across from a, b and c
+    length = lambda i, j: np.linalg.norm(points[i] - points[j], axis=1)  # noqa: E731
+    to_c = length(r, c) <= length(b, q)
+    quads = (a, r, q), (r, b, np.where(to_c, c, q)), (np.where(to_c, r, b), c, q)
+    parts = [(0, (a, b, c)), (1, (a, b, p)), (1, (a, p, c)), *((2, each) for each in quads)]
+    return np.concatenate([np.stack(each, 1)[many == count] for count, each in parts])
 
 
 def _true_planes(points, triangles, across, region):

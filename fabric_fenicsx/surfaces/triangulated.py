@@ -40,12 +40,12 @@ class TriangulatedSurface(Surface):
     """Surface through triangles, curved where they stand for a curved one.
 
     Curved patches go through the triangles' corners with common tangent planes across edges; where
-    facets lie in one plane the surface is that plane. With edges of length h the errors are h^3 to
-    h^4 in the gap and h^2 to h^3 in the normal where the curvature is smooth, h^2 and h across a
-    jump of it. Gap, normal and curvature are exact at the nearest point of the patches. Beyond the
-    rim of an open surface the gap is the distance to the rim and positive on both sides. Raises
-    InputError if no triangle has an area, for points that are not finite, and for a crease not
-    between 0 and 180.
+    facets lie in one plane the surface is that plane, up to where an arc to the next points begins.
+    With edges of length h the errors are h^3 to h^4 in the gap and h^2 to h^3 in the normal where
+    the curvature is smooth, h^2 and h across other jumps of it. Gap, normal and curvature are exact
+    at the nearest point of the patches. Beyond the rim of an open surface the gap is the distance
+    to the rim and positive on both sides. Raises InputError if no triangle has an area, for points
+    that are not finite, and for a crease not between 0 and 180.
 
     Parameters
     ----------
@@ -63,8 +63,9 @@ class TriangulatedSurface(Surface):
     Attributes
     ----------
     points, triangles, facets, areas, normals
-        Without doubles and triangles without area; unit normals (m, 3) and areas (m,) [mm2] of the
-        facets; normals (n, 3) at the points, averaged where edges are sharp.
+        Without doubles and triangles without area, divided where planes end; unit normals (m, 3)
+        and areas (m,) [mm2] of the facets; normals (n, 3) at the points, averaged where edges are
+        sharp.
     rim, forks, sharp : (k, 2)
         Points at the ends of edges of one triangle, of more than two, and of sharp ones.
 
