@@ -80,12 +80,13 @@ class BiasExtension(Strip, YarnBending):
 
     def terms(self) -> Sequence[Bending]:
         """In-plane bending of yarns that the grips hold straight, if asked for."""
-        along, modulus, in_plane = self.blank.along, self.bending_modulus, self.in_plane_bending
-        if not (in_plane and modulus):
+        if not self.bend_within:
             return []
         near, sides = 1e-6 * (self.high - self.low)[0], (self.low[0], self.high[0])
+        along, ratio, own = self.blank.along, self.in_plane_bending, self.in_plane_stiffness
         ends = [lambda x, at=at: abs(along(x)[0] - at) < near for at in sides]
-        return [Bending(modulus=modulus, in_plane=in_plane, clamped=ends)]
+        E = self.bending_modulus
+        return [Bending(modulus=E, in_plane=ratio, in_plane_stiffness=own, clamped=ends)]
 
     def quantities(self, result: Result) -> Values:
         """Shear angles by zones, beside theory's, and the shear force as a test derives it."""

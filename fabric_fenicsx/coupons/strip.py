@@ -48,7 +48,7 @@ class Strip(Coupon):
             values["pattern"] = "crossed" if self.at_45 or self._has_yarns_along() else "yarns"
             if self.at_45 and self.strain <= self.MAX_GRADED and can_be_graded(length, width):
                 values["pattern"] = "graded"
-        if self.at_45 and not self.element and getattr(self, "in_plane_bending", None):
+        if self.at_45 and not self.element and getattr(self, "bend_within", False):
             values["element"] = "P1"
         return values
 
@@ -78,7 +78,7 @@ class Strip(Coupon):
     def coarser(self) -> Self | None:
         """As in `Coupon`, on quadratic cells along the yarns, which do not lock, but for outlines,
         own meshes, in-plane bending, and if the run has such cells."""
-        keeps = self.pattern in ("yarns", "graded") or getattr(self, "in_plane_bending", None)
+        keeps = self.pattern in ("yarns", "graded") or getattr(self, "bend_within", False)
         coarse = self.with_larger_cells(self.high - self.low, 4 if self.blank.degree == 1 else 2)
         if self.sheet_file or keeps or not coarse:
             return super().coarser()

@@ -55,7 +55,8 @@ class Bending(Term):
     """Energy 1/2 D_a |x,aa|^2 + 1/2 D_b |x,bb|^2 + 1/2 D_t |x,ab|^2 over the undeformed sheet.
 
     x,aa is the second derivative of the deformed position along yarn a, x,ab the twist. Their parts
-    normal to the deformed cell count in full, their parts tangent to it times `in_plane`. Curvature
+    normal to the deformed cell count in full, their parts tangent to it times `in_plane`, or by
+    `in_plane_stiffness`. Curvature
     of the undeformed sheet takes no energy. The operator is that of `morley_cells`, and
     normals are those of the present state, so rigid motions are free of energy, however large. A
     fabric's `bending_friction` acts beside it on the normal curvatures along both yarns, as the
@@ -69,7 +70,11 @@ class Bending(Term):
         yarns' diagonals.
     in_plane : float
         Factor from 0 on D_a, D_b and D_t for bending within the sheet, the only bending of a plane
-        blank. It gives shear bands a width of about sqrt(in_plane D / membrane stiffness in shear).
+        blank.
+    in_plane_stiffness : float
+        Stiffness B of both yarns per width of the sheet, for bending within it [N mm], beside
+        `in_plane`. It gives shear bands a width of about sqrt(B / G t), G being the law's tangent
+        in shear and t the thickness, which cells of half that resolve.
     symmetric, clamped : callable or sequence of callables
         Functions of points (3, n) [mm] to a mask (n,). Each of `symmetric` marks the blank's edge
         in one plane of symmetry, where supports must hold it; `clamped` marks edges whose tangent
@@ -77,14 +82,14 @@ class Bending(Term):
     modulus, twist_modulus : float
         E of both yarns and G [MPa], in place of D_a, D_b, D_t: D_a = D_b = E t^3 / 12 and D_t =
         G t^3 / 3, with the thickness t of the scene's fabric. A fabric's `bending`, as measured,
-        takes the place of `modulus`; bending within the sheet then has its slopes at the start.
+        takes the place of `modulus`; `in_plane` is then that of its slopes at the start.
 
     Raises
     ------
     InputError
         On all ranks, for a blank other than of linear triangles (P1, or P2 with straight sides),
         negative stiffnesses, a modulus beside D_a or without a fabric, a plane blank without
-        `in_plane`, a curved one with it, or edges not found.
+        bending within it, a curved one with it, or edges not found.
 
     Examples
     --------
@@ -99,7 +104,7 @@ class Bending(Term):
     # and the sheet's weight [N/mm^2]
     _measured: tuple[MeasuredBending, float] | None = None
 
-    def __init__(
+    def __init__(  # noqa: PLR0913
         self,
         D_a: float | None = None,
         D_b: float | None = None,
@@ -110,6 +115,7 @@ class Bending(Term):
         *,
         modulus: float | None = None,
         twist_modulus: float = 0.0,
+        in_plane_stiffness: float = 0.0,
     ) -> None:
         self._edges = symmetric, clamped
         self.resists = ("turn",) if symmetric or clamped else ()
@@ -118,22 +124,25 @@ class Bending(Term):
         stiffness = {"modulus": modulus, "twist_modulus": twist_modulus}
         if modulus is None:
             stiffness = {"D_a": D_a, "D_b": D_a if D_b is None else D_b, "D_t": D_t}
-        numbers = stiffness | {"in_plane": in_plane}
+        within = {"in_plane": in_plane, "in_plane_stiffness": in_plane_stiffness}
+        numbers = stiffness | within
         checked = {k: FROM_ZERO.check(f"`{k}` of the bending", v) for k, v in numbers.items()}
-        self.in_plane, self._given = checked.pop("in_plane"), checked
+        self._in_plane, self._given = [checked.pop(name) for name in within], checked
 
     def set_up(self, scene: SceneFacts) -> None:
         blank, fabric = scene.blank, fabric_of(scene, self.part)
-        if blank.mesh.geometry.dim == 2 and not self.in_plane:
+        if blank.mesh.geometry.dim == 2 and not any(self._in_plane):
             raise InputError(
                 f"bending of {blank.name} needs a blank made with `spatial=True`, or `in_plane` "
                 "above 0"
             )
         blank.check_triangulated("bending")
         self._set_stiffnesses(fabric)
-        cells = morley_cells(self.part, self.stiffnesses, *self._edges)
+        ratio, own = self._in_plane
+        most = self.stiffnesses if self.stiffnesses.any() else np.array([own, own, 0.0])
+        cells = morley_cells(self.part, most, *self._edges)
         is_curved = np.abs(cells.curved).max(initial=0) * np.sqrt(cells.area.max(initial=0)) > 1e-10
-        if blank.mesh.comm.allreduce(bool(is_curved), MPI.LOR) and self.in_plane:
+        if blank.mesh.comm.allreduce(bool(is_curved), MPI.LOR) and any(self._in_plane):
             raise InputError(
                 f"`in_plane` of the bending of {blank.name} needs a sheet that is flat undeformed"
             )
@@ -141,14 +150,15 @@ class Bending(Term):
         self._cells = cells._replace(curved=flat, spread=TWIST[:, None] * cells.spread)
         self._stencil = Stencil(cells, cells.bends, cells.own * is_curved)
         weights = self._weights(scene, cells)
-        self._section = (1 - self.in_plane) * weights / TWIST**2
+        within = ratio * weights + cells.area[:, None] * [own, own, 0.0]
+        self._section = (weights - within) / TWIST**2
         # stiffness of all second derivatives along each axis, of pairs of nodes
-        both = cells.operator * (self.in_plane * weights)[:, :, None]
-        products, pairs = both.swapaxes(1, 2) @ cells.operator, self._stencil.coupled
+        both = cells.within * within[:, :, None]
+        products, pairs = both.swapaxes(1, 2) @ cells.within, self._stencil.coupled
         here, size = pairs.places >= 0, self._stencil.count
         within = np.bincount(pairs.places[here], products[here], pairs.count)
         self._matrix = sparse.csr_matrix((within, pairs.ends), shape=(size, size))
-        if not self.in_plane:
+        if not any(self._in_plane):
             self._matrix.eliminate_zeros()
         self._rest: np.ndarray | float = 0.0
         self._now: _State | None = None
@@ -183,6 +193,11 @@ class Bending(Term):
             by_modulus = slice(2, 3) if self._measured else slice(3)
             weights[:, by_modulus] *= thickness_shares(scene, self.part, x)[:, None] ** 3
         return weights
+
+    @property
+    def within(self) -> float:
+        """The softer yarns' stiffness against bending within the sheet [N mm]."""
+        return self._in_plane[0] * float(self.stiffnesses[:2].min()) + self._in_plane[1]
 
     def stored(self) -> float:
         return self._state().energy
@@ -226,7 +241,7 @@ class Bending(Term):
         U, _, shape, moments, section, _ = self._state()
         pairs = self._stencil.coupled
         blocks = np.zeros((pairs.count, *2 * U.shape[1:]))
-        if self.in_plane:  # of pairs in their order
+        if any(self._in_plane):  # of pairs in their order
             blocks += self._matrix.data[:, None, None] * np.eye(U.shape[1])
         if shape:
             self._stencil.loops.add_bending(shape, moments, section, pairs.places, blocks)
@@ -235,7 +250,7 @@ class Bending(Term):
     def preconditioner(self) -> Triplets:
         """See `Term`: each edge as a hinge of the two cells at it, by itself."""
         U, _, shape, moments, section, _ = self._state()
-        if self.in_plane or shape is None:
+        if any(self._in_plane) or shape is None:
             self._linear = None
             return self.tangent()
         hinges, diagonal = self._stencil.hinges, section * np.eye(3)
@@ -274,11 +289,16 @@ class Bending(Term):
         if self._measured:
             measured, weight = self._measured
             along = measured.respond(bent[:, :2], weight)
-            area = (1 - self.in_plane) * np.tile(self._cells.area[:, None], 2)
-            straight = 0.5 * np.vdot(moments[:, :2], bent[:, :2])
-            energy += float(np.vdot(area, along.energy) - straight)
+            # in place of the straight line of its slopes at the start
+            area, start = (
+                self._cells.area[:, None],
+                self._cells.area[:, None] * self.stiffnesses[:2],
+            )
+            straight = start * bent[:, :2]
+            energy += float((area * along.energy - 0.5 * straight * bent[:, :2]).sum())
             section = section.copy()
-            moments[:, :2], section[:, :2] = area * along.moment, area * along.slope
+            moments[:, :2] += area * along.moment - straight
+            section[:, :2] += area * along.slope - start
         if self._friction.size:
             stiffness, slides = self._friction
             friction = respond(stiffness, slides, bent[:, :2], self._slid["sliding"])

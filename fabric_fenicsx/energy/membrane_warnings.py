@@ -9,8 +9,9 @@ from mpi4py import MPI
 
 from ..core.formatting import of_sheet, percent, rounded
 from ..material import stability
-from ..material.strains import nominal_strain
+from ..material.strains import CRUMPLED, nominal_strain
 from ..sheet.part import MAX_OFF_YARNS
+from .bending import Bending
 from .membrane import Membrane
 
 
@@ -26,25 +27,50 @@ def band_warning(membrane: Membrane) -> str:
 
     The law has no length, so a band is as wide as a row of cells, and which of two rows becomes one
     is open: with yarns at +-45 deg the double dome's corner has neighbouring equilibria, whose
-    largest shear angles are 52.1 and 54.5 deg.
+    largest shear angles are 52.1 and 54.5 deg. Bending within the sheet, of stiffness B, makes it
+    about sqrt(B / Gt) wide; a layer of shear is right to 3 % in cells of half of that.
     """
-    part, comm = membrane.part, membrane.blank.mesh.comm
-    state = stability.evaluate(membrane.law_of_points, membrane.invariants_at_points())
+    part, blank, comm = membrane.part, membrane.blank, membrane.blank.mesh.comm
+    invariants = membrane.invariants_at_points()
+    state = stability.evaluate(membrane.law_of_points, invariants)
     least = state.ellipticity.min(1)
     share = membrane.share_of(least < 0)
     if share <= 0.01:
         return ""
+    shear = np.take_along_axis(state.shear, state.ellipticity.argmin(1)[:, None], 1)[:, 0]
+    corners = blank.corners()[part.cells]
+    edges = np.linalg.norm(np.roll(corners, 1, 1) - corners, axis=2).max(1)
     # to few digits, so that of cells that mirror each other the same is named on any ranks
-    centres = membrane.blank.places()[part.cells].round(6)
-    cells = zip((float(f"{value:.4g}") for value in least), *centres.T)
-    _, *centre = min(each for each in comm.allgather(min(cells, default=None)) if each)
-    name = part.name or membrane.blank.name
-    return (
-        f"in {percent(share)} of {name}, as at {of_sheet(centre)}, "
+    centres = blank.places()[part.cells].round(6)
+    cells = zip((float(f"{v:.4g}") for v in least), *centres.T, shear, edges)
+    worst = min(each for each in comm.allgather(min(cells, default=None)) if each)
+    _, *centre, shear, edge = worst
+    scene = membrane.bound_to and membrane.bound_to()
+    terms = [term for term in scene.terms if isinstance(term, Bending)] if scene else []
+    B = max((term.within for term in terms if term.part_name in ("", part.name)), default=0.0)
+    Gt = shear * membrane.fabric.thickness
+    rim = (least < 0) & blank.at_rim()[part.cells]
+    short = -nominal_strain(invariants[rim][..., [0, 2]]).min(initial=1.0)
+    short, apart = comm.allreduce(short, MPI.MAX), ""
+    if short > CRUMPLED:
+        apart = f". A row of cells at its edge, where yarns are shortened by {percent(short)}, is "
+        apart += "its rim, not a band"
+    text = (
+        f"in {percent(share)} of {part.name or blank.name}, as at {of_sheet(centre)}, "
         "the law allows bands: strains gather in rows of cells, and which rows depends on mesh and "
-        "steps; so do the largest strains and shear angles, unless bending within the sheet "
-        "(`in_plane_bending`) gives bands a width"
+        "steps; so do the largest strains and shear angles"
     )
+    if B and Gt > 0:
+        width = math.sqrt(B / Gt)
+        return (
+            f"{text}, unless cells resolve the width that bending within the sheet gives bands, "
+            f"about {rounded(width)} mm there, by edges of {rounded(width / 2)} mm; they are of "
+            f"{rounded(edge)} mm{apart}"
+        )
+    text += ", unless bending within the sheet (`in_plane_stiffness`, B) gives bands a width"
+    if Gt > 0:
+        text += f" of about sqrt(B / ({rounded(Gt)} N/mm)) there, and cells half of it"
+    return text + apart
 
 
 def locking_warning(membrane: Membrane) -> str:

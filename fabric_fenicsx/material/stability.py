@@ -31,6 +31,7 @@ class Stability(NamedTuple):
     - acoustic: smallest eigenvalue of Q over all directions N [MPa]
     - direction: its N, angle from a0 towards b0 [rad], above -pi/2 and up to pi/2
     - out_of_plane: smallest principal S, the smallest N·S N [MPa]
+    - shear: d2W/dgamma2 [MPa]
     """
 
     convexity: np.ndarray
@@ -39,6 +40,7 @@ class Stability(NamedTuple):
     acoustic: np.ndarray
     direction: np.ndarray
     out_of_plane: np.ndarray
+    shear: np.ndarray
 
 
 def invariants(
@@ -62,7 +64,7 @@ def evaluate(fabric: Law, invariants: ArrayLike) -> Stability:
     rest = _hessian(_in_strains(fabric, ones, ones, 0 * ones))
     convexity = hessian / np.where(rest == 0, 1.0, rest)
     ellipticity = acoustic / np.where(shear == 0, 1.0, shear)
-    values = convexity, ellipticity, hessian, acoustic, direction, out_of_plane
+    values = convexity, ellipticity, hessian, acoustic, direction, out_of_plane, W[-1]
     return Stability(*(v.reshape(states.shape[:-1]) for v in values))
 
 

@@ -93,6 +93,7 @@ def _bending(sheet, planes):
         modulus=sheet.bending_modulus,
         twist_modulus=sheet.twist_modulus,
         in_plane=sheet.in_plane_bending,
+        in_plane_stiffness=sheet.in_plane_stiffness,
         symmetric=planes,
     )
 

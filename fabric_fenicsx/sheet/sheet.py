@@ -193,6 +193,14 @@ class YarnBending(KnowsItsFields):
     in_plane_bending: float = quantity(
         0.0, FROM_ZERO, "stiffness of yarns against bending within the sheet, over that out of it"
     )
+    in_plane_stiffness: float = quantity(
+        0.0, FROM_ZERO, "stiffness of yarns against bending within the sheet, beside that [N mm]"
+    )
+
+    @property
+    def bend_within(self) -> bool:
+        """True if yarns resist bending within the sheet."""
+        return self.in_plane_bending * self.bending_modulus > 0 or self.in_plane_stiffness > 0
 
 
 @documented

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 import ufl
 from dolfinx import fem, la
-from dolfinx.mesh import Mesh
+from dolfinx.mesh import Mesh, exterior_facet_indices
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 from ufl.core.expr import Expr
@@ -158,6 +158,15 @@ class SheetMesh:
         x = self._cell_points()[:, self.around]
         along = self.along(x.reshape(-1, 3).T)  # some ranks have no cell
         return np.moveaxis(along.reshape(len(along), *x.shape[:2]), 0, -1)
+
+    def at_rim(self) -> np.ndarray:
+        """Mask (cells,) of owned cells with a node at the mesh's edge."""
+        topology = self.mesh.topology
+        topology.create_connectivity(1, 2)
+        nodes = np.zeros(len(self._coordinates), bool)
+        sides = exterior_facet_indices(topology)
+        nodes[fem.locate_dofs_topological(self.V, 1, sides)] = True
+        return nodes[self.cell_nodes].any(1)
 
     @property
     def triangulated(self) -> bool:

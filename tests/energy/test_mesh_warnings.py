@@ -113,19 +113,31 @@ def test_a_sheet_that_hardly_strains_is_not_doubted(strain, told):
 
 @pytest.mark.mpi
 @pytest.mark.parametrize(
-    "width, told", [(0.0, ""), (0.9, ""), (1.1, "in 1.1 % of blank, as at (0.")]
+    "width, short, B",
+    [(0.0, 0, 0), (0.9, 0.02, 0), (1.1, 0.02, 0), (1.1, 0.02, 0.1), (1.1, 0.15, 0)],
 )
-def test_where_the_law_allows_bands(width, told):
-    """Yarns a are compressed in the first mm of 100, and the sheet is stretched beside it."""
+def test_where_the_law_allows_bands(width, short, B):
+    """Yarns a are compressed in the first mm of 100, at its edge, and the sheet is stretched beside
+    it. There the law's tangent in shear is s1 exp(s_C (I4 - 1)^3)."""
 
     def shape(x):
         return np.column_stack([np.interp(x[:, 0], [0, 50, 100], [0, width or 50, 100]), x[:, 1:]])
 
-    membrane = alone(builders.sheet(100, 20, 2, 2, shape=shape), ff.Membrane(KOMEILI))
-    x = membrane.blank.coordinates()[:, 0]
-    membrane.blank.u.x.array[::2] = np.where(x <= width, -0.02 * x, 0.001 * x - 0.021 * width)
+    blank, t = builders.sheet(100, 20, 2, 2, shape=shape), 2.0
+    bending = [ff.Bending(0.0, in_plane_stiffness=B)] * (B > 0)
+    membrane = ff.Membrane(KOMEILI.replace(thickness=t))
+    scene = ff.Scene(blank, [membrane, *bending], ff.clamped_ends(0.1))  # noqa: F841
+    x = blank.coordinates()[:, 0]
+    beyond = 0.001 * (x - width) - short * width
+    blank.u.x.array[::2] = np.where(x <= width, -short * x, beyond)
     said = band_warning(membrane)
-    assert said.startswith(told) and bool(said) == bool(told)
+    assert bool(said) == (width > 1)
+    assert said.startswith("in 1.1 % of blank, as at (0." if said else "")
+    Gt = t * 0.02506 * math.exp(100 * ((1 - short) ** 2 - 1) ** 3)
+    size = math.sqrt(B / Gt)
+    told = f"about {size:.3g} mm there, by edges of {size / 2:.3g} mm; they are of 10 mm"
+    assert not said or (told if B else f"of about sqrt(B / ({Gt:.3g} N/mm)) there") in said
+    assert said.endswith("yarns are shortened by 15 %, is its rim, not a band") == (short > 0.1)
 
 
 YARN = Curve((-0.05, 0.0, 0.01, 0.03), (-0.5, 0.0, 35.0, 135.0))
