@@ -27,7 +27,6 @@ from mpi4py import MPI
 from ..core.errors import InputError
 from ..sheet.blank import Blank, Part
 
-ALONG = math.cos(math.radians(1.0))  # of the angle up to which an edge runs along a yarn
 Where = Callable[[np.ndarray], np.ndarray]  # points (3, n) [mm] to a mask (n,)
 
 
@@ -134,7 +133,7 @@ def morley_cells(
 class _FlatCells:
     """Flat triangles of a blank's cells: of all local ones the nodes `dofs` (local, 3); of the
     `count` owned ones sizes and directions, and, in each one's plane from its middle along a0 and
-    across (`axes`), what `plane` gives; and which local nodes yarns hold (`pinned`)."""
+    across (`axes`), what `plane` gives."""
 
     def __init__(self, blank: Blank) -> None:
         self.blank, dofs = blank, blank.triangles()
@@ -156,11 +155,6 @@ class _FlatCells:
         across = b - (a * b).sum(1, keepdims=True) * a
         self.axes = np.stack([a, across / np.linalg.norm(across, axis=1, keepdims=True)], 1)
         self.yarn_b = np.einsum("cki,ci->ck", self.axes, b)
-        off = np.all([abs((self.tangent @ yarn[..., None])[..., 0]) < ALONG for yarn in (a, b)], 0)
-        # middles of `crossed` squares: edges along yarns are opposite to them in all four cells
-        middle = ~off & np.roll(off, -1, 1) & np.roll(off, -2, 1) & (blank.degree == 1)
-        known = np.stack([middle, np.ones_like(middle)], -1)
-        self.pinned = (blank.summed_at(self.dofs[: self.count], known) == 4).all(1)
         self.out2 = np.einsum("cki,cei->cek", self.axes, self.outward)
 
     def plane(self, points):
@@ -282,10 +276,21 @@ class _Quadratics:
         hessian = np.einsum("cke,cen->ckn", _relaxed(inverse, plate, sides.free), jumps)
         self.slopes = np.einsum("cek,ckn->cen", quadratic, hessian)
         self.slopes[:, :, :3] += self.linear
-        self.pinned = flat.pinned[np.concatenate([nodes, local], 1)]
+        self.pinned = _held_by_yarns(flat)[np.concatenate([nodes, local], 1)]
         six = np.concatenate([nodes, local], 1).astype(np.int32).ravel()
         six = flat.blank.V.dofmap.index_map.local_to_global(six)
         self.six = six.reshape(-1, 6).astype(np.int64)
+
+
+def _held_by_yarns(flat):
+    """Mask of local nodes in the middle of `crossed` squares along the yarns: in all four cells the
+    edge opposite to them runs along a yarn, and the others do not."""
+    along = np.einsum("cki,cei->cek", flat.axes, flat.tangent)
+    cosines = abs(np.stack([along[..., 0], np.einsum("cek,ck->ce", along, flat.yarn_b)]))
+    off = (cosines < math.cos(math.radians(1.0))).all(0)
+    middle = ~off & np.roll(off, -1, 1) & np.roll(off, -2, 1) & (flat.blank.degree == 1)
+    known = np.stack([middle, np.ones_like(middle)], -1)
+    return (flat.blank.summed_at(flat.dofs[: flat.count], known) == 4).all(1)
 
 
 def _with_beyond(flat, *parts):

@@ -16,8 +16,6 @@ from .surfaces import checked_points
 # the corners after and before corner k; edge k lies opposite it, from NEXT[k] to LAST[k]
 NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 
-MIN_PIECE = 0.05  # of an edge that is divided
-
 
 def unit(v: np.ndarray) -> np.ndarray:
     """Vectors (n, 3) with the length 1, or 0 as they are."""
@@ -184,8 +182,8 @@ def divided_at_planes(
     sine = np.linalg.norm(aside, axis=1)
     along = -np.sign(z) * (arm * aside).sum(1) / np.maximum(sine, 1e-300)
     curved = abs(z) * sine / np.maximum(1 - cosine, 1e-300)
-    # what ends close to a vertex ends there, so that no slivers are made
-    least = MIN_PIECE * np.linalg.norm(arm, axis=1)
+    # what ends within 5 % of an edge from a vertex ends there, so that no slivers are made
+    least = 0.05 * np.linalg.norm(arm, axis=1)
     points, ended, beyond = points.copy(), np.zeros(len(points), dtype=bool), along > 0
     ends, begins = beyond & (along - curved < least), beyond & (curved < least)
     ended[a[ends]] = ended[b[begins]] = True
