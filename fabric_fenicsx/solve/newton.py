@@ -57,7 +57,7 @@ class Directions:
             self._scene.set(x)
             if report.residuals[-1] > self.CLOSE * report.scale:
                 self._scene.use_secant_stiffness()
-            may_be_narrow = loosened and not (verified or report.shifts)
+            may_be_narrow = loosened and not verified
             self._last = self._narrow if may_be_narrow else self._tangent
             if self._last is self._narrow and not self._narrow.solve(r, d, report):
                 self._last = self._tangent
