@@ -289,8 +289,9 @@ def mirrored_tools(
     thicknesses, in its places at start and end. extent (2, 3): corners of the blank [mm]."""
     doubts, thickness = dict[str, str](), press.thickness()
     alone = [tool for name, tool in tools.items() if name not in press.dies() and planes]
-    loads = {t.name: (0.0, 1.0)[: 1 + bool((t.path(1.0) - t.path(0.0))[:2].any())] for t in alone}
-    known = [(t, load, _points(t, extent, load)) for t in alone for load in loads[t.name]]
+    ways = [np.subtract(tool.path(1.0), tool.path(0.0)) for tool in alone]
+    loads = [(0.0, 1.0) if way[:2].any() else (0.0,) for way in ways]
+    known = [(t, at, _points(t, extent, at)) for t, each in zip(alone, loads) for at in each]
     for (tool, load, x), (axis, place) in product(known, planes.items()):
         images = np.where(np.arange(3) == axis, 2 * place - x, x)
         off = np.nan_to_num(abs(tool.surface.evaluate(images - tool.path(load)).gap))

@@ -129,7 +129,7 @@ class Surface:
         """Gaps at points of a grid, `counts` along its axes, exact within the reach."""
         # a gap changes by no more than the way: far blocks have that of their middle
         blocks = np.indices(counts) // BLOCK
-        number = np.ravel_multi_index(blocks, -(-counts // BLOCK)).ravel("F")
+        number = np.ravel_multi_index(tuple(blocks), tuple(-(-counts // BLOCK))).ravel("F")
         size = np.bincount(number)
         middles = np.column_stack([np.bincount(number, x) / size for x in points.T])
         farthest = reach + np.sqrt(((points - middles[number]) ** 2).sum(1).max())
