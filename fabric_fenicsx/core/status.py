@@ -10,7 +10,6 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 
 from tqdm import tqdm
-from tqdm.contrib import DummyTqdmFile
 
 from .cache_folders import RANK
 
@@ -66,8 +65,11 @@ def shown(lines: bool = True, first: bool = True, seconds: float = 3.0) -> Itera
 
     thread = threading.Thread(target=tell, daemon=True)
     thread.start()
-    # lines of the program stand above one that renews itself
-    above = [DummyTqdmFile(file) if renews else file for file in (out, sys.stderr)]
+    above = [out, sys.stderr]
+    if renews:  # lines of the program stand above one that renews itself
+        from tqdm.contrib import DummyTqdmFile  # imports asyncio
+
+        above = [DummyTqdmFile(file) for file in above]
     try:
         with redirect_stdout(above[0]), redirect_stderr(above[1]):
             yield

@@ -175,7 +175,10 @@ def _touching(name, up, place, surface, laid, thickness):
 
     def least(away):
         """The least gap of all ranks, the normal there towards the blank, and the tool's top."""
-        nearest = surface.evaluate(x - [*place, -up * away])
+        seen = x - [*place, -up * away]
+        some = surface.evaluate(seen, 0.0).gap.argsort()[:1]  # of rough gaps
+        reach = surface.evaluate(seen[some]).gap.max(initial=-np.inf)  # what is further counts not
+        nearest = surface.evaluate(seen, reach if reach > 0 else np.inf)
         gaps = np.where(np.isfinite(nearest.gap), nearest.gap - thickness / 2, np.inf)
         local = [np.inf, [], 0.0, []]
         if len(gaps):
@@ -286,7 +289,9 @@ def mirrored_tools(
     thicknesses, in its places at start and end. extent (2, 3): corners of the blank [mm]."""
     doubts, thickness = dict[str, str](), press.thickness()
     alone = [tool for name, tool in tools.items() if name not in press.dies() and planes]
-    known = [(tool, load, _points(tool, extent, load)) for tool in alone for load in (0.0, 1.0)]
+    ways = [np.subtract(tool.path(1.0), tool.path(0.0)) for tool in alone]
+    loads = [(0.0, 1.0) if way[:2].any() else (0.0,) for way in ways]
+    known = [(t, at, _points(t, extent, at)) for t, each in zip(alone, loads) for at in each]
     for (tool, load, x), (axis, place) in product(known, planes.items()):
         images = np.where(np.arange(3) == axis, 2 * place - x, x)
         off = np.nan_to_num(abs(tool.surface.evaluate(images - tool.path(load)).gap))

@@ -21,7 +21,7 @@ from ..scene import output
 from ..scene.scene import Scene
 from ..sheet.blank import Blank
 from .measures import planes_of_symmetry
-from .ply import Grid, mark_planes
+from .ply import Grid, mark_planes, plain_grid, set_arrays
 from .states import save, triangulated, with_known_fields
 
 pyvista = lazy_loader.load("pyvista")
@@ -91,13 +91,13 @@ class FieldSeries:
         self._planes = planes_of_symmetry(scene)
         self._grid: Grid | None = None
         if len(types):
-            self._grid = pyvista.UnstructuredGrid(cells, types, self._at_vtk_nodes(points))
-            self._grid.cell_data["rank"] = np.full(len(types), self.comm.rank, dtype=np.int32)
+            self._grid = plain_grid(cells, types, self._at_vtk_nodes(points))
+            numbers = {"rank": np.full(len(types), self.comm.rank, dtype=np.int32)}
             if self.blank.parts:
-                number = np.zeros(len(types), dtype=np.int32)
+                numbers["part"] = np.zeros(len(types), dtype=np.int32)
                 for k, part in enumerate(self._parts):
-                    number[part.cells] = k
-                self._grid.cell_data["part"] = number
+                    numbers["part"][part.cells] = k
+            set_arrays(self._grid.GetCellData(), numbers)
             across = {f"yarn_coordinate_{k}": x for k, x in zip("ab", yarns.T)}
             self._set_points(self._grid, across)
         on_root(self.comm, self._begin)
@@ -132,10 +132,10 @@ class FieldSeries:
         return moved
 
     def _set_points(self, grid, fields):
-        n = grid.n_points
+        n = grid.GetNumberOfPoints()
         for name, values in fields.items():
             columns = self._at_vtk_nodes(values.reshape(len(values), -1))
-            grid.point_data[name] = columns[:n].reshape(n, *values.shape[1:])
+            set_arrays(grid.GetPointData(), {name: columns[:n].reshape(n, *values.shape[1:])})
 
     def _begin(self):
         """List the states kept, then remove files of others."""
@@ -154,13 +154,13 @@ class FieldSeries:
             u = self.blank.nodal_displacement()
             nodal["u"] = np.pad(u, ((0, 0), (0, 3 - u.shape[1])))
             self._set_points(self._grid, nodal)
-            self._grid.cell_data.update(fields)
+            set_arrays(self._grid.GetCellData(), fields)
             for k, part in enumerate(self._parts):
                 if not len(part.cells):  # VTK's writer may crash on a grid without cells
                     continue
                 grid = self._grid
                 if not part.is_whole:
-                    grid = with_known_fields(grid.extract_cells(part.cells))
+                    grid = with_known_fields(pyvista.wrap(grid).extract_cells(part.cells))
                 mark_planes(grid, self._planes)
                 save(self.directory / self._file(number, self.comm.rank, k), grid, self._units)
         if not self._surfaces:

@@ -1,10 +1,11 @@
 """A formed ply as nodes and triangles, from the grid of a state."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import lazy_loader
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..core.rules import unknown_key
 from ..surfaces.tool import Frame
@@ -52,6 +53,38 @@ def grid_of(points: np.ndarray, cells: np.ndarray, u: np.ndarray) -> Grid:
     grid = pyvista.UnstructuredGrid({kind: cells}, points)
     grid.point_data["u"] = u
     return grid
+
+
+def plain_grid(cells: np.ndarray, types: np.ndarray, points: np.ndarray) -> Grid:
+    """VTK's own grid of cells of one type, given as PyVista takes them, which itself takes long to
+    import."""
+    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
+    from vtkmodules.vtkCommonCore import vtkPoints
+    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkUnstructuredGrid
+
+    grid, places, listed = vtkUnstructuredGrid(), vtkPoints(), vtkCellArray()
+    places.SetData(numpy_to_vtk(np.ascontiguousarray(points), deep=True))
+    listed.ImportLegacyFormat(numpy_to_vtkIdTypeArray(np.array(cells, np.int64), deep=True))
+    grid.SetPoints(places)
+    grid.SetCells(int(types[0]), listed)
+    return grid
+
+
+def set_arrays(arrays: Any, fields: Mapping[str, ArrayLike]) -> None:
+    """Set point, cell or field data of a VTK grid, numbers or texts."""
+    from vtkmodules.util.numpy_support import numpy_to_vtk
+    from vtkmodules.vtkCommonCore import vtkStringArray
+
+    for name, given in fields.items():
+        values = np.ascontiguousarray(given)
+        if values.dtype.kind == "U":
+            array = vtkStringArray()
+            for text in values.tolist():
+                array.InsertNextValue(text)
+        else:
+            array = numpy_to_vtk(values, deep=True)
+        array.SetName(name)
+        arrays.AddArray(array)
 
 
 def whole(ply: Ply) -> Ply:
@@ -116,7 +149,7 @@ def marked_planes(grid: Grid | Surface) -> dict[int, float]:
 
 def mark_planes(grid: Grid | Surface, planes: Mapping[int, float]) -> None:
     """Note planes of symmetry, as of a `Ply`, in a grid."""
-    grid.field_data.update({SYMMETRIC: [*planes], PLACES: [*planes.values()]})
+    set_arrays(grid.GetFieldData(), {SYMMETRIC: [*planes], PLACES: [*planes.values()]})
 
 
 def planes_of(grid: Grid) -> dict[int, float]:

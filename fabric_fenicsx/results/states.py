@@ -17,7 +17,7 @@ from ..core.errors import InputError
 from ..core.files import replace_file
 from ..core.rules import unknown_key
 from ..surfaces.tool import Frame, Tool
-from .ply import Grid, Surface, mark_planes, marked_planes
+from .ply import Grid, Surface, mark_planes, marked_planes, set_arrays
 
 pyvista = lazy_loader.load("pyvista")
 
@@ -162,24 +162,29 @@ def save(
     in the file a name ends with its unit, and angles are in degrees. portable: without texts and
     LZ4, which meshio cannot read."""
     from vtkmodules import vtkIOXML
+    from vtkmodules.util.numpy_support import vtk_to_numpy
 
-    data, units, radians = data.copy(deep=False), [], []
-    for arrays in (data.point_data, data.cell_data):
-        for name in [each for each in arrays if each in known]:
+    written, units, radians = data.NewInstance(), [], []
+    written.ShallowCopy(data)
+    for arrays in (written.GetPointData(), written.GetCellData()):
+        names = [arrays.GetArrayName(k) for k in range(arrays.GetNumberOfArrays())]
+        for name in [each for each in names if each in known]:
             unit = "deg" if known[name] == "rad" else known[name]
-            written = f"{name}{_suffix(unit)}"
-            units.append(f"{written} [{unit}]")
-            if written != name:
-                values = arrays.pop(name)
-                arrays[written] = values if unit == known[name] else np.degrees(values)
+            longer = f"{name}{_suffix(unit)}"
+            units.append(f"{longer} [{unit}]")
+            if longer != name:
+                values = vtk_to_numpy(arrays.GetArray(name))
+                arrays.RemoveArray(name)
+                set_arrays(arrays, {longer: values if unit == known[name] else np.degrees(values)})
             if unit != known[name]:
-                radians.append(written)
-    is_grid = isinstance(data, pyvista.UnstructuredGrid)
+                radians.append(longer)
+    is_grid = data.IsA("vtkUnstructuredGrid")
     writer = vtkIOXML.vtkXMLUnstructuredGridWriter() if is_grid else vtkIOXML.vtkXMLPolyDataWriter()
     if not portable:
-        data.field_data.update({"units": units} | ({"radians": radians} if radians else {}))
+        texts = {"units": units} | ({"radians": radians} if radians else {})
+        set_arrays(written.GetFieldData(), texts)
         writer.SetCompressorTypeToLZ4()  # takes a third of zlib's time
-    writer.SetInputData(data)
+    writer.SetInputData(written)
     # not VTK's raw data, which ParaView 5.11 can't read with Debian 12's expat
     writer.SetDataModeToBinary()
     # to memory first, as VTK does not say what error it met with a file

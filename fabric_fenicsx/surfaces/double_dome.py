@@ -72,6 +72,14 @@ def _profile(dome: _Shape, d: float, z: float) -> tuple[float, float, float, flo
 
 
 @compiled
+def _plans(dome: _Shape, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    rows = np.empty((4, len(x)))
+    for i in range(len(x)):
+        rows[0, i], rows[1, i], rows[2, i], rows[3, i] = _plan(dome, x[i], y[i])
+    return rows
+
+
+@compiled
 def _value(dome: _Shape, x: np.ndarray) -> np.ndarray:
     F = np.empty(len(x))
     for i in range(len(x)):
@@ -187,9 +195,8 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
 
     def plan(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Signed distance (n,) [mm] to the outline, gradient (2, n), curvature (n,) [1/mm]."""
-        rows = [_plan(self._shape, *at) for at in zip(*np.array([x, y], dtype=float).tolist())]
-        d, dx, dy, bend = np.reshape(rows, (-1, 4)).T
-        return d, np.array([dx, dy]), bend
+        rows = _plans(self._shape, *(np.ascontiguousarray(each, dtype=float) for each in (x, y)))
+        return rows[0], rows[1:3], rows[3]
 
     def value(self, x: np.ndarray) -> np.ndarray:
         return _value(self._shape, np.ascontiguousarray(x.T, dtype=float))

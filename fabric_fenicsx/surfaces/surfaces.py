@@ -16,6 +16,7 @@ from ..core.rules import FINITE, Rule
 from ..core.timing import phase
 
 Drawn = tuple[np.ndarray, np.ndarray, np.ndarray]  # points, normals and triangles
+BLOCK = 4  # points of a grid along the sides of blocks that are looked at first
 
 
 class Nearest(NamedTuple):
@@ -107,9 +108,7 @@ class Surface:
         low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
         cells = np.ceil((high - low) / size).astype(int)
         grid = pyvista.ImageData(dimensions=cells + 1, spacing=(high - low) / cells, origin=low)
-        # fit the cache
-        parts = np.array_split(np.asarray(grid.points, dtype=float), 1 + grid.n_points // 20000)
-        gap = np.concatenate([self.evaluate(part, 2 * size).gap for part in parts])
+        gap = self._gaps_on(np.asarray(grid.points, dtype=float), cells + 1, 2 * size)
         contour = grid.contour([0.0], gap, compute_normals=False, method="flying_edges")
         points = np.array(contour.points, dtype=float)
         triangles = np.array(contour.faces).reshape(-1, 4)[:, 1:]
@@ -125,6 +124,20 @@ class Surface:
         turned = (np.cross(q - p, r - p) * normals[triangles[:, 0]]).sum(1) < 0
         triangles[turned] = triangles[turned, ::-1]
         return points, normals, triangles
+
+    def _gaps_on(self, points, counts, reach):
+        """Gaps at points of a grid, `counts` along its axes, exact within the reach."""
+        # a gap changes by no more than the way: far blocks have that of their middle
+        blocks = np.indices(counts) // BLOCK
+        number = np.ravel_multi_index(tuple(blocks), tuple(-(-counts // BLOCK))).ravel("F")
+        size = np.bincount(number)
+        middles = np.column_stack([np.bincount(number, x) / size for x in points.T])
+        farthest = reach + np.sqrt(((points - middles[number]) ** 2).sum(1).max())
+        gap = self.evaluate(middles, farthest).gap[number]
+        near = np.flatnonzero(~(abs(gap) > farthest))
+        for part in np.array_split(near, 1 + len(near) // 20000):  # which fit the cache
+            gap[part] = self.evaluate(points[part], reach).gap
+        return gap
 
     def from_behind(self) -> Surface:
         """Itself as `Reversed` wants it: an open surface is open from both sides."""
