@@ -130,7 +130,7 @@ class BlankHolderPressure(ToolContactTerm):
     def set_load(self, load: float) -> None:
         """Set the pressure; InputError if it is not a number from 0 there."""
         self.now = at_load(self.PRESSURE, FROM_ZERO, self._pressure, load)
-        self.areas, self._updates, self._found = self._next_areas, 0, None
+        self.areas, self._trial = self._next_areas, (0, None)
         if self.friction_state:  # as these forces follow from the load alone
             self.friction_state.begin(self.normal_forces())
 
@@ -138,22 +138,24 @@ class BlankHolderPressure(ToolContactTerm):
         # the nodes' travel to the die [mm], pressure, pressed areas and force accepted last
         force = self.nodes.total(self._pressing_forces())
         self._accepted = self._travels()[0].copy(), self.now, self.areas, force
-        self.areas = self._next_areas = self._pressed() if self._found is None else self._found
+        found = self._trial[1]
+        self.areas = self._next_areas = self._pressed() if found is None else found
         super().accept()
 
     def _update_pressing(self):
         """Press the areas under the holder now, if they differ by more than `lag`."""
-        self._found = None  # areas that the state in balance presses, if looked for
-        if self.lag is None or self._updates == self.MAX_UPDATES:
+        updates, _ = self._trial  # of the areas in this step, and what the present state presses
+        self._trial = updates, None
+        if self.lag is None or updates == self.MAX_UPDATES:
             return False
-        self._found = now = self._pressed()
+        now = self._pressed()
         changed, all_of_it = self.nodes.total(np.column_stack([abs(now - self.areas), now]))
         # at first whatever has moved, so that areas depend neither on steps nor on rounding
-        lag = self.lag if self._updates >= self.FIRST else self.AT_FIRST * self.lag
-        if changed <= lag * all_of_it:
-            return False
-        self.areas, self._updates = now, self._updates + 1
-        return True
+        lag = self.lag if updates >= self.FIRST else self.AT_FIRST * self.lag
+        if changed > lag * all_of_it:
+            self.areas, updates = now, updates + 1
+        is_new, self._trial = updates > self._trial[0], (updates, now)
+        return is_new
 
     def work(self) -> float:
         """Done on this rank's nodes since the last accepted state, by trapezoids [N mm]."""
