@@ -102,7 +102,7 @@ class Checkpoint:
         state, notes = {k: meta[k] for k in self.SCALARS} | {"memory": remembered}, meta["notes"]
         state["viscosity"] = Viscosity(**meta["viscosity"])
         if share < 1:
-            for name in ("load", "step", "last_step", "missed_at"):
+            for name in ("load", "step", "last_step"):
                 state[name] = state[name] and share * state[name]
             for row in notes["rows"]:
                 row["load"] *= share

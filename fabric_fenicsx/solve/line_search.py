@@ -27,13 +27,12 @@ class Objective:
 
 
 class Point(NamedTuple):
-    """A state along the correction: its length, in corrections; energy [N mm], slope of the energy
-    [N mm per correction] and norm of the residual [N] there."""
+    """A state along the correction: its length, in corrections; energy [N mm] and slope of the
+    energy [N mm per correction] there."""
 
     length: float
     energy: float
     slope: float
-    norm: float
 
 
 class LineSearch:
@@ -41,21 +40,16 @@ class LineSearch:
 
     The energy is piecewise smooth with kinks in its slope, where a parabola through energies
     misleads. Its slope, the residual along the correction, is continuous, so the end is bracketed
-    by the slope's sign. Where energies differ by rounding alone the slope decides, or a residual of
-    half the size.
+    by the slope's sign. Where energies differ by rounding alone the slope decides.
     """
 
     def __init__(self, objective: Objective) -> None:
         self._objective, self._trial = objective, objective.r.duplicate()
 
-    def __call__(
-        self, x: PETSc.Vec, energy: float, d: PETSc.Vec, shifted: bool, report: Report
-    ) -> float:
-        """Move x along d; the energy there [N mm]. energy: at x, evaluated last; shifted: d is not
-        the tangent's own direction. Counts cuts in the report. Raises SolveFailed where no state is
-        good enough."""
-        r = self._objective.r
-        start = Point(0.0, energy, r.dot(d), r.norm())
+    def __call__(self, x: PETSc.Vec, energy: float, d: PETSc.Vec, report: Report) -> float:
+        """Move x along d; the energy there [N mm]. energy: at x, evaluated last. Counts cuts in the
+        report. Raises SolveFailed where no state is good enough."""
+        start = Point(0.0, energy, self._objective.r.dot(d))
         if not start.slope < 0:  # only solvers that do not count negative pivots get here
             raise SolveFailed(Termination.LINE_SEARCH)
         low, high, length, met_inverted = start, None, 1.0, False
@@ -63,7 +57,8 @@ class LineSearch:
             here = self._evaluate(x, d, length)
             met_inverted |= here.energy == Objective.INVERTED
             fell = _fell(here, start)
-            if _is_end(here, start, fell, shifted):
+            is_flat = abs(here.slope) <= -0.7 * start.slope
+            if is_flat and (fell or _within_rounding(start)):
                 break
             if not (fell and here.slope < 0):
                 high = here
@@ -84,9 +79,9 @@ class LineSearch:
     def _evaluate(self, x, d, length):
         x.copy(self._trial)
         self._trial.axpy(length, d)
-        energy, r = self._objective(self._trial), self._objective.r
-        slope = r.dot(d) if energy != Objective.INVERTED else np.nan
-        return Point(length, energy, slope, r.norm())
+        energy = self._objective(self._trial)
+        slope = self._objective.r.dot(d) if energy != Objective.INVERTED else np.nan
+        return Point(length, energy, slope)
 
 
 def _fell(here, start):
@@ -94,14 +89,6 @@ def _fell(here, start):
     if _within_rounding(start):
         return here.energy != Objective.INVERTED and here.slope < 0
     return here.energy < start.energy
-
-
-def _is_end(here, start, fell, shifted):
-    is_flat = abs(here.slope) <= -0.7 * start.slope
-    if not _within_rounding(start):
-        return fell and is_flat
-    halved = here.energy != Objective.INVERTED and not shifted and here.norm <= 0.5 * start.norm
-    return is_flat or halved
 
 
 def _within_rounding(start):

@@ -49,14 +49,18 @@ def check_name(name: str) -> None:
         raise InputError(f"linear solver is {name!r}{why}; allowed are {', '.join(allowed)}")
 
 
+def places(A: PETSc.Mat) -> float:
+    """Number of A's places on all ranks, of which none is used before it is assembled."""
+    known = A.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)
+    return max(known["nz_allocated"], known["nz_used"])
+
+
 def configure(ksp: PETSc.KSP, A: PETSc.Mat, name: str) -> None:
     """Make `ksp` the linear solver `name`, one of `LINEAR_SOLVERS`, of the matrix A."""
     database, options = PETSc.Options(PREFIX), _options(name)
     ksp.setOperators(A)
     if name.startswith("mumps"):
-        known = A.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)  # before it is assembled, or on ranks
-        entries = max(known["nz_allocated"], known["nz_used"])
-        if entries >= A.size[0] * A.size[1]:  # PORD ends the process then: minimum degree there
+        if places(A) >= A.size[0] * A.size[1]:  # PORD ends the process then: minimum degree there
             options["mat_mumps_icntl_7"] = 0
         ksp.pc.setType(options["pc_type"])
         ksp.pc.setFactorSolverType("mumps")

@@ -140,7 +140,7 @@ class Newton:
             end = self._converged(energy, tolerance) or self._find_direction(x, tolerance, minimum)
             is_loose = tolerance > self.tolerance
             if end is None:
-                energy = self.line_search(x, energy, self._d, self._shifted, self.report)
+                energy = self.line_search(x, energy, self._d, self.report)
             elif not (minimum and self.saddles.is_here(x, self.report, is_loose)):
                 return end
             elif is_loose:  # such a state tells nothing of what is near it
@@ -174,9 +174,9 @@ class Newton:
         if report.iterations == self.max_iterations:
             raise SolveFailed(Termination.ITERATIONS)
         loosened = tolerance if tolerance > self.tolerance else 0.0
-        self._shifted = self.directions.find(x, r, d, report, loosened, minimum)
+        shifted = self.directions.find(x, r, d, report, loosened, minimum)
         length, longest = self._longest(d), self.LONGEST * self._size
-        if not (self._shifted or length > self.smallest):
+        if not (shifted or length > self.smallest):
             return Termination.CORRECTION
         if length > longest:
             d.scale(longest / length)

@@ -96,8 +96,6 @@ class Progress:
     - load: factor; step: size of the next load step; last_step: of the one before, None before the
       first
     - work: of supports, loads and tools so far; stored: sum of the energies [N mm]
-    - missed, missed_at: energy that a step rejected for that missed [N mm], and its load factor,
-      until that is passed; inf without such a step
     - memory, solver: memories of scene and solver
     - accepted, rejected: steps; iterations: of all solves
     """
@@ -109,8 +107,6 @@ class Progress:
     last_step: float | None = None
     work: float = 0.0
     stored: float = 0.0
-    missed: float = np.inf
-    missed_at: float = 0.0
     viscosity: Viscosity = field(default_factory=Viscosity)
     memory: dict[str, np.ndarray] = field(default_factory=dict)
     solver: dict[str, float] = field(default_factory=dict)

@@ -53,10 +53,6 @@ class LoadStepping:
     MIN_STEP = 1e-5  # load step that is still halved
     HARD_STEP = 1 / 16  # of the largest step, from where on cutting alone does not help
     MAX_CHECKED_STEPS = 8  # make the largest step; of smaller ones no energy balance is asked
-    # share of the energy that a step missed: if a shorter step misses more, or half of the same
-    # step when its middle is measured, too, it is accepted, as the sheet snapped there, and its
-    # energy is missing with any step
-    SNAP = 0.75
     MAX_STEPS_AT_REST = 40  # at full load, for the sheet to creep to where it needs no drag
 
     def __init__(
@@ -167,27 +163,15 @@ class LoadStepping:
         matters = share(step_criteria.UNBALANCED, trial.size)
         if not self.progress.last_step:  # work along a straight line, which halving does not mend
             matters = min(balance or np.inf, matters / 2)
-        snapped, allowed = False, min(balance or np.inf, matters)
+        allowed = min(balance or np.inf, matters)
         for part in (1 / 2, 1 / 4, 3 / 4):  # of the step, at which its work is measured
             if missing <= allowed or not trial.report.converged:
                 break
-            missed, allowed = self._missed(trial), matters
-            if inner := self._measure_on_the_way(trial, part):
+            allowed = matters
+            if self._measure_on_the_way(trial, part):
                 missing = self._missing_work(trial)
-                first, both = self._missed(inner), self._missed(trial)
-                snapped |= part == 1 / 2 and 0 < self.SNAP * missed < max(first, both - first)
-        if not (balance and trial.report.converged):
-            return
-        progress, missed = self.progress, self._missed(trial)
-        reason = "" if snapped else step_criteria.imbalance(missing, balance)
-        if reason and missed <= self.SNAP * progress.missed:
-            progress.missed, progress.missed_at = abs(missed), trial.load
-            trial.report.reject(reason)
-        work = progress.work + trial.work
-        trial.report.reject(step_criteria.total_imbalance(work, trial.energy, trial.load))
-
-    def _missed(self, trial):
-        return trial.work - (trial.energy - self.progress.stored)
+        if trial.report.converged:
+            trial.report.reject(step_criteria.imbalance(missing, balance))
 
     def _missing_work(self, trial):
         if trial.size <= 1.5 * self.largest / self.MAX_CHECKED_STEPS:
@@ -196,7 +180,7 @@ class LoadStepping:
         return step_criteria.missing_work(trial.work, trial.energy - stored, stored, contact)
 
     def _measure_on_the_way(self, trial, part):
-        """Measure work anew with the state at this part of the step: its trial, if found."""
+        """Measure work anew with the state at this part of the step; True if both are found."""
         solution, iterations = self.newton.x.copy(), trial.report.iterations
         load, size = self.progress.load + part * trial.size, part * trial.size
         inner = TrialStep(load, size, trial.tolerance, self.scene.supports.values(load))
@@ -209,10 +193,10 @@ class LoadStepping:
         trial.report.iterations = max(iterations, trial.report.iterations)
         if trial.report.converged:
             self._measure(trial)
-        return inner if inner.report.converged and trial.report.converged else None
+        return inner.report.converged and trial.report.converged
 
     def _measure(self, trial):
-        """Set energies, forces and work of the trial's state, and reject it if they can't be."""
+        """Set energies, forces and work of the trial's state."""
         scene = self.scene
         trial.drag_loss = 2 * scene.drag_energy()
         trial.energies = self._energies()
@@ -220,7 +204,6 @@ class LoadStepping:
         trial.forces = scene.forces.array[scene.fixed_dofs]
         of_supports = scene.supports.work.since(trial.load, trial.forces, trial.values)
         trial.work = scene.work() + scene.comm.allreduce(of_supports)
-        trial.report.reject(step_criteria.negative_bending(trial.energies))
 
     def _accept(self, trial):
         scene, progress = self.scene, self.progress
@@ -235,8 +218,6 @@ class LoadStepping:
         progress.work = progress.work + trial.work if self._in_equilibrium else trial.energy
         self._in_equilibrium = True
         progress.load, progress.stored = trial.load, trial.energy
-        if trial.load >= progress.missed_at:
-            progress.missed = np.inf
         progress.last_step = trial.size or progress.last_step
         progress.step = self._next_step_size(trial)
         progress.viscosity.note_accepted(uncut=not self._cuts, at_rest=not trial.size)

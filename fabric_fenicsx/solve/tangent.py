@@ -170,9 +170,7 @@ class Preconditioner:
         self._A = PETSc.Mat().createPython([sizes[0], sizes[1]], self, comm=self._P.comm)
         self._A.setUp()
         self._ksp = linear.conjugate_gradients(self._A, self._P, self.REDUCTION, self.MOST)
-        kind = PETSc.Mat.InfoType.GLOBAL_SUM
-        few, all_of_them = (A.getInfo(kind)["nz_used"] for A in (self._P, self._tangent.A))
-        self._pays = few <= self.FEWER * all_of_them
+        self._pays = linear.places(self._P) <= self.FEWER * linear.places(self._tangent.A)
 
     def mult(self, _: PETSc.Mat, v: PETSc.Vec, f: PETSc.Vec) -> None:
         """Make f = A v, as PETSc asks for it."""

@@ -10,13 +10,7 @@ import fabric_fenicsx as ff
 from fabric_fenicsx.solve.line_search import LineSearch
 from fabric_fenicsx.solve.progress import Report, SolveFailed
 from fabric_fenicsx.solve.settings import Settings
-from fabric_fenicsx.solve.step_criteria import (
-    imbalance,
-    missing_work,
-    negative_bending,
-    off_path,
-    total_imbalance,
-)
+from fabric_fenicsx.solve.step_criteria import imbalance, missing_work, off_path
 
 
 class Along:
@@ -38,7 +32,7 @@ def searched(energy, slope):
     objective, report = Along(energy, slope), Report()
     x, d = objective.r.duplicate(), objective.r.duplicate()
     x.array[:], d.array[:] = 0.0, 1.0
-    LineSearch(objective)(x, objective(x), d, False, report)
+    LineSearch(objective)(x, objective(x), d, report)
     return x.array[0], report
 
 
@@ -103,24 +97,10 @@ def test_work_that_is_missing_is_compared_with_the_largest(work, rise, stored, c
     assert missing_work(work, rise, stored, contact) == pytest.approx(share)
 
 
-@pytest.mark.parametrize(
-    "work, energy, load, told",
-    [(10, 9.01, 1, ""), (10, 8.99, 1, "10.1 %"), (8.99, 10, 1, "10.1 %"), (10, 8.1, 0.5, "")],
-)
-def test_all_work_may_miss_a_tenth_at_full_load(work, energy, load, told):
-    found = total_imbalance(work, energy, load)
-    assert found == (told and f"{told} of all work is not in the energies")
-
-
 def test_limits_of_a_step():
-    """Of work that is missing and of the straight path, twice the accuracy, if asked for; bending
-    has no energy below 0, but for rounding, 1e-9 of all."""
+    """Of work that is missing and of the straight path, twice the accuracy, if asked for."""
     told = "3 % of the step's work is not in the energies; allowed is 2 %"
     assert imbalance(0.03, 0.02) == told
     assert not imbalance(0.03, None) and not imbalance(0.02, 0.02)
     assert "by more than the accuracy of 0.01 allows" in off_path(0.0201, 0.01)
     assert not off_path(0.0199, 0.01) and not off_path(9.0, None)
-    for bending, refused in ((-7.49, 1), (-2e-7, 1), (-5e-8, 0), (0.1, 0)):
-        reason = negative_bending({"strain": 100.0, "bending": bending, "friction": 3.0})
-        assert reason == f"bending has an energy of {bending:.3g} N mm, below 0" * refused
-    assert not negative_bending({"strain": 100.0})

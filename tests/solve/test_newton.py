@@ -218,3 +218,11 @@ def test_loose_solves_by_the_narrow_tangent_lead_to_the_same_state(monkeypatch):
         forces.append(job.run().number("reaction_N"))
         assert (np.mean(solved) > 0.8) == (unknowns == 0)
     assert forces[1] == pytest.approx(forces[0], rel=1e-5)
+
+
+def test_a_strip_has_no_narrow_tangent(monkeypatch):
+    """Each iteration factors once, and no state is verified by factors of the same matrix."""
+    monkeypatch.setattr(Preconditioner, "UNKNOWNS", 0)
+    newton = Newton(strip())
+    assert march(newton, steps=2, path_tolerance=1e-4).reached == 1
+    assert not newton.directions._narrow._pays and newton.report.negative_pivots == 0

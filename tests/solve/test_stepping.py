@@ -66,26 +66,16 @@ def test_steps_that_lose_work_are_halved_but_not_for_ever():
     assert steps[0] < 0.25 and 0.75 <= min(steps[:-1]) * 8 / 0.25 <= 1.5
 
 
-@pytest.mark.parametrize(
-    "share, balance, term", [(0.2, 0.02, Snapping), (0.0, 0.02, Losing), (100.0, None, Losing)]
-)
-def test_steps_stay_where_work_is_stored_or_nobody_asks(share, balance, term):
-    """Half of a step in which it snaps has all its loss, however finely work is measured."""
-    assert stretched(share, balance, term) == ([0, 0.25, 0.5, 0.75, 1], [])
-
-
-def test_what_a_snap_loses_is_no_reason_to_halve_again(monkeypatch):
-    """Where the state at the middle of the step is not found."""
-    monkeypatch.setattr(LoadStepping, "_measure_on_the_way", lambda self, trial, part: None)
+def test_a_snap_is_passed_in_the_smallest_step_that_is_checked():
+    """An eighth of the largest, as its loss is that of any step; from there on they grow."""
     loads, reasons = stretched(0.2, 0.02, Snapping)
-    assert len(reasons) == 1 and loads[:5] == [0, 0.25, 0.5, 0.625, 0.75]
+    steps = {a < 0.6 <= b: b - a for a, b in zip(loads, loads[1:])}
+    assert loads[-1] == 1 and 1 <= len(reasons) <= 3 and steps[True] <= 1.5 * 0.25 / 8
 
 
-def test_a_run_that_loses_more_than_a_tenth_of_its_work_gives_up():
-    """However small its steps."""
-    loads, reasons = stretched(2.0, 0.02)
-    assert 0.1 < loads[-1] < 0.3
-    assert "49.6 % of all work is not in the energies" in reasons[-1]
+@pytest.mark.parametrize("share, balance", [(0.0, 0.02), (100.0, None)])
+def test_steps_stay_where_work_is_stored_or_nobody_asks(share, balance):
+    assert stretched(share, balance) == ([0, 0.25, 0.5, 0.75, 1], [])
 
 
 def test_milestones_are_hit_and_no_sliver_is_left_before_them():
