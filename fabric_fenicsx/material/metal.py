@@ -16,7 +16,7 @@ import numpy as np
 
 from ..core import rules as numbers
 from ..core.errors import InputError
-from ..core.rules import Rule, above_zero, check_complete, not_negative, repr_short
+from ..core.rules import Rule, above_zero, check_complete, not_negative, repr_short, unknown_key
 from . import files
 from .files import OWN_UNITS, Document, Several
 from .material import Material, Parameters, Scatter, parameter, parameters
@@ -169,14 +169,6 @@ class HardeningTable(Hardening):
         return self._curves[2](p)
 
 
-def hardening_from(table: Document, units: Mapping[str, str]) -> Hardening:
-    """The curve of a file's table [hardening]; units: of its table [units]. InputError by key."""
-    law = table.pop("law", None)
-    if not isinstance(law, str) or law not in Hardening.known:
-        raise numbers.unknown_key(law, Hardening.known, f"hardening.law {numbers.repr_short(law)}")
-    return Hardening.known[law].from_table(table, units, "hardening")
-
-
 @parameters
 @dataclass(frozen=True)
 class Metal(Material):
@@ -222,7 +214,11 @@ class Metal(Material):
         also = ("law", "name", "units", "hardening")
         numbers = files.read_sheet_numbers(document, units, also, cls.rules)[0]
         check_complete(numbers, [*cls.rules, "thickness"], "", "at the top of the file")
-        return cls(**numbers, hardening=hardening_from(curve, units), name=name, scatter=scatter)
+        law, known = curve.pop("law", None), Hardening.known
+        if not isinstance(law, str) or law not in known:
+            raise unknown_key(law, known, f"hardening.law {repr_short(law)}")
+        hardening = known[law].from_table(curve, units, "hardening")
+        return cls(**numbers, hardening=hardening, name=name, scatter=scatter)
 
 
 # E, nu and the stress of 159 MPa at 0.05 % plastic strain: Table 2 of the paper. It prints no
