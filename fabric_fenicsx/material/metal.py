@@ -19,6 +19,7 @@ from ..core.errors import InputError
 from ..core.rules import Rule, above_zero, check_complete, not_negative, repr_short, unknown_key
 from . import files
 from .files import OWN_UNITS, Document, Several
+from .functions import curve_through
 from .material import Material, Parameters, Scatter, parameter, parameters
 
 
@@ -135,7 +136,7 @@ class HardeningTable(Hardening):
     sigma: tuple[float, ...] = parameter(
         Several(numbers.of_either_sign("stress")), "stresses (n,) above 0 that do not fall [MPa]"
     )
-    _curves: tuple = field(init=False, repr=False, compare=False)  # stress, slope and work
+    _curves: tuple = field(init=False, repr=False, compare=False)  # work, stress and slope
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -151,22 +152,16 @@ class HardeningTable(Hardening):
             flaws = [f"hardening.eps and sigma differ in length or are too short; {allowed}"]
         for flaw in flaws[:1]:
             raise InputError(flaw)
-        from scipy.interpolate import PchipInterpolator  # takes long to import
-
-        curve = PchipInterpolator(self.eps, self.sigma)
-        slope = max(float(curve(self.eps[-1], 1)), 0.0)
-        end = [0, 0, slope, self.sigma[-1]]  # a straight line, which goes on
-        curve.extend(np.reshape(end, (4, 1)), [self.eps[-1] + 1])
-        object.__setattr__(self, "_curves", (curve, curve.derivative(), curve.antiderivative()))
+        object.__setattr__(self, "_curves", curve_through(self.eps, self.sigma))
 
     def stress(self, p: np.ndarray) -> np.ndarray:
-        return self._curves[0](p)
-
-    def slope(self, p: np.ndarray) -> np.ndarray:
         return self._curves[1](p)
 
-    def work(self, p: np.ndarray) -> np.ndarray:
+    def slope(self, p: np.ndarray) -> np.ndarray:
         return self._curves[2](p)
+
+    def work(self, p: np.ndarray) -> np.ndarray:
+        return self._curves[0](p)
 
 
 @parameters
