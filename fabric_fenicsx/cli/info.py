@@ -51,10 +51,6 @@ def _tell(name, act, well):
     return result == well
 
 
-def _version(name):
-    return import_module(name).__version__
-
-
 def _mumps():
     from petsc4py import PETSc
 
@@ -125,7 +121,7 @@ VERSIONS = {
     "presets": lambda: ", ".join(import_module("fabric_fenicsx.material.presets").PRESETS),
     "fabric_fenicsx": lambda: __version__,
     "python": platform.python_version,
-    **{name: partial(_version, name) for name in NAMES.split()},
+    **{n: partial(lambda name: import_module(name).__version__, n) for n in NAMES.split()},
     "petsc": lambda: ".".join(map(str, import_module("petsc4py.PETSc").Sys.getVersion())),
     "MPI library": lambda: re.split("[,\n]", import_module("mpi4py.MPI").Get_library_version())[0],
     "VTK": lambda: import_module("vtkmodules.vtkCommonCore").vtkVersion.GetVTKVersion(),

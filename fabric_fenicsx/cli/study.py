@@ -81,7 +81,7 @@ def add_fields(p: Parser, owner: type, test: Any, prefix: str = "", free: bool =
     """Add an option for each field of the dataclass `owner` that has a help text; test: class whose
     sizes and limits are defaults, prefix: of the options' names."""
     for each in declared(owner):
-        if owner is Coupon and each.metadata["group"] == "weave":
+        if each.name == "fabric" or (owner is Coupon and each.metadata["group"] == "weave"):
             continue
         p.group(each.metadata["group"])
         settings = {"default": each.default} | kind_of_option(each.metadata)

@@ -39,11 +39,12 @@ def documented(kind: Kind) -> Kind:
     doc = inspect.getdoc(kind) or ""
     head, *rest = re.split(r"(?=\n\n(?:Raises|References|Examples)\n)", doc, maxsplit=1)
     head += "" if "\nParameters\n" in head else "\n\nParameters\n----------"
-    for each in declared(kind):
+    for each in sorted(declared(kind), key=lambda each: bool(each.kw_only)):
         is_usual = each.default in (None, (), "", dataclasses.MISSING)
         usual = "" if is_usual else f"; by default {each.default}"
         rule = each.metadata.get("rule")
-        name = f"{each.name} : {rule.kind.__name__}" if isinstance(rule, Rule) else each.name
+        of: Any = rule.kind if isinstance(rule, Rule) else each.type
+        name = f"{each.name} : {of.__name__}" if isinstance(of, type) else each.name
         allowed = f"; allowed is {rule.allowed}" if isinstance(rule, Rule) else ""
         head += f"\n{name}\n    {each.metadata['help']}{usual}{allowed}"
     if "\nRaises\n" not in doc:

@@ -24,11 +24,6 @@ from .strip import Strip
 class BiasExtension(Strip, YarnBending):
     """Tension of a woven strip whose yarns lie at +-45 deg to the load.
 
-    Parameters
-    ----------
-    fabric : Law
-        The material, by default the preset `komeili`.
-
     Raises
     ------
     InputError

@@ -55,7 +55,11 @@ class Coupon(SheetFields, OnMesh):
     CHEAP_FROM: ClassVar[int] = 0  # cells from which errors are estimated unasked, 0: never
     HEADLINES: ClassVar[tuple[str, ...]] = ()  # quantities that get an estimated error
 
-    fabric: Law = field(kw_only=False, default_factory=lambda: load("komeili"))
+    fabric: Law = field(
+        kw_only=False,
+        default_factory=lambda: load("komeili"),
+        metadata={"help": "the material, by default the preset `komeili`"},
+    )
     fibre_angle: float = declared_again(SheetFields, "fibre_angle", rule=FULL_TURN)
     temperature: float | None = declared_again(SheetFields, "temperature", rule=FINITE)
 

@@ -26,11 +26,6 @@ from .coupon import Coupon
 class PictureFrame(Coupon):
     """Shear of a woven square in a rigid hinged frame, its yarns along the arms.
 
-    Parameters
-    ----------
-    fabric : Law
-        The material, by default the preset `komeili`.
-
     Raises
     ------
     InputError

@@ -18,11 +18,6 @@ from .strip import Strip
 class Tensile(Strip):
     """Uniaxial tension of a woven strip along its yarns.
 
-    Parameters
-    ----------
-    fabric : Law
-        The material, by default the preset `komeili`.
-
     Raises
     ------
     InputError

@@ -139,34 +139,35 @@ def result_lines(result: Identification) -> Iterator[str]:
 def draw(result: Identification, stem: Path | str) -> list[str]:
     """Write stem_fit.png (measured and fitted curves), stem_residuals.png (in standard deviations),
     stem_correlation.png and, with tests of it, stem_compaction.png; returns their names."""
-    from matplotlib.figure import Figure
+    from ..results.pictures import figure  # takes long to import
 
     count, names = len(result.fits), list(result.determined)
     across = min(4, count)
-    down = -(-count // across)
-    panels, square = (0.6 + 3.1 * across, 0.4 + 2.5 * down), 0.45 * len(names)
-    sizes = {"fit": panels, "residuals": panels, "correlation": (1.8 + square, 1.2 + square)}
-    sizes |= {"compaction": (4.4, 3.2)} if result.compaction else {}
-    for kind, size in sizes.items():
-        figure = Figure(figsize=size, layout="constrained")
-        if kind == "correlation":
-            ax = figure.subplots()
-            image = ax.imshow(result.correlation, cmap="coolwarm", vmin=-1, vmax=1)
-            ax.set_xticks(range(len(names)), names, rotation=90)
-            ax.set_yticks(range(len(names)), names)
-            figure.colorbar(image, label="correlation")
-        elif kind == "compaction":
-            _draw_compaction(figure.subplots(), result.compaction)
-        else:
-            axes = figure.subplots(down, across, squeeze=False).ravel()
-            for ax, fit in zip(axes, result.fits):
+    down, side = -(-count // across), 0.45 * len(names)
+    kinds = ["fit", "residuals", "correlation", *(["compaction"] if result.compaction else [])]
+    files = {kind: f"{stem}_{kind}.png" for kind in kinds}
+    for kind in ("fit", "residuals"):
+        size = 0.6 + 3.1 * across, 0.4 + 2.5 * down
+        with figure(files[kind], size, down, across) as (_, axes):
+            for ax, fit in zip(axes.flat, result.fits):
                 _draw_curve(ax, *fit, kind == "residuals" and math.sqrt(result.variance))
-            for ax in axes[count:]:
+            for ax in axes.flat[count:]:
                 ax.set_axis_off()
             if kind == "fit":
-                axes[0].legend(fontsize=7)
-        figure.savefig(f"{stem}_{kind}.png", dpi=130)
-    return [f"{stem}_{kind}.png" for kind in sizes]
+                axes[0, 0].legend(fontsize=7)
+    with figure(files["correlation"], (1.8 + side, 1.2 + side)) as (page, ((ax,),)):
+        image = ax.imshow(result.correlation, cmap="coolwarm", vmin=-1, vmax=1)
+        ax.set_xticks(range(len(names)), names, rotation=90)
+        ax.set_yticks(range(len(names)), names)
+        page.colorbar(image, label="correlation")
+    if result.compaction:
+        with figure(files["compaction"], (4.4, 3.2)) as (_, ((ax,),)):
+            for test, measured, fitted in result.compaction.tests:
+                (dots,) = ax.semilogx(1e3 * test.pressure, measured, ".", label=test.file)
+                ax.semilogx(1e3 * test.pressure, fitted, "-", color=dots.get_color())
+            ax.set(xlabel="pressure / kPa", ylabel="thickness of a ply / mm")
+            ax.legend(fontsize=8)
+    return [*files.values()]
 
 
 def _draw_curve(ax, curve, response, predicted, sd, scale):
@@ -187,12 +188,3 @@ def _draw_curve(ax, curve, response, predicted, sd, scale):
     ax.set_xlabel(f"{name} / {unit}", fontsize=8)
     ax.set_title(f"{curve.file.removesuffix('.csv')}: {response.column}", fontsize=8)
     ax.tick_params(labelsize=7)
-
-
-def _draw_compaction(ax, fit):
-    for test, measured, fitted in fit.tests:
-        (dots,) = ax.semilogx(1e3 * test.pressure, measured, ".", label=test.file)
-        ax.semilogx(1e3 * test.pressure, fitted, "-", color=dots.get_color())
-    ax.set_xlabel("pressure / kPa")
-    ax.set_ylabel("thickness of a ply / mm")
-    ax.legend(fontsize=8)

@@ -274,12 +274,6 @@ def sheet_of(rings: Sequence[np.ndarray], source: str) -> shapely.Polygon:
     return sheet
 
 
-def centred(sheet: shapely.Polygon) -> shapely.Polygon:
-    """The sheet with the middle of its extent at the origin."""
-    middle = np.reshape(sheet.bounds, (2, 2)).mean(0)
-    return shapely.transform(sheet, lambda x: x - middle)
-
-
 def mirrored_half(
     sheet: shapely.Polygon, axis: int, source: str, at: float = 0.0
 ) -> shapely.Polygon:

@@ -5,7 +5,6 @@ import time
 
 from mpi4py import MPI
 
-from ..core.collective_errors import all_or_none
 from ..core.formatting import rounded
 from ..core.status import task
 from ..results.output import Output
@@ -20,8 +19,7 @@ def checked(job: Job, output: Output, part: str, pictures: bool) -> list[str]:
     """Check all that a run checks before its first step, draw its first picture, and take the first
     step; sentences on the size and the cost. Raises InputError as `Job.run`."""
     scene, comm, began = job.scene, job.scene.comm, time.process_time()
-    with all_or_none(comm), task("checking the scene"):
-        scene.check_start()
+    job.check()
     folder = output.folder(part)
     for warning in [*job.setup.warnings, *validity.warnings_at_start(scene)]:
         output.tell(warning)

@@ -131,7 +131,7 @@ class Job(Settings):
         Interrupted
             After SIGINT or SIGTERM.
         """
-        self._check(out.resume if isinstance(out, Output) else resume)
+        self.check(out.resume if isinstance(out, Output) else resume)
         problem = dict(problem or {"study": self.name, "material": _material(self.scene)})
         if isinstance(out, Output):
             return self._run(out, out.folder(part), problem, pictures)
@@ -147,8 +147,9 @@ class Job(Settings):
             finally:
                 output.close()
 
-    def _check(self, resume):
-        """Raise InputError for a job that can't be run, before anything is written."""
+    def check(self, resume: bool = False) -> None:
+        """Raise InputError for a job that can't be run, before anything is written; resume: it goes
+        on from a checkpoint."""
         scene = self.scene
         if self.error and not (self.coarser or self.setup.coarser()):
             raise InputError(

@@ -8,6 +8,7 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.rules import above_zero, of_either_sign
 from .files import Several
+from .functions import curve_through
 from .material import Parameters, parameter, parameters
 
 GRAVITY = 9.81e-6  # N/mm^2 of a sheet of 1 g/cm^3 and 1 mm
@@ -155,11 +156,6 @@ def _of_loop(curvature, moment, name):
 
 def _along(curve, values):
     """Energy, moment and slope of one yarn at values (n,)."""
-    from scipy.interpolate import PchipInterpolator  # takes long to import
-
-    beyond_ends = (np.array([2 * v[0] - v[1], *v, 2 * v[-1] - v[-2]]) for v in curve)
-    moments, (low, *_, high) = PchipInterpolator(*beyond_ends), curve[0]
-    inside = np.clip(values, low, high)
-    beyond, slope, at = values - inside, moments.derivative()(inside), moments(inside)
-    energy = moments.antiderivative()(inside) - moments.antiderivative()(0.0)
-    return energy + (at + slope * beyond / 2) * beyond, at + slope * beyond, slope
+    # beyond its ends as between the last two points there
+    longer = (np.array([2 * v[0] - v[1], *v, 2 * v[-1] - v[-2]]) for v in curve)
+    return [function(values) for function in curve_through(*longer)]

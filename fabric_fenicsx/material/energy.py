@@ -92,10 +92,6 @@ class Energy:
         """The law's stiffness in shear at rest, d2W/dgamma2 [MPa]."""
         return float(self.derivatives(*np.zeros((3, 1))).second[5, 0])
 
-    def shear_stiffnesses(self) -> np.ndarray:
-        """That of each of its points, (count,)."""
-        return self.derivatives(*np.zeros((3, self.count))).second[5]
-
     def ranges(self) -> tuple[Range, ...]:
         """The strains that the law's numbers are for, where they have an end: a run warns of
         states beyond."""

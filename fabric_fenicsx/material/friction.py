@@ -1,8 +1,8 @@
 """Friction between yarns, beside the elastic law: why fabric keeps most of its shape."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,13 +40,6 @@ class YarnFriction(Parameters):
                 f"friction between yarns has {counts[0]} stiffnesses and {counts[1]} strengths; "
                 "allowed is one of both for each element"
             )
-
-    def symbols(self, make: Callable[[float], Number]) -> Self:
-        """As of `Parameters`."""
-        new = super().symbols(make)
-        for name in self.rules:
-            object.__setattr__(new, name, tuple(map(make, getattr(self, name))))
-        return new
 
     def energy(self, strain: Number, sliding: Sequence[Number]) -> Number:
         """The potential of a step, an expression as those of laws; sliding: of each element."""

@@ -123,6 +123,21 @@ def negative(x: Number) -> Number:
     return where(x > 0, 0.0, x)
 
 
+def curve_through(x: ArrayLike, y: ArrayLike, on: ArrayLike = (True, True)) -> tuple[Any, Any, Any]:
+    """Integral from 0, value and slope of a monotone cubic (SciPy's PCHIP) through points (n,), as
+    piecewise polynomials. Beyond either end the slope goes `on` unless it is below 0, else the
+    value stays."""
+    from scipy.interpolate import PchipInterpolator, PPoly  # take long to import
+
+    inner, x, y = PchipInterpolator(x, y), np.asarray(x), np.asarray(y)
+    low, high = np.where(on, np.maximum(inner.derivative()(x[[0, -1]]), 0), 0)
+    c = np.column_stack([[0, 0, low, y[0] - low], inner.c, [0, 0, high, y[-1]]])
+    value = PPoly(c, [x[0] - 1, *x, x[-1] + 1])
+    integral = value.antiderivative()
+    integral.c[-1] -= integral(0.0)
+    return integral, value, value.derivative()
+
+
 def _of_hyper_dual(function, slopes):
     """Let a function f take hyper-dual numbers; slopes: (x, f(x)) to its first two derivatives."""
 

@@ -88,6 +88,8 @@ class Parameters:
                 object.__setattr__(new, name, make(value))
             elif isinstance(value, Parameters):
                 object.__setattr__(new, name, value.symbols(make))
+            elif isinstance(self.rules.get(name), Several):
+                object.__setattr__(new, name, tuple(map(make, value)))
         return new
 
 

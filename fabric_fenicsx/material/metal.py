@@ -16,9 +16,10 @@ import numpy as np
 
 from ..core import rules as numbers
 from ..core.errors import InputError
-from ..core.rules import Rule, above_zero, check_complete, not_negative, repr_short
+from ..core.rules import Rule, above_zero, check_complete, not_negative, repr_short, unknown_key
 from . import files
 from .files import OWN_UNITS, Document, Several
+from .functions import curve_through
 from .material import Material, Parameters, Scatter, parameter, parameters
 
 
@@ -135,7 +136,7 @@ class HardeningTable(Hardening):
     sigma: tuple[float, ...] = parameter(
         Several(numbers.of_either_sign("stress")), "stresses (n,) above 0 that do not fall [MPa]"
     )
-    _curves: tuple = field(init=False, repr=False, compare=False)  # stress, slope and work
+    _curves: tuple = field(init=False, repr=False, compare=False)  # work, stress and slope
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -151,30 +152,16 @@ class HardeningTable(Hardening):
             flaws = [f"hardening.eps and sigma differ in length or are too short; {allowed}"]
         for flaw in flaws[:1]:
             raise InputError(flaw)
-        from scipy.interpolate import PchipInterpolator  # takes long to import
-
-        curve = PchipInterpolator(self.eps, self.sigma)
-        slope = max(float(curve(self.eps[-1], 1)), 0.0)
-        end = [0, 0, slope, self.sigma[-1]]  # a straight line, which goes on
-        curve.extend(np.reshape(end, (4, 1)), [self.eps[-1] + 1])
-        object.__setattr__(self, "_curves", (curve, curve.derivative(), curve.antiderivative()))
+        object.__setattr__(self, "_curves", curve_through(self.eps, self.sigma))
 
     def stress(self, p: np.ndarray) -> np.ndarray:
-        return self._curves[0](p)
-
-    def slope(self, p: np.ndarray) -> np.ndarray:
         return self._curves[1](p)
 
-    def work(self, p: np.ndarray) -> np.ndarray:
+    def slope(self, p: np.ndarray) -> np.ndarray:
         return self._curves[2](p)
 
-
-def hardening_from(table: Document, units: Mapping[str, str]) -> Hardening:
-    """The curve of a file's table [hardening]; units: of its table [units]. InputError by key."""
-    law = table.pop("law", None)
-    if not isinstance(law, str) or law not in Hardening.known:
-        raise numbers.unknown_key(law, Hardening.known, f"hardening.law {numbers.repr_short(law)}")
-    return Hardening.known[law].from_table(table, units, "hardening")
+    def work(self, p: np.ndarray) -> np.ndarray:
+        return self._curves[0](p)
 
 
 @parameters
@@ -222,7 +209,11 @@ class Metal(Material):
         also = ("law", "name", "units", "hardening")
         numbers = files.read_sheet_numbers(document, units, also, cls.rules)[0]
         check_complete(numbers, [*cls.rules, "thickness"], "", "at the top of the file")
-        return cls(**numbers, hardening=hardening_from(curve, units), name=name, scatter=scatter)
+        law, known = curve.pop("law", None), Hardening.known
+        if not isinstance(law, str) or law not in known:
+            raise unknown_key(law, known, f"hardening.law {repr_short(law)}")
+        hardening = known[law].from_table(curve, units, "hardening")
+        return cls(**numbers, hardening=hardening, name=name, scatter=scatter)
 
 
 # E, nu and the stress of 159 MPa at 0.05 % plastic strain: Table 2 of the paper. It prints no

@@ -60,8 +60,9 @@ def evaluate(fabric: Law, invariants: ArrayLike) -> Stability:
     states = np.asarray(invariants, float)
     W, Q, out_of_plane = _second(fabric, states.reshape(-1, 4))
     hessian, (acoustic, direction) = _hessian(W), smallest_eigenvalue(Q)
-    ones, shear = np.ones(fabric.count), fabric.shear_stiffnesses()
-    rest = _hessian(_in_strains(fabric, ones, ones, 0 * ones))
+    ones = np.ones(fabric.count)
+    at_rest = _in_strains(fabric, ones, ones, 0 * ones)
+    rest, shear = _hessian(at_rest), at_rest[-1]
     convexity = hessian / np.where(rest == 0, 1.0, rest)
     ellipticity = acoustic / np.where(shear == 0, 1.0, shear)
     values = convexity, ellipticity, hessian, acoustic, direction, out_of_plane, W[-1]

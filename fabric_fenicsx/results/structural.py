@@ -85,7 +85,12 @@ def export(
     if ending(path) == ".vtu":
         units = dict.fromkeys(("yarn_a", "yarn_b", "normal", "area_ratio", "part"), "-")
         units |= {"shear_angle": "rad", "thickness": "mm"}
-        save(path, _joined(plies.values()), units, portable=True)
+        parts = [grid_of(ply.formed, ply.cells, 0 * ply.formed) for ply in plies.values()]
+        for number, (part, ply) in enumerate(zip(parts, plies.values())):
+            part.clear_point_data()
+            part.cell_data.update(ply.fields)
+            part.cell_data["part"] = np.full(len(ply.cells), number, dtype=np.int32)
+        save(path, combined(parts), units, portable=True)
         return plies
     unknown = [name or "the ply" for name, ply in plies.items() if "thickness" not in ply.fields]
     if unknown and ending(path) != ".inp":
@@ -93,17 +98,6 @@ def export(
         raise InputError(f"{flaw}; allowed are results of a run with tools, or .inp and .vtu")
     replace_file(path, "".join(writers[ending(path)](plies)))
     return plies
-
-
-def _joined(plies):
-    """All plies as one grid."""
-    grids = []
-    for number, ply in enumerate(plies):
-        grids.append(grid_of(ply.formed, ply.cells, 0 * ply.formed))
-        grids[-1].clear_point_data()
-        grids[-1].cell_data.update(ply.fields)
-        grids[-1].cell_data["part"] = np.full(len(ply.cells), number, dtype=np.int32)
-    return combined(grids)
 
 
 def _numbered(plies):

@@ -15,7 +15,6 @@ from ..core.errors import InputError
 from ..core.files import ending
 from ..core.formatting import coordinates, rounded
 from ..core.rules import POSITIVE
-from ..io.outlines import centred as centred_outline
 from ..io.outlines import mirrored_half, read_outline, sheet_of
 from ..io.read import READ, read_surface_mesh
 from .mesh_checks import CELLS, MeshArrays
@@ -77,7 +76,9 @@ def outline(
         sheet, notes = read_outline(rim, layer)
     else:
         sheet = sheet_of([np.asarray(ring, float) for ring in rim], source)
-    sheet = centred_outline(sheet) if centred else sheet
+    if centred:  # the middle of its extent is at the origin
+        middle = np.reshape(sheet.bounds, (2, 2)).mean(0)
+        sheet = shapely.transform(sheet, lambda x: x - middle)
     places = planes if isinstance(planes, Mapping) else dict.fromkeys(planes, 0.0)
     for axis, place in places.items():
         sheet = mirrored_half(sheet, axis, source, place)

@@ -13,7 +13,7 @@ from shapely import affinity
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.core.errors import InputError
-from fabric_fenicsx.io.outlines import centred, joined, mirrored_half, sheet_of
+from fabric_fenicsx.io.outlines import joined, mirrored_half, sheet_of
 from fabric_fenicsx.sheet import sources
 from fabric_fenicsx.sheet.mesh_checks import checked_mesh
 from fabric_fenicsx.sheet.sources import PATTERNS, outline_mesh
@@ -211,7 +211,8 @@ def test_the_ring_of_the_largest_area_is_the_outline():
 
 
 def test_the_middle_of_the_extent_is_centred():
-    assert centred(shapely.Polygon([(0, 0), (4, 0), (0, 2)])).bounds == (-2, -1, 2, 1)
+    sheet = ff.Blank.outline([[(0, 0), (4, 0), (0, 2)]], size=0.5, centred=True, comm=COMM)
+    assert np.ravel(sheet.extent()) == pytest.approx([-2, -1, 2, 1])
 
 
 @pytest.mark.parametrize(

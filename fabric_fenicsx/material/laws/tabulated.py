@@ -18,7 +18,7 @@ from ...io.text_tables import columns_of, read_lines, table_of
 from ...io.units import ANGLE, REACH, STRAIN, stresses
 from ..energy import Derivatives, Range
 from ..files import OWN_UNITS, Document, take_units
-from ..functions import Number, where
+from ..functions import Number, curve_through, where
 from ..material import Parameters
 from .base import Law, sheet_fields
 
@@ -62,18 +62,9 @@ class Curve(Parameters):
             flaws += [f"extrapolation is {beyond!r}; allowed is {' or '.join(_BEYOND)}"]
         for flaw in flaws[:1]:
             raise InputError(flaw)
-        from scipy.interpolate import PchipInterpolator, PPoly  # take long to import
-
-        inner = PchipInterpolator(x, y)
-        left, right = 0.0, 0.0
-        if self.extrapolation == "linear":  # but never towards 0 and beyond
-            left, right = np.maximum(inner.derivative()(x[[0, -1]]), 0) * [x[0] < 0, x[-1] > 0]
-        # a piece at each end, which goes on beyond
-        c = np.column_stack([[0, 0, left, y[0] - left], inner.c, [0, 0, right, y[-1]]])
-        stress = PPoly(c, [x[0] - 1, *x, x[-1] + 1])
-        energy = stress.antiderivative()
-        energy.c[-1] -= energy(0.0)
-        object.__setattr__(self, "_functions", (energy, stress, stress.derivative()))
+        on = (self.extrapolation == "linear") & np.array([x[0] < 0, x[-1] > 0])
+        energy, *slopes = curve_through(x, y, on)
+        object.__setattr__(self, "_functions", (energy, *slopes))
         object.__setattr__(self, "_pieces", np.vstack([energy.x[:-1], energy.c]))
 
     def __rmul__(self, factor: float) -> Self:
