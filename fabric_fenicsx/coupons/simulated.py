@@ -8,7 +8,7 @@ from ..core.errors import SolverFailure
 from ..identification.curves import Curve
 from ..material.laws.coupled import SHEAR, WovenFabric
 from ..material.strains import nominal_strain
-from ..sheet.specimen import can_be_graded
+from ..sheet.specimen import blocks
 from ..solve.newton import Newton
 from ..solve.progress import Accepted
 from ..solve.settings import Settings
@@ -24,7 +24,7 @@ def simulated_bias(fabric: WovenFabric, curve: Curve) -> tuple[np.ndarray, np.nd
     F = dU/dd. So dU/ds is that at fixed strains, the integral of the law's own dW/ds over the
     sheet, and dF/ds its derivative by d along the path: no system of equations is solved for it.
     """
-    if can_be_graded(curve.keys["height"], curve.keys["width"]):
+    if blocks(curve.keys["height"], curve.keys["width"]):
         try:
             return _simulated(fabric, curve, "graded", 6)
         except SolverFailure:

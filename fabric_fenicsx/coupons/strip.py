@@ -13,7 +13,7 @@ from ..results import measures
 from ..scene.scene import Scene
 from ..scene.supports import Supports, clamped_ends
 from ..sheet.sheet import SheetFields, Values, declared_again
-from ..sheet.specimen import can_be_graded
+from ..sheet.specimen import blocks
 from .coupon import Coupon
 
 
@@ -25,6 +25,7 @@ class Strip(Coupon):
     CHEAP_FROM = 1000
     SIDES = {"length": 200.0, "width": 50.0}
     MAX_GRADED: ClassVar[float] = 0.2  # nominal strain, from where on graded cells would fold
+    MIN_ACROSS: ClassVar[int] = 10  # graded rectangles across the width by default
     ANGLE_TOLERANCE: ClassVar[float] = 1e-6  # [deg], within which yarns count as at +-45 deg
 
     length: float = quantity(
@@ -46,8 +47,11 @@ class Strip(Coupon):
         length, width = (values.get(name, getattr(self, name)) for name in self.SIDES)
         if self.pattern is None and not self.sheet_file:
             values["pattern"] = "crossed" if self.at_45 or self._has_yarns_along() else "yarns"
-            if self.at_45 and self.strain <= self.MAX_GRADED and can_be_graded(length, width):
+            count = blocks(length, width)
+            if self.at_45 and self.strain <= self.MAX_GRADED and count:
                 values["pattern"] = "graded"
+                if "nx" in values:
+                    values["nx"] = count * max(self.MIN_ACROSS, -(-nx // count))
         if self.at_45 and not self.element and getattr(self, "in_plane_bending", None):
             values["element"] = "P1"
         return values

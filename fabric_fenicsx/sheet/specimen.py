@@ -29,15 +29,16 @@ def specimen(
 
     pattern: of nx x ny rectangles `crossed` makes four triangles each by both diagonals, `right`
     two by the diagonal that rises to the right, `left` by the other; `graded` is `crossed` with
-    cells small across the lines at 45 deg through the corners; `along` is `crossed` of squares
+    cells small across the lines at 45 deg through the corners, and best with as many squares across
+    as along each of `blocks`; `along` is `crossed` of squares
     along the yarns, with other triangles between them and the edges; `unstructured` meshes with
     cells of about those sizes; `yarns`, too, but with edges along the yarns through the corners,
     where the shear angle jumps, and small cells there.
     """
-    if pattern == "graded" and not can_be_graded(length, width):
+    if pattern == "graded" and not blocks(length, width):
         raise InputError(
             f"a strip of {length:g} x {width:g} mm is asked for in pattern graded; allowed is a "
-            "length that is a multiple of the width"
+            "length of 2 widths or more"
         )
     if pattern == "along":
         return _along(length, width, max(length / nx, width / ny), yarns)
@@ -60,24 +61,32 @@ def specimen(
         points = np.vstack([points, points[[p00, p10, p11, p01]].mean(0)])
         cells = [(p00, p10, centre), (p10, p11, centre), (p11, p01, centre), (p01, p00, centre)]
     if pattern == "graded":
-        points = graded(points, width)
+        points = graded(points, length, width)
     numbers = np.stack([np.column_stack(c) for c in cells], 1).reshape(-1, len(cells[0]))
     kind = "quad" if cell == "quadrilateral" else "triangle"
     return np.column_stack([points, np.zeros(len(points))]), numbers, kind
 
 
-def can_be_graded(length: float, width: float) -> bool:
-    """True if lines at 45 deg from corners at both ends of a strip meet on its edges."""
-    return abs(length / width - round(length / width)) <= 1e-9
+def blocks(length: float, width: float) -> int:
+    """Squares of which `graded` cells are made, 0 if a strip is too short: those at its ends stay
+    squares, those between them are stretched to fill it."""
+    share = length / width
+    whole = round(share) if abs(share - round(share)) <= 1e-9 else max(3, round(share))
+    return whole if share >= 2 - 1e-9 else 0
 
 
-def graded(points: np.ndarray, width: float) -> np.ndarray:
-    """Points (n, 2) [mm] moved along both diagonals towards the lines at 45 deg through a strip's
-    corners; its edges stay, and so do the directions of edges at 45 deg."""
-    along = np.stack([points[:, 0] + points[:, 1], points[:, 0] - points[:, 1]])
+def graded(points: np.ndarray, length: float, width: float) -> np.ndarray:
+    """Points (n, 2) [mm] of a strip moved along both diagonals of its `blocks` towards lines at 45
+    deg through their corners; its edges stay, and so do, in the squares at its ends, where the
+    shear jumps, the directions of edges at 45 deg."""
+    even = np.arange(blocks(length, width) + 1) * width
+    x, y = points[:, 0] * (even[-1] / length), points[:, 1]
+    along = np.stack([x + y, x - y])
     # by which cells of `graded` are shorter on the lines through the corners
     along -= 0.95 * width / (2 * np.pi) * np.sin(2 * np.pi * along / width)
-    return np.column_stack([along.sum(0) / 2, (along[0] - along[1]) / 2])
+    ends = [0.0, width, length - width, length]
+    x = np.interp(along.sum(0) / 2, even[[0, 1, -2, -1]], ends)
+    return np.column_stack([x, (along[0] - along[1]) / 2])
 
 
 def yarns_through_corners(
