@@ -80,14 +80,17 @@ class Strip(Coupon):
         return load * self.stroke, float(scene.reaction("moving grip")[0])
 
     def coarser(self) -> Self | None:
-        """As in `Coupon`, on quadratic cells along the yarns, which do not lock, but for outlines,
-        own meshes, in-plane bending, and if the run has such cells."""
-        keeps = self.pattern in ("yarns", "graded") or getattr(self, "in_plane_bending", None)
-        coarse = self.with_larger_cells(self.high - self.low, 4 if self.blank.degree == 1 else 2)
-        if self.sheet_file or keeps or not coarse:
+        """As in `Coupon`, but for outlines, own meshes, in-plane bending and quadratic `graded`
+        cells on cells along the yarns, which do not lock: quadratic ones, of such a run cubic."""
+        degree, as_usual = self.blank.degree, getattr(self, "in_plane_bending", None)
+        cubic = degree > 1 and self.pattern == "yarns"
+        times = 3 if cubic else 4 if degree == 1 and not self._has_yarns_along() else 2
+        coarse = self.with_larger_cells(self.high - self.low, times)
+        as_usual = as_usual or self.sheet_file or (degree > 1 and self.pattern == "graded")
+        if as_usual or not coarse:
             return super().coarser()
-        values: Values = {"pattern": "yarns", "element": "P2", "integration": None}
-        return replace(coarse, **values)
+        values: Values = {"pattern": "yarns", "element": "P3" if cubic else "P2"}
+        return replace(coarse, **values, integration=None)
 
     @property
     def stroke(self) -> float:

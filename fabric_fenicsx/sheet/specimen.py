@@ -29,8 +29,7 @@ def specimen(
 
     pattern: of nx x ny rectangles `crossed` makes four triangles each by both diagonals, `right`
     two by the diagonal that rises to the right, `left` by the other; `graded` is `crossed` with
-    cells small across the lines at 45 deg through the corners, and best with as many squares across
-    as along each of `blocks`; `along` is `crossed` of squares
+    cells small across the lines at 45 deg through the corners; `along` is `crossed` of squares
     along the yarns, with other triangles between them and the edges; `unstructured` meshes with
     cells of about those sizes; `yarns`, too, but with edges along the yarns through the corners,
     where the shear angle jumps, and small cells there.
@@ -71,21 +70,22 @@ def blocks(length: float, width: float) -> int:
     """Squares of which `graded` cells are made, 0 if a strip is too short: those at its ends stay
     squares, those between them are stretched to fill it."""
     share = length / width
-    whole = round(share) if abs(share - round(share)) <= 1e-9 else max(3, round(share))
-    return whole if share >= 2 - 1e-9 else 0
+    is_whole = abs(share - round(share)) <= 1e-3  # cells of a shorter block would be slivers
+    return 0 if share < 2 - 1e-9 else round(share) if is_whole else max(3, round(share))
 
 
 def graded(points: np.ndarray, length: float, width: float) -> np.ndarray:
     """Points (n, 2) [mm] of a strip moved along both diagonals of its `blocks` towards lines at 45
     deg through their corners; its edges stay, and so do, in the squares at its ends, where the
     shear jumps, the directions of edges at 45 deg."""
-    even = np.arange(blocks(length, width) + 1) * width
-    x, y = points[:, 0] * (even[-1] / length), points[:, 1]
+    count = blocks(length, width)
+    x, y = points[:, 0] * (count * width / length), points[:, 1]
     along = np.stack([x + y, x - y])
     # by which cells of `graded` are shorter on the lines through the corners
     along -= 0.95 * width / (2 * np.pi) * np.sin(2 * np.pi * along / width)
-    ends = [0.0, width, length - width, length]
-    x = np.interp(along.sum(0) / 2, even[[0, 1, -2, -1]], ends)
+    even, ends = width * np.array([0, 1, count - 1, count]), [0, width, length - width, length]
+    keep = slice(None, None, 3 if count == 2 else 1)
+    x = np.interp(along.sum(0) / 2, even[keep], ends[keep])
     return np.column_stack([x, (along[0] - along[1]) / 2])
 
 

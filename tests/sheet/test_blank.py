@@ -62,8 +62,16 @@ def test_graded_cells_are_moved_by_a_sine_along_both_diagonals():
     s, d = (v - 0.95 * 50 / (2 * np.pi) * np.sin(2 * np.pi * v / 50) for v in (s, d))
     points = specimen(200, 50, 48, 12, "graded")[0]
     assert points[:, :2] == pytest.approx(np.column_stack([s + d, s - d]) / 2, abs=1e-9)
-    with pytest.raises(ff.InputError, match="210 x 50 mm .* multiple of the width"):
-        specimen(210, 50, 48, 12, "graded")
+    # squares at the ends of any length are those of three widths
+    whole, other = (specimen(length, 50, 36, 12, "graded")[0][:, 0] for length in (150, 117))
+    ends = whole <= 50 + 1e-9, whole >= 100 - 1e-9
+    for at, shift in zip(ends, (0, 33)):
+        assert other[at] == pytest.approx(whole[at] - shift, abs=1e-9)
+    assert other[~(ends[0] | ends[1])] == pytest.approx(
+        50 + 0.34 * (whole[~(ends[0] | ends[1])] - 50), abs=1e-9
+    )
+    with pytest.raises(ff.InputError, match="99 x 50 mm .* 2 widths or more"):
+        specimen(99, 50, 48, 12, "graded")
 
 
 @pytest.mark.versions
