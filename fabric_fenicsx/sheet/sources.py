@@ -55,7 +55,12 @@ def rectangle(
     axes, shift = axes_of(turned), middle * np.asarray(centred)
     start = np.array([planes.get(axis, 0.0) for axis in (0, 1)])
     yarns = _yarns(layout, (middle - shift) @ axes + start)
-    points, cells, kind = specimen(length, width, layout.nx, ny, layout.pattern, cell, *yarns)
+    if layout.pattern == "along":
+        size = min(max(length / layout.nx, width / ny), min(sides) / 2)
+        yarns = yarns[0], sum(yarns)
+        points, cells, kind, _ = outline_mesh(shapely.box(0, 0, *sides), size, "along", yarns)
+    else:
+        points, cells, kind = specimen(length, width, layout.nx, ny, layout.pattern, cell, *yarns)
     points[:, :2] = (points[:, :2] - shift) @ axes + start
     return MeshArrays(points, cells, kind, [])
 
