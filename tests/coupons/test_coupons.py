@@ -90,19 +90,20 @@ OFF_AXIS = [
 ]
 
 
-# test, and the force [N] of studies/reference or of P3 on fine cells along the corners' yarns
+# test, force [N] of studies/reference or of P3 on fine cells along the corners' yarns, and the most
+# that the estimate is over the true error
 ESTIMATED = [
-    (ff.BiasExtension(fibre_angle=30, pattern="unstructured", nx=32), 1.990),
-    (ff.BiasExtension(fibre_angle=30, nx=32, element="P1"), 1.990),
-    (ff.Tensile(nx=24, element="P1"), 2033.276),
+    (ff.BiasExtension(fibre_angle=30, pattern="unstructured", nx=32), 1.990, 1.2),
+    (ff.BiasExtension(fibre_angle=30, nx=32, element="P1"), 1.990, 5),
+    (ff.Tensile(nx=24, element="P1"), 2033.276, 1.5),
 ]
 
 
-@pytest.mark.parametrize("strip, force", ESTIMATED)
-def test_estimated_errors_of_strips_cover_the_true_one(strip, force):
+@pytest.mark.parametrize("strip, force, most", ESTIMATED)
+def test_estimated_errors_of_strips_cover_the_true_one(strip, force, most):
     result = strip.job(steps=8, error=True).run()
     true = abs(result.summary["reaction_N"] - force)
-    assert 0.001 * force < true <= result.summary["error"]["reaction_N"] < 2.5 * true
+    assert 0.001 * force < true <= result.summary["error"]["reaction_N"] < most * true
 
 
 def test_a_bias_test_whose_length_is_no_multiple_of_its_width():
