@@ -81,7 +81,8 @@ class Coupon(SheetFields, OnMesh):
         names = "nx", "ny", "size", "pattern", "element", "integration", *self.SIDES
         vars(built)["resolved"] = {name: getattr(built, name) for name in names}
         coarse = built.coarser()
-        vars(built)["coarser_is_other_kind"] = bool(coarse) and coarse.pattern != built.pattern
+        kinds = {(each.pattern, each.element in ("P1", "Q1")) for each in (coarse or built, built)}
+        vars(built)["coarser_is_other_kind"] = len(kinds) == 2
         return built
 
     def sheet_warnings(self) -> list[str]:

@@ -8,7 +8,7 @@ from ..core.errors import SolverFailure
 from ..identification.curves import Curve
 from ..material.laws.coupled import SHEAR, WovenFabric
 from ..material.strains import nominal_strain
-from ..sheet.specimen import can_be_graded
+from ..sheet.specimen import blocks
 from ..solve.newton import Newton
 from ..solve.progress import Accepted
 from ..solve.settings import Settings
@@ -24,19 +24,17 @@ def simulated_bias(fabric: WovenFabric, curve: Curve) -> tuple[np.ndarray, np.nd
     F = dU/dd. So dU/ds is that at fixed strains, the integral of the law's own dW/ds over the
     sheet, and dF/ds its derivative by d along the path: no system of equations is solved for it.
     """
-    if can_be_graded(curve.keys["height"], curve.keys["width"]):
-        try:
-            return _simulated(fabric, curve, "graded", 6)
-        except SolverFailure:
-            pass  # its thin cells fold in deep shear
-    return _simulated(fabric, curve, "crossed", 12)
+    try:
+        return _simulated(fabric, curve, "graded", 6)
+    except SolverFailure:  # its thin cells fold in deep shear
+        return _simulated(fabric, curve, "crossed", 12)
 
 
 def _simulated(fabric, curve, pattern, cells):
     """With so many rectangles across the width: forces up to 45 deg are right to 0.3 % of 6
     `graded`, and to 1 % of 12 `crossed` ones."""
     at, height, width = curve.displacement, curve.keys["height"], curve.keys["width"]
-    sizes = {"length": height, "width": width, "nx": round(cells * height / width)}
+    sizes = {"length": height, "width": width, "nx": cells * max(2, blocks(height, width))}
     test = BiasExtension(fabric, **sizes, strain=at[-1] / height, pattern=pattern)
     strip = test.build(MPI.COMM_SELF)
     volume = np.outer(strip.blank.areas(), strip.membrane.weights) * fabric.thickness

@@ -13,7 +13,7 @@ from ..results import measures
 from ..scene.scene import Scene
 from ..scene.supports import Supports, clamped_ends
 from ..sheet.sheet import SheetFields, Values, declared_again
-from ..sheet.specimen import can_be_graded
+from ..sheet.specimen import blocks
 from .coupon import Coupon
 
 
@@ -25,6 +25,7 @@ class Strip(Coupon):
     CHEAP_FROM = 1000
     SIDES = {"length": 200.0, "width": 50.0}
     MAX_GRADED: ClassVar[float] = 0.2  # nominal strain, from where on graded cells would fold
+    MIN_ACROSS: ClassVar[int] = 10  # graded rectangles across the width by default
     ANGLE_TOLERANCE: ClassVar[float] = 1e-6  # [deg], within which yarns count as at +-45 deg
 
     length: float = quantity(
@@ -46,8 +47,11 @@ class Strip(Coupon):
         length, width = (values.get(name, getattr(self, name)) for name in self.SIDES)
         if self.pattern is None and not self.sheet_file:
             values["pattern"] = "crossed" if self.at_45 or self._has_yarns_along() else "yarns"
-            if self.at_45 and self.strain <= self.MAX_GRADED and can_be_graded(length, width):
+            count = blocks(length, width)
+            if self.at_45 and self.strain <= self.MAX_GRADED and count:
                 values["pattern"] = "graded"
+                if "nx" in values:
+                    values["nx"] = count * max(self.MIN_ACROSS, -(-nx // count))
         if self.at_45 and not self.element and getattr(self, "bend_within", False):
             values["element"] = "P1"
         return values
@@ -76,14 +80,17 @@ class Strip(Coupon):
         return load * self.stroke, float(scene.reaction("moving grip")[0])
 
     def coarser(self) -> Self | None:
-        """As in `Coupon`, on quadratic cells along the yarns, which do not lock, but for outlines,
-        own meshes, in-plane bending, and if the run has such cells."""
-        keeps = self.pattern in ("yarns", "graded") or getattr(self, "bend_within", False)
-        coarse = self.with_larger_cells(self.high - self.low, 4 if self.blank.degree == 1 else 2)
-        if self.sheet_file or keeps or not coarse:
+        """As in `Coupon`, but for outlines, own meshes, in-plane bending and quadratic `graded`
+        cells on cells along the yarns, which do not lock: quadratic ones, of such a run cubic."""
+        degree, as_usual = self.blank.degree, getattr(self, "bend_within", False)
+        cubic = degree > 1 and self.pattern == "yarns"
+        times = 3 if cubic else 4 if degree == 1 and not self._has_yarns_along() else 2
+        coarse = self.with_larger_cells(self.high - self.low, times)
+        as_usual = as_usual or self.sheet_file or (degree > 1 and self.pattern == "graded")
+        if as_usual or not coarse:
             return super().coarser()
-        values: Values = {"pattern": "yarns", "element": "P2", "integration": None}
-        return replace(coarse, **values)
+        values: Values = {"pattern": "yarns", "element": "P3" if cubic else "P2"}
+        return replace(coarse, **values, integration=None)
 
     @property
     def stroke(self) -> float:

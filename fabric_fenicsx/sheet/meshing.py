@@ -60,7 +60,7 @@ def mesh_sheet(
     doubts = [*blank.warnings, size_warning(blank, source)]
     integration = sheet.integration or "full"
     if not sheet.integration and blank.degree == 2 and blank.triangulated:
-        follow = sheet.pattern == "yarns" or blank.whole.follows_yarns()
+        follow = sheet.pattern in ("yarns", "graded") or blank.whole.follows_yarns()
         integration = sheet.points_of_p2(follow)
     values: Values = {"element": f"{kind}{blank.degree}", "integration": integration}
     if sheet.sheet_file:

@@ -19,7 +19,7 @@ from ..io.outlines import mirrored_half, read_outline, sheet_of
 from ..io.read import READ, read_surface_mesh
 from .mesh_checks import CELLS, MeshArrays
 from .sheet import Layout, axes_of
-from .specimen import meshed, own_model, specimen
+from .specimen import blocks, meshed, own_model, specimen
 
 FLAT_TOLERANCE = 1e-6  # of its size, up to which a sheet is flat
 PATTERNS = "along", "unstructured"
@@ -41,7 +41,8 @@ def rectangle(
     if layout.pattern == "along":
         _check_triangles(layout, "cells along the yarns")
     (length, width), middle = sides, np.array(sides) / 2
-    ny = layout.ny or max(1, round(layout.nx * width / length))
+    squares = layout.pattern == "graded" and blocks(length, width) or length / width
+    ny = layout.ny or max(1, round(layout.nx / squares))
     cell = "quadrilateral" if (layout.element or "P")[0] == "Q" else "triangle"
     count = (
         layout.nx * ny * (1 if cell[0] == "q" else {"left": 2, "right": 2}.get(layout.pattern, 4))
@@ -53,7 +54,12 @@ def rectangle(
     axes, shift = axes_of(turned), middle * np.asarray(centred)
     start = np.array([planes.get(axis, 0.0) for axis in (0, 1)])
     yarns = _yarns(layout, (middle - shift) @ axes + start)
-    points, cells, kind = specimen(length, width, layout.nx, ny, layout.pattern, cell, *yarns)
+    if layout.pattern == "along":
+        size = min(max(length / layout.nx, width / ny), min(sides) / 2)
+        yarns = yarns[0], sum(yarns)
+        points, cells, kind, _ = outline_mesh(shapely.box(0, 0, *sides), size, "along", yarns)
+    else:
+        points, cells, kind = specimen(length, width, layout.nx, ny, layout.pattern, cell, *yarns)
     points[:, :2] = (points[:, :2] - shift) @ axes + start
     return MeshArrays(points, cells, kind, [])
 

@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from types import ModuleType
 
 import numpy as np
-from scipy.spatial import Delaunay
 
 from ..core.errors import InputError
 
@@ -29,18 +28,15 @@ def specimen(
 
     pattern: of nx x ny rectangles `crossed` makes four triangles each by both diagonals, `right`
     two by the diagonal that rises to the right, `left` by the other; `graded` is `crossed` with
-    cells small across the lines at 45 deg through the corners; `along` is `crossed` of squares
-    along the yarns, with other triangles between them and the edges; `unstructured` meshes with
-    cells of about those sizes; `yarns`, too, but with edges along the yarns through the corners,
-    where the shear angle jumps, and small cells there.
+    cells small across the lines at 45 deg through the corners; `unstructured` meshes with cells of
+    about those sizes; `yarns`, too, but with edges along the yarns through the corners, where the
+    shear angle jumps, and small cells there.
     """
-    if pattern == "graded" and not can_be_graded(length, width):
+    if pattern == "graded" and not blocks(length, width):
         raise InputError(
             f"a strip of {length:g} x {width:g} mm is asked for in pattern graded; allowed is a "
-            "length that is a multiple of the width"
+            "length of 2 widths or more"
         )
-    if pattern == "along":
-        return _along(length, width, max(length / nx, width / ny), yarns)
     if pattern in ("unstructured", "yarns"):
         lines = yarns_through_corners(length, width, yarns, between) if pattern == "yarns" else ()
         return _unstructured(length, width, max(length / nx, width / ny), cell, lines)
@@ -60,24 +56,33 @@ def specimen(
         points = np.vstack([points, points[[p00, p10, p11, p01]].mean(0)])
         cells = [(p00, p10, centre), (p10, p11, centre), (p11, p01, centre), (p01, p00, centre)]
     if pattern == "graded":
-        points = graded(points, width)
+        points = graded(points, length, width)
     numbers = np.stack([np.column_stack(c) for c in cells], 1).reshape(-1, len(cells[0]))
     kind = "quad" if cell == "quadrilateral" else "triangle"
     return np.column_stack([points, np.zeros(len(points))]), numbers, kind
 
 
-def can_be_graded(length: float, width: float) -> bool:
-    """True if lines at 45 deg from corners at both ends of a strip meet on its edges."""
-    return abs(length / width - round(length / width)) <= 1e-9
+def blocks(length: float, width: float) -> int:
+    """Squares of which `graded` cells are made, 0 if a strip is too short: those at its ends stay
+    squares, those between them are stretched to fill it."""
+    share = length / width
+    is_whole = abs(share - round(share)) <= 1e-3  # cells of a shorter block would be slivers
+    return 0 if share < 2 - 1e-9 else round(share) if is_whole else max(3, round(share))
 
 
-def graded(points: np.ndarray, width: float) -> np.ndarray:
-    """Points (n, 2) [mm] moved along both diagonals towards the lines at 45 deg through a strip's
-    corners; its edges stay, and so do the directions of edges at 45 deg."""
-    along = np.stack([points[:, 0] + points[:, 1], points[:, 0] - points[:, 1]])
+def graded(points: np.ndarray, length: float, width: float) -> np.ndarray:
+    """Points (n, 2) [mm] of a strip moved along both diagonals of its `blocks` towards lines at 45
+    deg through their corners; its edges stay, and so do, in the squares at its ends, where the
+    shear jumps, the directions of edges at 45 deg."""
+    count = blocks(length, width)
+    x, y = points[:, 0] * (count * width / length), points[:, 1]
+    along = np.stack([x + y, x - y])
     # by which cells of `graded` are shorter on the lines through the corners
     along -= 0.95 * width / (2 * np.pi) * np.sin(2 * np.pi * along / width)
-    return np.column_stack([along.sum(0) / 2, (along[0] - along[1]) / 2])
+    even, ends = width * np.array([0, 1, count - 1, count]), [0, width, length - width, length]
+    keep = slice(None, None, 3 if count == 2 else 1)
+    x = np.interp(along.sum(0) / 2, even[keep], ends[keep])
+    return np.column_stack([x, (along[0] - along[1]) / 2])
 
 
 def yarns_through_corners(
@@ -96,44 +101,6 @@ def yarns_through_corners(
     # rounded and in order, so that cells do not depend on which yarns are called a
     found = np.array(segments).reshape(-1, 2, 2).round(12)
     return found[np.lexsort(found.reshape(-1, 4).T)]
-
-
-def _along(
-    length: float, width: float, size: float, angle: float
-) -> tuple[np.ndarray, np.ndarray, str]:
-    """Squares along `angle` [rad], each of four triangles by both diagonals, where their corners
-    are half of their size off the sheet's edges; other triangles from there to points on the
-    edges."""
-    sides = np.array([length, width])
-    half = math.ceil(math.hypot(length, width) / 2 / size) + 1
-    axes = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
-    grid = np.indices((2 * half + 1, 2 * half + 1)).reshape(2, -1).T
-    places = size * (grid - half - 0.5) @ axes + sides / 2
-    inside = (np.minimum(places, sides - places) > size / 2).all(1)
-    grid, places = grid[inside], places[inside]
-    x, y = (np.linspace(0, side, max(1, round(side / size)) + 1) for side in sides)
-    edges = [np.column_stack([x, 0 * x + at]) for at in (0, width)]
-    edges += [np.column_stack([0 * y + at, y])[1:-1] for at in (0, length)]
-    points = np.concatenate([places, *edges])
-    cells = Delaunay(points).simplices
-    area = np.linalg.det(points[cells[:, 1:]] - points[cells[:, :1]])
-    cells = cells[abs(area) > 1e-6 * size**2]  # flat ones lie along the edges
-    # of each square both triangles, whichever diagonal they have
-    nowhere = np.full((len(points) - len(grid), 2), -2)
-    at = np.concatenate([grid, nowhere])[cells]
-    halves = np.flatnonzero((at.max(1) - at.min(1) == 1).all(1))
-    squares, of, count = np.unique(
-        at.min(1)[halves], axis=0, return_inverse=True, return_counts=True
-    )
-    gone, (i, j) = halves[count[of.ravel()] == 2], squares[count == 2].T
-    number = np.zeros((2 * half + 1, 2 * half + 1), dtype=np.int64)
-    number[tuple(grid.T)] = np.arange(len(grid))
-    corners = np.stack([number[i, j], number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]], -1)
-    centre = len(points) + np.arange(len(corners))
-    crossed = [(corners[:, k], corners[:, (k + 1) % 4], centre) for k in range(4)]
-    points = np.concatenate([points, points[corners].mean(1)])
-    cells = np.concatenate([np.delete(cells, gone, axis=0), *map(np.column_stack, crossed)])
-    return np.column_stack([points, np.zeros(len(points))]), cells, "triangle"
 
 
 def _unstructured(

@@ -63,15 +63,23 @@ def test_cells_by_angle_and_strain():
         assert ff.BiasExtension(nx=24, strain=strain).build().data.pattern == pattern
 
 
-@pytest.mark.parametrize("element, nx", [("P1", 8), ("P2", 16)])
-def test_cells_of_an_estimate_off_axis(element, nx):
-    """Quadratic ones along the yarns, 4 and 2 times as large as linear and quadratic ones."""
-    fields = {"fibre_angle": 30, "pattern": "crossed", "integration": None}
-    built = ff.BiasExtension(nx=32, ny=8, element=element, **fields).build()
-    coarse = built.coarser()
-    assert built.coarser_is_other_kind
-    assert (coarse.nx, coarse.pattern, coarse.element) == (nx, "yarns", "P2")
-    assert coarse.integration is None
+@pytest.mark.parametrize(
+    "element, pattern, angle, other",
+    [
+        ("P1", "crossed", 30, (8, "yarns", "P2", True)),
+        ("P1", "yarns", 30, (8, "yarns", "P2", True)),
+        ("P1", "crossed", 90, (16, "yarns", "P2", True)),
+        ("P2", "crossed", 30, (16, "yarns", "P2", True)),
+        ("P2", "yarns", 30, (11, "yarns", "P3", False)),
+        ("P2", "graded", 45, (16, "graded", "P2", False)),
+    ],
+)
+def test_cells_of_an_estimate(element, pattern, angle, other):
+    strip = ff.BiasExtension(fibre_angle=angle, pattern=pattern, nx=32, ny=8, element=element)
+    built = strip.build()
+    coarse = built.coarser().build()
+    found = coarse.nx, coarse.pattern, coarse.element, built.coarser_is_other_kind
+    assert found == other and coarse.integration == "full"
 
 
 # test, angle, strain, pattern, nx, and the force [N] of P3 on fine cells along the corners' yarns
@@ -82,11 +90,26 @@ OFF_AXIS = [
 ]
 
 
-def test_estimated_errors_off_axis_cover_the_true_one(tmp_path):
-    strip = ff.BiasExtension(fibre_angle=30, pattern="unstructured", nx=32)
-    result = strip.job(steps=8, error=True).run(tmp_path / "out", pictures=False)
-    true = abs(result.summary["reaction_N"] - 1.990)
-    assert 0.02 < true <= result.summary["error"]["reaction_N"] < 1.2 * true
+# test, force [N] of studies/reference or of P3 on fine cells along the corners' yarns, and the most
+# that the estimate is over the true error
+ESTIMATED = [
+    (ff.BiasExtension(fibre_angle=30, pattern="unstructured", nx=32), 1.990, 1.2),
+    (ff.BiasExtension(fibre_angle=30, nx=32, element="P1"), 1.990, 5),
+    (ff.Tensile(nx=24, element="P1"), 2033.276, 1.5),
+]
+
+
+@pytest.mark.parametrize("strip, force, most", ESTIMATED)
+def test_estimated_errors_of_strips_cover_the_true_one(strip, force, most):
+    result = strip.job(steps=8, error=True).run()
+    true = abs(result.summary["reaction_N"] - force)
+    assert 0.001 * force < true <= result.summary["error"]["reaction_N"] < most * true
+
+
+def test_a_bias_test_whose_length_is_no_multiple_of_its_width():
+    """Force [N] of P2, 60, on cells along the corners' yarns; of P3, 45, it is 0.3719."""
+    strip = ff.BiasExtension(length=147, width=39, strain=0.096)
+    assert strip.job(steps=4).run().rows[-1]["reaction_N"] == pytest.approx(0.37206, rel=1e-3)
 
 
 @pytest.mark.parametrize("kind, angle, strain, pattern, nx, force", OFF_AXIS)

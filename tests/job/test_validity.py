@@ -189,7 +189,7 @@ def test_a_strips_errors_are_told_by_other_cells(folder):
     """1.75 times the difference to P2 cells along the yarns on one rank; in summary.json,
     history.csv and the fields."""
     result = ff.Tensile(**COARSE).job(steps=4, error=True).run(folder, pictures=False)
-    other = ff.Tensile(nx=2, element="P2", pattern="yarns").build(MPI.COMM_SELF).job(steps=2).run()
+    other = ff.Tensile(nx=4, element="P2", pattern="yarns").build(MPI.COMM_SELF).job(steps=2).run()
     apart, error = result.number("reaction_N") - other.number("reaction_N"), told(result)
     assert error["reaction_N"] == pytest.approx(1.75 * abs(apart), rel=1e-4)
     assert result.summary["error_run"]["cells"] == other.summary["cells"]

@@ -33,18 +33,6 @@ def test_edges_follow_the_yarns_through_the_corners(angle, lines):
         assert covered == pytest.approx(np.linalg.norm(end - start), rel=1e-7)
 
 
-def test_squares_along_yarns_are_half_of_their_size_off_the_edges():
-    """Of the larger of both sizes that are asked for."""
-    for sides, counts, size in (((235, 135), (24, 14), 235 / 24), ((100, 60), (10, 12), 10)):
-        points, cells, _ = specimen(*sides, *counts, "along", yarns=0.3)
-        off = np.minimum(points[:, :2], sides - points[:, :2]).min(1)
-        assert 0.5 <= off[off > 1e-9].min() / size < 0.6
-        edges = (np.roll(points[cells], -1, 1) - points[cells]).reshape(-1, 3)
-        quarters = (np.arctan2(edges[:, 1], edges[:, 0]) - 0.3) / (math.pi / 2)
-        along = np.linalg.norm(edges[abs(quarters - quarters.round()) < 1e-9], axis=1)
-        assert np.median(along) == pytest.approx(size)
-
-
 def test_diagonals_and_yarns_through_corners():
     for pattern, sums in (("left", [1, 1]), ("right", [0, 2])):
         points, cells, _ = specimen(1, 1, 1, 1, pattern)
@@ -62,8 +50,10 @@ def test_graded_cells_are_moved_by_a_sine_along_both_diagonals():
     s, d = (v - 0.95 * 50 / (2 * np.pi) * np.sin(2 * np.pi * v / 50) for v in (s, d))
     points = specimen(200, 50, 48, 12, "graded")[0]
     assert points[:, :2] == pytest.approx(np.column_stack([s + d, s - d]) / 2, abs=1e-9)
-    with pytest.raises(ff.InputError, match="210 x 50 mm .* multiple of the width"):
-        specimen(210, 50, 48, 12, "graded")
+    whole, other = (specimen(length, 50, 36, 12, "graded")[0][:, 0] for length in (150, 117))
+    assert other == pytest.approx(np.interp(whole, [0, 50, 100, 150], [0, 50, 67, 117]), abs=1e-9)
+    with pytest.raises(ff.InputError, match="99 x 50 mm .* 2 widths or more"):
+        specimen(99, 50, 48, 12, "graded")
 
 
 @pytest.mark.versions

@@ -76,9 +76,9 @@ def test_a_mesh_that_lies_is_refused_with_its_place(case):
 
 
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
-@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("pattern", [each for each in PATTERNS if each != "along"])
 def test_specimens_are_not_doubted(pattern, cell):
-    mesh = specimen(60, 20, 12, 4, pattern, "triangle" if pattern == "along" else cell, 0.5)
+    mesh = specimen(60, 20, 12, 4, pattern, cell, 0.5)
     x, y = np.moveaxis(mesh[0][mesh[1]], 2, 0)[:2]
     areas = (x * np.roll(y, -1, 1) - y * np.roll(x, -1, 1)).sum(1) / 2
     assert abs(areas).sum() == pytest.approx(1200, rel=1e-12)
