@@ -2,8 +2,8 @@
 
 On cells of another kind errors have other causes, so the difference of the two runs is about the
 sum of both. On cells of the same kind, twice as large, the other run's error is 2^p times the run's
-own, so their difference is at least that for p >= 1; energies of a minimum have p = 2 or near it.
-Two numbers may agree by chance, forces along the whole second half of the load do not.
+own, so their difference is at least that for p >= 1. Two numbers may agree by chance, forces and
+energies along the whole second half of the load do not: of the same kind, they alone tell errors.
 """
 
 from collections.abc import Iterable, Sequence
@@ -20,7 +20,6 @@ from .result import Result
 from .verdict import Numbers
 
 OTHER_CELLS = 1.75  # times the difference to a run on cells of another kind
-ENERGY = 0.5  # of the difference to a run on larger cells of the same kind: p of 1.6
 MIN_SHARE = 1e-3  # of a number: smaller errors two runs can't know, unless they agree to
 OF_LAG = 2.0  # times the share by which contact lags: curves were off by 0.5 to 1.1 times as much
 ALIKE = 1e-6  # as in a homogeneous state
@@ -30,42 +29,43 @@ FIELDS = "log_eps_11", "log_eps_22", "shear_angle"
 
 
 class Rule(NamedTuple):
-    """Errors are `factor` times the difference of two runs, those of energies `of_energy` times,
-    and at least `share` of the number."""
+    """Errors are `factor` times the difference of two runs and at least `share` of the number."""
 
     factor: float
-    of_energy: float
     share: float
 
     def errors(self, values: ArrayLike, differences: ArrayLike) -> np.ndarray:
         """Errors of values that differ by `differences` from those of the other run."""
         return np.maximum(self.factor * np.abs(differences), self.share * np.abs(values))
 
-    def error(self, value: float, difference: float, *, is_energy: bool = False) -> float | None:
+    def error(self, value: float, difference: float) -> float | None:
         """The error of a number, None if it can't be told."""
-        factor = self.of_energy if is_energy else self.factor
-        error = max(factor * abs(difference), self.share * abs(value))
+        error = float(self.errors(value, difference))
         return error if error <= MAX_SHARE * abs(value) else None
 
 
 def rule(
-    rows: Sequence[Numbers], others: Sequence[Numbers], *, of_other_kind: bool, lag: float = 0.0
+    rows: Sequence[Numbers],
+    others: Sequence[Numbers],
+    *,
+    of_other_kind: bool,
+    lag: float = 0.0,
+    column: str = "reaction_N",
 ) -> Rule:
     """The rule for a run with these `rows` and another one with `others`, on cells `of_other_kind`
-    or on larger ones of the same; lag: share by which contact lags in both."""
-    (load, force), (loads, forces) = _curve(rows), _curve(others)
+    or on larger ones of the same, by a `column`; lag: share by which contact lags in both."""
+    (load, force), (loads, forces) = _curve(rows, column), _curve(others, column)
     late = loads >= 0.5
     own = np.interp(loads[late], load, force)
     size = np.maximum(np.abs(own), max(MIN_FORCE * np.abs(force).max(), 1e-300))
     apart = np.abs(forces[late] - own) / size
     share = float(apart.max() if of_other_kind else np.sqrt(np.mean(apart**2)))
     share = max(share, MIN_SHARE, OF_LAG * lag) if share > ALIKE else share
-    factors = (OTHER_CELLS, OTHER_CELLS) if of_other_kind else (1.0, ENERGY)
-    return Rule(*factors, share)
+    return Rule(OTHER_CELLS if of_other_kind else 1.0, share)
 
 
-def _curve(rows):
-    return np.array([(row["load"], row["reaction_N"]) for row in rows]).T
+def _curve(rows, column="reaction_N"):
+    return np.array([(row["load"], row[column]) for row in rows]).T
 
 
 def curve_errors(rows: Sequence[Numbers], others: Sequence[Numbers], rule: Rule) -> np.ndarray:
@@ -123,12 +123,14 @@ def estimate(
     rows get the curve's as `error_N`, its fields those of the FIELDS as `error_...`. forces_only:
     tell those of forces, energies and the angle of 99 % of the area alone."""
     lag = lag_of(result.scene)
-    by = rule(result.rows, other.rows, of_other_kind=of_other_kind, lag=lag)
-    errors = dict[str, float | None]()
-    for name in ("reaction_N", "strain_energy_Nmm", *names):
+    runs, how = (result.rows, other.rows), {"of_other_kind": of_other_kind, "lag": lag}
+    by, errors, histories = rule(*runs, **how), {}, ("reaction_N", "strain_energy_Nmm")
+    rules = {n: rule(*runs, **how, column=n)._replace(factor=0.0) for n in histories}
+    for name in (*histories, *names):
         own, others = result.number(name), other.number(name)
         if own is not None and others is not None:
-            errors[name] = by.error(own, own - others, is_energy=name == "strain_energy_Nmm")
+            each = by if of_other_kind else rules.get(name, by)
+            errors[name] = each.error(own, own - others)
     curve = curve_errors(result.rows, other.rows, by)
     for row, each in zip(result.rows, curve.T.tolist()):
         row["error_N"], row["error_steps_N"] = sum(each), each[1]
