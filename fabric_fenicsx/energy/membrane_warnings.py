@@ -115,13 +115,8 @@ def alternating_energy(membrane: Membrane) -> float:
     blank, state = membrane.blank, membrane.state()[0]
     stretches, gamma = np.sqrt(state.invariants[..., [0, 2]]), state.invariants[..., 3]
     cells = membrane.part.cells
-    areas, nodes = blank.areas()[cells], blank.cell_nodes[cells]
-    means = np.einsum("q,cqk->ck", membrane.weights, stretches) * areas[:, None]
-
-    def at_nodes(values):
-        return blank.summed(np.repeat(values[:, None], nodes.shape[1], 1), cells)[nodes]
-
-    smooth = (at_nodes(means) / at_nodes(areas[:, None])).mean(1)[:, None]
+    areas, means = blank.areas()[cells], np.einsum("q,cqk->ck", membrane.weights, stretches)
+    smooth = blank.smoothed(means, cells)[:, None]
     a, b = np.moveaxis(np.broadcast_to(smooth - 1, stretches.shape), -1, 0)
     strains = a.ravel(), b.ravel(), gamma.ravel()
     density = membrane.law_of_points.derivatives(*strains, second=False).parts.sum(-1)

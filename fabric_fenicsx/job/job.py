@@ -339,6 +339,10 @@ class Job(Settings):
         apart.is_quiet = True
         try:
             return job.run(apart, problem=dict(problem) | {"mesh": name}, pictures=False)
+        except SolverFailure as failure:  # coarse plies may pass through themselves, fine ones not
+            if failure.result is None or failure.result.number("stroke_reached") < 1:
+                raise
+            return failure.result
         finally:
             apart.close()
 

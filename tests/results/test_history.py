@@ -110,7 +110,7 @@ def test_means_and_quantiles_are_by_weight():
     assert found == pytest.approx([1, 1.5, 2.4, 4, 7])
     assert measures.extremes(COMM, values) == (1, 7)
     sample = np.arange(COMM.rank, 100, COMM.size) + 0.5
-    assert measures.bulk(COMM, sample, 0 * sample + 2) == pytest.approx([1, 99])
+    assert measures.quantiles(COMM, sample, 0 * sample + 2, (0.01, 0.99)) == pytest.approx([1, 99])
 
 
 def test_places_near_a_point_are_within_the_radius_or_the_nearest():
@@ -158,8 +158,8 @@ def test_a_chance_agreement_tells_nothing():
     other_kind, same_kind = both((0, 3, 5, 7, 10), (9, 1, 6, 4.9, 10), (0, 0.25, 0.5, 0.75, 1))
     assert other_kind == pytest.approx((1.75, 0.3))
     # root mean square with the end's 0
-    assert same_kind == pytest.approx((1.0, np.sqrt((0.2**2 + 0.3**2) / 3)))
-    share = np.hypot(0.1, 0.01 / 0.5) / np.sqrt(2)
+    assert same_kind == pytest.approx((1.0, 0.75 * np.sqrt((0.2**2 + 0.3**2) / 3)))
+    share = 0.75 * np.hypot(0.1, 0.01 / 0.5) / np.sqrt(2)
     assert both((0, 10.0, 0.0), (0, 9.0, 0.01))[1].share == pytest.approx(share)
 
 
@@ -212,17 +212,17 @@ def test_errors_of_all_that_is_told():
             row["strain_energy_Nmm"] = energy
     for result, force, strain, own in ((run, 10.0, 4.0, 1.0), (other, 9.0, 3.0, 0.9)):
         result.summary |= {"reaction_N": force, "energy": {"strain": strain}}
-        most = {"shear_angle_99_percent_deg": 2 * own}
+        most = {"shear_angle_99_percent_deg": 2 * own, "shear_angle_99_percent_of_means_deg": 1.5}
         result.summary["quantities"] = {"own": {"force_N": own}, "text": "a", **most}
     names = "own.force_N", "text", "shear_angle_99_percent_deg"
     errors = estimate(run, other, names, of_other_kind=False, forces_only=False)
     eps = abs(np.array([0.1, 0.3]) - [0.12, 0.12 + 0.75 * 0.16])
     by_area = [1 / 4, 3 / 4]
     assert errors == {
-        "reaction_N": pytest.approx(1.0),
+        "reaction_N": pytest.approx(0.75),
         "strain_energy_Nmm": pytest.approx(4 * np.sqrt((0.2**2 + 0.25**2) / 2)),
         "own.force_N": pytest.approx(0.1),
-        "shear_angle_99_percent_deg": pytest.approx(0.2),
+        "shear_angle_99_percent_deg": pytest.approx(0.5),  # from 2 deg to 1.5 of means
         "curve_N": pytest.approx(1.75),
         "curve_steps_N": pytest.approx(0.75),  # slopes of 4 and 16 N, h^2 / 8 of their 24
         "log_eps_11_rms": pytest.approx(
