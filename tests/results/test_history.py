@@ -220,7 +220,7 @@ def test_errors_of_all_that_is_told():
     by_area = [1 / 4, 3 / 4]
     assert errors == {
         "reaction_N": pytest.approx(0.75),
-        "strain_energy_Nmm": pytest.approx(4 * np.sqrt((0.2**2 + 0.25**2) / 2)),
+        "strain_energy_Nmm": pytest.approx(5 * np.sqrt((0.2**2 + 0.25**2) / 2)),
         "own.force_N": pytest.approx(0.1),
         "shear_angle_99_percent_deg": pytest.approx(0.5),  # from 2 deg to 1.5 of means
         "curve_N": pytest.approx(1.75),
