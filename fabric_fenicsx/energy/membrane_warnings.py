@@ -72,8 +72,7 @@ def locking_warning(membrane: Membrane) -> str:
         limit, excess = (2.5e-3 if off > MAX_OFF_YARNS else aligned), 12.0
         cure = "P2, as by default, or finer cells"
         if measured:
-            better = 'P2 with `integration="inner"`'
-            cure = f"{better} or P3" if blank.from_file else f'{better}, P3 or `pattern="yarns"`'
+            cure = 'P2 with `integration="inner"`, P3 or cells along yarns, as of `pattern="yarns"`'
     if share <= limit or _is_at_rest(membrane):
         return ""
     effect = "yarn strains of single cells mean little, and the error of forces is not quantified"
@@ -96,8 +95,8 @@ def _is_strip(membrane):
         return False
     area = blank.mesh.comm.allreduce(float(blank.areas()[cells].sum()))
     cosine = np.abs(blank.along(np.transpose(yarns))).max()
-    is_whole = math.isclose(area, blank.sides().prod(), rel_tol=1e-6)
-    return is_whole and cosine < math.cos(math.radians(9.9))
+    is_off = cosine < math.cos(math.radians(9.9))
+    return is_off and math.isclose(area, blank.sides().prod(), rel_tol=1e-6)
 
 
 def _is_at_rest(membrane):

@@ -303,10 +303,12 @@ class Job(Settings):
         try:
             other = self._run_coarser(output, result, problem)
         except (InputError, SolverFailure) as failure:
-            words = f"no error is known, as the run on the coarser mesh failed: {failure}"
-            output.doubt(Reason(words))
-            result.summary = output.amend(folder, result.summary)
-            return
+            other = getattr(failure, "result", None)  # coarse plies may pass through themselves
+            if not other or other.number("stroke_reached") < 1:
+                words = f"no error is known, as the run on the coarser mesh failed: {failure}"
+                output.doubt(Reason(words))
+                result.summary = output.amend(folder, result.summary)
+                return
         if reason := error.mesh_decides(result):
             output.warn(f"no error of strains is known but that of 99 % of the area, as {reason}")
         how = {"of_other_kind": not self.coarser and self.setup.coarser_is_other_kind}
@@ -339,10 +341,6 @@ class Job(Settings):
         apart.is_quiet = True
         try:
             return job.run(apart, problem=dict(problem) | {"mesh": name}, pictures=False)
-        except SolverFailure as failure:  # coarse plies may pass through themselves, fine ones not
-            if failure.result is None or failure.result.number("stroke_reached") < 1:
-                raise
-            return failure.result
         finally:
             apart.close()
 
