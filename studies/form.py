@@ -137,9 +137,10 @@ def _compare(study, press, result, found):
 
 def tell(study, press, result, folder):
     found = result.summary["quantities"]
+    whole = f", {rounded(found['force_of_whole_blank_N'], 5)} N on all of it"
     study.say(
         f"{folder}: {press.force_name} {result.formatted('reaction_N', '.5g')} N"
-        f"{press.of_whole(found)}, largest shear angle "
+        f"{whole if press.data.planes else ''}, largest shear angle "
         f"{result.formatted('shear_angle_max_deg', '.2f')} deg (99 % of the area below "
         f"{result.formatted('shear_angle_99_percent_deg', '.2f')}), draw-in "
         f"{result.formatted('draw_in.largest_mm', '.2f')} mm, yarns shortened by "

@@ -6,7 +6,7 @@ Prints the shear angle at the centre and the one of that theory [deg].
 
 import fabric_fenicsx as ff
 
-result = ff.BiasExtension(ff.load("komeili"), nx=16, strain=0.10).job(steps=5).run()
+result = ff.BiasExtension(ff.load("komeili"), nx=20, strain=0.10).job(steps=5).run()
 found = result.summary["quantities"]
 print(round(found["centre_shear_angle_deg"], 2), round(found["theory_shear_angle_deg"], 2))
 result.plot("shear_angle", "bias.png")

@@ -84,30 +84,27 @@ def locking_warning(membrane: Membrane) -> str:
     no other strains than those of cells.
     """
     blank, inner = membrane.blank, membrane.integration == "inner"
-    share, plane = alternating_energy(membrane), blank.mesh.geometry.dim == 2
+    share, measured = alternating_energy(membrane), _is_strip(membrane)
     # limits of the share, and by how much a strip's force is too high, over it: medians of strips
     # at 10 to 45 deg, of which four in five lie between half and twice that
     if blank.degree > 1:
         limit, excess, cure = (0.03, 4.0, "finer cells") if inner else (0.01, 6.0, "finer cells")
-        if plane and not inner and blank.degree == 2 and blank.triangulated:
+        if measured and not inner and blank.degree == 2 and blank.triangulated:
             cure = 'finer cells or `integration="inner"`'
     else:
-        off = membrane.part.share_off_the_yarns()
+        off, plane = membrane.part.share_off_the_yarns(), blank.mesh.geometry.dim == 2
         # in space strains vary from cell to cell as the tools' curvature does
         aligned = 0.02 if off and plane else math.inf
         limit, excess = (2.5e-3 if off > MAX_OFF_YARNS else aligned), 12.0
         cure = "P2, as by default, or finer cells"
-        if plane:
-            better = 'P2 with `integration="inner"`'
-            cure = f"{better} or P3" if blank.from_file else f'{better}, P3 or `pattern="yarns"`'
+        if measured:
+            cure = 'P2 with `integration="inner"`, P3 or cells along yarns, as of `pattern="yarns"`'
     if share <= limit or _is_at_rest(membrane):
         return ""
-    effect = "yarn strains of single cells mean little, and forces may be some per cent too high"
-    if plane and share > 0.25:
-        effect = "forces say nothing"
-    elif plane:
-        off_by = percent(excess * share)
-        effect = f"a strip's force is about {off_by} too high, mostly half to twice that"
+    effect = "yarn strains of single cells mean little, and the error of forces is not quantified"
+    if measured:
+        off_by = f"force is about {percent(excess * share)} too high, mostly half to twice that"
+        effect = "forces say nothing" if share > 0.25 else f"a strip's {off_by}"
     reason = "cells are coarse for yarns at these angles"
     if blank.degree == 1:
         reason = f"cells lock, of which {percent(off)} have no edges along both yarns"
@@ -115,6 +112,17 @@ def locking_warning(membrane: Membrane) -> str:
         f"{percent(share)} of the strain energy stretches yarns in one cell and compresses them in "
         f"the next, as {reason}: {effect}; take {cure}"
     )
+
+
+def _is_strip(membrane):
+    """True for a plane rectangle with straight yarns at 10 deg or more to its sides."""
+    blank, yarns, cells = membrane.blank, membrane.part.straight, membrane.part.cells
+    if not yarns or blank.mesh.geometry.dim == 3:
+        return False
+    area = blank.mesh.comm.allreduce(float(blank.areas()[cells].sum()))
+    cosine = np.abs(blank.along(np.transpose(yarns))).max()
+    is_off = cosine < math.cos(math.radians(9.9))
+    return is_off and math.isclose(area, blank.sides().prod(), rel_tol=1e-6)
 
 
 def _is_at_rest(membrane):
@@ -132,13 +140,8 @@ def alternating_energy(membrane: Membrane) -> float:
     blank, state = membrane.blank, membrane.state()[0]
     stretches, gamma = np.sqrt(state.invariants[..., [0, 2]]), state.invariants[..., 3]
     cells = membrane.part.cells
-    areas, nodes = blank.areas()[cells], blank.cell_nodes[cells]
-    means = np.einsum("q,cqk->ck", membrane.weights, stretches) * areas[:, None]
-
-    def at_nodes(values):
-        return blank.summed(np.repeat(values[:, None], nodes.shape[1], 1), cells)[nodes]
-
-    smooth = (at_nodes(means) / at_nodes(areas[:, None])).mean(1)[:, None]
+    areas, means = blank.areas()[cells], np.einsum("q,cqk->ck", membrane.weights, stretches)
+    smooth = blank.smoothed(means, cells)[:, None]
     a, b = np.moveaxis(np.broadcast_to(smooth - 1, stretches.shape), -1, 0)
     strains = a.ravel(), b.ravel(), gamma.ravel()
     density = membrane.law_of_points.derivatives(*strains, second=False).parts.sum(-1)

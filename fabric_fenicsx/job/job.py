@@ -304,10 +304,12 @@ class Job(Settings):
         try:
             other = self._run_coarser(output, result, problem)
         except (InputError, SolverFailure) as failure:
-            words = f"no error is known, as the run on the coarser mesh failed: {failure}"
-            output.doubt(Reason(words))
-            result.summary = output.amend(folder, result.summary)
-            return
+            other = getattr(failure, "result", None)  # coarse plies may pass through themselves
+            if not other or other.number("stroke_reached") < 1:
+                words = f"no error is known, as the run on the coarser mesh failed: {failure}"
+                output.doubt(Reason(words))
+                result.summary = output.amend(folder, result.summary)
+                return
         if reason := error.mesh_decides(result):
             output.warn(f"no error of strains is known but that of 99 % of the area, as {reason}")
         how = {"of_other_kind": not self.coarser and self.setup.coarser_is_other_kind}

@@ -293,11 +293,6 @@ class FormingScene(Setup):
         whole = all(getattr(h, "presses", False) and getattr(h, "where", h) is None for h in held)
         return whole and not (across or any(yarns) or tools or self.field_ranges())
 
-    def of_whole(self, numbers: Numbers) -> str:
-        """Text that follows the force on a part of the blank, "" for a whole one."""
-        whole = numbers["force_of_whole_blank_N"]
-        return f", {rounded(whole, 5)} N on all of it" if self.data.planes else ""
-
     def begin(self, folder: Path, pictures: bool) -> None:
         """Draw the tools and the flat blank before anything moves."""
         if pictures:

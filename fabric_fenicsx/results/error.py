@@ -2,12 +2,12 @@
 
 On cells of another kind errors have other causes, so the difference of the two runs is about the
 sum of both. On cells of the same kind, twice as large, the other run's error is 2^p times the run's
-own, so their difference is at least that for p >= 1; energies of a minimum have p = 2 or near it.
-Two numbers may agree by chance, forces along the whole second half of the load do not.
+own, so their difference is at least that for p >= 1. Two numbers may agree by chance, forces and
+energies along the whole second half of the load do not: of the same kind, they alone tell errors.
 """
 
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,55 +20,54 @@ from .result import Result
 from .verdict import Numbers
 
 OTHER_CELLS = 1.75  # times the difference to a run on cells of another kind
-ENERGY = 0.5  # of the difference to a run on larger cells of the same kind: p of 1.6
+LARGER = {"reaction_N": 0.75, "strain_energy_Nmm": 1.25}  # of the same kind: p of 1.2 and 0.85
 MIN_SHARE = 1e-3  # of a number: smaller errors two runs can't know, unless they agree to
 OF_LAG = 2.0  # times the share by which contact lags: curves were off by 0.5 to 1.1 times as much
 ALIKE = 1e-6  # as in a homogeneous state
 MIN_FORCE = 0.05  # of the largest: smaller forces, as of tools that go back, tell no share
 MAX_SHARE = 0.5  # of a number: an error above that is not told
 FIELDS = "log_eps_11", "log_eps_22", "shear_angle"
+# compared with each other, as the first may agree by chance, and cells average it away
+ANGLE, OF_MEANS = "shear_angle_99_percent_deg", "shear_angle_99_percent_of_means_deg"
+Rows = Sequence[Numbers]
 
 
 class Rule(NamedTuple):
-    """Errors are `factor` times the difference of two runs, those of energies `of_energy` times,
-    and at least `share` of the number."""
+    """Errors are `factor` times the difference of two runs and at least `share` of the number."""
 
     factor: float
-    of_energy: float
     share: float
 
     def errors(self, values: ArrayLike, differences: ArrayLike) -> np.ndarray:
         """Errors of values that differ by `differences` from those of the other run."""
         return np.maximum(self.factor * np.abs(differences), self.share * np.abs(values))
 
-    def error(self, value: float, difference: float, *, is_energy: bool = False) -> float | None:
+    def error(self, value: float, difference: float = 0.0) -> float | None:
         """The error of a number, None if it can't be told."""
-        factor = self.of_energy if is_energy else self.factor
-        error = max(factor * abs(difference), self.share * abs(value))
+        error = float(self.errors(value, difference))
         return error if error <= MAX_SHARE * abs(value) else None
 
 
 def rule(
-    rows: Sequence[Numbers], others: Sequence[Numbers], *, of_other_kind: bool, lag: float = 0.0
+    rows: Rows, others: Rows, *, of_other_kind: bool, lag: float = 0.0, column: str = "reaction_N"
 ) -> Rule:
     """The rule for a run with these `rows` and another one with `others`, on cells `of_other_kind`
-    or on larger ones of the same; lag: share by which contact lags in both."""
-    (load, force), (loads, forces) = _curve(rows), _curve(others)
+    or on larger ones of the same, by a `column`; lag: share by which contact lags in both."""
+    (load, force), (loads, forces) = _curve(rows, column), _curve(others, column)
     late = loads >= 0.5
     own = np.interp(loads[late], load, force)
     size = np.maximum(np.abs(own), max(MIN_FORCE * np.abs(force).max(), 1e-300))
     apart = np.abs(forces[late] - own) / size
-    share = float(apart.max() if of_other_kind else np.sqrt(np.mean(apart**2)))
+    share = float(apart.max() if of_other_kind else LARGER[column] * np.sqrt(np.mean(apart**2)))
     share = max(share, MIN_SHARE, OF_LAG * lag) if share > ALIKE else share
-    factors = (OTHER_CELLS, OTHER_CELLS) if of_other_kind else (1.0, ENERGY)
-    return Rule(*factors, share)
+    return Rule(OTHER_CELLS if of_other_kind else 1.0, share)
 
 
-def _curve(rows):
-    return np.array([(row["load"], row["reaction_N"]) for row in rows]).T
+def _curve(rows, column="reaction_N"):
+    return np.array([(row["load"], row[column]) for row in rows]).T
 
 
-def curve_errors(rows: Sequence[Numbers], others: Sequence[Numbers], rule: Rule) -> np.ndarray:
+def curve_errors(rows: Rows, others: Rows, rule: Rule) -> np.ndarray:
     """Errors [N] of the curve of a run at each of its `rows`, (2, rows): of the mesh, by the rows
     of the other run, and of the lines that join its points: their distance from a smooth curve is
     at most h^2 / 8 of its second derivative."""
@@ -122,13 +121,15 @@ def estimate(
     of quantities, the curve (at most) and the FIELDS (root mean square over the area). The result's
     rows get the curve's as `error_N`, its fields those of the FIELDS as `error_...`. forces_only:
     tell those of forces, energies and the angle of 99 % of the area alone."""
-    lag = lag_of(result.scene)
-    by = rule(result.rows, other.rows, of_other_kind=of_other_kind, lag=lag)
-    errors = dict[str, float | None]()
-    for name in ("reaction_N", "strain_energy_Nmm", *names):
-        own, others = result.number(name), other.number(name)
+    options: Any = {"of_other_kind": of_other_kind, "lag": lag_of(result.scene)}
+    by, errors = rule(result.rows, other.rows, **options), dict[str, float | None]()
+    for name in (*LARGER, *names):
+        own = result.number(name)
+        others = result.number(OF_MEANS) if name == ANGLE else other.number(name)
         if own is not None and others is not None:
-            errors[name] = by.error(own, own - others, is_energy=name == "strain_energy_Nmm")
+            errors[name] = by.error(own, own - others)
+            if name in LARGER and not of_other_kind:
+                errors[name] = rule(result.rows, other.rows, **options, column=name).error(own)
     curve = curve_errors(result.rows, other.rows, by)
     for row, each in zip(result.rows, curve.T.tolist()):
         row["error_N"], row["error_steps_N"] = sum(each), each[1]
@@ -142,8 +143,7 @@ def estimate(
         quantity, unit = ("shear_angle_rms_deg", np.degrees) if is_angle else (f"{name}_rms", float)
         errors[quantity] = by.error(unit(size), unit(apart))
     if forces_only:
-        ends = "_N", "_Nmm", "_99_percent_deg"
-        errors |= {name: None for name in errors if not name.endswith(ends)}
+        errors |= {name: None for name in errors if not name.endswith(("_N", "_Nmm", ANGLE))}
     return errors
 
 

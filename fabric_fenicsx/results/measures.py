@@ -43,12 +43,6 @@ def quantiles(
     return np.interp(np.asarray(shares) * weights.sum(), below, values).tolist()
 
 
-def bulk(comm: MPI.Comm, values: np.ndarray, weights: np.ndarray) -> list[float]:
-    """The two values between which all but 1 % at either end lies, by `weights`. Extremes at
-    singular points, such as a clamp's corners, grow with every refinement; these do not."""
-    return quantiles(comm, values, weights, (0.01, 0.99))
-
-
 def extremes(comm: MPI.Comm, values: np.ndarray) -> tuple[float, float]:
     """Smallest and largest of the arrays of all ranks."""
     low, high = values.min(initial=np.inf), values.max(initial=-np.inf)

@@ -80,7 +80,6 @@ class Blank(SheetMesh):
     ) -> None:
         super().__init__(mesh, a, b, frame, up, name)
         self.warnings: list[str] = []
-        self.from_file = False  # True if its cells are a user's
         in_space = mesh.geometry.dim == 3
         self.interpolate(degree or (1 if in_space else 2))
         self.whole = Part(self, orthogonal=b is None)
@@ -138,7 +137,7 @@ class Blank(SheetMesh):
         mesh that is no sheet, see `checked_mesh`; doubts stand in `warnings`.
         """
         make = partial(MeshArrays, np.asarray(points, float), np.asarray(cells), str(kind), [])
-        return cls.made(comm, make, source, spatial, options, from_file=False)
+        return cls.made(comm, make, source, spatial, options)
 
     @classmethod
     def made(
@@ -150,10 +149,9 @@ class Blank(SheetMesh):
         options: Values,
         centred: bool = False,
         height: float | None = None,
-        from_file: bool = True,
     ) -> Self:
-        """Blank of what `make` returns on rank 0, checked; centred, height: as in `read`;
-        from_file: if its cells are a user's; others as in `from_arrays`."""
+        """Blank of what `make` returns on rank 0, checked; centred, height: as in `read`; others as
+        in `from_arrays`."""
         slits = options.pop("slits", ())
 
         def checked():
@@ -169,7 +167,7 @@ class Blank(SheetMesh):
         how = CELLS[kind]
         nodes = nodes[:, compat.to_dolfinx_order(how.cell, nodes.shape[1])]
         blank = cls(compat.create_mesh(comm, nodes, points, how.cell, how.degree), **options)
-        blank.warnings, blank.from_file = warnings, from_file
+        blank.warnings = warnings
         return blank
 
     @classmethod
@@ -206,7 +204,7 @@ class Blank(SheetMesh):
         sheet = Layout(nx=nx, ny=ny, pattern=pattern, **layout)
         make = partial(sources.rectangle, sheet, sides, turned, centred, planes)
         options = sheet.options(turned)
-        return cls.made(comm, make, "the specimen", spatial, options, from_file=False)
+        return cls.made(comm, make, "the specimen", spatial, options)
 
     @classmethod
     def outline(

@@ -57,7 +57,6 @@ class Stack(Blank):
         self.thickness = float(t.sum())  # of all sheets together [mm]
         self.blanks = blanks
         self.number = number[:, 0].astype(np.int32)
-        self.from_file = any(blank.from_file for blank in blanks)
         self.warnings = [text for blank in blanks for text in blank.warnings]
         for k, (blank, part) in enumerate(zip(blanks, names)):
             at = np.flatnonzero(self.number == k)

@@ -43,10 +43,11 @@ def test_some_cells_follow_the_yarns():
 
 LINEAR = ff.load("fabric").replace(a=0.0, s1=0.025, s2=0.0, s3=0.0)
 # element, integration, yarns of a third of the cells [rad], the others' are at 0.5; share of the
-# energy from which they are doubted, and what a strip's force is too high by, over that share
+# energy from which they are doubted, and what a strip's force is too high by, over that share; it
+# is not told of yarns that turn
 DOUBTED = [
     ("P1", "full", 0.5, 2.5e-3, 12),
-    ("P1", "full", 0.0, 0.02, 12),
+    ("P1", "full", 0.0, 0.02, None),
     ("P2", "full", 0.5, 0.01, 6),
     ("P2", "inner", 0.5, 0.03, 4),
 ]
@@ -96,8 +97,10 @@ def test_cells_that_stretch_yarns_to_and_fro_are_doubted(
         made(brentq(lambda size: made(size)[0] - share, 0.0, 1.0))  # noqa: B023
         assert alternating_energy(membrane) == pytest.approx(share, rel=1e-6)
         told = locking_warning(membrane)
-        assert bool(told) == (share > least) and ("forces say nothing" in told) == (share == 0.26)
-    assert f"about {200 * excess * least:.2g} % too high" in told
+        assert bool(told) == (share > least)
+        assert ("forces say nothing" in told) == bool(excess and share == 0.26)
+    number = f"about {200 * excess * least:.2g} % too high" if excess else "is not quantified"
+    assert number in told
 
 
 @pytest.mark.parametrize("strain, told", [(0.97e-4, False), (1.03e-4, True)])

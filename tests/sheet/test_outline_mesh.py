@@ -161,7 +161,7 @@ def test_a_sheet_has_its_holes_place_and_yarns(table, pattern):
         assert COMM.allreduce(blank.areas().sum()) == pytest.approx(AREA)
         assert np.ravel(blank.extent()) == pytest.approx([100, 50, 300, 200])
         assert blank.straight[0] == pytest.approx([np.cos(np.pi / 6), 0.5])
-        assert blank.degree == 2 and blank.from_file and not blank.warnings
+        assert blank.degree == 2 and not blank.warnings
 
 
 @pytest.mark.mpi
