@@ -141,6 +141,10 @@ class BlankHolderPressure(ToolContactTerm):
         self.areas = self._next_areas = self._pressed()
         super().accept()
 
+    def on_prediction(self) -> None:
+        if self._die and self.lag is not None:  # friction's limits would hang on the prediction
+            self.areas = self._pressed()
+
     def _update_pressing(self):
         """Press the areas under the holder now, if they differ by more than `lag`."""
         if self.lag is None or self._updates == self.MAX_UPDATES:
