@@ -75,11 +75,11 @@ def test_a_hard_case_fails_by_load_number_iterations_energy_or_a_stop_that_is_no
 
 
 def test_the_table_of_hard_cases(launch):
-    done = launch("hard_cases", "--quick", "--only", "single elements", "biaxial")
+    done = launch("hard_cases", "--quick", "--only", "slack net", "single elements")
     assert done.status == 0, done.err
     with open(done.folder / "cases.csv") as file:
         rows = list(csv.DictReader(file))
-    assert [row["case"] for row in rows] == ["slack net", "single elements"]
+    assert [row["case"] for row in rows] == ["single elements", "slack net"]
     assert "single elements            100 %    64          0 " in done.out
 
 
