@@ -20,19 +20,16 @@ def main(study):
     if unknown := {*(args.only or ())} - {*CASES}:
         raise ff.InputError(f"no case is called {min(unknown)}; allowed are {', '.join(CASES)}")
     folder, setting = study.folder(), Setting(study.comm, study.fabric)
-    names = [
-        n
-        for n, case in CASES.items()
-        if n in (args.only or CASES) and (case.quick or not args.quick)
-    ]
+    chosen = (CASES[name] for name in CASES if name in (args.only or CASES))
     study.say(HEAD)
     rows = []
-    for name in names:
-        rows.append(CASES[name].judge(setting))
+    for case in chosen:
+        if args.quick and not case.quick:
+            continue
+        rows.append(case.judge(setting))
         study.say(line(rows[-1]))
     failed = [row["case"] for row in rows if not row["holds"]]
-    quantities = {row["case"]: row for row in rows}
-    bench.finish(study, {"cases": rows}, not failed, quantities=quantities)
+    bench.finish(study, {"cases": rows}, not failed, quantities={r["case"]: r for r in rows})
     if failed:
         raise ff.SolverFailure(f"cases {', '.join(failed)} do not hold; see {folder}/cases.csv")
 

@@ -1,7 +1,7 @@
 """Hard cases of the solver: what a case asks for, how it is judged, and the table."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -94,10 +94,10 @@ class Setting:
     comm: MPI.Comm
     fabric: ff.WovenFabric
 
-    def press(self, press: Press, **options) -> tuple[Run, float]:
+    def press(self, press: Press) -> tuple[Run, float]:
         """Run of a press, and the force of what moves [N]."""
         built = press.build(self.comm)
-        run = Run(built.scene, built.job(**options))
+        run = Run(built.scene, built.job())
         return run, float(built.measure(built.scene, 1.0)[1])
 
 
@@ -109,7 +109,7 @@ class Case:
     has no stable state beyond, which the reason must say."""
 
     name: str
-    make: Callable[[Setting], tuple[Iterable[Run], Iterable[Number]]]
+    make: Callable[[Setting], tuple[list[Run], list[Number]]]
     iterations: int
     quick: bool = False
     snaps: bool = False
@@ -118,7 +118,7 @@ class Case:
     def judge(self, setting: Setting) -> dict:
         """Row of the table; `flaws` says what the case fails by."""
         began = time.process_time()
-        runs, numbers = map(list, self.make(setting))
+        runs, numbers = self.make(setting)
         cpu = setting.comm.allreduce(time.process_time() - began)
         iterations = sum(run.outcome.iterations for run in runs)
         steps = sum(run.outcome.accepted for run in runs)

@@ -156,7 +156,8 @@ def ball(s, *sheets, scale=1.0, tool=None, **given):
     fabric = s.fabric.replace(thickness=k * s.fabric.thickness)
     tools = {"ball": tool or ff.PressTool(ff.Sphere(24 * k))}
     ring = ff.Turned(ff.Plate(length=56 * k, entry=5 * k), OVER)
-    given = {"stages": ff.Stage("forming", moves={"ball": 6.0 * k}, steps=4)} | given
+    usual: dict = {"stages": ff.Stage("forming", moves={"ball": 6.0 * k}, steps=4)}
+    usual["interface"] = ff.Interface(friction=0.2, slip=0.01 * k)
     blank = [
         replace(each, length=100.0 * k, width=80.0 * k)
         for each in sheets or [ff.Sheet(fabric=fabric, nx=6)]
@@ -165,7 +166,7 @@ def ball(s, *sheets, scale=1.0, tool=None, **given):
         sheets=blank,
         tools=tools | {"ring": ff.PressTool(ring, side="above")},
         holders={"holder": ff.PressureHolder(0.02)},
-        **{"interface": ff.Interface(friction=0.2, slip=0.01 * k)} | given,
+        **usual | given,
     )
 
 
@@ -231,7 +232,7 @@ def plies(lowest, *angles):
         def formed(turn):
             sheets, ply = [], ff.Sheet(fabric=s.fabric, nx=4)
             for k, a in enumerate(angles):
-                own = {"fibre_angle": a + turn, "element": "P1" if k else lowest}
+                own: dict = {"fibre_angle": a + turn, "element": "P1" if k else lowest}
                 sheets.append(replace(ply, name=f"ply {k}", **own))
             return s.press(ball(s, *sheets, stages=ff.Stage(moves={"ball": 3.0}, steps=3)))
 

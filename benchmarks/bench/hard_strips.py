@@ -15,7 +15,8 @@ from .hard import Number, Run, near
 def density(fabric, a, b, g):
     """W [MPa] of eq. (30) at yarn strains a, b and shear angle g, of a balanced fabric."""
     y, g = fabric.warp, np.abs(g)
-    W, shear, k = 0.0, fabric.s1 * g**2 / 2 + fabric.s2 * g**3 / 3 + fabric.s3 * g**4 / 4, 1.0
+    W, k = 0 * g, 0 * g + 1
+    shear = fabric.s1 * g**2 / 2 + fabric.s2 * g**3 / 3 + fabric.s3 * g**4 / 4
     for e, other in ((a, b), (b, a)):
         square = e * (2 + e)  # I - 1
         coupled = (1 - y.p_min) * np.exp(y.c * other) + y.p_min

@@ -275,8 +275,8 @@ class LoadStepping:
         return f"{gave_up}: {trial.report.reason}{self._law_there(trial)}{even}"
 
     def _law_there(self, trial):
-        told = [each for term in self.scene.terms if (each := term.history().get("min_stability"))]
-        least = min((float(each.value) for each in told), default=0.0)
+        told = [term.history().get("min_stability") for term in self.scene.terms]
+        least = min(float(getattr(each, "value", 0.0)) for each in told)
         words = f", as the law has no stable state there (stability {rounded(least)}; 1 at rest)"
         return words if least < 0 and trial.report.reason == Termination.INVERTED.value else ""
 
