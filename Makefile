@@ -65,7 +65,7 @@ TEST_MPIRUN = $(MPIRUN) --timeout $(TEST_TIMEOUT)
 endif
 PYTHON := $(VENV)/bin/python
 
-.PHONY: help install install-lint install-docs study test test-all mutants lint docs pictures debian13-root test-debian13 sid-root test-sid test-pip clean
+.PHONY: help install install-lint install-docs study test test-all mutants bench-hard lint docs pictures debian13-root test-debian13 sid-root test-sid test-pip clean
 
 help:
 	@echo "make study          STUDY=$(STUDY) on RANKS=$(RANKS) ranks; options in ARGS=\"...\" (without any: --overwrite)"
@@ -77,6 +77,7 @@ help:
 	@echo "make test-pip       the same suite on DOLFINx from pip, in a Python 3.12 or later; CI: ONLY=versions"
 	@echo "make test-debian13  the same suite in a Debian 13 root, made in DEBIAN13_ROOT=$(DEBIAN13_ROOT) (root or sudo); CI: ONLY=versions"
 	@echo "make test-sid       the same suite in a root of Debian unstable, made in SID_ROOT=$(SID_ROOT) (root or sudo)"
+	@echo "make bench-hard     hard cases of the solver: load, number and iterations of each, in 15 minutes at most"
 	@echo "make lint           ruff and mypy, as CI runs them first"
 	@echo "make docs           the documentation into build/docs (open build/docs/index.html)"
 	@echo "make pictures       the documentation's pictures anew, from docs/examples"
@@ -98,6 +99,9 @@ test-all:
 
 mutants: $(VENV)/installed
 	$(SCREEN) $(PYTHON) tests/mutants/run.py --jobs $$(env -u OMP_NUM_THREADS nproc) $(ARGS)
+
+bench-hard: $(VENV)/prepared
+	$(PYTHON) benchmarks/hard_cases.py --overwrite --no-pictures
 
 install-lint install-docs: install-%: $(VENV)/installed-%
 

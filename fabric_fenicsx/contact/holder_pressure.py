@@ -142,6 +142,10 @@ class BlankHolderPressure(ToolContactTerm):
         self.areas = self._next_areas = self._pressed() if found is None else found
         super().accept()
 
+    def on_prediction(self) -> None:
+        if self._die and self.lag is not None:  # friction's limits would hang on the prediction
+            self.areas = self._pressed()
+
     def _update_pressing(self):
         """Press the areas under the holder now, if they differ by more than `lag`."""
         updates, _ = self._trial  # of the areas in this step, and what the present state presses

@@ -7,10 +7,6 @@ Mech. Anal. 63, 337-403): m·Q(N) m >= 0 for all unit N of the undeformed and m 
 sheet, Q_ij(N) = d2W/dF_iA dF_jB N_A N_B. Where it fails, the law itself allows a band normal to N.
 m lies in the plane here; for m out of the plane Q is N·S N, so that a membrane is stable against
 wrinkling where its smallest principal S is not negative.
-
-Neither implies the other. The shear stiffness is so small that a few hundredths of a MPa of
-compression along a yarn already end ellipticity (yarns kink as they buckle). An indefinite Hessian
-need not end it, as no band strains both yarns freely.
 """
 
 from typing import NamedTuple

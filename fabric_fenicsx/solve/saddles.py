@@ -46,12 +46,10 @@ class Saddles:
                 x.copy(trial)
                 trial.axpy(sign, d)
                 energy_there = self._objective(trial)
-                within_rounding = abs(energy_there - energy) <= ROUNDING * abs(energy)
-                if (
-                    sign * self._objective.r.dot(d) < 0
-                    if within_rounding
-                    else energy_there < energy
-                ):
+                change = energy_there - energy
+                if abs(change) <= ROUNDING * abs(energy):  # noise; the slope tells
+                    change = sign * self._objective.r.dot(d)
+                if change < 0:
                     trial.copy(x)
                     return energy_there
             d.scale(0.5)

@@ -68,9 +68,9 @@ class Settings:
         """Settings for a coarser mesh, with `fewer` times fewer steps, at least 2."""
         path, limits = self.path_tolerance, dataclasses.asdict(self.limits)
         looser = 4.0  # a mesh twice as coarse is off by as much
-        options = {f.name: getattr(self, f.name) for f in dataclasses.fields(Settings)}
+        own = {f.name: getattr(self, f.name) for f in dataclasses.fields(Settings)}
         return dataclasses.replace(
-            Settings(**options),
+            Settings(**own),
             steps=max(2, -(-self.steps // fewer)),
             max_step=self.max_step and min(1.0, fewer * self.max_step),
             path_tolerance=path and min(1e-1, looser * path),

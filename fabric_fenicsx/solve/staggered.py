@@ -8,17 +8,15 @@ from .newton import Newton
 from .progress import Progress, Report, SolveFailed
 
 MAX_SOLVES = 30  # solves of one step
-# tolerance of solves after which something may be updated: 3e-3, 1e-3, 5e-4 and 2e-4 take 300, 313,
-# 336, 381 iterations over the double dome at 0/90, and 695, 633, 663, 748 at +-45 deg (without
-# that tenth)
+# tolerance of solves after which something may be updated: 3e-3, 1e-3 and 2e-4 take 300, 313, 381
+# iterations over the double dome at 0/90, and 695, 633, 748 at +-45 deg (without that tenth)
 LOOSE_TOLERANCE = 1e-3
 # tolerance of the first solve: forces of contact are then known well enough to be updated (double
 # dome, 1344 cells: 304 tangents if it is `LOOSE_TOLERANCE`, 279 with this)
 FIRST_TOLERANCE = 3e-2
 # iterations in which rounding may grow to what an update notices: a solution found in more of them
 # is made exact, so that ranks find the same (two plies, 12 cells: forces to 1e-4 with 15, 1e-7
-# with 8), if twice as many iterations are enough: near the end of the laminate's stroke 58, 61 and
-# 148 of them changed nothing that counted
+# with 8), if twice as many are enough and there is friction, by which states hang on the path
 MAX_ROUGH_ITERATIONS = 8
 
 
@@ -79,11 +77,11 @@ def solve_staggered(
     scene, every = newton.scene, []
     asked = max(tolerance, newton.tolerance)
     now = max(asked, FIRST_TOLERANCE) if scene.has_lagged_terms and not near else asked
-    fall = 0.0
+    fall, rubs = 0.0, any(getattr(term, "coulomb", None) for term in scene.terms)
     for _ in range(MAX_SOLVES + 1):
         report = newton.solve(x, now, fall, minimum=now == asked)
         every.append(report.iterations)
-        if report.converged and now > asked and report.iterations > MAX_ROUGH_ITERATIONS:
+        if rubs and report.converged and now > asked and report.iterations > MAX_ROUGH_ITERATIONS:
             report = newton.solve(x, asked, minimum=False, most=2 * report.iterations)
             every.append(report.iterations)
         report.iterations = max(every)

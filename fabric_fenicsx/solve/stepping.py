@@ -9,7 +9,7 @@ import numpy as np
 from ..core.formatting import rounded, share
 from . import step_criteria
 from .newton import Newton
-from .progress import Accepted, Outcome, Progress, Report
+from .progress import Accepted, Outcome, Progress, Report, Termination
 from .settings import Settings
 from .staggered import keep_contact, predict, solve_staggered
 
@@ -88,8 +88,7 @@ class LoadStepping:
 
     def _begin(self):
         scene, progress, newton = self.scene, self.progress, self.newton
-        check = scene.check_start if self._is_new else scene.check_held
-        check()
+        (scene.check_start if self._is_new else scene.check_held)()
         scene.set(progress.x)
         scene.set_load(progress.load)
         if progress.memory:
@@ -254,7 +253,13 @@ class LoadStepping:
             progress.step = self.CUT * trial.size
             return ""
         even = f", even with a step of {rounded(trial.size)}" if trial.size else ""
-        return f"{gave_up}: {trial.report.reason}{even}"
+        return f"{gave_up}: {trial.report.reason}{self._law_there(trial)}{even}"
+
+    def _law_there(self, trial):
+        told = [term.history().get("min_stability") for term in self.scene.terms]
+        least = min(float(getattr(each, "value", 0.0)) for each in told)
+        words = f", as the law has no stable state there (stability {rounded(least)}; 1 at rest)"
+        return words if least < 0 and trial.report.reason == Termination.INVERTED.value else ""
 
     def _restore(self):
         self.scene.reject()

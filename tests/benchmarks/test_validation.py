@@ -1,11 +1,17 @@
 """Studies of validation, hard cases, errors and speed."""
 
 import csv
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from bench.error_cases import judge
+from bench.hard import Case, Setting, near
+from bench.hard_table import CASES
 from bench.validation import bias_tests, fitted, frames, middle_angles, normalised, ratios
+from builders import COMM
+
+import fabric_fenicsx as ff
 
 
 def test_a_size_that_the_fit_has_not_seen(launch):
@@ -36,20 +42,45 @@ def test_the_plain_weave():
     assert len(bias_tests("plain")) == 9
 
 
-FIRST = pytest.param("a", marks=[pytest.mark.mpi, pytest.mark.versions])
-LONG = pytest.param("j", marks=pytest.mark.long)
+QUICK = [name for name, case in CASES.items() if case.quick]
 
 
-@pytest.mark.parametrize("cases", [FIRST, "cl", "h", "fk", "i", LONG])
-def test_hard_cases(launch, cases):
-    done = launch("hard_cases", "--quick", "--only", cases)
-    assert done.status == 0, done.out + done.err
+@pytest.mark.parametrize("name", QUICK)
+def test_hard_cases(name):
+    """Load, number and iterations of a third of them."""
+    row = CASES[name].judge(Setting(COMM, ff.load("komeili")))
+    assert row["holds"], row["flaws"]
+
+
+@pytest.mark.mpi
+@pytest.mark.versions
+def test_a_hard_case_on_ranks():
+    row = CASES["mixed order"].judge(Setting(COMM, ff.load("komeili")))
+    assert row["holds"], row["flaws"]
+
+
+def test_a_hard_case_fails_by_load_number_iterations_energy_or_a_stop_that_is_not_named():
+    def judged(reached=1.0, value=1.0, iterations=10, imbalance=0.0, reason="", **options):
+        outcome = SimpleNamespace(iterations=iterations, accepted=1, rejected=0)
+        outcome.reached, outcome.reason = reached, reason
+        run = SimpleNamespace(outcome=outcome, imbalance=imbalance, faults=[])
+        made = lambda setting: ([run], [near("force", value, 1.0, 0.1)])  # noqa: E731
+        return Case("own", made, 8, **options).judge(Setting(COMM, ff.load("komeili")))["holds"]
+
+    assert judged() and judged(imbalance=0.1, snaps=True)
+    assert not (judged(0.9) or judged(value=0.8) or judged(iterations=11) or judged(imbalance=0.1))
+    unstable = {"reason": "as the law has no stable state there", "stops": 0.8}
+    assert judged(0.9, **unstable) and not judged(0.7, **unstable)
+    assert not (judged(0.9, reason="no convergence", stops=0.8) or judged(float("nan")))
+
+
+def test_the_table_of_hard_cases(launch):
+    done = launch("hard_cases", "--quick", "--only", "slack net", "single elements")
+    assert done.status == 0, done.err
     with open(done.folder / "cases.csv") as file:
         rows = list(csv.DictReader(file))
-    assert [row["case"] for row in rows] == list(cases)
-    for row in rows:
-        assert row["holds"] == "True"
-        assert row["faults"] == "[]"
+    assert [row["case"] for row in rows] == ["single elements", "slack net"]
+    assert "single elements            100 %    64          0 " in done.out
 
 
 def row(quantity, true, estimated, bar=0.0):

@@ -1,6 +1,7 @@
 """Newton and load stepping: every start, every angle, every solver, and a reason where it ends."""
 
 import gc
+import re
 import weakref
 from dataclasses import replace
 
@@ -10,6 +11,7 @@ import ufl
 from builders import COMM, march, sheet
 from mpi4py import MPI
 from petsc4py import PETSc
+from scipy.optimize import minimize
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.solve import linear
@@ -114,6 +116,37 @@ def test_inverted_cells_are_never_accepted():
     outcome = march(newton, steps=10, on_accept=accept)
     assert min(turned) > 0
     assert outcome.reached == 1 or (outcome.reason and outcome.rejected > 0)
+
+
+def test_a_run_that_the_law_ends_says_so():
+    """Where it ends, waves of some direction lower the energy of the worst cell: by second
+    differences of W."""
+    scene = ff.Scene(sheet(50.0, 50.0, 6, 6), [ff.Membrane(KOMEILI)], ff.clamped_ends(-15.0))
+    reason = march(Newton(scene), steps=10).reason
+    told = re.search(r"inside out, as the law has no stable state there \(stability (.*);", reason)
+    assert told, reason
+
+    def stiffness(angles, F, h=1e-4):
+        """d2W along m N for angles of m and N (2, n), (n,)."""
+        m, N = (np.stack([np.cos(x), np.sin(x)], -1) for x in angles)
+        change = h * m[:, :, None] * N[:, None]
+
+        def W(F):
+            a, b = np.linalg.norm(F, axis=-2).T
+            gamma = np.arctan2((F[..., 0] * F[..., 1]).sum(-1), np.linalg.det(F))
+            return KOMEILI.derivatives(a - 1, b - 1, gamma, second=False).parts.sum(-1)
+
+        return (W(F + change) + W(F - change) - 2 * W(np.tile(F, (len(m), 1, 1)))) / h**2
+
+    grid, found = np.mgrid[0:60, 0:60].reshape(2, -1) * np.pi / 60, []
+    for F in scene.terms[0].at_points()[0][:, 0, :2]:
+        values = stiffness(grid, F)
+        found.append((values.min(), tuple(grid[:, values.argmin()]), F.tolist()))
+    least = min(
+        minimize(lambda x, F=F: stiffness(x[:, None], np.array(F))[0], start, method="Powell").fun
+        for _, start, F in sorted(found)[:6]
+    )
+    assert float(told[1]) == pytest.approx(least / KOMEILI.s1, rel=0.01)
 
 
 class Brittle(Newton):
