@@ -90,7 +90,8 @@ class Strip(Coupon):
         if as_usual or not coarse:
             return super().coarser()
         values: Values = {"pattern": "yarns", "element": "P3" if cubic else "P2"}
-        return replace(coarse, **values, integration=None)
+        values["integration"] = None
+        return replace(coarse, **values)
 
     @property
     def stroke(self) -> float:
