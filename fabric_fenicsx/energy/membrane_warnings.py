@@ -120,8 +120,7 @@ def _is_strip(membrane):
     if not yarns or blank.mesh.geometry.dim == 3:
         return False
     area = blank.mesh.comm.allreduce(float(blank.areas()[cells].sum()))
-    cosine = np.abs(blank.along(np.transpose(yarns))).max()
-    is_off = cosine < math.cos(math.radians(9.9))
+    is_off = np.abs(blank.along(np.transpose(yarns))).max() < math.cos(math.radians(9.9))
     return is_off and math.isclose(area, blank.sides().prod(), rel_tol=1e-6)
 
 

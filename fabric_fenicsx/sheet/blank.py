@@ -150,8 +150,7 @@ class Blank(SheetMesh):
         centred: bool = False,
         height: float | None = None,
     ) -> Self:
-        """Blank of what `make` returns on rank 0, checked; centred, height: as in `read`; others as
-        in `from_arrays`."""
+        """Blank of what `make` returns on rank 0, checked; others as in `read`, `from_arrays`."""
         slits = options.pop("slits", ())
 
         def checked():

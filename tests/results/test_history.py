@@ -158,8 +158,8 @@ def test_a_chance_agreement_tells_nothing():
     other_kind, same_kind = both((0, 3, 5, 7, 10), (9, 1, 6, 4.9, 10), (0, 0.25, 0.5, 0.75, 1))
     assert other_kind == pytest.approx((1.75, 0.3))
     # root mean square with the end's 0
-    assert same_kind == pytest.approx((1.0, 0.75 * np.sqrt((0.2**2 + 0.3**2) / 3)))
-    share = 0.75 * np.hypot(0.1, 0.01 / 0.5) / np.sqrt(2)
+    assert same_kind == pytest.approx((1.0, np.sqrt((0.2**2 + 0.3**2) / 3)))
+    share = np.hypot(0.1, 0.01 / 0.5) / np.sqrt(2)
     assert both((0, 10.0, 0.0), (0, 9.0, 0.01))[1].share == pytest.approx(share)
 
 
@@ -219,8 +219,8 @@ def test_errors_of_all_that_is_told():
     eps = abs(np.array([0.1, 0.3]) - [0.12, 0.12 + 0.75 * 0.16])
     by_area = [1 / 4, 3 / 4]
     assert errors == {
-        "reaction_N": pytest.approx(0.75),
-        "strain_energy_Nmm": pytest.approx(5 * np.sqrt((0.2**2 + 0.25**2) / 2)),
+        "reaction_N": pytest.approx(1.0),
+        "strain_energy_Nmm": pytest.approx(1.5 * 4 * np.sqrt((0.2**2 + 0.25**2) / 2)),
         "own.force_N": pytest.approx(0.1),
         "shear_angle_99_percent_deg": pytest.approx(0.5),  # from 2 deg to 1.5 of means
         "curve_N": pytest.approx(1.75),
