@@ -4,14 +4,12 @@
 imported when it is first used.
 """
 
-import sys
 from contextlib import suppress
 from importlib import import_module
 
 import lazy_loader
 
 from .core import package_versions
-from .core.moved import EarlierNames
 from .core.timing import phase
 from .core.version import __version__
 
@@ -20,7 +18,6 @@ with suppress(ModuleNotFoundError):
     import_module("dolfinx_solver")
 
 package_versions.install()
-sys.meta_path.insert(0, EarlierNames(__name__))
 _load, _, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 

@@ -3,7 +3,6 @@
 import doctest
 import subprocess
 import sys
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -38,14 +37,6 @@ if "pkg_resources" in sys.modules:
     how = {"capture_output": True, "text": True, "cwd": tmp_path}
     done = subprocess.run([sys.executable, "-c", code], **how)
     assert done.stdout.splitlines()[-1:] == ["set()"], done.stdout + done.stderr
-
-
-def test_rooms_are_found_by_earlier_names():
-    with pytest.warns(DeprecationWarning, match="mechanics.shell.bending is .*energy.bending now"):
-        from fabric_fenicsx.mechanics.shell.bending import Bending  # type: ignore
-    assert Bending is ff.Bending
-    with pytest.raises(ModuleNotFoundError, match="core.nothing"):
-        import_module("fabric_fenicsx.runtime.nothing")
 
 
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE | doctest.REPORT_ONLY_FIRST_FAILURE

@@ -56,9 +56,9 @@ class Bending(Term):
 
     x,aa is the second derivative of the deformed position along yarn a, x,ab the twist. Their parts
     normal to the deformed cell count in full, their parts tangent to it times `in_plane`, or by
-    `in_plane_stiffness`. Curvature
-    of the undeformed sheet takes no energy. The operator is that of `morley_cells`, and
-    normals are those of the present state, so rigid motions are free of energy, however large. A
+    `in_plane_stiffness`. Curvature of the undeformed sheet takes no energy. The operator is that of
+    `morley_cells`, and normals are those of the present state, so rigid motions are free of energy,
+    however large. A
     fabric's `bending_friction` acts beside it on the normal curvatures along both yarns, as the
     kind of energy "yarn_friction".
 
@@ -290,10 +290,8 @@ class Bending(Term):
             measured, weight = self._measured
             along = measured.respond(bent[:, :2], weight)
             # in place of the straight line of its slopes at the start
-            area, start = (
-                self._cells.area[:, None],
-                self._cells.area[:, None] * self.stiffnesses[:2],
-            )
+            area = self._cells.area[:, None]
+            start = area * self.stiffnesses[:2]
             straight = start * bent[:, :2]
             energy += float((area * along.energy - 0.5 * straight * bent[:, :2]).sum())
             section = section.copy()

@@ -43,8 +43,8 @@ def band_warning(membrane: Membrane) -> str:
     # to few digits, so that of cells that mirror each other the same is named on any ranks
     centres = blank.places()[part.cells].round(6)
     cells = zip((float(f"{v:.4g}") for v in least), *centres.T, shear, edges)
-    worst = min(each for each in comm.allgather(min(cells, default=None)) if each)
-    _, *centre, shear, edge = worst
+    worst = comm.allgather(min(cells, default=None))
+    _, *centre, shear, edge = min(each for each in worst if each)
     scene = membrane.bound_to and membrane.bound_to()
     terms = [term for term in scene.terms if isinstance(term, Bending)] if scene else []
     B = max((term.within for term in terms if term.part_name in ("", part.name)), default=0.0)
@@ -55,22 +55,17 @@ def band_warning(membrane: Membrane) -> str:
     if short > CRUMPLED:
         apart = f". A row of cells at its edge, where yarns are shortened by {percent(short)}, is "
         apart += "its rim, not a band"
-    text = (
+    width = ""
+    if Gt > 0:
+        width = f" of about sqrt(B / ({rounded(Gt)} N/mm)) there, and cells have half of it"
+        size = math.sqrt(B / Gt)
+        width += f": {rounded(size / 2)} mm, in place of {rounded(edge)}" if B else ""
+    return (
         f"in {percent(share)} of {part.name or blank.name}, as at {of_sheet(centre)}, "
         "the law allows bands: strains gather in rows of cells, and which rows depends on mesh and "
-        "steps; so do the largest strains and shear angles"
+        "steps; so do the largest strains and shear angles, unless bending within the sheet "
+        f"(`in_plane_stiffness`, B) gives bands a width{width}{apart}"
     )
-    if B and Gt > 0:
-        width = math.sqrt(B / Gt)
-        return (
-            f"{text}, unless cells resolve the width that bending within the sheet gives bands, "
-            f"about {rounded(width)} mm there, by edges of {rounded(width / 2)} mm; they are of "
-            f"{rounded(edge)} mm{apart}"
-        )
-    text += ", unless bending within the sheet (`in_plane_stiffness`, B) gives bands a width"
-    if Gt > 0:
-        text += f" of about sqrt(B / ({rounded(Gt)} N/mm)) there, and cells half of it"
-    return text + apart
 
 
 def locking_warning(membrane: Membrane) -> str:

@@ -25,8 +25,8 @@ from .verdict import Numbers, Reason
 
 
 def fabric_quantities(result: Result, parts: Sequence[Part]) -> Numbers:
-    """Shear, shortening, strains and thickness of all cells of the `parts`, which are of fabric, and
-    of means over two cells the angle of 99 % of the area. What is not known is None."""
+    """Shear, shortening, strains and thickness of all cells of the `parts`, which are of fabric,
+    and the angle of 99 % of the area of means over two cells. What is not known is None."""
     comm, blank, cells = result.scene.comm, result.scene.blank, cells_of(parts)
     fields = {name: values[cells] for name, values in result.fields.items()}
     ellipticity, states = fields["stability_ellipticity"], fields["strain_state"]

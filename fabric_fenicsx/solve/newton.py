@@ -39,17 +39,10 @@ class Directions:
         self.noise, self.reused = 0.0, False
 
     def find(
-        self,
-        x: PETSc.Vec,
-        r: PETSc.Vec,
-        d: PETSc.Vec,
-        report: Report,
-        loosened: float,
-        verified: bool,
+        self, x: PETSc.Vec, r: PETSc.Vec, d: PETSc.Vec, report: Report, loosened: float
     ) -> bool:
         """Make d the correction for the residual r at x; True if the tangent had to be shifted.
-        loosened: tolerance if that is looser than the solver's, else 0; verified: the tangent's
-        pivots are asked for in the end, and known if it is factored. Raises SolveFailed."""
+        loosened: tolerance if that is looser than the solver's, else 0. Raises SolveFailed."""
         shifts = report.shifts
         self.reused = self._factors_will_do(report, loosened)
         self.reused = self.reused and self._last.solve_with_last_factors(r, d)
@@ -57,8 +50,7 @@ class Directions:
             self._scene.set(x)
             if report.residuals[-1] > self.CLOSE * report.scale:
                 self._scene.use_secant_stiffness()
-            may_be_narrow = loosened and not verified
-            self._last = self._narrow if may_be_narrow else self._tangent
+            self._last = self._narrow if loosened else self._tangent
             if self._last is self._narrow and not self._narrow.solve(r, d, report):
                 self._last = self._tangent
             if self._last is self._tangent:
@@ -137,7 +129,7 @@ class Newton:
         if energy == Objective.INVERTED:
             raise SolveFailed(Termination.INVERTED)
         while True:
-            end = self._converged(energy, tolerance) or self._find_direction(x, tolerance, minimum)
+            end = self._converged(energy, tolerance) or self._find_direction(x, tolerance)
             is_loose = tolerance > self.tolerance
             if end is None:
                 energy = self.line_search(x, energy, self._d, self.report)
@@ -168,13 +160,13 @@ class Newton:
             return Termination.RESIDUAL
         return Termination.MOST if report.iterations >= self._most else None
 
-    def _find_direction(self, x, tolerance, minimum):
+    def _find_direction(self, x, tolerance):
         """Find the next correction d; termination if it is too small to count, else None."""
         report, r, d = self.report, self.objective.r, self._d
         if report.iterations == self.max_iterations:
             raise SolveFailed(Termination.ITERATIONS)
         loosened = tolerance if tolerance > self.tolerance else 0.0
-        shifted = self.directions.find(x, r, d, report, loosened, minimum)
+        shifted = self.directions.find(x, r, d, report, loosened)
         length, longest = self._longest(d), self.LONGEST * self._size
         if not (shifted or length > self.smallest):
             return Termination.CORRECTION
