@@ -7,7 +7,6 @@ import re
 import tempfile
 import time
 from contextlib import suppress
-from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -39,10 +38,11 @@ def show(comm: Any) -> int:
 
 
 def _tell(name, act, well):
-    """Print what `act` returns behind the word `well`, or why it fails; whether it works."""
+    """Print behind the word `well` what `act` returns, or the version of the package that it names,
+    or why that fails; whether it works."""
     began, result = time.perf_counter(), well
     try:
-        words = act()
+        words = act() if callable(act) else import_module(act).__version__
     except Exception as error:
         last = ["?", *str(error).strip().splitlines()][-1].strip()
         result, words = "fails", f"{type(error).__name__}: {last[-300:]}"
@@ -121,7 +121,7 @@ VERSIONS = {
     "presets": lambda: ", ".join(import_module("fabric_fenicsx.material.presets").PRESETS),
     "fabric_fenicsx": lambda: __version__,
     "python": platform.python_version,
-    **{n: partial(lambda name: import_module(name).__version__, n) for n in NAMES.split()},
+    **{name: name for name in NAMES.split()},
     "petsc": lambda: ".".join(map(str, import_module("petsc4py.PETSc").Sys.getVersion())),
     "MPI library": lambda: re.split("[,\n]", import_module("mpi4py.MPI").Get_library_version())[0],
     "VTK": lambda: import_module("vtkmodules.vtkCommonCore").vtkVersion.GetVTKVersion(),
