@@ -18,6 +18,7 @@ from fabric_fenicsx.core.files import check_new, ending
 from fabric_fenicsx.core.status import shown, task
 from fabric_fenicsx.identification import curves
 from fabric_fenicsx.results import report as html
+from fabric_fenicsx.studies.lib.identified import draw, result_lines
 
 
 def options():
@@ -89,11 +90,11 @@ def main(args):
     write_report(args, args.out.with_suffix(".json"), report, started)
     result.fabric.to_toml(args.out, result.remarks())
     if not args.no_pictures:
-        identification.draw(result, args.out.with_suffix(""))
+        draw(result, args.out.with_suffix(""))
     files = args.out.with_suffix(".json"), args.out.parent.glob(f"{args.out.stem}_*.png")
     page = html.page("identify", {"": files}, __doc__, "done")
     args.out.with_suffix(".html").write_text(page, encoding="utf-8")
-    print(*identification.result_lines(result), sep="\n")
+    print(*result_lines(result), sep="\n")
     print(
         f"{args.out}: {len(result.determined)} of {report['parameters']} parameters determined, "
         f"{len(result.assumed)} assumed"

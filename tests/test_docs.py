@@ -20,13 +20,14 @@ from builders import dome
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.core.processes import RANKS_ENVIRONMENT
-from fabric_fenicsx.identification import curves, identify, result_lines
+from fabric_fenicsx.identification import curves, identify
 from fabric_fenicsx.identification.curves.model import COLUMNS, KEYS
 from fabric_fenicsx.identification.curves.model import units as units_of
 from fabric_fenicsx.io.units import UNITS
 from fabric_fenicsx.material.laws.base import LAWS
 from fabric_fenicsx.press.forming_scene import FormingScene
 from fabric_fenicsx.sheet.specimen import specimen
+from fabric_fenicsx.studies.lib.identified import result_lines
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

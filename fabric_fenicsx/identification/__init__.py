@@ -15,5 +15,5 @@ neither pulled nor stated is refused: it would get another fabric's values.
 
 from .fit import identify, identify_simulated
 from .problem import Assumed, Determined
-from .result import Identification, draw, result_lines
+from .result import Identification
 from .separate import CompactionFit, fit_compaction

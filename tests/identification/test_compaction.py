@@ -14,8 +14,9 @@ from synthetic_curves import synthesise, synthesise_compaction
 import fabric_fenicsx as ff
 from fabric_fenicsx.core.errors import InputError
 from fabric_fenicsx.identification import curves as data
-from fabric_fenicsx.identification import draw, fit_compaction, identify
+from fabric_fenicsx.identification import fit_compaction, identify
 from fabric_fenicsx.identification.curves import Sheet
+from fabric_fenicsx.studies.lib.identified import draw
 
 PLY = Sheet("x", 0.4, 0.75, True)
 SOFT = ff.Compaction(9.0, onset=5e-3, pressure=2e-3)

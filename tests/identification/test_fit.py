@@ -12,12 +12,13 @@ from synthetic_curves import synthesise
 
 from fabric_fenicsx.core.errors import InputError
 from fabric_fenicsx.identification import curves as data
-from fabric_fenicsx.identification import draw, identify
+from fabric_fenicsx.identification import identify
 from fabric_fenicsx.identification.curves import Curve, Response, Sheet
 from fabric_fenicsx.identification.curves.model import response as predicted
 from fabric_fenicsx.identification.problem import true_values
 from fabric_fenicsx.material.homogeneous import nominal
 from fabric_fenicsx.material.presets import PRESETS
+from fabric_fenicsx.studies.lib.identified import draw
 
 KOMEILI = PRESETS["komeili"]
 SHEET = Sheet("x", 1.0, 0.75, True)
