@@ -25,7 +25,7 @@ from .verdict import Numbers, Reason
 
 
 def fabric_quantities(result: Result, parts: Sequence[Part]) -> Numbers:
-    """Shear, shortening, strains and thickness of all cells of the `parts`, which are of fabric, and
+    """Shear, shortening, strains and thickness of all cells of the `parts`, all of fabric, and
     of means over two cells the angle of 99 % of the area. What is not known is None."""
     comm, blank, cells = result.scene.comm, result.scene.blank, cells_of(parts)
     fields = {name: values[cells] for name, values in result.fields.items()}
