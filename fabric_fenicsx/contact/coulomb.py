@@ -164,15 +164,3 @@ def slipped(slip: np.ndarray, moved: np.ndarray, normals: np.ndarray) -> np.ndar
         for x in range(3):
             total[n, x] = slip[n, x] + (moved[n, x] - along * normals[n, x])
     return total
-
-
-@compiled
-def turned(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Products (n, 3) of matrices (n, 3, 3) and vectors (n, 3)."""
-    products = np.empty(vectors.shape)
-    for n in range(len(vectors)):
-        for x in range(3):
-            products[n, x] = 0.0
-            for y in range(3):
-                products[n, x] += matrices[n, x, y] * vectors[n, y]
-    return products

@@ -10,7 +10,7 @@ from ..energy.nodes import Nodes
 from ..energy.term import Triplets
 from ..surfaces.tool import Tool
 from .contact_points import ContactPairs, ContactPoints, RelativeMotion
-from .coulomb import Coulomb, slipped, turned
+from .coulomb import Coulomb, slipped
 
 
 class SlipMap(Protocol):
@@ -67,7 +67,7 @@ class ToolSlip:
 
     def on_nodes(self, forces: np.ndarray) -> np.ndarray:
         """Forces on the nodes (nodes, 3) of forces on the faces (nodes, 3) [N]."""
-        return turned(self._derivative, forces)
+        return np.einsum("nij,nj->ni", self._derivative, forces)  # faster than sums of rows
 
     def on_node_blocks(self, blocks: np.ndarray) -> np.ndarray:
         """Stiffness at the nodes of stiffness at the faces, (nodes, 3, 3) [N/mm]."""
