@@ -33,9 +33,8 @@ class Springs(ff.Term):
 
 springs = Springs(50.0, lambda x: x[0] < 1e-6)
 grip = ff.Support("grip", lambda x: x[0] > 100 - 1e-6, (0, 1), (2.0, 0.0))
-fabric = ff.load("komeili").without("biaxial")
-ply = ff.Blank.rectangle(100, 25, nx=12, element="P1")
-scene = ff.Scene(ply, [ff.Membrane(fabric), springs], supports=[grip])
+ply, fabric = ff.Blank.rectangle(100, 25, nx=12, element="P1"), ff.load("komeili")
+scene = ff.Scene(ply, [ff.Membrane(fabric.without("biaxial")), springs], supports=[grip])
 assert "agree" in ff.check_derivatives(springs, scene)
 energy = ff.Job(scene, steps=4).run().summary["energy"]
 print(round(scene.reaction("grip")[0], 2), round(energy["springs"], 2))
