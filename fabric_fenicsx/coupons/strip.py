@@ -25,7 +25,6 @@ class Strip(Coupon):
     CHEAP_FROM = 1000
     SIDES = {"length": 200.0, "width": 50.0}
     MAX_GRADED: ClassVar[float] = 0.2  # nominal strain, from where on graded cells would fold
-    MIN_ACROSS: ClassVar[int] = 10  # graded rectangles across the width by default
     ANGLE_TOLERANCE: ClassVar[float] = 1e-6  # [deg], within which yarns count as at +-45 deg
 
     length: float = quantity(
@@ -51,7 +50,8 @@ class Strip(Coupon):
             if self.at_45 and self.strain <= self.MAX_GRADED and count:
                 values["pattern"] = "graded"
                 if "nx" in values:
-                    values["nx"] = count * max(self.MIN_ACROSS, -(-nx // count))
+                    # at least as many across as in a strip of four widths
+                    values["nx"] = count * -(-nx // min(count, 4))
         if self.at_45 and not self.element and getattr(self, "bend_within", False):
             values["element"] = "P1"
         return values
