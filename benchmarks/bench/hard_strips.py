@@ -92,9 +92,8 @@ def bias_to_45_percent(s):
     def energy(e):
         return least(lambda width: at(1 + e, width), 0.05, 1.0)
 
-    shear = math.degrees(run.extremes(np.abs(run.strains()[2]))[1])
-    force = 50 * stress(energy, 0.45, 1e-4)
-    return [run], [near("force/N", pull(run), force, 1e-4), Number("shear/deg", shear, 50, 90)]
+    force = near("force/N", pull(run), 50 * stress(energy, 0.45, 1e-4), 1e-4)
+    return [run], [force, Number("shear/deg", run.shear(), 50, 90)]
 
 
 def tension_compression(s):
