@@ -1,5 +1,5 @@
 """Newton's method of the package against SNES and TAO of PETSc, with the same steps, tangents,
-factors (MUMPS, LDL^T) and tolerances: `petsc_solvers.py [CASE ...]`, of the hard cases and below."""
+factors (MUMPS, LDL^T) and tolerances: `petsc_solvers.py [CASE ...]`, hard ones and presses."""
 
 import sys
 import time
@@ -21,7 +21,7 @@ PETSCS = ("newtonls bt", "newtonls l2", "newtonls cp", "newtontr bt", "nls preon
 
 
 class PetscNewton(Newton):
-    """Newton with the iterations of PETSc's `solver`; TimeoutError after a `deadline` of CPU [s]."""
+    """Newton with iterations of PETSc's `solver`; TimeoutError after a `deadline` of CPU [s]."""
 
     def __init__(self, scene, solver, deadline=np.inf):
         super().__init__(scene)

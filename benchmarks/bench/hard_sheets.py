@@ -16,8 +16,6 @@ from .hard_strips import density, rectangle, stress
 
 STEEL = ff.Metal(200_000.0, 0.0, ff.Swift(500.0, 0.001, 0.2), thickness=0.5)
 ELASTIC = STEEL.replace(hardening=ff.Swift(1e6, 0.001, 0.2))  # as good as
-D = 8.33  # bending stiffness of strips [N mm]
-OVER = (180.0, 0.0, 0.0)
 
 
 def at(axis, place):
@@ -34,11 +32,6 @@ def everywhere(x):
 
 def sheet(s, length, width, nx, ny=None, **more):
     return rectangle(s, length, width, nx, ny=ny, spatial=True, **more)
-
-
-def stiff(s):
-    """The fabric with yarns that hardly shorten, and without couplings."""
-    return s.fabric.decoupled().replace(d=250.0)
 
 
 def slack_net(s):
@@ -66,11 +59,11 @@ def strip_that_snaps(s):
     terms = [ff.SheetMetal(ELASTIC, clamped=both_ends)]
 
     def note(run, load):
-        if load in (0.5, 1.0):
+        if load == 0.5:
             energies.append(sum(run.scene.energies().values()))
 
-    run = Run(ff.Scene(blank, terms, supports), steps=20, watch=note)
-    return [run], [near("energy/N mm", energies[-1], energies[0], 1e-4)]
+    run = Run(ff.Scene(blank, terms, supports), watch=note)
+    return [run], [near("energy/N mm", run.energy, energies[0], 1e-4)]
 
 
 def dome_that_snaps(s):
@@ -96,10 +89,8 @@ def wrinkles_in_shear(s):
     def scene(spatial):
         blank = rectangle(s, 100, 50, 16, spatial=spatial, fibre_angle=45)
         axes = (0, 1, 2)[: 2 + spatial]
-        ends = [
-            ff.Support("low", at(1, 0.0), axes),
-            ff.Support("high", at(1, 50.0), axes, (2.5, 0, 0)),
-        ]
+        ends = [ff.Support("low", at(1, 0.0), axes)]
+        ends.append(ff.Support("high", at(1, 50.0), axes, (2.5, 0, 0)))
         bending = [ff.Bending(1.0, D_t=0.2)] if spatial else []
         return ff.Scene(blank, [ff.Membrane(s.fabric.replace(d=20.0)), *bending], ends)
 
@@ -148,22 +139,16 @@ def sharp_bar(s):
 
 def ball(s, *sheets, scale=1.0, tool=None, **given):
     """A ball of 24 mm pushed by 6 mm into a sheet of 100 x 80 mm, lengths times `scale`."""
-    k = scale
+    k, size = scale, {"length": 100.0 * scale, "width": 80.0 * scale}
     fabric = s.fabric.replace(thickness=k * s.fabric.thickness)
+    ring = ff.Turned(ff.Plate(length=56 * k, entry=5 * k), (180.0, 0.0, 0.0))
     tools = {"ball": tool or ff.PressTool(ff.Sphere(24 * k))}
-    ring = ff.Turned(ff.Plate(length=56 * k, entry=5 * k), OVER)
+    tools["ring"] = ff.PressTool(ring, side="above")
     usual: dict = {"stages": ff.Stage("forming", moves={"ball": 6.0 * k}, steps=4)}
     usual["interface"] = ff.Interface(friction=0.2, slip=0.01 * k)
-    blank = [
-        replace(each, length=100.0 * k, width=80.0 * k)
-        for each in sheets or [ff.Sheet(fabric=fabric, nx=6)]
-    ]
-    return ff.Press(
-        sheets=blank,
-        tools=tools | {"ring": ff.PressTool(ring, side="above")},
-        holders={"holder": ff.PressureHolder(0.02)},
-        **usual | given,
-    )
+    usual["holders"] = {"holder": ff.PressureHolder(0.02)}
+    blank = [replace(each, **size) for each in sheets or [ff.Sheet(fabric=fabric, nx=6)]]
+    return ff.Press(sheets=blank, tools=tools, **usual | given)
 
 
 def thicknesses(s):
@@ -219,9 +204,7 @@ def plies(lowest, *angles):
         (one, first), (other, second) = formed(0), formed(90)
         return [one, other], [near("force/N", second, first, 1e-3)]
 
-    case.__doc__ = (
-        f"plies at {angles} deg, the lowest {lowest}, under a ball: the same with b for a"
-    )
+    case.__doc__ = f"plies at {angles} deg, the lowest {lowest}, under a ball: as with b for a"
     return case
 
 
@@ -249,21 +232,28 @@ def steel_that_buckles(s):
     return [run], [near("force/N", -run.scene.reaction("moving grip")[0], euler * 1.005, 0.01)]
 
 
-def half_turn(s):
-    """a strip whose end is turned by 180 deg along an arc: the energy of the arc"""
-    length, cells = 60.0, 30
+def on_bar(length, cells, curvature):
+    """Displacement (x, load) that lays a strip along x on a bar, by chords as long as its cells;
+    curvature: function of the load [1/mm]."""
     step = length / cells
 
-    def arc(x, load):
-        turns = (2 * np.arange(cells) + 1) * math.pi * load / cells / 2
+    def moved(x, load):
+        turns = (2 * np.arange(cells) + 1) * step * curvature(load) / 2
         along, up = (np.append(0, step * f(turns).cumsum()) for f in (np.cos, np.sin))
-        k = np.round(x[0] / step).astype(int)
-        return np.array([along[k] - x[0], 0 * x[0], up[k]])
+        s = np.round(x[0] / step).astype(int)
+        return np.array([along[s] - x[0], 0 * x[0], up[s]])
 
-    ends = lambda x: (x[0] < 1.01 * step) | (x[0] > length - 1.01 * step)  # noqa: E731
+    return moved
+
+
+def half_turn(s):
+    """a strip whose end is turned by 180 deg along an arc: the energy of the arc"""
+    length, arc = 60.0, on_bar(60.0, 30, lambda load: math.pi * load / 60)
+    ends = lambda x: (x[0] < 2.1) | (x[0] > length - 2.1)  # noqa: E731
     held = [ff.Support("ends", ends, (0, 2), arc), ff.Support("side", at(1, 0.0), (1,))]
-    blank = sheet(s, length, 8, cells, 1, pattern="left")
-    terms = [ff.Membrane(stiff(s)), ff.Bending(D, D_t=2 * D)]
-    run = Run(ff.Scene(blank, terms, held), steps=12)
+    blank = sheet(s, length, 8, 30, 1, pattern="left")
+    yarns = ff.Membrane(s.fabric.decoupled().replace(d=250.0))  # hardly shorten
+    D = 8.33  # N mm
+    run = Run(ff.Scene(blank, [yarns, ff.Bending(D, D_t=2 * D)], held), steps=12)
     energy = D * 8 * math.pi**2 / 2 / length
     return [run], [near("energy/N mm", run.scene.energies()["bending"], energy, 0.05)]

@@ -14,14 +14,19 @@ def runs(name):
     return CASES[name].make(Setting(COMM, ff.load("komeili")))[0]
 
 
-@pytest.mark.parametrize("name", ["wrinkles in shear", "slack net", "sharp bar"])
-def test_states_are_those_of_tao(name, monkeypatch):
-    own = runs(name)[-1]
+@pytest.mark.parametrize("name", ["half turn", "ball of triangles", "wrinkles in shear"])
+def test_states_are_those_of_tao_or_lower(name, monkeypatch):
+    """Wrinkles: TAO stays in the plane, with more energy, which is a saddle."""
+    own, in_plane = runs(name)[-1], name == "wrinkles in shear"
     monkeypatch.setattr(Run, "Solver", partial(PetscNewton, solver="nls preonly"))
-    other = runs(name)[-1]
-    assert own.energy == pytest.approx(other.energy, rel=1e-6)
-    own.newton.stiffness(own.scene.u.copy())
-    assert own.newton.tangent.negative_pivots() == 0
+    other, saddles = runs(name)[-1], []
+    for run in (own, other):
+        run.newton.stiffness(run.scene.u.copy())
+        saddles.append(run.newton.tangent.negative_pivots() > 0)
+    assert saddles == [False, in_plane] and own.outcome.reached == 1
+    assert (
+        own.energy < 0.999 * other.energy if in_plane else abs(own.energy / other.energy - 1) < 1e-6
+    )
 
 
 @pytest.mark.parametrize("name, iterations", [("hemisphere", 191), ("double_dome", 198)])
