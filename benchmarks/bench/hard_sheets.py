@@ -137,26 +137,17 @@ def sharp_bar(s):
     return [run], [near("force/N", contact.force()[2], 2 * pull * math.sin(turn), 0.03)]
 
 
-def ball(s, *sheets, scale=1.0, tool=None, **given):
-    """A ball of 24 mm pushed by 6 mm into a sheet of 100 x 80 mm, lengths times `scale`."""
-    k, size = scale, {"length": 100.0 * scale, "width": 80.0 * scale}
-    fabric = s.fabric.replace(thickness=k * s.fabric.thickness)
-    ring = ff.Turned(ff.Plate(length=56 * k, entry=5 * k), (180.0, 0.0, 0.0))
-    tools = {"ball": tool or ff.PressTool(ff.Sphere(24 * k))}
+def ball(s, *sheets, tool=None, **given):
+    """A ball of 24 mm pushed by 6 mm into a sheet of 100 x 80 mm."""
+    ring = ff.Turned(ff.Plate(length=56, entry=5), (180.0, 0.0, 0.0))
+    tools = {"ball": tool or ff.PressTool(ff.Sphere(24))}
     tools["ring"] = ff.PressTool(ring, side="above")
-    usual: dict = {"stages": ff.Stage("forming", moves={"ball": 6.0 * k}, steps=4)}
-    usual["interface"] = ff.Interface(friction=0.2, slip=0.01 * k)
+    usual: dict = {"stages": ff.Stage("forming", moves={"ball": 6.0}, steps=4)}
+    usual["interface"] = ff.Interface(friction=0.2, slip=0.01)
     usual["holders"] = {"holder": ff.PressureHolder(0.02)}
-    blank = [replace(each, **size) for each in sheets or [ff.Sheet(fabric=fabric, nx=6)]]
+    sheets = sheets or (ff.Sheet(fabric=s.fabric, nx=6),)
+    blank = [replace(each, length=100.0, width=80.0) for each in sheets]
     return ff.Press(sheets=blank, tools=tools, **usual | given)
-
-
-def thicknesses(s):
-    """a ball pushed into sheets of 0.01, 1 and 20 mm, all lengths alike: force over length^2"""
-    found = [s.press(ball(s, scale=k)) for k in (1.0, 0.01, 20.0)]
-    (_, first), *others = found
-    numbers = [near("force", f / k**2, first, 1e-6) for (_, f), k in zip(others, (0.01, 20.0))]
-    return [run for run, _ in found], numbers
 
 
 def ball_of_triangles(s):
