@@ -32,20 +32,17 @@ ALWAYS = "--no-pictures", "--no-error", "--overwrite"
 
 def run(tree, words, folder, ranks):
     """CPU seconds of a study in the tree of a commit, of all ranks, and its summary."""
-    script, *options = words.split()
-    script = tree / "fabric_fenicsx" / "studies" / f"{script}.py"
-    start = [sys.executable, str(script)]
+    name, *options = words.split()
+    start = [sys.executable, str(tree / "fabric_fenicsx" / "studies" / f"{name}.py")]
     env = os.environ | {"PYTHONPATH": str(tree), "OMP_NUM_THREADS": "1"}
     env["XDG_CACHE_HOME"] = str(folder / "cache")
     helped = subprocess.run([*start, "--help"], env=env, capture_output=True, text=True, check=True)
     options += [each for each in ALWAYS if each in helped.stdout]
     if ranks > 1:
         start = ["mpirun", "-n", str(ranks), *start]
-    command = [*start, *options, "--out", str(folder / "run")]
-    before = os.times()
+    command, before = [*start, *options, "--out", str(folder / "run")], os.times()
     subprocess.run(command, env=env, cwd=folder, capture_output=True, check=True)
-    after = os.times()
-    cpu = sum(after[2:4]) - sum(before[2:4])
+    cpu = sum(os.times()[2:4]) - sum(before[2:4])
     return cpu, json.loads((folder / "run" / "summary.json").read_text())
 
 
@@ -53,12 +50,11 @@ def row(name, here, there):
     """A scene's line from pairs of runs."""
     (_, mine), (_, other) = here[-1], there[-1]
     ratio = median(one / two for (one, _), (two, _) in zip(here, there))
-    seconds = [min(cpu for cpu, _ in runs) for runs in (here, there)]
-    iterations = [summary["newton_iterations"] for summary in (mine, other)]
-    force = [summary["reaction_N"] for summary in (mine, other)]
-    off = force[0] / force[1] - 1
+    seconds = (min(cpu for cpu, _ in runs) for runs in (here, there))
+    iterations = (summary["newton_iterations"] for summary in (mine, other))
+    force = mine["reaction_N"]
     cells = "{:10} {:8.2f} {:8.2f} {:6.2f} {:6} {:6} {:12.6g} {:9.1e}"
-    return cells.format(name, *seconds, ratio, *iterations, force[0], off)
+    return cells.format(name, *seconds, ratio, *iterations, force, force / other["reaction_N"] - 1)
 
 
 def main():
@@ -76,8 +72,7 @@ def main():
         git = ["git", "-C", str(ROOT), "worktree"]
         subprocess.run([*git, "add", "-q", "--detach", str(tree), args.against], check=True)
         try:
-            titles = "scene", "CPU [s]", "there", "ratio", "its", "there", "force [N]", "off"
-            print("{:10} {:>8} {:>8} {:>6} {:>6} {:>6} {:>12} {:>9}".format(*titles))
+            print("scene       CPU [s]    there  ratio    its  there    force [N]       off")
             for name in args.only:
                 pairs = []
                 for _ in range(args.runs + 1):

@@ -99,20 +99,6 @@ def bent(radius, angle, tail):
     return shape, (-c, 0, -s), (c, 0, -s)
 
 
-def on_bar(length, cells, curvature):
-    """Displacement (x, load) that lays a strip along x on a bar, by chords as long as its cells;
-    curvature: function of the load [1/mm]."""
-    step = length / cells
-
-    def moved(x, load):
-        turns = (2 * np.arange(cells) + 1) * step * curvature(load) / 2
-        along, up = (np.append(0, step * f(turns).cumsum()) for f in (np.cos, np.sin))
-        s = np.round(x[0] / step).astype(int)
-        return np.array([along[s] - x[0], 0 * x[0], up[s]])
-
-    return moved
-
-
 def slit_strip():
     """Points, cells and their kind of 8 x 2 mm with a slit from (2, 1) to (6, 1), whose lips have
     nodes of their own."""

@@ -7,21 +7,8 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
-from fabric_fenicsx.core.errors import InputError
-
-ANGLES = 0, 45  # of yarns a of the formed plies [deg]
 # stroke [mm] from which forces are compared: before, the explicit ones scatter, and inertia counts
 FROM_STROKE = 30.0
-
-
-def known_angle(angle: float) -> int:
-    """The angle of yarns a [deg] as one of `ANGLES`. Raises InputError if it is none of them."""
-    if angle not in ANGLES:
-        raise InputError(
-            f"`fibre_angle` is {angle:g}; allowed are {' and '.join(map(str, ANGLES))}, of which "
-            "OpenRadioss' results are known"
-        )
-    return int(angle)
 
 
 def curve(file: Path) -> np.ndarray:
@@ -32,7 +19,7 @@ def curve(file: Path) -> np.ndarray:
 
 def formed_places(folder: Path, angle: int, flat: np.ndarray) -> np.ndarray:
     """Where OpenRadioss has the points `flat` (n, 2) of the flat ply after 60 mm, (n, 3) [mm]:
-    linear between its nodes; angle: of `ANGLES`."""
+    linear between its nodes; angle of yarns a: 0 or 45 [deg]."""
     table = np.loadtxt(folder / f"double_dome_{angle}_nodes.csv", delimiter=",", skiprows=1)
     at, formed = table[:, :2], table[:, 2:]
     found = LinearNDInterpolator(at, formed)(flat)
@@ -55,8 +42,8 @@ def shear_angles(flat: np.ndarray, formed: np.ndarray, angle: float) -> np.ndarr
 
 
 def compare_formed(folder, angle, grid, rows):
-    """How a formed ply and OpenRadioss' differ, with what is compared {name: number}; angle: of
-    `ANGLES`, grid: the last state, of linear triangles, rows: of its history."""
+    """How a formed ply and OpenRadioss' differ, with what is compared {name: number}; angle of
+    yarns a: 0 or 45, grid: the last state, of linear triangles, rows: of its history."""
     flat = np.asarray(grid.points)[:, :2]
     mine = np.asarray(grid.points) + grid.point_data["u"]
     theirs = formed_places(folder, angle, flat)

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
@@ -22,13 +22,15 @@ IMBALANCE = 0.02  # of the work may be missing from the energies, unless the she
 class Run:
     """A scene taken to full load. `outcome` is that of the stepping, `imbalance` the work that is
     missing from the energies at the end, over the largest of both on the way, `energy` that at the
-    end [N mm]; `faults` are of accepted states in a plane. settings: those of a press, or options;
-    watch: called with the run and each load factor."""
+    end [N mm]; `faults` are of accepted states in a plane. settings: those of a press; watch:
+    called with the run and each load factor."""
 
-    def __init__(self, scene, settings=None, watch=None, **options):
+    Solver: ClassVar[Callable[..., Newton]] = Newton
+
+    def __init__(self, scene, settings=None, watch=None, steps=20):
         self.scene, self.faults, self._watch = scene, list[str](), watch
-        self.newton, self.imbalance, self._most = Newton(scene, 1e-8), 0.0, 1e-12
-        settings = settings or Settings(**{"path_tolerance": None} | options)
+        self.newton, self.imbalance, self._most = self.Solver(scene), 0.0, 1e-12
+        settings = settings or Settings(steps=steps, path_tolerance=None)
         self._tolerance = settings.path_tolerance or 1e-8
         self.outcome = LoadStepping(self.newton, settings, on_accept=self._accept).run()
         self.energy = sum(scene.energies().values())
@@ -57,20 +59,15 @@ class Run:
             if negative := tangent.negative_pivots():
                 self.faults.append(f"{negative} negative pivots")
 
-    def extremes(self, values):
-        """Smallest and largest of the `values` of all ranks."""
-        return measures.extremes(self.scene.comm, values)
+    def shear(self):
+        """Largest shear angle at the points of the first term [deg]."""
+        angle = np.abs(self.scene.terms[0].invariants_at_points()[..., 3])
+        return np.degrees(measures.extremes(self.scene.comm, angle)[1])
 
-    def strains(self):
-        """Strains of both yarns and shear angles [rad] at the points of the first term."""
-        I = self.scene.terms[0].invariants_at_points()
-        return np.sqrt(I[..., 0]) - 1, np.sqrt(I[..., 2]) - 1, I[..., 3]
-
-    def displacement(self, *components):
-        """Largest displacement of a node along these axes [mm]."""
-        owned = self.scene.blank.V.dofmap.index_map.size_local
-        moved = np.abs(self.scene.blank.nodal_displacement()[:owned, components])
-        return self.scene.comm.allreduce(float(moved.max(initial=0.0)), MPI.MAX)
+    def height(self):
+        """Largest displacement of a node along z [mm]."""
+        moved = np.abs(self.scene.blank.nodal_displacement()[:, 2])
+        return measures.extremes(self.scene.comm, moved)[1]
 
 
 class Number(NamedTuple):
@@ -94,10 +91,10 @@ class Setting:
     comm: MPI.Comm
     fabric: ff.WovenFabric
 
-    def press(self, press: Press) -> tuple[Run, float]:
+    def press(self, press: Press, **options) -> tuple[Run, float]:
         """Run of a press, and the force of what moves [N]."""
         built = press.build(self.comm)
-        run = Run(built.scene, built.job())
+        run = Run(built.scene, built.job(**options))
         return run, float(built.measure(built.scene, 1.0)[1])
 
 
@@ -135,19 +132,11 @@ class Case:
         if imbalance > IMBALANCE and not self.snaps:
             flaws.append(f"{100 * imbalance:.1f} % of the work is not in the energies")
         words = (f"{n.what} {n.value:.5g} ({n.low:.5g} to {n.high:.5g})" for n in numbers)
-        return {
-            "case": self.name,
-            "is": " ".join(str(self.make.__doc__).split()),
-            "holds": not flaws,
-            "reached": reached,
-            "steps": steps,
-            "iterations": iterations,
-            "rejected": sum(run.outcome.rejected for run in runs),
-            "imbalance": imbalance,
-            "cpu_s": round(cpu, 2),
-            "numbers": "; ".join([*words, *reasons]),
-            "flaws": "; ".join(flaws),
-        }
+        row = {"case": self.name, "is": " ".join(str(self.make.__doc__).split())}
+        row |= {"holds": not flaws, "reached": reached, "steps": steps, "iterations": iterations}
+        row |= {"rejected": sum(run.outcome.rejected for run in runs), "imbalance": imbalance}
+        row |= {"cpu_s": round(cpu, 2), "numbers": "; ".join([*words, *reasons])}
+        return row | {"flaws": "; ".join(flaws)}
 
 
 HEAD = "case                     reached steps iterations rejected imbalance CPU/s  numbers"

@@ -1,6 +1,7 @@
 """Hard cases of one sheet within its plane: strips, frames and single elements."""
 
 import math
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -92,9 +93,8 @@ def bias_to_45_percent(s):
     def energy(e):
         return least(lambda width: at(1 + e, width), 0.05, 1.0)
 
-    shear = math.degrees(run.extremes(np.abs(run.strains()[2]))[1])
-    force = 50 * stress(energy, 0.45, 1e-4)
-    return [run], [near("force/N", pull(run), force, 1e-4), Number("shear/deg", shear, 50, 90)]
+    force = near("force/N", pull(run), 50 * stress(energy, 0.45, 1e-4), 1e-4)
+    return [run], [force, Number("shear/deg", run.shear(), 50, 90)]
 
 
 def tension_compression(s):
@@ -112,20 +112,18 @@ def tension_compression(s):
 
 
 def framed(s, fabric, gradient, nx=16, steps=20):
-    """Run of a square of 50 mm whose edge follows `gradient` of the load, and the energy of the
-    homogeneous state there [N mm]."""
+    """Run of a square of 50 mm whose edge follows `gradient` of the load."""
     scene = ff.Scene(rectangle(s, 50, 50, nx), [ff.Membrane(fabric)], ff.frame(gradient))
-    run = Run(scene, steps=steps)
-    return run, 2500 * float(of_gradient(fabric, gradient(run.outcome.reached)))
+    return Run(scene, steps=steps)
 
 
-def over(run, fabric, F, load):
+def over(run, fabric, gradient):
     """Energy of a square of 50 mm over that of bands; of a run that stops, over the homogeneous
     one. The edge hinders bands, and there are more kinds of them."""
-    if load < 1:
-        energy = float(of_gradient(fabric, F))
-        return Number("energy over the homogeneous one", run.energy / 2500 / energy, 0.3, 1.2)
-    return Number("energy over that of bands", run.energy / 2500 / banded(fabric, F), 0.85, 1.2)
+    F, W = gradient(run.outcome.reached), run.energy / 2500
+    if run.outcome.reached < 1:
+        return Number("energy over the homogeneous one", W / of_gradient(fabric, F), 0.3, 1.2)
+    return Number("energy over that of bands", W / banded(fabric, F), 0.85, 1.2)
 
 
 def squeezed_strip(E_C):
@@ -134,25 +132,25 @@ def squeezed_strip(E_C):
     def case(s):
         fabric = s.fabric.replace(d=E_C / 2)
         run = strip(s, ff.clamped_ends(-10.0), fabric, length=50.0, nx=16)
-        load = run.outcome.reached
-        return [run], [over(run, fabric, np.diag([1 - 0.2 * load, 1.0]), load)]
+        return [run], [over(run, fabric, lambda load: np.diag([1 - 0.2 * load, 1.0]))]
 
     case.__doc__ = f"a clamped square compressed by 20 % along its yarns, E_C {E_C} MPa"
     return case
+
+
+def sheared(degrees, load):
+    """Gradient of a frame that is closed by an angle at full load."""
+    g = math.radians(degrees * load)
+    return np.array([[1, math.sin(g)], [0, math.cos(g)]])
 
 
 def compression_and_shear(s_C):
     """A case of a frame that compresses and shears, with the fabric's s_C."""
 
     def case(s):
-        def gradient(load):
-            g = 0.35 * load
-            return (1 - 0.1 * load) * np.array([[1, math.sin(g)], [0, math.cos(g)]])
-
-        fabric = s.fabric.replace(s_C=s_C)
-        run, *_ = framed(s, fabric, gradient)
-        load = run.outcome.reached
-        return [run], [over(run, fabric, gradient(load), load)]
+        fabric, gradient = s.fabric.replace(s_C=s_C), lambda v: (1 - 0.1 * v) * sheared(20, v)
+        run = framed(s, fabric, gradient)
+        return [run], [over(run, fabric, gradient)]
 
     case.__doc__ = f"a frame that compresses yarns by 10 % and shears them to 20 deg, s_C {s_C:g}"
     return case
@@ -160,12 +158,8 @@ def compression_and_shear(s_C):
 
 def picture_frame(s):
     """a picture frame closed to 70 deg: the closed form of its energy"""
-
-    def gradient(load):
-        g = math.radians(70 * load)
-        return np.array([[1, math.sin(g)], [0, math.cos(g)]])
-
-    run, energy = framed(s, s.fabric, gradient, 12, 14)
+    run = framed(s, s.fabric, partial(sheared, 70), 12, 14)
+    energy = 2500 * float(of_gradient(s.fabric, sheared(70, 1.0)))
     return [run], [near("energy/N mm", run.energy, energy, 1e-9)]
 
 
@@ -194,11 +188,15 @@ def single_elements(s):
 
 
 def scales(s):
-    """thickness 0.001 mm, and lengths of a thousandth and a thousand times: forces scale"""
-    thin = s.fabric.replace(thickness=1e-3 * s.fabric.thickness)
-    first = strip(s, ff.clamped_ends(6.0), nx=24)
-    runs = [(1e-3, strip(s, ff.clamped_ends(6.0), thin, nx=24))]
-    for k in (1e-3, 1e3):
-        runs.append((k, strip(s, ff.clamped_ends(6.0 * k), length=200 * k, width=50 * k, nx=24)))
-    numbers = [near("force", pull(run) / k, pull(first), 1e-8) for k, run in runs]
-    return [first, *(run for _, run in runs)], numbers
+    """lengths of a thousandth and a thousand times, thickness 0.001, 0.01 and 20 mm: forces
+    scale"""
+
+    def scaled(k, t):
+        fabric = s.fabric.replace(thickness=t * s.fabric.thickness)
+        size = {"length": 200 * k, "width": 50 * k, "nx": 24}
+        return strip(s, ff.clamped_ends(6.0 * k), fabric, **size)
+
+    sizes = (1, 1), (1e-3, 1), (1e3, 1), (1, 1e-3), (1, 0.01), (1, 20)
+    first, *others = (scaled(*size) for size in sizes)
+    forces = (pull(run) / k / t for run, (k, t) in zip(others, sizes[1:]))
+    return [first, *others], [near("force", each, pull(first), 1e-8) for each in forces]

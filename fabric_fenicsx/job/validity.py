@@ -24,7 +24,6 @@ STILL = (
     "would, as `clamped_ends(stroke)`"
 )
 NO_ESTIMATE = Reason("the error of the mesh was not estimated", verdict=OK)
-KERNEL_TOLERANCE = 1e-6  # of stresses of elements and kernel; usual is 1e-12
 
 
 def not_believed(wrong: Sequence[str]) -> str:
@@ -191,7 +190,7 @@ def _mismatch(scene):
     """A sentence if stresses of the elements are not those of the kernel."""
     membranes = [term for term in scene.terms if isinstance(term, Membrane)]
     most = max((each.summary()["kernel_mismatch"].value for each in membranes), default=0.0)
-    if most <= KERNEL_TOLERANCE:
+    if most <= 1e-6:  # usual is 1e-12
         return ""
     return (
         f"stresses of elements and of the kernel differ by {percent(most, 3)}: `derivatives` of "

@@ -23,7 +23,6 @@ OTHER_CELLS = 1.75  # times the difference to a run on cells of another kind
 LARGER = {"reaction_N": 1.0, "strain_energy_Nmm": 1.5}  # of the same kind: p of 1 and 0.7
 MIN_SHARE = 1e-3  # of a number: smaller errors two runs can't know, unless they agree to
 OF_LAG = 2.0  # times the share by which contact lags: curves were off by 0.5 to 1.1 times as much
-ALIKE = 1e-6  # as in a homogeneous state
 MIN_FORCE = 0.05  # of the largest: smaller forces, as of tools that go back, tell no share
 MAX_SHARE = 0.5  # of a number: an error above that is not told
 FIELDS = "log_eps_11", "log_eps_22", "shear_angle"
@@ -59,7 +58,8 @@ def rule(
     size = np.maximum(np.abs(own), max(MIN_FORCE * np.abs(force).max(), 1e-300))
     apart = np.abs(forces[late] - own) / size
     share = float(apart.max() if of_other_kind else LARGER[column] * np.sqrt(np.mean(apart**2)))
-    share = max(share, MIN_SHARE, OF_LAG * lag) if share > ALIKE else share
+    if share > 1e-6:  # less is a homogeneous state
+        share = max(share, MIN_SHARE, OF_LAG * lag)
     return Rule(OTHER_CELLS if of_other_kind else 1.0, share)
 
 

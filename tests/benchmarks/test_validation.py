@@ -42,20 +42,13 @@ def test_the_plain_weave():
     assert len(bias_tests("plain")) == 9
 
 
-QUICK = [name for name, case in CASES.items() if case.quick]
+ON_RANKS = pytest.param("mixed order", marks=[pytest.mark.mpi, pytest.mark.versions])
 
 
-@pytest.mark.parametrize("name", QUICK)
+@pytest.mark.parametrize("name", [ON_RANKS, *(n for n, case in CASES.items() if case.quick)])
 def test_hard_cases(name):
     """Load, number and iterations of a third of them."""
     row = CASES[name].judge(Setting(COMM, ff.load("komeili")))
-    assert row["holds"], row["flaws"]
-
-
-@pytest.mark.mpi
-@pytest.mark.versions
-def test_a_hard_case_on_ranks():
-    row = CASES["mixed order"].judge(Setting(COMM, ff.load("komeili")))
     assert row["holds"], row["flaws"]
 
 

@@ -60,14 +60,12 @@ def test_derivatives(kind, side, direction):
     blank = sheet(10, 10, 5, 5, comm=MPI.COMM_SELF)
     contact = alone(blank, ff.Contact(ff.Tool(surface, name="tool"), T, K))
     # away from the kinks of the stiffness at depths 0 and s
-    depth = np.resize([-0.5, 0.3, 0.7, 1.5, 3.0], len(blank.coordinates()))
-    depth *= S
+    depth = S * np.resize([-0.5, 0.3, 0.7, 1.5, 3.0], len(blank.coordinates()))
     blank.u.x.array[:] = pressed_in(blank, contact.tool, depth, around(SURFACES[kind], blank))
     if direction:
         force, tool = contact.force(), contact.tool
-        tool.direction = (
-            np.sign(force @ direction) / np.linalg.norm(direction) * np.array(direction)
-        )
+        tool.direction = np.array(direction) / np.linalg.norm(direction)
+        tool.direction *= np.sign(force @ direction)
         tool.push, tool.force, tool.travel = float(force @ tool.direction), True, 1.0  # to be found
         contact._response = None
         assert contact.force() @ tool.direction == pytest.approx(tool.push, rel=1e-11)

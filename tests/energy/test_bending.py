@@ -30,9 +30,8 @@ def sheet(length, width, nx, ny, pattern="unstructured", comm=COMM, shape=None, 
         points = points - [length / 2, width / 2, 0]
         return shape(points) if shape else points
 
-    return builders.sheet(
-        length, width, nx, ny, pattern, comm, shape=centred, spatial=True, **options
-    )
+    options |= {"shape": centred, "spatial": True}
+    return builders.sheet(length, width, nx, ny, pattern, comm, **options)
 
 
 def displace(blank, field):
@@ -49,13 +48,8 @@ def matrix(bending):
 
 def wavy(x):
     """A smooth displacement, in all directions, of points (3, n)."""
-    return np.array(
-        [
-            0.4 * np.sin(x[1] / 5),
-            0.3 * np.cos(x[0] / 6),
-            np.sin(x[0] / 4 + 0.3) * np.cos(x[1] / 7 + 0.2),
-        ]
-    )
+    up = np.sin(x[0] / 4 + 0.3) * np.cos(x[1] / 7 + 0.2)
+    return np.array([0.4 * np.sin(x[1] / 5), 0.3 * np.cos(x[0] / 6), up])
 
 
 @pytest.mark.versions
@@ -145,11 +139,8 @@ def test_stiffness_of_moduli(angle, stiffness):
 def test_measured_bending_of_each_face_and_yarn(angle, share, threshold, in_plane):
     """Less thresholds, which friction takes beyond 2 % of the largest curvature, the fabric's
     moment is a monotone cubic, of b half of a's, whatever bending within the sheet takes."""
-    measured = ff.MeasuredBending(
-        curvature=(-0.1, 0, 0, 0.1),
-        moment_a=(-0.85, -0.05, 0.05, 0.55),
-        moment_b=(-0.42, -0.02, 0.02, 0.27),
-    )
+    moments = {"moment_a": (-0.85, -0.05, 0.05, 0.55), "moment_b": (-0.42, -0.02, 0.02, 0.27)}
+    measured = ff.MeasuredBending(curvature=(-0.1, 0, 0, 0.1), **moments)
     curve = PchipInterpolator([-0.2, -0.1, 0, 0.1, 0.2], [-1.6, -0.8, 0, 0.5, 1.0])
     start = float(curve.derivative()(0.0))
     fabric, field = KOMEILI.replace(bending=measured), {"thickness": lambda x, y: 0.7 + 0 * x}

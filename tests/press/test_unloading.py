@@ -5,6 +5,7 @@ import re
 import builders
 import numpy as np
 import pytest
+from bench.hard_sheets import on_bar
 from builders import dome, everywhere, near, said
 
 import fabric_fenicsx as ff
@@ -20,11 +21,11 @@ YIELDS = 2 / np.sqrt(3) * 159.0 / (186600.0 / 0.75) * 2
 def over_a_bar(times, steps=8, path=lambda load: load, **options):
     """`Result` of half of a wide strip of metal that is laid on a bar of `times` that curvature;
     path: by how much of it at a load factor."""
-    on_bar = builders.on_bar(LENGTH, CELLS, lambda load: path(load) * times * YIELDS)
+    bar = on_bar(LENGTH, CELLS, lambda load: path(load) * times * YIELDS)
     blank = builders.sheet(LENGTH, WIDTH, CELLS, 2, "left", spatial=True)
     sides = [near(0, 0.0), near(1, 0.0), near(1, WIDTH)]
     held = [ff.Support("plane of symmetry", near(0, 0.0), (0,))]
-    held += [ff.Support("wide", everywhere, (1,)), ff.Support("bar", everywhere, (0, 2), on_bar)]
+    held += [ff.Support("wide", everywhere, (1,)), ff.Support("bar", everywhere, (0, 2), bar)]
     scene = ff.Scene(blank, [ff.SheetMetal(IDEAL, symmetric=sides)], held)
     return ff.Job(scene, steps=steps, viscosity="off").run(**options)
 

@@ -42,10 +42,8 @@ def test_orderings_of_the_factors():
     the user's own options have a prefix."""
     cell = sheet(10.0, 10.0, 1, 1, "left", cell="quadrilateral")
     one = ff.Scene(cell, [ff.Membrane(KOMEILI)], ff.rolling_ends(0.1))
-    crossed = ff.Blank.rectangle(10, 10, nx=1, ny=1, element="P1", pattern="crossed", spatial=True)
-    bent = ff.Scene(
-        crossed, [ff.Membrane(KOMEILI), ff.Bending(modulus=100.0)], ff.clamped_ends(0.1)
-    )
+    crossed, bending = sheet(10, 10, 1, 1, spatial=True), ff.Bending(modulus=100.0)
+    bent = ff.Scene(crossed, [ff.Membrane(KOMEILI), bending], ff.clamped_ends(0.1))
     options = PETSc.Options("fabric_")
     scenes = (strip(nx=4), None, 4), (one, None, 0), (bent, None, 0), (strip(nx=4), 6, 6)
     for scene, own, ordering in scenes:
@@ -96,11 +94,9 @@ def test_linear_solvers_agree(solver):
 @pytest.mark.mpi
 def test_no_saddle_is_accepted():
     newton, left = Newton(strip(fabric=NO_MINIMUM, ends=ff.rolling_ends)), []
-    outcome = march(
-        newton, steps=10, on_accept=lambda a: left.append(negative_pivots(newton) if a.load else 0)
-    )
-    assert outcome.accepted > 0 and set(left) == {0}
-    assert outcome.reached == 1 or outcome.reason
+    keep = lambda state: left.append(negative_pivots(newton) if state.load else 0)  # noqa: E731
+    outcome = march(newton, steps=10, on_accept=keep)
+    assert outcome.accepted > 0 and set(left) == {0} and (outcome.reached == 1 or outcome.reason)
 
 
 @pytest.mark.versions
@@ -219,9 +215,8 @@ class Torn(ff.Term):
 @pytest.mark.mpi
 def test_a_material_that_is_not_a_number_ends_at_the_last_sound_state():
     scene, kept = strip(further=[Torn()]), []
-    outcome = march(
-        Newton(scene), steps=10, on_accept=lambda a: kept.append((a.load, a.progress.x.copy()))
-    )
+    keep = lambda state: kept.append((state.load, state.progress.x.copy()))  # noqa: E731
+    outcome = march(Newton(scene), steps=10, on_accept=keep)
     assert 0.4 < outcome.reached < 0.51 and "not a number" in outcome.reason
     assert kept[-1][0] == outcome.reached and (scene.u - kept[-1][1]).norm() == 0
     assert np.isfinite(scene.energy())

@@ -40,14 +40,9 @@ def refined_sphere(n):
     s = np.tan(np.linspace(-np.pi / 4, np.pi / 4, n + 1))
     u, v = (a.ravel() for a in np.meshgrid(s, s, indexing="ij"))
     p = ((n + 1) * np.arange(n)[:, None] + np.arange(n)).ravel()
-    face = np.vstack(
-        [np.column_stack([p, p + n + 1, p + n + 2]), np.column_stack([p, p + n + 2, p + 1])]
-    )
-    cube = [
-        np.roll(np.column_stack([side + 0 * u, side * u, v]), axis, axis=1)
-        for axis in range(3)
-        for side in (1, -1)
-    ]
+    face = np.vstack([np.stack([p, p + k, p + m], 1) for k, m in ((n + 1, n + 2), (n + 2, 1))])
+    sides = (np.column_stack([side + 0 * u, side * u, v]) for side in (1, -1))
+    cube = [np.roll(side, axis, axis=1) for side in sides for axis in range(3)]
     points = np.vstack(cube).round(14)  # faces share their edges
     triangles = np.vstack([face + k * len(u) for k in range(6)])
     return points / np.linalg.norm(points, axis=1)[:, None], triangles
@@ -123,8 +118,7 @@ def test_an_opening_of_72_facets_is_round():
     assert surface.radii == pytest.approx(plate.radii, rel=0.02)
     over = points[(np.hypot(points[:, 0], points[:, 1]) > 30) & (abs(points[:, 2]) < 2)]
     found = surface.evaluate(over, 4)
-    assert len(over) > 100
-    assert np.array_equal(found.gap, over[:, 2])
+    assert len(over) > 100 and np.array_equal(found.gap, over[:, 2])
     assert not found.normal[:, :2].any()
 
 
@@ -343,9 +337,8 @@ def test_beyond_the_rim_there_is_no_body():
 def test_quadrilaterals_are_cut_and_solids_are_refused(tmp_path):
     points = np.array([[x, y, z] for z in (0.0, 1) for x, y in ((0, 0), (2, 0), (2, 2), (0, 2))])
     meshio.write(tmp_path / "quad.vtk", meshio.Mesh(points[4:], {"quad": [[0, 1, 2, 3]]}))
-    assert ff.TriangulatedSurface.read(tmp_path / "quad.vtk").evaluate(
-        [[0.5, 1.5, 3]]
-    ).gap == pytest.approx([2])
+    quad = ff.TriangulatedSurface.read(tmp_path / "quad.vtk")
+    assert quad.evaluate([[0.5, 1.5, 3]]).gap == pytest.approx([2])
     pyvista.Plane().triangulate().save(tmp_path / "plane.vtk")
     assert ff.TriangulatedSurface.read(tmp_path / "plane.vtk").evaluate([[0, 0, 2]]).gap == 2
     meshio.write(tmp_path / "solid.vtu", meshio.Mesh(points, {"hexahedron": [list(range(8))]}))
