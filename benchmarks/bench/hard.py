@@ -103,7 +103,7 @@ class Case:
     """A case: `make` runs it and returns its runs and numbers; its docstring says what it is.
     iterations: measured, of which `MORE` are allowed; quick: it is one of those that `make test`
     runs; snaps: energy may be lost; stops: the load at which it stops at the earliest, as the law
-    has no stable state beyond, which the reason must say."""
+    is unstable there, which the reason must say."""
 
     name: str
     make: Callable[[Setting], tuple[list[Run], list[Number]]]

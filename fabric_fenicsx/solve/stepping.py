@@ -258,7 +258,7 @@ class LoadStepping:
     def _law_there(self, trial):
         told = [term.history().get("min_stability") for term in self.scene.terms]
         least = min(float(getattr(each, "value", 0.0)) for each in told)
-        words = f", as the law has no stable state there (stability {rounded(least)}; 1 at rest)"
+        words = f", where the law is unstable (ellipticity {rounded(least)}; 1 at rest)"
         return words if least < 0 and trial.report.reason == Termination.INVERTED.value else ""
 
     def _restore(self):

@@ -62,7 +62,7 @@ def test_a_hard_case_fails_by_load_number_iterations_energy_or_a_stop_that_is_no
 
     assert judged() and judged(imbalance=0.1, snaps=True)
     assert not (judged(0.9) or judged(value=0.8) or judged(iterations=11) or judged(imbalance=0.1))
-    unstable = {"reason": "as the law has no stable state there", "stops": 0.8}
+    unstable = {"reason": "where the law is unstable", "stops": 0.8}
     assert judged(0.9, **unstable) and not judged(0.7, **unstable)
     assert not (judged(0.9, reason="no convergence", stops=0.8) or judged(float("nan")))
 
