@@ -34,15 +34,11 @@ def solved(study, name, mesh):
         raise ff.SolverFailure(f"{mesh}: {outcome.reason}")
     reaction, values = dict(zip(loads, forces.tolist())), strip_values(scene)
     del values["shear_deg_min"]  # 0 somewhere
-    return {
-        "dofs": 2 * scene.blank.V.dofmap.index_map.size_global,
-        "steps": outcome.accepted,
-        "iterations": outcome.iterations,
-        "wall_s": round(time.perf_counter() - began, 2),
-        "values": values,
-        "reactions_N": [reaction[load] for load in LOADS],
-        "seen": camera_displacements(scene).tolist(),
-    }
+    member = {"dofs": 2 * scene.blank.V.dofmap.index_map.size_global, "steps": outcome.accepted}
+    member |= {"iterations": outcome.iterations, "values": values}
+    member |= {"wall_s": round(time.perf_counter() - began, 2)}
+    member["reactions_N"] = [reaction[load] for load in LOADS]
+    return member | {"seen": camera_displacements(scene).tolist()}
 
 
 def main(study):

@@ -159,9 +159,8 @@ def unbalanced():
 
     warp = Yarn(a=4130.0, b=667.5, d=0.65, p_min=0.75, c=23.67, s_T=1467.6, s_C=100.0)
     weft = Yarn(a=2100.0, b=410.0, d=1.9, p_min=0.6, c=17.0, s_T=900.0, s_C=140.0)
-    return WovenFabric(
-        warp, weft, s1=0.02506, s2=-0.18679, s3=0.56239, thickness=0.8, name="unbalanced"
-    )
+    shear = {"s1": 0.02506, "s2": -0.18679, "s3": 0.56239}
+    return WovenFabric(warp, weft, **shear, thickness=0.8, name="unbalanced")
 
 
 @pytest.fixture(scope="session")

@@ -291,10 +291,8 @@ def run_command(run_script, tmp_path, hang):
 
 def test_columns_and_quantities_are_those_that_the_page_on_python_lists():
     text = (DOCS / "howto/python.md").read_text()
-    columns, quantities = (
-        text.split(f"### {title}")[1].split("\n##")[0]
-        for title in ("Columns of the history", "Quantities")
-    )
+    titles = "Columns of the history", "Quantities"
+    columns, quantities = (text.split(f"### {t}")[1].split("\n##")[0] for t in titles)
     size = {"length": 300.0, "width": 200.0, "nx": 6, "stroke": 1.0}
     runs = {
         "Tensile": ff.Tensile(nx=4, strain=1e-3),

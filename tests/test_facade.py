@@ -44,9 +44,8 @@ FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE | doctest.REPORT_ONLY_FI
 
 def examples(name):
     """Doctests of a name and of its methods that have one, the name's own first."""
-    found = doctest.DocTestFinder().find(
-        getattr(ff, name), f"ff.{name}", module=False, globs={"ff": ff, "np": np}
-    )
+    how = {"module": False, "globs": {"ff": ff, "np": np}}
+    found = doctest.DocTestFinder().find(getattr(ff, name), f"ff.{name}", **how)
     return sorted((test for test in found if test.examples), key=lambda test: test.name)
 
 

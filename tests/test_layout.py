@@ -53,12 +53,8 @@ def test_no_file_leads_back_to_itself():
 
 
 def nodes(kind):
-    return [
-        (path, node)
-        for path, tree in TREES.items()
-        for node in ast.walk(tree)
-        if isinstance(node, kind)
-    ]
+    every = ((path, node) for path, tree in TREES.items() for node in ast.walk(tree))
+    return [(path, node) for path, node in every if isinstance(node, kind)]
 
 
 def tracked(*patterns):
@@ -88,10 +84,9 @@ def late_imports():
 
 def attributes(node):
     """Names that a class stores on itself."""
-    stored = (
-        n for n in ast.walk(node) if isinstance(n, ast.Attribute) and isinstance(n.ctx, ast.Store)
-    )
-    return {n.attr for n in stored if isinstance(n.value, ast.Name) and n.value.id == "self"}
+    named = (n for n in ast.walk(node) if isinstance(n, ast.Attribute))
+    stored = (n for n in named if isinstance(n.ctx, ast.Store) and isinstance(n.value, ast.Name))
+    return {n.attr for n in stored if n.value.id == "self"}
 
 
 BOUNDS = {

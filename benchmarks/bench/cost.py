@@ -42,20 +42,13 @@ def strip_cost(comm, fabric, c, reference):
         newton = Newton(scene, c.tolerance, linear_solver=c.linear_solver)
         outcome, curve = strips.pull(newton, settings)
         walls.append(time.perf_counter() - began)
-    values = strips.strip_values(scene)
     fields = strips.camera_displacements(scene), reference_grid(reference, c.scene)
     strain, angle = strips.field_distance(strips.STRIPS[c.scene].angle, *fields)
-    return {
-        "reason": outcome.reason,
-        "cost": min(walls),
-        "dofs": scene.u.size,
-        "iterations": outcome.iterations,
-        "reaction_N": values["reaction_N"],
-        "energy_Nmm": values["energy_Nmm"],
-        "error_curve": strips.curve_distance(curve, reference_curve(reference, c.scene)),
-        "error_strain": strain,
-        "error_shear_deg": angle,
-    }
+    row: dict = {"reason": outcome.reason, "cost": min(walls), "dofs": scene.u.size}
+    row |= {"iterations": outcome.iterations, "energy_Nmm": scene.energies()["strain"]}
+    row |= {"reaction_N": curve[1, -1], "error_strain": strain, "error_shear_deg": angle}
+    reference = reference_curve(reference, c.scene)
+    return row | {"error_curve": strips.curve_distance(curve, reference)}
 
 
 def dome(fabric, **mesh):

@@ -53,11 +53,8 @@ def compare_formed(folder, angle, grid, rows):
     stroke, force = curve(folder / f"double_dome_{angle}_force.csv")
     mean = np.interp(stroke, [r["displacement_mm"] for r in rows], [r["reaction_N"] for r in rows])
     off = (mean - force)[stroke >= FROM_STROKE] / force.max()
-    return {
-        "nodes_apart_rms_mm": float(np.sqrt(np.mean(apart**2))),
-        "shear_angle_max_deg": float(shear[0].max()),
-        "shear_angle_max_openradioss_deg": float(shear[1].max()),
-        "punch_force_50_mm_N": float(np.interp(50.0, stroke, mean)),
-        "punch_force_50_mm_openradioss_N": float(np.interp(50.0, stroke, force)),
-        "punch_force_apart_rms_relative": float(np.sqrt(np.mean(off**2))),
-    }
+    found = {"nodes_apart_rms_mm": float(np.sqrt(np.mean(apart**2)))}
+    for whose, angles, of in (("", shear[0], mean), ("_openradioss", shear[1], force)):
+        found[f"shear_angle_max{whose}_deg"] = float(angles.max())
+        found[f"punch_force_50_mm{whose}_N"] = float(np.interp(50.0, stroke, of))
+    return found | {"punch_force_apart_rms_relative": float(np.sqrt(np.mean(off**2)))}

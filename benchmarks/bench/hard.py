@@ -91,7 +91,7 @@ class Setting:
     comm: MPI.Comm
     fabric: ff.WovenFabric
 
-    def press(self, press: Press, **options) -> tuple[Run, float]:
+    def press(self, press: Press, **options: object) -> tuple[Run, float]:
         """Run of a press, and the force of what moves [N]."""
         built = press.build(self.comm)
         run = Run(built.scene, built.job(**options))
@@ -132,7 +132,7 @@ class Case:
         if imbalance > IMBALANCE and not self.snaps:
             flaws.append(f"{100 * imbalance:.1f} % of the work is not in the energies")
         words = (f"{n.what} {n.value:.5g} ({n.low:.5g} to {n.high:.5g})" for n in numbers)
-        row = {"case": self.name, "is": " ".join(str(self.make.__doc__).split())}
+        row: dict = {"case": self.name, "is": " ".join(str(self.make.__doc__).split())}
         row |= {"holds": not flaws, "reached": reached, "steps": steps, "iterations": iterations}
         row |= {"rejected": sum(run.outcome.rejected for run in runs), "imbalance": imbalance}
         row |= {"cpu_s": round(cpu, 2), "numbers": "; ".join([*words, *reasons])}

@@ -60,9 +60,8 @@ def banded(fabric, F):
                 return 1e9
             return float(np.array([share, 1 - share]) @ of_gradient(fabric, bands))
 
-        for along, across in product((-0.3, 0.3), (-0.5, 0.5)):
-            for share in (0.15, 0.5, 0.85):
-                found.append(minimize(energy, (along, across, share), method="Nelder-Mead").fun)
+        for start in product((-0.3, 0.3), (-0.5, 0.5), (0.15, 0.5, 0.85)):
+            found.append(minimize(energy, start, method="Nelder-Mead").fun)
     return min(found)
 
 

@@ -59,15 +59,10 @@ def make_reference(folder, name, series, members, **facts):
     scene = {"length_mm": LENGTH, "width_mm": WIDTH, "yarns_a_deg": strip.angle}
     quantities = {key: estimated("values", key)._asdict() for key in finest["values"]}
     kept = "dofs", "steps", "iterations", "wall_s", "values"
-    whole = {
-        **facts,
-        "scene": scene | {"stroke_mm": stroke},
-        "series": series,
-        "checks": checks,
-        "quantities": quantities,
-        "field_errors": dict(zip(("strain_l2", "shear_angle_rms_deg"), bars)),
-        "members": {mesh: {key: m[key] for key in kept} for mesh, m in members.items()},
-    }
+    whole = facts | {"scene": scene | {"stroke_mm": stroke}, "series": series, "checks": checks}
+    whole |= {"quantities": quantities}
+    whole["field_errors"] = dict(zip(("strain_l2", "shear_angle_rms_deg"), bars))
+    whole["members"] = {mesh: {key: m[key] for key in kept} for mesh, m in members.items()}
     (folder / f"{name}.json").write_text(json.dumps(whole, indent=1, allow_nan=False) + "\n")
     table = np.concatenate([GRID, finest["seen"]], -1).reshape(-1, 4)
     header = {"header": "x_mm,y_mm,u_x_mm,u_y_mm", "comments": ""}
@@ -100,8 +95,6 @@ def read_references(folder, names, fabric, material):
     facts = {name: json.loads((folder / f"{name}.json").read_text()) for name in names}
     for name in names:
         if facts[name]["material"] != fabric.dumps():
-            raise ff.InputError(
-                f"`material` {material} is not that of {name}.json in {folder}; "
-                "allowed is the one that benchmarks/reference.py was run with"
-            )
+            flaw = f"`material` {material} is not that of {name}.json in {folder}"
+            raise ff.InputError(f"{flaw}; allowed is that of benchmarks/reference.py")
     return {name: facts[name]["quantities"] for name in names}

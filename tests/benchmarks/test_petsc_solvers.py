@@ -24,15 +24,17 @@ def test_states_are_those_of_tao_or_lower(name, monkeypatch):
         run.newton.stiffness(run.scene.u.copy())
         saddles.append(run.newton.tangent.negative_pivots() > 0)
     assert saddles == [False, in_plane] and own.outcome.reached == 1
-    assert (
-        own.energy < 0.999 * other.energy if in_plane else abs(own.energy / other.energy - 1) < 1e-6
-    )
+    share = own.energy / other.energy
+    assert share < 0.999 if in_plane else abs(share - 1) < 1e-6
 
 
-@pytest.mark.parametrize("name, iterations", [("hemisphere", 191), ("double_dome", 198)])
-def test_presses_need_the_rules_of_the_solver(name, iterations):
-    """Without a largest correction the sharp tool ends at 15 % of its stroke; without looser first
-    solves, ends at a tenth, secant stiffness or kept contact the dome takes 200 to 217."""
+RULES = [("hemisphere", 191), ("double_dome", 198), ("strip that snaps", 280)]
+
+
+@pytest.mark.parametrize("name, iterations", RULES)
+def test_what_needs_the_rules_of_the_solver(name, iterations):
+    """The hemisphere's largest correction; the dome's looser first solves, ends at a tenth, secant
+    stiffness and kept contact, else 200 to 217; the strip's kept shifts, else 340."""
     (run,) = runs(next(words for words in CASES if words.startswith(name)))
     end = run.outcome
     assert (end.reached, end.rejected) == (1, 0) and end.iterations <= iterations

@@ -153,10 +153,8 @@ def over_a_bar(nx, pattern, penalty=1e4, tension=5.0):
     blank = sheet(length, width, nx, 4, pattern, shape=shape, a=np.array([1.0, 0, 0]))
     bar = ff.Tool(ff.Cylinder((0, 0, 0), (0, 1, 0), radius - T / 2), name="bar")
     contact, supports = ff.Contact(bar, T, penalty), [ff.Support("side", near(1, 0.0), (1,))]
-    pulls = [
-        ff.EdgeTension(lambda load: load * tension, way, lambda x, s=s: s * x[0] > last - 1e-6)
-        for s, way in zip((-1, 1), ways)
-    ]
+    ends = (lambda x, s=s: s * x[0] > last - 1e-6 for s in (-1, 1))
+    pulls = [ff.EdgeTension(lambda v: v * tension, way, end) for way, end in zip(ways, ends)]
     supports.append(ff.Support("middle", near(0, 0.0), (0,)))
     run(ff.Scene(blank, [Elastic(1e5), contact, *pulls], supports), 2)
     assert contact.force()[2] == pytest.approx(2 * tension * width * math.sin(angle / 2), rel=1e-6)
@@ -204,9 +202,8 @@ def test_circular_membrane_under_pressure():
         scene.set_load(1.0)
         report = Newton(scene).solve(x)
         assert report.converged, report.reason
-        errors.append(
-            COMM.allreduce(displacement(blank)[:, 2].max(initial=0.0), MPI.MAX) / exact - 1
-        )
+        rise = COMM.allreduce(displacement(blank)[:, 2].max(initial=0.0), MPI.MAX)
+        errors.append(rise / exact - 1)
     assert abs(errors[0]) < 0.02 and abs(errors[1]) < 0.4 * abs(errors[0])
 
 
@@ -215,10 +212,8 @@ def test_two_balls_pushed_by_force():
     """However far they have to go for it; each gives way, so that the tangent loses a matrix of
     rank two. Newton's method converges in second order."""
     blank, places = sheet(40, 20, 16, 8), (13, 26)
-    balls = [
-        ff.Tool(ff.Sphere(5.0, (x, 10, -5 - T / 2)), force=(0, 0, 10.0 + x), name=f"ball {x}")
-        for x in places
-    ]
+    spheres = {x: ff.Sphere(5.0, (x, 10, -5 - T / 2)) for x in places}
+    balls = [ff.Tool(b, force=(0, 0, 10.0 + x), name=f"ball {x}") for x, b in spheres.items()]
     contacts = [ff.Contact(ball, T, K) for ball in balls]
     on_rim = lambda x: (abs(x[:2] - [[20], [10]]) > [[20 - 1e-6], [10 - 1e-6]]).any(0)  # noqa: E731
     rim = ff.Support("rim", on_rim, (0, 1, 2))

@@ -81,9 +81,8 @@ def test_gradient_and_turning_of_the_normal():
     points = np.column_stack([x, height(x) + rng.uniform(-0.7, 0.7, len(x))])
     found, h = over(face, points), 1e-5
     for axis in range(3):
-        ahead, back = (
-            face.project(points + s * h * np.eye(3)[axis], found.triangle, 5.0) for s in (1, -1)
-        )
+        moved = (points + s * h * np.eye(3)[axis] for s in (1, -1))
+        ahead, back = (face.project(x, found.triangle, 5.0) for x in moved)
         same = (ahead.triangle == found.triangle) & (back.triangle == found.triangle)
         assert same.sum() > 150
         slope = (ahead.gap - back.gap)[same] / (2 * h)
@@ -109,10 +108,8 @@ def test_nothing_jumps_across_edges():
     crossed = one.triangle != other.triangle
     assert crossed.sum() > 50
     assert abs(one.gap - other.gap)[crossed].max() < 2e-6
-    normals = [
-        np.einsum("nc,nci->ni", o.weights, face.normals[face.triangles[o.triangle]])[crossed]
-        for o in (one, other)
-    ]
+    ends = ((o.weights, face.normals[face.triangles[o.triangle]]) for o in (one, other))
+    normals = [np.einsum("nc,nci->ni", *each)[crossed] for each in ends]
     assert abs(normals[0] - normals[1]).max() < 1e-5
 
 
@@ -131,10 +128,8 @@ def test_half_a_sheet_with_a_plane_of_symmetry_is_the_whole():
     x[:, 0] = abs(x[:, 0])
     points = np.column_stack([x, curve(x) + 0.5])
     on_plane = near(0, 0.0)
-    one, other, without = (
-        over(Face(b.whole, 1.0, planes), points)
-        for b, planes in ((whole, []), (half, [on_plane]), (half, []))
-    )
+    faces = (whole, []), (half, [on_plane]), (half, [])
+    one, other, without = (over(Face(b.whole, 1.0, planes), points) for b, planes in faces)
     for name in ("gap", "normal", "curvature"):
         assert getattr(other, name) == pytest.approx(getattr(one, name), abs=1e-11)
     assert abs(without.gap - one.gap).max() > 1e-3

@@ -21,10 +21,8 @@ def folded(turns, gap=0.0):
     with layers at a `gap` between their faces [mm]."""
     r = (T + gap) / 2
     s = np.linspace(0, LENGTH, 100001)
-    angle = 0 * s + sum(
-        way * (np.clip((s - at) / r, -np.pi / 2, np.pi / 2) + np.pi / 2)
-        for at, way in turns.items()
-    )
+    turned = lambda at: np.clip((s - at) / r, -np.pi / 2, np.pi / 2) + np.pi / 2  # noqa: E731
+    angle = 0 * s + sum(way * turned(at) for at, way in turns.items())
     middle = 0.5 * (angle[1:] + angle[:-1])
     x, z = (np.append(0, np.cumsum(f(middle) * s[1])) for f in (np.cos, np.sin))
     return lambda X: np.array([np.interp(X[0], s, x), X[1], np.interp(X[0], s, z)])
@@ -60,9 +58,8 @@ def test_layers_press_each_other_with_what_the_law_says(fold, degree):
     turns, depth = FOLDS[fold], 0.2
     _, contact = scene_of(turns, -depth, degree=degree, nx=30 // degree)
     points, known = contact.points, contact.state()
-    pressure = points.of_all(contact.faces.now, known.pressure).reshape(
-        len(points.part.cells), -1, 2, 3
-    )
+    pressure = points.of_all(contact.faces.now, known.pressure)
+    pressure = pressure.reshape(len(points.part.cells), -1, 2, 3)
     x = contact.blank.midpoints()[0]
     off = np.min([abs(x - at) for at in (0, *turns, LENGTH)], axis=0) > 7
     expected = PENALTY * (depth - 0.3 * 0.0125 * T / 2)

@@ -67,9 +67,8 @@ def test_neighbours_do_not_count():
 @pytest.mark.mpi
 def test_sheets_that_pass_through_one_another_are_told_of():
     """The lower one, led to tilt, reaches through the upper one, that no contact keeps away."""
-    sheets = [
-        (rectangle(LENGTH, WIDTH, 4, 2, spatial=True), 1.0, name) for name in ("lower", "upper")
-    ]
+    names = "lower", "upper"
+    sheets = [(rectangle(LENGTH, WIDTH, 4, 2, spatial=True), 1.0, name) for name in names]
     stack = ff.Stack(sheets)
     between = np.mean([end[2] for end in stack.extent()])
 

@@ -15,11 +15,8 @@ ABC = "a", "b", "c"
 
 
 def membranes(names, modulus=100.0):
-    return [
-        term.on(name)
-        for name in names
-        for term in (ff.Membrane(FABRIC), ff.Bending(modulus=modulus))
-    ]
+    terms = lambda: (ff.Membrane(FABRIC), ff.Bending(modulus=modulus))  # noqa: E731
+    return [term.on(name) for name in names for term in terms()]
 
 
 @pytest.mark.versions
@@ -169,9 +166,8 @@ def test_what_lies_over_nodes_is_its_mean_by_area():
     X = scene.blank.coordinates()[: len(found)]
     for end, part in ((0, 10 * (3 - 3**2 / 40)), (20, 10 * 3**2 / 40)):
         at = (abs(X[:, 0] - end) < 1e-9) & (X[:, 2] < LOW / 2)
-        assert at.sum() == 2 and (found * points.nodes.areas)[at].sum() == pytest.approx(
-            part, rel=0.1
-        )
+        total = (found * points.nodes.areas)[at].sum()
+        assert at.sum() == 2 and total == pytest.approx(part, rel=0.1)
 
 
 def test_the_back_of_a_fold_is_not_pressed():

@@ -25,9 +25,8 @@ def pull_out(path, rigid=True, cells=6, others=5, steps=8, t=T):
     `rigid`, otherwise at its end, under pressure on the upper one; the other two, of `others`
     cells, held in their planes."""
     numbers = zip((others, cells, others), NAMES)
-    stack = ff.Stack(
-        [(rectangle(LENGTH, WIDTH, n, n // 2, spatial=True), t, k) for n, k in numbers]
-    )
+    blanks = ((rectangle(LENGTH, WIDTH, n, n // 2, spatial=True), k) for n, k in numbers)
+    stack = ff.Stack([(blank, t, k) for blank, k in blanks])
 
     def on(name, rigid=True):
         low = (NAMES.index(name) - 0.5) * t
@@ -133,9 +132,8 @@ def test_shear_lag(pull):
 @pytest.mark.parametrize("distance", [0.3, 1.5, 30.0])
 def test_forces_and_tangent_are_derivatives(distance):
     """Where the sheets stick, in part, and slide, on bent faces that are partly open."""
-    stack = ff.Stack(
-        [(rectangle(20, 10, n, n // 2, spatial=True), T, name) for n, name in ((4, "a"), (6, "b"))]
-    )
+    sizes = {"a": 4, "b": 6}.items()
+    stack = ff.Stack([(rectangle(20, 10, n, n // 2, spatial=True), T, k) for k, n in sizes])
     contact = ff.SheetContact("a", "b", PENALTY, friction=ff.Coulomb(MU, SLIP))
     scene = ff.Scene(stack, [Elastic(), contact])
     X, u = stack.coordinates(), stack.u.x.array.reshape(-1, 3)
@@ -157,10 +155,9 @@ def test_stuck_strips_bend_as_one(load=0.01):
     pair = ff.SheetContact("lower", "upper", PENALTY, friction=ff.Coulomb(0.5))
     terms = [Elastic(E), pair, *(ff.Bending(D, D_t=2 * D, clamped=clamp).on(k) for k, _ in sizes)]
     pull = ff.EdgeTension(lambda at: load * max(0.0, 2 * at - 1), (0, 0, -1), tip).on("upper")
-    terms += [
-        ff.BlankHolderPressure(lambda at: pressed * min(1.0, 2 * at), (0, 0, way), everyone).on(k)
-        for way, (k, _) in zip((1, -1), sizes)
-    ]
+    p = lambda at: pressed * min(1.0, 2 * at)  # noqa: E731
+    ways = ((k, (0, 0, way)) for way, (k, _) in zip((1, -1), sizes))
+    terms += [ff.BlankHolderPressure(p, way, everyone).on(k) for k, way in ways]
     supports = [ff.Support("clamp", clamp, (0, 1, 2)), ff.Support("side", near(1, 0.0), (1,))]
     scene, anything = ff.Scene(stack, [*terms, pull], supports), ff.Limits(imbalance=1e9)
     result = ff.Job(scene, steps=2, balance=None, limits=anything).run()

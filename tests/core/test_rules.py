@@ -60,9 +60,8 @@ def test_a_name_is_told_by_spelling_or_by_what_others_call_it():
         (3, ("warp", "weft"), ""),
     ):
         assert rules.did_you_mean(word, allowed) == hint
-    assert str(rules.unknown_key("heigth", ("width", "height"), "key heigth")) == (
-        "key heigth is unknown (did you mean height?); allowed are width, height"
-    )
+    told = "key heigth is unknown (did you mean height?); allowed are width, height"
+    assert str(rules.unknown_key("heigth", ("width", "height"), "key heigth")) == told
 
 
 @dataclass

@@ -36,10 +36,8 @@ def test_on_a_terminal_one_line_renews_itself_below_what_is_printed():
     os.close(its)
     words = os.read(mine, 10_000).decode().replace("\r", "\n").split("\n")
     lines = [line.strip() for line in words if line.strip()]
-    assert [line.removesuffix("0").removesuffix("1") for line in dict.fromkeys(lines)][:2] == [
-        "meshing a.step, 00:0",
-        "a message",
-    ]
+    seen = [line.removesuffix("0").removesuffix("1") for line in dict.fromkeys(lines)]
+    assert seen[:2] == ["meshing a.step, 00:0", "a message"]
     assert lines[-1].startswith("meshing a.step, 00:0")
 
 

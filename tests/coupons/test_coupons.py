@@ -123,10 +123,8 @@ def test_derivatives_of_the_force():
     curve = bias_test(0 * GAMMA, GAMMA, 230.0, 115.0, 0.02)
     _, slopes = simulated_bias(FABRIC, curve)
     for k, (name, step) in enumerate({"s1": 1e-3, "s2": 2e-3, "s3": 4e-3}.items()):
-        more, less = (
-            simulated_bias(FABRIC.replace(**{name: getattr(FABRIC, name) + h}), curve)[0]
-            for h in (step, -step)
-        )
+        changed = ({name: getattr(FABRIC, name) + h} for h in (step, -step))
+        more, less = (simulated_bias(FABRIC.replace(**to), curve)[0] for to in changed)
         assert (more - less) / (2 * step) == pytest.approx(slopes[:, k], rel=2e-3)
 
 
@@ -169,11 +167,9 @@ def test_clamps_move_rigidly_and_yarns_keep_their_lengths(a, b):
     np.testing.assert_allclose(deformed(strip, d, 0 * y + 200, y), [0 * y + 200 + d, y], atol=1e-10)
     rng = np.random.default_rng(1)
     x, y = rng.uniform((0, 0), (200, 50), (200, 2)).T
-    moves = [
-        (deformed(strip, d, x + h, y + k) - deformed(strip, d, x - h, y - k)) / 2e-5
-        for h, k in ((1e-5, 0), (0, 1e-5))
-    ]
-    gradient = np.stack(moves, 1)  # of places, (2, 2, n)
+    ways = (1e-5, 0), (0, 1e-5)
+    ahead, back = ([deformed(strip, d, x + s * h, y + s * k) for h, k in ways] for s in (1, -1))
+    gradient = np.subtract(ahead, back).swapaxes(0, 1) / 2e-5  # of places, (2, 2, n)
     fa, fb = (np.einsum("ijn,j->in", gradient, [np.cos(k), np.sin(k)]) for k in (strip.a, strip.b))
     (_, _), distance = strip.held(x, y)
     off = distance > 1e-3

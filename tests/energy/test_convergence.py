@@ -23,10 +23,8 @@ def exact(fabric, yarns):
     s, w = np.polynomial.legendre.leggauss(40)
     X, Y = (each.ravel() for each in np.meshgrid(50 + 50 * s, 30 + 30 * s))
     weights, h = np.outer(w, w).ravel() * 50 * 30, 1e-5
-    slopes = [
-        np.subtract(made((X + h * i, Y + h * j)), made((X - h * i, Y - h * j)))
-        for i, j in ((1, 0), (0, 1))
-    ]
+    ways = (h, 0), (0, h)
+    slopes = [np.subtract(made((X + i, Y + j)), made((X - i, Y - j))) for i, j in ways]
     F = np.eye(2) + np.transpose(slopes, (2, 1, 0)) / (2 * h)
     return weights @ kernel.evaluate(fabric, gradient=F, fibres=yarns).energy * fabric.thickness
 

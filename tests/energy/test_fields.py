@@ -65,10 +65,8 @@ def test_two_temperatures_are_two_materials_and_two_thicknesses_two_sheets():
         "temperature": lambda x, y: np.where(x < 0, 20.0, 155.0),
         "thickness": lambda x, y: np.where(x < 0, 0.5, 2.0),
     }
-    halves = [
-        ff.Membrane(WARM.at(t).replace(thickness=h)).on(name)
-        for name, t, h in (("left", 20.0, 0.5), ("right", 155.0, 2.0))
-    ]
+    states = ("left", 20.0, 0.5), ("right", 155.0, 2.0)
+    halves = [ff.Membrane(WARM.at(t).replace(thickness=h)).on(name) for name, t, h in states]
     same(forces(ff.Membrane(WARM, **fields)), forces(*halves))
 
 

@@ -87,9 +87,8 @@ def test_spectrum_of_a_patch(cell, degree, integration, gamma):
     """At rest and sheared only rigid motions are free: nothing is far softer than the fabric in
     shear. With yarns in tension linear elements keep one soft mode, homogeneous shear: they lock.
     Others keep more."""
-    blank = ff.Blank.from_arrays(
-        MPI.COMM_WORLD, *specimen(40.0, 40.0, 4, 4, "left", cell), a=0.5, degree=degree
-    )
+    mesh = specimen(40.0, 40.0, 4, 4, "left", cell)
+    blank = ff.Blank.from_arrays(MPI.COMM_WORLD, *mesh, a=0.5, degree=degree)
     scene = ff.Scene(blank, [ff.Membrane(KOMEILI, integration=integration)])
     x, A = scene.u.duplicate(), scene.create_matrix()
     yarns = np.array([[math.cos(0.5), math.sin(0.5)], [-math.sin(0.5), math.cos(0.5)]])
@@ -125,9 +124,8 @@ def two_cells(fabric=LINEAR):
     of both."""
     X = np.array([[0, 0, 0], [6, 0, 0], [0, 2, 0], [9, 5, 0.0]])
     cells, yarns = np.array([[0, 1, 2], [1, 3, 2]]), [(np.cos(t), np.sin(t)) for t in (0.3, 1.7)]
-    blank = ff.Blank.from_arrays(
-        MPI.COMM_SELF, X, cells, "triangle", a=0.3, b=1.7, degree=1, spatial=True
-    )
+    kind = {"a": 0.3, "b": 1.7, "degree": 1, "spatial": True}
+    blank = ff.Blank.from_arrays(MPI.COMM_SELF, X, cells, "triangle", **kind)
     u = np.array([[0, 0, 0], [0.06, 0.06, 0], [0.04, -0.03, 0], [-0.3, 0.2, 0]])
     membrane = alone(blank, ff.Membrane(fabric))
     at = [np.linalg.norm(X - x, axis=1).argmin() for x in blank.coordinates()]

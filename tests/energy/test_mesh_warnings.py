@@ -78,10 +78,8 @@ def alternating(element, integration="full", right=0.5):
         shear = 0.0125 * np.arcsin((f[:, 0] * f[:, 1]).sum(1) / stretch.prod(1)) ** 2
         np.add.at(sums, nodes, (areas[:, None] * np.insert(stretch, 2, 1.0, axis=1))[:, None])
         smooth = (sums[:, :2] / sums[:, 2:])[nodes].mean(1)
-        whole, less = (
-            areas @ (shear + (np.where(each > 1, 667.5, 0.65) * (each - 1) ** 2).sum(1))
-            for each in (stretch, smooth)
-        )
+        of = lambda l: (np.where(l > 1, 667.5, 0.65) * (l - 1) ** 2).sum(1)  # noqa: E731, E741
+        whole, less = (areas @ (shear + of(each)) for each in (stretch, smooth))
         return 1 - less / whole, whole
 
     return membrane, made

@@ -131,9 +131,8 @@ def test_edge_tension_is_the_stress_of_a_strip(kind):
     state = membrane.state()[0]
     # P = F S, on the undeformed width
     nominal = np.sqrt(state.invariants[..., 0, None, None]) * state.S * fabric.thickness
-    assert nominal == pytest.approx(
-        np.broadcast_to(np.diag([TENSION, 0]), nominal.shape), abs=1e-6 * TENSION
-    )
+    right = np.broadcast_to(np.diag([TENSION, 0]), nominal.shape)
+    assert nominal == pytest.approx(right, abs=1e-6 * TENSION)
     assert sum(states[-1].energies.values()) == pytest.approx(states[-1].external_work, rel=1e-3)
 
 
@@ -179,10 +178,8 @@ def test_loads_on_one_sheet_of_a_stack():
     low = near(0, 0.0)
     terms = ff.DeadPressure(TENSION, (1, 0, 0)), ff.EdgeTension(5.0, (1, 0, 0), low)
     springs, total = ff.Springs(low, 3.0, 2.0, arm=(5, 0, 0)), TENSION * WIDTH * LENGTH + 52.0
-    held = [
-        ff.Support("lower", lambda x: x[2] < 0.5, (0, 1, 2)),
-        ff.Support("upper", lambda x: x[2] > 0.5, (0, 1, 2)),
-    ]
+    held = [ff.Support("lower", lambda x: x[2] < 0.5, (0, 1, 2))]
+    held.append(ff.Support("upper", lambda x: x[2] > 0.5, (0, 1, 2)))
     scene = ff.Scene(stack, [Elastic(), *(term.on("upper") for term in (*terms, springs))], held)
     run(scene, 1)
     assert scene.reaction("upper") == pytest.approx([-total, 0, 0], rel=1e-12)

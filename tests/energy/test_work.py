@@ -59,10 +59,8 @@ def test_work_depends_neither_on_axes_nor_on_the_ranks_that_share_the_forces():
     turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
     forces = np.array([[0.0, 0, 0], [1, 2, 0], [1.2, 2.1, 0.1], [9, 1, -4], [9.5, 2, -4]])
     places = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0.1, 0], [2.5, 1, 0.3], [4, 1, 2]])
-    found = [
-        done(Work(), [*zip(range(5), forces @ axes.T, places @ axes.T)])
-        for axes in (np.eye(3), turn)
-    ]
+    turns = np.eye(3), turn.T
+    found = [done(Work(), [*zip(range(5), forces @ Q, places @ Q)]) for Q in turns]
     mine = slice(MPI.COMM_WORLD.rank, None, MPI.COMM_WORLD.size)
     shared = Work(comm=MPI.COMM_WORLD)
     part = done(shared, [*zip(range(5), forces[:, mine], places[:, mine])])

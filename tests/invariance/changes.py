@@ -90,10 +90,9 @@ def centred(press, folder):
     """The sheet's file lies elsewhere, and `centred` puts its middle at the origin."""
     moved = moved_press(press, Map(shift=(30.0, -20.0)), folder)
     fields = "fibre_angle", "thickness", "temperature", "friction"  # of the place as it is laid
-    sheets = [
-        dataclasses.replace(there, centred=True, **{name: getattr(here, name) for name in fields})
-        for here, there in zip(press.sheets, moved.sheets)
-    ]
+    own = ({name: getattr(here, name) for name in fields} for here in press.sheets)
+    pairs = zip(moved.sheets, own)
+    sheets = [dataclasses.replace(there, centred=True, **here) for there, here in pairs]
     return press.replace(sheets=sheets)
 
 

@@ -64,9 +64,8 @@ class Map:
         """A number, or a field there, whose values become others by `to`."""
         if not isinstance(value, ff.Field):
             return value if value is None else float(to(value))
-        return lambda *x: to(
-            value.at(self.back(np.stack(np.broadcast_arrays(*x, *[0.0] * (3 - len(x))), 1)))
-        )
+        places = lambda *x: np.stack(np.broadcast_arrays(*x, *[0.0] * (3 - len(x))), 1)  # noqa: E731
+        return lambda *x: to(value.at(self.back(places(*x))))
 
     def yarns(self, sheet):
         """Fields of a sheet's yarns."""
@@ -138,10 +137,9 @@ def moved_holder(holder, map, centre):
 def moved_press(press, map, folder):
     """The press, as one that was built elsewhere."""
     built = press.build()
-    sheets = [
-        moved_sheet(sheet, blank, folder / f"sheet_{k}.vtu", map)
-        for k, (sheet, blank) in enumerate(zip(press.sheets, built.laid.blanks))
-    ]
+    files = (folder / f"sheet_{k}.vtu" for k in range(len(press.sheets)))
+    laid = zip(press.sheets, built.laid.blanks, files)
+    sheets = [moved_sheet(*each, map) for each in laid]
     friction = map.field(press.interface.friction)
     return press.replace(
         interface=dataclasses.replace(press.interface, friction=friction),

@@ -54,9 +54,8 @@ def test_steps_count_for_nothing_where_no_energy_is_lost():
     assert last["force"] == pytest.approx(1, rel=1e-6)
     curve = [name for name in {*few, *many} if name.endswith(".force")]
     work = "energy.external_work", "energy.viscous"  # integrated over the steps
-    assert not differences(
-        *({k: v for k, v in each.items() if k not in curve} for each in (few, many)), 1e-5, work
-    )
+    ends = ({k: v for k, v in each.items() if k not in curve} for each in (few, many))
+    assert not differences(*ends, 1e-5, work)
 
 
 def slippery(steps):

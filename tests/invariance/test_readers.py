@@ -179,9 +179,8 @@ def test_a_surface_is_read_as_it_was_written(tmp_path, monkeypatch, name, write,
         ((kind, nodes),) = mesh.cells.items()
         assert kind == {3: "triangle", 4: "quad"}[cells.shape[1]]
         assert len(np.unique(nodes)) == len(points)
-        found, right = (
-            sorted(x.reshape(len(x), -1).tolist()) for x in (mesh.points[nodes], points[cells])
-        )
+        corners = mesh.points[nodes], points[cells]
+        found, right = (sorted(x.reshape(len(x), -1).tolist()) for x in corners)
         assert found == right
 
     drawn(check, examples, surfaces())

@@ -295,10 +295,8 @@ def test_a_tool_is_measured_along_its_motion(monkeypatch):
 def test_of_supports_the_one_that_moves_furthest_is_measured(monkeypatch):
     """Along the mean motion of its nodes, which goes to 3 and 4 mm at y = 5 mm."""
     pulled = lambda x, load: load * np.array([0.6 * x[1], 4 + 0 * x[1]])  # noqa: E731
-    supports = [
-        ff.Support("small", lambda x: x[0] < 1e-6, (0, 1), (-1.0, 0.0)),
-        ff.Support("large", lambda x: x[0] > 20 - 1e-6, (0, 1), pulled),
-    ]
+    supports = [ff.Support("small", near(0, 0.0), (0, 1), (-1.0, 0.0))]
+    supports.append(ff.Support("large", near(0, 20.0), (0, 1), pulled))
     scene = ff.Scene(sheet(20, 10, 2, 2), [Elastic()], supports)
     monkeypatch.setattr(ff.Scene, "reaction", lambda _, name: {"large": [1.0, 2.0]}[name])
     assert ff.Setup(scene).measure(scene, 0.5) == pytest.approx((2.5, 0.6 + 1.6))

@@ -28,9 +28,8 @@ def cases(fabric, C, a, b, lib, weave=None):
     I8 = b[0] * (C[0] * b[0] + C[2] * b[1]) + b[1] * (C[2] * b[0] + C[1] * b[1])
     I6 = a[0] * (C[0] * b[0] + C[2] * b[1]) + a[1] * (C[2] * b[0] + C[1] * b[1])
     acos = getattr(lib, "acos", None) or lib.arccos
-    gamma = (acos(a[0] * b[0] + a[1] * b[1]) if weave is None else weave) - acos(
-        I6 / lib.sqrt(I4 * I8)
-    )
+    rest = acos(a[0] * b[0] + a[1] * b[1]) if weave is None else weave
+    gamma = rest - acos(I6 / lib.sqrt(I4 * I8))
     g = gamma if gamma.real >= 0 else -gamma
     ea, eb = lib.sqrt(I4) - 1, lib.sqrt(I8) - 1
     w, f = fabric.warp, fabric.weft

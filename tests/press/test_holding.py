@@ -1,5 +1,7 @@
 """Blank holders, segments of them, and where the flange lies."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from builders import KOMEILI, dome
@@ -18,9 +20,8 @@ HALVES = [lambda x: x[0] < 140, lambda x: x[0] >= 140]
 def test_segments_of_a_stack_press_its_sheets_together_as_one_does():
     plies = [{"fibre_angle": angle} for angle in (0, 45)]
     halves = [ff.PressureHolder(1.0, where=half) for half in HALVES]
-    one, two = (
-        dome(**SIZES, plies=plies, holder=each) for each in (ff.PressureHolder(1.0), halves)
-    )
+    holders = ff.PressureHolder(1.0), halves
+    one, two = (dome(**SIZES, plies=plies, holder=each) for each in holders)
     assert one.scene.comm.allreduce(float(np.abs(one.scene.blank.u.x.array).max())) > 0
     assert two.scene.blank.u.x.array == pytest.approx(one.scene.blank.u.x.array, abs=1e-14)
     names = [tool.name for tool in reports.tools(two.scene)] + [t.tool.name for t in two.pressing]
@@ -38,9 +39,8 @@ def held_whole(holders, symmetry="xy"):
 @pytest.mark.parametrize("limit", [20, 37.3])  # on nodes, and between them
 def test_segments_with_a_common_limit_press_each_node_once(limit):
     """Also those that rounding puts just beyond the blank's edge."""
-    segments = [
-        ff.PressureHolder(0.02, Region({"x": ends})) for ends in ((-100, limit), (limit, 100))
-    ]
+    halves = (-100, limit), (limit, 100)
+    segments = [ff.PressureHolder(0.02, Region({"x": ends})) for ends in halves]
     whole = held_whole({"holder": ff.PressureHolder(0.02)})
     assert held_whole(dict(zip("ab", segments))) == pytest.approx(whole, rel=1e-12)
     assert held_whole({"holder": segments}) == pytest.approx(whole, rel=1e-12)
@@ -72,9 +72,8 @@ def test_a_stack_is_pressed_where_any_of_its_sheets_lies_on_the_flange():
     sizes = {"patch": (20, 22), "along": (100, 60), "across": (56, 94)}
     tools = {"ball": ff.PressTool(ff.Sphere(20.0))}
     tools["die"] = ff.PressTool(ff.Plane((0, 0, 0), (0, 0, -1)), side="above")
-    cross = [
-        ff.Sheet(fabric=KOMEILI, length=a, width=b, nx=7, name=n) for n, (a, b) in sizes.items()
-    ]
+    strip = ff.Sheet(fabric=KOMEILI, nx=7)
+    cross = [dataclasses.replace(strip, length=a, width=b, name=n) for n, (a, b) in sizes.items()]
     press = ff.Press(sheets=cross, tools=tools, stages=ff.Stage(moves={"ball": 0.1}))
     for full, area, within in (False, 6000 + 56 * 34, 2e-3), (True, 20 * 22, 0.02):
         held = press.replace(holders={"holder": ff.PressureHolder(0.02, full_stack=full)}).build()

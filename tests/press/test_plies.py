@@ -30,10 +30,8 @@ def test_plies_of_a_file_take_what_they_lack_from_the_blank(tmp_path):
     assert (inner.name, inner.fibre_angle, inner.nx, inner.friction) == ("inner", 45.0, 5, 0.2)
     assert (inner.fabric, inner.length, inner.width, outer.nx) == (KOMEILI, 470, 270, 4)
     assert (outer.name, outer.length, outer.width, outer.thickness) == ("ply 2", 400.0, 200.5, 0.3)
-    fabrics, metals = (
-        [getattr(ply, kind) and getattr(ply, kind).name for ply in plies]
-        for kind in ("fabric", "metal")
-    )
+    fabrics = [ply.fabric and ply.fabric.name for ply in plies]
+    metals = [ply.metal and ply.metal.name for ply in plies]
     assert fabrics == ["komeili", "own", None, "komeili", None]
     assert metals == [None, None, "dc04", None, "own_metal"]
     # Table 2 of the paper: metal on fabric, fabric on fabric; and one that is given

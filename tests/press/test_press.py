@@ -60,9 +60,8 @@ def test_the_net_of_stiff_yarns_over_an_open_ring():
     yarn = ff.Yarn(b=2e4, d=20.0)
     stiff = ff.WovenFabric(yarn, yarn, s1=0.01, thickness=0.4)
     changes = ["blank.nx=6", "blank.element=P2", "holder.pressure=0.05", "contact.friction=0.02"]
-    sheet = dataclasses.replace(
-        ff.Press.read(HEMISPHERE, changes).sheets[0], fabric=stiff, bending_modulus=20.0
-    )
+    (sheet,) = ff.Press.read(HEMISPHERE, changes).sheets
+    sheet = dataclasses.replace(sheet, fabric=stiff, bending_modulus=20.0)
     press = hemisphere(*changes, sheets=sheet)
     grid = press.job(steps=5, path_tolerance=1e-3, balance=None).run().grid
     radius = 50 + press.thickness / 2
@@ -298,9 +297,8 @@ def test_a_blank_has_its_centroid_by_area_from_which_springs_pull(tmp_path):
     """Of two columns of cells, 90 and 210 mm wide."""
     x, y = (each.ravel() for each in np.meshgrid([0.0, 90, 300], [0.0, 200]))
     cells = [(0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4)]
-    meshio.write_points_cells(
-        tmp_path / "ply.vtu", np.column_stack([x, y, 0 * x]), [("triangle", cells)]
-    )
+    points = np.column_stack([x, y, 0 * x])
+    meshio.write_points_cells(tmp_path / "ply.vtu", points, [("triangle", cells)])
     changes = [f"blank.mesh={tmp_path / 'ply.vtu'}", "blank.symmetry=none"]
     changes += [f"tools.{name}.at=[150, 100]" for name in ("punch", "ring")]
     springs = ff.SpringHolder(stiffness=0.5, preload=8.0, at=[(300, 200)])
@@ -334,16 +332,13 @@ def test_a_run_whose_earlier_stages_differ_is_not_gone_on_with(tmp_path):
     """Unloading may be added to it."""
     six, seven = (ff.Stage("first", moves={"punch": way}, steps=3) for way in (6, 7))
     back, unload = ff.Stage("back", leave=["punch"], steps=1), ff.Stage(unload=True)
-    before, same, now = (
-        hemisphere("blank.nx=4", stages=each) for each in ([six], [six, unload], [seven, back])
-    )
+    stages = [six], [six, unload], [seven, back]
+    before, same, now = (hemisphere("blank.nx=4", stages=each) for each in stages)
     assert same.fingerprint() == before.fingerprint()
-    state = Progress(
-        *(compat.petsc_vector(before.scene.blank.u).copy() for _ in range(2)), step=0.1
-    )
-    problems = [
-        entries(each.fingerprint()["press"], "press") | each.fingerprint() for each in (before, now)
-    ]
+    x = compat.petsc_vector(before.scene.blank.u)
+    state = Progress(x.copy(), x.copy(), step=0.1)
+    prints = (each.fingerprint() for each in (before, now))
+    problems = [entries(each["press"], "press") | each for each in prints]
     Checkpoint(tmp_path / "c.npz", before.scene.blank, problems[0]).save(state, {})
     with pytest.raises(ff.InputError, match="press.stage.1.moves.punch = 6, now it is 7"):
         Checkpoint(tmp_path / "c.npz", before.scene.blank, problems[1]).load()

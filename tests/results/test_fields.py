@@ -25,9 +25,8 @@ def bare(element="P1", spatial=False, nx=6, shape=None, comm=COMM, **options):
     """A sheet from the origin on, formed by `shape`, in no scene."""
     cell = "triangle" if element[0] == "P" else "quadrilateral"
     options = {"a": 0.4, "degree": int(element[1]), "spatial": spatial} | options
-    return builders.sheet(
-        LENGTH, WIDTH, nx, nx * 2 // 3, comm=comm, cell=cell, shape=shape, **options
-    )
+    options |= {"comm": comm, "cell": cell, "shape": shape}
+    return builders.sheet(LENGTH, WIDTH, nx, nx * 2 // 3, **options)
 
 
 def sheet(*args, terms=(), **options):
@@ -175,9 +174,8 @@ def test_contact_fields_and_tools_at_each_state(tmp_path):
         assert all(list(states(folder / f"{n}.pvd")) == [0.0, 0.5] for n in ("fields", "tools"))
         assert not (folder / "tools" / "0002_0.vtp").exists()
     go_on(series, 1.0)
-    traction = COMM.gather(
-        np.stack([contact.state().forces / contact.areas[:, None] for contact in contacts], 1)
-    )
+    tractions = [contact.state().forces / contact.areas[:, None] for contact in contacts]
+    traction = COMM.gather(np.stack(tractions, 1))
     places = COMM.gather(blank.coordinates()[: contacts[0].nodes.count])
     if COMM.rank != 0:
         return

@@ -26,9 +26,8 @@ def test_a_row_has_each_number_under_its_name(tmp_path):
     kinds = {"strain": 4.0, "metal": 1.0, "viscous": 0.25, "bending": 2.75}
     state = Accepted(0.5, kinds, 10.0, report, 5, 1.23456, None)
     history = History(tmp_path / "history.csv", MPI.COMM_SELF)
-    history.add(
-        state, np.float32(1.5), np.int64(20), lambda taken: {"own": 6.0, "min_stability": 0.1}
-    )
+    own = {"own": 6.0, "min_stability": 0.1}
+    history.add(state, np.float32(1.5), np.int64(20), lambda taken: own)
     expected = {
         **{"step": 0, "load": 0.5, "displacement_mm": 1.5, "reaction_N": 20.0},
         **{f"{kind}_energy_Nmm": value for kind, value in kinds.items()},
@@ -231,9 +230,8 @@ def test_errors_of_all_that_is_told():
         "shear_angle_rms_deg": pytest.approx(np.degrees(np.sqrt(0.75 * 0.1**2))),
     }
     assert [row["error_N"] for row in run.rows] == pytest.approx([0.75, 0.95, 1.75])
-    assert run.fields["error_log_eps_11"].sum() / eps.sum() == pytest.approx(
-        errors["log_eps_11_rms"] / np.sqrt(by_area @ eps**2)
-    )
+    share = errors["log_eps_11_rms"] / np.sqrt(by_area @ eps**2)
+    assert run.fields["error_log_eps_11"].sum() / eps.sum() == pytest.approx(share)
     forces = estimate(run, other, names, of_other_kind=True, forces_only=True)
     kept = "reaction_N", "strain_energy_Nmm", names[0], names[2], "curve_N", "curve_steps_N"
     assert [name for name, error in forces.items() if error is not None] == [*kept]

@@ -33,9 +33,8 @@ def run(tmp_path_factory):
     bodies = [ff.Tool(ff.Sphere(15.0, centre=(0, 0, -16)), path=(0, 0, 10), name="ball")]
     bodies.append(ff.Tool(ff.Plane((0, 0, 12), (0, 0, -1)), name="lid"))
     with builders.compiled_as_it_stands():  # and never run
-        scene = ff.Scene(
-            sheet, [ff.Membrane(ff.load("komeili")), *map(ff.Contact, bodies)], QUARTER
-        )
+        terms = [ff.Membrane(ff.load("komeili")), *map(ff.Contact, bodies)]
+        scene = ff.Scene(sheet, terms, QUARTER)
     series, x = FieldSeries(folder, scene), sheet.coordinates()
     for at in (0.0, 0.8):
         u = np.zeros_like(x)

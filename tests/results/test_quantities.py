@@ -179,9 +179,8 @@ def test_cells_crumple_from_5_percent_on_there_or_in_1_percent_of_the_area(there
 
 @pytest.mark.parametrize("length, told", [(1.02, True), (0.98, False)])
 def test_yarns_shortened_by_2_percent_in_1_percent_of_the_area_are_told_of(length, told):
-    doubts = quantities.fabric_doubts(
-        fabric(strip((length, 100 - length)), (0, 0), ((0.0201, 0.0199), (0, 0)))
-    )
+    ply = fabric(strip((length, 100 - length)), (0, 0), ((0.0201, 0.0199), (0, 0)))
+    doubts = quantities.fabric_doubts(ply)
     assert bool(doubts) == told
     plane = fabric(strip((2, 98), spatial=False), (0, 0), ((0.06, 0), (0, 0)))
     assert not quantities.fabric_doubts(plane)  # it can't fold

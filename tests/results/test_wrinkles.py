@@ -120,10 +120,9 @@ def test_ripples_are_no_wrinkles():
 
 def test_waves_of_a_quarter_are_those_of_the_whole():
     """On a ply that is symmetric to both planes."""
-    whole, quarter = (
-        wrinkles(height_map(formed(cosine(30), n, n, s, s, full=full), nowhere))
-        for n, s, full in ((48, 180.0, True), (24, 90.0, False))
-    )
+    sizes = (48, 180.0, True), (24, 90.0, False)
+    plies = (formed(cosine(30), n, n, s, s, full=full) for n, s, full in sizes)
+    whole, quarter = (wrinkles(height_map(each, nowhere)) for each in plies)
     for name in ("height_mm", "height_rms_mm", "wavelength_mm", "cells_a_wave"):
         assert quarter[name] == pytest.approx(whole[name], rel=0.02)
 

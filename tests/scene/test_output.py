@@ -126,13 +126,13 @@ def test_a_smooth_tool_holds_no_flat_sheet_within_its_plane(more, supports, heig
 )
 def test_smooth_tools_hold_a_flat_sheet_by_their_shapes_or_not_at_all(tools, words):
     """Planes and what turns about one axis never do; where others may, that is said."""
-    made, other = (
-        ff.Scene(
-            sheet(20, 10, 4, 2, spatial=True),
-            [ff.Membrane(KOMEILI), ff.Bending(8.33), *(ff.Contact(t, friction=mu) for t in tools)],
-        )
-        for mu in (0.0, 0.2)
-    )
+
+    def scene(mu):
+        terms = [ff.Membrane(KOMEILI), ff.Bending(8.33)]
+        terms += [ff.Contact(tool, friction=mu) for tool in tools]
+        return ff.Scene(sheet(20, 10, 4, 2, spatial=True), terms)
+
+    made, other = scene(0.0), scene(0.2)
     if words:
         with pytest.raises(ff.InputError, match=words):
             made.check_start()

@@ -14,9 +14,8 @@ from fabric_fenicsx.solve.stepping import LoadStepping, TrialStep
 
 def scene_of(*terms):
     """A strip of a membrane and these."""
-    return ff.Scene(
-        ff.Blank.rectangle(20, 10, nx=2), [builders.Elastic(), *terms], ff.clamped_ends(0.2)
-    )
+    blank = ff.Blank.rectangle(20, 10, nx=2)
+    return ff.Scene(blank, [builders.Elastic(), *terms], ff.clamped_ends(0.2))
 
 
 class Losing(ff.Term):
@@ -161,6 +160,5 @@ def test_steps_grow_once_one_passed_uncut_however_many_iterations_it_took(monkey
     states = []
     march(Newton(scene_of()), steps=4, on_accept=states.append)
     # the first is halved, so the second stays as it is
-    assert [accepted.load for accepted in states] == pytest.approx(
-        [0, 0.125, 0.25, 0.4375, 0.6875, 0.9375, 1]
-    )
+    loads = [accepted.load for accepted in states]
+    assert loads == pytest.approx([0, 0.125, 0.25, 0.4375, 0.6875, 0.9375, 1])

@@ -74,9 +74,8 @@ def grid(angle, n=8):
 
 def told_of(size, hole=0.0):
     """The warnings about a square plate of this size, with a square hole, under 100 mm of sheet."""
-    out, inner = (
-        np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * each / 2 for each in (size, hole)
-    )
+    square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2
+    out, inner = square * size, square * hole
     k, n = np.arange(4), (np.arange(4) + 1) % 4
     points = np.column_stack([np.vstack([out, inner]), np.zeros(8)])
     cells = np.vstack([np.column_stack([k, n, n + 4]), np.column_stack([k, n + 4, k + 4])])

@@ -130,9 +130,8 @@ class Dent(ff.ImplicitSurface):
 def test_surfaces_of_a_user():
     """Where no nearest point is found the surface is told to be far."""
     points = np.random.default_rng(0).uniform([-20, -15, -3], [20, 15, 3], (500, 3))
-    check_derivatives(
-        Dent(), points + [[0, 0, 1]] * (points[:, 2:] - Dent().implicit(points.T)[0][:, None])
-    )
+    up = points[:, 2:] - Dent().implicit(points.T)[0][:, None]
+    check_derivatives(Dent(), points + [[0, 0, 1]] * up)
     far = np.array([[10.759631695, -51.810639783, 33.652719063], [2.820369e-6, 7e-18, 0.7712783]])
     assert np.isnan(Dent().evaluate(far).gap).any()
     found = Dent().evaluate(far, reach=1.0)

@@ -150,9 +150,8 @@ def forces(nx):
     def clamped(x, load):
         return np.vstack([(STRETCH - 1) * min(load / 0.1, 1.0) * x[:2], 0 * x[:1]])
 
-    ball = ff.Tool(
-        ff.Sphere(BALL, (0, 0, -TOUCHED)), path=lambda load: (0, 0, depth(load)), name="ball"
-    )
+    sphere = ff.Sphere(BALL, (0, 0, -TOUCHED))
+    ball = ff.Tool(sphere, path=lambda load: (0, 0, depth(load)), name="ball")
     contact = ff.Contact(ball, T, 1000.0)
     supports = [
         ff.Support("rim", lambda x: np.hypot(x[0], x[1]) > RIM - 1e-6, (0, 1, 2), clamped),
