@@ -92,7 +92,7 @@ def attributes(node):
 BOUNDS = {
     "lines of the package": (32_000, lambda: lines(FILES.values())),
     "lines of tests": (19_000, lambda: lines(tracked("tests/*.py"))),
-    "lines of benchmarks": (1_800, lambda: lines(tracked("benchmarks/*.py"))),
+    "lines of benchmarks": (1_920, lambda: lines(tracked("benchmarks/*.py"))),
     "words of pages": (
         33_000,
         lambda: sum(len(t.split()) for t in tracked("README.md", "docs/*.md")),
