@@ -77,6 +77,7 @@ def set_arrays(arrays: Any, fields: Mapping[str, ArrayLike]) -> None:
 
     for name, given in fields.items():
         values = np.ascontiguousarray(given)
+        values = values.view(np.uint8) if values.dtype == bool else values  # VTK has no bool
         if values.dtype.kind == "U":
             array = vtkStringArray()
             for text in values.tolist():

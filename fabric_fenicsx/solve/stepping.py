@@ -257,7 +257,7 @@ class LoadStepping:
 
     def _law_there(self, trial):
         told = [term.history().get("min_stability") for term in self.scene.terms]
-        least = min(float(getattr(each, "value", 0.0)) for each in told)
+        least = min((float(getattr(each, "value", 0.0)) for each in told), default=0.0)
         words = f", where the law is unstable (ellipticity {rounded(least)}; 1 at rest)"
         return words if least < 0 and trial.report.reason == Termination.INVERTED.value else ""
 

@@ -184,8 +184,7 @@ ON_RANKS = "whole", "quarter", "stl", "two_plies", "ply_and_metal", "inner", "sp
 
 @pytest.mark.parametrize("scene", [pytest.param(n, marks=pytest.mark.mpi) for n in ON_RANKS])
 def test_ranks_change_no_number(scene, tmp_path):
-    """Work is measured at states within steps, of which the holder's areas lag: five runs on two
-    ranks differ from each other by 3e-8 of it, where forces agree to 1e-12."""
+    """Work is measured within steps, where areas lag: five runs on two ranks differ by 3e-8."""
     comm, work = MPI.COMM_WORLD, "energy.external_work"
     press = PRESSES[scene](comm.bcast(tmp_path))
     how, ranks = {"balance": None, "path_tolerance": 1e-8}, (MPI.COMM_SELF, comm)

@@ -11,7 +11,7 @@ import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.core.errors import InputError
 from fabric_fenicsx.results.fields import FieldSeries, yarn_coordinates
-from fabric_fenicsx.results.ply import grid_of
+from fabric_fenicsx.results.ply import grid_of, set_arrays
 from fabric_fenicsx.results.states import _drop_units, read_state, save
 from fabric_fenicsx.results.states import units as state_units
 from fabric_fenicsx.scene import output as reports
@@ -230,3 +230,9 @@ def test_all_ranks_learn_of_the_file_that_one_cannot_write(tmp_path):
     COMM.barrier()
     with pytest.raises(InputError, match=f"fields/0000_{last}.vtu can't be read or written"):
         series.write(0.0)
+
+
+def test_a_mask_is_written_as_0_and_1():
+    grid = grid_of(np.eye(3), np.array([[0, 1, 2]]), np.zeros((3, 3)))
+    set_arrays(grid.GetCellData(), {"held": np.array([True])})
+    assert grid.cell_data["held"].tolist() == [1]
