@@ -247,3 +247,10 @@ def launch(shared_path, run_script):
         )
 
     return run
+
+
+def pytest_terminal_summary(terminalreporter):
+    """List what tests have recorded, as the iterations of scenes."""
+    for report in terminalreporter.getreports("passed"):
+        for name, value in report.user_properties:
+            terminalreporter.line(f"{name}: {value}")

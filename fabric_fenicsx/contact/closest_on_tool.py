@@ -82,10 +82,10 @@ class ClosestOnTool:
         place, gap, normal = self.outside[:, :3], self.outside[:, 3], self.outside[:, 4:]
         way = x - place
         length = np.sqrt(row_dots(way, way))
-        came_along, is_same = (row_dots(each, nearest.normal) > 0 for each in (way, normal))
-        may_cross = (nearest.gap > self.reach) | came_along & ~is_same
-        may_cross &= self.nodes.mask & (length >= gap + abs(nearest.gap))
-        at = np.flatnonzero(may_cross)
+        at = np.flatnonzero(self.nodes.mask & (length >= gap + abs(nearest.gap)))
+        now = nearest.normal[at]
+        came_along, is_same = (row_dots(each[at], now) > 0 for each in (way, normal))
+        at = at[(nearest.gap[at] > self.reach) | came_along & ~is_same]
         # no face is nearer to either end than the gap there
         ends = gap[at], length[at] - np.maximum(nearest.gap[at], 0.0)
         foot, across, through = self._walls(place[at], way[at] / length[at, None], *ends)

@@ -1,6 +1,6 @@
 """Friction at points that are pressed on a tool or on another sheet: its state, and their slip."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol, Self
 
 import numpy as np
@@ -50,6 +50,9 @@ class ToolSlip:
         self.normals, self.offsets, self._derivative = normals, offsets, derivative
         self._nodes, self._tool = nodes, tool
         self._place, self._tool_place = nodes.displacement(), tool.displacement.copy()
+        self._slid: Sequence[np.ndarray] = np.full(
+            (2, nodes.count, 3), np.nan
+        )  # of the last motion
 
     def tool_moved(self) -> np.ndarray:
         """Motion of the tool (3,) [mm]."""
@@ -59,7 +62,9 @@ class ToolSlip:
         return self._nodes.view() - self._place - self.tool_moved()
 
     def slid(self) -> np.ndarray:
-        return self.on_nodes(self._moved())
+        if not np.array_equal(moved := self._moved(), self._slid[0]):
+            self._slid = moved, self.on_nodes(moved)
+        return self._slid[1]
 
     def exact(self, now: "ToolSlip") -> np.ndarray:
         """As in `SlipMap`, of places less offsets."""
@@ -241,7 +246,7 @@ class FrictionState:
     def _now(self):
         """Sliding, energy and forces in the present state, evaluated once."""
         slid, known = self.sliding.slid(), self._known
-        if known is None or not np.array_equal(slid, known[0]):
+        if known is None or not (slid is known[0] or np.array_equal(slid, known[0])):
             energy, forces = self._potential(self._slipped(slid), self._limit)
             known = self._known = slid, float((self._energy_correction + energy).sum()), forces
         return known

@@ -230,14 +230,15 @@ def add_bending_along(
     """Add to `forces` (count, 3) `factor` times what a section's stiffness gives along v, without
     that of stretching alone."""
     shape, moments, bending, mixed = section
-    nodes = shape.bends.shape[2]
+    nodes, is_mixed = shape.bends.shape[2], mixed.any()
     by_node, turned, rest = np.empty(nodes), np.empty(3), np.empty(3)
     bent, more, pull = np.empty(3), np.empty(3), np.empty(3)
     strain, stretch = np.empty(3), np.empty((3, 3, 3))
     for c in range(len(moments)):
         n, g, B, M = shape.normal[c], shape.gradients[c], shape.bends[c], moments[c]
         turned[:], rest[:], bent[:], strain[:] = 0.0, 0.0, 0.0, 0.0
-        _stretch_along(shape.base[c], slopes[c], stretch)
+        if is_mixed:
+            _stretch_along(shape.base[c], slopes[c], stretch)
         for i in range(nodes):
             at = v[columns[c, i]]
             along = _dot(at, n)
@@ -247,7 +248,8 @@ def add_bending_along(
                 rest[k] += by_node[i] * at[k]
                 if i < 3:
                     turned[k] += g[i, k] * along
-                    strain[k] += _dot(stretch[k, i], at)
+                    if is_mixed:
+                        strain[k] += _dot(stretch[k, i], at)
         torque = _dot(M, shape.curvature[c])
         for k in range(3):
             rest[k] += torque * turned[k]
@@ -259,7 +261,7 @@ def add_bending_along(
                 across -= _dot(g[i], rest)
             for x in range(3):
                 force = across * n[x] - by_node[i] * turned[x]
-                if i < 3:
+                if i < 3 and is_mixed:
                     force += _dot(pull, stretch[:, i, x])
                 forces[columns[c, i], x] += factor * force
 

@@ -165,8 +165,8 @@ class Nodes:
         corners, held = x[triangles], shares_at(borne, x.T)[triangles][:, None] + self.BEYOND
         over = under.over(corners) if hasattr(under, "over") else np.full(len(corners), np.nan)
         pressed = np.repeat(over[:, None] / 3, 3, 1)
-        split = np.isnan(over) | (over > 0) & (np.ptp(held, axis=(1, 2)) > 0)
-        places = np.einsum("kc,nci->ink", self.WITHIN, corners[split]).reshape(3, -1)
+        split = np.isnan(over) | (over > 0) & (held != held[..., :1]).any((1, 2))
+        places = (corners[split].transpose(2, 0, 1) @ self.WITHIN.T).reshape(3, -1)
         weights = self.WITHIN * held[split]
         shares = shares_at(under, places).reshape(-1, len(self.WITHIN), 1)
         weights *= shares / weights.sum(2)[..., None]

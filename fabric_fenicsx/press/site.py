@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import partial, reduce
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -79,7 +79,7 @@ class Flange:
     """
 
     SPACING = 2.0  # mm, of the lattice
-    BEYOND = 2  # points of it beyond a place's square, as the end may be curved
+    BEYOND = 1  # point of it beyond a place's square, as the end may be curved
     # height over the thickness, and 1 less the normal's part along z: up to the first a face is
     # flat, from the second on it is not
     LIMITS = 1e-3, 1e-2
@@ -100,8 +100,9 @@ class Flange:
             # how many points away the nearest one is that has another share than 0, and than 1
             alike = (np.pad(flat == value, 1) for value in (0, 1))
             self._away = [ndimage.distance_transform_cdt(each, "chessboard") for each in alike]
-        low, high = (ends[:, :2] / self.SPACING for ends in (x.min(1), x.max(1)))
-        middle, needed = (low + high) / 2 - self._first + 1, (high - low).max(1) / 2 + 2
+        corners = np.ascontiguousarray(x.transpose(1, 0, 2)[..., :2]) / self.SPACING
+        low, high = (reduce(of, corners) for of in (np.minimum, np.maximum))
+        middle, needed = (low + high) / 2 - self._first + 1, (high - low).max(1) / 2 + 0.5
         share = np.full(len(x), np.nan)
         for value, away in enumerate(self._away):
             near = ndimage.map_coordinates(away, middle.T, order=0)  # 0 beyond the lattice

@@ -186,6 +186,8 @@ class SheetMesh:
         cell = compat.cell_name(self.mesh)
         corners = self.TRIANGLES.get((cell, self.degree), self.TRIANGLES[cell, 1])
         nodes = compat.dofmap(self.V)[cells][:, corners]
+        if len(corners) == 1:
+            return nodes
         # by their places: ranks may turn a cell, and terms remember values in its triangles
         places = np.moveaxis(self.coordinates()[nodes].mean(2).round(6), 2, 0)
         order = np.lexsort(places[::-1], axis=1)

@@ -13,6 +13,8 @@ from ..core.errors import InputError
 from ..core.fields import KnowsItsFields, check_fields, documented, quantity
 from ..core.rules import FROM_ZERO, POSITIVE, Rule
 from .implicit import ImplicitSurface
+from .newton_kernel import MAX_ROUNDS, Search, advance
+from .surfaces import Nearest
 
 # Numbers that follow from the dimensions of a double dome [mm]: half the distance of the domes,
 # radius and half width of the outline, curvature `bend` of its concave arcs [1/mm]; height, radii
@@ -112,6 +114,29 @@ def _implicit(dome: _Shape, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
     return F, gradient, hessian
 
 
+@compiled
+def _bound(dome: _Shape, F: np.ndarray, z: np.ndarray) -> np.ndarray:
+    bound, least = np.empty(len(F)), 1 - dome.drop
+    steepest = 96 / (25 * math.sqrt(5)) * dome.drop / dome.reach
+    for i in range(len(F)):
+        # |F| is at most the distance times the largest gradient up to the surface, at any x
+        zx = max(abs(z[i]), dome.depth) * steepest / least**2
+        norm = 1 / least**2 + zx * zx
+        largest = math.sqrt((1 + norm + math.sqrt((1 - norm) ** 2 + 4 * zx * zx)) / 2)
+        bound[i] = max(abs(F[i]) / largest, z[i] - dome.depth, -z[i])
+    return bound
+
+
+@compiled
+def _project(dome: _Shape, search: Search, feet: Nearest) -> None:
+    count = len(search.rows)
+    for iteration in range(MAX_ROUNDS):
+        if not count:
+            return
+        F, gradient, hessian = _implicit(dome, search.trial[:count])
+        count = advance(search, count, iteration, F, gradient, hessian, feet)
+
+
 @documented
 @dataclass(frozen=True)
 class DoubleDome(KnowsItsFields, ImplicitSurface):
@@ -205,13 +230,10 @@ class DoubleDome(KnowsItsFields, ImplicitSurface):
         return _implicit(self._shape, np.ascontiguousarray(x.T, dtype=float))
 
     def bound(self, F: np.ndarray, x: np.ndarray) -> np.ndarray:
-        # |F| is at most the distance times the largest gradient up to the surface, at any x
-        least = 1 - self.saddle_depth / self.depth
-        steepest = 96 / (25 * math.sqrt(5)) * (1 - least) / self.saddle_length * 2
-        zx = np.maximum(abs(x[2]), self.depth) * steepest / least**2
-        norm = 1 / least**2 + zx * zx
-        largest = np.sqrt((1 + norm + np.sqrt((1 - norm) ** 2 + 4 * zx * zx)) / 2)
-        return np.maximum(abs(F) / largest, np.maximum(x[2] - self.depth, -x[2]))
+        return _bound(self._shape, F, x[2])
+
+    def _project(self, search, feet):
+        _project(self._shape, search, feet)
 
     @cached_property
     def developed(self) -> np.ndarray:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from .newton_kernel import advance, search_from
+from .newton_kernel import MAX_ROUNDS, advance, search_from
 from .surfaces import Nearest, Surface
 
 
@@ -50,15 +50,17 @@ class ImplicitSurface(Surface):
         return np.zeros_like(F)
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
-        x = np.ascontiguousarray(points.T)
-        F = _fitting(self.value(x), x.shape[1:])
-        bound = _fitting(self.bound(F, x), x.shape[1:])
-        up, n = np.array([0.0, 0.0, 1.0]), len(points)
-        feet = Nearest(np.copysign(bound, F), np.tile(up, (n, 1)), np.zeros((n, 3, 3)))
+        x, n = np.ascontiguousarray(points.T), len(points)
+        F = _fitting(self.value(x), (n,))
+        bound = _fitting(self.bound(F, x), (n,))
+        up = np.array([0.0, 0.0, 1.0])
+        feet = Nearest(np.copysign(bound, F), np.zeros((n, 3)) + up, np.zeros((n, 3, 3)))
         near = np.flatnonzero(bound <= reach)
-        # blocks that stay in the cache
-        for part in np.array_split(near, max(1, len(near) // 4096)):
-            self._project(points[part], part, feet)
+        for first in range(0, len(near), 4096):  # blocks that stay in the cache
+            rows = near[first : first + 4096]
+            for target in feet:
+                target[rows] = np.nan
+            self._project(search_from(points[rows], rows), feet)
         lost = near[np.isnan(feet.gap[near])]
         if len(lost) and 0 < reach < math.inf:  # where F has one sign around, the surface is far
             sides = np.stack(np.meshgrid(*3 * [[-1.0, 0.0, 1.0]]), -1).reshape(-1, 3)
@@ -76,12 +78,10 @@ class ImplicitSurface(Surface):
         n = x.shape[1]
         return [*map(_fitting, self.implicit(x), ((n,), (3, n), (3, 3, n)))]
 
-    def _project(self, x, rows, feet):
-        """Put what belongs to the nearest points of x (n, 3) into `rows` of `found`."""
-        for target in feet:
-            target[rows] = np.nan
-        search, count = search_from(x, rows), len(rows)
-        for iteration in range(101):
+    def _project(self, search, feet):
+        """Put what belongs to the nearest points of a `Search` into its rows of `feet`."""
+        count = len(search.rows)
+        for iteration in range(MAX_ROUNDS):
             if not count:
                 return
             F, gradient, hessian = self.derivatives(search.trial[:count].T)
@@ -90,4 +90,5 @@ class ImplicitSurface(Surface):
 
 def _fitting(values, shape):
     """An array of this shape, of values at each point or the same at all."""
-    return np.ascontiguousarray(np.broadcast_to(np.asarray(values, float), shape))
+    values = np.asarray(values, float)
+    return np.ascontiguousarray(values if values.shape == shape else np.broadcast_to(values, shape))

@@ -14,6 +14,7 @@ from ..core.compiled import compiled
 from .surfaces import Nearest
 
 Vector = tuple[float, float, float]
+MAX_ROUNDS = 101  # after which a point has no nearest one
 FOOT_TOLERANCE = 1e-11, 1e-14  # mm, and per mm of the coordinates: by which a foot may be off
 
 

@@ -89,10 +89,10 @@ class Surface:
         Where |gap| surely exceeds the reach [mm], the gap need only do so too, with the right sign,
         and normal and curvature need only be finite; so far points cost little."""
         x = checked_points(points)
+        if np.isfinite(x).all():
+            return self.nearest(x, reach)
         finite = np.isfinite(x).all(1)
-        near = self.nearest(x if finite.all() else x[finite], reach)
-        if finite.all():
-            return near
+        near = self.nearest(x[finite], reach)
         feet = Nearest(*(np.full((len(x), *part.shape[1:]), np.nan) for part in near))
         for whole, part in zip(feet, near):
             whole[finite] = part
