@@ -1,6 +1,6 @@
 """Friction at points that are pressed on a tool or on another sheet: its state, and their slip."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Protocol, Self
 
 import numpy as np
@@ -50,9 +50,7 @@ class ToolSlip:
         self.normals, self.offsets, self._derivative = normals, offsets, derivative
         self._nodes, self._tool = nodes, tool
         self._place, self._tool_place = nodes.displacement(), tool.displacement.copy()
-        self._slid: Sequence[np.ndarray] = np.full(
-            (2, nodes.count, 3), np.nan
-        )  # of the last motion
+        self._slid = 2 * (np.full((nodes.count, 3), np.nan),)  # of the last motion
 
     def tool_moved(self) -> np.ndarray:
         """Motion of the tool (3,) [mm]."""

@@ -1,8 +1,8 @@
 """The force of a simulated bias test, and what each shear parameter adds to it."""
 
 import numpy as np
+import scipy
 from mpi4py import MPI
-from scipy.interpolate import CubicSpline
 
 from ..core.errors import SolverFailure
 from ..identification.curves import Curve
@@ -56,4 +56,5 @@ def _simulated(fabric, curve, pattern, cells):
     if outcome.reason:
         raise SolverFailure(outcome.reason)
     d, force, *slopes = np.array(rows).T
-    return CubicSpline(d, force)(at), CubicSpline(d, np.transpose(slopes)).derivative()(at)
+    spline = scipy.interpolate.CubicSpline
+    return spline(d, force)(at), spline(d, np.transpose(slopes)).derivative()(at)

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from mpi4py import MPI
-from scipy import sparse
 
 from ..core.errors import InputError
 from ..core.rules import FROM_ZERO
@@ -157,7 +157,7 @@ class Bending(Term):
         products, pairs = both.swapaxes(1, 2) @ cells.within, self._stencil.coupled
         here, size = pairs.places >= 0, self._stencil.count
         within = np.bincount(pairs.places[here], products[here], pairs.count)
-        self._matrix = sparse.csr_matrix((within, pairs.ends), shape=(size, size))
+        self._matrix = scipy.sparse.csr_matrix((within, pairs.ends), shape=(size, size))
         if not any(self._in_plane):
             self._matrix.eliminate_zeros()
         self._rest: np.ndarray | float = 0.0

@@ -5,10 +5,10 @@ from collections.abc import Callable
 from types import ModuleType
 
 import numpy as np
+import scipy
 import ufl
 from mpi4py import MPI
 from petsc4py import PETSc
-from scipy import sparse
 
 from .. import dolfinx_compat as compat
 from ..core.errors import InputError
@@ -214,7 +214,7 @@ class Stencil:
         self._gathered = GatheredNodes(cells.blank, self._nodes)
         self.count = len(keys)
         entries = np.ones(columns.size), (columns.ravel(), np.arange(columns.size))
-        self._on_nodes = sparse.csr_matrix(entries, shape=(self.count, columns.size))
+        self._on_nodes = scipy.sparse.csr_matrix(entries, shape=(self.count, columns.size))
         bends = operator != 0 if apart else (operator != 0).any(1, keepdims=True)
         bends[:, :, :3] = True
         couples = (bends[:, :, :, None] & bends[:, :, None]).any(1)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from ..core.errors import InputError, SolverFailure
 from ..core.formatting import rounded
@@ -137,7 +137,7 @@ def _statistics(problem, theta, free, sd):
     covariance = inverse @ inverse.T  # over the variance
     spread = np.sqrt(np.diag(covariance))
     error = math.sqrt(variance) * spread * natural
-    half = stats.t.ppf(0.975, dof) * error
+    half = scipy.stats.t.ppf(0.975, dof) * error
     return variance, error, half, covariance / np.outer(spread, spread), J
 
 
@@ -168,7 +168,7 @@ def _physics(problem, fabric):
 
 
 def _fit_warnings(problem, dof, variance, softest, convex, determined, assumed):
-    limit = stats.chi2.ppf(0.999, dof) / dof
+    limit = scipy.stats.chi2.ppf(0.999, dof) / dof
     if all(c.noise for c in problem.curves) and variance > limit:
         times = rounded(math.sqrt(variance), 2)
         text = f"the curves lie {times} times their stated noise from the law"

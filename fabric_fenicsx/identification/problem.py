@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from ..core.errors import InputError, SolverFailure
 from ..material.friction import ShearFriction
@@ -322,7 +322,7 @@ class Problem:
             return theta
         x, low, high = self._to_x(theta, free)
         margin = np.minimum(1e-3, 1e-3 * (high - low))
-        result = least_squares(
+        result = scipy.optimize.least_squares(
             lambda x: self.residual(self._from_x(x, theta, free), sd)[rows],
             np.clip(x, low + margin, high - margin),
             bounds=(low, high),

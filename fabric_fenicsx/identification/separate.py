@@ -12,8 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
-from scipy.optimize import curve_fit, least_squares
+import scipy
 
 from ..core.errors import InputError, SolverFailure
 from ..core.formatting import rounded
@@ -144,12 +143,12 @@ def _fitted_compaction(p, h, sd, onset=None):
         start = {"exponent": 10.0, "onset": begin, "pressure": near}
         x = np.clip(np.log([start[name] for name in names]), bounds[0] + 1e-6, bounds[1] - 1e-6)
         with suppress(RuntimeError):  # it did not converge
-            fits.append(curve_fit(log_thickness, p, np.log(h), x, sd, **how))
+            fits.append(scipy.optimize.curve_fit(log_thickness, p, np.log(h), x, sd, **how))
     if not fits:
         raise SolverFailure("the fit of compaction did not converge in 300 evaluations")
     x, covariance, info, *_ = min(fits, key=lambda fit: fit[2]["fvec"] @ fit[2]["fvec"])
     dof, errors = len(p) - len(names), np.sqrt(np.diag(covariance))
-    wide = stats.t.ppf(0.975, dof) * errors
+    wide = scipy.stats.t.ppf(0.975, dof) * errors
     numbers = zip(names, x, errors, wide)
     found = {name: _determined(v, e, half, UNITS[name]) for name, v, e, half in numbers}
     return found, float(np.sqrt(np.sum((info["fvec"] * sd) ** 2) / dof))
@@ -212,12 +211,12 @@ def _fitted_friction(count, turn, angle, width):
     for places in itertools.combinations((0.03, 0.1, 0.3), count):
         strength = np.full(count, half / count)
         start = np.log([*strength / (np.array(places) * turn.max()), *strength])
-        fits.append(least_squares(off, start, bounds=(start - 15, start + 15)))
+        fits.append(scipy.optimize.least_squares(off, start, bounds=(start - 15, start + 15)))
     best = min(fits, key=lambda each: each.cost)
     variance = max(2 * best.cost / dof, (NOISE * half) ** 2)
     _, s, Vt = np.linalg.svd(best.jac, full_matrices=False)
     spread = np.sqrt(((Vt.T / np.maximum(s, 1e-8 * s.max())) ** 2).sum(1) * variance)
-    wide = stats.t.ppf(0.975, dof) * spread
+    wide = scipy.stats.t.ppf(0.975, dof) * spread
     if (wide > math.log(3.0)).any():  # an interval of a factor of 3 to either side
         return None
     stiffness, strength = np.exp(best.x).reshape(2, -1)

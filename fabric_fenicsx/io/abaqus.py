@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 
 @dataclass
@@ -106,7 +106,8 @@ def _assembled(placed):
         x = x + [*(rows[0] if rows else ()), 0, 0, 0][:3]
         for row in rows[1:]:
             foot, axis = row[:3], row[3:6] - row[:3]
-            turn = Rotation.from_rotvec(np.radians(row[6]) * axis / np.linalg.norm(axis))
+            vector = np.radians(row[6]) * axis / np.linalg.norm(axis)
+            turn = scipy.spatial.transform.Rotation.from_rotvec(vector)
             x = turn.apply(x - foot) + foot
         points.append(x)
         others |= part.others

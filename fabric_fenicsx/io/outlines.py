@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import scipy
 import shapely
-from scipy.spatial import cKDTree
 
 from ..core.errors import InputError
 from ..core.files import check_file, ending
@@ -234,7 +234,8 @@ def joined(lines: Sequence[np.ndarray], source: str) -> list[np.ndarray]:
     # of the lines' extent, up to which their ends meet
     gap = 1e-4 * np.ptp(np.concatenate(lines), axis=0).max()
     ends = np.array([line[[0, -1]] for line in lines]).reshape(-1, 2)
-    _, place = connected(len(ends), cKDTree(ends).query_pairs(gap, output_type="ndarray").T)
+    pairs = scipy.spatial.cKDTree(ends).query_pairs(gap, output_type="ndarray")
+    _, place = connected(len(ends), pairs.T)
     _, first, group = np.unique(place, return_index=True, return_inverse=True)
     ends = ends[first[group]].reshape(-1, 2, 2)
     pieces = [

@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy import spatial
 
 from ..core.errors import InputError
 from ..core.formatting import coordinates
@@ -173,7 +173,7 @@ def asymmetry(grid: Grid, axis: int) -> tuple[float, float, np.ndarray] | None:
     image across an axis (0: in x = 0) [mm], and the place (2,) of that. None if this is less than
     a tenth of it, and for a mesh that is not its own image."""
     x, mirror = np.asarray(grid.points), 1.0 - 2.0 * np.eye(3)[axis]
-    away, image = spatial.KDTree(x).query(x * mirror)
+    away, image = scipy.spatial.KDTree(x).query(x * mirror)
     u = np.asarray(grid.point_data["u"])
     moved, off = (np.linalg.norm(v[:, :2], axis=1) for v in (u, u - u[image] * mirror))
     is_alike = away.max() > SAME or off.max() <= 0.1 * moved.max()

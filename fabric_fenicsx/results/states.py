@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import lazy_loader
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from ..core.errors import InputError
 from ..core.files import replace_file
@@ -67,8 +67,8 @@ def frame_of(folder: Path | str, tool: str) -> Frame:
     place = places.get([*places, tool][0] if tool == "tool" else tool)
     if not place:
         raise unknown_key(tool, places, f"tool {tool} of {folder}")
-    axes = Rotation.from_euler("xyz", place["turned_by_deg"], degrees=True).as_matrix()
-    return Frame(np.array(place["placed_at_mm"]), axes)
+    turn = scipy.spatial.transform.Rotation.from_euler("xyz", place["turned_by_deg"], degrees=True)
+    return Frame(np.array(place["placed_at_mm"]), turn.as_matrix())
 
 
 def read_state(folder: Path, load: float | None = None) -> Grid:

@@ -6,8 +6,7 @@ from typing import Any
 
 import lazy_loader
 import numpy as np
-from scipy import ndimage
-from scipy.linalg import toeplitz
+import scipy
 
 from .ply import Grid, grid_of, mark_planes, plan_area, ply_of, whole
 from .shape import outline
@@ -105,7 +104,7 @@ def _along(nodes, spacing, band, step, low, on, x):
     [mm], from places as of `_sampled`; spacing: of the ply's nodes [mm]."""
     wave = band / step  # places a wave
     fine, coarse, quarter = FINE * wave, COARSE * wave, wave / 4
-    inside, between = ndimage.minimum_filter(on, 3), ndimage.minimum_filter1d(on, 3, 0)
+    inside, between = scipy.ndimage.minimum_filter(on, 3), scipy.ndimage.minimum_filter1d(on, 3, 0)
     along, across = (np.gradient(x, step, axis=axis) for axis in (0, 1))
     normal = _mean(np.cross(along, across), inside, NORMAL * wave, NORMAL * wave)
     normal /= np.maximum(np.linalg.norm(normal, axis=2), 1e-300)[..., None]
@@ -124,17 +123,18 @@ def _along(nodes, spacing, band, step, low, on, x):
     alternates = np.where(z > 0, _alternates(bend, wave), _alternates(-bend, wave)) * (z * bend < 0)
     # that much of both sides must be on the ply
     around = 2 * round(REACH * wave) + 1
-    alternates *= ndimage.uniform_filter1d(on, around, 0, mode="constant") > 0.7
+    alternates *= scipy.ndimage.uniform_filter1d(on, around, 0, mode="constant") > 0.7
     energy = _mean((z * alternates) ** 2, on, quarter, quarter)
     left_over = (_passed(phase, fine) - shape) * (1 - shape)
     left_over *= np.sinc(apart * phase / 2 / np.pi) ** 2
     z *= alternates / np.maximum(left_over, 0.8)
-    longer = ndimage.maximum_filter1d(longer, around, 0)  # or where it turns back
-    nearest = ndimage.distance_transform_edt(on == 0, return_distances=False, return_indices=True)
+    longer = scipy.ndimage.maximum_filter1d(longer, around, 0)  # or where it turns back
+    off = {"return_distances": False, "return_indices": True}
+    nearest = scipy.ndimage.distance_transform_edt(on == 0, **off)
     at = ((nodes - low) / step).T
     # waves along stretches, squared, that are so much longer than across, are shape
     values = z * (longer < 0.05), energy, 2 * np.pi * step / phase
-    return [ndimage.map_coordinates(each[tuple(nearest)], at, order=1) for each in values]
+    return [scipy.ndimage.map_coordinates(each[tuple(nearest)], at, order=1) for each in values]
 
 
 def _sampled(flat, nodes, turn, bands, steps):
@@ -188,7 +188,7 @@ def _fitted(values, weights, sigma):
 
 @lru_cache(8)
 def _gaussian(n, sigma):
-    return ndimage.gaussian_filter1d(np.eye(n), sigma, 0) if sigma else np.eye(n)
+    return scipy.ndimage.gaussian_filter1d(np.eye(n), sigma, 0) if sigma else np.eye(n)
 
 
 @lru_cache(8)
@@ -196,9 +196,8 @@ def _moments(n, sigma):
     """Matrices (5, n, n) of sums over n places, times powers of the way to each, over `sigma`."""
     s = np.arange(n) / sigma
     near = np.exp(-s * s / 2) * (s * sigma <= np.ceil(CUT * sigma))
-    return np.array(
-        [toeplitz((-1) ** power * near * s**power, near * s**power) for power in range(5)]
-    )
+    sides = [((-1) ** power * near * s**power, near * s**power) for power in range(5)]
+    return np.array([scipy.linalg.toeplitz(*each) for each in sides])
 
 
 def _passed(phase, sigma):
@@ -210,7 +209,7 @@ def _passed(phase, sigma):
 def _alternates(bend, wave):
     """Share with which a crest counts: 0 where `bend` on one of its sides has less than a tenth of
     the crest's the other way, 1 from a fifth on."""
-    half, highest = round(REACH * wave / 2), ndimage.maximum_filter1d
+    half, highest = round(REACH * wave / 2), scipy.ndimage.maximum_filter1d
     sides = [highest(bend, 2 * half + 1, 0, mode="constant", origin=o) for o in (half, -half)]
     three = np.stack([*sides, highest(-bend, 2 * round(wave / 4) + 1, 0)])
     share = three.min(0) / np.maximum(three.max(0), 1e-12)

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import basix
 import numpy as np
+import scipy
 import shapely
 from numpy.typing import ArrayLike
-from scipy.spatial import cKDTree
 
 from .. import dolfinx_compat as compat
 from ..core.errors import InputError
@@ -146,7 +146,7 @@ def _hanging(x, ends, cells, near, numbers):
     numbers: (n,) of points in the file."""
     nodes, (p, q) = np.unique(ends), x[ends].swapaxes(0, 1)
     length = np.linalg.norm(q - p, axis=1)
-    tree = cKDTree(x[nodes])
+    tree = scipy.spatial.cKDTree(x[nodes])
     beside = tree.query_ball_point((p + q) / 2, (0.5 + near) * length)
     edge = np.repeat(np.arange(len(ends)), [len(each) for each in beside])
     node = nodes[np.concatenate([*beside, []]).astype(int)]

@@ -7,9 +7,9 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import scipy
 import shapely
 from numpy.typing import ArrayLike
-from scipy.spatial import cKDTree
 
 from ..core.errors import InputError
 from ..core.files import ending
@@ -257,7 +257,7 @@ def _fine_places(sheet, size, notes, centre):
     *places, sizes = np.concatenate(edges, 1)
     x, y, along, around, number = np.concatenate(dense, 1)
     x = np.column_stack([x, y])
-    i, j = cKDTree(x).query_pairs(2 * size, output_type="ndarray").T
+    i, j = scipy.spatial.cKDTree(x).query_pairs(2 * size, output_type="ndarray").T
     width = np.linalg.norm(x[i] - x[j], axis=1)
     way = abs(along[i] - along[j])
     way = np.where(number[i] == number[j], np.minimum(way, around[i] - way), np.inf)

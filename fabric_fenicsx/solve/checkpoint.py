@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 from mpi4py import MPI
-from scipy.spatial import cKDTree
 
 from .. import dolfinx_compat as compat
 from ..core.collective_errors import on_root
@@ -115,7 +115,7 @@ class Checkpoint:
         count, off, nearest = self.comm.allreduce(len(places)), math.inf, np.empty(0, int)
         gdim = self._centres.shape[1]
         if saved.shape[1] == places.shape[1]:  # both in a plane, or both in space
-            distance, nearest = cKDTree(saved).query(places)
+            distance, nearest = scipy.spatial.cKDTree(saved).query(places)
             off = self.comm.allreduce(distance.max(initial=0.0), MPI.MAX)
         is_other = count != len(saved) or off > 1e-9 * np.ptp(saved[:, :gdim], axis=0).max()
         if is_other or self.comm.allreduce(np.bincount(nearest, minlength=count)).max() > 1:

@@ -4,10 +4,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.sparse import csr_matrix
-from scipy.sparse.linalg import lsqr
-from scipy.spatial import cKDTree
 
 from ..core.errors import InputError
 from ..core.graph import connected
@@ -272,10 +270,12 @@ def _arcs(points, triangles, name, normals, fixed):
     row, end = np.nonzero(free[ends])
     unknown = 2 * (np.cumsum(free) - 1)[ends[row, end]]
     at = np.repeat(row, 2), (unknown[:, None] + [0, 1]).ravel()
-    J = csr_matrix((slope[row, end].ravel(), at), shape=(len(ends), 2 * free.sum()))
+    J = scipy.sparse.csr_matrix((slope[row, end].ravel(), at), shape=(len(ends), 2 * free.sum()))
     miss = ((normals[ends[:, 0]] + normals[ends[:, 1]]) * chord).sum(1)
     # weight of averaged normals beside the condition that edges are arcs
-    tilt = lsqr(J, -miss, damp=math.sqrt(0.03), atol=1e-6, btol=1e-6, iter_lim=200)[0]
+    tilt = scipy.sparse.linalg.lsqr(
+        J, -miss, damp=math.sqrt(0.03), atol=1e-6, btol=1e-6, iter_lim=200
+    )[0]
     new = normals.copy()
     new[free] += np.einsum("na,nai->ni", tilt.reshape(-1, 2), frame[free])
     return unit(new)
@@ -297,7 +297,7 @@ def repaired(
     scale = abs(x).max(initial=0)
     if not np.array_equal(x, x.astype(np.float32)):
         scale = min(scale, np.ptp(x, axis=0).max(initial=0))
-    same = cKDTree(x).query_pairs(2e-7 * scale, output_type="ndarray")
+    same = scipy.spatial.cKDTree(x).query_pairs(2e-7 * scale, output_type="ndarray")
     x, cells = _joined(x, cells, same)
     x, cells = _joined(x, cells, _cracks(x, cells))
     corners = x[cells]
@@ -334,7 +334,7 @@ def _cracks(x, cells):
     near = np.full(len(x), 2e-3 * np.median(length))
     for end in ends.T:
         np.minimum.at(near, end, 0.1 * length)
-    pairs = rim[cKDTree(x[rim]).query_pairs(near[rim].max(), output_type="ndarray")]
+    pairs = rim[scipy.spatial.cKDTree(x[rim]).query_pairs(near[rim].max(), output_type="ndarray")]
     apart = np.linalg.norm(x[pairs[:, 1]] - x[pairs[:, 0]], axis=1)
     return pairs[apart <= near[pairs].min(1)]
 

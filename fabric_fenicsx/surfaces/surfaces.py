@@ -8,8 +8,8 @@ from reprlib import repr as repr_short
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from ..core.errors import InputError
 from ..core.rules import FINITE, Rule
@@ -290,4 +290,5 @@ class Turned(_Rigid):
         super().__init__(surface)
         self.angles = checked_vector("angles of the turn [deg]", angles)
         # of a column of coordinates
-        self._turn = Rotation.from_euler("xyz", self.angles, degrees=True).as_matrix()
+        turn = scipy.spatial.transform.Rotation.from_euler("xyz", self.angles, degrees=True)
+        self._turn = turn.as_matrix()
