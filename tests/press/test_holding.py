@@ -177,3 +177,7 @@ def test_the_share_is_that_of_each_place():
         die.at(load)
         right = np.hypot(places[0] - 3 * load, places[1]) >= 40
         assert np.array_equal(flange(places), right) and {0.0, 1.0} == {*right}
+        corners = places.T[:, None, :2] + [[-5, -5], [5, -5], [0, 5]]
+        over, far = flange.over(corners), np.hypot(*(corners - [3 * load, 0]).T).T >= 40
+        known = ~np.isnan(over)
+        assert (far[known] == over[known, None]).all() and known.mean() > 0.3
