@@ -129,3 +129,21 @@ def test_metal_that_ends_over_the_opening_is_told_of(sizes, loose):
     made = laminate(f"blank.length={sizes[0]}", f"blank.width={sizes[1]}", *metal)
     found = [words for words in made.warnings if "opening" in words]
     assert len(found) == 1 and loose in found[0]
+
+
+def test_metal_between_the_domes_need_not_shrink():
+    """The laminate's punch is developable there, as no saddle or waist is: one curvature is 0."""
+    x, y = np.mgrid[0:150:9j, 0:90:46j].reshape(2, -1)
+    punches = ff.Press.read("laminate").tools["punch"].surface, ff.DoubleDome()
+    for punch, is_developable in zip(punches, (True, False)):
+        bent = punch.evaluate(punch.lift(x, y)).curvature
+        product = (np.trace(bent, 0, 1, 2) ** 2 - (bent**2).sum((1, 2))) / 2
+        assert (abs(product).max() < 1e-12) == is_developable
+
+
+def test_cells_of_the_laminate_resolve_its_bands():
+    """Least tangent of the paper's tau = s1 g + s2 g^2 + s3 g^3; bands are sqrt(B / Gt) wide."""
+    ply = ff.Press.read("laminate").sheets[2]
+    G = 25.06e-3 - 186.79e-3**2 / (3 * 562.39e-3)
+    B = ply.in_plane_stiffness + ply.in_plane_bending * ply.bending_modulus / 12  # of 1 mm
+    assert np.sqrt(B / G) > 2 * ply.length / 2 / ply.nx
