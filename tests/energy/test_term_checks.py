@@ -165,8 +165,8 @@ TURNED = {"frame": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]}
 SIDES = lambda x: abs(x[:2] - 5).max(0) > 4.999  # noqa: E731
 
 
-def square(**options):
-    return sheet(10, 10, 2, 2, "left", **{"spatial": True} | options)
+def square(pattern="left", **options):
+    return sheet(10, 10, 2, 2, pattern, **{"spatial": True} | options)
 
 
 def stack():
@@ -196,6 +196,7 @@ REFUSED = [
     (lambda: alone(square(), ff.Gravity()), "gravity needs the mass of"),
     (lambda: alone(square(), ff.Bending(1.0, symmetric=SIDES)), "sides in more than one plane"),
     (lambda: alone(square(spatial=False), ff.Bending(1.0)), "`spatial=True`, or `in_plane`"),
+    (lambda: alone(square("crossed"), ff.Bending(1.0, 1.0, 0.0, 1.1)), "no more stiffness than"),
 ]
 
 

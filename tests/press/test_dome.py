@@ -23,8 +23,7 @@ def test_tools_close_to_the_clearance_that_is_asked():
         heights = [made.tools["punch"].path(load)[2] for load in np.linspace(0, 1, len(stages) + 1)]
         assert np.diff(heights) == pytest.approx([20, 40] if len(stages) > 1 else [60], abs=1e-6)
         assert made.schedule.distance("punch", 1.0) == pytest.approx(clearance)
-    words = "tools punch and die go .* through one another at the end of forming"
-    with pytest.raises(ff.InputError, match=words):
+    with pytest.raises(ff.InputError, match="punch and die go .* through one another at the end"):
         dome(nx=4, stroke=62.0)
 
 
@@ -70,9 +69,7 @@ def test_a_whole_ply_is_fixed_in_the_nodes_nearest_to_centre_and_end(cells):
         assert np.hypot(*(fixed[0, :2] - place)) == pytest.approx(least, abs=1e-5)
 
 
-@pytest.mark.parametrize(
-    "angle, said", [(30, True), (45 + 1e-10, False), (-45, False), (1e-10, False)]
-)
+@pytest.mark.parametrize("angle, said", [(30, 1), (45 + 1e-10, 0), (-45, 0), (1e-10, 0)])
 def test_a_quarter_whose_yarns_no_plane_mirrors_is_warned_of(angle, said):
     made = dome(nx=4, fibre_angle=angle)
     assert any("mirror images" in text for text in made.warnings) == said

@@ -122,8 +122,7 @@ def test_a_laminate_is_formed(launch, monkeypatch):
     assert done.status == 0, done.err
     s = done.summary
     q, energy = s["quantities"], s["energy"]
-    names = ["lower metal", "lower", "middle", "upper", "upper metal"]
-    assert s["converged"] and list(q["plies"]) == names
+    assert s["converged"] and " ".join(q["plies"]) == "lower metal lower middle upper upper metal"
     # of the fabric, not of the smaller metal below it
     assert [s["options"][name] for name in ("nx", "length", "width")] == [3, 760, 460]
     assert energy["viscous"] <= 0.01 * energy["metal"]
@@ -131,9 +130,7 @@ def test_a_laminate_is_formed(launch, monkeypatch):
     assert q["penetration_of_thickness"] < 0.02
     assert q["unbalanced_force_N"] < 1e-4 * q["contact_forces_N"]["die"]
     for name, ply in q["plies"].items():
-        is_metal = "metal" in name
-        assert ("thinning_max" in ply) == is_metal
-        assert ("shear_angle_max_deg" in ply) != is_metal
+        assert ("thinning_max" in ply) == ("metal" in name) != ("shear_angle_max_deg" in ply)
     assert q["plies"]["middle"]["shear_contrast_deg"] > 0 and "shear_contrast_deg" not in q
     assert q["sheet_pressure_largest_MPa"] > 1  # of 2 MPa beneath the holder
     drawn = "middle", "middle_paths", "between", "metal", "formed", "states_middle"
