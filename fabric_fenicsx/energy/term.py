@@ -45,7 +45,7 @@ def overrides(term: Term, method: str) -> bool:
 class Term:
     """An energy or a load on the scene's sheet; a subclass overrides what it needs.
 
-    Arrays and numbers are those of this rank's part, if nothing else is said. Degrees of freedom
+    Unless stated otherwise, arrays and numbers are those of this rank's part. Degrees of freedom
     are those of `blank.u`: components along the axes of the blank's frame.
 
     Attributes
@@ -55,31 +55,31 @@ class Term:
     energy_kind : str or None
         Kind under which the energy is summed: KIND_energy_Nmm in history.csv, KIND in the `energy`
         of summary.json; None for loads. The package has strain, bending, contact, friction,
-        yarn_friction, metal and plastic; an own term needs another kind to be seen by itself.
+        yarn_friction, metal and plastic; choose another kind to list your own term separately.
     resists : tuple of str
         Rigid motions of the sheet that the term may resist: "move" and "turn", or only those out of
         its plane, "lift", or within it, "slide"; "stretch" if the term alone can hold the sheet
-        together, though it is no form. A scene in which a rigid motion stays free is refused.
+        together, though it is not a form. A scene with a free rigid motion is rejected.
     energy : ufl.Form or None
         Form in `blank.u`, integrated by `part.dx(degree)` or `part.ds(edge, degree)` [N mm]; for a
         load, minus its work. None if `stored`, `add_forces` and `tangent` take its place.
     pattern : object
-        What is no longer equal when the places of `tangent` change, as a number that counts up.
+        A value that changes when the rows and columns of `tangent` change, e.g. a counter.
     tool : Tool or None
-        Tool by which the term acts on the sheet.
+        Tool through which the term acts on the sheet.
     prestressed : bool
-        True if the sheet may have stress as it lies, before load.
+        True if the unloaded sheet may have stress.
     blank, part : Blank, Part
         The sheet and the part of it that the term is on, known in `set_up`. `blank.mesh.comm` is
         the MPI communicator, `blank.V.dofmap.index_map` numbers the nodes.
     fields : mapping
-        {name: (`Field`, places (n, 3), its values (n,) there)} of what depends on the place.
+        {name: (`Field`, places (n, 3), its values (n,) there)} of quantities that vary in space.
     thickness_field : Field or None
-        Thickness of the part's material [mm] where that depends on the place.
+        Thickness of the part's material [mm] if it varies in space.
     fingerprint : dict
-        Attributes before `set_up` as plain data, in which a checkpoint must agree.
+        Attributes before `set_up` as plain data, with which a checkpoint must agree.
     unbound : Term
-        The term before `set_up`, of which another scene may take a copy.
+        The term before `set_up`, which another scene may copy.
 
     Examples
     --------

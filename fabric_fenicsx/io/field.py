@@ -21,12 +21,12 @@ Function = Callable[..., np.ndarray | float]  # of arrays x, y and perhaps z (n,
 
 
 class Field:
-    """A number that depends on the place, where an option takes one.
+    """A number that varies in space, for options that accept one.
 
     Between points in a file the number is interpolated linearly, on triangles or tetrahedra between
-    them; beyond them it is that of the nearest point, no farther than the points reach. Angles are
-    interpolated as they stand, so write 190 after 170 deg, not -170. Raises InputError for a file
-    without such points, and for points that span no area, or lie at one place with different
+    them; outside it is that of the nearest point, up to the extent of the points. Angles are
+    interpolated as numbers, so write 190 after 170 deg, not -170. Raises InputError for a file
+    without such points, and for points that span no area, or have several values at one
     values.
 
     Parameters

@@ -44,15 +44,15 @@ class Job(Settings):
     Parameters
     ----------
     setup : Scene or Setup
-        A scene at rest, with new terms; or one with what is measured, written and drawn of it.
+        A scene at rest, with new terms; or a `Setup` that also defines quantities and pictures.
     steps, max_step, tolerance, path_tolerance, viscosity, ...
         Keywords of the solver, the fields of `Settings`.
     error : bool
         Estimate errors from the same run on a coarser mesh.
     coarser : callable, optional
-        Function that makes this job on a mesh twice as coarse, by default as the `Setup` says.
+        Function that returns this job on a coarser mesh, by default that of the `Setup`.
     observers : sequence
-        Objects with the methods of an `Observer`, called at each state, as to write own files.
+        Objects with the methods of an `Observer`, called at each state, e.g. to write files.
 
     Examples
     --------

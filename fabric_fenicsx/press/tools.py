@@ -53,7 +53,7 @@ class PressTool(KnowsItsFields):
         Its surface; or the name of a file with triangles or a CAD model [mm]; or `DieOf` another
         tool.
     at
-        Place of the origin of its surface, (x, y, z) or (x, y) [mm], by default (0, 0), of a die
+        Position of the origin of its surface, (x, y, z) or (x, y) [mm], by default (0, 0), of a die
         that of its tool. Without z the tool is moved along z until it touches the blank, and then
         back by `start_distance`.
     turn
