@@ -244,7 +244,7 @@ class LineBead(ToolContactTerm):
     """Equivalent drawbead: a force per length of a line that stands still in plan, against the
     sliding of the sheets that lie there, in any direction; these share it. It does not depend on
     the rate, and begins with an elastic slip as friction. It acts on the nodes around by their
-    shape functions, taken anew in each accepted state.
+    shape functions, updated in each accepted state.
 
     line: two points (x, y) [mm] or more; restraint: above 0 [N/mm]; law: 1.0, or a `Coulomb` of it.
     Raises InputError for others.

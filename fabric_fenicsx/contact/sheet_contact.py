@@ -70,7 +70,7 @@ class FaceContact(ContactTerm):
         self.energy_correction = self._accepted_correction = np.zeros(points.count)
         # the last displacement and faces, and what was found there
         self._response: tuple[np.ndarray, ContactPairs, ContactResponse] | None = None
-        # in the last accepted state, before faces were taken anew
+        # in the last accepted state, before faces were updated
         self.totals, self.first = self._totals(), self.faces.accepted
         deepest = -self.blank.mesh.comm.allreduce(self.first.gap.min(initial=np.inf), MPI.MIN)
         if deepest > self.thickness / 4:

@@ -40,7 +40,7 @@ def shortest_wave(fabric: Law, D: float, strain: float) -> float:
 
 class _State(NamedTuple):
     """At a displacement U (nodes, gdim): energy [N mm]; in space the shape of cells, with the
-    slopes out of their edges in place of the curvature, what is conjugate to these (cells, 3)
+    slopes out of their edges instead of the curvature, what is conjugate to these (cells, 3)
     [N mm] and its derivative (cells, 3, 3), and friction's response."""
 
     U: np.ndarray
@@ -289,7 +289,7 @@ class Bending(Term):
         if self._measured:
             measured, weight = self._measured
             along = measured.respond(bent[:, :2], weight)
-            # in place of the straight line of its slopes at the start
+            # instead of the straight line of its slopes at the start
             area = self._cells.area[:, None]
             start = area * self.stiffnesses[:2]
             straight = start * bent[:, :2]

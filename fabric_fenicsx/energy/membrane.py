@@ -197,7 +197,7 @@ class Membrane(FabricStates):
 
     def _constants(self, mesh):
         """The fabric, a0 and b0 where they are constant and the cosine of a weave angle that is
-        given: entries of one vector, as several would be ordered, and the form compiled anew, by
+        given: entries of one vector, as several would be ordered, and the form recompiled, by
         their names."""
         straight, fabric, numbers = self.part.straight, self.fabric, self._numbers
         values = numbers_of(fabric) if numbers is None else []

@@ -37,7 +37,7 @@ class SceneFacts(Protocol):
 
 
 def overrides(term: Term, method: str) -> bool:
-    """True if a term has a `method` of its own in place of that of `Term`."""
+    """True if a term has a `method` of its own instead of that of `Term`."""
     of_type, base = (getattr(kind, method, None) for kind in (type(term), Term))
     return method in vars(term) or of_type is not base
 
@@ -136,7 +136,7 @@ class Term:
 
     def energies(self) -> dict[str | None, float]:
         """Energies that are no form, {kind: N mm}, the same kinds each time; None: minus the work
-        of a load. A term of several kinds overrides this in place of `stored`."""
+        of a load. A term of several kinds overrides this instead of `stored`."""
         return {self.energy_kind: self.stored()}
 
     def add_forces(self, f: np.ndarray) -> None:
@@ -288,7 +288,7 @@ def bind(term: Term, scene: SceneFacts) -> None:
         flaw += "forces and stiffness follow, integrated: `W * self.part.dx(degree)`"
     elif form and term.part_name and "everywhere" in [i.subdomain_id() for i in form.integrals()]:
         flaw = f"{of}, which is on a part, is integrated over the whole sheet; it needs "
-        flaw += "`self.part.dx(degree)` in place of `ufl.dx`"
+        flaw += "`self.part.dx(degree)` instead of `ufl.dx`"
     elif (has("memory") or has("cell_memory")) and not has("recall"):
         flaw = f"term {term.name} has a memory and needs `recall` to restore it"
     elif term.energy_kind is None and not has("work"):

@@ -126,7 +126,7 @@ class Field:
             return {"file": str(self.source), "field": self.name}
         return self.source if callable(self.source) else str(self.source)
 
-    def told(self, low: float, high: float) -> str:
+    def in_words(self, low: float, high: float) -> str:
         """The least and the largest value, and where they are from, for people."""
         ends = dict.fromkeys((rounded(low, 4), rounded(high, 4)))
         source = "a function" if callable(self.source) else Path(self.source).name

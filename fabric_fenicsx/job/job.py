@@ -244,7 +244,7 @@ class Job(Settings):
         if not states.is_written():
             states.series.write(outcome.reached, fields)
         result = Result({}, rows, fields, folder, scene)
-        # of the last row, as terms have since taken anew what they held in its solve
+        # of the last row, as terms have since updated what they held in its solve
         kinds = {**dict.fromkeys(ENERGIES), **scene.energies()}
         energy = {kind: rows[-1][f"{kind}_energy_Nmm"] for kind in kinds}
         energy["external_work"] = rows[-1]["external_work_Nmm"]

@@ -18,7 +18,7 @@ Measured = tuple[float, float] | tuple[float, float, dict[str, float]]
 
 
 class Observer:
-    """Is told of a run on all ranks; a subclass overrides what it needs."""
+    """Observer of a run on all ranks; a subclass overrides what it needs."""
 
     def begin(self, folder: Path, pictures: bool) -> None:
         """Before the first step; pictures: whether any are asked for, in `folder`."""

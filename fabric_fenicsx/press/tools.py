@@ -23,7 +23,7 @@ from ..surfaces.surfaces import Surface, Turned, checked_vector
 @documented
 @dataclass(frozen=True)
 class DieOf(KnowsItsFields):
-    """The die of another tool, in place of a surface of its own.
+    """The die of another tool, instead of a surface of its own.
 
     Parameters
     ----------

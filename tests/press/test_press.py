@@ -355,5 +355,5 @@ def test_sheets_touch_themselves_and_a_run_stops_if_asked():
 def test_cells_beside_a_radius_may_be_limited():
     """Of 25 mm beside one of 8 mm at the ring's opening."""
     press = hemisphere("blank.nx=4", "stage.1.steps=2", "stage.1.moves.punch=5")
-    with pytest.raises(ff.SolverFailure, match=r"cells are 312 % .*; the limit is 300 % .*cell_size"):
+    with pytest.raises(ff.SolverFailure, match=r"cells are 312 % .*; the limit is 300 % .*size"):
         press.job(balance=None, limits=ff.Limits(imbalance=9, cell_size=3.0)).run()
