@@ -205,7 +205,7 @@ class HolderSite:
             if (shared := self.total(weights, mask(x), other(x))) > most:
                 both = f"holders.{name} and holders.{self.name}"
                 raise InputError(
-                    f"{both} overlap on {rounded(shared, 4)} {unit}, where both would act; expected "
+                    f"{both} overlap on {rounded(shared, 4)} {unit}; expected "
                     "segments beside each other (`where`)"
                 )
         earlier[self.name] = mask

@@ -48,7 +48,7 @@ def rectangle(
         layout.nx * ny * (1 if cell[0] == "q" else {"left": 2, "right": 2}.get(layout.pattern, 4))
     )
     if count > MAX_CELLS:
-        raise InputError(f"`nx` is {layout.nx}, `ny` {ny}: {_cost(count)}; expected {MAX_CELLS:,}")
+        raise InputError(f"`nx` is {layout.nx}, `ny` {ny}: {_cost(count)}; at most {MAX_CELLS:,}")
     axes, shift = axes_of(turned), middle * np.asarray(centred)
     start = np.array([planes.get(axis, 0.0) for axis in (0, 1)])
     yarns = _yarns(layout, (middle - shift) @ axes + start)

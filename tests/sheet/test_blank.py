@@ -255,7 +255,7 @@ def test_directions_just_allowed_and_just_refused(options):
     kite(**options[0])
     with pytest.raises(ff.InputError, match="fibre direction"):
         kite(**options[1])
-    with pytest.raises(ff.InputError, match="`ny` 4500: 1.62e8 cells, .* some 1940 GB"):
+    with pytest.raises(ff.InputError, match="`ny` 4500: 1.62e8 cells, .* about 1940 GB"):
         ff.Blank.rectangle(2, 1, nx=9000)
     for angle in (-360, 360):
         ff.Blank.rectangle(2, 1, nx=1, fibre_angle=angle)

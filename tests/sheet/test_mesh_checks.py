@@ -61,7 +61,7 @@ LIES = {
     "a corner turned over": (one("triangle6", {3: (-3, 0)}), "number 0, that its curved edges"),
     # at all of whose nodes it is not
     "inside": (one("triangle6", {3: (2.5, 2.5), 4: (3, -3), 5: (-3, 1)}), "edges invert"),
-    "node that is not there": ((STRIP[0], [[0, 1, 99]], "triangle"), r"nodes \[0, 1, 99\]; allow"),
+    "node that is not there": ((STRIP[0], [[0, 1, 99]], "triangle"), r"nodes \[0, 1, 99\]; exp"),
 }
 
 

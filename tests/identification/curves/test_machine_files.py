@@ -184,7 +184,7 @@ def test_strain_and_force_count_from_a_stated_slack_and_zero(tmp_path):
     x = np.linspace(0.2, 5, 25).round(1)
     pulled = strip(x, 500 * x - 40, "# slack = 0,1 cm\n# zero -40 N\n# speed: 5 mm/min\n")
     (curve,) = data.read(folder(tmp_path, strip=pulled))[1]
-    assert curve.remarks == ("the line 'speed' is not read",)
+    assert curve.remarks == ("the line 'speed' is ignored",)
     assert curve.strains[[0, -1], 0] == pytest.approx([0.001, 0.02])
     assert curve.rows[0] == 14
     assert curve.responses[0].values[-1] == pytest.approx(2500 / 50 / 1.2)

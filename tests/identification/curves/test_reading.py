@@ -211,7 +211,7 @@ LIMITS = {  # text of a file by a number: the last that is allowed, and the firs
     "strain of a test": (lambda v: (UP, UP / 6 * v, *PULL), 0.051, 0.049, "0.05 % or more"),
     "angle of a test": (lambda v: (UP, UP / 6 * v, *TURNED), 1.61, 1.59, "1.6 deg or"),
     "fall": (lambda v: ([1, 2, 4, 8, 10, v], UP, *PULL), 5.1, 4.9, "has fallen to 49 %"),
-    "before strain": (lambda v: ([v, *UP[1:] * 2], UP - 1, *PULL), 2.3, 2.5, "before anything is"),
+    "before strain": (lambda v: ([v, *UP[1:] * 2], UP - 1, *PULL), 2.3, 2.5, "at the start"),
     "steps back": (lambda v: (UP, [0, 2, 4, 5, 5 - v, 10], *PULL), 0.09, 0.11, "to rise"),
     "cycles": (lambda v: (TURNS, [1, 3, 6, 9, v, 5, 0, 10.5, 4, 0], *PULL), 10.45, 10.35, "(keep"),
     "thousands": (lambda v: ([1, v, 1.185, 30, 31, 41], UP, *PULL), 37, 38, "1.185 or 1185"),
