@@ -134,7 +134,7 @@ def test_the_encoding_of_a_file_is_named(tmp_path):
 
 def test_tools_that_no_plane_of_symmetry_mirrors_are_doubted():
     """One off by 0.32 mm, more than a quarter of the thickness, or that goes aside."""
-    doubt = "tools.punch is not its own mirror image in "
+    doubt = "tools.punch is not symmetric about "
     aside = ("tools.punch.at=[0.16, 0]", "x = 0"), ("stage.1.moves.punch=[0, 3, 20]", "y = 0")
     for change, place in (*aside, ("tools.punch.at=[0.12, 0]", "")):
         warnings = hemisphere("blank.nx=4", change).warnings
@@ -149,7 +149,7 @@ def test_an_answer_less_symmetric_than_its_press_is_doubted():
     assert not press.doubts(result)
     result.grid.point_data["u"][result.grid.points[:, 0] > 1, 0] += 1
     (doubt,) = press.doubts(result)
-    assert "its own mirror image in x = 0, but the blank, which" in doubt.text
+    assert "symmetric about x = 0, but the blank, which" in doubt.text
     assert " mm in plan, is off its image by 1 mm at (" in doubt.text
     held = {"left": ff.PressureHolder(0.1, where=lambda x: x[0] < 0)}
     turned, segment = hemisphere(*whole, "blank.fibre_angle=30"), hemisphere(*whole, holders=held)
