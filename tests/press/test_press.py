@@ -76,7 +76,7 @@ def test_the_net_of_stiff_yarns_over_an_open_ring():
 def test_the_force_of_a_tool_is_that_on_the_whole_blank(tmp_path):
     """A quarter of it pushes the quarter that is modelled, towards it."""
     ring = '[tools.lower]\nshape = "plate"\nlength = 108\nentry = 8\nforce = 450\n'
-    held = "[holders.holder]\npressure = 0.02       # on what lies on the ring [MPa]\n"
+    held = "[holders.holder]\npressure = 0.02       # on the ply over the ring [MPa]\n"
     tool = hemisphere("blank.nx=4", file=changed(tmp_path, (held, ring))).tools["lower"]
     tool.at(1.0)
     assert tool.push == 112.5 and tool.direction.tolist() == [0, 0, 1]
@@ -170,7 +170,7 @@ def test_default_cells_follow_the_least_radius_of_the_tools(tmp_path, changes, n
 
 def test_a_plate_has_the_opening_of_its_die(tmp_path):
     """A ball that comes down through the ring meets no plate beneath it."""
-    by_force = "pressure = 0.02       # on what lies on the ring [MPa]", "force = 400"
+    by_force = "pressure = 0.02       # on the ply over the ring [MPa]", "force = 400"
     over = changed(tmp_path, ("radius = 50", 'radius = 50\nside = "above"'), by_force)
     press = hemisphere("blank.nx=6", "stage.1.moves.punch=5", file=over)
     result = press.job(steps=3, balance=None).run()
