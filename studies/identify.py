@@ -25,11 +25,11 @@ def options():
     p = Parser(prog=program("identify"), description=__doc__)
     words = "folder with sheet.toml and a CSV file a test; see docs/howto/own_data.md"
     p.option("--data", metavar="DIR", type=Path, required=True, help=words)
-    out, words = Path("results/identify/fabric.toml"), "the material; report and pictures beside it"
+    out, words = Path("results/identify/fabric.toml"), "material file, with report and pictures"
     p.option("--out", metavar="FILE", type=Path, default=out, help=words)
     p.switch("--no-pictures", "draw nothing")
-    p.switch("--overwrite", "lose the material that --out is")
-    words = "fit bias tests of force over displacement by formula, not by simulating specimens"
+    p.switch("--overwrite", "replace an existing material file")
+    words = "fit bias tests of force against displacement by a formula, without simulation"
     p.switch("--homogeneous", words)
     return p
 
@@ -37,7 +37,7 @@ def options():
 def check(args):
     """InputError for options that do not fit together."""
     if ending(args.out) != ".toml":
-        raise InputError(f"--out is {args.out}; allowed is a file that ends in .toml")
+        raise InputError(f"--out is {args.out}; expected a file that ends in .toml")
     ends = ".toml", ".json", ".html", "_fit.png", "_residuals.png", "_correlation.png"
     files = (args.out.with_name(args.out.stem + end) for end in (*ends, "_compaction.png"))
     check_new(*files, overwrite=args.overwrite)

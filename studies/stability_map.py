@@ -49,8 +49,8 @@ def draw(path, x, panels):
 def main(study):
     args, fabric = study.args, study.fabric
     if missing := {"p_min", "c", "d"} - {*fabric.parameters}:
-        law = f"--material {args.material} is of the law {fabric.law}"
-        raise InputError(f"{law}, which has no {', '.join(missing)}; allowed is one that has")
+        law = f"--material {args.material} has the law {fabric.law}"
+        raise InputError(f"{law}, which has no {', '.join(missing)}; expected one that has")
     folder = study.folder()
     e = np.linspace(LOW, HIGH, args.points or (57 if args.quick else 225))
     maps, shares = stability_maps(fabric, e)
@@ -73,7 +73,7 @@ def main(study):
     study.say(f"{folder}: {sum(map(len, maps.values()))} maps")
     if difference > AGREEMENT:
         more = f"by {difference:.1e}, more than {AGREEMENT}"
-        raise SolverFailure(f"kernel and closed form differ {more}, so the maps can't be trusted")
+        raise SolverFailure(f"kernel and closed form differ {more}, so the maps are not reliable")
 
 
 if __name__ == "__main__":

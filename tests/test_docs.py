@@ -190,7 +190,7 @@ def test_an_example_prints_what_its_page_says(run, tmp_path, script, caplog):
     assert outputs
     for output in outputs:
         compare(printed, output)
-    assert "take smaller steps" not in caplog.text
+    assert "use smaller steps" not in caplog.text
     picture = tmp_path / f"{script.stem}.png"
     assert picture.exists() == (DOCS / "pictures" / picture.name).exists()
 

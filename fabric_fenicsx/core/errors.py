@@ -2,26 +2,26 @@
 
 from typing import Any
 
-NOT_BELIEVED = "the result is not to be believed: "  # beginning of the reason of such a run
+NOT_VALID = "the result is not valid: "  # beginning of the reason of such a run
 
 
 class InputError(ValueError):
-    """A mistake in what a user gave: a value, a file, or how parts go together.
+    """An error in the input: a value, a file, or a combination of parts.
 
-    The message says what is wrong, where, and what is allowed.
+    The message says what is wrong, where, and what was expected.
 
     Examples
     --------
     >>> ff.Limits(viscous=-1)
     Traceback (most recent call last):
         ...
-    fabric_fenicsx.core.errors.InputError: `Limits.viscous` is -1; allowed is a number above 0
+    fabric_fenicsx.core.errors.InputError: `Limits.viscous` is -1; expected a number above 0
     """
 
 
 class SolverFailure(RuntimeError):
-    """No converged or no credible state at the asked load: the reason, and as `result` what a job
-    had reached by then, a `Result`; None outside of jobs.
+    """The requested load was not reached with a valid state. The message is the reason; `result`
+    is the `Result` up to there, None outside of jobs.
 
     Examples
     --------
@@ -38,7 +38,7 @@ class SolverFailure(RuntimeError):
 
 
 class Interrupted(Exception):
-    """A run was asked to stop, as by Ctrl-C; the message says how to resume it.
+    """A run was interrupted, e.g. by Ctrl-C; the message says how to resume it.
 
     Examples
     --------

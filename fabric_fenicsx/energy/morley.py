@@ -188,7 +188,7 @@ class _Sides:
                 fault = "sides in more than one plane" if marked else "no side of the sheet's edge"
                 raise InputError(
                     f"function {k + 1} in `{kind}` of the bending of {flat.blank.name} marks "
-                    f"{fault}; allowed is a function of points (3, n) that is true at both ends of "
+                    f"{fault}; expected a function of points (3, n) that is true at both ends of "
                     "some sides, one for each plane"
                 )
             self.image |= on
@@ -217,7 +217,7 @@ class _Sides:
         if alone != free * math.isqrt(flat.per_cell):
             raise InputError(
                 f"bending of {flat.blank.name} finds edges of more than two cells, or ranks that "
-                "don't know the cells beyond theirs; allowed is a manifold with ghosts at facets"
+                "lack the cells beyond theirs; expected a manifold with ghosts at facets"
             )
 
     def reflected(self, flat, points, e):
@@ -357,7 +357,7 @@ def _blind_to_pinned(operator, bends, points, pinned):
     alone = (alone * used)[:, :, None]
     rest = (alone - smooth @ (np.linalg.pinv(smooth) @ alone))[:, :, 0]
     size = (rest**2).sum(1)
-    # where it is that of a quadratic, as beside a free edge, they can't be told apart
+    # where it is that of a quadratic, as next to a free edge, they cannot be distinguished
     rest *= np.where(size > 1e-6, 1 / np.maximum(size, 1e-6), 0)[:, None]
     blind = operator.copy()
     blind[at] -= operator[at] @ alone * rest[:, None]

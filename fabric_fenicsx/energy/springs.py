@@ -20,10 +20,10 @@ from .term import SceneFacts, Term, Triplets
 
 
 class Springs(Term):
-    """Springs that pull nodes of the sheet to fixed anchors, along the line between them.
+    """Springs that pull nodes of the sheet towards fixed anchors.
 
     Each pulls with preload + stiffness * elongation, and never pushes: below 0 it is slack. With
-    the preload alone the pull is constant, as of a weight over a roller. Stored energies count from
+    only a preload the pull is constant, as of a weight over a roller. Stored energies count from
     where the sheet lies undeformed, so they are below 0 where springs have helped to move it.
     history.csv has the sum of the pulls, summary.json their force on the sheet, too.
 
@@ -82,8 +82,8 @@ class Springs(Term):
         size = np.ptp(blank.extent(), axis=0).max()
         if blank.mesh.comm.allreduce(self._lengths.min(initial=np.inf), MPI.MIN) < 1e-6 * size:
             raise InputError(
-                f"{self.name} have an anchor at a node that they hold, so no direction; allowed is "
-                "one that is off all nodes"
+                f"{self.name} have an anchor at one of their nodes, so they have no direction; "
+                "expected an anchor away from all nodes"
             )
         self._dofs = gdim * nodes[:, None] + np.arange(gdim)
         first, each = blank.V.dofmap.index_map.local_range[0], np.arange(len(nodes))
@@ -101,8 +101,8 @@ class Springs(Term):
             shares = (self.part.nodes & where(blank.coordinates()[:owned].T)).astype(float)
         if not (whole := blank.mesh.comm.allreduce(float(shares.sum()))):
             raise InputError(
-                f"`where` of {self.name} marks no node of {self.part.name or blank.name}; allowed "
-                "are 1 or more"
+                f"`where` of {self.name} selects no node of {self.part.name or blank.name}; "
+                "expected 1 or more"
             )
         return shares / whole
 

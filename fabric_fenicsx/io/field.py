@@ -21,12 +21,12 @@ Function = Callable[..., np.ndarray | float]  # of arrays x, y and perhaps z (n,
 
 
 class Field:
-    """A number that depends on the place, where an option takes one.
+    """A number that varies in space, for options that accept one.
 
     Between points in a file the number is interpolated linearly, on triangles or tetrahedra between
-    them; beyond them it is that of the nearest point, no farther than the points reach. Angles are
-    interpolated as they stand, so write 190 after 170 deg, not -170. Raises InputError for a file
-    without such points, and for points that span no area, or lie at one place with different
+    them; outside it is that of the nearest point, up to the extent of the points. Angles are
+    interpolated as numbers, so write 190 after 170 deg, not -170. Raises InputError for a file
+    without such points, and for points that span no area, or have several values at one
     values.
 
     Parameters
@@ -79,7 +79,7 @@ class Field:
         new.label, new.rule, new.axes = label, rule, axes
         if len(self._values):
             if self._places.shape[1] > len(axes):
-                flaw = "whose points have different z; allowed are x and y of the flat sheet"
+                flaw = "whose points have different z; expected x and y of the flat sheet"
                 raise InputError(f"{label} is {self.source}, {flaw}")
             new._check(self._values, self._places)
         return new
@@ -94,7 +94,7 @@ class Field:
             except Exception as error:  # a user's function raises whatever it does
                 raise InputError(
                     f"{self.label} as a function of {axes} fails ({type(error).__name__}: {error});"
-                    f" allowed is one of arrays, as lambda {axes}: np.where(x > 0, 1.0, 2.0)"
+                    f" expected one of arrays, as lambda {axes}: np.where(x > 0, 1.0, 2.0)"
                 ) from None
             self._check(values, x)
             return values
@@ -106,7 +106,7 @@ class Field:
             k = distance.argmax()
             raise InputError(
                 f"{self.label}: {self.source} has no point within {rounded(distance[k])} mm of "
-                f"{coordinates(places[out][k])} mm; allowed are points where the sheet lies"
+                f"{coordinates(places[out][k])} mm; expected points where the sheet lies"
             )
         values[out] = self._values[nearest]
         return values
@@ -126,7 +126,7 @@ class Field:
             return {"file": str(self.source), "field": self.name}
         return self.source if callable(self.source) else str(self.source)
 
-    def told(self, low: float, high: float) -> str:
+    def in_words(self, low: float, high: float) -> str:
         """The least and the largest value, and where they are from, for people."""
         ends = dict.fromkeys((rounded(low, 4), rounded(high, 4)))
         source = "a function" if callable(self.source) else Path(self.source).name
@@ -186,13 +186,13 @@ def _read(path, name):
         try:
             mesh, kind = meshio.read(path), "fields at points"
         except (Exception, SystemExit) as error:  # meshio raises whatever its parsing stumbles on
-            raise ValueError(f"can't be read ({error}); allowed is {ALLOWED}") from None
+            raise ValueError(f"can't be read ({error}); expected {ALLOWED}") from None
         fields = {k: np.asarray(v, float) for k, v in mesh.point_data.items() if np.ndim(v) == 1}
         names = list(fields)
     one = name or (names[0] if len(names) == 1 else "")
     if one not in names:
         found = f"has the {kind} {', '.join(names) or 'x, y alone'}{name and f', not {name!r}'}"
-        raise ValueError(f"{found}; allowed is one, or one of them that `field` names")
+        raise ValueError(f"{found}; expected one, or one of them that `field` names")
     if is_table:
         units = dict.fromkeys(("x", "y", "z"), {None: 1.0, "mm": 1.0})
         units[one] = dict.fromkeys((None, "deg", "mm", "deg C", "C", "-"), 1.0)

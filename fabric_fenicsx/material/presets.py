@@ -25,7 +25,7 @@ PRESETS: Mapping[str, WovenFabric] = MappingProxyType(
 def load(source: str | os.PathLike[str]) -> Law:
     """Load a fabric by the name of a preset or from a material file.
 
-    Raises InputError if there is neither a preset nor a file, and for what the file has wrong, by
+    Raises InputError if there is neither a preset nor a file, and for errors in the file, by
     field.
 
     Parameters
@@ -33,7 +33,7 @@ def load(source: str | os.PathLike[str]) -> Law:
     source : str or path
         `komeili`, the fabric of the paper's Table 1; `fabric`, the same without couplings; or the
         path of a TOML file. That names its law, `law = "NAME"`, by default `coupled`;
-        `model = "fabric"` is another way to say `law = "tabulated"`.
+        `model = "fabric"` is the same as `law = "tabulated"`.
 
     Returns
     -------
@@ -55,7 +55,7 @@ def read_laws(path: str | os.PathLike[str]) -> None:
         run_path(os.fspath(path), run_name=Path(path).stem)
     except Exception as error:
         raise InputError(
-            f"law file {path} fails ({type(error).__name__}: {error}); allowed is one that runs"
+            f"law file {path} fails ({type(error).__name__}: {error}); expected one that runs"
         ) from error
 
 
@@ -64,7 +64,7 @@ def checked_fabric(name: str, fabric: object) -> Law:
     name."""
     if not isinstance(fabric, Law):
         raise InputError(
-            f'{name} is {repr_short(fabric)}; allowed is a fabric, as of `load("komeili")`'
+            f'{name} is {repr_short(fabric)}; expected a fabric, as of `load("komeili")`'
         )
     return fabric
 
@@ -74,7 +74,7 @@ def _read(path):
         name = document.get("law", "tabulated" if document.get("model") == "fabric" else "coupled")
         if not isinstance(name, str) or name not in LAWS:
             known = unknown_key(name, LAWS, f"law {repr_short(name)}")
-            raise InputError(f"{known}, and own ones that were imported, or by `--law-file`")
+            raise InputError(f"{known}, and your own laws if imported, or by `--law-file`")
         return LAWS[name].from_document(document, Path(path).parent)
 
     return read_toml(path, fabric)

@@ -40,7 +40,7 @@ class Region:
     def __post_init__(self) -> None:
         if not isinstance(self.limits, Mapping) or not self.limits:
             raise InputError(
-                f"`where` is {repr_short(self.limits)}; allowed is a table, as x = [0, 50]"
+                f"`where` is {repr_short(self.limits)}; expected a table, as x = [0, 50]"
             )
         for name, ends in self.limits.items():
             if name == "at":
@@ -129,7 +129,7 @@ class Flange:
 
 @dataclass(frozen=True, kw_only=True)
 class HolderSite:
-    """What a blank holder gets to make its terms.
+    """Information that a blank holder gets to create its terms.
 
     - name, die, up, thickness: its name, the tool on which it presses the blank, the direction (3,)
       towards that, and the thickness of all between them [mm]
@@ -185,7 +185,7 @@ class HolderSite:
         x = self.laid.flat_nodes().T
         if not self.total(np.ones(x.shape[1]), mask(x)):
             raise InputError(
-                f"`where` of holders.{self.name} marks no node; allowed is a mask of some"
+                f"`where` of holders.{self.name} selects no node; expected a mask that does"
             )
         return mask
 
@@ -206,8 +206,8 @@ class HolderSite:
             if (shared := self.total(weights, mask(x), other(x))) > most:
                 both = f"holders.{name} and holders.{self.name}"
                 raise InputError(
-                    f"{both} overlap on {rounded(shared, 4)} {unit}, where both would act; allowed "
-                    "are segments beside each other (`where`)"
+                    f"{both} overlap on {rounded(shared, 4)} {unit}; expected "
+                    "segments beside each other (`where`)"
                 )
         earlier[self.name] = mask
         return others

@@ -46,7 +46,7 @@ def check_name(name: str) -> None:
     allowed = [each for each in LINEAR_SOLVERS if is_there(each)]
     if name not in allowed:
         why = ", and this PETSc has no hypre" if name in LINEAR_SOLVERS else ""
-        raise InputError(f"linear solver is {name!r}{why}; allowed are {', '.join(allowed)}")
+        raise InputError(f"linear solver is {name!r}{why}; expected {', '.join(allowed)}")
 
 
 def places(A: PETSc.Mat) -> float:
@@ -97,7 +97,7 @@ def _users_options():
 
 def had_memory(pc: PETSc.PC) -> bool:
     """False if MUMPS ran out of the memory that its analysis estimated, as where many pivots were
-    zero then and are not now. It then starts anew with more, as it can't factor after an error."""
+    zero then and are not now. It then restarts with more, as it cannot factor after an error."""
     if pc.getType() not in ("lu", "cholesky") or pc.getFactorSolverType() != "mumps":
         return True
     factor, option = pc.getFactorMatrix(), 14  # memory beyond the estimate [%]

@@ -47,7 +47,7 @@ def checked_vector(
     if {2: "two", 3: "three"}.get(len(vector), "none") not in size or (unit and not vector.any()):
         besides = ", not all 0" if unit else ""
         shown = repr_short(value.tolist() if isinstance(value, np.ndarray) else value)
-        raise InputError(f"{name} is {shown}; allowed are {size} finite numbers{besides}")
+        raise InputError(f"{name} is {shown}; expected {size} finite numbers{besides}")
     if not unit:
         return vector
     vector /= abs(vector).max()  # so that its square neither overflows nor vanishes
@@ -58,16 +58,16 @@ def checked_points(points: ArrayLike) -> np.ndarray:
     """`points` as an array of shape (n, 3); raises InputError for any other."""
     x = np.asarray(points, float)
     if x.ndim != 2 or x.shape[1] != 3:
-        raise InputError(f"points have the shape {x.shape}; allowed is (n, 3)")
+        raise InputError(f"points have the shape {x.shape}; expected (n, 3)")
     return x
 
 
 class Surface:
-    """Base of all surfaces; an own one gives `nearest(points, reach)`, and `radii` if curved.
+    """Base of all surfaces; a subclass defines `nearest(points, reach)`, and `radii` if curved.
 
-    One that is known by an equation F(x) = 0 is less work as an `ImplicitSurface`. The gap must be
-    the distance, the normal its gradient and the curvature its Hessian: forces and stiffness of
-    contact are made of them. `Reversed`, `Offset`, `Flipped`, `Turned` and `Tool` take any surface.
+    For an equation F(x) = 0, `ImplicitSurface` is simpler. The gap must be the distance, the normal
+    its gradient and the curvature its Hessian: forces and stiffness of contact are computed from
+    them. `Reversed`, `Offset`, `Flipped`, `Turned` and `Tool` accept any surface.
 
     Examples
     --------

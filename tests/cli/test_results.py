@@ -54,14 +54,14 @@ def test_a_pattern_reaches_two_thicknesses_of_all_plies_and_tells_its_areas(aske
     ((where, reach),) = asked("--plane", "-1,2,3,0,0,2", "--reach", "0.7", "--sheet", "upper")
     assert reach == 0.7 and (where.point, where.normal) == ((-1, 2, 3), (0, 0, 2))
     for wrong in ("z=nan", "1,2,3,0,0,0", "w=1", "1,2,3"):
-        with pytest.raises(ff.InputError, match=f"--plane is {wrong}; allowed is"):
+        with pytest.raises(ff.InputError, match=f"--plane is {wrong}; expected"):
             asked("--plane", wrong)
 
 
 def test_the_distance_of_an_edge_is_told(asked, capsys, tmp_path):
     (tmp_path / "line.csv").write_text("x,y\n0,0\n1,0\n1,1\n")
     asked("--line", str(tmp_path / "line.csv"), "--edge", "--sheet", "upper")
-    told = "the edge of ply upper is up to 5 mm from the trim line, 2 mm in the mean\n"
+    told = "the edge of ply upper is up to 5 mm from the trim line, 2 mm on average\n"
     assert capsys.readouterr().out == told
 
 

@@ -74,7 +74,7 @@ def test_derivatives(kind, side, direction):
 
 
 def test_forces_are_derivatives_where_the_mid_surface_is_deep_in_the_tool():
-    """Deeper than a ply is thick, where surfaces may tell a bound in place of the gap."""
+    """Deeper than a ply is thick, where surfaces may tell a bound instead of the gap."""
     fabric, surface = ff.load("komeili"), SURFACES["double dome"]
     blank = sheet(10, 10, 5, 5, comm=MPI.COMM_SELF)
     contact = ff.Contact(ff.Tool(surface, name="tool"))
@@ -327,8 +327,8 @@ def test_a_wall_presses_as_a_solid():
 @pytest.mark.parametrize(
     "way, up, sentence",
     [
-        ([(28, 1.0), (28, -0.8)], 1, "5 nodes of blank went through .* up to 0.6 mm behind .*"),
-        ([(28, 1.0), (28, -1.2)], 1, "5 nodes of blank went through .* up to 1 mm behind .*"),
+        ([(28, 1.0), (28, -0.8)], 1, "5 nodes of blank passed through .* up to 0.6 mm behind .*"),
+        ([(28, 1.0), (28, -1.2)], 1, "5 nodes of blank passed through .* up to 1 mm behind .*"),
         ([(28, 1.0), (31, 1.0), (31, -1.2), (28, -1.2)], -1, ""),  # round its edge at x = 30
     ],
 )

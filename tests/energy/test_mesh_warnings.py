@@ -29,7 +29,7 @@ KOMEILI = ff.load("komeili")
     [((20.1, 10), False), ((19.9, 2.0), True), ((9_990, 50), False), ((10_100, 5_000), True)],
 )
 def test_a_size_that_speaks_of_other_units_is_doubted(size, doubted):
-    told = f"s.msh is {size[0]:g} x {size[1]:g} mm; lengths are in mm"
+    told = f"s.msh is {size[0]:g} x {size[1]:g} mm; lengths must be in mm"
     assert size_warning(builders.sheet(*size, 8, 2), "s.msh").startswith(told) == doubted
 
 
@@ -96,8 +96,8 @@ def test_cells_that_stretch_yarns_to_and_fro_are_doubted(
         assert alternating_energy(membrane) == pytest.approx(share, rel=1e-6)
         told = locking_warning(membrane)
         assert bool(told) == (share > least)
-        assert ("forces say nothing" in told) == bool(excess and share == 0.26)
-    number = f"about {200 * excess * least:.2g} % too high" if excess else "is not quantified"
+        assert ("forces are not reliable" in told) == bool(excess and share == 0.26)
+    number = f"about {200 * excess * least:.2g} % too high" if excess else "force error is unknown"
     assert number in told
 
 
@@ -132,12 +132,12 @@ def test_where_the_law_allows_bands(width, short, B):
     beyond = 0.001 * (x - width) - short * width
     blank.u.x.array[::2] = np.where(x <= width, -short * x, beyond)
     said = band_warning(membrane)
-    assert said.startswith("in 1.1 % of blank, as at (0.") == (width > 1) == bool(said)
+    assert said.startswith("in 1.1 % of blank, e.g. at (0.") == (width > 1) == bool(said)
     Gt = t * 0.02506 * math.exp(100 * ((1 - short) ** 2 - 1) ** 3)
     told = f"of about sqrt(B / ({Gt:.3g} N/mm)) there, and cells have half of it"
-    told += f": {math.sqrt(B / Gt) / 2:.3g} mm, in place of 10" * bool(B)
-    assert not said or told in said and ("in place of" in said) == bool(B)
-    assert said.endswith("yarns are shortened by 15 %, is its rim, not a band") == (short > 0.1)
+    told += f": {math.sqrt(B / Gt) / 2:.3g} mm instead of 10" * bool(B)
+    assert not said or told in said and ("instead of" in said) == bool(B)
+    assert said.endswith("yarns are shortened by 15 %, is not a band") == (short > 0.1)
 
 
 YARN = Curve((-0.05, 0.0, 0.01, 0.03), (-0.5, 0.0, 35.0, 135.0))
@@ -161,7 +161,7 @@ def test_share_of_the_area_and_the_furthest_strain_are_told():
     (words,) = told(TABLE, lambda x: [0.01 * x[0] + 0.05 * (x[0] - 45) * (x[0] > 45), 0 * x[1]])
     start = "in 43.8 % of blank eps_a is beyond the table of warp, which ends at 3 %"
     assert words.startswith(start)
-    assert "it reaches 6 %; there the stress stays at the table's last" in words
+    assert "it reaches 6 %; there the last stress is kept" in words
     (words,) = told(TABLE, lambda x: [-0.06 * x[0], 0 * x[1]])
     assert "eps_a is beyond the table of warp, which ends at -5 %: it reaches -6 %" in words
     for turn in (-0.7, 0.7):  # of yarns a alone

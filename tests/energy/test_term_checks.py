@@ -50,13 +50,13 @@ def tangents_that_change():
 @pytest.mark.parametrize(
     "method, does, words",
     [
-        ("tangent", moved, "`tangent` of term springs gives other places than rows and columns"),
-        ("tangent", tangents_that_change(), "other places than before; .* unless `pattern` counts"),
-        ("add_forces", lambda self, f: f + 1.0, "springs returns something, or loses"),
-        ("add_forces", in_place_of_others, "loses what other terms added; allowed is to add to"),
-        ("energies", lambda self: {"viscous": 1.0}, "springs has the kind of energy viscous; allo"),
+        ("tangent", moved, "`tangent` of term springs returns entries outside the matrix"),
+        ("tangent", tangents_that_change(), "rows and columns than before; .* unless `pattern` ch"),
+        ("add_forces", lambda self, f: f + 1.0, "springs returns a value, or overwr"),
+        ("add_forces", in_place_of_others, "overwrites forces of other terms; it must add"),
+        ("energies", lambda self: {"viscous": 1.0}, "springs has the kind of energy viscous; expe"),
         ("summary", lambda self: {"converged": 3}, "entry converged, which summary.json has"),
-        ("nodal_fields", lambda self: {"u": 3}, r"gives u with shape \(\); allowed is"),
+        ("nodal_fields", lambda self: {"u": 3}, r"returns u with shape \(\); expected"),
     ],
 )
 def test_answers_that_end_a_run(method, does, words):
@@ -105,7 +105,7 @@ def test_a_memory_that_is_not_recalled():
     ff.Job(scene, steps=1).run()
     forgets = type("Mine", (Counting,), {"recall": lambda self, memory: None})()
     memory, other = scene.memory(), scene_with(forgets)
-    with pytest.raises(ff.InputError, match="`recall` of term springs leaves hits other than it"):
+    with pytest.raises(ff.InputError, match="`recall` of term springs does not restore hits"):
         other.recall(memory)
     other = scene_with(again := Counting())
     other.recall(memory)
@@ -138,7 +138,7 @@ def test_energies_on_two_edges():
     found = scene.energies()
     assert found["edge"] == pytest.approx(0.5 * 0.5 * 2 * 0.2**2 * 10, rel=1e-12)
     assert found["top"] == pytest.approx(0.5 * 3.0 * 2 * 0.2**2 * 10, rel=1e-12)
-    with pytest.raises(ff.InputError, match="edge marks no side of left, part of blank; allowed"):
+    with pytest.raises(ff.InputError, match="edge marks no side of left, part of blank; expected"):
         blank.part("left").ds(near(0, 20.0))
 
 
@@ -186,13 +186,13 @@ def between(blank, term, membrane=None):
 
 
 REFUSED = [
-    (lambda: alone(square(degree=3), contact()), "other cells; allowed are P1, Q1, and P2"),
+    (lambda: alone(square(degree=3), contact()), "other cells; expected P1, Q1, and P2"),
     (lambda: alone(square(), contact(where=near(0, 77.0))), "where no node is"),
-    (lambda: alone(square(**TURNED), contact()), "along turned axes; allowed are x, y and z"),
+    (lambda: alone(square(**TURNED), contact()), "along turned axes; expected x, y and z"),
     (lambda: ff.Tool(PLANE, force=lambda s: (1 - s, 0, s)), "0 is .* along that at full load"),
     (lambda: between(stack(), pair(None), Elastic()), "a penalty, a number above 0, as no term"),
-    (lambda: between(stack(), ff.SelfContact(T, penalty=1.0)), "asked of a stack; allowed is one"),
-    (lambda: alone(square(), ff.Springs(END, 1.0, anchor=(10, 0, 0))), "an anchor at a node that"),
+    (lambda: between(stack(), ff.SelfContact(T, penalty=1.0)), "asked of a stack; expected one"),
+    (lambda: alone(square(), ff.Springs(END, 1.0, anchor=(10, 0, 0))), "an anchor at one of their"),
     (lambda: alone(square(), ff.Gravity()), "gravity needs the mass of"),
     (lambda: alone(square(), ff.Bending(1.0, symmetric=SIDES)), "sides in more than one plane"),
     (lambda: alone(square(spatial=False), ff.Bending(1.0)), "`spatial=True`, or `in_plane`"),

@@ -86,19 +86,19 @@ def test_a_run_owns_what_is_on_its_list(tmp_path):
         assert before == contents()
 
     (tmp_path / "report.html").write_text("mine")
-    refused("", "holds inputs, or what no run of it wrote: report.html; allowed")
+    refused("", "holds inputs, or files that no run of it wrote: report.html; expected")
     for folder, ends in ("all/A", True), ("all/B", False):  # which was killed
         run(folder, "formed.png", part="unloaded", ends=ends)
         for name in ("photo.png", "unloaded/notes.txt"):
             (tmp_path / folder / name).write_text("mine")
         refused(folder, "holds results")
-        refused("all", "wrote: A, B; allowed" if folder == "all/B" else ": A;", overwrite=True)
+        refused("all", "wrote: A, B; expected" if folder == "all/B" else ": A;", overwrite=True)
         run(folder, overwrite=True)
         own = "history.csv summary.json report.html log.txt .files.json .lock".split()
         names = {str(f.relative_to(tmp_path / folder)) for f in (tmp_path / folder).rglob("*.*")}
         assert names == {"photo.png", "unloaded/notes.txt", *own}
         (tmp_path / folder / "curve.png").write_text("mine")
-        refused(folder, "wrote: curve.png; allowed", overwrite=True)
+        refused(folder, "wrote: curve.png; expected", overwrite=True)
 
 
 def test_what_is_invalid_is_before_doubts_and_both_stay(tmp_path):
@@ -141,13 +141,13 @@ def test_the_verdict_is_first_then_the_part_and_six_numbers(tmp_path):
     facts |= {"quantities": found | {"plies": {"lower": {"draw_in": draw_in}}}, "error": errors}
     file.write_text(json.dumps({"wall_s": {}, "energy": {"strain": 4.0}, **facts}))
     (picture := tmp_path / "formed.png").touch()
-    text = page("dome", {"": (file, [picture])}, "what it is", "not believed: sheared")
+    text = page("dome", {"": (file, [picture])}, "what it is", "not valid: sheared")
     order = ["Verdict: invalid", "sheared by 89 deg", "The formed ply", "5 +- 0.5"]
     order += ["draw-in [mm]</th><td>12.5 +- 0.25</td><td>12.5 at (0, 60) mm", "<details>"]
     order += ["angle [deg]</th><td>-1.5 to 47.123</td>", "max at [mm]</th><td>(3, 4.5)</td>"]
     order += ["<th>own [N/mm]</th><td>1234.6 +- unknown</td>", "<th>largest [mm]</th><td>12.5 +- "]
     places = [text.index(words) for words in [*order, "what it is"]]
-    assert places == sorted(places) and "not believed: sheared" not in text
+    assert places == sorted(places) and "not valid: sheared" not in text
 
 
 SIZES = np.array([45.0, 40.0, 0.0])

@@ -119,7 +119,7 @@ LIMITS = [  # a sheet, size and pattern with what is told of it, and one without
     ((holed(0.79), 8.0), "a hole of 0.", (holed(0.81), 8.0)),
     ((narrow(0.75), 8.0), "the outline is 0.", (narrow(0.82), 8.0)),
     ((narrow(0.0079), 8.0), "comes within 0.", (narrow(0.0081), 8.0)),
-    ((SHEETS["ellipse"], 30.1), "allowed is up to half of it", (SHEETS["ellipse"], 29.9)),
+    ((SHEETS["ellipse"], 30.1), "expected up to half of it", (SHEETS["ellipse"], 29.9)),
     ((BOX, 0.1519), "mm, about 1e6 cells", (BOX, 0.152)),
     ((BOX, 0.1999, "along"), "mm, about 1e6 cells", (BOX, 0.2001, "along")),
 ]
@@ -170,7 +170,7 @@ def test_errors_reach_all_ranks(table):
     with pytest.raises(ff.InputError, match="bounds no sheet: self-intersect"):
         ff.Blank.outline(crossed)
     for wrong in ({"element": "Q1"}, {"pattern": "crossed"}):
-        with pytest.raises(ff.InputError, match=f"`{[*wrong][0]}` is .*; allowed for an outline"):
+        with pytest.raises(ff.InputError, match=f"`{[*wrong][0]}` is .*; expected .* for an out"):
             ff.Blank.outline(table, **wrong)
 
 
@@ -227,7 +227,7 @@ def test_the_middle_of_the_extent_is_centred():
 )
 def test_half_of_a_sheet_that_is_its_own_mirror_image(sheet, half):
     if half is None:
-        with pytest.raises(InputError, match="is not its own mirror image in x = 0: .* mm2 differ"):
+        with pytest.raises(InputError, match="is not symmetric about x = 0: .* mm2 differ"):
             mirrored_half(sheet, 0, "it")
     else:
         bounds = mirrored_half(sheet, 0, "it").bounds

@@ -99,7 +99,7 @@ def test_a_folder_in_use_is_refused(launch, option):
     with lock_folder(done.folder) if COMM.rank == 0 else nullcontext():
         again = launch("tensile", *OPTIONS, option, overwrite=False)
         assert again.status == 2 and again.err.count("error: --out ") == 1, again.err
-        assert "is in use by another run; allowed" in again.err
+        assert "is in use by another run; expected" in again.err
         assert everything(done.folder) == before
 
 
@@ -124,7 +124,7 @@ def test_ends_after_its_step_if_asked_and_goes_on(launch, tmp_path, whole, hang)
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=hang)
     assert process.returncode == 3
-    told = r"stopped by SIGINT at load factor [\d.]+; --resume goes on from there"
+    told = r"stopped by SIGINT at load factor [\d.]+; --resume continues from there"
     assert re.fullmatch(rf"studies/tensile.py: {told}\n", err)
     assert 5 <= rows_written(tmp_path / "out") < 61
     assert launch("tensile", *OPTIONS, "--resume").status == 0
@@ -150,7 +150,7 @@ def test_a_finished_run_stays_and_gets_the_pictures_that_it_lacks(launch):
     done = launch("bias_extension", "--quick", "--no-pictures")
     for pictures in (("--no-pictures",), ()):
         again = launch("bias_extension", "--quick", "--resume", *pictures)
-        assert again.status == 0 and "nothing is left to do" in again.err
+        assert again.status == 0 and "nothing to do" in again.err
         assert again.summary == done.summary and again.out == done.out
     drawn = {file.name for file in done.folder.glob("*.png")}
     assert {"maps.png", "curve.png", "axis.png"} <= drawn
@@ -208,7 +208,7 @@ def test_full_disk(launch, tmp_path, whole, limit):
     words = [python, "-c", SMALL_DISK, script, str(limit), *options]
     done = subprocess.run(words, capture_output=True, text=True)
     assert done.returncode == 2, done.stderr
-    told = r"studies/tensile.py: error: \S+ can't be .*\(File too large\); allowed is .*\n"
+    told = r"studies/tensile.py: error: \S+ can't be .*\(File too large\); expected .*\n"
     assert re.fullmatch(told, done.stderr)
     assert not list(folder.glob("*.part"))
     if (folder / "checkpoint.npz").exists():

@@ -59,16 +59,16 @@ def test_scatter_of_four_runs(made):
     assert found["left"] == pytest.approx(1 / whole)
     lost = made({"m.b": 10, "m.a": 2}, status=3, quantities={"q": 99})
     labels, limits = {"q": "length [mm]"}, [("q", 8.5), ("q", 8.6)]
-    told, spreads = results.told([*runs, lost], ranges[1:], labels, limits)
+    told, spreads = results.statistics([*runs, lost], ranges[1:], labels, limits)
     assert [*spreads] == ["q"] and told[0].splitlines() == [
         "length [mm]: mean 10, standard deviation 2.65, 90 % of 4 runs between 7.65 and 13.05",
         "  a from 0 to 4: +8 +- 3, 68 % of the variance",
-        "  not by straight lines: 32 %",
+        "  not explained linearly: 32 %",
     ]
     assert told[1:3] == ["q below 8.5: in 1 of 4 runs", "q below 8.6: in 2 of 4 runs"]
-    assert told[3].startswith("1 of 5 runs are not believed and left out")
-    with pytest.raises(SolverFailure, match="4 of 5 runs are believed, too few"):
-        results.told([*runs, lost], ranges, labels)
+    assert told[3].startswith("1 of 5 runs are not valid and left out")
+    with pytest.raises(SolverFailure, match="4 of 5 runs are valid, too few"):
+        results.statistics([*runs, lost], ranges, labels)
 
 
 def test_a_design_fills_its_ranges():
@@ -98,7 +98,7 @@ def test_where_a_quantity_is_below_a_limit(line, p, q, limit, told):
     words = below(line(p, q), "q", limit)
     assert words.startswith(f"q below {limit}: {told}")
     is_both = {*np.sign(np.diff(np.array(q)[np.argsort(p)]))} >= {-1, 1}
-    assert ("it neither falls nor rises throughout" in words) == is_both
+    assert ("it is not monotonic" in words) == is_both
 
 
 def test_runs_without_a_value_are_left_out_with_the_reason(line):
@@ -107,11 +107,11 @@ def test_runs_without_a_value_are_left_out_with_the_reason(line):
     runs += line((4,), (0,), verdict="invalid")
     assert below(runs, "q", 3).split("; ")[:4] == [
         "q below 3: from p = 2 on (between runs, interpolated)",
-        "left out, as doubted, see the table: p = 2",
-        "left out, as not believed: p = 4",
-        "left out, as without a value: p = 5",
+        "left out (doubtful, see the table): p = 2",
+        "left out (not valid): p = 4",
+        "left out (without a value): p = 5",
     ]
-    assert "no run is believed and has a value; left" in below(runs[2:], "q", 3)
+    assert "no valid run has a value; left" in below(runs[2:], "q", 3)
 
 
 def test_the_error_of_the_cells_is_told(line):
@@ -137,7 +137,7 @@ def test_numbers_and_verdict_of_a_run(made):
         (0, "doubtful", 0.99, "doubtful", True, False),
     ):
         run = made({}, status, verdict=verdict, stroke_reached=load)
-        assert [run.verdict(), run.is_believed(), run.is_at_full_load()] == told
+        assert [run.verdict(), run.is_valid(), run.is_at_full_load()] == told
     other = made({}, 3, options=["--nx=4"], stroke_reached=0.99)  # is tried again with others
     assert other.is_done(["--nx=4"]) and not other.is_done([]) and made({}, 3).is_done(["--nx=4"])
     assert not made({}, None).is_done([])
@@ -212,5 +212,5 @@ def test_the_press_of_a_run_has_its_values_and_options(press):
     form = SweepRun(Path(press), ["--nx", "8", "--fibre-angle=45", "--no-pictures"])
     (sheet,) = form.read({"blank.width": "150"}).sheets
     assert (sheet.nx, sheet.fibre_angle, sheet.width) == (8, 45, 150)
-    with pytest.raises(InputError, match="width is 0; allowed is"):
+    with pytest.raises(InputError, match="width is 0; expected"):
         form.read({"blank.width": "0"})
