@@ -113,24 +113,29 @@ class FabricStates(Term):
 
     @cached_property
     def _points(self):
-        """F by columns, the cosine between the yarns, and UFL's S, at all points."""
+        """F by columns, the cosine between the yarns, and S by the energy and as in the forces."""
         law, _, (fa, fb), cosine, rest = self._ufl
         sine = ufl.sqrt(1 - cosine**2)
         f1, f2 = fa, (fb - cosine * fa) / sine
         C = ufl.as_matrix([[ufl.dot(x, y) for y in (f1, f2)] for x in (f1, f2)])
         # FFCx from 0.9 names code by the variable's number, and would compile each one anew
         C = ufl.classes.Variable(C, ufl.classes.Label(0))
-        b = ufl.as_vector([cosine, sine])
-        I6, I8 = ufl.dot(ufl.sym(C), b)[0], ufl.dot(b, ufl.dot(C, b))
-        S = 2 * ufl.diff(membrane_energy.energy_density(C[0, 0], I6, I8, rest, law), C)
-        values = ufl.as_vector([*f1, *f2, cosine, S[0, 0], S[1, 1], S[0, 1]])
+        a, b = ufl.as_vector([1.0, 0.0]), ufl.as_vector([cosine, sine])
+        invariants = C[0, 0], ufl.dot(ufl.sym(C), b)[0], ufl.dot(b, ufl.dot(C, b))
+        by_energy = 2 * ufl.diff(membrane_energy.energy_density(*invariants, rest, law), C)
+        (W4, W6, W8), _ = membrane_energy.slopes(invariants, rest, law)
+        in_forces = 2 * (W4 * ufl.outer(a, a) + W8 * ufl.outer(b, b))
+        in_forces += W6 * (ufl.outer(a, b) + ufl.outer(b, a))
+        S = [S[place] for S in (by_energy, in_forces) for place in ((0, 0), (1, 1), (0, 1))]
+        values = ufl.as_vector([*f1, *f2, cosine, *S])
         return compat.PointEvaluation(
             values, self.blank.mesh, self.degree, self.part.cells, self._distance
         )
 
     def at_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """F (cells, points, 3, 2) on the basis (a0, perpendicular), b0 (cells, points, 2) there and
-        UFL's S as 11, 22, 12 (cells, points, 3) [MPa] at all quadrature points."""
+        UFL's S as 11, 22, 12 (cells, points, 2, 3) [MPa] at all quadrature points, by the energy
+        and as in the forces."""
         u = self.blank.u.x.array
         if self._evaluated is None or not np.array_equal(u, self._evaluated[0]):
             self._evaluated = u.copy(), self._points()
@@ -138,8 +143,8 @@ class FabricStates(Term):
         gdim = self.blank.mesh.geometry.dim
         F = np.zeros((*values.shape[:2], 3, 2))
         F[:, :, :gdim, 0], F[:, :, :gdim, 1] = values[:, :, :gdim], values[:, :, gdim : 2 * gdim]
-        cosine = values[:, :, 2 * gdim]
-        return F, np.stack([cosine, np.sqrt(1 - cosine**2)], -1), values[:, :, 2 * gdim + 1 :]
+        cosine, S = values[:, :, 2 * gdim], values[:, :, 2 * gdim + 1 :]
+        return F, np.stack([cosine, np.sqrt(1 - cosine**2)], -1), S.reshape(*S.shape[:2], 2, 3)
 
     def state(self) -> tuple[kernel.State, np.ndarray, np.ndarray, float]:
         """`kernel.State` at every quadrature point, arrays (cells, points, ...), the deformed
@@ -155,7 +160,7 @@ class FabricStates(Term):
             weave_angle=self.weave_angle,
         )
         S = np.stack([state.S[:, 0, 0], state.S[:, 1, 1], state.S[:, 0, 1]], -1)
-        difference = np.linalg.norm(S_ufl.reshape(-1, 3) - S, axis=1)
+        difference = np.linalg.norm(S_ufl.reshape(-1, 2, 3) - S[:, None], axis=2).max(1)
         least = self.fabric.shear_stiffness or 1.0
         mismatch = (difference / np.maximum(np.linalg.norm(S, axis=1), least)).max(initial=0.0)
         arrays = {name: values for name, values in state._asdict().items() if values is not None}
